@@ -1,0 +1,1 @@
+//! motorbench on the host.

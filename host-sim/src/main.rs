@@ -1,0 +1,2 @@
+//! The `motorbench` program.
+fn main() {}
