@@ -1,4 +1,8 @@
-//! The hardware-free control core of motorbench: `no_std`, builds for the host and for AVR.
-#![no_std]
+//! The hardware-free control core of motorbench: `no_std`, the same code on the Uno and on the host.
+#![cfg_attr(not(test), no_std)]
+#![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
+pub mod arith;
 pub mod pins;
+pub mod settings;
+pub mod units;

@@ -1,0 +1,235 @@
+//! THE list of settings: name, unit, default, range and help of everything a person can set, in SI units.
+//!
+//! [`Settings`] holds the values as they were given; the blocks turn them once, by their checked `build`, into the
+//! fixed-point configuration the control tick works with. The console, the EEPROM, the host's design tool and the
+//! documentation all read this one list.
+
+use crate::units::Rule;
+use avr_progmem::progmem;
+
+/// Declares the settings: the enum that names them, and the tables behind it.
+macro_rules! settings {
+    ($($variant:ident $name:literal [$unit:literal] = $default:literal in $min:literal ..= $max:literal, $help:literal;)*) => {
+        /// One setting; its discriminant is its place in every table.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(u8)]
+        pub enum Param {
+            $(#[doc = concat!("`", $name, "` in ", $unit, ": ", $help, ".")] $variant,)*
+        }
+
+        impl Param {
+            /// All settings, in the order they are listed and stored.
+            pub const ALL: &'static [Param] = &[$(Param::$variant),*];
+            /// How many there are.
+            pub const COUNT: usize = Self::ALL.len();
+        }
+
+        const TEXT_LENGTH: usize = concat!($($name, "\0", $unit, "\0", $help, "\0"),*).len();
+
+        progmem! {
+            // Kept in flash: these texts alone would fill the RAM.
+            static progmem TEXT: [u8; TEXT_LENGTH] = joined_texts();
+            static progmem PARAMS: [Param; Param::COUNT] = [$(Param::$variant),*];
+            static progmem NUMBERS: [[f32; 3]; Param::COUNT] = [$([$default, $min, $max]),*];
+        }
+
+        const fn joined_texts() -> [u8; TEXT_LENGTH] {
+            let text = concat!($($name, "\0", $unit, "\0", $help, "\0"),*).as_bytes();
+            let mut bytes = [0; TEXT_LENGTH];
+            let mut i = 0;
+            while i < TEXT_LENGTH {
+                bytes[i] = text[i];
+                i += 1;
+            }
+            bytes
+        }
+    };
+}
+
+settings! {
+    // The rig.
+    CountsPerRev "counts_per_rev" ["counts"] = 2000.0 in 4.0..=65535.0, "encoder counts a turn (x4)";
+    SpeedRange "speed_range" ["rad/s"] = 512.0 in 8.0..=4096.0, "full scale of speed, a power of two";
+    PositionRange "position_range" ["rad"] = 32.0 in 1.0..=4096.0, "full scale of position error, a power of two";
+    SpeedSensor "speed_sensor" ["0|1"] = 0.0 in 0.0..=1.0, "0 encoder, 1 tachogenerator";
+    SpeedFilter "speed_filter" ["ms"] = 0.0 in 0.0..=100.0, "time constant of the speed filter";
+    TachoGain "tacho_gain" ["V/krpm"] = 3.0 in 0.1..=100.0, "tachogenerator, before the divider by two";
+    Wiring "wiring" ["0|1"] = 0.0 in 0.0..=1.0, "0 PWM on IN1 (brakes), 1 PWM on EN (coasts)";
+    SupplyVoltage "supply" ["V"] = 12.0 in 3.0..=32.0, "motor supply";
+    SupplyDivider "supply_divider" ["ratio"] = 0.0 in 0.0..=20.0, "divider on A2, 0 not wired";
+    CurrentGain "current_gain" ["mV/A"] = 185.0 in 20.0..=1000.0, "current sensor";
+    Resistance "resistance" ["ohm"] = 5.84 in 0.05..=500.0, "armature, tells a stall from a dead encoder";
+    TickRate "tick_rate" ["Hz"] = 1000.0 in 1000.0..=2000.0, "control rate, 1000 or 2000";
+    // Limits the controllers work within.
+    VoltageLimit "voltage_limit" ["V"] = 12.0 in 0.0..=32.0, "largest voltage commanded";
+    SlewLimit "slew_limit" ["V/s"] = 500.0 in 1.0..=30000.0, "fastest change of the voltage";
+    CurrentLimit "current_limit" ["A"] = 1.0 in 0.0..=8.0, "voltage folds back above, 0 off";
+    // Trips.
+    TripPeak "trip_peak" ["A"] = 1.2 in 0.05..=8.0, "over-current, for 5 ms";
+    TripContinuous "trip_continuous" ["A"] = 0.6 in 0.05..=8.0, "over-current, thermal";
+    TripThermalTime "trip_thermal_time" ["s"] = 2.0 in 0.1..=60.0, "time constant of the thermal trip";
+    TripStall "trip_stall" ["ms"] = 500.0 in 0.0..=10000.0, "driven and not turning, 0 off";
+    TripEncoder "trip_encoder" ["ms"] = 200.0 in 0.0..=10000.0, "driven, no counts, no stall current, 0 off";
+    TripRunaway "trip_runaway" ["ms"] = 100.0 in 0.0..=10000.0, "speeding up against the drive, 0 off";
+    TripSupplyLow "trip_supply_low" ["V"] = 5.0 in 0.0..=40.0, "lowest supply, where measured";
+    TripSupplyHigh "trip_supply_high" ["V"] = 36.0 in 0.0..=40.0, "highest supply, where measured";
+    TripHost "trip_host" ["ms"] = 0.0 in 0.0..=60000.0, "longest silence of the host, 0 off";
+    // Speed PID.
+    SpeedKp "speed_kp" ["V s/rad"] = 0.05 in -1000.0..=1000.0, "speed PID, proportional";
+    SpeedKi "speed_ki" ["V/rad"] = 1.0 in -100000.0..=100000.0, "speed PID, integral";
+    SpeedKd "speed_kd" ["V s2/rad"] = 0.0 in -100.0..=100.0, "speed PID, derivative";
+    SpeedTf "speed_tf" ["ms"] = 5.0 in 0.0..=1000.0, "speed PID, derivative filter";
+    SpeedB "speed_b" ["1"] = 1.0 in 0.0..=2.0, "speed PID, setpoint weight";
+    SpeedKff "speed_kff" ["V s/rad"] = 0.0 in -1000.0..=1000.0, "speed PID, feed-forward";
+    SpeedTt "speed_tt" ["ms"] = 50.0 in 1.0..=60000.0, "speed PID, anti-windup tracking time";
+    // Position PID.
+    PositionKp "position_kp" ["V/rad"] = 5.0 in -10000.0..=10000.0, "position PID, proportional";
+    PositionKi "position_ki" ["V/(rad s)"] = 0.0 in -100000.0..=100000.0, "position PID, integral";
+    PositionKd "position_kd" ["V s/rad"] = 0.1 in -1000.0..=1000.0, "position PID, derivative";
+    PositionTf "position_tf" ["ms"] = 2.0 in 0.0..=1000.0, "position PID, derivative filter";
+    PositionB "position_b" ["1"] = 1.0 in 0.0..=2.0, "position PID, setpoint weight";
+    PositionKff "position_kff" ["V s/rad"] = 0.0 in -1000.0..=1000.0, "position PID, speed feed-forward";
+    PositionTt "position_tt" ["ms"] = 50.0 in 1.0..=60000.0, "position PID, anti-windup tracking time";
+    // LQR, speed: u = kr r - kw w - kc i + ki integral(r - w).
+    LqrSpeedKw "lqr_speed_kw" ["V s/rad"] = 0.05 in -1000.0..=1000.0, "speed LQR, speed";
+    LqrSpeedKc "lqr_speed_kc" ["V/A"] = 0.5 in -1000.0..=1000.0, "speed LQR, current";
+    LqrSpeedKi "lqr_speed_ki" ["V/rad"] = 1.5 in -100000.0..=100000.0, "speed LQR, integral";
+    LqrSpeedKr "lqr_speed_kr" ["V s/rad"] = 0.0 in -1000.0..=1000.0, "speed LQR, reference";
+    // LQR, position: u = kp (r - x) - kw w - kc i + ki integral(r - x).
+    LqrPositionKp "lqr_position_kp" ["V/rad"] = 5.0 in -10000.0..=10000.0, "position LQR, position";
+    LqrPositionKw "lqr_position_kw" ["V s/rad"] = 0.1 in -1000.0..=1000.0, "position LQR, speed";
+    LqrPositionKc "lqr_position_kc" ["V/A"] = 0.5 in -1000.0..=1000.0, "position LQR, current";
+    LqrPositionKi "lqr_position_ki" ["V/(rad s)"] = 5.0 in -100000.0..=100000.0, "position LQR, integral";
+    LqrTt "lqr_tt" ["ms"] = 50.0 in 1.0..=60000.0, "both LQR, anti-windup tracking time";
+    // Compensation, off by default.
+    CompDrop "comp_drop" ["V"] = 0.0 in 0.0..=8.0, "bridge drop added to the voltage";
+    CompDropWidth "comp_drop_width" ["V"] = 0.5 in 0.01..=8.0, "voltage below which it fades out";
+    CompFrictionForward "comp_friction_fwd" ["V"] = 0.0 in 0.0..=8.0, "voltage that overcomes friction, forward";
+    CompFrictionReverse "comp_friction_rev" ["V"] = 0.0 in 0.0..=8.0, "voltage that overcomes friction, reverse";
+    CompFrictionWidth "comp_friction_width" ["rad/s"] = 2.0 in 0.01..=1000.0, "speed below which it fades out";
+    // References.
+    Acceleration "acceleration" ["rad/s2"] = 2000.0 in 0.1..=1000000.0, "fastest change of the reference speed";
+    JerkTime "jerk_time" ["ms"] = 0.0 in 0.0..=255.0, "S-curve: time to reach the acceleration, 0 ramp";
+    CruiseSpeed "cruise_speed" ["rad/s"] = 100.0 in 0.001..=4096.0, "position moves, fastest speed";
+}
+
+/// The values of all settings, in SI units.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// In the order of [`Param::ALL`].
+    pub values: [f32; Param::COUNT],
+}
+
+impl Settings {
+    /// The defaults: the test stand of the two studies, without anything that depends on a fitted model.
+    pub fn defaults() -> Self {
+        Self { values: core::array::from_fn(|i| NUMBERS.load_at(i)[0]) }
+    }
+
+    /// The value of one setting, in its unit.
+    #[inline]
+    pub fn get(&self, param: Param) -> f32 {
+        self.values[param as usize]
+    }
+
+    /// Sets one value.
+    ///
+    /// # Errors
+    /// [`Rule::NotFinite`], or [`Rule::TooLarge`]/[`Rule::TooSmall`] outside the range of [`Param::range`]; the value then stays as it was.
+    pub fn set(&mut self, param: Param, value: f32) -> Result<(), Rule> {
+        let (min, max) = param.range();
+        if value.is_nan() {
+            Err(Rule::NotFinite)
+        } else if value > max {
+            Err(Rule::TooLarge)
+        } else if value < min {
+            Err(Rule::TooSmall)
+        } else {
+            self.values[param as usize] = value;
+            Ok(())
+        }
+    }
+}
+
+impl Param {
+    /// The setting at `index` of the list.
+    pub fn from_index(index: usize) -> Option<Self> {
+        (index < Self::COUNT).then(|| PARAMS.load_at(index))
+    }
+
+    /// Smallest and largest value accepted.
+    pub fn range(self) -> (f32, f32) {
+        let [_, min, max] = NUMBERS.load_at(self as usize);
+        (min, max)
+    }
+}
+
+/// What a setting's texts say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Text {
+    /// The name on the console.
+    Name = 0,
+    /// The unit.
+    Unit = 1,
+    /// One line of help.
+    Help = 2,
+}
+
+/// The characters of one text of one setting, read from flash.
+pub fn text(param: Param, which: Text) -> impl Iterator<Item = u8> {
+    let mut skip = param as usize * 3 + which as usize;
+    let mut at = 0;
+    while skip > 0 {
+        if TEXT.load_at(at) == 0 {
+            skip -= 1;
+        }
+        at += 1;
+    }
+    (at..TEXT_LENGTH).map(|i| TEXT.load_at(i)).take_while(|&byte| byte != 0)
+}
+
+/// A setting that cannot be turned into the fixed-point configuration.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BuildError {
+    /// Which setting.
+    pub param: Param,
+    /// The rule it breaks.
+    pub rule: Rule,
+}
+
+impl Rule {
+    /// This rule, broken by `param`.
+    pub fn of(self, param: Param) -> BuildError {
+        BuildError { param, rule: self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_setting_has_a_name_a_unit_a_help_and_a_default_within_its_range() {
+        let defaults = Settings::defaults();
+        for (i, &param) in Param::ALL.iter().enumerate() {
+            assert_eq!(param as usize, i);
+            for which in [Text::Name, Text::Unit, Text::Help] {
+                assert!(text(param, which).count() > 0, "{param:?} {which:?}");
+            }
+            let (min, max) = param.range();
+            let value = defaults.get(param);
+            assert!(min <= value && value <= max, "{param:?}: {value} outside {min}..={max}");
+        }
+        let name: Vec<u8> = text(Param::SpeedKp, Text::Name).collect();
+        assert_eq!(name, b"speed_kp");
+    }
+
+    #[test]
+    fn a_refused_value_leaves_the_old_one() {
+        let mut settings = Settings::defaults();
+        assert_eq!(settings.set(Param::SpeedB, 3.0), Err(Rule::TooLarge));
+        assert_eq!(settings.set(Param::SpeedB, -1.0), Err(Rule::TooSmall));
+        assert_eq!(settings.set(Param::SpeedB, f32::NAN), Err(Rule::NotFinite));
+        assert_eq!(settings, Settings::defaults());
+    }
+}
