@@ -3,6 +3,8 @@
 #![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
 pub mod arith;
+pub mod excitation;
+pub mod message;
 pub mod pins;
 pub mod settings;
 pub mod units;
