@@ -3,6 +3,7 @@
 #![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
 pub mod arith;
+pub mod encoder;
 pub mod excitation;
 pub mod message;
 pub mod pins;
