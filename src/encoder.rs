@@ -234,7 +234,7 @@ fn age(tick_coarse: u8, edges: &Edges) -> i16 {
 #[inline]
 fn speed(config: &SpeedConfig, half_counts: i16, cycles: i32) -> i16 {
     // Closer than 64 cycles no two edges are told apart.
-    let (mantissa, exponent) = normalise(cycles.max(64) as u32);
+    let (mantissa, exponent) = normalise(cycles.clamp(64, LONGEST) as u32);
     let quotient = (mul_u16(config.mantissa, reciprocal(mantissa)) >> 16) as u16;
     let scaled = mul_i16_u16(half_counts, quotient);
     round_shift(scaled, config.shift + exponent)
