@@ -223,11 +223,12 @@ impl SpeedState {
     }
 }
 
-/// Cycles from the last edge to the tick: -512..=15,871. An edge may come between the tick's instant and its handler.
+/// Cycles from the last edge to the tick: -256..=16,127. An edge may come between the tick's instant and its handler,
+/// which must therefore take the edges within 256 cycles.
 #[inline(always)]
 fn age(tick_coarse: u8, edges: &Edges) -> i16 {
     let age = ((tick_coarse as u16) << 6).wrapping_sub(edges.time()) & 0x3fff;
-    if age >= 0x3fff - 511 { age as i16 - 0x4000 } else { age as i16 }
+    if age >= 0x4000 - 256 { age as i16 - 0x4000 } else { age as i16 }
 }
 
 /// Half counts over cycles, in bits of speed. Within 2^-13 of the quotient and one bit, saturating.
@@ -354,7 +355,7 @@ mod tests {
             }
         }
 
-        /// One tick of 16,000 cycles along `position(cycle)`; edges up to `latency` cycles late still make it.
+        /// One tick of 16,000 cycles along `position(cycle)`; the handler takes the edges `latency` cycles late.
         fn tick(&mut self, position: &dyn Fn(f64) -> f64, latency: i64) {
             let end = self.now + 16_000;
             for cycle in self.looked + 1..=end + latency {
@@ -404,7 +405,7 @@ mod tests {
         /// through reversal, whatever the timers' skew and the handler's latency.
         #[test]
         fn speed_is_distance_over_time(
-            counts in 48f32..8000.0, top in 0.02f64..90.0, period in 0.01f64..0.2, skew in -90i64..90, latency in 0i64..290,
+            counts in 48f32..8000.0, top in 0.02f64..90.0, period in 0.01f64..0.2, skew in -90i64..90, latency in 0i64..250,
         ) {
             // Top speed in counts a tick; the range that holds it.
             let rad_per_s = top * 1000.0 / counts as f64 * 2.0 * std::f64::consts::PI;
