@@ -5,7 +5,10 @@
 pub mod arith;
 pub mod encoder;
 pub mod excitation;
+pub mod limits;
+pub mod lqr;
 pub mod message;
+pub mod pid;
 pub mod pins;
 pub mod settings;
 pub mod units;

@@ -87,7 +87,6 @@ settings! {
     PositionKi "position_ki" ["V/(rad s)"] = 0.0 in -100000.0..=100000.0, "position PID, integral";
     PositionKd "position_kd" ["V s/rad"] = 0.1 in -1000.0..=1000.0, "position PID, derivative";
     PositionTf "position_tf" ["ms"] = 2.0 in 0.0..=1000.0, "position PID, derivative filter";
-    PositionB "position_b" ["1"] = 1.0 in 0.0..=2.0, "position PID, setpoint weight";
     PositionKff "position_kff" ["V s/rad"] = 0.0 in -1000.0..=1000.0, "position PID, speed feed-forward";
     PositionTt "position_tt" ["ms"] = 50.0 in 1.0..=60000.0, "position PID, anti-windup tracking time";
     // LQR, speed: u = kr r - kw w - kc i + ki integral(r - w).
