@@ -61,12 +61,13 @@ impl LimitsConfig {
     /// and it does so whatever the slew limit says.
     #[inline(always)]
     pub fn around(&self, previous: i16, current: i16, low: i16, high: i16) -> (i16, i16) {
+        let (lowest, highest) = (low, high);
         let mut low = low.max(previous.saturating_sub(self.slew));
         let mut high = high.min(previous.saturating_add(self.slew));
         if current > self.current {
-            high = high.min(previous.saturating_sub(fold_back(current, self.current)));
+            high = high.min(previous.saturating_sub(fold_back(current, self.current))).max(lowest);
         } else if current < -self.current {
-            low = low.max(previous.saturating_add(fold_back(-(current.max(-i16::MAX)), self.current)));
+            low = low.max(previous.saturating_add(fold_back(-(current.max(-i16::MAX)), self.current))).min(highest);
         }
         // Where the limits contradict each other, the one that moves to the smaller voltage holds.
         if low > high {

@@ -251,11 +251,12 @@ mod tests {
             settings in settings(), reference in -6000i16..6000, speed in -6000i16..6000, previous in -9000i16..9000,
         ) {
             let Ok(config) = PidConfig::speed(&settings) else { return Ok(()) };
-            prop_assume!(config.integral != IntegralConfig::build(&Settings::defaults(), Param::SpeedKi, 64.0, Param::SpeedTt).unwrap());
             prop_assume!(settings.get(Param::SpeedKi) != 0.0);
             let limits = Limits { low: -12000, high: 12000, previous, align: true };
             let mut state = PidState::default();
             let voltage = state.step_speed(&config, reference, speed, &limits);
+            // Unless that takes an integral beyond 32 V.
+            prop_assume!(state.integral.voltage().abs() < 32700);
             prop_assert!((voltage - previous).abs() <= 2, "{voltage} for {previous}");
         }
     }
