@@ -11,4 +11,5 @@ pub mod message;
 pub mod pid;
 pub mod pins;
 pub mod settings;
+pub mod trips;
 pub mod units;

@@ -67,7 +67,7 @@ settings! {
     // Trips.
     TripPeak "trip_peak" ["A"] = 1.2 in 0.05..=8.0, "over-current, for 5 ms";
     TripContinuous "trip_continuous" ["A"] = 0.6 in 0.05..=8.0, "over-current, thermal";
-    TripThermalTime "trip_thermal_time" ["s"] = 2.0 in 0.1..=60.0, "time constant of the thermal trip";
+    TripThermalTime "trip_thermal_time" ["s"] = 2.0 in 0.3..=60.0, "time constant of the thermal trip";
     TripStall "trip_stall" ["ms"] = 500.0 in 0.0..=10000.0, "driven and not turning, 0 off";
     TripEncoder "trip_encoder" ["ms"] = 200.0 in 0.0..=10000.0, "driven, no counts, no stall current, 0 off";
     TripRunaway "trip_runaway" ["ms"] = 100.0 in 0.0..=10000.0, "speeding up against the drive, 0 off";
