@@ -11,7 +11,7 @@
 //! `Tt` is the tracking time (Astrom and Hagglund, Advanced PID Control, 3.5). With `Ki` zero there is no integral.
 //! When gains or mode change, the integral takes the value that leaves the voltage where it was (bumpless transfer).
 
-use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
+use crate::arith::{mul_i16, mul_i16_u16, saturate_i16, saturate_shift_8, saturating_add_i32, saturating_sub_i16};
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::{AMPERE, FULL_RANGE, GAIN_LIMIT, Rule, VOLT, quantise};
 
@@ -165,15 +165,20 @@ impl Integral {
         if limits.align {
             self.align(config, rest, limits);
         }
-        let wanted = saturate_i16((rest + (self.bits >> 8)) >> 8);
-        let voltage = wanted.clamp(limits.low, limits.high);
+        let mut bits = self.bits;
+        let wanted = saturate_shift_8(rest + (bits >> 8));
+        let mut voltage = wanted;
         if config.ki != 0 {
-            self.bits = self.bits.saturating_add(mul_i16(config.ki, error));
-            if voltage != wanted {
-                let excess = voltage.saturating_sub(wanted);
-                self.bits = self.bits.saturating_add(mul_i16_u16(excess, config.tracking));
+            bits = saturating_add_i32(bits, mul_i16(config.ki, error));
+        }
+        if wanted < limits.low || wanted > limits.high {
+            voltage = if wanted < limits.low { limits.low } else { limits.high };
+            if config.ki != 0 {
+                let excess = saturating_sub_i16(voltage, wanted);
+                bits = saturating_add_i32(bits, mul_i16_u16(excess, config.tracking));
             }
         }
+        self.bits = bits;
         voltage
     }
 

@@ -7,7 +7,7 @@
 //! `w` speed, `i` current, `x` position, `w_r` the speed of the reference's profile (zero for a step). Gains positive,
 //! feedback negative. Against the same law in real numbers with the same gains the voltage is within 3 bits (3 mV).
 
-use crate::arith::mul_i16;
+use crate::arith::{mul_i16, multiply_add, saturating_sub_i16};
 use crate::limits::{Integral, IntegralConfig, Limits, bits_per_unit, gain_bits};
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::AMPERE;
@@ -17,9 +17,9 @@ use crate::units::AMPERE;
 pub struct LqrConfig {
     /// On the reference speed, or on the position error.
     kr: i16,
-    /// On the speed.
+    /// On the speed; negative feedback has its sign in the gain, so that every term is added.
     kw: i16,
-    /// On the current.
+    /// On the current; the same.
     kc: i16,
     integral: IntegralConfig,
 }
@@ -33,8 +33,8 @@ impl LqrConfig {
         let scale = bits_per_unit(settings, Param::SpeedRange);
         Ok(Self {
             kr: gain_bits(settings, Param::LqrSpeedKr, scale)?,
-            kw: gain_bits(settings, Param::LqrSpeedKw, scale)?,
-            kc: gain_bits(settings, Param::LqrSpeedKc, AMPERE)?,
+            kw: -gain_bits(settings, Param::LqrSpeedKw, scale)?,
+            kc: -gain_bits(settings, Param::LqrSpeedKc, AMPERE)?,
             integral: IntegralConfig::build(settings, Param::LqrSpeedKi, scale, Param::LqrTt)?,
         })
     }
@@ -48,7 +48,7 @@ impl LqrConfig {
         Ok(Self {
             kr: gain_bits(settings, Param::LqrPositionKp, scale)?,
             kw: gain_bits(settings, Param::LqrPositionKw, bits_per_unit(settings, Param::SpeedRange))?,
-            kc: gain_bits(settings, Param::LqrPositionKc, AMPERE)?,
+            kc: -gain_bits(settings, Param::LqrPositionKc, AMPERE)?,
             integral: IntegralConfig::build(settings, Param::LqrPositionKi, scale, Param::LqrTt)?,
         })
     }
@@ -65,8 +65,10 @@ impl LqrState {
     /// One tick of the speed LQI; everything in bits.
     #[inline]
     pub fn step_speed(&mut self, config: &LqrConfig, reference: i16, speed: i16, current: i16, limits: &Limits) -> i16 {
-        let rest = mul_i16(config.kr, reference) - mul_i16(config.kw, speed) - mul_i16(config.kc, current);
-        self.integral.close(&config.integral, rest, reference.saturating_sub(speed), limits)
+        let rest = mul_i16(config.kr, reference);
+        let rest = multiply_add(rest, config.kw, speed);
+        let rest = multiply_add(rest, config.kc, current);
+        self.integral.close(&config.integral, rest, saturating_sub_i16(reference, speed), limits)
     }
 
     /// One tick of the position LQI; everything in bits, `speed_error` reference minus measured.
@@ -79,7 +81,9 @@ impl LqrState {
         current: i16,
         limits: &Limits,
     ) -> i16 {
-        let rest = mul_i16(config.kr, error) + mul_i16(config.kw, speed_error) - mul_i16(config.kc, current);
+        let rest = mul_i16(config.kr, error);
+        let rest = multiply_add(rest, config.kw, speed_error);
+        let rest = multiply_add(rest, config.kc, current);
         self.integral.close(&config.integral, rest, error, limits)
     }
 }
@@ -124,9 +128,8 @@ mod tests {
             let (mut state, mut integral) = (LqrState::default(), Exact::new(&config.integral));
             for (first, second, current, limits, repeat) in ticks {
                 for _ in 0..repeat {
-                    let sign = if position { 1.0 } else { -1.0 };
-                    let rest = config.kr as f64 * first as f64 + sign * config.kw as f64 * second as f64
-                        - config.kc as f64 * current as f64;
+                    let rest = config.kr as f64 * first as f64 + config.kw as f64 * second as f64
+                        + config.kc as f64 * current as f64;
                     let (error, voltage) = if position {
                         (first, state.step_position(&config, first, second, current, &limits))
                     } else {

@@ -12,7 +12,7 @@
 //! Gains positive, feedback negative. Against the same law in real numbers with the same gains the voltage is within
 //! 3 bits (3 mV).
 
-use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
+use crate::arith::{mul_i16, mul_i16_u16, multiply_add, saturating_sub_i16};
 use crate::limits::{Integral, IntegralConfig, Limits, bits_per_unit, gain_bits, quantise_gain};
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::quantise;
@@ -32,9 +32,10 @@ struct Names {
 pub struct PidConfig {
     /// On the reference: `Kp b + Kff` for speed, `Kff` for position.
     kr: i16,
-    /// On the measured speed, or on the position error.
+    /// On the measured speed, or on the position error. Negative feedback has its sign in the gain, so that every term
+    /// is added.
     kp: i16,
-    /// On the difference to the filter (speed) or on the filter (position).
+    /// On the difference to the filter (speed) or on the filter (position); the same.
     kd: i16,
     /// `T/(Tf + T)`, bits of [`crate::units::Fraction`].
     filter: u16,
@@ -61,7 +62,8 @@ impl PidConfig {
         let kr = settings.get(names.kp) * settings.get(Param::SpeedB) + settings.get(names.kff);
         Ok(Self {
             kr: quantise_gain(kr, scale).map_err(|rule| rule.of(names.kff))?,
-            kd: quantise_gain(kd, scale).map_err(|rule| rule.of(names.kd))?,
+            kp: -gain_bits(settings, names.kp, scale)?,
+            kd: -quantise_gain(kd, scale).map_err(|rule| rule.of(names.kd))?,
             ..Self::common(settings, &names, scale)?
         })
     }
@@ -82,7 +84,8 @@ impl PidConfig {
         let speed_scale = bits_per_unit(settings, Param::SpeedRange);
         Ok(Self {
             kr: gain_bits(settings, names.kff, speed_scale)?,
-            kd: gain_bits(settings, names.kd, speed_scale)?,
+            kp: gain_bits(settings, names.kp, bits_per_unit(settings, Param::PositionRange))?,
+            kd: -gain_bits(settings, names.kd, speed_scale)?,
             ..Self::common(settings, &names, bits_per_unit(settings, Param::PositionRange))?
         })
     }
@@ -93,7 +96,7 @@ impl PidConfig {
         let part = (period / (tf + period)).min(65535.0 / 65536.0);
         Ok(Self {
             kr: 0,
-            kp: gain_bits(settings, names.kp, scale)?,
+            kp: 0,
             kd: 0,
             filter: quantise(part, 65536.0, u16::MAX).map_err(|rule| rule.of(names.tf))? as u16,
             integral: IntegralConfig::build(settings, names.ki, scale, names.tt)?,
@@ -120,8 +123,10 @@ impl PidState {
     #[inline]
     pub fn step_speed(&mut self, config: &PidConfig, reference: i16, speed: i16, limits: &Limits) -> i16 {
         let change = self.filter(config, speed, limits.align);
-        let rest = mul_i16(config.kr, reference) - mul_i16(config.kp, speed) - mul_i16(config.kd, change);
-        self.integral.close(&config.integral, rest, reference.saturating_sub(speed), limits)
+        let rest = mul_i16(config.kr, reference);
+        let rest = multiply_add(rest, config.kp, speed);
+        let rest = multiply_add(rest, config.kd, change);
+        self.integral.close(&config.integral, rest, saturating_sub_i16(reference, speed), limits)
     }
 
     /// One tick of the position PID: position error and speeds in bits, voltage in bits.
@@ -136,7 +141,9 @@ impl PidState {
     ) -> i16 {
         self.filter(config, speed, limits.align);
         let filtered = (self.filtered >> 16) as i16;
-        let rest = mul_i16(config.kp, error) + mul_i16(config.kr, reference_speed) - mul_i16(config.kd, filtered);
+        let rest = mul_i16(config.kp, error);
+        let rest = multiply_add(rest, config.kr, reference_speed);
+        let rest = multiply_add(rest, config.kd, filtered);
         self.integral.close(&config.integral, rest, error, limits)
     }
 
@@ -146,7 +153,7 @@ impl PidState {
         if align {
             self.filtered = (speed as i32) << 16;
         }
-        let change = saturate_i16(speed as i32 - (self.filtered >> 16));
+        let change = saturating_sub_i16(speed, (self.filtered >> 16) as i16);
         // Toward the speed by less than the distance: stays within 16 bits.
         self.filtered += mul_i16_u16(change, config.filter);
         change
@@ -213,8 +220,8 @@ mod tests {
             for (reference, speed, limits, repeat) in ticks {
                 for _ in 0..repeat {
                     let change = filter.step(&config, speed as f64);
-                    let rest = config.kr as f64 * reference as f64 - config.kp as f64 * speed as f64
-                        - config.kd as f64 * change;
+                    let rest = config.kr as f64 * reference as f64 + config.kp as f64 * speed as f64
+                        + config.kd as f64 * change;
                     let exact = integral.close(rest / 1024.0, reference.saturating_sub(speed) as f64, &limits);
                     let voltage = state.step_speed(&config, reference, speed, &limits);
                     prop_assert!((voltage as f64 - exact).abs() <= tolerance, "{voltage} for {exact}");
@@ -237,7 +244,7 @@ mod tests {
                 for _ in 0..repeat {
                     filter.step(&config, speed as f64);
                     let rest = config.kp as f64 * error as f64 + config.kr as f64 * reference_speed as f64
-                        - config.kd as f64 * filter.0;
+                        + config.kd as f64 * filter.0;
                     let exact = integral.close(rest / 1024.0, error as f64, &limits);
                     let voltage = state.step_position(&config, error, reference_speed, speed, &limits);
                     prop_assert!((voltage as f64 - exact).abs() <= tolerance, "{voltage} for {exact}");
@@ -253,7 +260,7 @@ mod tests {
             let Ok(config) = PidConfig::speed(&settings) else { return Ok(()) };
             prop_assume!(settings.get(Param::SpeedKi) != 0.0);
             // An integral of more than 32 V does not exist.
-            let rest = (config.kr as f64 * reference as f64 - config.kp as f64 * speed as f64) / 1024.0;
+            let rest = (config.kr as f64 * reference as f64 + config.kp as f64 * speed as f64) / 1024.0;
             prop_assume!((previous as f64 - rest).abs() < 32767.0);
             let limits = Limits { low: -12000, high: 12000, previous, align: true };
             let mut state = PidState::default();
