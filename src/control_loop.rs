@@ -342,13 +342,12 @@ impl ControlLoop {
         self.mode = mode;
         self.playing = false;
         self.align = true;
-        let config = &self.config.trajectory;
         if mode.is_position() {
             self.target = self.sample.counts;
-            self.profile = Profile::Position(PositionProfile::start(config, self.sample.counts, self.sample.speed));
+            self.profile = Profile::Position(PositionProfile::start(self.sample.counts));
         } else if mode.is_speed() {
             self.target = self.sample.speed as i32;
-            self.profile = Profile::Speed(SpeedProfile::start(config, self.sample.speed));
+            self.profile = Profile::Speed(SpeedProfile::start(self.sample.speed));
         } else {
             self.target = 0;
         }

@@ -4,6 +4,7 @@
 
 pub mod arith;
 pub mod compensation;
+pub mod control_loop;
 pub mod current;
 pub mod encoder;
 pub mod excitation;
@@ -15,5 +16,6 @@ pub mod pid;
 pub mod pins;
 pub mod settings;
 pub mod tachogenerator;
+pub mod trajectory;
 pub mod trips;
 pub mod units;

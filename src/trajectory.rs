@@ -1,0 +1,423 @@
+//! Reference profiles: ramps and S-curves for speed, trapezoids and S-curves for position.
+//!
+//! Both are built on one integer recurrence, [`Ramp`]: a value moves toward its target by a rate that changes by one
+//! `step` a tick at most and never exceeds `limit`. Because the rate is always a whole number of steps, the way needed
+//! to bring it to zero is a sum that grows and shrinks with it: no square root, no division, exact arrival, and no
+//! overshoot, also when the target changes in the middle of a move.
+//!
+//! * Speed: the value is the speed, the rate its acceleration, the step the jerk: an S-curve. With `jerk_time` zero the
+//!   step is the whole acceleration: a ramp. Against exact time the move is at most `4 + jerk ticks` ticks longer.
+//!   The last tick of a move takes what is left, less than one step.
+//! * Position: the value is the position, the rate its speed, the step the acceleration: a trapezoid. `jerk_time` then
+//!   averages it over that time (rounded up to a power of two of ticks): position minus the same profile so many ticks
+//!   later, summed up; the later copy is computed, not stored.
+//!
+//! Formats: speed bits with 14 fractional bits; counts with 12. Steps are rounded down: limits are never exceeded.
+
+use crate::arith::{mul_i16_u16, saturate_i16};
+use crate::limits::bits_per_unit;
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::{Rule, quantise};
+
+/// Fractional bits of the speed profile.
+const SPEED_FRACTION: u32 = 14;
+/// Fractional bits of the position profile.
+const POSITION_FRACTION: u32 = 12;
+/// Longest way to stop: leaves room for sums within 32 bits.
+const LONGEST_STOP: f32 = 1e9;
+
+/// Steps and limits of both profiles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TrajectoryConfig {
+    speed: RampConfig,
+    position: RampConfig,
+    /// Power of two of ticks over which positions are averaged.
+    average: u8,
+    /// Speed bits of 2^-8 counts a tick, times 2^8 or, with `fine`, 2^16.
+    speed_scale: u16,
+    fine: bool,
+}
+
+impl TrajectoryConfig {
+    /// From `acceleration`, `jerk_time`, `cruise_speed`, `counts_per_rev`, `speed_range` and `tick_rate`.
+    ///
+    /// # Errors
+    /// An acceleration, jerk or speed that the formats cannot hold, named.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        let rate = settings.get(Param::TickRate);
+        let acceleration = settings.get(Param::Acceleration);
+        let jerk_ticks = settings.get(Param::JerkTime) * rate * 0.001;
+        let speed_bits = bits_per_unit(settings, Param::SpeedRange);
+        let counts = settings.get(Param::CountsPerRev) / core::f32::consts::TAU;
+        let speed_unit = speed_bits * (1u32 << SPEED_FRACTION) as f32 / rate;
+        let position_unit = counts * (1u32 << POSITION_FRACTION) as f32 / rate;
+        let cruise = settings.get(Param::CruiseSpeed) * position_unit;
+        let scale = speed_bits * rate / counts / 256.0;
+        let fine = scale * 65536.0 < 65535.0;
+        let speed_scale = quantise(scale, if fine { 65536.0 } else { 256.0 }, u16::MAX);
+        Ok(Self {
+            speed: RampConfig::build(acceleration * speed_unit, jerk_ticks).map_err(|rule| match rule {
+                Rule::NotAllowed => Rule::TooLarge.of(Param::JerkTime),
+                rule => rule.of(if jerk_ticks > 1.0 { Param::JerkTime } else { Param::Acceleration }),
+            })?,
+            position: RampConfig::build(cruise, cruise / (acceleration * position_unit / rate)).map_err(|rule| {
+                match rule {
+                    Rule::NotAllowed => Rule::TooLarge.of(Param::CruiseSpeed),
+                    rule => rule.of(Param::Acceleration),
+                }
+            })?,
+            average: power_of_two(jerk_ticks),
+            speed_scale: speed_scale.map_err(|rule| rule.of(Param::SpeedRange))? as u16,
+            fine,
+        })
+    }
+}
+
+/// Smallest power of two that is not below `ticks`, at most 256.
+fn power_of_two(ticks: f32) -> u8 {
+    (0..8).find(|&power| ticks <= (1u16 << power) as f32).unwrap_or(8)
+}
+
+/// How fast a rate may change, and how far it may go.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct RampConfig {
+    step: i32,
+    limit: i32,
+}
+
+impl RampConfig {
+    /// `limit` reached in `steps` steps, rounded up.
+    fn build(limit: f32, steps: f32) -> Result<Self, Rule> {
+        // A whole number of steps, so that the limit is reached exactly.
+        let whole = steps as i32 as f32;
+        let steps = if steps <= 1.0 {
+            1.0
+        } else if whole < steps {
+            whole + 1.0
+        } else {
+            whole
+        };
+        if limit * steps >= LONGEST_STOP {
+            return Err(Rule::NotAllowed);
+        }
+        let step = (limit / steps) as i32;
+        if step == 0 {
+            return Err(Rule::RoundsToZero);
+        }
+        Ok(Self { step, limit: step * steps as i32 })
+    }
+}
+
+/// A rate in whole steps, and the way it takes to bring it to zero.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+struct Ramp {
+    /// Magnitude of the rate.
+    rate: i32,
+    /// What the value still moves if the rate falls by one step a tick from now on.
+    stop: i32,
+    /// The rate is negative.
+    backward: bool,
+}
+
+impl Ramp {
+    /// The next change of a value that is `distance` away from its target (within +-2^30).
+    #[inline(always)]
+    fn next(&mut self, config: &RampConfig, distance: i32) -> i32 {
+        if self.rate == 0 {
+            self.backward = distance < 0;
+        }
+        let ahead = if self.backward { -distance } else { distance };
+        let faster = self.rate + config.step;
+        // What is left after a tick at a rate must be enough to stop from it.
+        if faster <= config.limit && ahead - faster >= self.stop + self.rate {
+            self.stop += self.rate;
+            self.rate = faster;
+        } else if ahead - self.rate < self.stop {
+            if self.rate == 0 {
+                return distance;
+            }
+            self.rate -= config.step;
+            self.stop -= self.rate;
+        } else if self.rate == 0 {
+            // Less than one step is left: the last tick takes it.
+            return distance;
+        }
+        if self.backward { -self.rate } else { self.rate }
+    }
+}
+
+/// A speed on its way to a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct SpeedProfile {
+    ramp: Ramp,
+    /// Speed bits, with fraction.
+    value: i32,
+    target: i32,
+}
+
+impl SpeedProfile {
+    /// At `speed`, in bits, without acceleration.
+    pub fn start(speed: i16) -> Self {
+        let value = (speed as i32) << SPEED_FRACTION;
+        Self { ramp: Ramp::default(), value, target: value }
+    }
+
+    /// Another target, in bits.
+    pub fn retarget(&mut self, speed: i16) {
+        self.target = (speed as i32) << SPEED_FRACTION;
+    }
+
+    /// Whether the target is still ahead.
+    pub fn moving(&self) -> bool {
+        self.value != self.target || self.ramp.rate != 0
+    }
+
+    /// One tick: the reference, in bits.
+    #[inline]
+    pub fn step(&mut self, config: &TrajectoryConfig) -> i16 {
+        // Two speeds are less than 2^30 apart.
+        if self.moving() {
+            self.value += self.ramp.next(&config.speed, self.target - self.value);
+        }
+        (self.value >> SPEED_FRACTION) as i16
+    }
+}
+
+/// A trapezoid: a position on its way to a target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+struct Trapezoid {
+    ramp: Ramp,
+    counts: i32,
+    /// 0..2^12 of a count.
+    fraction: i16,
+    target: i32,
+}
+
+impl Trapezoid {
+    fn moving(&self) -> bool {
+        self.counts != self.target || self.fraction != 0 || self.ramp.rate != 0
+    }
+
+    /// One tick: how far it moves, in 2^-12 counts.
+    #[inline(always)]
+    fn step(&mut self, config: &RampConfig) -> i32 {
+        if !self.moving() {
+            return 0;
+        }
+        // Farther than any way to stop is far enough.
+        let counts = self.target.wrapping_sub(self.counts).clamp(-0x3_fffe, 0x3_fffe);
+        let moved = self.ramp.next(config, (counts << POSITION_FRACTION) - self.fraction as i32);
+        let position = moved + self.fraction as i32;
+        self.counts = self.counts.wrapping_add(position >> POSITION_FRACTION);
+        self.fraction = (position & ((1 << POSITION_FRACTION) - 1)) as i16;
+        moved
+    }
+}
+
+/// A position on its way to a target, by trapezoid or S-curve.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct PositionProfile {
+    lead: Trapezoid,
+    /// The same profile, as many ticks later as the average is long.
+    follow: Trapezoid,
+    /// A target waits for the follower; it is due after so many ticks.
+    due: u16,
+    /// Target asked for.
+    target: i32,
+    /// Lead minus follower, 2^-12 counts.
+    gap: i32,
+    counts: i32,
+    /// 0..2^(12 + average) of a count.
+    fraction: i32,
+}
+
+impl PositionProfile {
+    /// At rest at `counts`.
+    pub fn start(counts: i32) -> Self {
+        let rest = Trapezoid { counts, target: counts, ..Trapezoid::default() };
+        Self { lead: rest, follow: rest, target: counts, counts, ..Self::default() }
+    }
+
+    /// Another target, in counts. With an S-curve it is taken up when the one before has reached the follower, at most
+    /// `jerk_time` later.
+    pub fn retarget(&mut self, counts: i32) {
+        self.target = counts;
+    }
+
+    /// Whether the target is still ahead.
+    pub fn moving(&self) -> bool {
+        self.lead.target != self.target || self.due != 0 || self.lead.moving() || self.follow.moving()
+    }
+
+    /// One tick: the reference in counts, and its speed in bits.
+    #[inline]
+    pub fn step(&mut self, config: &TrajectoryConfig) -> (i32, i16) {
+        if !self.moving() {
+            return (self.counts, 0);
+        }
+        if config.average == 0 {
+            self.lead.target = self.target;
+            let moved = self.lead.step(&config.position);
+            return self.advance(config, moved);
+        }
+        if self.due == 0 && self.lead.target != self.target {
+            self.lead.target = self.target;
+            self.due = 1 << config.average;
+        }
+        self.gap += self.lead.step(&config.position);
+        if self.due != 0 {
+            self.due -= 1;
+            if self.due == 0 {
+                self.follow.target = self.lead.target;
+            }
+        }
+        let gap = self.gap;
+        self.gap -= self.follow.step(&config.position);
+        self.advance(config, gap)
+    }
+
+    /// Moves the average on by `gap / 2^average`.
+    #[inline(always)]
+    fn advance(&mut self, config: &TrajectoryConfig, gap: i32) -> (i32, i16) {
+        let shift = POSITION_FRACTION as u8 + config.average;
+        let position = self.fraction + gap;
+        self.counts = self.counts.wrapping_add(position >> shift);
+        self.fraction = position & ((1i32 << shift) - 1);
+        // Counts a tick with 8 fractional bits.
+        let speed = saturate_i16(gap >> (config.average + 4));
+        let bits = mul_i16_u16(speed, config.speed_scale);
+        (self.counts, saturate_i16(if config.fine { bits >> 16 } else { bits >> 8 }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn settings(acceleration: f32, jerk_ms: f32, cruise: f32) -> Settings {
+        let mut settings = Settings::defaults();
+        let values = [(Param::Acceleration, acceleration), (Param::JerkTime, jerk_ms), (Param::CruiseSpeed, cruise)];
+        for (param, value) in values {
+            settings.set(param, value).unwrap();
+        }
+        settings
+    }
+
+    proptest! {
+        /// Speed: arrives exactly, in the time of the exact S-curve, never past a target it can still reach, with
+        /// acceleration and jerk within their limits at every tick, whatever targets come in between.
+        #[test]
+        fn speed_profile(
+            acceleration in 20f32..50_000.0, jerk_ms in prop_oneof![Just(0.0f32), 1f32..255.0],
+            start in -30000i16..30000, targets in proptest::collection::vec((-30000i16..30000, 1usize..400), 1..6),
+        ) {
+            let Ok(config) = TrajectoryConfig::build(&settings(acceleration, jerk_ms, 100.0)) else { return Ok(()) };
+            let mut profile = SpeedProfile::start(start);
+            let bit = 16384.0;
+            let limit = acceleration as f64 * 0.064;
+            let jerk = limit / (jerk_ms as f64).max(1.0);
+            let (mut before, mut rate_before) = (profile.value as f64 / bit, 0.0);
+            let last = targets.len() - 1;
+            for (i, (target, ticks)) in targets.into_iter().enumerate() {
+                profile.retarget(target);
+                let mut left = if i == last { 2_000_000 } else { ticks };
+                while profile.moving() && left > 0 {
+                    profile.step(&config);
+                    let value = profile.value as f64 / bit;
+                    let rate = value - before;
+                    prop_assert!(rate.abs() <= limit * 1.000_001 + 2e-4, "rate {rate} over {limit}");
+                    // The last tick of a move takes what is left, less than one step, and a new move may follow at once.
+                    prop_assert!((rate - rate_before).abs() <= 2.0 * jerk + 2e-4, "jerk {} over {jerk}", rate - rate_before);
+                    (before, rate_before) = (value, rate);
+                    left -= 1;
+                }
+            }
+            prop_assert!(!profile.moving());
+            prop_assert_eq!(profile.value, profile.target);
+        }
+
+        /// From rest: no overshoot, and as fast as the limits allow.
+        #[test]
+        fn speed_profile_time(acceleration in 50f32..20_000.0, jerk_ms in 0f32..200.0, target in 500i16..30000) {
+            let Ok(config) = TrajectoryConfig::build(&settings(acceleration, jerk_ms, 100.0)) else { return Ok(()) };
+            let mut profile = SpeedProfile::start(0);
+            profile.retarget(target);
+            let mut ticks = 0;
+            while profile.moving() {
+                let value = profile.step(&config);
+                prop_assert!((0..=target).contains(&value));
+                ticks += 1;
+            }
+            // Exact: full acceleration reached or not.
+            let (change, limit, ramp) = (target as f64, acceleration as f64 * 0.064, (jerk_ms as f64).max(1.0));
+            let exact = if change > limit * ramp { change / limit + ramp } else { 2.0 * (change * ramp / limit).sqrt() };
+            // The rounding of the step shows in long moves.
+            let tolerance = 4.0 + ramp + exact * (1.0 / config.speed.step as f64);
+            prop_assert!((ticks as f64 - exact).abs() <= tolerance, "{ticks} for {exact}");
+        }
+
+        /// Position: arrives exactly, stays within a count of the way, with speed and acceleration within their limits.
+        #[test]
+        fn position_profile(
+            acceleration in 100f32..20_000.0, jerk_ms in prop_oneof![Just(0.0f32), 2f32..255.0], cruise in 1f32..300.0,
+            start in -1_000_000i32..1_000_000, targets in proptest::collection::vec((-30_000i32..30_000, 1usize..600), 1..5),
+        ) {
+            let settings = settings(acceleration, jerk_ms, cruise);
+            let Ok(config) = TrajectoryConfig::build(&settings) else { return Ok(()) };
+            let counts = 2000.0 / std::f64::consts::TAU;
+            let fastest = cruise as f64 * counts / 1000.0;
+            let mut profile = PositionProfile::start(start);
+            let scale = (1i64 << (POSITION_FRACTION + config.average as u32)) as f64;
+            let position = |profile: &PositionProfile| profile.counts as f64 + profile.fraction as f64 / scale;
+            let (mut before, mut rate_before) = (position(&profile), 0.0);
+            let last = targets.len() - 1;
+            let step = config.position.step as f64 / 4096.0;
+            for (i, (target, ticks)) in targets.into_iter().enumerate() {
+                profile.retarget(start + target);
+                let mut left = if i == last { 1_000_000 } else { ticks };
+                while profile.moving() && left > 0 {
+                    let (_, speed) = profile.step(&config);
+                    let now = position(&profile);
+                    let rate = now - before;
+                    prop_assert!(rate.abs() <= fastest + 1e-3, "{rate} over {fastest}");
+                    prop_assert!((rate - rate_before).abs() <= 2.0 * step + 1e-3, "{}", rate - rate_before);
+                    let bits = rate / counts * 1000.0 * 64.0;
+                    prop_assert!((speed as f64 - bits).abs() <= 2.0 + bits.abs() * 0.01 + 64.0 / counts * 4.0, "{speed} for {bits}");
+                    (before, rate_before) = (now, rate);
+                    left -= 1;
+                }
+            }
+            prop_assert!(!profile.moving());
+            prop_assert_eq!((profile.counts, profile.fraction), (profile.target, 0));
+        }
+    }
+
+    #[test]
+    fn an_s_curve_limits_the_jerk_of_a_position_move() {
+        let jerk = |jerk_ms: f32| {
+            let config = TrajectoryConfig::build(&settings(2000.0, jerk_ms, 50.0)).unwrap();
+            let mut profile = PositionProfile::start(0);
+            profile.retarget(20_000);
+            let (mut speeds, mut count) = (vec![0i32], 0);
+            while profile.moving() {
+                speeds.push(profile.step(&config).1 as i32);
+                count += 1;
+            }
+            assert_eq!(profile.counts, 20_000);
+            let largest = speeds.windows(3).map(|w| (w[2] - 2 * w[1] + w[0]).abs()).max().unwrap();
+            (largest, count)
+        };
+        let ((trapezoid, short), (s_curve, long)) = (jerk(0.0), jerk(64.0));
+        assert!(s_curve * 16 < trapezoid, "{s_curve} {trapezoid}");
+        assert_eq!(long, short + 63);
+    }
+
+    #[test]
+    fn limits_that_do_not_fit_are_named() {
+        let build = |a, j, c| TrajectoryConfig::build(&settings(a, j, c)).map(|_| ());
+        assert_eq!(build(0.1, 0.0, 0.01), Err(Rule::RoundsToZero.of(Param::Acceleration)));
+        assert_eq!(build(900_000.0, 255.0, 10.0), Err(Rule::TooLarge.of(Param::JerkTime)));
+        assert_eq!(build(1.0, 0.0, 1000.0), Err(Rule::TooLarge.of(Param::CruiseSpeed)));
+    }
+}
