@@ -411,7 +411,7 @@ mod tests {
         let again: Vec<bool> = values(Sequence::new(Kind::Prbs, 1, 0, 1, 20, 0x1234)).iter().map(|&v| v > 0).collect();
         assert_eq!(bits, again);
         assert_eq!(bits.iter().map(|&b| if b { '1' } else { '0' }).collect::<String>(), "01110100110110010011");
-        assert_eq!(values(Sequence::new(Kind::Levels, 1000, 0, 1, 5, 7)), [221, 784, -411, -960, 684]);
+        assert_eq!(values(Sequence::new(Kind::Levels, 1000, 0, 1, 5, 7)), [-957, -222, 95, -698, 428]);
     }
 
     #[test]

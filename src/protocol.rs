@@ -1,0 +1,269 @@
+//! THE frames of the telemetry, and the one text line, used by the firmware and the host alike.
+//!
+//! While the binary stream is on, everything the board says is frames: COBS-encoded, ended by a zero byte. A frame's
+//! content, little-endian:
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 1 | kind: [`SAMPLE`] or [`TEXT`] |
+//! | 1 | sequence number, one more with every frame: a loss is seen |
+//! | n | payload |
+//! | 2 | CRC-16/XMODEM of all before |
+//!
+//! A sample's payload is [`SAMPLE_COLUMNS`]; a text's is up to 32 characters of what would otherwise stand on the line
+//! as it is. [`StreamDecoder`] reads the stream and resynchronises at the next zero byte after any damage.
+
+use crate::message::{Sample, State, Trip};
+use crc::{CRC_16_XMODEM, Crc, NoTable};
+
+/// Kind of a frame that carries a [`Sample`].
+pub const SAMPLE: u8 = b's';
+/// Kind of a frame that carries text.
+pub const TEXT: u8 = b't';
+/// Longest text in one frame.
+pub const TEXT_CHUNK: usize = 32;
+/// Bytes of a sample.
+pub const SAMPLE_BYTES: usize = 22;
+/// Longest content: kind, sequence number, payload, CRC.
+const CONTENT: usize = 2 + TEXT_CHUNK + 2;
+/// Longest frame on the line: content, one byte of COBS, the zero.
+pub const FRAME: usize = CONTENT + 2;
+
+/// The columns of a sample in the order they are sent: name, bytes, meaning.
+pub const SAMPLE_COLUMNS: [(&str, u8, &str); 9] = [
+    ("tick", 4, "ticks since reset"),
+    ("reference", 4, "bits of voltage or speed, or counts, by mode"),
+    ("counts", 4, "encoder counts"),
+    ("speed", 2, "2^-15 of speed_range"),
+    ("current", 2, "2^-12 A"),
+    ("duty", 2, "PWM steps, -800..=800"),
+    ("supply", 2, "2^-10 V"),
+    ("state", 1, "mode in bits 0-2, armed 3, enabled 4, playing 5, limited 6, moving 7"),
+    ("trip", 1, "trip code, 0 none"),
+];
+
+/// Without a table: 512 bytes would be half of the RAM.
+const CRC: Crc<u16, NoTable> = Crc::<u16, NoTable>::new(&CRC_16_XMODEM);
+
+/// The bytes of a sample.
+pub fn pack(sample: &Sample) -> [u8; SAMPLE_BYTES] {
+    let mut bytes = [0; SAMPLE_BYTES];
+    bytes[0..4].copy_from_slice(&sample.tick.to_le_bytes());
+    bytes[4..8].copy_from_slice(&sample.reference.to_le_bytes());
+    bytes[8..12].copy_from_slice(&sample.counts.to_le_bytes());
+    bytes[12..14].copy_from_slice(&sample.speed.to_le_bytes());
+    bytes[14..16].copy_from_slice(&sample.current.to_le_bytes());
+    bytes[16..18].copy_from_slice(&sample.duty.to_le_bytes());
+    bytes[18..20].copy_from_slice(&sample.supply.to_le_bytes());
+    bytes[20] = sample.state.0;
+    bytes[21] = sample.trip as u8;
+    bytes
+}
+
+/// The sample of such bytes; none if the trip is one this version does not know.
+pub fn unpack(bytes: &[u8; SAMPLE_BYTES]) -> Option<Sample> {
+    let word = |at: usize| i16::from_le_bytes([bytes[at], bytes[at + 1]]);
+    let long = |at: usize| i32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]);
+    Some(Sample {
+        tick: long(0) as u32,
+        reference: long(4),
+        counts: long(8),
+        speed: word(12),
+        current: word(14),
+        duty: word(16),
+        supply: word(18),
+        state: State(bytes[20]),
+        trip: Trip::from_number(bytes[21])?,
+    })
+}
+
+/// Makes frames and numbers them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Framer {
+    sequence: u8,
+}
+
+impl Framer {
+    /// A frame with `payload` (at most [`TEXT_CHUNK`] bytes; more is cut off) into `frame`; returns its length.
+    pub fn frame(&mut self, kind: u8, payload: &[u8], frame: &mut [u8; FRAME]) -> usize {
+        let mut content = [0; CONTENT];
+        content[0] = kind;
+        content[1] = self.sequence;
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut end = 2;
+        for (place, &byte) in content[2..2 + TEXT_CHUNK].iter_mut().zip(payload) {
+            *place = byte;
+            end += 1;
+        }
+        let crc = CRC.checksum(content.get(..end).unwrap_or(&[])).to_le_bytes();
+        for (place, byte) in content.iter_mut().skip(end).zip(crc) {
+            *place = byte;
+        }
+        let encoded = cobs::encode(content.get(..end + 2).unwrap_or(&[]), frame);
+        if let Some(last) = frame.get_mut(encoded) {
+            *last = 0;
+        }
+        encoded + 1
+    }
+}
+
+/// What a [`StreamDecoder`] finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Frame {
+    /// A sample.
+    Sample(Sample),
+    /// Text, and how many of its bytes count.
+    Text([u8; TEXT_CHUNK], usize),
+}
+
+/// Reads a binary stream byte by byte.
+#[derive(Clone, Debug)]
+pub struct StreamDecoder {
+    buffer: [u8; FRAME],
+    length: usize,
+    expected: Option<u8>,
+    /// Frames that never came, by their sequence numbers (modulo 256 in a row).
+    pub lost: u32,
+    /// Frames that came damaged.
+    pub damaged: u32,
+}
+
+impl Default for StreamDecoder {
+    fn default() -> Self {
+        Self { buffer: [0; FRAME], length: 0, expected: None, lost: 0, damaged: 0 }
+    }
+}
+
+impl StreamDecoder {
+    /// Takes the next byte; a frame when one is complete and undamaged.
+    pub fn push(&mut self, byte: u8) -> Option<Frame> {
+        if byte != 0 {
+            if let Some(place) = self.buffer.get_mut(self.length) {
+                *place = byte;
+            }
+            self.length = (self.length + 1).min(FRAME + 1);
+            return None;
+        }
+        let length = core::mem::take(&mut self.length);
+        if length == 0 {
+            return None;
+        }
+        let frame = self.decode(length);
+        if frame.is_none() {
+            self.damaged += 1;
+        }
+        frame
+    }
+
+    fn decode(&mut self, length: usize) -> Option<Frame> {
+        let mut content = [0; FRAME];
+        let end = cobs::decode(self.buffer.get(..length)?, &mut content).ok()?.frame_size();
+        let (body, crc) = content.get(..end)?.split_last_chunk::<2>()?;
+        let (&[kind, sequence], payload) = body.split_first_chunk::<2>()?;
+        if CRC.checksum(body) != u16::from_le_bytes(*crc) {
+            return None;
+        }
+        if let Some(expected) = self.expected.replace(sequence.wrapping_add(1)) {
+            self.lost += sequence.wrapping_sub(expected) as u32;
+        }
+        match kind {
+            SAMPLE => unpack(payload.try_into().ok()?).map(Frame::Sample),
+            TEXT => {
+                let mut text = [0; TEXT_CHUNK];
+                text.get_mut(..payload.len())?.copy_from_slice(payload);
+                Some(Frame::Text(text, payload.len()))
+            }
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn sample() -> impl Strategy<Value = Sample> {
+        (any::<(u32, i32, i32, i16, i16, i16, i16, u8)>(), 0u8..=10).prop_map(
+            |((tick, reference, counts, speed, current, duty, supply, state), trip)| Sample {
+                tick,
+                reference,
+                counts,
+                speed,
+                current,
+                duty,
+                supply,
+                state: State(state),
+                trip: Trip::from_number(trip).unwrap(),
+            },
+        )
+    }
+
+    fn encode(framer: &mut Framer, kind: u8, payload: &[u8]) -> Vec<u8> {
+        let mut frame = [0; FRAME];
+        let length = framer.frame(kind, payload, &mut frame);
+        frame[..length].to_vec()
+    }
+
+    #[test]
+    fn the_columns_are_the_sample() {
+        let bytes: usize = SAMPLE_COLUMNS.iter().map(|&(_, bytes, _)| bytes as usize).sum();
+        assert_eq!(bytes, SAMPLE_BYTES);
+    }
+
+    proptest! {
+        #[test]
+        fn samples_come_back(samples in proptest::collection::vec(sample(), 1..20)) {
+            let (mut framer, mut decoder) = (Framer::default(), StreamDecoder::default());
+            for sample in samples {
+                let frame = encode(&mut framer, SAMPLE, &pack(&sample));
+                prop_assert!(frame.len() <= 28 && frame.iter().rposition(|&b| b == 0) == Some(frame.len() - 1));
+                let found: Vec<Frame> = frame.iter().filter_map(|&byte| decoder.push(byte)).collect();
+                prop_assert_eq!(found, vec![Frame::Sample(sample)]);
+            }
+            prop_assert_eq!((decoder.lost, decoder.damaged), (0, 0));
+        }
+
+        #[test]
+        fn text_comes_back(text in proptest::collection::vec(any::<u8>(), 0..=TEXT_CHUNK)) {
+            let (mut framer, mut decoder) = (Framer::default(), StreamDecoder::default());
+            let frame = encode(&mut framer, TEXT, &text);
+            let Some(Frame::Text(bytes, length)) = frame.iter().find_map(|&byte| decoder.push(byte)) else {
+                panic!("no text")
+            };
+            prop_assert_eq!(&bytes[..length], &text[..]);
+        }
+
+        /// Any damage: nothing panics, no frame is invented, and whole frames after it are read again; every frame
+        /// that is missing is counted as damaged or lost.
+        #[test]
+        fn damage_is_seen(damage in proptest::collection::vec((0usize..2800, any::<u8>()), 0..20)) {
+            let mut framer = Framer::default();
+            let samples: Vec<Sample> = (0..100).map(|tick| Sample { tick, ..Sample::default() }).collect();
+            let mut stream: Vec<u8> =
+                samples.iter().flat_map(|sample| encode(&mut framer, SAMPLE, &pack(sample))).collect();
+            let length = stream.len();
+            for (at, byte) in damage {
+                stream[at % (length - 28)] = byte;
+            }
+            let mut decoder = StreamDecoder::default();
+            let found: Vec<Frame> = stream.iter().filter_map(|&byte| decoder.push(byte)).collect();
+            for frame in &found {
+                let Frame::Sample(sample) = frame else { panic!("invented") };
+                prop_assert_eq!(*sample, samples[sample.tick as usize]);
+            }
+            prop_assert_eq!(found.last(), Some(&Frame::Sample(samples[99])));
+            let first = samples.iter().position(|sample| found[0] == Frame::Sample(*sample)).unwrap();
+            prop_assert_eq!(found.len() + decoder.lost as usize + first, 100);
+        }
+
+        #[test]
+        fn garbage_is_no_frame(bytes in proptest::collection::vec(any::<u8>(), 0..2000)) {
+            let mut decoder = StreamDecoder::default();
+            for byte in bytes {
+                // One in 65,536 by chance: the CRC is what stands between.
+                decoder.push(byte);
+            }
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Settings in EEPROM: versioned, checksummed, two slots.
+//!
+//! A save writes the slot that does not hold the newest set: first its mark is made invalid, then the values, last
+//! mark, number and CRC. Whenever the power goes, one slot is whole. Bytes that already stand there are not written
+//! again. A slot, little-endian:
+//!
+//! | bytes | content |
+//! |---|---|
+//! | 1 | [`VERSION`] of the list of settings; anything else is no slot |
+//! | 1 | number of the save, modulo 256; the newer of two is the one that is one more |
+//! | 4 n | the values, f32, in the order of the list |
+//! | 2 | CRC-16/XMODEM of all before |
+
+use crate::settings::{Param, Settings};
+use crc::{CRC_16_XMODEM, Crc, Digest, NoTable};
+
+/// Changes whenever the list of settings does: what was saved under another list is not taken for this one.
+pub const VERSION: u8 = 0x40 + (Param::COUNT as u8 & 0x3f);
+/// Bytes of a slot.
+const SLOT: u16 = 2 + VALUES + 2;
+const VALUES: u16 = 4 * Param::COUNT as u16;
+/// Where the two slots begin.
+const SLOTS: [u16; 2] = [0, 512];
+const _: () = assert!(SLOT <= 512);
+
+const CRC: Crc<u16, NoTable> = Crc::<u16, NoTable>::new(&CRC_16_XMODEM);
+
+/// A memory of bytes that keeps without power. 1024 bytes; a write takes milliseconds.
+pub trait Eeprom {
+    /// The byte at `address`.
+    fn read(&mut self, address: u16) -> u8;
+    /// Whether the last write is done.
+    fn ready(&mut self) -> bool;
+    /// Begins to write a byte; only when [`Eeprom::ready`].
+    fn write(&mut self, address: u16, byte: u8);
+}
+
+/// The newest whole slot: its place and number.
+fn newest(eeprom: &mut impl Eeprom) -> Option<(usize, u8)> {
+    match (number(eeprom, SLOTS[0]), number(eeprom, SLOTS[1])) {
+        (Some(first), Some(second)) if second == first.wrapping_add(1) => Some((1, second)),
+        (Some(first), _) => Some((0, first)),
+        (None, Some(second)) => Some((1, second)),
+        (None, None) => None,
+    }
+}
+
+/// The number of the slot at `start`, if it is whole.
+fn number(eeprom: &mut impl Eeprom, start: u16) -> Option<u8> {
+    if eeprom.read(start) != VERSION {
+        return None;
+    }
+    let mut digest = CRC.digest();
+    for offset in 0..SLOT - 2 {
+        digest.update(&[eeprom.read(start + offset)]);
+    }
+    let stored = [eeprom.read(start + SLOT - 2), eeprom.read(start + SLOT - 1)];
+    (digest.finalize() == u16::from_le_bytes(stored)).then(|| eeprom.read(start + 1))
+}
+
+/// The saved settings, if there are any whole ones within their ranges.
+pub fn load(eeprom: &mut impl Eeprom) -> Option<Settings> {
+    let (slot, _) = newest(eeprom)?;
+    let mut settings = Settings::defaults();
+    let mut address = SLOTS[slot] + 2;
+    for index in 0..Param::COUNT {
+        let bytes = [0, 1, 2, 3].map(|i| eeprom.read(address + i));
+        address += 4;
+        settings.set(Param::from_index(index)?, f32::from_le_bytes(bytes)).ok()?;
+    }
+    Some(settings)
+}
+
+/// A save under way. Polled, because each byte takes milliseconds and the main loop must go on talking.
+pub struct Saver {
+    start: u16,
+    number: u8,
+    /// Next offset to write; the mark is written first (invalid) and last.
+    offset: u16,
+    digest: Digest<'static, u16, NoTable>,
+}
+
+static SHARED_CRC: Crc<u16, NoTable> = CRC;
+
+impl Saver {
+    /// Begins a save. The settings must not change until it is done.
+    pub fn start(eeprom: &mut impl Eeprom) -> Self {
+        let (slot, number) = match newest(eeprom) {
+            Some((slot, number)) => (1 - slot, number.wrapping_add(1)),
+            None => (0, 0),
+        };
+        let mut digest = SHARED_CRC.digest();
+        digest.update(&[VERSION, number]);
+        Self { start: SLOTS[slot], number, offset: 0, digest }
+    }
+
+    /// Writes the next byte when the memory is ready; true when all is written.
+    pub fn poll(&mut self, eeprom: &mut impl Eeprom, settings: &Settings) -> bool {
+        if !eeprom.ready() {
+            return false;
+        }
+        let (offset, byte) = match self.offset {
+            // Invalid until everything else stands.
+            0 => (0, !VERSION),
+            1 => (1, self.number),
+            offset if offset < 2 + VALUES => {
+                let index = offset - 2;
+                let value = settings.values.get(index as usize / 4).copied().unwrap_or(0.0);
+                let byte = value.to_le_bytes()[index as usize % 4];
+                self.digest.update(&[byte]);
+                (offset, byte)
+            }
+            offset if offset < SLOT => {
+                let crc = self.digest.clone().finalize().to_le_bytes();
+                (offset, crc[(offset - (SLOT - 2)) as usize & 1])
+            }
+            SLOT => (0, VERSION),
+            _ => return true,
+        };
+        self.offset += 1;
+        let address = self.start + offset;
+        if eeprom.read(address) != byte {
+            eeprom.write(address, byte);
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A memory that loses power after so many writes.
+    struct Memory {
+        bytes: [u8; 1024],
+        writes: usize,
+        power: usize,
+    }
+
+    impl Memory {
+        fn blank() -> Self {
+            Self { bytes: [0xff; 1024], writes: 0, power: usize::MAX }
+        }
+
+        fn save(&mut self, settings: &Settings) {
+            let mut saver = Saver::start(self);
+            while !saver.poll(self, settings) {}
+        }
+    }
+
+    impl Eeprom for Memory {
+        fn read(&mut self, address: u16) -> u8 {
+            self.bytes[address as usize]
+        }
+
+        fn ready(&mut self) -> bool {
+            true
+        }
+
+        fn write(&mut self, address: u16, byte: u8) {
+            if self.writes < self.power {
+                self.bytes[address as usize] = byte;
+            }
+            self.writes += 1;
+        }
+    }
+
+    fn numbered(number: usize) -> Settings {
+        let mut settings = Settings::defaults();
+        settings.set(Param::SpeedKi, number as f32 + 0.5).unwrap();
+        settings.set(Param::CruiseSpeed, number as f32 + 1.25).unwrap();
+        settings
+    }
+
+    #[test]
+    fn blank_memory_holds_nothing_and_a_save_comes_back() {
+        let mut memory = Memory::blank();
+        assert_eq!(load(&mut memory), None);
+        // Past the wrap of the number.
+        for number in 0..600 {
+            memory.save(&numbered(number));
+            assert_eq!(load(&mut memory), Some(numbered(number)), "{number}");
+        }
+    }
+
+    #[test]
+    fn a_power_cut_at_any_byte_leaves_the_old_or_the_new() {
+        for before in 0..4 {
+            let mut memory = Memory::blank();
+            (0..=before).for_each(|number| memory.save(&numbered(number)));
+            let (old, new) = (numbered(before), numbered(before + 1));
+            let start = memory.bytes;
+            memory.writes = 0;
+            memory.save(&new);
+            let all = memory.writes;
+            for power in 0..=all {
+                let mut memory = Memory { bytes: start, writes: 0, power };
+                memory.save(&new);
+                let found = load(&mut memory);
+                assert!(found == Some(old) || found == Some(new), "after {power} writes");
+                assert_eq!(found == Some(new), power == all);
+                // And the next save works.
+                memory.power = usize::MAX;
+                memory.save(&numbered(9));
+                assert_eq!(load(&mut memory), Some(numbered(9)));
+            }
+        }
+    }
+
+    #[test]
+    fn unchanged_bytes_are_not_rewritten() {
+        let mut memory = Memory::blank();
+        (0..4).for_each(|_| memory.save(&numbered(1)));
+        memory.writes = 0;
+        memory.save(&numbered(1));
+        // The mark twice, the number, the CRC.
+        assert!(memory.writes <= 5, "{}", memory.writes);
+    }
+
+    proptest! {
+        /// A flipped bit in either slot: the other set or none, never a wrong one.
+        #[test]
+        fn flipped_bits(address in 0usize..1024, bit in 0u8..8) {
+            let mut memory = Memory::blank();
+            memory.save(&numbered(1));
+            memory.save(&numbered(2));
+            memory.bytes[address] ^= 1 << bit;
+            let found = load(&mut memory);
+            prop_assert!(found == Some(numbered(1)) || found == Some(numbered(2)), "{found:?}");
+        }
+    }
+}
