@@ -1,0 +1,337 @@
+//! A brush motor behind an L293D, solved in closed form between switching instants.
+//!
+//! ```text
+//! L di/dt = e - d sign(i) - R i - k w        e: what the bridge connects, d: what the conducting devices drop
+//! J dw/dt = k i - b w - c sign(w) - load     c: Coulomb friction
+//! ```
+//! Both sign terms hold their quantity at zero as long as they can: the diodes keep a current from starting in the wrong
+//! direction, friction keeps the shaft from moving. Between the instants where one of them lets go or takes hold the
+//! equations are linear with constant input and are solved exactly, so a short electrical time constant costs nothing.
+
+use super::{Bridge, Inputs, Plant};
+
+/// Longest stretch solved at once. Events inside it are found by the sign of what changed at its end, and within this
+/// time nothing on a real motor changes its sign twice.
+const LONGEST_STEP_S: f64 = 100e-6;
+/// Bound on the changes of mode within one stretch; more would mean chattering without end.
+const MAX_EVENTS: usize = 64;
+/// Halvings and secant steps spent on locating an event: far below a processor cycle.
+const ROOT_STEPS: usize = 48;
+
+/// Voltages lost in the bridge, taken as constant while current flows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BridgeLosses {
+    /// Upper plus lower transistor while driving, in volts.
+    pub drive_v: f64,
+    /// Transistor plus diode while braking, in volts.
+    pub brake_v: f64,
+    /// One free-wheeling diode, in volts.
+    pub diode_v: f64,
+}
+
+impl BridgeLosses {
+    /// L293D at 0.6 A, from its data sheet: V_CEsat 1.4 V above and 1.2 V below, diodes 1.3 V.
+    pub const L293D: Self = Self { drive_v: 2.6, brake_v: 2.5, diode_v: 1.3 };
+    /// A bridge without losses, for comparison with textbook formulas.
+    pub const IDEAL: Self = Self { drive_v: 0.0, brake_v: 0.0, diode_v: 0.0 };
+
+    /// The source `e` and the drop `d` of the circuit equation.
+    fn source_and_drop_v(&self, inputs: &Inputs) -> (f64, f64) {
+        match inputs.bridge {
+            Bridge::Forward => (inputs.supply_v, self.drive_v),
+            Bridge::Reverse => (-inputs.supply_v, self.drive_v),
+            Bridge::Brake => (0.0, self.brake_v),
+            Bridge::Coast => (0.0, inputs.supply_v + 2.0 * self.diode_v),
+        }
+    }
+}
+
+/// Constants of the motor, seen at its own shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcMotorParameters {
+    /// Armature resistance, positive.
+    pub resistance_ohm: f64,
+    /// Armature inductance, positive.
+    pub inductance_h: f64,
+    /// Torque constant, equal to the voltage constant in V s/rad; positive.
+    pub torque_constant_nm_per_a: f64,
+    /// Inertia of rotor and load, positive.
+    pub inertia_kg_m2: f64,
+    /// Viscous friction, not negative.
+    pub viscous_friction_nms_per_rad: f64,
+    /// Coulomb friction, also the torque it takes to break loose; not negative.
+    pub coulomb_friction_nm: f64,
+    /// Losses of the bridge.
+    pub bridge: BridgeLosses,
+}
+
+impl DcMotorParameters {
+    /// The PIVT-6 25/3A: electrical time constant 2 ms, mechanical 25 ms.
+    pub const PIVT6: Self = Self {
+        resistance_ohm: 5.84,
+        inductance_h: 11.7e-3,
+        torque_constant_nm_per_a: 0.072,
+        inertia_kg_m2: 2.22e-5,
+        viscous_friction_nms_per_rad: 5e-6,
+        coulomb_friction_nm: 0.0,
+        bridge: BridgeLosses::L293D,
+    };
+}
+
+/// The motor and its state.
+#[derive(Clone, Debug)]
+pub struct DcMotor {
+    parameters: DcMotorParameters,
+    state: State,
+    supply_v: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct State {
+    angle_rad: f64,
+    speed_rad_per_s: f64,
+    current_a: f64,
+}
+
+impl DcMotor {
+    /// A motor at rest.
+    ///
+    /// # Panics
+    /// If a parameter that has to be positive is not.
+    pub fn new(parameters: DcMotorParameters) -> Self {
+        let DcMotorParameters { resistance_ohm, inductance_h, torque_constant_nm_per_a, inertia_kg_m2, .. } =
+            parameters;
+        for (name, value) in [
+            ("resistance_ohm", resistance_ohm),
+            ("inductance_h", inductance_h),
+            ("torque_constant_nm_per_a", torque_constant_nm_per_a),
+            ("inertia_kg_m2", inertia_kg_m2),
+        ] {
+            assert!(value > 0.0, "{name} must be positive, not {value}");
+        }
+        Self { parameters, state: State::default(), supply_v: 0.0 }
+    }
+
+    /// The constants it was made with.
+    pub fn parameters(&self) -> &DcMotorParameters {
+        &self.parameters
+    }
+
+    /// Sets the shaft turning, as an outside drive would.
+    pub fn set_speed_rad_per_s(&mut self, speed_rad_per_s: f64) {
+        self.state.speed_rad_per_s = speed_rad_per_s;
+    }
+
+    /// Advances through one stretch, from event to event.
+    fn stretch(&mut self, dt_s: f64, inputs: &Inputs) {
+        let mut left_s = dt_s;
+        for _ in 0..MAX_EVENTS {
+            let mode = Mode::of(&self.parameters, &self.state, inputs);
+            let end = mode.solve(&self.parameters, &self.state, left_s);
+            if mode.margin(&self.parameters, &end) >= 0.0 {
+                self.state = end;
+                return;
+            }
+            let event_s = mode.event_s(&self.parameters, &self.state, left_s);
+            self.state = mode.hold(mode.solve(&self.parameters, &self.state, event_s));
+            left_s -= event_s;
+        }
+    }
+}
+
+impl Default for DcMotor {
+    fn default() -> Self {
+        Self::new(DcMotorParameters::PIVT6)
+    }
+}
+
+impl Plant for DcMotor {
+    fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
+        self.supply_v = inputs.supply_v;
+        if inputs.blocked {
+            self.state.speed_rad_per_s = 0.0;
+        }
+        let mut left_s = dt_s;
+        while left_s > 0.0 {
+            self.stretch(left_s.min(LONGEST_STEP_S), inputs);
+            left_s -= LONGEST_STEP_S;
+        }
+    }
+
+    fn angle_rad(&self) -> f64 {
+        self.state.angle_rad
+    }
+
+    fn speed_rad_per_s(&self) -> f64 {
+        self.state.speed_rad_per_s
+    }
+
+    fn current_a(&self) -> f64 {
+        self.state.current_a
+    }
+
+    fn supply_v(&self) -> f64 {
+        self.supply_v
+    }
+}
+
+/// Which of the two sign terms hold their quantity at zero, and the constant inputs otherwise.
+struct Mode {
+    /// Sign of the current; 0 while the diodes hold it at zero.
+    current: f64,
+    /// Sign of the speed; 0 while friction holds the shaft.
+    speed: f64,
+    source_v: f64,
+    drop_v: f64,
+    load_torque_nm: f64,
+    blocked: bool,
+}
+
+impl Mode {
+    fn of(p: &DcMotorParameters, state: &State, inputs: &Inputs) -> Self {
+        let (source_v, drop_v) = p.bridge.source_and_drop_v(inputs);
+        let open_v = source_v - p.torque_constant_nm_per_a * state.speed_rad_per_s;
+        let free_nm = p.torque_constant_nm_per_a * state.current_a - inputs.load_torque_nm;
+        let speed = match inputs.blocked {
+            true => 0.0,
+            false => direction(state.speed_rad_per_s, free_nm, p.coulomb_friction_nm),
+        };
+        Self {
+            current: direction(state.current_a, open_v, drop_v),
+            speed,
+            source_v,
+            drop_v,
+            load_torque_nm: inputs.load_torque_nm,
+            blocked: inputs.blocked,
+        }
+    }
+
+    /// Not negative as long as the state still belongs to this mode.
+    fn margin(&self, p: &DcMotorParameters, state: &State) -> f64 {
+        let current = if self.current != 0.0 {
+            if self.drop_v > 0.0 { self.current * state.current_a } else { f64::INFINITY }
+        } else {
+            self.drop_v - (self.source_v - p.torque_constant_nm_per_a * state.speed_rad_per_s).abs()
+        };
+        let speed = if self.speed != 0.0 {
+            if p.coulomb_friction_nm > 0.0 { self.speed * state.speed_rad_per_s } else { f64::INFINITY }
+        } else if self.blocked {
+            f64::INFINITY
+        } else {
+            p.coulomb_friction_nm - (p.torque_constant_nm_per_a * state.current_a - self.load_torque_nm).abs()
+        };
+        current.min(speed)
+    }
+
+    /// When the margin becomes negative, given that it is so after `end_s`; the returned instant is just beyond.
+    fn event_s(&self, p: &DcMotorParameters, start: &State, end_s: f64) -> f64 {
+        let (mut inside, mut beyond) = (0.0, end_s);
+        for _ in 0..ROOT_STEPS {
+            let middle = 0.5 * (inside + beyond);
+            match self.margin(p, &self.solve(p, start, middle)) >= 0.0 {
+                true => inside = middle,
+                false => beyond = middle,
+            }
+        }
+        beyond
+    }
+
+    /// Puts what has just crossed zero exactly there, so that the next mode can hold it.
+    fn hold(&self, mut state: State) -> State {
+        if self.current * state.current_a < 0.0 {
+            state.current_a = 0.0;
+        }
+        if self.speed * state.speed_rad_per_s < 0.0 {
+            state.speed_rad_per_s = 0.0;
+        }
+        state
+    }
+
+    /// The state `t` seconds later if the mode does not change.
+    fn solve(&self, p: &DcMotorParameters, start: &State, t: f64) -> State {
+        let voltage_v = self.source_v - self.current * self.drop_v;
+        let torque_nm = -self.load_torque_nm - self.speed * p.coulomb_friction_nm;
+        let (l, j, k) = (p.inductance_h, p.inertia_kg_m2, p.torque_constant_nm_per_a);
+        match (self.speed != 0.0, self.current != 0.0) {
+            (true, true) => {
+                let a = [[-p.viscous_friction_nms_per_rad / j, k / j], [-k / l, -p.resistance_ohm / l]];
+                both_moving(a, [torque_nm / j, voltage_v / l], start, t)
+            }
+            (true, false) => {
+                let (speed_rad_per_s, turned_rad) =
+                    first_order(p.viscous_friction_nms_per_rad / j, torque_nm / j, start.speed_rad_per_s, t);
+                State { angle_rad: start.angle_rad + turned_rad, speed_rad_per_s, current_a: 0.0 }
+            }
+            (false, true) => {
+                let (current_a, _) = first_order(p.resistance_ohm / l, voltage_v / l, start.current_a, t);
+                State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a }
+            }
+            (false, false) => State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a: 0.0 },
+        }
+    }
+}
+
+/// The sign in which a quantity moves: its own, or that of what drives it from zero, or 0 if `hold` resists that.
+fn direction(value: f64, drive: f64, hold: f64) -> f64 {
+    if value != 0.0 {
+        value.signum()
+    } else if drive.abs() > hold || hold == 0.0 {
+        drive.signum()
+    } else {
+        0.0
+    }
+}
+
+/// `x' = u - a x`: the value after `t` and its integral.
+fn first_order(a: f64, u: f64, x: f64, t: f64) -> (f64, f64) {
+    let (z, slope) = (-a * t, u - a * x);
+    let phi1 = if z.abs() < 1e-8 { 1.0 + z / 2.0 } else { z.exp_m1() / z };
+    // The quotient loses digits for small arguments, where the series has long converged.
+    let phi2 = if z.abs() < 1e-4 { 0.5 + z / 6.0 + z * z / 24.0 } else { (phi1 - 1.0) / z };
+    (x + slope * t * phi1, x * t + slope * t * t * phi2)
+}
+
+type Matrix = [[f64; 2]; 2];
+
+/// `x' = A x + u` with `x` = (speed, current), by the exponential of the 2x2 matrix.
+fn both_moving(a: Matrix, u: [f64; 2], start: &State, t: f64) -> State {
+    let x = [start.speed_rad_per_s, start.current_a];
+    let slope = [a[0][0] * x[0] + a[0][1] * x[1] + u[0], a[1][0] * x[0] + a[1][1] * x[1] + u[1]];
+    let determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+    let inverse = [[a[1][1] / determinant, -a[0][1] / determinant], [-a[1][0] / determinant, a[0][0] / determinant]];
+    let e = exponential(a, determinant, t);
+    // Integral of the exponential, and the integral of that for the angle.
+    let once = times(inverse, [[e[0][0] - 1.0, e[0][1]], [e[1][0], e[1][1] - 1.0]]);
+    let twice = times(inverse, [[once[0][0] - t, once[0][1]], [once[1][0], once[1][1] - t]]);
+    State {
+        angle_rad: start.angle_rad + x[0] * t + twice[0][0] * slope[0] + twice[0][1] * slope[1],
+        speed_rad_per_s: x[0] + once[0][0] * slope[0] + once[0][1] * slope[1],
+        current_a: x[1] + once[1][0] * slope[0] + once[1][1] * slope[1],
+    }
+}
+
+/// `exp(A t)` for real, double or complex eigenvalues `m +- s`.
+fn exponential(a: Matrix, determinant: f64, t: f64) -> Matrix {
+    let m = 0.5 * (a[0][0] + a[1][1]);
+    let discriminant = m * m - determinant;
+    let s = discriminant.abs().sqrt();
+    let (cosine, sine_over_s) = if s * t < 1e-6 {
+        let scale = (m * t).exp();
+        (scale, scale * t)
+    } else if discriminant > 0.0 {
+        let (slow, fast) = (((m + s) * t).exp(), ((m - s) * t).exp());
+        (0.5 * (slow + fast), 0.5 * (slow - fast) / s)
+    } else {
+        let (scale, (sine, cosine)) = ((m * t).exp(), (s * t).sin_cos());
+        (scale * cosine, scale * sine / s)
+    };
+    [
+        [cosine + sine_over_s * (a[0][0] - m), sine_over_s * a[0][1]],
+        [sine_over_s * a[1][0], cosine + sine_over_s * (a[1][1] - m)],
+    ]
+}
+
+fn times(a: Matrix, b: Matrix) -> Matrix {
+    let cell = |r: usize, c: usize| a[r][0] * b[0][c] + a[r][1] * b[1][c];
+    [[cell(0, 0), cell(0, 1)], [cell(1, 0), cell(1, 1)]]
+}
