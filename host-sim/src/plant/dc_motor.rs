@@ -15,8 +15,10 @@ use super::{Bridge, Inputs, Plant};
 const LONGEST_STEP_S: f64 = 100e-6;
 /// Bound on the changes of mode within one stretch; more would mean chattering without end.
 const MAX_EVENTS: usize = 64;
-/// Halvings and secant steps spent on locating an event: far below a processor cycle.
-const ROOT_STEPS: usize = 48;
+/// How closely an event is located: a thousandth of a processor cycle.
+const EVENT_TOLERANCE_S: f64 = 6e-11;
+/// Bound on the steps for it.
+const ROOT_STEPS: usize = 60;
 
 /// Voltages lost in the bridge, taken as constant while current flows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -225,15 +227,33 @@ impl Mode {
 
     /// When the margin becomes negative, given that it is so after `end_s`; the returned instant is just beyond.
     fn event_s(&self, p: &DcMotorParameters, start: &State, end_s: f64) -> f64 {
-        let (mut inside, mut beyond) = (0.0, end_s);
-        for _ in 0..ROOT_STEPS {
-            let middle = 0.5 * (inside + beyond);
-            match self.margin(p, &self.solve(p, start, middle)) >= 0.0 {
-                true => inside = middle,
-                false => beyond = middle,
+        let margin_at = |t| self.margin(p, &self.solve(p, start, t));
+        // Regula falsi; halving the value of an end that stays (Illinois) keeps both ends moving.
+        let (mut inside, mut beyond) = ((0.0, margin_at(0.0).max(0.0)), (end_s, margin_at(end_s)));
+        let mut last_was_inside = None;
+        for step in 0..ROOT_STEPS {
+            if beyond.0 - inside.0 < EVENT_TOLERANCE_S {
+                break;
             }
+            // Every third step halves the bracket, whatever the shape of the margin.
+            let fraction = if step % 3 == 2 { 0.5 } else { inside.1 / (inside.1 - beyond.1) };
+            // At least the tolerance away from either end, so that a root close to one end is enclosed at once.
+            let margin_s = 0.5 * EVENT_TOLERANCE_S;
+            let t = (inside.0 + fraction * (beyond.0 - inside.0)).clamp(inside.0 + margin_s, beyond.0 - margin_s);
+            let margin = margin_at(t);
+            let is_inside = margin >= 0.0;
+            if is_inside {
+                inside = (t, margin);
+            } else {
+                beyond = (t, margin);
+            }
+            if last_was_inside == Some(is_inside) {
+                let staying = if is_inside { &mut beyond.1 } else { &mut inside.1 };
+                *staying *= 0.5;
+            }
+            last_was_inside = Some(is_inside);
         }
-        beyond
+        beyond.0
     }
 
     /// Puts what has just crossed zero exactly there, so that the next mode can hold it.
