@@ -64,11 +64,19 @@ next:
     ld   r17, Z
     sbrc r27, 7
     rjmp fetch
+    sbrc r27, 6
+    rjmp program
     st   X, r17
     rjmp done
 fetch:
     andi r27, 0x7F
     ld   r17, X
+    rjmp done
+program:
+    out  EEARL, r26
+    out  EEDR, r17
+    sbi  EECR, EEMPE
+    sbi  EECR, EEPE
 done:
     st   Z+, r17
     dec  r18

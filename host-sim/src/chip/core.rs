@@ -270,7 +270,7 @@ impl<W: World> Chip<W> {
     /// [`Chip::stack_free_bytes`].
     pub fn paint_stack(&mut self, first_free: u16) {
         let cpu = self.core.cpu();
-        (first_free.max(SRAM_START)..self.stack_pointer()).for_each(|address| cpu.write(address, PAINT));
+        (first_free.max(SRAM_START)..=self.stack_pointer()).for_each(|address| cpu.write(address, PAINT));
     }
 
     /// Bytes between `first_free` and the deepest point that the stack has reached since [`Chip::paint_stack`].

@@ -613,4 +613,7 @@ unsafe extern "C" fn on_invalid_opcode<D: Device>(_: *mut sim::avr_irq_t, opcode
     // SAFETY: registered with the block as its parameter.
     let shared = unsafe { &*block.cast::<Shared<D>>() };
     shared.notify(|device, cpu| device.invalid_opcode(cpu, opcode as u16));
+    // simavr would step over it and go on.
+    // SAFETY: called while the chip runs, on its own behalf.
+    unsafe { (*shared.cpu.avr).state = sim::cpu_Crashed as c_int };
 }

@@ -71,23 +71,18 @@ impl Agent {
 
     /// Has the program write `value` to each address, one right after the other.
     pub fn write(&mut self, list: &[(u16, u8)]) {
-        self.execute(list);
+        execute(&mut self.chip, list);
     }
 
     /// Has the program read a register.
     pub fn read(&mut self, address: u16) -> u8 {
-        self.execute(&[(address | 0x8000, 0)]);
+        execute(&mut self.chip, &[(address | 0x8000, 0)]);
         self.chip.read(ENTRIES + 2)
     }
 
-    fn execute(&mut self, list: &[(u16, u8)]) {
-        for (place, (address, value)) in (ENTRIES..).step_by(3).zip(list) {
-            let [low, high] = address.to_le_bytes();
-            [low, high, *value].into_iter().zip(place..).for_each(|(byte, at)| self.chip.write(at, byte));
-        }
-        self.chip.write(LENGTH, list.len() as u8);
-        let done = self.chip.step_until(100_000, |chip| chip.read(LENGTH) == 0).unwrap();
-        assert!(done, "the agent does not answer");
+    /// Has the program start to write a byte into the EEPROM.
+    pub fn program(&mut self, address: u8, value: u8) {
+        execute(&mut self.chip, &[(0x4000 | u16::from(address), value)]);
     }
 
     /// How often an interrupt was served.
@@ -115,4 +110,15 @@ impl Agent {
         self.chip.world_mut().port_d = levels;
         self.chip.world_changed();
     }
+}
+
+/// Has the program `agent` of a chip execute a list.
+pub fn execute<W: World>(chip: &mut Chip<W>, list: &[(u16, u8)]) {
+    for (place, (address, value)) in (ENTRIES..).step_by(3).zip(list) {
+        let [low, high] = address.to_le_bytes();
+        [low, high, *value].into_iter().zip(place..).for_each(|(byte, at)| chip.write(at, byte));
+    }
+    chip.write(LENGTH, list.len() as u8);
+    let done = chip.step_until(100_000, |chip| chip.read(LENGTH) == 0).unwrap();
+    assert!(done, "the agent does not answer");
 }
