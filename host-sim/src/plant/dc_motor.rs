@@ -355,3 +355,177 @@ fn times(a: Matrix, b: Matrix) -> Matrix {
     let cell = |r: usize, c: usize| a[r][0] * b[0][c] + a[r][1] * b[1][c];
     [[cell(0, 0), cell(0, 1)], [cell(1, 0), cell(1, 1)]]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const IDEAL: DcMotorParameters = DcMotorParameters { bridge: BridgeLosses::IDEAL, ..DcMotorParameters::PIVT6 };
+    const WITH_FRICTION: DcMotorParameters =
+        DcMotorParameters { coulomb_friction_nm: 0.01, viscous_friction_nms_per_rad: 0.0, ..IDEAL };
+
+    fn inputs(bridge: Bridge) -> Inputs {
+        Inputs { bridge, ..Inputs::default() }
+    }
+
+    fn after(parameters: DcMotorParameters, dt_s: f64, inputs: &Inputs) -> DcMotor {
+        let mut motor = DcMotor::new(parameters);
+        motor.advance(dt_s, inputs);
+        motor
+    }
+
+    /// The equations of the ideal bridge again, by many small steps of the classical Runge-Kutta method.
+    fn runge_kutta(p: &DcMotorParameters, voltage_v: f64, dt_s: f64, steps: u32) -> [f64; 3] {
+        let slope = |x: [f64; 3]| {
+            let current = (voltage_v - p.resistance_ohm * x[2] - p.torque_constant_nm_per_a * x[1]) / p.inductance_h;
+            let torque = p.torque_constant_nm_per_a * x[2] - p.viscous_friction_nms_per_rad * x[1];
+            [x[1], torque / p.inertia_kg_m2, current]
+        };
+        let ahead = |x: [f64; 3], d: [f64; 3], h: f64| std::array::from_fn(|i| x[i] + h * d[i]);
+        let h = dt_s / f64::from(steps);
+        (0..steps).fold([0.0; 3], |x, _| {
+            let a = slope(x);
+            let b = slope(ahead(x, a, h / 2.0));
+            let c = slope(ahead(x, b, h / 2.0));
+            let d = slope(ahead(x, c, h));
+            std::array::from_fn(|i| x[i] + h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]))
+        })
+    }
+
+    fn assert_close(motor: &DcMotor, expected: [f64; 3]) {
+        for (value, expected) in [motor.angle_rad(), motor.speed_rad_per_s(), motor.current_a()].iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-9 * (1.0 + expected.abs()), "{motor:?} instead of {expected}");
+        }
+    }
+
+    #[test]
+    fn agrees_with_runge_kutta_for_real_and_complex_eigenvalues() {
+        let oscillating = DcMotorParameters { inertia_kg_m2: 2e-6, ..IDEAL };
+        for parameters in [IDEAL, oscillating] {
+            let motor = after(parameters, 0.03, &inputs(Bridge::Forward));
+            assert_close(&motor, runge_kutta(&parameters, 12.0, 0.03, 20_000));
+        }
+    }
+
+    #[test]
+    fn many_short_steps_are_one_long_step() {
+        let one = after(DcMotorParameters::PIVT6, 0.02, &inputs(Bridge::Forward));
+        let mut many = DcMotor::default();
+        (0..320_000).for_each(|_| many.advance(62.5e-9, &inputs(Bridge::Forward)));
+        let expected = [one.angle_rad(), one.speed_rad_per_s(), one.current_a()];
+        for (value, expected) in [many.angle_rad(), many.speed_rad_per_s(), many.current_a()].iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-8 * expected.abs(), "{value} {expected}");
+        }
+    }
+
+    #[test]
+    fn an_electrical_time_constant_of_a_microsecond_is_no_difficulty() {
+        let stiff = DcMotorParameters { inductance_h: 5.84e-6, ..IDEAL };
+        let motor = after(stiff, 0.025, &inputs(Bridge::Forward));
+        // Then the speed rises with J R / k^2 alone.
+        let k = IDEAL.torque_constant_nm_per_a;
+        let damping = k * k / IDEAL.resistance_ohm + IDEAL.viscous_friction_nms_per_rad;
+        let end = k * 12.0 / IDEAL.resistance_ohm / damping;
+        let expected = end * (1.0 - (-0.025 * damping / IDEAL.inertia_kg_m2).exp());
+        assert!((motor.speed_rad_per_s() / expected - 1.0).abs() < 1e-3, "{motor:?} {expected}");
+    }
+
+    #[test]
+    fn reaches_the_speed_of_the_balance_of_torques() {
+        let loaded = Inputs { load_torque_nm: -0.02, ..inputs(Bridge::Reverse) };
+        let motor = after(DcMotorParameters::PIVT6, 1.0, &loaded);
+        let p = DcMotorParameters::PIVT6;
+        let (k, r, b) = (p.torque_constant_nm_per_a, p.resistance_ohm, p.viscous_friction_nms_per_rad);
+        // The load works against this direction. Driving loses 2.6 V as long as the current flows in the driving direction.
+        let speed = (-(12.0 - 2.6) * k / r + 0.02) / (b + k * k / r);
+        assert!((motor.speed_rad_per_s() - speed).abs() < 1e-6, "{motor:?} {speed}");
+        assert!((motor.current_a() - (b * speed - 0.02) / k).abs() < 1e-6);
+    }
+
+    #[test]
+    fn friction_holds_until_the_torque_exceeds_it() {
+        let below = Inputs { supply_v: 0.8, ..inputs(Bridge::Forward) };
+        let motor = after(WITH_FRICTION, 1.0, &below);
+        assert_eq!((motor.speed_rad_per_s(), motor.angle_rad()), (0.0, 0.0));
+        assert!((motor.current_a() - 0.8 / 5.84).abs() < 1e-9);
+        let above = Inputs { supply_v: 0.82, ..below };
+        assert!(after(WITH_FRICTION, 1.0, &above).angle_rad() > 0.0);
+    }
+
+    #[test]
+    fn break_away_comes_at_its_exact_time() {
+        // i(t) = V / R (1 - exp(-t R / L)) reaches c / k.
+        let current_a = WITH_FRICTION.coulomb_friction_nm / WITH_FRICTION.torque_constant_nm_per_a;
+        let time_s = -11.7e-3 / 5.84 * (1.0 - current_a * 5.84 / 12.0_f64).ln();
+        let drive = inputs(Bridge::Forward);
+        assert_eq!(after(WITH_FRICTION, time_s - 2e-9, &drive).speed_rad_per_s(), 0.0);
+        assert!(after(WITH_FRICTION, time_s + 2e-7, &drive).speed_rad_per_s() > 0.0);
+    }
+
+    #[test]
+    fn friction_stops_the_shaft_for_good() {
+        let mut motor = DcMotor::new(WITH_FRICTION);
+        motor.set_speed_rad_per_s(45.0);
+        // Open circuit: 0.01 Nm stop 45 rad/s in J w / c.
+        let time_s = 2.22e-5 * 45.0 / 0.01;
+        motor.advance(time_s * 0.999, &inputs(Bridge::Coast));
+        assert!(motor.speed_rad_per_s() > 0.0);
+        motor.advance(time_s * 0.002, &inputs(Bridge::Coast));
+        assert_eq!(motor.speed_rad_per_s(), 0.0);
+        assert!((motor.angle_rad() - 45.0 * time_s / 2.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn braking_stops_faster_than_coasting() {
+        let run_out = |bridge| {
+            let mut motor = DcMotor::new(IDEAL);
+            motor.set_speed_rad_per_s(100.0);
+            motor.advance(0.03, &inputs(bridge));
+            motor
+        };
+        let (coasting, braking) = (run_out(Bridge::Coast), run_out(Bridge::Brake));
+        assert_eq!(coasting.current_a(), 0.0, "open circuit");
+        assert!((coasting.speed_rad_per_s() - 100.0 * (-5e-6 / 2.22e-5 * 0.03_f64).exp()).abs() < 1e-9);
+        assert!(braking.speed_rad_per_s() < 40.0 && braking.current_a() < 0.0);
+    }
+
+    #[test]
+    fn coasting_current_flows_back_into_the_supply_and_stops_at_zero() {
+        let mut motor = after(DcMotorParameters::PIVT6, 0.002, &inputs(Bridge::Forward));
+        let current_a = motor.current_a();
+        // About L i / (supply + diodes + R i / 2): half a millisecond; meanwhile the speed hardly changes.
+        let against_v = 12.0 + 2.6 + 0.072 * motor.speed_rad_per_s();
+        let zero_s = 11.7e-3 / 5.84 * (1.0 + current_a * 5.84 / against_v).ln();
+        motor.advance(zero_s * 0.95, &inputs(Bridge::Coast));
+        assert!(motor.current_a() > 0.0);
+        motor.advance(zero_s * 0.10, &inputs(Bridge::Coast));
+        assert_eq!(motor.current_a(), 0.0);
+        motor.advance(0.01, &inputs(Bridge::Coast));
+        assert_eq!(motor.current_a(), 0.0);
+    }
+
+    #[test]
+    fn blocked_rotor_draws_the_stall_current() {
+        let blocked = Inputs { blocked: true, ..inputs(Bridge::Forward) };
+        let motor = after(DcMotorParameters::PIVT6, 0.1, &blocked);
+        assert!((motor.current_a() - (12.0 - 2.6) / 5.84).abs() < 1e-9);
+        assert_eq!((motor.angle_rad(), motor.speed_rad_per_s()), (0.0, 0.0));
+    }
+
+    #[test]
+    fn energy_is_conserved() {
+        // Supply energy = heat + kinetic + magnetic energy, summed over short steps.
+        let mut motor = DcMotor::new(IDEAL);
+        let (mut supplied_j, mut heat_j) = (0.0, 0.0);
+        let dt_s = 1e-6;
+        for _ in 0..50_000 {
+            let before = (motor.current_a(), motor.speed_rad_per_s());
+            motor.advance(dt_s, &inputs(Bridge::Forward));
+            let (current, speed) = (0.5 * (before.0 + motor.current_a()), 0.5 * (before.1 + motor.speed_rad_per_s()));
+            supplied_j += 12.0 * current * dt_s;
+            heat_j += (5.84 * current * current + 5e-6 * speed * speed) * dt_s;
+        }
+        let stored_j = 0.5 * 2.22e-5 * motor.speed_rad_per_s().powi(2) + 0.5 * 11.7e-3 * motor.current_a().powi(2);
+        assert!((supplied_j - heat_j - stored_j).abs() < 1e-6 * supplied_j, "{supplied_j} {heat_j} {stored_j}");
+    }
+}
