@@ -40,7 +40,7 @@ pub fn mul_i16(a: i16, b: i16) -> i32 {
                 options(pure, nomem, nostack)
             );
         }
-        ((high as u32) << 16 | low as u32) as i32
+        whole(low, high)
     }
     #[cfg(not(target_arch = "avr"))]
     {
@@ -119,12 +119,176 @@ pub fn mul_i16_u16(a: i16, b: u16) -> i32 {
                 options(pure, nomem, nostack)
             );
         }
-        ((high as u32) << 16 | low as u32) as i32
+        whole(low, high)
     }
     #[cfg(not(target_arch = "avr"))]
     {
         a as i32 * b as i32
     }
+}
+
+/// `sum + a * b`: exact as long as the sum stays within 32 bits, which the caller has to see to.
+#[inline(always)]
+pub fn multiply_add(sum: i32, a: i16, b: i16) -> i32 {
+    #[cfg(target_arch = "avr")]
+    {
+        let (mut low, mut high) = halves(sum);
+        // SAFETY: pure register arithmetic; r1, which the compiler holds at zero, is zero again at the end.
+        unsafe {
+            asm!(
+                "clr r26",
+                "muls r19, r21",
+                "add r24, r0",
+                "adc r25, r1",
+                "mul r18, r20",
+                "add r22, r0",
+                "adc r23, r1",
+                "adc r24, r26",
+                "adc r25, r26",
+                "mulsu r19, r20",
+                "sbc r25, r26",
+                "add r23, r0",
+                "adc r24, r1",
+                "adc r25, r26",
+                "mulsu r21, r18",
+                "sbc r25, r26",
+                "add r23, r0",
+                "adc r24, r1",
+                "adc r25, r26",
+                "clr r1",
+                inout("r23r22") low,
+                inout("r25r24") high,
+                in("r19r18") a,
+                in("r21r20") b,
+                out("r26") _,
+                options(pure, nomem, nostack)
+            );
+        }
+        whole(low, high)
+    }
+    #[cfg(not(target_arch = "avr"))]
+    {
+        sum + a as i32 * b as i32
+    }
+}
+
+/// The sum, or the nearest 32-bit number where it does not fit.
+///
+/// The compiler's own takes four times as long: the processor's overflow flag says what it computes by comparing.
+#[inline(always)]
+pub fn saturating_add_i32(a: i32, b: i32) -> i32 {
+    #[cfg(target_arch = "avr")]
+    {
+        let (mut low, mut high) = halves(a);
+        let (b_low, b_high) = halves(b);
+        // SAFETY: pure register arithmetic. After an overflow the sign is the wrong one.
+        unsafe {
+            asm!(
+                "add r22, r18",
+                "adc r23, r19",
+                "adc r24, r20",
+                "adc r25, r21",
+                "brvc 1f",
+                "lsl r25",
+                "sbc r22, r22",
+                "mov r23, r22",
+                "mov r24, r22",
+                "mov r25, r22",
+                "subi r25, 0x80",
+                "1:",
+                inout("r23r22") low,
+                inout("r25r24") high,
+                in("r19r18") b_low,
+                in("r21r20") b_high,
+                options(pure, nomem, nostack)
+            );
+        }
+        whole(low, high)
+    }
+    #[cfg(not(target_arch = "avr"))]
+    {
+        a.saturating_add(b)
+    }
+}
+
+/// The difference, or the nearest 16-bit number where it does not fit.
+#[inline(always)]
+pub fn saturating_sub_i16(a: i16, b: i16) -> i16 {
+    #[cfg(target_arch = "avr")]
+    {
+        let mut difference = a;
+        // SAFETY: pure register arithmetic. After an overflow the sign is the wrong one.
+        unsafe {
+            asm!(
+                "sub r24, r22",
+                "sbc r25, r23",
+                "brvc 1f",
+                "lsl r25",
+                "sbc r24, r24",
+                "mov r25, r24",
+                "subi r25, 0x80",
+                "1:",
+                inout("r25r24") difference,
+                in("r23r22") b,
+                options(pure, nomem, nostack)
+            );
+        }
+        difference
+    }
+    #[cfg(not(target_arch = "avr"))]
+    {
+        a.saturating_sub(b)
+    }
+}
+
+/// `value / 256`, rounded down, or the nearest 16-bit number.
+#[inline(always)]
+pub fn saturate_shift_8(value: i32) -> i16 {
+    #[cfg(target_arch = "avr")]
+    {
+        let (low, mut high) = halves(value);
+        let mut result = low;
+        // SAFETY: pure register arithmetic: the top byte must be the sign of the one below it.
+        unsafe {
+            asm!(
+                "mov r22, r23",
+                "mov r23, r24",
+                "lsl r24",
+                "sbc r24, r24",
+                "cp r24, r25",
+                "breq 1f",
+                "lsl r25",
+                "sbc r22, r22",
+                "com r22",
+                "mov r23, r22",
+                "subi r23, 0x80",
+                "1:",
+                inout("r23r22") result,
+                inout("r25r24") high,
+                options(pure, nomem, nostack)
+            );
+        }
+        let _ = high;
+        result as i16
+    }
+    #[cfg(not(target_arch = "avr"))]
+    {
+        saturate_i16(value >> 8)
+    }
+}
+
+/// Low and high half, as registers hold them.
+#[cfg(target_arch = "avr")]
+#[inline(always)]
+fn halves(value: i32) -> (u16, u16) {
+    (value as u16, (value as u32 >> 16) as u16)
+}
+
+/// The number of two halves.
+#[cfg(target_arch = "avr")]
+#[inline(always)]
+fn whole(low: u16, high: u16) -> i32 {
+    ((high as u32) << 16 | low as u32) as i32
 }
 
 /// The nearest 16-bit number: what a value beyond the range becomes.
@@ -150,6 +314,14 @@ mod tests {
             prop_assert_eq!(mul_i16(a, b) as i64, a as i64 * b as i64);
             prop_assert_eq!(mul_i16_u16(a, b as u16) as i64, a as i64 * b as u16 as i64);
             prop_assert_eq!(mul_u16(a as u16, b as u16) as i64, a as u16 as i64 * b as u16 as i64);
+        }
+
+        #[test]
+        fn sums_are_exact_or_saturate(sum in -1_000_000_000i32..1_000_000_000, a: i16, b: i16, c: i32, d: i32) {
+            prop_assert_eq!(multiply_add(sum, a, b) as i64, sum as i64 + a as i64 * b as i64);
+            prop_assert_eq!(saturating_add_i32(c, d), c.saturating_add(d));
+            prop_assert_eq!(saturating_sub_i16(a, b), a.saturating_sub(b));
+            prop_assert_eq!(saturate_shift_8(c) as i32, (c >> 8).clamp(i16::MIN as i32, i16::MAX as i32));
         }
 
         #[test]

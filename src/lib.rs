@@ -3,8 +3,13 @@
 #![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
 pub mod arith;
+pub mod encoder;
 pub mod excitation;
+pub mod limits;
+pub mod lqr;
 pub mod message;
+pub mod pid;
 pub mod pins;
 pub mod settings;
+pub mod trips;
 pub mod units;

@@ -67,7 +67,7 @@ settings! {
     // Trips.
     TripPeak "trip_peak" ["A"] = 1.2 in 0.05..=8.0, "over-current, for 5 ms";
     TripContinuous "trip_continuous" ["A"] = 0.6 in 0.05..=8.0, "over-current, thermal";
-    TripThermalTime "trip_thermal_time" ["s"] = 2.0 in 0.1..=60.0, "time constant of the thermal trip";
+    TripThermalTime "trip_thermal_time" ["s"] = 2.0 in 0.3..=60.0, "time constant of the thermal trip";
     TripStall "trip_stall" ["ms"] = 500.0 in 0.0..=10000.0, "driven and not turning, 0 off";
     TripEncoder "trip_encoder" ["ms"] = 200.0 in 0.0..=10000.0, "driven, no counts, no stall current, 0 off";
     TripRunaway "trip_runaway" ["ms"] = 100.0 in 0.0..=10000.0, "speeding up against the drive, 0 off";
@@ -87,7 +87,6 @@ settings! {
     PositionKi "position_ki" ["V/(rad s)"] = 0.0 in -100000.0..=100000.0, "position PID, integral";
     PositionKd "position_kd" ["V s/rad"] = 0.1 in -1000.0..=1000.0, "position PID, derivative";
     PositionTf "position_tf" ["ms"] = 2.0 in 0.0..=1000.0, "position PID, derivative filter";
-    PositionB "position_b" ["1"] = 1.0 in 0.0..=2.0, "position PID, setpoint weight";
     PositionKff "position_kff" ["V s/rad"] = 0.0 in -1000.0..=1000.0, "position PID, speed feed-forward";
     PositionTt "position_tt" ["ms"] = 50.0 in 1.0..=60000.0, "position PID, anti-windup tracking time";
     // LQR, speed: u = kr r - kw w - kc i + ki integral(r - w).

@@ -58,6 +58,8 @@ pub enum Rule {
     NotPositive,
     /// The value must be a power of two.
     NotPowerOfTwo,
+    /// The value is not one of those allowed.
+    NotAllowed,
     /// The value is not a number, or infinite.
     NotFinite,
 }

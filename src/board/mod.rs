@@ -1,0 +1,37 @@
+//! The Uno's registers: the only place that touches hardware, and the only one with `unsafe`.
+//!
+//! Interrupts and who waits for whom: the encoder's handler (47 cycles) is served first and nothing else may keep
+//! interrupts off for longer than 100 cycles, so that at 100,000 edges/s no edge is lost. The tick therefore takes its
+//! inputs with interrupts off and computes with interrupts on; the main loop never turns interrupts off for longer than
+//! a few loads and stores.
+
+pub mod adc;
+pub mod bridge;
+pub mod eeprom;
+pub mod encoder;
+pub mod serial;
+pub mod tick;
+pub mod watchdog;
+
+use avr_device::atmega328p::Peripherals;
+use motorbench_core::pins;
+
+/// Sets up everything, bridge first and off; interrupts stay disabled until all handlers may run.
+pub fn start(peripherals: &Peripherals) {
+    bridge::start(peripherals);
+    // Inputs with pull-up: encoder (open collector outputs are common) and emergency stop.
+    let inputs = pins::ENCODER_A.mask() | pins::ENCODER_B.mask() | pins::EMERGENCY_STOP.mask();
+    // SAFETY: any value is valid for a port's output register.
+    peripherals.PORTD.portd().modify(|r, w| unsafe { w.bits(r.bits() | inputs) });
+    serial::start(peripherals);
+    adc::start(peripherals);
+    encoder::start(peripherals);
+    tick::start(peripherals);
+}
+
+/// The registers, for interrupt handlers.
+pub fn registers() -> Peripherals {
+    // SAFETY: which register belongs to whom is settled in this module; handlers and main loop share none that is
+    // written by read, change, write in both, but PORTD, PORTB and TCCR1A, which only the tick writes after the start.
+    unsafe { Peripherals::steal() }
+}

@@ -1,0 +1,237 @@
+//! The control tick: Timer0's compare A, every 250 counts of 64 cycles (125 at 2 kHz), without drift.
+//!
+//! The handler takes its inputs with interrupts off (the encoder waits), then lets them on and computes. Tick and main
+//! loop share the control loop by turns: the main loop touches it only right after a tick, with the tick's interrupt
+//! held back for a few microseconds.
+
+use super::{adc, bridge, encoder, registers, watchdog};
+use avr_device::atmega328p::Peripherals;
+use avr_device::interrupt::CriticalSection;
+use core::mem::MaybeUninit;
+use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig, duty_scale};
+use motorbench_core::message::{Request, Sample, Trip};
+use motorbench_core::pins;
+
+/// The control loop; written before the first tick.
+static mut LOOP: MaybeUninit<ControlLoop> = MaybeUninit::uninit();
+/// What the tick saw last. Named, so that a simulation can read it.
+#[unsafe(no_mangle)]
+static mut TICK_INPUTS: Inputs = Inputs {
+    edges: motorbench_core::encoder::Edges { count: 0, step: 0, coarse: 0, fine: 0, illegal: 0 },
+    tick_coarse: 0,
+    current_sum: 0,
+    tacho: 0,
+    supply: 0,
+    duty_scale: 0,
+    flags: 0,
+};
+/// The request that waits for the next tick. Named, so that a simulation can read it.
+#[unsafe(no_mangle)]
+static mut TICK_REQUEST: Option<Request> = None;
+
+/// Samples on their way to the main loop: one writer, one reader, a power of two.
+static mut SAMPLES: [MaybeUninit<Sample>; RING] = [const { MaybeUninit::uninit() }; RING];
+const RING: usize = 4;
+
+/// Bytes that tick and main loop share; one writer each.
+struct Shared {
+    /// Ticks, modulo 256.
+    ticks: u8,
+    /// Samples put into the ring, modulo 256.
+    written: u8,
+    /// Samples taken out, modulo 256.
+    read: u8,
+    /// Samples that found the ring full, modulo 2^16.
+    dropped: u16,
+    /// Flags of the next [`Inputs`].
+    flags: u8,
+    duty_scale: u16,
+    /// Timer0 counts of one tick.
+    period: u8,
+    coasting: bool,
+    hung: bool,
+}
+
+static mut SHARED: Shared = Shared {
+    ticks: 0,
+    written: 0,
+    read: 0,
+    dropped: 0,
+    flags: 0,
+    duty_scale: 0,
+    period: 250,
+    coasting: false,
+    hung: false,
+};
+
+macro_rules! shared {
+    ($field:ident) => {
+        // SAFETY: one byte, or read and written with interrupts off; volatile, because two contexts share it.
+        unsafe { (&raw const SHARED.$field).read_volatile() }
+    };
+    ($field:ident = $value:expr) => {
+        // SAFETY: as above; each field has one writer at a time.
+        unsafe { (&raw mut SHARED.$field).write_volatile($value) }
+    };
+}
+
+const OCIE0A: u8 = 0b10;
+
+/// Makes the control loop; to be called before [`enable`].
+pub fn prepare(config: LoopConfig, period: u8, coasting: bool) {
+    let edges = encoder::edges(&registers());
+    // SAFETY: the tick is not enabled yet.
+    unsafe { (*(&raw mut LOOP)).write(ControlLoop::new(config, edges)) };
+    shared!(period = period);
+    shared!(coasting = coasting);
+}
+
+/// Prepares the timer; it already runs as the encoder's time stamp.
+pub fn start(p: &Peripherals) {
+    // SAFETY: any value is valid.
+    p.TC0.ocr0a().write(|w| unsafe { w.bits(p.TC0.tcnt0().read().bits().wrapping_add(250)) });
+}
+
+/// Lets the tick run.
+pub fn enable(p: &Peripherals) {
+    // SAFETY: the compare interrupt and nothing else.
+    p.TC0.timsk0().write(|w| unsafe { w.bits(OCIE0A) });
+}
+
+/// Runs `work` on the control loop, right after a tick and undisturbed by the next.
+pub fn with_loop<T>(work: impl FnOnce(&mut ControlLoop) -> T) -> T {
+    wait();
+    let p = registers();
+    // SAFETY: no interrupt of this timer; between two ticks by the wait above.
+    p.TC0.timsk0().write(|w| unsafe { w.bits(0) });
+    // SAFETY: the tick, the only other user, cannot run now.
+    let result = work(unsafe { (*(&raw mut LOOP)).assume_init_mut() });
+    enable(&p);
+    result
+}
+
+/// Waits for the end of the next tick.
+pub fn wait() {
+    let now = shared!(ticks);
+    while shared!(ticks) == now {
+        mark_alive();
+    }
+}
+
+/// Hands a request to the next tick and waits until it is taken.
+pub fn request(request: Request) {
+    avr_device::interrupt::free(|_| {
+        // SAFETY: interrupts are off and the tick has taken the request before.
+        unsafe { (&raw mut TICK_REQUEST).write(Some(request)) }
+    });
+    wait();
+}
+
+/// The next sample that was not taken yet.
+pub fn next_sample() -> Option<Sample> {
+    let read = shared!(read);
+    if read == shared!(written) {
+        return None;
+    }
+    // SAFETY: this place was written before `written` passed it, and is not written again before `read` does.
+    let sample = unsafe { (*(&raw const SAMPLES))[read as usize % RING].assume_init() };
+    shared!(read = read.wrapping_add(1));
+    Some(sample)
+}
+
+/// Samples lost because the main loop did not take them.
+pub fn dropped() -> u16 {
+    avr_device::interrupt::free(|_| shared!(dropped))
+}
+
+/// Tells the tick that the main loop goes round, and whether the host has spoken; and the scale of the supply.
+pub fn keep_alive(host_spoke: bool, supply: i16) {
+    let scale = duty_scale(supply);
+    let flags = Inputs::MAIN_LOOP_ALIVE | if host_spoke { Inputs::HOST_SPOKE } else { 0 };
+    avr_device::interrupt::free(|_| {
+        shared!(flags = shared!(flags) | flags);
+        shared!(duty_scale = scale);
+    });
+}
+
+/// Marks the main loop as alive while it waits.
+pub fn mark_alive() {
+    avr_device::interrupt::free(|_| shared!(flags = shared!(flags) | Inputs::MAIN_LOOP_ALIVE));
+}
+
+/// Changes tick rate and wiring; between two ticks.
+pub fn set_hardware(period: u8, coasting: bool) {
+    avr_device::interrupt::free(|_| {
+        shared!(period = period);
+        shared!(coasting = coasting);
+    });
+}
+
+/// Everything the tick sees, at one instant. Interrupts are off.
+#[inline(always)]
+fn take_inputs(p: &Peripherals) -> &'static Inputs {
+    // SAFETY: in a handler, interrupts are off.
+    let cs = unsafe { CriticalSection::new() };
+    let (current_sum, tacho, supply) = adc::latest(cs);
+    let tick_coarse = p.TC0.ocr0a().read().bits();
+    // SAFETY: any value is valid.
+    p.TC0.ocr0a().write(|w| unsafe { w.bits(tick_coarse.wrapping_add(shared!(period))) });
+    let pressed = p.PORTD.pind().read().bits() & pins::EMERGENCY_STOP.mask() == 0;
+    let flags = shared!(flags) | if pressed { Inputs::EMERGENCY_STOP } else { 0 };
+    shared!(flags = 0);
+    let edges = encoder::edges(p);
+    let inputs = Inputs { edges, tick_coarse, current_sum, tacho, supply, duty_scale: shared!(duty_scale), flags };
+    // SAFETY: the tick does not nest, and nobody else uses the inputs.
+    unsafe {
+        (&raw mut TICK_INPUTS).write(inputs);
+        &*(&raw const TICK_INPUTS)
+    }
+}
+
+/// The control tick.
+#[avr_device::interrupt(atmega328p)]
+fn TIMER0_COMPA() {
+    let p = registers();
+    let inputs = take_inputs(&p);
+    // The tick must not interrupt itself, everything else may.
+    // SAFETY: no interrupt of this timer until the end.
+    p.TC0.timsk0().write(|w| unsafe { w.bits(0) });
+    // SAFETY: everything shared has been taken.
+    unsafe { avr_device::interrupt::enable() };
+    // SAFETY: written before the tick was enabled; the main loop keeps away while the tick may run.
+    let control = unsafe { (*(&raw mut LOOP)).assume_init_mut() };
+    // SAFETY: the main loop writes a request only when the one before was taken.
+    let request = unsafe { (*(&raw mut TICK_REQUEST)).take() };
+    let drive = control.tick(request, inputs);
+    bridge::apply(&p, &drive, shared!(coasting));
+    put(control.sample());
+    guard(control.sample().trip);
+    avr_device::interrupt::disable();
+    enable(&p);
+    shared!(ticks = shared!(ticks).wrapping_add(1));
+}
+
+/// Puts the sample into the ring.
+#[inline(always)]
+fn put(sample: &Sample) {
+    let written = shared!(written);
+    if written.wrapping_sub(shared!(read)) as usize >= RING {
+        avr_device::interrupt::free(|_| shared!(dropped = shared!(dropped).wrapping_add(1)));
+        return;
+    }
+    // SAFETY: the reader is not at this place.
+    unsafe { (*(&raw mut SAMPLES))[written as usize % RING].write(*sample) };
+    shared!(written = written.wrapping_add(1));
+}
+
+/// Feeds the watchdog as long as the main loop lives; a hang is reported after the reset that follows.
+#[inline(always)]
+fn guard(trip: Trip) {
+    if trip == Trip::MainLoopHung && !shared!(hung) {
+        shared!(hung = true);
+        watchdog::main_loop_hung();
+    }
+    if !shared!(hung) {
+        avr_device::asm::wdr();
+    }
+}

@@ -1,0 +1,502 @@
+//! One tick of the control loop: measure, watch, follow the reference, control, compensate, drive.
+//!
+//! The same [`ControlLoop::tick`] runs in the Uno's timer interrupt and in every simulation on the host. It sees the
+//! hardware only as [`Inputs`] and acts on it only through [`Drive`], so the same inputs give the same outputs, bit for
+//! bit, wherever it runs.
+
+use crate::arith::{mul_i16_u16, mul_u16, saturate_i16};
+use crate::compensation::CompensationConfig;
+use crate::current::{CurrentConfig, CurrentState};
+use crate::encoder::{Edges, SpeedConfig, SpeedState};
+use crate::excitation::{Bridge, Player};
+use crate::limits::{Limits, LimitsConfig};
+use crate::low_pass::{LowPassConfig, LowPassState};
+use crate::lqr::{LqrConfig, LqrState};
+use crate::message::{Mode, Request, Sample, State, Trip};
+use crate::pid::{PidConfig, PidState};
+use crate::pins::PWM_STEPS;
+use crate::settings::{BuildError, Param, Settings};
+use crate::tachogenerator::{TachoConfig, TachoState};
+use crate::trajectory::{PositionProfile, SpeedProfile, TrajectoryConfig};
+use crate::trips::{Observation, TripsConfig, TripsState};
+use crate::units::{Rule, VOLT, quantise};
+
+/// What the hardware has measured when a tick begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[repr(C)]
+pub struct Inputs {
+    /// What the encoder's interrupt handler keeps.
+    pub edges: Edges,
+    /// Timer0 at the tick's instant, 64 cycles a count.
+    pub tick_coarse: u8,
+    /// Sum of the last eight conversions of the current sensor, 0..=8184.
+    pub current_sum: u16,
+    /// Last conversion of the tachogenerator, 0..=1023.
+    pub tacho: u16,
+    /// Last conversion of the supply divider, 0..=1023.
+    pub supply: u16,
+    /// [`duty_scale`] of the supply, kept by the main loop.
+    pub duty_scale: u16,
+    /// [`Inputs::EMERGENCY_STOP`] and the other bits.
+    pub flags: u8,
+}
+
+impl Inputs {
+    /// The emergency stop is pressed.
+    pub const EMERGENCY_STOP: u8 = 1;
+    /// The host has said something valid since the last tick.
+    pub const HOST_SPOKE: u8 = 2;
+    /// The main loop has gone round since the last tick.
+    pub const MAIN_LOOP_ALIVE: u8 = 4;
+}
+
+/// What the bridge does until the next tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Drive {
+    /// -800..=800 PWM steps.
+    pub duty: i16,
+    /// Whether the bridge drives, brakes or coasts.
+    pub bridge: Bridge,
+}
+
+/// PWM steps per bit of voltage, times 2^16, at a supply in bits of voltage: division, so not for the tick.
+pub fn duty_scale(supply: i16) -> u16 {
+    ((PWM_STEPS as u32) << 16).checked_div(supply.max(1) as u32).map_or(u16::MAX, |scale| scale.min(65535) as u16)
+}
+
+/// Everything the tick needs to know, quantised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopConfig {
+    speed: SpeedConfig,
+    filter: LowPassConfig,
+    tacho: Option<TachoConfig>,
+    current: CurrentConfig,
+    limits: LimitsConfig,
+    trips: TripsConfig,
+    speed_pid: PidConfig,
+    position_pid: PidConfig,
+    speed_lqr: LqrConfig,
+    position_lqr: LqrConfig,
+    compensation: CompensationConfig,
+    trajectory: TrajectoryConfig,
+    /// Bits of position error a count, times 2^8.
+    position_scale: u16,
+    /// Bits of voltage a step of the supply's conversion, times 2^8; zero where the divider is not wired.
+    supply_scale: u16,
+    /// The supply setting.
+    supply: i16,
+}
+
+impl LoopConfig {
+    /// Quantises all settings.
+    ///
+    /// # Errors
+    /// The first setting the fixed-point formats cannot hold, with the rule it breaks.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        let range = crate::encoder::power_of_two(settings, Param::PositionRange)?;
+        let per_count = core::f32::consts::TAU / settings.get(Param::CountsPerRev) / range * 32768.0;
+        let supply_scale = quantise(settings.get(Param::SupplyDivider) * (5.0 / 1024.0) * VOLT, 256.0, u16::MAX);
+        let tacho = settings.get(Param::SpeedSensor) != 0.0;
+        Ok(Self {
+            speed: SpeedConfig::build(settings)?,
+            filter: LowPassConfig::build(settings, Param::SpeedFilter)?,
+            tacho: if tacho { Some(TachoConfig::build(settings)?) } else { None },
+            current: CurrentConfig::build(settings)?,
+            limits: LimitsConfig::build(settings)?,
+            trips: TripsConfig::build(settings)?,
+            speed_pid: PidConfig::speed(settings)?,
+            position_pid: PidConfig::position(settings)?,
+            speed_lqr: LqrConfig::speed(settings)?,
+            position_lqr: LqrConfig::position(settings)?,
+            compensation: CompensationConfig::build(settings)?,
+            trajectory: TrajectoryConfig::build(settings)?,
+            position_scale: quantise(per_count, 256.0, u16::MAX).map_err(|rule| rule.of(Param::PositionRange))? as u16,
+            supply_scale: supply_scale.map_err(|rule: Rule| rule.of(Param::SupplyDivider))? as u16,
+            supply: crate::limits::bits(settings, Param::SupplyVoltage, VOLT)?,
+        })
+    }
+}
+
+/// What a tick leaves for the next.
+#[derive(Clone, Debug)]
+pub struct ControlLoop {
+    /// The configuration; changed only between two ticks, by [`ControlLoop::configure`].
+    config: LoopConfig,
+    /// What happened in the last tick.
+    sample: Sample,
+    motion: SpeedState,
+    filter: LowPassState,
+    tacho: TachoState,
+    current: CurrentState,
+    trips: TripsState,
+    pid: PidState,
+    lqr: LqrState,
+    profile: Profile,
+    player: Player,
+    /// Counts that are called zero.
+    origin: i32,
+    /// Reference asked for, in the unit of the mode.
+    target: i32,
+    /// Voltage of the controller in the tick before.
+    voltage: i16,
+    mode: Mode,
+    armed: bool,
+    playing: bool,
+    braking: bool,
+    align: bool,
+    limited: bool,
+    /// From [`Inputs::duty_scale`].
+    duty_scale: u16,
+    /// Reference at the start of the sequence.
+    origin_of_play: i32,
+}
+
+/// The reference generator of the present mode.
+#[derive(Clone, Copy, Debug)]
+enum Profile {
+    Speed(SpeedProfile),
+    Position(PositionProfile),
+}
+
+/// What the controllers follow in this tick.
+struct Reference {
+    /// In the unit of the mode, as it is recorded.
+    value: i32,
+    /// Its speed, in bits; for the friction compensation and the feed-forward.
+    speed: i16,
+    /// Error of position, in bits; zero outside position modes.
+    error: i16,
+}
+
+impl ControlLoop {
+    /// At rest, disarmed, with the encoder's lines as found.
+    pub fn new(config: LoopConfig, edges: Edges) -> Self {
+        Self {
+            config,
+            sample: Sample::default(),
+            motion: SpeedState::new(edges),
+            filter: LowPassState::default(),
+            tacho: TachoState::default(),
+            current: CurrentState::default(),
+            trips: TripsState::default(),
+            pid: PidState::default(),
+            lqr: LqrState::default(),
+            profile: Profile::Speed(SpeedProfile::default()),
+            player: Player::default(),
+            origin: 0,
+            target: 0,
+            voltage: 0,
+            mode: Mode::Off,
+            armed: false,
+            playing: false,
+            braking: false,
+            align: true,
+            limited: false,
+            duty_scale: 0,
+            origin_of_play: 0,
+        }
+    }
+
+    /// What happened in the last tick.
+    pub fn sample(&self) -> &Sample {
+        &self.sample
+    }
+
+    /// Illegal transitions of the encoder since reset.
+    pub fn illegal_transitions(&self) -> u16 {
+        self.motion.illegal
+    }
+
+    /// Whether a zero calibration of the current is running, and whether the last one succeeded.
+    pub fn current_zero(&self) -> (bool, bool) {
+        (self.current.zeroing(), self.current.zero_ok())
+    }
+
+    /// Takes a new configuration, as a whole, between two ticks; bumpless.
+    pub fn configure(&mut self, config: LoopConfig) {
+        self.config = config;
+        self.align = true;
+    }
+
+    /// One tick.
+    #[inline]
+    pub fn tick(&mut self, request: Option<Request>, inputs: &Inputs) -> Drive {
+        let observation = self.measure(inputs);
+        self.watch(&observation);
+        if let Some(request) = request {
+            self.take(request);
+        }
+        let drive = self.act();
+        self.record(&drive);
+        drive
+    }
+
+    /// Position, speed, current and supply.
+    #[inline(always)]
+    fn measure(&mut self, inputs: &Inputs) -> Observation {
+        let before = self.motion.counts;
+        self.motion.step(&self.config.speed, inputs.edges, inputs.tick_coarse);
+        let reading = self.current.step(&self.config.current, inputs.current_sum);
+        let sample = &mut self.sample;
+        sample.tick = sample.tick.wrapping_add(1);
+        sample.counts = self.motion.counts.wrapping_sub(self.origin);
+        sample.current = reading.current;
+        let moved = match &self.config.tacho {
+            Some(config) => {
+                sample.speed = self.tacho.step(config, inputs.tacho, self.voltage);
+                sample.speed != 0
+            }
+            None => {
+                sample.speed = self.filter.step(&self.config.filter, self.motion.speed);
+                self.motion.counts != before
+            }
+        };
+        let supply = self.config.supply_scale != 0;
+        sample.supply = if supply {
+            saturate_i16((mul_u16(inputs.supply, self.config.supply_scale) >> 8) as i32)
+        } else {
+            self.config.supply
+        };
+        self.duty_scale = inputs.duty_scale;
+        Observation {
+            voltage: self.voltage,
+            current: sample.current,
+            speed: sample.speed,
+            supply: supply.then_some(sample.supply),
+            moved,
+            sensor_at_rail: reading.saturated,
+            emergency_stop: inputs.flags & Inputs::EMERGENCY_STOP != 0,
+            host_spoke: inputs.flags & Inputs::HOST_SPOKE != 0,
+            main_loop_alive: inputs.flags & Inputs::MAIN_LOOP_ALIVE != 0,
+        }
+    }
+
+    /// Trips: the first is latched and disarms.
+    #[inline(always)]
+    fn watch(&mut self, observation: &Observation) {
+        let trip = self.trips.step(&self.config.trips, observation, self.armed);
+        if trip != Trip::None {
+            if self.sample.trip == Trip::None {
+                self.sample.trip = trip;
+            }
+            self.disarm();
+        }
+    }
+
+    /// Bridge off, coasting.
+    fn disarm(&mut self) {
+        self.armed = false;
+        self.off(false);
+    }
+
+    /// Mode off; the bridge brakes or coasts.
+    fn off(&mut self, braking: bool) {
+        self.mode = Mode::Off;
+        self.playing = false;
+        self.braking = braking;
+        self.voltage = 0;
+        self.align = true;
+    }
+
+    /// Obeys the main loop. Not on the path of an ordinary tick.
+    #[inline(never)]
+    fn take(&mut self, request: Request) {
+        match request {
+            Request::Arm => self.armed = self.sample.trip == Trip::None,
+            Request::Disarm => self.disarm(),
+            Request::Stop => self.off(self.armed),
+            Request::Mode(mode) => self.enter(mode),
+            Request::Reference(target) => {
+                self.playing = false;
+                self.target = target;
+                self.retarget();
+            }
+            Request::Play(sequence) => {
+                self.player.start(&sequence);
+                self.origin_of_play = self.sample.reference;
+                self.playing = self.armed && self.mode != Mode::Off;
+            }
+            Request::ClearTrip => self.sample.trip = Trip::None,
+            Request::ZeroCurrent => {
+                if !self.armed {
+                    self.current.start_zero();
+                }
+            }
+            Request::ZeroPosition => {
+                if !self.mode.is_position() {
+                    self.origin = self.motion.counts;
+                }
+            }
+        }
+    }
+
+    /// Another mode, with the reference at the present value.
+    fn enter(&mut self, mode: Mode) {
+        if !self.armed || mode == Mode::Off {
+            return self.off(false);
+        }
+        if self.mode == Mode::Off || mode == Mode::OpenLoop {
+            // Nothing was driven, or the voltage is about to be given by hand.
+            self.voltage = 0;
+        }
+        self.mode = mode;
+        self.playing = false;
+        self.align = true;
+        let config = &self.config.trajectory;
+        if mode.is_position() {
+            self.target = self.sample.counts;
+            self.profile = Profile::Position(PositionProfile::start(config, self.sample.counts, self.sample.speed));
+        } else if mode.is_speed() {
+            self.target = self.sample.speed as i32;
+            self.profile = Profile::Speed(SpeedProfile::start(config, self.sample.speed));
+        } else {
+            self.target = 0;
+        }
+    }
+
+    /// Hands the target to the profile.
+    fn retarget(&mut self) {
+        match &mut self.profile {
+            Profile::Speed(profile) => profile.retarget(saturate_i16(self.target)),
+            Profile::Position(profile) => profile.retarget(self.target),
+        }
+    }
+
+    /// What the bridge does in this tick.
+    #[inline(always)]
+    fn act(&mut self) -> Drive {
+        if self.mode == Mode::Off {
+            self.sample.reference = 0;
+            let bridge = if self.braking { Bridge::Brake } else { Bridge::Coast };
+            return Drive { duty: 0, bridge };
+        }
+        let (reference, bridge) = self.reference();
+        if self.mode == Mode::Off {
+            // The sequence has ended.
+            return Drive { duty: 0, bridge: Bridge::Brake };
+        }
+        self.sample.reference = reference.value;
+        if bridge != Bridge::Drive {
+            self.voltage = 0;
+            self.align = true;
+            return Drive { duty: 0, bridge };
+        }
+        let voltage = self.control(&reference);
+        Drive { duty: self.duty(voltage), bridge }
+    }
+
+    /// The reference of this tick: of the sequence, or of the profile toward the target.
+    #[inline(always)]
+    fn reference(&mut self) -> (Reference, Bridge) {
+        if self.playing {
+            return self.play();
+        }
+        if self.mode == Mode::OpenLoop {
+            return (Reference { value: self.target, speed: 0, error: 0 }, Bridge::Drive);
+        }
+        let config = &self.config.trajectory;
+        let (value, speed) = match &mut self.profile {
+            Profile::Speed(profile) => {
+                let speed = profile.step(config);
+                (speed as i32, speed)
+            }
+            Profile::Position(profile) => profile.step(config),
+        };
+        (Reference { value, speed, error: self.position_error(value) }, Bridge::Drive)
+    }
+
+    /// The reference of the sequence; positions are relative to where it began.
+    fn play(&mut self) -> (Reference, Bridge) {
+        let play = self.player.step();
+        if play.done {
+            self.off(true);
+        }
+        let mut reference = Reference { value: play.value as i32, speed: 0, error: 0 };
+        if self.mode.is_position() {
+            reference.value = reference.value.wrapping_add(self.origin_of_play);
+            reference.error = self.position_error(reference.value);
+        } else if self.mode.is_speed() {
+            reference.speed = play.value;
+        }
+        (reference, play.bridge)
+    }
+
+    /// Reference minus position, in bits, saturating.
+    #[inline(always)]
+    fn position_error(&self, reference: i32) -> i16 {
+        if !self.mode.is_position() {
+            return 0;
+        }
+        let counts = saturate_i16(reference.wrapping_sub(self.sample.counts));
+        saturate_i16(mul_i16_u16(counts, self.config.position_scale) >> 8)
+    }
+
+    /// The controller of the mode, within its limits, and the compensation on top. Returns the voltage.
+    #[inline(always)]
+    fn control(&mut self, reference: &Reference) -> i16 {
+        let config = &self.config;
+        let (speed, current) = (self.sample.speed, self.sample.current);
+        let closed = self.mode != Mode::OpenLoop;
+        let friction = if closed { config.compensation.friction(reference.speed) } else { 0 };
+        let room = config.limits.voltage - if closed { config.compensation.drop_voltage() } else { 0 };
+        let (low, high) = config.limits.around(
+            self.voltage,
+            current,
+            (-room).saturating_sub(friction),
+            room.saturating_sub(friction),
+        );
+        let limits = Limits { low, high, previous: self.voltage, align: self.align };
+        self.align = false;
+        let value = saturate_i16(reference.value);
+        let voltage = match self.mode {
+            Mode::SpeedPid => self.pid.step_speed(&config.speed_pid, value, speed, &limits),
+            Mode::PositionPid => {
+                self.pid.step_position(&config.position_pid, reference.error, reference.speed, speed, &limits)
+            }
+            Mode::SpeedLqr => self.lqr.step_speed(&config.speed_lqr, value, speed, current, &limits),
+            Mode::PositionLqr => {
+                let speed_error = reference.speed.saturating_sub(speed);
+                self.lqr.step_position(&config.position_lqr, reference.error, speed_error, current, &limits)
+            }
+            Mode::OpenLoop | Mode::Off => value.clamp(low, high),
+        };
+        self.voltage = voltage;
+        self.limited = voltage == low || voltage == high;
+        if !closed {
+            return voltage;
+        }
+        let driven = voltage.saturating_add(config.compensation.drop(voltage)).saturating_add(friction);
+        driven.clamp(-config.limits.voltage, config.limits.voltage)
+    }
+
+    /// PWM steps for a voltage, rounded to the nearest.
+    #[inline(always)]
+    fn duty(&self, voltage: i16) -> i16 {
+        let steps = ((mul_u16(voltage.unsigned_abs(), self.duty_scale) + 0x8000) >> 16) as u16;
+        let steps = steps.min(PWM_STEPS) as i16;
+        if voltage < 0 { -steps } else { steps }
+    }
+
+    /// Completes the sample.
+    #[inline(always)]
+    fn record(&mut self, drive: &Drive) {
+        let mut state = self.mode as u8;
+        let moving = match &self.profile {
+            Profile::Speed(profile) => profile.moving(),
+            Profile::Position(profile) => profile.moving(),
+        };
+        for (set, bit) in [
+            (self.armed, State::ARMED),
+            (drive.bridge != Bridge::Coast, State::ENABLED),
+            (self.playing, State::PLAYING),
+            (self.limited && self.mode != Mode::Off, State::LIMITED),
+            (moving && self.mode != Mode::Off, State::MOVING),
+        ] {
+            if set {
+                state |= bit;
+            }
+        }
+        self.sample.state = State(state);
+        self.sample.duty = drive.duty;
+    }
+}

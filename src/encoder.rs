@@ -1,0 +1,511 @@
+//! Quadrature encoder: x4 decoding, wide count, and speed by count difference and edge timing together (M/T method).
+//!
+//! ## Decoding
+//! The interrupt handler keeps an 8-bit count whose two low bits always equal the state of the lines,
+//! `B << 1 | (A ^ B)`. The new state minus the count, modulo 4, is then the step: +1 or -1; 0 is a pulse that was gone
+//! before it was read; 2 is an illegal transition (both lines changed): it is counted, and the motion is assumed to
+//! have gone on the way it went. A leads B: positive. [`Edges::on_edge`] is that handler in Rust; on the chip it is the
+//! same in assembly, and a test on the simulated chip holds the two together.
+//!
+//! ## Time stamps
+//! Each edge is stamped with Timer0 (64 cycles a count) and Timer2 (1 cycle a count), one byte each. The two overlap
+//! in two bits, so together they give the time to one cycle (62.5 ns) within 16,384 cycles, and a misalignment of the
+//! two timers of up to 95 cycles does not matter.
+//!
+//! ## Speed
+//! At every tick with edges: the distance between the last edge now and the last edge known before, divided by the
+//! time between the two. An edge up to count n stands at n - 1/2, an edge down to n at n + 1/2, so turning back over
+//! one edge is a distance of zero and reversal needs no special case. At a tick without edges the speed can be at most
+//! one count over the time since the last edge, and the estimate falls with that bound; after 1.05 s it is zero.
+//!
+//! | speed | edges a tick | resolution | lag |
+//! |---|---|---|---|
+//! | above one edge a tick | >= 1 | 1 cycle in a tick (0.006 %) + reciprocal 0.01 % + 1 bit | half a tick + age of the last edge (<= 1 edge) |
+//! | below | < 1 | same, per edge | half the time between two edges |
+//! | slower than one count in 1.05 s | 0 | zero | 1.05 s |
+//!
+//! With 2000 counts a turn the slowest speed seen is 0.03 rpm; the largest is 127 counts a tick, 127,000 edges/s.
+
+use crate::arith::{mul_i16_u16, mul_u16, saturate_i16};
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::Rule;
+use avr_progmem::progmem;
+
+/// What the interrupt handler keeps, as the tick takes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[repr(C)]
+pub struct Edges {
+    /// Position modulo 256; the low two bits are the state of the lines.
+    pub count: u8,
+    /// Bit 1 is the direction of the last step: set, it was -1.
+    pub step: u8,
+    /// Timer0 at the last step, 64 cycles a count.
+    pub coarse: u8,
+    /// Timer2 at the last step, 1 cycle a count.
+    pub fine: u8,
+    /// Illegal transitions, modulo 256.
+    pub illegal: u8,
+}
+
+/// Bit of [`Edges::step`] that says the last step was backward.
+const BACKWARD: u8 = 2;
+
+impl Edges {
+    /// The count that fits the lines as they stand, for the start.
+    pub fn at_rest(lines: u8) -> Self {
+        Self { count: Self::state(lines), ..Self::default() }
+    }
+
+    /// Position within the four states: `B << 1 | (A ^ B)`, from the port as read (A in bit 2, B in bit 3).
+    #[inline(always)]
+    fn state(port: u8) -> u8 {
+        let lines = (port >> 2) & 3;
+        lines ^ (lines >> 1)
+    }
+
+    /// An edge on either line: `port` as read, and the two timers.
+    pub fn on_edge(&mut self, port: u8, coarse: u8, fine: u8) {
+        let step = Self::state(port).wrapping_sub(self.count);
+        match step & 3 {
+            0 => return,
+            2 => {
+                self.illegal = self.illegal.wrapping_add(1);
+                self.count = self.count.wrapping_add(if self.step & BACKWARD == 0 { 2 } else { 0xfe });
+            }
+            odd => {
+                self.count = self.count.wrapping_add(if odd & BACKWARD == 0 { 1 } else { 0xff });
+                self.step = step;
+            }
+        }
+        self.coarse = coarse;
+        self.fine = fine;
+    }
+
+    /// Direction of the last step, +1 or -1.
+    #[inline(always)]
+    fn direction(&self) -> i16 {
+        if self.step & BACKWARD == 0 { 1 } else { -1 }
+    }
+
+    /// Time of the last step in cycles, modulo 2^14.
+    #[inline(always)]
+    fn time(&self) -> u16 {
+        let coarse = (self.coarse as u16) << 6;
+        // Ideally 0..=63; read as -96..=159 it forgives a misalignment of the timers.
+        let ahead = self.fine.wrapping_sub(coarse as u8).wrapping_add(96) as u16;
+        coarse.wrapping_add(ahead).wrapping_sub(96)
+    }
+}
+
+/// The scale of the speed: speed bits = half counts x `mantissa` x 2^(15 - `shift`) / cycles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SpeedConfig {
+    /// 2^15..2^16.
+    mantissa: u16,
+    /// Right shift that belongs to it.
+    shift: i8,
+    /// Cycles between two ticks.
+    tick_cycles: u16,
+}
+
+/// Cycles of the chip in a second.
+const CYCLES_PER_S: f32 = crate::pins::CPU_HZ as f32;
+
+impl SpeedConfig {
+    /// From `counts_per_rev`, `speed_range` and `tick_rate`.
+    ///
+    /// # Errors
+    /// `tick_rate` other than 1000 or 2000; `speed_range` not a power of two; a scale outside the format, named as
+    /// `counts_per_rev`.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        let range = power_of_two(settings, Param::SpeedRange)?;
+        let half_count_rad = core::f32::consts::PI / settings.get(Param::CountsPerRev);
+        let mut scale = half_count_rad * (CYCLES_PER_S * 32768.0 / range);
+        let mut shift = 15;
+        while scale >= 65535.0 {
+            scale *= 0.5;
+            shift -= 1;
+        }
+        while scale < 32767.5 {
+            scale *= 2.0;
+            shift += 1;
+        }
+        if !(-20..=40).contains(&shift) {
+            return Err(Rule::TooLarge.of(Param::CountsPerRev));
+        }
+        Ok(Self { mantissa: (scale + 0.5) as i32 as u16, shift, tick_cycles: tick_cycles(settings)? })
+    }
+}
+
+/// Cycles of one control tick.
+///
+/// # Errors
+/// `tick_rate` other than 1000 or 2000 Hz.
+pub fn tick_cycles(settings: &Settings) -> Result<u16, BuildError> {
+    let rate = settings.get(Param::TickRate);
+    if rate == 1000.0 {
+        Ok(16_000)
+    } else if rate == 2000.0 {
+        Ok(8_000)
+    } else {
+        Err(Rule::NotAllowed.of(Param::TickRate))
+    }
+}
+
+/// The value of a range setting.
+///
+/// # Errors
+/// [`Rule::NotPowerOfTwo`].
+pub fn power_of_two(settings: &Settings, param: Param) -> Result<f32, BuildError> {
+    let value = settings.get(param);
+    // A power of two is a number without mantissa bits.
+    if value.to_bits() & 0x007f_ffff == 0 { Ok(value) } else { Err(Rule::NotPowerOfTwo.of(param)) }
+}
+
+/// The measured motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct SpeedState {
+    /// Position in counts; wraps after 2^31.
+    pub counts: i32,
+    /// Speed, bits of [`crate::units::Speed`].
+    pub speed: i16,
+    /// Illegal transitions since reset; stays at the largest.
+    pub illegal: u16,
+    /// The last edges seen.
+    edges: Edges,
+    /// Cycles from the last edge to the present tick; saturates at [`LONGEST`].
+    elapsed: i32,
+}
+
+/// After this many cycles (1.05 s) without an edge the shaft stands still.
+const LONGEST: i32 = 0x00ff_ffff;
+
+impl SpeedState {
+    /// Standing still, with the lines as the handler found them.
+    pub fn new(edges: Edges) -> Self {
+        Self { edges, elapsed: LONGEST, ..Self::default() }
+    }
+
+    /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick.
+    #[inline]
+    pub fn step(&mut self, config: &SpeedConfig, edges: Edges, tick_coarse: u8) {
+        self.elapsed = (self.elapsed + config.tick_cycles as i32).min(LONGEST);
+        let delta = edges.count.wrapping_sub(self.edges.count) as i8;
+        if edges.illegal != self.edges.illegal {
+            self.illegal = self.illegal.saturating_add(edges.illegal.wrapping_sub(self.edges.illegal) as u16);
+        }
+        if edges.coarse == self.edges.coarse && edges.fine == self.edges.fine && delta == 0 {
+            self.without_edge(config);
+        } else {
+            self.counts = self.counts.wrapping_add(delta as i32);
+            let half_counts = 2 * delta as i16 - edges.direction() + self.edges.direction();
+            let age = age(tick_coarse, &edges);
+            let between = self.elapsed - age as i32;
+            self.elapsed = age as i32;
+            self.speed = speed(config, half_counts, between);
+        }
+        self.edges = edges;
+    }
+
+    /// The speed can be no more than one count over the time since the last edge.
+    #[inline]
+    fn without_edge(&mut self, config: &SpeedConfig) {
+        if self.speed == 0 {
+            return;
+        }
+        if self.elapsed >= LONGEST {
+            self.speed = 0;
+        } else if self.speed > 0 {
+            self.speed = self.speed.min(speed(config, 2, self.elapsed));
+        } else {
+            self.speed = self.speed.max(speed(config, -2, self.elapsed));
+        }
+    }
+}
+
+/// Cycles from the last edge to the tick: -256..=16,127. An edge may come between the tick's instant and its handler,
+/// which must therefore take the edges within 256 cycles, less the misalignment of the timers.
+#[inline(always)]
+fn age(tick_coarse: u8, edges: &Edges) -> i16 {
+    let age = ((tick_coarse as u16) << 6).wrapping_sub(edges.time()) & 0x3fff;
+    if age >= 0x4000 - 256 { age as i16 - 0x4000 } else { age as i16 }
+}
+
+/// Half counts over cycles, in bits of speed. Within 2^-13 of the quotient and one bit, saturating.
+#[inline]
+fn speed(config: &SpeedConfig, half_counts: i16, cycles: i32) -> i16 {
+    // Closer than 64 cycles no two edges are told apart.
+    let (mantissa, exponent) = normalise(cycles.clamp(64, LONGEST) as u32);
+    let quotient = (mul_u16(config.mantissa, reciprocal(mantissa)) >> 16) as u16;
+    let scaled = mul_i16_u16(half_counts, quotient);
+    round_shift(scaled, config.shift + exponent)
+}
+
+/// `value` = mantissa x 2^exponent with the mantissa in 2^15..2^16; `value` below 2^24.
+#[inline(always)]
+fn normalise(value: u32) -> (u16, i8) {
+    let mut mantissa = value as u16;
+    let mut exponent = 0;
+    let mut below = 0u8;
+    if value >> 16 != 0 {
+        mantissa = (value >> 8) as u16;
+        below = value as u8;
+        exponent = 8;
+    }
+    while mantissa & 0x8000 == 0 {
+        mantissa = mantissa << 1 | (below >> 7) as u16;
+        below <<= 1;
+        exponent -= 1;
+    }
+    (mantissa, exponent)
+}
+
+/// Segments of the reciprocal's table.
+const SEGMENTS: usize = 64;
+
+progmem! {
+    // 2^31 / m at the borders of 64 equal segments of 2^15..=2^16, less half the bow of the chord.
+    static progmem RECIPROCALS: [u16; SEGMENTS + 1] = reciprocals();
+}
+
+const fn reciprocals() -> [u16; SEGMENTS + 1] {
+    let mut table = [0; SEGMENTS + 1];
+    let mut i = 0;
+    while i <= SEGMENTS {
+        let m = 32768 + 512 * i as u64;
+        let exact = (1u64 << 31) / m;
+        // The chord over a segment lies above the curve by at most (512)^2 / 4 / m^2 of the value; half of it.
+        let bow = exact * 512 * 512 / (8 * m * m);
+        let value = exact - bow;
+        table[i] = if value > 65535 { 65535 } else { value as u16 };
+        i += 1;
+    }
+    table
+}
+
+/// 2^31 / `m` for `m` in 2^15..2^16, within 6e-5 of the value.
+#[inline(always)]
+fn reciprocal(m: u16) -> u16 {
+    let segment = ((m >> 9) & 63) as usize;
+    let (left, right) = (RECIPROCALS.load_at(segment), RECIPROCALS.load_at(segment + 1));
+    let fraction = m << 7;
+    left - (mul_u16(left - right, fraction) >> 16) as u16
+}
+
+/// `value / 2^shift`, rounded to the nearest, saturating; `shift` of any sign.
+#[inline(always)]
+fn round_shift(mut value: i32, mut shift: i8) -> i16 {
+    if shift <= 0 {
+        // The quotient carries 14 bits and more: without a shift the speed is beyond the range.
+        return if value == 0 { 0 } else { saturate_i16(if value < 0 { i32::MIN } else { i32::MAX }) };
+    }
+    while shift > 8 {
+        value >>= 8;
+        shift -= 8;
+        if shift > 24 {
+            return 0;
+        }
+    }
+    while shift > 1 {
+        value >>= 1;
+        shift -= 1;
+    }
+    saturate_i16((value + 1) >> 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The lines of a shaft at `position` counts (floor): the inverse of the decoder's state.
+    fn port(count: i64) -> u8 {
+        let state = count.rem_euclid(4) as u8;
+        let b = state >> 1;
+        let a = (state & 1) ^ b;
+        a << 2 | b << 3
+    }
+
+    /// Turns a motion into edges, stamps and ticks, in plain f64 and i64.
+    struct Bench {
+        state: SpeedState,
+        edges: Edges,
+        config: SpeedConfig,
+        skew: i64,
+        now: i64,
+        looked: i64,
+        last: Option<(f64, i64)>,
+        previous: Option<(f64, i64)>,
+        count: i64,
+    }
+
+    impl Bench {
+        fn new(settings: &Settings, skew: i64) -> Self {
+            let edges = Edges::at_rest(port(0));
+            Self {
+                state: SpeedState::new(edges),
+                edges,
+                config: SpeedConfig::build(settings).unwrap(),
+                skew,
+                now: 0,
+                looked: 0,
+                last: None,
+                previous: None,
+                count: 0,
+            }
+        }
+
+        /// One tick of 16,000 cycles along `position(cycle)`; the handler takes the edges `latency` cycles late.
+        fn tick(&mut self, position: &dyn Fn(f64) -> f64, latency: i64) {
+            let end = self.now + 16_000;
+            for cycle in self.looked + 1..=end + latency {
+                self.look(position, cycle);
+            }
+            self.state.step(&self.config, self.edges, (end >> 6) as u8);
+            self.looked = end + latency;
+            self.now = end;
+        }
+
+        fn look(&mut self, position: &dyn Fn(f64) -> f64, cycle: i64) {
+            let count = position(cycle as f64).floor() as i64;
+            while count != self.count {
+                let up = count > self.count;
+                // The border crossed, in counts.
+                let border = if up { self.count + 1 } else { self.count } as f64;
+                self.count += if up { 1 } else { -1 };
+                self.edges.on_edge(port(self.count), (cycle >> 6) as u8, (cycle + self.skew) as u8);
+                self.last = Some((border, cycle));
+            }
+        }
+
+        /// Speed in bits between the last edges of this tick and before, as f64 sees it; none without both.
+        fn reference(&mut self, settings: &Settings) -> Option<f64> {
+            let (last, previous) = (self.last?, self.previous.replace(self.last?));
+            let previous = previous?;
+            if previous == last {
+                return None;
+            }
+            let rad = (last.0 - previous.0) * 2.0 * std::f64::consts::PI / settings.get(Param::CountsPerRev) as f64;
+            let time = (last.1 - previous.1) as f64 / 16e6;
+            Some(rad / time / settings.get(Param::SpeedRange) as f64 * 32768.0)
+        }
+    }
+
+    fn settings(counts: f32, range: f32) -> Settings {
+        let mut settings = Settings::defaults();
+        settings.set(Param::CountsPerRev, counts).unwrap();
+        settings.set(Param::SpeedRange, range).unwrap();
+        settings
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(24))]
+
+        /// Speed at every tick with edges: within one bit and 1.5e-4 of the quotient of exact distances and times,
+        /// through reversal, whatever the timers' skew and the handler's latency.
+        #[test]
+        fn speed_is_distance_over_time(
+            counts in 48f32..8000.0, top in 0.02f64..90.0, period in 0.01f64..0.2, skew in -90i64..90, latency in 0i64..160,
+        ) {
+            // Top speed in counts a tick; the range that holds it.
+            let rad_per_s = top * 1000.0 / counts as f64 * 2.0 * std::f64::consts::PI;
+            let range = [8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0, 1024.0, 2048.0, 4096.0]
+                .into_iter().find(|&r| r as f64 > rad_per_s * 1.05);
+            prop_assume!(range.is_some());
+            let settings = settings(counts, range.unwrap());
+            let mut bench = Bench::new(&settings, skew);
+            let omega = 2.0 * std::f64::consts::PI / (period * 16e6);
+            let amplitude = top / 16_000.0 / omega;
+            let position = move |cycle: f64| 0.3 + amplitude * (omega * cycle).sin();
+            let mut compared = 0;
+            for _ in 0..120 {
+                bench.tick(&position, latency);
+                prop_assert_eq!(bench.state.counts as i64, bench.count);
+                if let Some(reference) = bench.reference(&settings) {
+                    let error = (bench.state.speed as f64 - reference).abs();
+                    prop_assert!(error <= 1.0 + 1.5e-4 * reference.abs(), "{} for {reference}", bench.state.speed);
+                    compared += 1;
+                } else if bench.last.is_some() {
+                    // Without an edge: no more than one count since the last, which the skew of the timers shifts.
+                    let (_, cycle) = bench.last.unwrap();
+                    let bound = 2.0 * std::f64::consts::PI / counts as f64 / ((bench.now - cycle - skew.abs()).max(64) as f64 / 16e6)
+                        / settings.get(Param::SpeedRange) as f64 * 32768.0;
+                    prop_assert!((bench.state.speed as f64).abs() <= bound * 1.00015 + 1.0);
+                }
+            }
+            prop_assert!(compared > 0 || amplitude < 1.0);
+        }
+
+        /// One jump of both lines is counted once and the position stays on the right state.
+        #[test]
+        fn illegal_transitions_are_counted(start in -1000i64..1000, steps in proptest::collection::vec(-2i64..=2, 1..200)) {
+            let mut edges = Edges::at_rest(port(start));
+            let mut expected = 0u8;
+            let mut count = start;
+            for step in steps {
+                count += step;
+                edges.on_edge(port(count), 0, 0);
+                expected = expected.wrapping_add((step.abs() == 2) as u8);
+                prop_assert_eq!(edges.illegal, expected);
+                prop_assert_eq!(edges.count & 3, count.rem_euclid(4) as u8);
+            }
+        }
+
+        /// The reciprocal is within 6e-5 over its whole range.
+        #[test]
+        fn reciprocal_error(m in 32768u16..=65535) {
+            let exact = 2147483648.0 / m as f64;
+            prop_assert!((reciprocal(m) as f64 - exact).abs() <= 6e-5 * exact + 1.0, "{m}");
+        }
+    }
+
+    #[test]
+    fn from_under_one_rpm_to_the_encoders_maximum() {
+        let settings = settings(2000.0, 512.0);
+        // 0.5 rpm is 16.7 counts/s; 3800 rpm is 127 counts a tick.
+        for (rpm, tolerance_rpm) in [(0.5, 0.16), (1.0, 0.16), (10.0, 0.16), (300.0, 0.2), (3000.0, 0.6), (3790.0, 0.8)]
+        {
+            let mut bench = Bench::new(&settings, 0);
+            let counts_per_cycle = rpm / 60.0 * 2000.0 / 16e6;
+            for _ in 0..200 {
+                bench.tick(&|cycle| cycle * counts_per_cycle + 0.5, 40);
+            }
+            let measured = bench.state.speed as f64 / 64.0 * 60.0 / (2.0 * std::f64::consts::PI);
+            assert!((measured - rpm).abs() <= tolerance_rpm, "{measured} for {rpm}");
+        }
+    }
+
+    #[test]
+    fn a_shaft_that_stops_is_at_zero_after_a_second() {
+        let settings = settings(2000.0, 512.0);
+        let mut bench = Bench::new(&settings, 0);
+        let stops = |cycle: f64| cycle.min(800_000.0) * 3e-4;
+        for _ in 0..60 {
+            bench.tick(&stops, 40);
+        }
+        assert!(bench.state.speed > 0);
+        for _ in 0..1050 {
+            bench.tick(&stops, 40);
+        }
+        assert_eq!(bench.state.speed, 0);
+    }
+
+    #[test]
+    fn dithering_on_one_edge_is_no_speed() {
+        let settings = settings(2000.0, 512.0);
+        let mut bench = Bench::new(&settings, 0);
+        for _ in 0..100 {
+            bench.tick(&|cycle| 0.2 * (cycle / 3000.0).sin(), 40);
+            assert_eq!(bench.state.speed, 0);
+        }
+    }
+
+    #[test]
+    fn settings_out_of_format_are_named() {
+        let mut bad = settings(2000.0, 500.0);
+        assert_eq!(SpeedConfig::build(&bad), Err(Rule::NotPowerOfTwo.of(Param::SpeedRange)));
+        bad = settings(2000.0, 512.0);
+        bad.set(Param::TickRate, 1500.0).unwrap();
+        assert_eq!(SpeedConfig::build(&bad), Err(Rule::NotAllowed.of(Param::TickRate)));
+    }
+}

@@ -1,0 +1,266 @@
+//! What the voltage may be in this tick, and the integral that knows it.
+//!
+//! Every limit (saturation, slew, folding back on over-current, room for the compensation) is an interval of voltage
+//! made before the controller runs. The controller closes its law in [`Integral::close`], which clamps to the interval
+//! and feeds back what was cut off, so one anti-windup works with every limit:
+//!
+//! ```text
+//! v(k) = rest(k) + I(k)            u(k) = clamp(v(k), low, high)
+//! I(k+1) = I(k) + Ki T e(k) + T/Tt (u(k) - v(k))
+//! ```
+//! `Tt` is the tracking time (Astrom and Hagglund, Advanced PID Control, 3.5). With `Ki` zero there is no integral.
+//! When gains or mode change, the integral takes the value that leaves the voltage where it was (bumpless transfer).
+
+use crate::arith::{mul_i16, mul_i16_u16, saturate_i16, saturate_shift_8, saturating_add_i32, saturating_sub_i16};
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::{AMPERE, FULL_RANGE, GAIN_LIMIT, Rule, VOLT, quantise};
+
+/// The interval of voltage for one tick, bits of [`crate::units::Voltage`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Lowest voltage; never above `high`.
+    pub low: i16,
+    /// Highest voltage.
+    pub high: i16,
+    /// Voltage of the tick before, which bumpless transfer keeps.
+    pub previous: i16,
+    /// Gains or mode have changed: the integral must take up the difference.
+    pub align: bool,
+}
+
+/// Saturation, slew and current limits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LimitsConfig {
+    /// Largest voltage, with the compensation.
+    pub voltage: i16,
+    /// Largest change a tick, of the controller's part.
+    slew: i16,
+    /// Current above which the voltage folds back; the largest number switches it off.
+    current: i16,
+}
+
+impl LimitsConfig {
+    /// From `voltage_limit`, `slew_limit`, `current_limit` and `tick_rate`.
+    ///
+    /// # Errors
+    /// A value that the format cannot hold.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        let per_tick = settings.get(Param::SlewLimit) / settings.get(Param::TickRate);
+        let slew = quantise(per_tick.min(31.9), VOLT, 32767).map_err(|rule| rule.of(Param::SlewLimit))?;
+        let current = bits(settings, Param::CurrentLimit, AMPERE)?;
+        Ok(Self {
+            voltage: bits(settings, Param::VoltageLimit, VOLT)?,
+            slew: slew as i16,
+            current: if current == 0 { i16::MAX } else { current },
+        })
+    }
+
+    /// The interval around `previous`, within `low..=high` of the saturation, at the measured `current`.
+    ///
+    /// Above the current limit the end that drives the current moves back by 1 V for each ampere too much and tick,
+    /// and it does so whatever the slew limit says.
+    #[inline(always)]
+    pub fn around(&self, previous: i16, current: i16, low: i16, high: i16) -> (i16, i16) {
+        let (lowest, highest) = (low, high);
+        let mut low = low.max(previous.saturating_sub(self.slew));
+        let mut high = high.min(previous.saturating_add(self.slew));
+        if current > self.current {
+            high = high.min(previous.saturating_sub(fold_back(current, self.current))).max(lowest);
+        } else if current < -self.current {
+            low = low.max(previous.saturating_add(fold_back(-(current.max(-i16::MAX)), self.current))).min(highest);
+        }
+        // Where the limits contradict each other, the one that moves to the smaller voltage holds.
+        if low > high {
+            if previous > 0 { low = high } else { high = low }
+        }
+        (low, high)
+    }
+}
+
+/// 1 V for each ampere above the limit, and at least one bit.
+#[inline(always)]
+fn fold_back(current: i16, limit: i16) -> i16 {
+    (current.saturating_sub(limit) >> 2) + 1
+}
+
+/// A setting in bits of 16 bits.
+///
+/// # Errors
+/// The value is outside the format.
+pub fn bits(settings: &Settings, param: Param, bits_per_unit: f32) -> Result<i16, BuildError> {
+    quantise(settings.get(param), bits_per_unit, i16::MAX as u16).map(|v| v as i16).map_err(|rule| rule.of(param))
+}
+
+/// Bits of a proportional gain on a signal with `bits_per_unit`, within [`GAIN_LIMIT`].
+///
+/// # Errors
+/// The gain is too large for the format, or would vanish in it.
+pub fn gain_bits(settings: &Settings, param: Param, bits_per_unit: f32) -> Result<i16, BuildError> {
+    quantise_gain(settings.get(param), bits_per_unit).map_err(|rule| rule.of(param))
+}
+
+/// Bits of the [`crate::units::Gain`] `value` volts per unit on a signal with `bits_per_unit`.
+///
+/// # Errors
+/// The gain is too large for the format, or would vanish in it.
+pub fn quantise_gain(value: f32, bits_per_unit: f32) -> Result<i16, Rule> {
+    quantise(value, VOLT * 1024.0 / bits_per_unit, GAIN_LIMIT as u16).map(|v| v as i16)
+}
+
+/// Bits a unit of a per-unit signal with the given full range.
+pub fn bits_per_unit(settings: &Settings, range: Param) -> f32 {
+    FULL_RANGE / settings.get(range)
+}
+
+/// A part per tick: `tick / time`, for `time` in ms, at most almost one.
+///
+/// # Errors
+/// The part would vanish.
+pub fn tracking_fraction(settings: &Settings, time: Param) -> Result<u16, BuildError> {
+    let ticks = settings.get(time) * (settings.get(Param::TickRate) * 0.001);
+    let part = if ticks > 1.0 { 1.0 / ticks } else { 0.9999 };
+    quantise(part, 65536.0, u16::MAX).map(|v| v as u16).map_err(|rule| rule.of(time))
+}
+
+/// Integral gain and tracking.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct IntegralConfig {
+    /// Bits of [`crate::units::IntegralGain`].
+    ki: i16,
+    /// Bits of [`crate::units::Fraction`]: tick over tracking time.
+    tracking: u16,
+}
+
+impl IntegralConfig {
+    /// From a gain in volts per unit and second on a signal with `bits_per_unit`, and a tracking time.
+    ///
+    /// # Errors
+    /// The gain is too large for the format, or would vanish in it.
+    pub fn build(settings: &Settings, gain: Param, bits_per_unit: f32, time: Param) -> Result<Self, BuildError> {
+        let per_tick = VOLT * 65536.0 / bits_per_unit / settings.get(Param::TickRate);
+        let ki = quantise(settings.get(gain), per_tick, i16::MAX as u16).map_err(|rule| rule.of(gain))?;
+        Ok(Self { ki: ki as i16, tracking: tracking_fraction(settings, time)? })
+    }
+}
+
+/// The integral of a controller, and the end of its law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Integral {
+    /// Bits of voltage times 2^16: the whole range of 32 bits is +-32 V.
+    bits: i32,
+}
+
+impl Integral {
+    /// The integral's part of the voltage, in bits.
+    pub fn voltage(&self) -> i16 {
+        (self.bits >> 16) as i16
+    }
+
+    /// Closes the law: adds the integral to `rest` (at most three products of a [`crate::units::Gain`] and a signal),
+    /// clamps, and moves the integral on. Returns the voltage; within 2 bits of exact arithmetic.
+    #[inline(always)]
+    pub fn close(&mut self, config: &IntegralConfig, rest: i32, error: i16, limits: &Limits) -> i16 {
+        // Gain products carry 10 fractional bits; 8 are kept, so that no sum below can leave 32 bits.
+        let rest = rest >> 2;
+        if limits.align {
+            self.align(config, rest, limits);
+        }
+        let mut bits = self.bits;
+        let wanted = saturate_shift_8(rest + (bits >> 8));
+        let mut voltage = wanted;
+        if config.ki != 0 {
+            bits = saturating_add_i32(bits, mul_i16(config.ki, error));
+        }
+        if wanted < limits.low || wanted > limits.high {
+            voltage = if wanted < limits.low { limits.low } else { limits.high };
+            if config.ki != 0 {
+                let excess = saturating_sub_i16(voltage, wanted);
+                bits = saturating_add_i32(bits, mul_i16_u16(excess, config.tracking));
+            }
+        }
+        self.bits = bits;
+        voltage
+    }
+
+    /// Takes the value with which the voltage stays at `limits.previous`; none without an integral gain.
+    #[inline(never)]
+    fn align(&mut self, config: &IntegralConfig, rest: i32, limits: &Limits) {
+        let missing = saturate_i16(limits.previous as i32 - (rest >> 8));
+        self.bits = if config.ki == 0 { 0 } else { (missing as i32) << 16 };
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// The closing of a control law in real numbers: what [`Integral::close`] is held against.
+    pub(crate) struct Exact {
+        pub ki: f64,
+        pub tracking: f64,
+        pub integral: f64,
+    }
+
+    impl Exact {
+        pub fn new(config: &IntegralConfig) -> Self {
+            Self { ki: config.ki as f64 / 65536.0, tracking: config.tracking as f64 / 65536.0, integral: 0.0 }
+        }
+
+        /// `rest` in bits of voltage.
+        pub fn close(&mut self, rest: f64, error: f64, limits: &Limits) -> f64 {
+            if limits.align {
+                self.integral = if self.ki == 0.0 { 0.0 } else { limits.previous as f64 - rest };
+                self.integral = self.integral.clamp(-32768.0, 32767.0);
+            }
+            let wanted = (rest + self.integral).clamp(-32768.0, 32767.0);
+            let voltage = wanted.clamp(limits.low as f64, limits.high as f64);
+            if self.ki != 0.0 {
+                let excess = (voltage - wanted).clamp(-32768.0, 32767.0);
+                self.integral = (self.integral + self.ki * error).clamp(-32768.0, 32768.0);
+                self.integral = (self.integral + self.tracking * excess).clamp(-32768.0, 32768.0);
+            }
+            voltage
+        }
+    }
+
+    /// Intervals as the loop makes them: around a previous voltage, of any width.
+    pub(crate) fn any_limits() -> impl Strategy<Value = Limits> {
+        (-20000i16..20000, 0i16..12000, 0i16..12000).prop_map(|(previous, below, above)| Limits {
+            low: previous.saturating_sub(below),
+            high: previous.saturating_add(above),
+            previous,
+            align: false,
+        })
+    }
+
+    proptest! {
+        #[test]
+        fn the_interval_holds_every_limit(
+            previous in -32000i16..32000, current: i16, limit in 1i16.., slew in 1i16.., voltage in 0i16..,
+        ) {
+            let config = LimitsConfig { voltage, slew, current: limit };
+            let previous = previous.clamp(-voltage, voltage);
+            let (low, high) = config.around(previous, current, -voltage, voltage);
+            prop_assert!(low <= high);
+            prop_assert!(low >= -voltage && high <= voltage);
+            if current > limit {
+                prop_assert!(high < previous || previous == -voltage, "{high}");
+            } else if current >= -limit {
+                prop_assert!(low >= previous.saturating_sub(slew) && high <= previous.saturating_add(slew));
+            }
+        }
+    }
+
+    #[test]
+    fn a_gain_beyond_the_format_is_refused_by_name() {
+        let mut settings = Settings::defaults();
+        settings.set(Param::SpeedKp, 500.0).unwrap();
+        assert_eq!(gain_bits(&settings, Param::SpeedKp, 64.0), Err(Rule::TooLarge.of(Param::SpeedKp)));
+        settings.set(Param::SpeedKp, 1e-6).unwrap();
+        assert_eq!(gain_bits(&settings, Param::SpeedKp, 64.0), Err(Rule::RoundsToZero.of(Param::SpeedKp)));
+        settings.set(Param::SpeedKi, 1e-5).unwrap();
+        let built = IntegralConfig::build(&settings, Param::SpeedKi, 64.0, Param::SpeedTt);
+        assert_eq!(built, Err(Rule::RoundsToZero.of(Param::SpeedKi)));
+    }
+}

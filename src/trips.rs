@@ -1,0 +1,382 @@
+//! Trips: what switches the drive off by itself.
+//!
+//! Checked once a tick, on what was measured in this tick and the voltage of the tick before. Times are counted in
+//! ticks, so a trip comes within one tick of its time.
+//!
+//! | trip | condition |
+//! |---|---|
+//! | over-current, peak | current above `trip_peak` for 5 ms (the L293D's own non-repetitive limit) |
+//! | over-current, thermal | square of the current, low-passed with `trip_thermal_time`, above that of `trip_continuous` |
+//! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
+//! | encoder silent | driven, no motion, and a current that says the motor turns (back-EMF) or is not connected: below a quarter of voltage / `resistance`, for `trip_encoder` |
+//! | runaway | speed against the voltage and not falling, for `trip_runaway`: wrong feedback sign |
+//! | sensor range | current signal at a rail for 3 ticks |
+//! | supply range | measured supply outside its limits for 10 ms |
+//! | emergency stop | pressed |
+//! | host lost | silent for `trip_host` while armed |
+//! | main loop hung | no sign of the main loop for 100 ms |
+//!
+//! "Driven" means a voltage above an eighth of the supply setting: below it a motor may rest in its friction.
+
+use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
+use crate::limits::bits;
+use crate::message::Trip;
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::{AMPERE, Rule, VOLT, quantise};
+
+/// Thresholds in bits, times in ticks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TripsConfig {
+    peak: i16,
+    peak_ticks: u8,
+    continuous: i16,
+    /// `continuous` squared, in bits of current squared over 2^15.
+    heat_limit: i16,
+    /// Tick over thermal time, times 2^24.
+    heat_rate: u16,
+    /// A quarter of the stall current at one bit of voltage, times 2^16: current bits per voltage bit.
+    turning: u16,
+    /// Voltage from which the motor counts as driven.
+    driven: i16,
+    stall_ticks: u16,
+    encoder_ticks: u16,
+    runaway_ticks: u16,
+    supply_low: i16,
+    supply_high: i16,
+    supply_ticks: u8,
+    host_ticks: u16,
+    hung_ticks: u8,
+}
+
+impl TripsConfig {
+    /// From the settings `trip_*`, `resistance` and `supply`.
+    ///
+    /// # Errors
+    /// A value its format cannot hold, named.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        let rate = settings.get(Param::TickRate);
+        let per_ms = rate * 0.001;
+        let ticks = |param| {
+            let ticks = quantise(settings.get(param), per_ms, u16::MAX);
+            ticks.map(|ticks| ticks as u16).map_err(|rule| rule.of(param))
+        };
+        let continuous = bits(settings, Param::TripContinuous, AMPERE)?;
+        let heat_rate = quantise(1.0 / (rate * settings.get(Param::TripThermalTime)), 16_777_216.0, u16::MAX);
+        // Current bits per voltage bit at stall is 4 / R; a quarter of it.
+        let turning = quantise(1.0 / settings.get(Param::Resistance), 65535.0, u16::MAX);
+        Ok(Self {
+            peak: bits(settings, Param::TripPeak, AMPERE)?,
+            peak_ticks: (5.0 * per_ms) as i32 as u8,
+            continuous,
+            heat_limit: (mul_i16(continuous, continuous) >> 15) as i16,
+            heat_rate: heat_rate.map_err(|rule| rule.of(Param::TripThermalTime))? as u16,
+            turning: match turning {
+                Ok(bits) => bits as u16,
+                Err(Rule::TooLarge) => u16::MAX,
+                Err(rule) => return Err(rule.of(Param::Resistance)),
+            },
+            driven: bits(settings, Param::SupplyVoltage, VOLT / 8.0)?,
+            stall_ticks: ticks(Param::TripStall)?,
+            encoder_ticks: ticks(Param::TripEncoder)?,
+            runaway_ticks: ticks(Param::TripRunaway)?,
+            supply_low: (settings.get(Param::TripSupplyLow).min(31.9) * VOLT) as i32 as i16,
+            supply_high: if settings.get(Param::TripSupplyHigh) >= 31.9 {
+                i16::MAX
+            } else {
+                bits(settings, Param::TripSupplyHigh, VOLT)?
+            },
+            supply_ticks: (10.0 * per_ms) as i32 as u8,
+            host_ticks: ticks(Param::TripHost)?,
+            hung_ticks: (100.0 * per_ms) as i32 as u8,
+        })
+    }
+}
+
+/// What the trips look at, in bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Observation {
+    /// Voltage of the tick before.
+    pub voltage: i16,
+    /// Measured current.
+    pub current: i16,
+    /// Measured speed.
+    pub speed: i16,
+    /// Supply, where it is measured.
+    pub supply: Option<i16>,
+    /// The position has changed in this tick (encoder), or the speed is not zero (tachogenerator).
+    pub moved: bool,
+    /// The current signal is at a rail.
+    pub sensor_at_rail: bool,
+    /// The emergency stop is pressed.
+    pub emergency_stop: bool,
+    /// The host has said something valid since the last tick.
+    pub host_spoke: bool,
+    /// The main loop has gone round since the last tick.
+    pub main_loop_alive: bool,
+}
+
+/// Counters of how long each condition has held.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct TripsState {
+    /// Low-passed square of the current, times 2^16.
+    heat: i32,
+    still: u16,
+    silent: u16,
+    against: u16,
+    against_speed: i16,
+    host: u16,
+    peak: u8,
+    rail: u8,
+    supply: u8,
+    hung: u8,
+}
+
+/// Ticks the current signal may touch a rail.
+const RAIL_TICKS: u8 = 3;
+
+impl TripsState {
+    /// One tick: the first condition that has held for its time, or [`Trip::None`].
+    #[inline]
+    pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
+        let magnitude = seen.current.saturating_abs();
+        let always = self.always(config, seen, magnitude);
+        if !armed {
+            self.host = 0;
+            self.still = 0;
+            self.silent = 0;
+            self.against = 0;
+            return always;
+        }
+        if always != Trip::None { always } else { self.while_armed(config, seen, magnitude) }
+    }
+
+    /// What is watched whether armed or not.
+    #[inline(always)]
+    fn always(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
+        self.heat_up(config, current);
+        if seen.emergency_stop {
+            return Trip::EmergencyStop;
+        }
+        if for_ticks(&mut self.hung, !seen.main_loop_alive, config.hung_ticks) {
+            return Trip::MainLoopHung;
+        }
+        if for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
+            return Trip::OverCurrentPeak;
+        }
+        if (self.heat >> 16) as i16 > config.heat_limit {
+            return Trip::OverCurrentThermal;
+        }
+        if for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_TICKS) {
+            return Trip::SensorRange;
+        }
+        let outside = seen.supply.is_some_and(|supply| supply < config.supply_low || supply > config.supply_high);
+        if for_ticks(&mut self.supply, outside, config.supply_ticks) { Trip::SupplyRange } else { Trip::None }
+    }
+
+    /// What needs a drive to go wrong.
+    #[inline(always)]
+    fn while_armed(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
+        if config.host_ticks != 0 {
+            self.host = if seen.host_spoke { 0 } else { self.host.saturating_add(1) };
+            if self.host >= config.host_ticks {
+                return Trip::HostLost;
+            }
+        }
+        let drive = seen.voltage.saturating_abs();
+        if drive < config.driven {
+            self.still = 0;
+            self.silent = 0;
+            self.against = 0;
+            return Trip::None;
+        }
+        if seen.moved {
+            self.still = 0;
+            self.silent = 0;
+            self.runaway(config, seen)
+        } else {
+            self.motionless(config, drive, current)
+        }
+    }
+
+    /// Driven without motion: a blocked motor draws its stall current, a turning or disconnected one does not.
+    #[inline(always)]
+    fn motionless(&mut self, config: &TripsConfig, drive: i16, current: i16) -> Trip {
+        if current > config.continuous {
+            self.still = self.still.saturating_add(1);
+            if config.stall_ticks != 0 && self.still >= config.stall_ticks {
+                return Trip::Stall;
+            }
+        } else if (current as i32) < mul_i16_u16(drive, config.turning) >> 16 {
+            self.silent = self.silent.saturating_add(1);
+            if config.encoder_ticks != 0 && self.silent >= config.encoder_ticks {
+                return Trip::EncoderSilent;
+            }
+        }
+        Trip::None
+    }
+
+    /// Speed against the voltage is braking as long as it falls; when it does not, the feedback has the wrong sign.
+    #[inline(always)]
+    fn runaway(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
+        let speed = seen.speed.saturating_abs();
+        if (seen.voltage ^ seen.speed) >= 0 || seen.speed == 0 {
+            self.against = 0;
+        } else if self.against == 0 || speed < self.against_speed.saturating_sub(FALLING) {
+            self.against = 1;
+            self.against_speed = speed;
+        } else {
+            self.against = self.against.saturating_add(1);
+            if config.runaway_ticks != 0 && self.against >= config.runaway_ticks {
+                return Trip::Runaway;
+            }
+        }
+        Trip::None
+    }
+
+    /// Low-pass of the squared current. Both are below 2^15, so nothing here can leave 32 bits.
+    #[inline(always)]
+    fn heat_up(&mut self, config: &TripsConfig, current: i16) {
+        let heat = saturate_i16(mul_i16(current, current) >> 15);
+        let difference = heat - (self.heat >> 16) as i16;
+        self.heat += mul_i16_u16(difference, config.heat_rate) >> 8;
+    }
+}
+
+/// Bits of speed (2^-8 of the range) by which a braked motor must have slowed down to count as slowing.
+const FALLING: i16 = 128;
+
+/// Whether `condition` has now held for `ticks` in a row.
+#[inline(always)]
+fn for_ticks(counter: &mut u8, condition: bool, ticks: u8) -> bool {
+    if !condition {
+        *counter = 0;
+        return false;
+    }
+    *counter = counter.saturating_add(1);
+    *counter >= ticks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// A motor that turns quietly.
+    fn healthy() -> Observation {
+        Observation {
+            voltage: 6144,
+            current: 400,
+            speed: 6000,
+            moved: true,
+            main_loop_alive: true,
+            host_spoke: true,
+            ..Observation::default()
+        }
+    }
+
+    /// Ticks until the trip that `observation` brings, or none within ten seconds.
+    fn trips_after(settings: &Settings, observation: impl Fn(u32) -> Observation) -> Option<(Trip, u32)> {
+        let config = TripsConfig::build(settings).unwrap();
+        let mut state = TripsState::default();
+        (0..10_000).find_map(|tick| match state.step(&config, &observation(tick), true) {
+            Trip::None => None,
+            trip => Some((trip, tick + 1)),
+        })
+    }
+
+    fn with(values: &[(Param, f32)]) -> Settings {
+        let mut settings = Settings::defaults();
+        for &(param, value) in values {
+            settings.set(param, value).unwrap();
+        }
+        settings
+    }
+
+    #[test]
+    fn a_healthy_motor_runs_on() {
+        assert_eq!(trips_after(&Settings::defaults(), |_| healthy()), None);
+    }
+
+    #[test]
+    fn each_trip_comes_in_its_time() {
+        let amps = |a: f32| (a * AMPERE) as i16;
+        let defaults = Settings::defaults();
+        let check = |name: &str, expected, found| assert_eq!(found, Some(expected), "{name}");
+        let one = |observation: Observation| trips_after(&defaults, move |_| observation);
+        let peak = one(Observation { current: amps(-1.3), ..healthy() });
+        check("peak", (Trip::OverCurrentPeak, 5), peak);
+        let stall = one(Observation { current: amps(0.7), speed: 0, moved: false, ..healthy() });
+        check("stall", (Trip::Stall, 500), stall);
+        let silent = one(Observation { speed: 0, moved: false, current: amps(0.2), ..healthy() });
+        check("silent", (Trip::EncoderSilent, 200), silent);
+        let runaway = trips_after(&defaults, |tick| Observation { speed: -1000 - tick as i16, ..healthy() });
+        check("runaway", (Trip::Runaway, 100), runaway);
+        check("sensor", (Trip::SensorRange, 3), one(Observation { sensor_at_rail: true, ..healthy() }));
+        let supply = one(Observation { supply: Some((4.0 * VOLT) as i16), ..healthy() });
+        check("supply", (Trip::SupplyRange, 10), supply);
+        check("stop", (Trip::EmergencyStop, 1), one(Observation { emergency_stop: true, ..healthy() }));
+        check("hung", (Trip::MainLoopHung, 100), one(Observation { main_loop_alive: false, ..healthy() }));
+        let host = with(&[(Param::TripHost, 250.0)]);
+        let lost = trips_after(&host, |_| Observation { host_spoke: false, ..healthy() });
+        check("host", (Trip::HostLost, 250), lost);
+    }
+
+    #[test]
+    fn what_is_normal_does_not_trip() {
+        let amps = |a: f32| (a * AMPERE) as i16;
+        let quiet = |observation: Observation| {
+            assert_eq!(trips_after(&Settings::defaults(), move |_| observation), None, "{observation:?}");
+        };
+        // Resting in its friction at 1 V; holding against a load with stall current below the continuous rating.
+        quiet(Observation { voltage: 1000, speed: 0, moved: false, current: amps(0.17), ..healthy() });
+        quiet(Observation { voltage: 3000, speed: 0, moved: false, current: amps(0.5), ..healthy() });
+        // Nobody asked for a host.
+        quiet(Observation { host_spoke: false, ..healthy() });
+        // Braking by reverse voltage: 300 ms from full speed to rest, again and again.
+        let braking = |tick: u32| Observation {
+            voltage: if tick % 300 < 290 { -6144 } else { 6144 },
+            speed: 18000 - (tick % 300) as i16 * 60,
+            ..healthy()
+        };
+        assert_eq!(trips_after(&Settings::defaults(), braking), None);
+        // One tick at the rail, five milliseconds of peak less one tick.
+        let spike = |tick: u32| Observation {
+            sensor_at_rail: tick % 10 < 2,
+            current: if tick % 100 < 4 { amps(2.0) } else { 100 },
+            ..healthy()
+        };
+        assert_eq!(trips_after(&Settings::defaults(), spike), None);
+    }
+
+    proptest! {
+        /// The thermal trip follows the low-passed square in real numbers: within 3 % of its time.
+        #[test]
+        fn thermal_trip_time(current in 0.63f64..1.15, time in 0.5f32..4.0) {
+            let settings = with(&[(Param::TripThermalTime, time)]);
+            let bits = (current * AMPERE as f64) as i16;
+            let found = trips_after(&settings, |_| Observation { current: bits, ..healthy() });
+            // 1 - exp(-t/T) = (limit / current)^2
+            let exact = -(time as f64) * (1.0 - (0.6 / current).powi(2)).ln() * 1000.0;
+            prop_assume!(exact < 9_000.0);
+            let (trip, ticks) = found.unwrap();
+            prop_assert_eq!(trip, Trip::OverCurrentThermal);
+            // Near the limit a bit of current squared weighs much: the limit itself is held to 1 %.
+            let low = -(time as f64) * (1.0 - (0.594 / current).powi(2)).ln() * 970.0;
+            let high = -(time as f64) * (1.0 - (0.606 / current).powi(2)).ln() * 1030.0;
+            prop_assert!((low..=high).contains(&(ticks as f64)), "{ticks} for {exact}");
+        }
+
+        /// Whatever is seen, nothing overflows, and nothing but a trip is returned.
+        #[test]
+        fn anything_goes(values in proptest::collection::vec(any::<(i16, i16, i16, u8)>(), 1..300)) {
+            let config = TripsConfig::build(&Settings::defaults()).unwrap();
+            let mut state = TripsState::default();
+            for (voltage, current, speed, flags) in values {
+                let supply = (flags & 1 != 0).then_some(voltage);
+                let moved = flags & 2 != 0;
+                state.step(&config, &Observation { voltage, current, speed, supply, moved, main_loop_alive: true,
+                    ..Observation::default() }, flags & 4 != 0);
+            }
+        }
+    }
+}
