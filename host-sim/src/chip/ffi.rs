@@ -521,7 +521,7 @@ unsafe fn vectors(avr: *mut sim::avr_t) -> [*mut sim::avr_int_vector_t; VECTORS]
 /// # Safety
 /// `avr` is an initialised ATmega328P.
 unsafe fn timer1(avr: *mut sim::avr_t) -> *mut sim::avr_timer_t {
-    let ioctl = u32::from_be_bytes([b't', b'm', b'r', b'1']);
+    let ioctl = u32::from_be_bytes(*b"tmr1");
     // SAFETY: `io_port` is simavr's list of the chip's modules; the one that answers to this code is Timer1, whose
     // first field is the list's element.
     unsafe {
@@ -559,13 +559,13 @@ unsafe extern "C" fn on_write<D: Device>(
 ) {
     // SAFETY: installed with the block as its parameter.
     let shared = unsafe { &*block.cast::<Shared<D>>() };
-    shared.notify(|device, cpu| device.io_write(cpu, address as u16, value));
+    shared.notify(|device, cpu| device.io_write(cpu, address, value));
 }
 
 unsafe extern "C" fn on_read<D: Device>(_: *mut sim::avr_t, address: sim::avr_io_addr_t, block: *mut c_void) -> u8 {
     // SAFETY: installed with the block as its parameter.
     let shared = unsafe { &*block.cast::<Shared<D>>() };
-    shared.device.borrow_mut().io_read(&shared.cpu, address as u16)
+    shared.device.borrow_mut().io_read(&shared.cpu, address)
 }
 
 unsafe extern "C" fn on_bit<D: Device>(_: *mut sim::avr_t, bit: u8, value: u8, tag: *mut c_void) -> c_int {
