@@ -267,3 +267,22 @@ fn plant_and_chip_share_one_time() {
     assert_eq!(row.cycle, bench.cycle());
     assert_eq!(row.angle_rad, bench.plant().angle_rad());
 }
+
+#[test]
+fn a_load_like_the_firmwares_keeps_its_times() {
+    let mut bench = Bench::new(common::elf("load"), Rig::default(), DcMotor::default()).unwrap();
+    bench.run_s(0.01).unwrap();
+    bench.chip_mut().measure(None);
+    bench.set_edge_train_per_s(Some(20_000.0));
+    bench.serial().read();
+    bench.run_s(0.1).unwrap();
+    assert!(bench.serial().read().len().abs_diff(5000) <= 5, "500 kBd are 50 bytes per millisecond");
+    let meter = bench.chip().meter();
+    let runs = |vector| meter.handler_runs(vector).len();
+    assert!(runs(vector::TIMER0_COMPA).abs_diff(100) <= 1);
+    assert!(runs(vector::ADC).abs_diff(1000) <= 1);
+    assert!((runs(vector::INT0) + runs(vector::INT1)).abs_diff(2000) <= 1);
+    assert_eq!(meter.sample_jitter_cycles(0, 1600), Some(0));
+    // No handler is longer than 40 cycles with interrupts off, but several may stand in line.
+    assert!(meter.entry_jitter_cycles(vector::TIMER0_COMPA, 16_000).unwrap() < 120);
+}

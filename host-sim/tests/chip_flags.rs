@@ -84,3 +84,21 @@ fn sbi_clears_one_timer_flag_only() {
     assert_eq!(agent.count(vector::ADC), 1);
     assert_eq!(agent.read(TIFR1) & 0b111, 0b011);
 }
+
+#[test]
+fn timers_released_together_count_together() {
+    // Section 15.11.9: both stand while TSM is set, whatever the time between the writes.
+    let mut agent = Agent::new();
+    agent.write(&[(TIMSK0, 1), (TIMSK2, 1), (TCCR0B, 1), (0xB1, 1)]);
+    agent.write(&[(GTCCR, 0b1000_0011), (TCNT0, 0), (TCNT2, 0), (GTCCR, 0)]);
+    agent.chip.measure(None);
+    agent.run(2000);
+    let meter = agent.chip.meter();
+    let entries = |vector| meter.handler_runs(vector).iter().map(|run| run.entry_cycle).collect::<Vec<u64>>();
+    let (timer0, timer2) = (entries(vector::TIMER0_OVF), entries(vector::TIMER2_OVF));
+    // Timer2 has the lower vector and is served first; Timer0 follows right behind its handler of 26 cycles.
+    assert!(timer0.len() >= 7);
+    for (first, second) in timer2.iter().zip(&timer0) {
+        assert!((26..=29).contains(&(second - first)), "{timer2:?} {timer0:?}");
+    }
+}

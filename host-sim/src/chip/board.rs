@@ -7,6 +7,7 @@ use super::eeprom::Eeprom;
 use super::ffi::{Cpu, Device, Interrupt, Port};
 use super::flags;
 use super::meter::{Meter, Sample};
+use super::prescaler::Prescaler;
 use super::pwm::Pwm;
 use super::registers::*;
 use super::usart::Usart;
@@ -39,6 +40,7 @@ pub(super) struct Board<W> {
     pub crash: Option<Crash>,
     pub outputs: Outputs,
     pwm: Pwm,
+    prescaler: Prescaler,
     adc: Adc,
     /// Levels that the input pins have now.
     inputs: u8,
@@ -55,6 +57,7 @@ impl<W: World> Board<W> {
             crash: None,
             outputs: Outputs::default(),
             pwm: Pwm::default(),
+            prescaler: Prescaler::default(),
             adc: Adc::default(),
             inputs: 0,
             wake_at: None,
@@ -137,8 +140,8 @@ impl<W: World> Board<W> {
 
 impl<W: World> Device for Board<W> {
     const WRITES: &'static [u16] = &[
-        EIFR, EIMSK, EECR, TIMSK0, TIMSK1, TIMSK2, ADCSRA, ADCSRB, TCCR1A, TCCR1B, OCR1AL, OCR1BL, UCSR0A, UCSR0B,
-        UCSR0C, UBRR0L, UDR0,
+        GTCCR, TCNT0, TCNT2, EIFR, EIMSK, EECR, TIMSK0, TIMSK1, TIMSK2, ADCSRA, ADCSRB, TCCR1A, TCCR1B, OCR1AL, OCR1BL,
+        UCSR0A, UCSR0B, UCSR0C, UBRR0L, UDR0,
     ];
     const READS: &'static [u16] = &[EECR, ADCL, ADCH, UCSR0A, UDR0];
     const BITS: &'static [u16] = &[TIFR0, TIFR1, TIFR2, EIFR];
@@ -165,6 +168,8 @@ impl<W: World> Device for Board<W> {
                 self.pwm.control_written(cpu, address, value);
                 self.pwm_due(cpu, cpu.now());
             }
+            GTCCR => self.prescaler.control_written(cpu, value),
+            TCNT0 | TCNT2 => self.prescaler.count_written(cpu, address, value),
             UCSR0A => self.usart.status_written(cpu, value),
             UCSR0B => self.usart.control_written(cpu, value),
             UDR0 => {
@@ -258,6 +263,7 @@ impl<W: World> Device for Board<W> {
     fn after_reset(&mut self, cpu: &Cpu) {
         self.adc.reset();
         self.pwm.reset();
+        self.prescaler = Prescaler::default();
         let sent = self.usart.reset(cpu);
         self.schedule(cpu, timer::RECEIVE, sent);
         let written = self.eeprom.reset(cpu);

@@ -11,6 +11,7 @@
 //! | `usart` | byte times, transmit buffer, receive buffer of two, overruns |
 //! | `eeprom` | write times, EE_READY, halted processor |
 //! | `flags` | flags raised while disabled, EIFR, SBI on flag registers |
+//! | `prescaler` | timers started together through GTCCR |
 //! | `board` | four cycles of interrupt response, eight out of sleep |
 //! | `ffi` | sleep without waiting, pull-ups, cycle count across resets |
 //!
@@ -29,6 +30,7 @@ mod encoder;
 mod ffi;
 mod flags;
 mod meter;
+mod prescaler;
 mod program;
 mod pwm;
 mod recorder;
