@@ -78,13 +78,16 @@ impl<W: World> Board<W> {
             });
             flags::forget_levels(cpu);
         }
-        let wake_at = self.world.next_wake();
-        if wake_at != self.wake_at {
-            self.wake_at = wake_at;
-            match wake_at {
-                Some(at) => cpu.schedule(timer::WORLD, at),
-                None => cpu.cancel(timer::WORLD),
-            }
+        self.plan_wake(cpu);
+    }
+
+    /// Sets the world's timer. An earlier setting stays: the world is then woken early and asked again, which costs less
+    /// than moving the timer with every change of plan.
+    fn plan_wake(&mut self, cpu: &Cpu) {
+        let Some(wake_at) = self.world.next_wake() else { return };
+        if self.wake_at.is_none_or(|earlier| wake_at < earlier) {
+            self.wake_at = Some(wake_at);
+            cpu.schedule(timer::WORLD, wake_at);
         }
     }
 

@@ -201,15 +201,6 @@ impl Cpu {
             sim::avr_cycle_timer_register(self.avr, ahead, self.timer_callback, parameter);
         }
     }
-
-    /// Forgets a timer.
-    pub fn cancel(&self, timer: u8) {
-        // SAFETY: as in `schedule`.
-        unsafe {
-            let parameter = self.timer_parameters[usize::from(timer)];
-            sim::avr_cycle_timer_cancel(self.avr, self.timer_callback, parameter);
-        }
-    }
 }
 
 /// Parameter of callbacks that have to tell one source from another.

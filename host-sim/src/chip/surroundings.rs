@@ -2,7 +2,7 @@
 //!
 //! Plant and chip share one time. The plant is advanced to each instant at which something happens between them: a
 //! switching edge of the bridge, an edge of the encoder, a sample of the converter, a row of the recording, and at least
-//! once per PWM period. Encoder edges come at the cycle in which the angle passes the boundary: it is predicted from the
+//! every other PWM period. Encoder edges come at the cycle in which the angle passes the boundary: it is predicted from the
 //! speed, and predicted anew if the plant is then found on the near side.
 
 use motorbench_core::pins::{CPU_HZ, CURRENT_SENSE, EMERGENCY_STOP, PWM_STEPS, SUPPLY_SENSE, TACHOGENERATOR};
@@ -14,8 +14,8 @@ use super::sensors::{Noise, SensorFault};
 use super::world::{Outputs, World};
 use crate::plant::{Inputs, Plant};
 
-/// Longest time for which the plant is left alone.
-const LONGEST_STEP_CYCLES: u64 = PWM_STEPS as u64;
+/// Longest time for which the plant is left alone. While the PWM runs, its edges come more often than this.
+const LONGEST_STEP_CYCLES: u64 = 2 * PWM_STEPS as u64;
 
 /// Everything outside the chip; [`super::Bench`] is its handle.
 pub struct Surroundings<P> {

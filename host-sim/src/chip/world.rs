@@ -47,9 +47,10 @@ impl Outputs {
 pub trait World {
     /// The outputs change at `cycle`.
     fn outputs_changed(&mut self, cycle: u64, outputs: &Outputs);
-    /// The cycle that [`World::next_wake`] asked for has come.
+    /// A cycle that [`World::next_wake`] has asked for has come; the wish may have changed since.
     fn wake(&mut self, cycle: u64);
     /// When the world wants to be woken: for an edge on an input pin, or to go on with its own time.
+    /// It may be woken earlier.
     fn next_wake(&self) -> Option<u64>;
     /// Levels at the pins of port D from outside; only D2, D3 and D4 are looked at.
     fn port_d_inputs(&self) -> u8;

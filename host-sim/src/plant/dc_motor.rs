@@ -15,8 +15,8 @@ use super::{Bridge, Inputs, Plant};
 const LONGEST_STEP_S: f64 = 100e-6;
 /// Bound on the changes of mode within one stretch; more would mean chattering without end.
 const MAX_EVENTS: usize = 64;
-/// How closely an event is located: a thousandth of a processor cycle.
-const EVENT_TOLERANCE_S: f64 = 6e-11;
+/// How closely an event is located: a hundredth of a processor cycle.
+const EVENT_TOLERANCE_S: f64 = 6e-10;
 /// Bound on the steps for it.
 const ROOT_STEPS: usize = 60;
 
@@ -84,6 +84,7 @@ impl DcMotorParameters {
 #[derive(Clone, Debug)]
 pub struct DcMotor {
     parameters: DcMotorParameters,
+    moving: Moving,
     state: State,
     supply_v: f64,
 }
@@ -111,7 +112,7 @@ impl DcMotor {
         ] {
             assert!(value > 0.0, "{name} must be positive, not {value}");
         }
-        Self { parameters, state: State::default(), supply_v: 0.0 }
+        Self { parameters, moving: Moving::new(&parameters), state: State::default(), supply_v: 0.0 }
     }
 
     /// The constants it was made with.
@@ -129,14 +130,69 @@ impl DcMotor {
         let mut left_s = dt_s;
         for _ in 0..MAX_EVENTS {
             let mode = Mode::of(&self.parameters, &self.state, inputs);
-            let end = mode.solve(&self.parameters, &self.state, left_s);
-            if mode.margin(&self.parameters, &end) >= 0.0 {
+            let end = self.solve(&mode, left_s);
+            let margin = mode.margin(&self.parameters, &end);
+            if margin >= 0.0 {
                 self.state = end;
                 return;
             }
-            let event_s = mode.event_s(&self.parameters, &self.state, left_s);
-            self.state = mode.hold(mode.solve(&self.parameters, &self.state, event_s));
+            let event_s = self.event_s(&mode, left_s, margin);
+            self.state = mode.hold(self.solve(&mode, event_s));
             left_s -= event_s;
+        }
+    }
+
+    /// When the margin becomes negative, given that it is `end_margin` after `end_s`; the returned instant is just
+    /// beyond.
+    fn event_s(&self, mode: &Mode, end_s: f64, end_margin: f64) -> f64 {
+        let margin_at = |t| mode.margin(&self.parameters, &self.solve(mode, t));
+        // Regula falsi; halving the value of an end that stays (Illinois) keeps both ends moving.
+        let (mut inside, mut beyond) =
+            ((0.0, mode.margin(&self.parameters, &self.state).max(0.0)), (end_s, end_margin));
+        let mut last_was_inside = None;
+        for step in 0..ROOT_STEPS {
+            if beyond.0 - inside.0 < EVENT_TOLERANCE_S {
+                break;
+            }
+            // Every third step halves the bracket, whatever the shape of the margin.
+            let fraction = if step % 3 == 2 { 0.5 } else { inside.1 / (inside.1 - beyond.1) };
+            // At least half the tolerance away from either end, so that a root close to one end is enclosed at once.
+            let guard_s = 0.5 * EVENT_TOLERANCE_S;
+            let t = (inside.0 + fraction * (beyond.0 - inside.0)).clamp(inside.0 + guard_s, beyond.0 - guard_s);
+            let margin = margin_at(t);
+            let is_inside = margin >= 0.0;
+            if is_inside {
+                inside = (t, margin);
+            } else {
+                beyond = (t, margin);
+            }
+            if last_was_inside == Some(is_inside) {
+                let staying = if is_inside { &mut beyond.1 } else { &mut inside.1 };
+                *staying *= 0.5;
+            }
+            last_was_inside = Some(is_inside);
+        }
+        beyond.0
+    }
+
+    /// The state `t` seconds later if the mode does not change.
+    fn solve(&self, mode: &Mode, t: f64) -> State {
+        let (p, start) = (&self.parameters, &self.state);
+        let voltage_v = mode.source_v - mode.current * mode.drop_v;
+        let torque_nm = -mode.load_torque_nm - mode.speed * p.coulomb_friction_nm;
+        let (l, j) = (p.inductance_h, p.inertia_kg_m2);
+        match (mode.speed != 0.0, mode.current != 0.0) {
+            (true, true) => self.moving.solve([torque_nm / j, voltage_v / l], start, t),
+            (true, false) => {
+                let (speed_rad_per_s, turned_rad) =
+                    first_order(p.viscous_friction_nms_per_rad / j, torque_nm / j, start.speed_rad_per_s, t);
+                State { angle_rad: start.angle_rad + turned_rad, speed_rad_per_s, current_a: 0.0 }
+            }
+            (false, true) => {
+                let (current_a, _) = first_order(p.resistance_ohm / l, voltage_v / l, start.current_a, t);
+                State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a }
+            }
+            (false, false) => State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a: 0.0 },
         }
     }
 }
@@ -225,37 +281,6 @@ impl Mode {
         current.min(speed)
     }
 
-    /// When the margin becomes negative, given that it is so after `end_s`; the returned instant is just beyond.
-    fn event_s(&self, p: &DcMotorParameters, start: &State, end_s: f64) -> f64 {
-        let margin_at = |t| self.margin(p, &self.solve(p, start, t));
-        // Regula falsi; halving the value of an end that stays (Illinois) keeps both ends moving.
-        let (mut inside, mut beyond) = ((0.0, margin_at(0.0).max(0.0)), (end_s, margin_at(end_s)));
-        let mut last_was_inside = None;
-        for step in 0..ROOT_STEPS {
-            if beyond.0 - inside.0 < EVENT_TOLERANCE_S {
-                break;
-            }
-            // Every third step halves the bracket, whatever the shape of the margin.
-            let fraction = if step % 3 == 2 { 0.5 } else { inside.1 / (inside.1 - beyond.1) };
-            // At least the tolerance away from either end, so that a root close to one end is enclosed at once.
-            let margin_s = 0.5 * EVENT_TOLERANCE_S;
-            let t = (inside.0 + fraction * (beyond.0 - inside.0)).clamp(inside.0 + margin_s, beyond.0 - margin_s);
-            let margin = margin_at(t);
-            let is_inside = margin >= 0.0;
-            if is_inside {
-                inside = (t, margin);
-            } else {
-                beyond = (t, margin);
-            }
-            if last_was_inside == Some(is_inside) {
-                let staying = if is_inside { &mut beyond.1 } else { &mut inside.1 };
-                *staying *= 0.5;
-            }
-            last_was_inside = Some(is_inside);
-        }
-        beyond.0
-    }
-
     /// Puts what has just crossed zero exactly there, so that the next mode can hold it.
     fn hold(&self, mut state: State) -> State {
         if self.current * state.current_a < 0.0 {
@@ -265,29 +290,6 @@ impl Mode {
             state.speed_rad_per_s = 0.0;
         }
         state
-    }
-
-    /// The state `t` seconds later if the mode does not change.
-    fn solve(&self, p: &DcMotorParameters, start: &State, t: f64) -> State {
-        let voltage_v = self.source_v - self.current * self.drop_v;
-        let torque_nm = -self.load_torque_nm - self.speed * p.coulomb_friction_nm;
-        let (l, j, k) = (p.inductance_h, p.inertia_kg_m2, p.torque_constant_nm_per_a);
-        match (self.speed != 0.0, self.current != 0.0) {
-            (true, true) => {
-                let a = [[-p.viscous_friction_nms_per_rad / j, k / j], [-k / l, -p.resistance_ohm / l]];
-                both_moving(a, [torque_nm / j, voltage_v / l], start, t)
-            }
-            (true, false) => {
-                let (speed_rad_per_s, turned_rad) =
-                    first_order(p.viscous_friction_nms_per_rad / j, torque_nm / j, start.speed_rad_per_s, t);
-                State { angle_rad: start.angle_rad + turned_rad, speed_rad_per_s, current_a: 0.0 }
-            }
-            (false, true) => {
-                let (current_a, _) = first_order(p.resistance_ohm / l, voltage_v / l, start.current_a, t);
-                State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a }
-            }
-            (false, false) => State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a: 0.0 },
-        }
     }
 }
 
@@ -314,44 +316,68 @@ fn first_order(a: f64, u: f64, x: f64, t: f64) -> (f64, f64) {
 type Matrix = [[f64; 2]; 2];
 
 /// `x' = A x + u` with `x` = (speed, current), by the exponential of the 2x2 matrix.
-fn both_moving(a: Matrix, u: [f64; 2], start: &State, t: f64) -> State {
-    let x = [start.speed_rad_per_s, start.current_a];
-    let slope = [a[0][0] * x[0] + a[0][1] * x[1] + u[0], a[1][0] * x[0] + a[1][1] * x[1] + u[1]];
-    let determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
-    let inverse = [[a[1][1] / determinant, -a[0][1] / determinant], [-a[1][0] / determinant, a[0][0] / determinant]];
-    let e = exponential(a, determinant, t);
-    // Integral of the exponential, and the integral of that for the angle.
-    let once = times(inverse, [[e[0][0] - 1.0, e[0][1]], [e[1][0], e[1][1] - 1.0]]);
-    let twice = times(inverse, [[once[0][0] - t, once[0][1]], [once[1][0], once[1][1] - t]]);
-    State {
-        angle_rad: start.angle_rad + x[0] * t + twice[0][0] * slope[0] + twice[0][1] * slope[1],
-        speed_rad_per_s: x[0] + once[0][0] * slope[0] + once[0][1] * slope[1],
-        current_a: x[1] + once[1][0] * slope[0] + once[1][1] * slope[1],
+#[derive(Clone, Copy, Debug)]
+struct Moving {
+    a: Matrix,
+    inverse: Matrix,
+    /// Mean of the eigenvalues.
+    mean: f64,
+    /// Half their distance: real if `oscillating` is false, otherwise imaginary.
+    half_distance: f64,
+    oscillating: bool,
+}
+
+impl Moving {
+    fn new(p: &DcMotorParameters) -> Self {
+        let (l, j, k) = (p.inductance_h, p.inertia_kg_m2, p.torque_constant_nm_per_a);
+        let a = [[-p.viscous_friction_nms_per_rad / j, k / j], [-k / l, -p.resistance_ohm / l]];
+        let determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
+        let mean = 0.5 * (a[0][0] + a[1][1]);
+        let discriminant = mean * mean - determinant;
+        Self {
+            a,
+            inverse: [[a[1][1] / determinant, -a[0][1] / determinant], [-a[1][0] / determinant, a[0][0] / determinant]],
+            mean,
+            half_distance: discriminant.abs().sqrt(),
+            oscillating: discriminant < 0.0,
+        }
+    }
+
+    fn solve(&self, u: [f64; 2], start: &State, t: f64) -> State {
+        let (a, x) = (&self.a, [start.speed_rad_per_s, start.current_a]);
+        let slope = [a[0][0] * x[0] + a[0][1] * x[1] + u[0], a[1][0] * x[0] + a[1][1] * x[1] + u[1]];
+        let e = self.exponential(t);
+        // Integral of the exponential, and the integral of that for the angle.
+        let once = times(&self.inverse, &[[e[0][0] - 1.0, e[0][1]], [e[1][0], e[1][1] - 1.0]]);
+        let twice = times(&self.inverse, &[[once[0][0] - t, once[0][1]], [once[1][0], once[1][1] - t]]);
+        State {
+            angle_rad: start.angle_rad + x[0] * t + twice[0][0] * slope[0] + twice[0][1] * slope[1],
+            speed_rad_per_s: x[0] + once[0][0] * slope[0] + once[0][1] * slope[1],
+            current_a: x[1] + once[1][0] * slope[0] + once[1][1] * slope[1],
+        }
+    }
+
+    /// `exp(A t)` for real, double or complex eigenvalues.
+    fn exponential(&self, t: f64) -> Matrix {
+        let (m, s, a) = (self.mean, self.half_distance, &self.a);
+        let (cosine, sine_over_s) = if s * t < 1e-6 {
+            let scale = (m * t).exp();
+            (scale, scale * t)
+        } else if self.oscillating {
+            let (scale, (sine, cosine)) = ((m * t).exp(), (s * t).sin_cos());
+            (scale * cosine, scale * sine / s)
+        } else {
+            let (slow, fast) = (((m + s) * t).exp(), ((m - s) * t).exp());
+            (0.5 * (slow + fast), 0.5 * (slow - fast) / s)
+        };
+        [
+            [cosine + sine_over_s * (a[0][0] - m), sine_over_s * a[0][1]],
+            [sine_over_s * a[1][0], cosine + sine_over_s * (a[1][1] - m)],
+        ]
     }
 }
 
-/// `exp(A t)` for real, double or complex eigenvalues `m +- s`.
-fn exponential(a: Matrix, determinant: f64, t: f64) -> Matrix {
-    let m = 0.5 * (a[0][0] + a[1][1]);
-    let discriminant = m * m - determinant;
-    let s = discriminant.abs().sqrt();
-    let (cosine, sine_over_s) = if s * t < 1e-6 {
-        let scale = (m * t).exp();
-        (scale, scale * t)
-    } else if discriminant > 0.0 {
-        let (slow, fast) = (((m + s) * t).exp(), ((m - s) * t).exp());
-        (0.5 * (slow + fast), 0.5 * (slow - fast) / s)
-    } else {
-        let (scale, (sine, cosine)) = ((m * t).exp(), (s * t).sin_cos());
-        (scale * cosine, scale * sine / s)
-    };
-    [
-        [cosine + sine_over_s * (a[0][0] - m), sine_over_s * a[0][1]],
-        [sine_over_s * a[1][0], cosine + sine_over_s * (a[1][1] - m)],
-    ]
-}
-
-fn times(a: Matrix, b: Matrix) -> Matrix {
+fn times(a: &Matrix, b: &Matrix) -> Matrix {
     let cell = |r: usize, c: usize| a[r][0] * b[0][c] + a[r][1] * b[1][c];
     [[cell(0, 0), cell(0, 1)], [cell(1, 0), cell(1, 1)]]
 }
