@@ -66,6 +66,11 @@ impl<W: World> Board<W> {
 
     /// Brings the world's pins to the chip and asks when it wants to be called again.
     pub fn attend(&mut self, cpu: &Cpu) {
+        self.show_inputs(cpu);
+        self.plan_wake(cpu);
+    }
+
+    fn show_inputs(&mut self, cpu: &Cpu) {
         let levels = self.world.port_d_inputs() & INPUT_PINS;
         let changed = levels ^ self.inputs;
         if changed != 0 {
@@ -78,7 +83,6 @@ impl<W: World> Board<W> {
             });
             flags::forget_levels(cpu);
         }
-        self.plan_wake(cpu);
     }
 
     /// Sets the world's timer. An earlier setting stays: the world is then woken early and asked again, which costs less
@@ -101,14 +105,14 @@ impl<W: World> Board<W> {
         }
     }
 
-    fn pwm_due(&mut self, cpu: &Cpu, when: u64) {
+    fn pwm_due(&mut self, cpu: &Cpu, when: u64) -> Option<u64> {
         self.pwm.advance(cpu, when);
         self.show_outputs(cpu, when);
-        self.schedule(cpu, timer::PWM, self.pwm.next_event(when));
+        self.pwm.next_event(when)
     }
 
-    fn adc_due(&mut self, cpu: &Cpu, when: u64) {
-        let next = match self.adc.sampling() {
+    fn adc_due(&mut self, cpu: &Cpu, when: u64) -> Option<u64> {
+        match self.adc.sampling() {
             Some(channel) => {
                 let input_v = self.analog_in_v(when, channel);
                 self.attend(cpu);
@@ -116,8 +120,16 @@ impl<W: World> Board<W> {
                 self.adc.sample(input_v)
             }
             None => self.adc.done(cpu, when),
-        };
-        self.schedule(cpu, timer::ADC, next);
+        }
+    }
+
+    /// The world's timer is due. What `attend` plans here comes back as the timer's next instant.
+    fn world_due(&mut self, cpu: &Cpu, when: u64) -> Option<u64> {
+        self.wake_at = None;
+        self.world.wake(when);
+        self.show_inputs(cpu);
+        self.wake_at = self.world.next_wake();
+        self.wake_at
     }
 
     fn analog_in_v(&mut self, cycle: u64, channel: u8) -> f64 {
@@ -143,8 +155,8 @@ impl<W: World> Board<W> {
 
 impl<W: World> Device for Board<W> {
     const WRITES: &'static [u16] = &[
-        GTCCR, TCNT0, TCNT2, EIFR, EIMSK, EECR, TIMSK0, TIMSK1, TIMSK2, ADCSRA, ADCSRB, TCCR1A, TCCR1B, OCR1AL, OCR1BL,
-        UCSR0A, UCSR0B, UCSR0C, UBRR0L, UDR0,
+        GTCCR, OCR2A, OCR2B, TCNT0, TCNT2, EIFR, EIMSK, EECR, TIMSK0, TIMSK1, TIMSK2, ADCSRA, ADCSRB, TCCR1A, TCCR1B,
+        OCR1AL, OCR1BL, UCSR0A, UCSR0B, UCSR0C, UBRR0L, UDR0,
     ];
     const READS: &'static [u16] = &[EECR, ADCL, ADCH, UCSR0A, UDR0];
     const BITS: &'static [u16] = &[TIFR0, TIFR1, TIFR2, EIFR];
@@ -169,9 +181,11 @@ impl<W: World> Device for Board<W> {
             OCR1BL => self.pwm.compare_b_written(cpu, value),
             TCCR1A | TCCR1B => {
                 self.pwm.control_written(cpu, address, value);
-                self.pwm_due(cpu, cpu.now());
+                let next = self.pwm_due(cpu, cpu.now());
+                self.schedule(cpu, timer::PWM, next);
             }
             GTCCR => self.prescaler.control_written(cpu, value),
+            OCR2A | OCR2B => cpu.write_through(address, value),
             TCNT0 | TCNT2 => self.prescaler.count_written(cpu, address, value),
             UCSR0A => self.usart.status_written(cpu, value),
             UCSR0B => self.usart.control_written(cpu, value),
@@ -200,24 +214,17 @@ impl<W: World> Device for Board<W> {
         }
     }
 
-    fn timer(&mut self, cpu: &Cpu, timer: u8, when: u64) {
+    fn timer(&mut self, cpu: &Cpu, timer: u8, when: u64) -> Option<u64> {
         match timer {
             timer::PWM => self.pwm_due(cpu, when),
-            timer::WORLD => {
-                self.wake_at = None;
-                self.world.wake(when);
-                self.attend(cpu);
-            }
+            timer::WORLD => self.world_due(cpu, when),
             timer::ADC => self.adc_due(cpu, when),
-            timer::SEND => {
-                let next = self.usart.sent(cpu, when);
-                self.schedule(cpu, timer::SEND, next);
+            timer::SEND => self.usart.sent(cpu, when),
+            timer::RECEIVE => self.usart.received(cpu, when),
+            _ => {
+                self.eeprom.done(cpu);
+                None
             }
-            timer::RECEIVE => {
-                let next = self.usart.received(cpu, when);
-                self.schedule(cpu, timer::RECEIVE, next);
-            }
-            _ => self.eeprom.done(cpu),
         }
     }
 
@@ -264,6 +271,7 @@ impl<W: World> Device for Board<W> {
     }
 
     fn after_reset(&mut self, cpu: &Cpu) {
+        flags::timer2_compares(cpu, 0);
         self.adc.reset();
         self.pwm.reset();
         self.prescaler = Prescaler::default();

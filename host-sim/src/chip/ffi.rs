@@ -12,7 +12,7 @@ use std::ffi::{c_int, c_void};
 
 use simavr_ffi as sim;
 
-use super::registers::{IO_BASE, SRAM_END, VECTORS};
+use super::registers::{IO_BASE, OCR2A, SRAM_END, VECTORS};
 
 /// Number of cycle timers a device has.
 pub(super) const TIMERS: usize = 8;
@@ -56,7 +56,8 @@ pub(super) trait Device {
     fn io_read(&mut self, cpu: &Cpu, address: u16) -> u8;
     fn bit_set(&mut self, cpu: &Cpu, address: u16, bit: u8);
     /// A timer set with [`Cpu::schedule`] for the cycle `when` is due; the processor may be a few cycles further.
-    fn timer(&mut self, cpu: &Cpu, timer: u8, when: u64);
+    /// Returns when it is due again, which is after `when`.
+    fn timer(&mut self, cpu: &Cpu, timer: u8, when: u64) -> Option<u64>;
     /// The output register (`direction` false) or the direction register of a port was written.
     fn port_written(&mut self, cpu: &Cpu, port: Port, direction: bool, value: u8);
     fn interrupt(&mut self, cpu: &Cpu, vector: u8, event: Interrupt);
@@ -78,6 +79,7 @@ pub(super) struct Cpu {
     avr: *mut sim::avr_t,
     vectors: [*mut sim::avr_int_vector_t; VECTORS],
     timer1: *mut sim::avr_timer_t,
+    timer2: *mut sim::avr_timer_t,
     port_d: *mut sim::avr_irq_t,
     /// Cycles before the last reset; simavr counts from zero after each.
     epoch: Cell<u64>,
@@ -184,6 +186,15 @@ impl Cpu {
         unsafe { (*self.timer1).comp[1].comp_cycles }
     }
 
+    /// Lets compare unit A (0) or B (1) of Timer2 work or rest. A resting unit raises no flag and costs the simulator
+    /// nothing; the caller writes its compare register through afterwards, so that simavr arms it anew.
+    pub fn set_timer2_compare(&self, unit: usize, works: bool) {
+        let register = if works { OCR2A + unit as u16 } else { 0 };
+        // SAFETY: `timer2` points into this chip, whose Timer2 has both units. Without a register simavr leaves the
+        // unit out.
+        unsafe { (&mut (*self.timer2).comp)[unit].r_ocr = register };
+    }
+
     /// Sets the level of an input pin of port D.
     pub fn drive_port_d(&self, bit: u8, level: bool) {
         debug_assert!(bit < 8);
@@ -267,6 +278,8 @@ impl<D: Device> Core<D> {
             vectors: unsafe { vectors(avr) },
             // SAFETY: the same.
             timer1: unsafe { timer1(avr) },
+            // SAFETY: the same.
+            timer2: unsafe { timer(avr, b'2') },
             // SAFETY: the same.
             port_d: unsafe { sim::avr_io_getirq(avr, port_ioctl(Port::D), 0) },
             epoch: Cell::new(0),
@@ -506,23 +519,34 @@ unsafe fn vectors(avr: *mut sim::avr_t) -> [*mut sim::avr_int_vector_t; VECTORS]
     table
 }
 
-/// Timer1 of the chip, with its compare unit A cut off from the port: simavr would write PORTB1 with each edge of OC1A,
-/// and the pin's level is computed by `pwm` instead.
+/// The timer with this digit.
 ///
 /// # Safety
 /// `avr` is an initialised ATmega328P.
-unsafe fn timer1(avr: *mut sim::avr_t) -> *mut sim::avr_timer_t {
-    let ioctl = u32::from_be_bytes(*b"tmr1");
-    // SAFETY: `io_port` is simavr's list of the chip's modules; the one that answers to this code is Timer1, whose
+unsafe fn timer(avr: *mut sim::avr_t, digit: u8) -> *mut sim::avr_timer_t {
+    let ioctl = u32::from_be_bytes([b't', b'm', b'r', digit]);
+    // SAFETY: `io_port` is simavr's list of the chip's modules; the one that answers to this code is the timer, whose
     // first field is the list's element.
     unsafe {
         let mut module = (*avr).io_port;
         while !module.is_null() && (*module).irq_ioctl_get != ioctl {
             module = (*module).next;
         }
-        assert!(!module.is_null(), "simavr's ATmega328P has no Timer1");
-        let timer = module.cast::<sim::avr_timer_t>();
-        let compare_a = (*module).irq.add(sim::TIMER_IRQ_OUT_COMP as usize);
+        assert!(!module.is_null(), "simavr's ATmega328P has no such timer");
+        module.cast()
+    }
+}
+
+/// Timer1 of the chip, with its compare unit A cut off from the port: simavr would write PORTB1 with each edge of OC1A,
+/// and the pin's level is computed by `pwm` instead.
+///
+/// # Safety
+/// `avr` is an initialised ATmega328P.
+unsafe fn timer1(avr: *mut sim::avr_t) -> *mut sim::avr_timer_t {
+    // SAFETY: the caller's promise; the pin's IRQ exists.
+    unsafe {
+        let timer = timer(avr, b'1');
+        let compare_a = (*timer).io.irq.add(sim::TIMER_IRQ_OUT_COMP as usize);
         sim::avr_unconnect_irq(compare_a, sim::avr_io_getirq(avr, port_ioctl(Port::B), 1));
         // Without this, the next reset would connect it again.
         (*timer).comp[0].com_pin.set_reg(0);
@@ -571,10 +595,23 @@ unsafe extern "C" fn on_bit<D: Device>(_: *mut sim::avr_t, bit: u8, value: u8, t
 unsafe extern "C" fn on_timer<D: Device>(_: *mut sim::avr_t, when: u64, tag: *mut c_void) -> u64 {
     // SAFETY: registered with a tag as its parameter, whose block lives as long.
     let (shared, number) = unsafe { (&*(*tag.cast::<Tag<D>>()).shared, (*tag.cast::<Tag<D>>()).number as u8) };
-    if number != STOP_TIMER {
-        shared.notify(|device, cpu| device.timer(cpu, number, cpu.epoch.get() + when));
+    if number == STOP_TIMER {
+        return 0;
     }
-    0
+    let cpu = &shared.cpu;
+    let next = match shared.device.try_borrow_mut() {
+        Ok(mut device) => device.timer(cpu, number, cpu.epoch.get() + when),
+        Err(_) => None,
+    };
+    match next {
+        None => 0,
+        Some(next) if next > cpu.now() => next - cpu.epoch.get(),
+        // simavr would call back at once, before other timers that are due earlier.
+        Some(next) => {
+            cpu.schedule(number, next);
+            0
+        }
+    }
 }
 
 unsafe extern "C" fn on_port<D: Device>(irq: *mut sim::avr_irq_t, value: u32, tag: *mut c_void) {

@@ -45,12 +45,26 @@ pub(super) fn enable(cpu: &Cpu, address: u16, value: u8) -> bool {
     let Some(group) = GROUPS.iter().find(|g| g.enables == address) else { return false };
     let newly = value & !cpu.read(address);
     cpu.write(address, value);
+    if address == TIMSK2 {
+        timer2_compares(cpu, value);
+    }
     for &(bit, vector) in group.vectors {
         if newly & cpu.read(group.flags) & (1 << bit) != 0 {
             cpu.raise(vector);
         }
     }
     true
+}
+
+/// Lets the compare units of Timer2 work whose interrupts are enabled. As a free-running time stamp at the processor's
+/// clock its compare matches would be a tenth of the simulator's work, for flags that nobody looks at: OCF2A and OCF2B
+/// are not raised while their interrupts are disabled.
+pub(super) fn timer2_compares(cpu: &Cpu, enables: u8) {
+    for (unit, register) in [OCR2A, OCR2B].into_iter().enumerate() {
+        cpu.set_timer2_compare(unit, enables & (2 << unit) != 0);
+        let value = cpu.read(register);
+        cpu.write_through(register, value);
+    }
 }
 
 /// Clears one flag. Returns its vector, or `None` if the register has no such flag.

@@ -19,7 +19,8 @@
 //!
 //! Times are processor cycles of 62.5 ns since power-on. An output pin changes at the start of the instruction that
 //! writes it, up to two cycles early. Not modelled: start-up times after a reset, the synchronisers of the input pins
-//! (one to two cycles), Timer1 in other modes than 14 as far as its pins go, the bootloader.
+//! (one to two cycles), Timer1 in other modes than 14 as far as its pins go, the compare
+//! flags of Timer2 while their interrupts are disabled, the bootloader.
 
 mod adc;
 mod bench;
