@@ -3,13 +3,17 @@
 #![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
 pub mod arith;
+pub mod compensation;
+pub mod current;
 pub mod encoder;
 pub mod excitation;
 pub mod limits;
+pub mod low_pass;
 pub mod lqr;
 pub mod message;
 pub mod pid;
 pub mod pins;
 pub mod settings;
+pub mod tachogenerator;
 pub mod trips;
 pub mod units;

@@ -11,7 +11,7 @@
 //! `Tt` is the tracking time (Astrom and Hagglund, Advanced PID Control, 3.5). With `Ki` zero there is no integral.
 //! When gains or mode change, the integral takes the value that leaves the voltage where it was (bumpless transfer).
 
-use crate::arith::{mul_i16, mul_i16_u16, saturate_i16, saturate_shift_8, saturating_add_i32, saturating_sub_i16};
+use crate::arith::{mul_i16, multiply_add_u16, saturate_i16, saturate_shift_8, saturating_add_i32, saturating_sub_i16};
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::{AMPERE, FULL_RANGE, GAIN_LIMIT, Rule, VOLT, quantise};
 
@@ -112,13 +112,13 @@ pub fn bits_per_unit(settings: &Settings, range: Param) -> f32 {
     FULL_RANGE / settings.get(range)
 }
 
-/// A part per tick: `tick / time`, for `time` in ms, at most almost one.
+/// A part per tick: `tick / time`, for `time` in ms, at most almost a half.
 ///
 /// # Errors
 /// The part would vanish.
 pub fn tracking_fraction(settings: &Settings, time: Param) -> Result<u16, BuildError> {
     let ticks = settings.get(time) * (settings.get(Param::TickRate) * 0.001);
-    let part = if ticks > 1.0 { 1.0 / ticks } else { 0.9999 };
+    let part = if ticks > 2.0 { 1.0 / ticks } else { 0.499 };
     quantise(part, 65536.0, u16::MAX).map(|v| v as u16).map_err(|rule| rule.of(time))
 }
 
@@ -127,7 +127,7 @@ pub fn tracking_fraction(settings: &Settings, time: Param) -> Result<u16, BuildE
 pub struct IntegralConfig {
     /// Bits of [`crate::units::IntegralGain`].
     ki: i16,
-    /// Bits of [`crate::units::Fraction`]: tick over tracking time.
+    /// Bits of [`crate::units::Fraction`]: tick over tracking time, at most a half; zero without an integral.
     tracking: u16,
 }
 
@@ -138,8 +138,9 @@ impl IntegralConfig {
     /// The gain is too large for the format, or would vanish in it.
     pub fn build(settings: &Settings, gain: Param, bits_per_unit: f32, time: Param) -> Result<Self, BuildError> {
         let per_tick = VOLT * 65536.0 / bits_per_unit / settings.get(Param::TickRate);
-        let ki = quantise(settings.get(gain), per_tick, i16::MAX as u16).map_err(|rule| rule.of(gain))?;
-        Ok(Self { ki: ki as i16, tracking: tracking_fraction(settings, time)? })
+        let ki = quantise(settings.get(gain), per_tick, GAIN_LIMIT as u16).map_err(|rule| rule.of(gain))? as i16;
+        // Without an integral there is nothing to track with.
+        Ok(Self { ki, tracking: if ki == 0 { 0 } else { tracking_fraction(settings, time)? } })
     }
 }
 
@@ -160,32 +161,26 @@ impl Integral {
     /// clamps, and moves the integral on. Returns the voltage; within 2 bits of exact arithmetic.
     #[inline(always)]
     pub fn close(&mut self, config: &IntegralConfig, rest: i32, error: i16, limits: &Limits) -> i16 {
-        // Gain products carry 10 fractional bits; 8 are kept, so that no sum below can leave 32 bits.
-        let rest = rest >> 2;
         if limits.align {
             self.align(config, rest, limits);
         }
-        let mut bits = self.bits;
-        let wanted = saturate_shift_8(rest + (bits >> 8));
+        // Gain products carry 10 fractional bits, the integral 16; 8 are kept of both.
+        let wanted = saturate_shift_8((rest >> 2) + (self.bits >> 8));
+        let mut change = mul_i16(config.ki, error);
         let mut voltage = wanted;
-        if config.ki != 0 {
-            bits = saturating_add_i32(bits, mul_i16(config.ki, error));
-        }
         if wanted < limits.low || wanted > limits.high {
             voltage = if wanted < limits.low { limits.low } else { limits.high };
-            if config.ki != 0 {
-                let excess = saturating_sub_i16(voltage, wanted);
-                bits = saturating_add_i32(bits, mul_i16_u16(excess, config.tracking));
-            }
+            // At most 2^29 of the error and 2^30 of the excess.
+            change = multiply_add_u16(change, saturating_sub_i16(voltage, wanted), config.tracking);
         }
-        self.bits = bits;
+        self.bits = saturating_add_i32(change, self.bits);
         voltage
     }
 
     /// Takes the value with which the voltage stays at `limits.previous`; none without an integral gain.
     #[inline(never)]
     fn align(&mut self, config: &IntegralConfig, rest: i32, limits: &Limits) {
-        let missing = saturate_i16(limits.previous as i32 - (rest >> 8));
+        let missing = saturate_i16(limits.previous as i32 - (rest >> 10));
         self.bits = if config.ki == 0 { 0 } else { (missing as i32) << 16 };
     }
 }
@@ -217,8 +212,8 @@ pub(crate) mod tests {
             let voltage = wanted.clamp(limits.low as f64, limits.high as f64);
             if self.ki != 0.0 {
                 let excess = (voltage - wanted).clamp(-32768.0, 32767.0);
-                self.integral = (self.integral + self.ki * error).clamp(-32768.0, 32768.0);
-                self.integral = (self.integral + self.tracking * excess).clamp(-32768.0, 32768.0);
+                self.integral += self.ki * error + self.tracking * excess;
+                self.integral = self.integral.clamp(-32768.0, 32768.0);
             }
             voltage
         }

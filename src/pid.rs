@@ -12,7 +12,7 @@
 //! Gains positive, feedback negative. Against the same law in real numbers with the same gains the voltage is within
 //! 3 bits (3 mV).
 
-use crate::arith::{mul_i16, mul_i16_u16, multiply_add, saturating_sub_i16};
+use crate::arith::{mul_i16, multiply_add, multiply_add_u16, saturating_sub_i16};
 use crate::limits::{Integral, IntegralConfig, Limits, bits_per_unit, gain_bits, quantise_gain};
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::quantise;
@@ -155,7 +155,7 @@ impl PidState {
         }
         let change = saturating_sub_i16(speed, (self.filtered >> 16) as i16);
         // Toward the speed by less than the distance: stays within 16 bits.
-        self.filtered += mul_i16_u16(change, config.filter);
+        self.filtered = multiply_add_u16(self.filtered, change, config.filter);
         change
     }
 }

@@ -9,7 +9,7 @@
 //! | angle | `i32` | one encoder count (x4) | +-2^31 counts |
 //! | duty | `i16` | one PWM step of 1/800 | +-800 |
 //! | proportional gains | [`Gain`] | 2^-10 output bits per input bit | +-16 |
-//! | integral gains | [`IntegralGain`] | 2^-16 output bits per input bit and tick | +-0.5 |
+//! | integral gains | [`IntegralGain`] | 2^-16 output bits per input bit and tick | +-0.25 |
 //! | filter and tracking fractions | [`Fraction`] | 2^-16 per tick | 0..1 |
 //!
 //! Speed and position are in per unit of a range that belongs to the rig, because motors differ by decades: a geared
@@ -29,12 +29,12 @@ pub type Speed = FixedI16<U15>;
 pub type PositionError = FixedI16<U15>;
 /// Output bits per input bit, times 2^-10; [`GAIN_LIMIT`] holds it within +-16.
 pub type Gain = FixedI16<U10>;
-/// Output bits per input bit and tick, times 2^-16.
+/// Output bits per input bit and tick, times 2^-16; [`GAIN_LIMIT`] holds it within +-0.25.
 pub type IntegralGain = FixedI16<U16>;
 /// A part of one, per tick: filters, anti-windup tracking.
 pub type Fraction = FixedU16<U16>;
 
-/// Largest magnitude of a [`Gain`]'s bits: three products of such a gain with any signal still fit 32 bits, so the sums
+/// Largest magnitude of the bits of a [`Gain`] or [`IntegralGain`]: three products of such a gain with any signal still fit 32 bits, so the sums
 /// of the controllers need no overflow checks.
 pub const GAIN_LIMIT: i16 = 1 << 14;
 

@@ -30,8 +30,12 @@ mod on_chip {
         }
 
         fn put(&self, value: T) {
-            // SAFETY: no reference to the content is alive while the program prepares.
-            unsafe { (*self.0.get()).write(value) };
+            // SAFETY: no reference to the content is alive while the program prepares. The assembly does nothing; having
+            // been given the address, it makes the compiler forget what stands there.
+            unsafe {
+                (*self.0.get()).write(value);
+                core::arch::asm!("; {}", in(reg_ptr) self.0.get());
+            }
         }
 
         #[expect(clippy::mut_from_ref, reason = "one reference at a time, see Sync")]
@@ -89,7 +93,7 @@ mod on_chip {
             mark(0xff);
         }
         let mut x = 1i16;
-        for _ in 0..200 {
+        for _ in 0..200u8 {
             x = x.wrapping_mul(25173).wrapping_add(13849);
             X.put(x);
             Y.put(x.rotate_left(7));

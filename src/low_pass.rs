@@ -1,0 +1,78 @@
+//! First-order low-pass: `f(k) = f(k-1) + a (x(k) - f(k-1))`, `a = T/(tau + T)` (backward Euler).
+//!
+//! The state has 16 bits below the signal's, so a slow filter does not stick short of its input: it settles within one
+//! bit. Against the recurrence in real numbers the output is within 2 bits.
+
+use crate::arith::{multiply_add_u16, saturating_sub_i16};
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::quantise;
+
+/// `a`, bits of [`crate::units::Fraction`]; zero passes the signal through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LowPassConfig(u16);
+
+impl LowPassConfig {
+    /// From the setting `time`, a time constant in ms; zero is no filter.
+    ///
+    /// # Errors
+    /// The filter is too slow for the format.
+    pub fn build(settings: &Settings, time: Param) -> Result<Self, BuildError> {
+        let (tau, period) = (settings.get(time) * 0.001, 1.0 / settings.get(Param::TickRate));
+        if tau <= 0.0 {
+            return Ok(Self(0));
+        }
+        let part = quantise(period / (tau + period), 65536.0, u16::MAX);
+        part.map(|bits| Self(bits as u16)).map_err(|rule| rule.of(time))
+    }
+}
+
+/// The filter's memory.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct LowPassState(i32);
+
+impl LowPassState {
+    /// One tick: input and output in the same bits.
+    #[inline(always)]
+    pub fn step(&mut self, config: &LowPassConfig, input: i16) -> i16 {
+        if config.0 == 0 {
+            return input;
+        }
+        let change = saturating_sub_i16(input, (self.0 >> 16) as i16);
+        // Toward the input by less than the distance: stays within 16 bits.
+        self.0 = multiply_add_u16(self.0, change, config.0);
+        (self.0 >> 16) as i16
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn follows_the_recurrence(part in 1u16.., inputs in proptest::collection::vec((any::<i16>(), 1u16..300), 1..30)) {
+            let mut state = LowPassState::default();
+            let mut exact = 0.0f64;
+            for (input, repeat) in inputs {
+                for _ in 0..repeat {
+                    exact += part as f64 / 65536.0 * (input as f64 - exact).clamp(-32768.0, 32767.0);
+                    let output = state.step(&LowPassConfig(part), input);
+                    prop_assert!((output as f64 - exact).abs() <= 2.0, "{output} for {exact}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn time_constant_and_no_filter() {
+        let mut settings = Settings::defaults();
+        assert_eq!(LowPassState::default().step(&LowPassConfig::build(&settings, Param::SpeedFilter).unwrap(), 99), 99);
+        settings.set(Param::SpeedFilter, 20.0).unwrap();
+        let config = LowPassConfig::build(&settings, Param::SpeedFilter).unwrap();
+        let mut state = LowPassState::default();
+        let after_tau = (0..20).map(|_| state.step(&config, 10_000)).last().unwrap();
+        // Backward Euler: 1 - (tau/(tau+T))^20 = 0.6231.
+        assert!((after_tau - 6231).abs() <= 12, "{after_tau}");
+    }
+}
