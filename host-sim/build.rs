@@ -9,28 +9,34 @@ const PACKAGES: &str =
 const COMMAND: &str = "cargo test --features host-sim/chip";
 
 fn main() {
-    println!("cargo:rerun-if-changed=build.rs");
-    println!("cargo:rerun-if-env-changed=PATH");
-    let missing = missing();
+    println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rerun-if-env-changed=PATH");
+    let (to_build, to_run) = (missing_to_build(), missing_to_run());
+    let missing = [to_build.as_slice(), to_run.as_slice()].concat().join(", ");
+    if missing.is_empty() {
+        return;
+    }
     let chip = env::var_os("CARGO_FEATURE_CHIP").is_some();
-    match (missing.is_empty(), chip) {
-        (true, _) => {}
-        (false, true) => {
-            println!("cargo:error=the simulated chip lacks {}; install {PACKAGES}", missing.join(", "));
-        }
-        (false, false) => println!(
-            "cargo:warning=tests on the simulated chip are left out (no {}); install {PACKAGES}, then run {COMMAND}",
-            missing.join(", ")
+    match (chip, to_build.is_empty()) {
+        (true, false) => println!("cargo::error=the simulated chip lacks {missing}; install {PACKAGES}"),
+        (true, true) => println!("cargo::warning=no program for the chip can be built without {missing}; install it"),
+        (false, _) => println!(
+            "cargo::warning=tests on the simulated chip are left out (no {missing}); install {PACKAGES}, then run {COMMAND}"
         ),
     }
 }
 
-/// The tools and libraries that cannot be found.
-fn missing() -> Vec<&'static str> {
+/// Tools and libraries without which the simulator does not compile.
+fn missing_to_build() -> Vec<&'static str> {
     let libraries = ["libelf", "zlib", "libzstd"].into_iter().filter(|name| !runs("pkg-config", &["--exists", name]));
-    let tools = ["cc", "make", "avr-gcc"].into_iter().filter(|tool| !runs(tool, &["--version"]));
+    let tools = ["cc", "make"].into_iter().filter(|tool| !runs(tool, &["--version"]));
     let clang = (!has_libclang()).then_some("libclang");
     tools.chain(clang).chain(libraries).collect()
+}
+
+/// What the tests need to make programs for the chip.
+fn missing_to_run() -> Vec<&'static str> {
+    ["avr-gcc"].into_iter().filter(|tool| !runs(tool, &["--version"])).collect()
 }
 
 /// bindgen loads libclang at run time and has no tool of its own that could be asked.

@@ -47,7 +47,7 @@ pub use self::core::{Chip, Crash, ResetCause};
 pub use bench::Bench;
 pub use encoder::EncoderFault;
 pub use meter::{HandlerRun, Marker, Meter, Sample, Spread};
-pub use program::{Program, ProgramError, assemble, firmware_elf};
+pub use program::{Program, ProgramError, assemble, avr_elf, firmware_elf};
 pub use pwm::PwmSetting;
 pub use recorder::{Recording, Row};
 pub use rig::{Rig, Wiring};

@@ -122,13 +122,21 @@ fn target_directory() -> PathBuf {
 /// If avr-gcc is missing, which links it, or the build fails.
 pub fn firmware_elf() -> Result<PathBuf, ProgramError> {
     static BUILT: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    BUILT.get_or_init(build_firmware).clone().map_err(ProgramError::Build)
+    BUILT.get_or_init(|| build("firmware")).clone().map_err(ProgramError::Build)
 }
 
-fn build_firmware() -> Result<PathBuf, String> {
+/// Builds another binary of the firmware's package for the chip, and returns the path of its ELF file.
+///
+/// # Errors
+/// As [`firmware_elf`].
+pub fn avr_elf(binary: &str) -> Result<PathBuf, ProgramError> {
+    build(binary).map_err(ProgramError::Build)
+}
+
+fn build(binary: &str) -> Result<PathBuf, String> {
     run(Command::new("avr-gcc").arg("--version"))?;
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo.arg("firmware").current_dir(workspace_root());
+    cargo.args(["firmware", "--bin", binary]).current_dir(workspace_root());
     // What cargo sets for the calling test would otherwise make the firmware's dependencies build anew, and flags meant
     // for the host replace those of the AVR target.
     for (name, _) in std::env::vars_os() {
@@ -140,7 +148,7 @@ fn build_firmware() -> Result<PathBuf, String> {
         }
     }
     run(&mut cargo)?;
-    Ok(target_directory().join("avr-atmega328p/firmware/firmware.elf"))
+    Ok(target_directory().join("avr-atmega328p/firmware").join(binary).with_extension("elf"))
 }
 
 /// Assembles a program for the chip and returns the path of its ELF file, in the target directory.
