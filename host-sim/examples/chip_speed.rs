@@ -1,7 +1,7 @@
 //! How fast the simulated chip runs against real time.
 //!
 //! `cargo run --release --features host-sim/chip -p host-sim --example chip_speed [ELF]`; without an ELF file it builds
-//! the firmware. Three loads: as it is, with 20,000 encoder edges per second, and with 100,000.
+//! the firmware. With `CC=clang` in the environment when simavr is compiled it runs a fifth faster. Three loads: as it is, with 20,000 encoder edges per second, and with 100,000.
 
 use std::time::Instant;
 

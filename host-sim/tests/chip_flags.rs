@@ -87,7 +87,7 @@ fn sbi_clears_one_timer_flag_only() {
 
 #[test]
 fn timers_released_together_count_together() {
-    // Section 15.11.9: both stand while TSM is set, whatever the time between the writes.
+    // Section 17.4.1: both stand while TSM is set, whatever the time between the writes.
     let mut agent = Agent::new();
     agent.write(&[(TIMSK0, 1), (TIMSK2, 1), (TCCR0B, 1), (0xB1, 1)]);
     agent.write(&[(GTCCR, 0b1000_0011), (TCNT0, 0), (TCNT2, 0), (GTCCR, 0)]);

@@ -41,7 +41,7 @@ impl Eeprom {
         self.busy = None;
     }
 
-    /// A reset does not stop a write in progress (section 8.6.3). Returns when the remainder will be done at the latest.
+    /// A reset does not stop a write in progress (section 8.4.2). Returns when the remainder will be done at the latest.
     pub fn reset(&mut self, cpu: &Cpu) -> Option<u64> {
         self.unlocked_at = None;
         self.publish(cpu, 0);

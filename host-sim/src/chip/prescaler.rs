@@ -1,4 +1,4 @@
-//! Starting timers together through GTCCR (data sheet sections 15.11.9 and 18.11.9), which simavr ignores.
+//! Starting timers together through GTCCR (data sheet sections 17.4.1 and 18.11.9), which simavr ignores.
 //!
 //! While TSM is set, the timers whose prescalers are held (PSRSYNC: Timer0 and Timer1, PSRASY: Timer2) stand; the counts
 //! written meanwhile begin to run in the cycle in which TSM is cleared. Modelled for the counts of Timer0 and Timer2

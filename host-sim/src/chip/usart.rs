@@ -134,7 +134,7 @@ impl Usart {
         }
     }
 
-    /// A handler returned: RXC and UDRE ask again as long as their cause persists (section 20.10.4).
+    /// A handler returned: RXC and UDRE ask again as long as their cause persists (sections 20.6.3 and 20.7.3).
     pub fn handler_returned(&self, cpu: &Cpu) {
         self.publish(cpu);
     }
@@ -242,7 +242,7 @@ fn bit_cycles(cpu: &Cpu) -> u64 {
     divisor * if cpu.read(UCSR0A) & U2X != 0 { 8 } else { 16 }
 }
 
-/// Cycles per byte with start, parity and stop bits (section 20.5).
+/// Cycles per byte with start, parity and stop bits (section 20.4).
 fn frame_cycles(cpu: &Cpu) -> u64 {
     let format = cpu.read(UCSR0C);
     let data = 5 + u64::from(format >> 1 & 0b11);
