@@ -1,0 +1,212 @@
+//! The quadrature encoder: from an angle to the levels of two lines, with all that can go wrong on the way.
+//!
+//! Turning forward, A leads B: the lines (A, B) go through 00, 10, 11, 01.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+use motorbench_core::pins::{CPU_HZ, ENCODER_A, ENCODER_B};
+
+use super::rig::Rig;
+
+/// A lasting fault of the encoder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EncoderFault {
+    /// Plug pulled: both lines stay where the pull-ups have them, high.
+    Unplugged,
+    /// Line A stays at this level.
+    AStuck(bool),
+    /// Line B stays at this level.
+    BStuck(bool),
+    /// A and B exchanged against what [`Rig`] says: the feedback has the wrong sign.
+    Swapped,
+}
+
+/// Edges at a fixed rate, whatever the motor does.
+struct Train {
+    forward: bool,
+    interval_cycles: f64,
+    next_cycle: f64,
+}
+
+/// The encoder.
+pub(super) struct Encoder {
+    counts_per_rad: f64,
+    swapped: bool,
+    count: i64,
+    train: Option<Train>,
+    fault: Option<EncoderFault>,
+    /// Lines inverted by a disturbance right now, and further inversions by their cycle.
+    inverted: u8,
+    disturbances: BTreeMap<u64, u8>,
+}
+
+impl Encoder {
+    pub fn new(rig: &Rig) -> Self {
+        Self {
+            counts_per_rad: rig.counts_per_turn * rig.encoder_gear / TAU,
+            swapped: rig.encoder_swapped,
+            count: 0,
+            train: None,
+            fault: None,
+            inverted: 0,
+            disturbances: BTreeMap::new(),
+        }
+    }
+
+    /// Position in counts; the start lies in the middle of count 0.
+    fn position(&self, angle_rad: f64) -> f64 {
+        angle_rad * self.counts_per_rad + 0.5
+    }
+
+    /// The count that a perfect counter would have, positive when turning forward.
+    pub fn count(&self) -> i64 {
+        self.count
+    }
+
+    pub fn set_fault(&mut self, fault: Option<EncoderFault>) {
+        self.fault = fault;
+    }
+
+    /// Starts or ends a train of edges. Its end leaves a jump to the motor's true position, which follows edge by edge.
+    pub fn set_train(&mut self, now: u64, edges_per_s: Option<f64>) {
+        self.train = edges_per_s.filter(|rate| *rate != 0.0).map(|rate| {
+            let interval_cycles = f64::from(CPU_HZ) / rate.abs();
+            Train { forward: rate > 0.0, interval_cycles, next_cycle: now as f64 + interval_cycles }
+        });
+    }
+
+    /// Inverts lines from `start` for `width_cycles`; without a width for ever.
+    pub fn disturb(&mut self, start: u64, width_cycles: Option<u64>, lines: u8) {
+        *self.disturbances.entry(start).or_default() ^= lines;
+        if let Some(width) = width_cycles {
+            *self.disturbances.entry(start + width).or_default() ^= lines;
+        }
+    }
+
+    /// Brings the lines to `cycle`, where the shaft stands at `angle_rad`.
+    pub fn update(&mut self, cycle: u64, angle_rad: f64) {
+        while let Some((&at, &lines)) = self.disturbances.first_key_value()
+            && at <= cycle
+        {
+            self.inverted ^= lines;
+            self.disturbances.remove(&at);
+        }
+        match &mut self.train {
+            Some(train) if train.next_cycle <= cycle as f64 => {
+                self.count += if train.forward { 1 } else { -1 };
+                train.next_cycle += train.interval_cycles;
+            }
+            Some(_) => {}
+            None => {
+                // One step at a time, or the lines would skip a state.
+                let target = self.position(angle_rad).floor() as i64;
+                self.count += (target - self.count).signum();
+            }
+        }
+    }
+
+    /// When the lines change next, if the shaft goes on at this speed; not before the next cycle.
+    pub fn next_edge(&self, cycle: u64, angle_rad: f64, speed_rad_per_s: f64) -> Option<u64> {
+        let own = match &self.train {
+            Some(train) => Some(train.next_cycle.ceil() as u64),
+            None => self.next_crossing(angle_rad, speed_rad_per_s).map(|cycles| cycle + cycles),
+        };
+        let disturbance = self.disturbances.keys().next().copied();
+        own.into_iter().chain(disturbance).min().map(|at| at.max(cycle + 1))
+    }
+
+    /// Cycles until the position leaves the present count.
+    fn next_crossing(&self, angle_rad: f64, speed_rad_per_s: f64) -> Option<u64> {
+        let inside = self.position(angle_rad) - self.count as f64;
+        let per_cycle = speed_rad_per_s * self.counts_per_rad / f64::from(CPU_HZ);
+        let distance = if !(0.0..1.0).contains(&inside) {
+            return Some(1);
+        } else if per_cycle > 0.0 {
+            1.0 - inside
+        } else {
+            inside
+        };
+        let cycles = (distance / per_cycle.abs()).ceil();
+        (cycles < 1e9).then_some(cycles as u64)
+    }
+
+    /// Levels of the two lines as a mask in port D.
+    pub fn lines(&self) -> u8 {
+        let phase = self.count.rem_euclid(4);
+        let (mut a, mut b) = (phase == 1 || phase == 2, phase >= 2);
+        if self.swapped != (self.fault == Some(EncoderFault::Swapped)) {
+            (a, b) = (b, a);
+        }
+        a ^= self.inverted & ENCODER_A.mask() != 0;
+        b ^= self.inverted & ENCODER_B.mask() != 0;
+        match self.fault {
+            Some(EncoderFault::Unplugged) => (a, b) = (true, true),
+            Some(EncoderFault::AStuck(level)) => a = level,
+            Some(EncoderFault::BStuck(level)) => b = level,
+            Some(EncoderFault::Swapped) | None => {}
+        }
+        (if a { ENCODER_A.mask() } else { 0 }) | (if b { ENCODER_B.mask() } else { 0 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const A: u8 = ENCODER_A.mask();
+    const B: u8 = ENCODER_B.mask();
+
+    /// Lets the shaft turn by `steps` counts and notes the lines.
+    fn turn(encoder: &mut Encoder, steps: i64) -> Vec<u8> {
+        let from = encoder.count;
+        (1..=steps.abs())
+            .map(|step| {
+                let count = from + step * steps.signum();
+                encoder.update(0, count as f64 / encoder.counts_per_rad);
+                encoder.lines()
+            })
+            .collect()
+    }
+
+    #[test]
+    fn a_leads_b_forward() {
+        let mut encoder = Encoder::new(&Rig::default());
+        assert_eq!(turn(&mut encoder, 5), [A, A | B, B, 0, A]);
+        assert_eq!(turn(&mut encoder, -2), [0, B]);
+    }
+
+    #[test]
+    fn swapped_twice_is_not_swapped() {
+        let mut encoder = Encoder::new(&Rig { encoder_swapped: true, ..Rig::default() });
+        assert_eq!(turn(&mut encoder, 2), [B, A | B]);
+        encoder.set_fault(Some(EncoderFault::Swapped));
+        assert_eq!(turn(&mut encoder, 2), [B, 0]);
+        assert_eq!(turn(&mut encoder, 1), [A]);
+    }
+
+    #[test]
+    fn stuck_line_follows_no_more() {
+        let mut encoder = Encoder::new(&Rig::default());
+        encoder.set_fault(Some(EncoderFault::BStuck(false)));
+        assert_eq!(turn(&mut encoder, 4), [A, A, 0, 0]);
+    }
+
+    #[test]
+    fn a_disturbance_inverts_for_its_width() {
+        let mut encoder = Encoder::new(&Rig::default());
+        encoder.disturb(100, Some(10), A | B);
+        let seen: Vec<u8> = [99, 100, 109, 110].map(|cycle| (encoder.update(cycle, 0.0), encoder.lines()).1).into();
+        assert_eq!(seen, [0, A | B, A | B, 0]);
+    }
+
+    #[test]
+    fn crossing_is_predicted_to_the_cycle() {
+        let encoder = Encoder::new(&Rig::default());
+        // Half a count at 1000 counts per second lasts 8000 cycles.
+        let speed = 1000.0 / encoder.counts_per_rad;
+        assert_eq!(encoder.next_edge(50, 0.0, speed), Some(8050));
+        assert_eq!(encoder.next_edge(50, 0.0, -speed), Some(8050));
+        assert_eq!(encoder.next_edge(50, 0.0, 0.0), None);
+    }
+}

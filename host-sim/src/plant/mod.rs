@@ -1,0 +1,61 @@
+//! The motor with what hangs on it, simulated: the truth that the firmware can only see through its sensors.
+//!
+//! A [`Plant`] is advanced under constant [`Inputs`] and then asked for its true state, in SI units and in the motor's
+//! own sense: positive speed is what a positive voltage between IN1 and IN2 brings about, and positive current is what
+//! drives it.
+
+mod dc_motor;
+
+pub use dc_motor::{BridgeLosses, DcMotor, DcMotorParameters};
+
+/// What the L293D connects to the motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Bridge {
+    /// Enable low: every switch open, the current flows on through the diodes against the supply until it is zero.
+    #[default]
+    Coast,
+    /// Both sides at the same rail: the motor is short-circuited.
+    Brake,
+    /// IN1 high, IN2 low.
+    Forward,
+    /// IN1 low, IN2 high.
+    Reverse,
+}
+
+/// What acts on a plant from outside, constant during one [`Plant::advance`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inputs {
+    /// State of the bridge.
+    pub bridge: Bridge,
+    /// Motor supply at the bridge, in volts, not negative.
+    pub supply_v: f64,
+    /// Torque at the motor's shaft that works against positive rotation, in newton metres. It does not change its sign
+    /// with the rotation, like a weight on a drum.
+    pub load_torque_nm: f64,
+    /// The rotor is held fast.
+    pub blocked: bool,
+}
+
+impl Default for Inputs {
+    /// 12 V, bridge off, free shaft.
+    fn default() -> Self {
+        Self { bridge: Bridge::Coast, supply_v: 12.0, load_torque_nm: 0.0, blocked: false }
+    }
+}
+
+/// A motor with its load and its supply.
+///
+/// The chip harness calls [`advance`](Plant::advance) with steps between one processor cycle and one PWM period, some
+/// hundred thousand times per simulated second.
+pub trait Plant {
+    /// Lets `dt_s` seconds (not negative) pass under constant inputs.
+    fn advance(&mut self, dt_s: f64, inputs: &Inputs);
+    /// Angle of the motor's shaft since the start, in radians, unlimited.
+    fn angle_rad(&self) -> f64;
+    /// Speed of the motor's shaft.
+    fn speed_rad_per_s(&self) -> f64;
+    /// Armature current.
+    fn current_a(&self) -> f64;
+    /// Supply voltage as the bridge sees it; it may sag below [`Inputs::supply_v`].
+    fn supply_v(&self) -> f64;
+}
