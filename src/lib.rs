@@ -4,10 +4,12 @@
 
 pub mod arith;
 pub mod compensation;
+pub mod console;
 pub mod control_loop;
 pub mod current;
 pub mod encoder;
 pub mod excitation;
+mod flash_text;
 pub mod limits;
 pub mod low_pass;
 pub mod lqr;

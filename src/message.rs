@@ -98,8 +98,10 @@ impl Trip {
     }
 }
 
-/// What the main loop asks of the tick; taken whole at one tick boundary.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What the main loop asks of the tick; taken whole at one tick boundary. Its layout is settled, so that a simulation
+/// can read it from the chip's memory: one byte of number, in the order below, then the content.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Request {
     /// Drive allowed, in mode off. Refused while a trip is latched or the emergency stop is pressed.
     Arm,

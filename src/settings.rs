@@ -4,6 +4,7 @@
 //! fixed-point configuration the control tick works with. The console, the EEPROM, the host's design tool and the
 //! documentation all read this one list.
 
+use crate::flash_text::{self, flash_texts};
 use crate::units::Rule;
 use avr_progmem::progmem;
 
@@ -24,24 +25,12 @@ macro_rules! settings {
             pub const COUNT: usize = Self::ALL.len();
         }
 
-        const TEXT_LENGTH: usize = concat!($($name, "\0", $unit, "\0", $help, "\0"),*).len();
+        flash_texts!(TEXT, TEXT_LENGTH, $($name, $unit, $help),*);
 
         progmem! {
-            // Kept in flash: these texts alone would fill the RAM.
-            static progmem TEXT: [u8; TEXT_LENGTH] = joined_texts();
+            // Numbers stay in flash as well.
             static progmem PARAMS: [Param; Param::COUNT] = [$(Param::$variant),*];
             static progmem NUMBERS: [[f32; 3]; Param::COUNT] = [$([$default, $min, $max]),*];
-        }
-
-        const fn joined_texts() -> [u8; TEXT_LENGTH] {
-            let text = concat!($($name, "\0", $unit, "\0", $help, "\0"),*).as_bytes();
-            let mut bytes = [0; TEXT_LENGTH];
-            let mut i = 0;
-            while i < TEXT_LENGTH {
-                bytes[i] = text[i];
-                i += 1;
-            }
-            bytes
         }
     };
 }
@@ -176,15 +165,7 @@ pub enum Text {
 
 /// The characters of one text of one setting, read from flash.
 pub fn text(param: Param, which: Text) -> impl Iterator<Item = u8> {
-    let mut skip = param as usize * 3 + which as usize;
-    let mut at = 0;
-    while skip > 0 {
-        if TEXT.load_at(at) == 0 {
-            skip -= 1;
-        }
-        at += 1;
-    }
-    (at..TEXT_LENGTH).map(|i| TEXT.load_at(i)).take_while(|&byte| byte != 0)
+    flash_text::text::<TEXT_LENGTH>(|at| TEXT.load_at(at), param as usize * 3 + which as usize)
 }
 
 /// A setting that cannot be turned into the fixed-point configuration.

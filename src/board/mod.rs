@@ -35,3 +35,10 @@ pub fn registers() -> Peripherals {
     // written by read, change, write in both, but PORTD, PORTB and TCCR1A, which only the tick writes after the start.
     unsafe { Peripherals::steal() }
 }
+
+/// Sleeps until the next interrupt; at the latest the next sample of the current, 100 us away.
+pub fn idle(p: &Peripherals) {
+    // SAFETY: idle mode, sleep enabled.
+    p.CPU.smcr().write(|w| unsafe { w.bits(0b0001) });
+    avr_device::asm::sleep();
+}
