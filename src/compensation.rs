@@ -15,7 +15,7 @@ use crate::settings::{BuildError, Param, Settings};
 use crate::units::{Rule, VOLT, quantise};
 
 /// One smooth step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 struct SmoothSign {
     /// 2^14 over the width in bits, times 2^8.
     slope: u16,
@@ -23,6 +23,7 @@ struct SmoothSign {
 
 impl SmoothSign {
     /// From a width and the bits of one unit of it.
+    #[inline(never)]
     fn build(settings: &Settings, width: Param, bits_per_unit: f32) -> Result<Self, BuildError> {
         // The narrowest is 64 bits (63 mV, 1 rad/s at a range of 512): below, the slope has no place in the format.
         let slope = quantise(1.0 / (settings.get(width) * bits_per_unit), 4_194_304.0, u16::MAX);
@@ -43,7 +44,7 @@ impl SmoothSign {
 }
 
 /// Amplitudes in bits of voltage, and the smooth signs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct CompensationConfig {
     drop: i16,
     forward: i16,
@@ -57,6 +58,7 @@ impl CompensationConfig {
     ///
     /// # Errors
     /// A width too small for the format.
+    #[inline(never)]
     pub fn build(settings: &Settings) -> Result<Self, BuildError> {
         let speed = bits_per_unit(settings, Param::SpeedRange);
         Ok(Self {

@@ -19,7 +19,7 @@ use crate::settings::{BuildError, Param, Settings};
 use crate::tachogenerator::{TachoConfig, TachoState};
 use crate::trajectory::{PositionProfile, SpeedProfile, TrajectoryConfig};
 use crate::trips::{Observation, TripsConfig, TripsState};
-use crate::units::{Rule, VOLT, quantise};
+use crate::units::{VOLT, quantise};
 
 /// What the hardware has measured when a tick begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -65,11 +65,12 @@ pub fn duty_scale(supply: i16) -> u16 {
 }
 
 /// Everything the tick needs to know, quantised.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Default)]
 pub struct LoopConfig {
     speed: SpeedConfig,
     filter: LowPassConfig,
-    tacho: Option<TachoConfig>,
+    tacho: TachoConfig,
+    tacho_used: bool,
     current: CurrentConfig,
     limits: LimitsConfig,
     trips: TripsConfig,
@@ -93,28 +94,53 @@ impl LoopConfig {
     /// # Errors
     /// The first setting the fixed-point formats cannot hold, with the rule it breaks.
     pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        let mut config = Self::default();
+        config.rebuild(settings)?;
+        Ok(config)
+    }
+
+    /// Quantises all settings in place: the chip's stack has no room for another copy. After an error the content is
+    /// of no use.
+    ///
+    /// # Errors
+    /// As [`LoopConfig::build`].
+    #[inline(never)]
+    pub fn rebuild(&mut self, settings: &Settings) -> Result<(), BuildError> {
+        put(&mut self.speed, SpeedConfig::build(settings))?;
+        put(&mut self.filter, LowPassConfig::build(settings, Param::SpeedFilter))?;
+        put(&mut self.tacho, TachoConfig::build(settings))?;
+        self.tacho_used = settings.get(Param::SpeedSensor) != 0.0;
+        put(&mut self.current, CurrentConfig::build(settings))?;
+        put(&mut self.limits, LimitsConfig::build(settings))?;
+        put(&mut self.trips, TripsConfig::build(settings))?;
+        put(&mut self.speed_pid, PidConfig::speed(settings))?;
+        put(&mut self.position_pid, PidConfig::position(settings))?;
+        put(&mut self.speed_lqr, LqrConfig::speed(settings))?;
+        put(&mut self.position_lqr, LqrConfig::position(settings))?;
+        put(&mut self.compensation, CompensationConfig::build(settings))?;
+        put(&mut self.trajectory, TrajectoryConfig::build(settings))?;
+        self.scales(settings)
+    }
+
+    /// What belongs to no block.
+    #[inline(never)]
+    fn scales(&mut self, settings: &Settings) -> Result<(), BuildError> {
         let range = crate::encoder::power_of_two(settings, Param::PositionRange)?;
         let per_count = core::f32::consts::TAU / settings.get(Param::CountsPerRev) / range * 32768.0;
-        let supply_scale = quantise(settings.get(Param::SupplyDivider) * (5.0 / 1024.0) * VOLT, 256.0, u16::MAX);
-        let tacho = settings.get(Param::SpeedSensor) != 0.0;
-        Ok(Self {
-            speed: SpeedConfig::build(settings)?,
-            filter: LowPassConfig::build(settings, Param::SpeedFilter)?,
-            tacho: if tacho { Some(TachoConfig::build(settings)?) } else { None },
-            current: CurrentConfig::build(settings)?,
-            limits: LimitsConfig::build(settings)?,
-            trips: TripsConfig::build(settings)?,
-            speed_pid: PidConfig::speed(settings)?,
-            position_pid: PidConfig::position(settings)?,
-            speed_lqr: LqrConfig::speed(settings)?,
-            position_lqr: LqrConfig::position(settings)?,
-            compensation: CompensationConfig::build(settings)?,
-            trajectory: TrajectoryConfig::build(settings)?,
-            position_scale: quantise(per_count, 256.0, u16::MAX).map_err(|rule| rule.of(Param::PositionRange))? as u16,
-            supply_scale: supply_scale.map_err(|rule: Rule| rule.of(Param::SupplyDivider))? as u16,
-            supply: crate::limits::bits(settings, Param::SupplyVoltage, VOLT)?,
-        })
+        let position = quantise(per_count, 256.0, u16::MAX);
+        self.position_scale = position.map_err(|rule| rule.of(Param::PositionRange))? as u16;
+        let supply = quantise(settings.get(Param::SupplyDivider) * (5.0 / 1024.0) * VOLT, 256.0, u16::MAX);
+        self.supply_scale = supply.map_err(|rule| rule.of(Param::SupplyDivider))? as u16;
+        self.supply = crate::limits::bits(settings, Param::SupplyVoltage, VOLT)?;
+        Ok(())
     }
+}
+
+/// Keeps what was built.
+#[inline(always)]
+fn put<T>(place: &mut T, built: Result<T, BuildError>) -> Result<(), BuildError> {
+    *place = built?;
+    Ok(())
 }
 
 /// What a tick leaves for the next.
@@ -213,8 +239,8 @@ impl ControlLoop {
     }
 
     /// Takes a new configuration, as a whole, between two ticks; bumpless.
-    pub fn configure(&mut self, config: LoopConfig) {
-        self.config = config;
+    pub fn configure(&mut self, config: &LoopConfig) {
+        self.config = *config;
         self.align = true;
     }
 
@@ -232,7 +258,7 @@ impl ControlLoop {
     }
 
     /// Position, speed, current and supply.
-    #[inline(always)]
+    #[inline(never)]
     fn measure(&mut self, inputs: &Inputs) -> Observation {
         let before = self.motion.counts;
         self.motion.step(&self.config.speed, inputs.edges, inputs.tick_coarse);
@@ -241,15 +267,12 @@ impl ControlLoop {
         sample.tick = sample.tick.wrapping_add(1);
         sample.counts = self.motion.counts.wrapping_sub(self.origin);
         sample.current = reading.current;
-        let moved = match &self.config.tacho {
-            Some(config) => {
-                sample.speed = self.tacho.step(config, inputs.tacho, self.voltage);
-                sample.speed != 0
-            }
-            None => {
-                sample.speed = self.filter.step(&self.config.filter, self.motion.speed);
-                self.motion.counts != before
-            }
+        let moved = if self.config.tacho_used {
+            sample.speed = self.tacho.step(&self.config.tacho, inputs.tacho, self.voltage);
+            sample.speed != 0
+        } else {
+            sample.speed = self.filter.step(&self.config.filter, self.motion.speed);
+            self.motion.counts != before
         };
         let supply = self.config.supply_scale != 0;
         sample.supply = if supply {
@@ -272,7 +295,7 @@ impl ControlLoop {
     }
 
     /// Trips: the first is latched and disarms.
-    #[inline(always)]
+    #[inline(never)]
     fn watch(&mut self, observation: &Observation) {
         let trip = self.trips.step(&self.config.trips, observation, self.armed);
         if trip != Trip::None {
@@ -362,7 +385,7 @@ impl ControlLoop {
     }
 
     /// What the bridge does in this tick.
-    #[inline(always)]
+    #[inline(never)]
     fn act(&mut self) -> Drive {
         if self.mode == Mode::Off {
             self.sample.reference = 0;
@@ -385,7 +408,7 @@ impl ControlLoop {
     }
 
     /// The reference of this tick: of the sequence, or of the profile toward the target.
-    #[inline(always)]
+    #[inline(never)]
     fn reference(&mut self) -> (Reference, Bridge) {
         if self.playing {
             return self.play();
@@ -405,6 +428,7 @@ impl ControlLoop {
     }
 
     /// The reference of the sequence; positions are relative to where it began.
+    #[inline(never)]
     fn play(&mut self) -> (Reference, Bridge) {
         let play = self.player.step();
         if play.done {
@@ -431,7 +455,7 @@ impl ControlLoop {
     }
 
     /// The controller of the mode, within its limits, and the compensation on top. Returns the voltage.
-    #[inline(always)]
+    #[inline(never)]
     fn control(&mut self, reference: &Reference) -> i16 {
         let config = &self.config;
         let (speed, current) = (self.sample.speed, self.sample.current);
@@ -477,7 +501,7 @@ impl ControlLoop {
     }
 
     /// Completes the sample.
-    #[inline(always)]
+    #[inline(never)]
     fn record(&mut self, drive: &Drive) {
         let mut state = self.mode as u8;
         let moving = match &self.profile {

@@ -24,7 +24,7 @@ const WIDEST: u16 = (STEPS_PER_VOLT / 10.0) as u16;
 const RAIL_MARGIN: u16 = 16;
 
 /// Bits of current a step of the sum, times 2^8.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct CurrentConfig(i16);
 
 impl CurrentConfig {
@@ -32,6 +32,7 @@ impl CurrentConfig {
     ///
     /// # Errors
     /// A gain outside the format.
+    #[inline(never)]
     pub fn build(settings: &Settings) -> Result<Self, BuildError> {
         let amperes_per_step = 1000.0 / (STEPS_PER_VOLT * settings.get(Param::CurrentGain));
         let gain = quantise(amperes_per_step, AMPERE * 256.0, i16::MAX as u16);

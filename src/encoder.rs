@@ -98,7 +98,7 @@ impl Edges {
 }
 
 /// The scale of the speed: speed bits = half counts x `mantissa` x 2^(15 - `shift`) / cycles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct SpeedConfig {
     /// 2^15..2^16.
     mantissa: u16,
@@ -117,6 +117,7 @@ impl SpeedConfig {
     /// # Errors
     /// `tick_rate` other than 1000 or 2000; `speed_range` not a power of two; a scale outside the format, named as
     /// `counts_per_rev`.
+    #[inline(never)]
     pub fn build(settings: &Settings) -> Result<Self, BuildError> {
         let range = power_of_two(settings, Param::SpeedRange)?;
         let half_count_rad = core::f32::consts::PI / settings.get(Param::CountsPerRev);
@@ -187,7 +188,7 @@ impl SpeedState {
     }
 
     /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick.
-    #[inline]
+    #[inline(never)]
     pub fn step(&mut self, config: &SpeedConfig, edges: Edges, tick_coarse: u8) {
         self.elapsed = (self.elapsed + config.tick_cycles as i32).min(LONGEST);
         let delta = edges.count.wrapping_sub(self.edges.count) as i8;
@@ -232,7 +233,7 @@ fn age(tick_coarse: u8, edges: &Edges) -> i16 {
 }
 
 /// Half counts over cycles, in bits of speed. Within 2^-13 of the quotient and one bit, saturating.
-#[inline]
+#[inline(never)]
 fn speed(config: &SpeedConfig, half_counts: i16, cycles: i32) -> i16 {
     // Closer than 64 cycles no two edges are told apart.
     let (mantissa, exponent) = normalise(cycles.clamp(64, LONGEST) as u32);

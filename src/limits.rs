@@ -29,7 +29,7 @@ pub struct Limits {
 }
 
 /// Saturation, slew and current limits.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct LimitsConfig {
     /// Largest voltage, with the compensation.
     pub voltage: i16,
@@ -44,6 +44,7 @@ impl LimitsConfig {
     ///
     /// # Errors
     /// A value that the format cannot hold.
+    #[inline(never)]
     pub fn build(settings: &Settings) -> Result<Self, BuildError> {
         let per_tick = settings.get(Param::SlewLimit) / settings.get(Param::TickRate);
         let slew = quantise(per_tick.min(31.9), VOLT, 32767).map_err(|rule| rule.of(Param::SlewLimit))?;
@@ -123,7 +124,7 @@ pub fn tracking_fraction(settings: &Settings, time: Param) -> Result<u16, BuildE
 }
 
 /// Integral gain and tracking.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct IntegralConfig {
     /// Bits of [`crate::units::IntegralGain`].
     ki: i16,
@@ -136,6 +137,7 @@ impl IntegralConfig {
     ///
     /// # Errors
     /// The gain is too large for the format, or would vanish in it.
+    #[inline(never)]
     pub fn build(settings: &Settings, gain: Param, bits_per_unit: f32, time: Param) -> Result<Self, BuildError> {
         let per_tick = VOLT * 65536.0 / bits_per_unit / settings.get(Param::TickRate);
         let ki = quantise(settings.get(gain), per_tick, GAIN_LIMIT as u16).map_err(|rule| rule.of(gain))? as i16;

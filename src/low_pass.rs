@@ -8,7 +8,7 @@ use crate::settings::{BuildError, Param, Settings};
 use crate::units::quantise;
 
 /// `a`, bits of [`crate::units::Fraction`]; zero passes the signal through.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct LowPassConfig(u16);
 
 impl LowPassConfig {
@@ -16,6 +16,7 @@ impl LowPassConfig {
     ///
     /// # Errors
     /// The filter is too slow for the format.
+    #[inline(never)]
     pub fn build(settings: &Settings, time: Param) -> Result<Self, BuildError> {
         let (tau, period) = (settings.get(time) * 0.001, 1.0 / settings.get(Param::TickRate));
         if tau <= 0.0 {

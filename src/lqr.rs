@@ -13,7 +13,7 @@ use crate::settings::{BuildError, Param, Settings};
 use crate::units::AMPERE;
 
 /// State feedback, quantised. One type serves both uses; they differ in what the first gain acts on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct LqrConfig {
     /// On the reference speed, or on the position error.
     kr: i16,
@@ -29,6 +29,7 @@ impl LqrConfig {
     ///
     /// # Errors
     /// A gain the format cannot hold, named.
+    #[inline(never)]
     pub fn speed(settings: &Settings) -> Result<Self, BuildError> {
         let scale = bits_per_unit(settings, Param::SpeedRange);
         Ok(Self {
@@ -43,6 +44,7 @@ impl LqrConfig {
     ///
     /// # Errors
     /// A gain the format cannot hold, named.
+    #[inline(never)]
     pub fn position(settings: &Settings) -> Result<Self, BuildError> {
         let scale = bits_per_unit(settings, Param::PositionRange);
         Ok(Self {
@@ -63,7 +65,7 @@ pub struct LqrState {
 
 impl LqrState {
     /// One tick of the speed LQI; everything in bits.
-    #[inline]
+    #[inline(never)]
     pub fn step_speed(&mut self, config: &LqrConfig, reference: i16, speed: i16, current: i16, limits: &Limits) -> i16 {
         let rest = mul_i16(config.kr, reference);
         let rest = multiply_add(rest, config.kw, speed);
@@ -72,7 +74,7 @@ impl LqrState {
     }
 
     /// One tick of the position LQI; everything in bits, `speed_error` reference minus measured.
-    #[inline]
+    #[inline(never)]
     pub fn step_position(
         &mut self,
         config: &LqrConfig,

@@ -12,10 +12,10 @@ mod board;
 #[cfg(target_arch = "avr")]
 mod firmware {
     use super::board::{self, eeprom::ChipEeprom, serial, tick, watchdog};
-    use motorbench_core::console::{Console, Counters, Machine, ResetCause};
-    use motorbench_core::control_loop::LoopConfig;
+    use motorbench_core::bring_up;
+    use motorbench_core::console::{Counters, Machine, ResetCause};
     use motorbench_core::message::{Request, Sample};
-    use motorbench_core::settings::{BuildError, Param, Settings};
+    use motorbench_core::settings::{BuildError, Settings};
     use motorbench_core::storage;
 
     /// The machine the console talks to.
@@ -54,11 +54,7 @@ mod firmware {
         }
 
         fn configure(&mut self, settings: &Settings) -> Result<(), BuildError> {
-            let config = LoopConfig::build(settings)?;
-            let (period, coasting) = hardware(settings);
-            tick::with_loop(|control| control.configure(config));
-            tick::set_hardware(period, coasting);
-            Ok(())
+            tick::configure(settings)
         }
 
         fn counters(&mut self) -> Counters {
@@ -91,25 +87,19 @@ mod firmware {
         }
     }
 
-    /// Timer counts of a tick, and whether the bridge is wired to coast.
-    fn hardware(settings: &Settings) -> (u8, bool) {
-        let period = if settings.get(Param::TickRate) > 1500.0 { 125 } else { 250 };
-        (period, settings.get(Param::Wiring) != 0.0)
-    }
-
     /// The settings to start with: the saved ones if they are whole and fit, else the defaults.
-    fn starting_point(memory: &mut ChipEeprom) -> (Settings, LoopConfig) {
+    fn starting_point(memory: &mut ChipEeprom) -> Settings {
         if let Some(settings) = storage::load(memory)
-            && let Ok(config) = LoopConfig::build(&settings)
+            && tick::prepare(&settings).is_ok()
         {
-            return (settings, config);
+            return settings;
         }
         let settings = Settings::defaults();
-        match LoopConfig::build(&settings) {
-            Ok(config) => (settings, config),
+        if tick::prepare(&settings).is_err() {
             // A test of the core holds that the defaults fit.
-            Err(_) => watchdog::panicked(&board::registers()),
+            watchdog::panicked(&board::registers())
         }
+        settings
     }
 
     #[avr_device::entry]
@@ -126,25 +116,21 @@ mod firmware {
         };
         board::start(&peripherals);
         avr_device::asm::wdr();
-        let (settings, config) = starting_point(&mut uno.memory);
-        let (period, coasting) = hardware(&settings);
-        tick::prepare(config, period, coasting);
-        let mut console = Console::new(settings);
+        starting_point(&mut uno.memory);
+        let mut talk = bring_up::Talk::default();
         avr_device::asm::wdr();
         tick::enable(&peripherals);
         // SAFETY: every handler's state has been set up.
         unsafe { avr_device::interrupt::enable() };
         uno.request(Request::ZeroCurrent);
-        console.greet(&mut uno);
         loop {
             uno.keep_alive();
             while let Some(sample) = uno.take_sample() {
-                console.telemetry(&sample, &mut uno);
+                talk.telemetry(&sample, &mut uno);
             }
             while let Some(byte) = serial::read() {
-                console.receive(byte, &mut uno);
+                talk.receive(byte, &mut uno);
             }
-            console.poll(&mut uno);
             board::idle(&peripherals);
         }
     }

@@ -28,7 +28,7 @@ struct Names {
 }
 
 /// A PID, quantised. One type serves both uses; they differ in what the terms act on.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct PidConfig {
     /// On the reference: `Kp b + Kff` for speed, `Kff` for position.
     kr: i16,
@@ -47,6 +47,7 @@ impl PidConfig {
     ///
     /// # Errors
     /// A gain the format cannot hold, named.
+    #[inline(never)]
     pub fn speed(settings: &Settings) -> Result<Self, BuildError> {
         let names = Names {
             kp: Param::SpeedKp,
@@ -72,6 +73,7 @@ impl PidConfig {
     ///
     /// # Errors
     /// A gain the format cannot hold, named.
+    #[inline(never)]
     pub fn position(settings: &Settings) -> Result<Self, BuildError> {
         let names = Names {
             kp: Param::PositionKp,
@@ -91,6 +93,7 @@ impl PidConfig {
     }
 
     /// What both have alike; `scale` belongs to the error.
+    #[inline(never)]
     fn common(settings: &Settings, names: &Names, scale: f32) -> Result<Self, BuildError> {
         let (tf, period) = filter_times(settings, names.tf);
         let part = (period / (tf + period)).min(65535.0 / 65536.0);
@@ -120,7 +123,7 @@ pub struct PidState {
 
 impl PidState {
     /// One tick of the speed PID: reference and measured speed in bits, voltage in bits.
-    #[inline]
+    #[inline(never)]
     pub fn step_speed(&mut self, config: &PidConfig, reference: i16, speed: i16, limits: &Limits) -> i16 {
         let change = self.filter(config, speed, limits.align);
         let rest = mul_i16(config.kr, reference);
@@ -130,7 +133,7 @@ impl PidState {
     }
 
     /// One tick of the position PID: position error and speeds in bits, voltage in bits.
-    #[inline]
+    #[inline(never)]
     pub fn step_position(
         &mut self,
         config: &PidConfig,

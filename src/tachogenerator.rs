@@ -17,7 +17,7 @@ pub const NEAR_ZERO: u16 = 5;
 const LEAST_VOLTAGE: i16 = 256;
 
 /// Scale and filter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct TachoConfig {
     /// Bits of speed an ADC step, times 2^8.
     scale: u16,
@@ -29,6 +29,7 @@ impl TachoConfig {
     ///
     /// # Errors
     /// A scale outside the format, named as `tacho_gain`.
+    #[inline(never)]
     pub fn build(settings: &Settings) -> Result<Self, BuildError> {
         // V per rad/s after the divider.
         let gain = settings.get(Param::TachoGain) * (60.0 / core::f32::consts::TAU / 1000.0 * 0.5);

@@ -27,7 +27,7 @@ const POSITION_FRACTION: u32 = 12;
 const LONGEST_STOP: f32 = 1e9;
 
 /// Steps and limits of both profiles.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct TrajectoryConfig {
     speed: RampConfig,
     position: RampConfig,
@@ -43,6 +43,7 @@ impl TrajectoryConfig {
     ///
     /// # Errors
     /// An acceleration, jerk or speed that the formats cannot hold, named.
+    #[inline(never)]
     pub fn build(settings: &Settings) -> Result<Self, BuildError> {
         let rate = settings.get(Param::TickRate);
         let acceleration = settings.get(Param::Acceleration);
@@ -79,7 +80,7 @@ fn power_of_two(ticks: f32) -> u8 {
 }
 
 /// How fast a rate may change, and how far it may go.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 struct RampConfig {
     step: i32,
     limit: i32,
@@ -87,6 +88,7 @@ struct RampConfig {
 
 impl RampConfig {
     /// `limit` reached in `steps` steps, rounded up.
+    #[inline(never)]
     fn build(limit: f32, steps: f32) -> Result<Self, Rule> {
         // A whole number of steps, so that the limit is reached exactly.
         let whole = steps as i32 as f32;
@@ -121,7 +123,7 @@ struct Ramp {
 
 impl Ramp {
     /// The next change of a value that is `distance` away from its target (within +-2^30).
-    #[inline(always)]
+    #[inline(never)]
     fn next(&mut self, config: &RampConfig, distance: i32) -> i32 {
         if self.rate == 0 {
             self.backward = distance < 0;
@@ -173,7 +175,7 @@ impl SpeedProfile {
     }
 
     /// One tick: the reference, in bits.
-    #[inline]
+    #[inline(never)]
     pub fn step(&mut self, config: &TrajectoryConfig) -> i16 {
         // Two speeds are less than 2^30 apart.
         if self.moving() {
@@ -199,7 +201,7 @@ impl Trapezoid {
     }
 
     /// One tick: how far it moves, in 2^-12 counts.
-    #[inline(always)]
+    #[inline(never)]
     fn step(&mut self, config: &RampConfig) -> i32 {
         if !self.moving() {
             return 0;
@@ -250,7 +252,7 @@ impl PositionProfile {
     }
 
     /// One tick: the reference in counts, and its speed in bits.
-    #[inline]
+    #[inline(never)]
     pub fn step(&mut self, config: &TrajectoryConfig) -> (i32, i16) {
         if !self.moving() {
             return (self.counts, 0);

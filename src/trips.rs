@@ -25,7 +25,7 @@ use crate::settings::{BuildError, Param, Settings};
 use crate::units::{AMPERE, Rule, VOLT, quantise};
 
 /// Thresholds in bits, times in ticks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct TripsConfig {
     peak: i16,
     peak_ticks: u8,
@@ -53,6 +53,7 @@ impl TripsConfig {
     ///
     /// # Errors
     /// A value its format cannot hold, named.
+    #[inline(never)]
     pub fn build(settings: &Settings) -> Result<Self, BuildError> {
         let rate = settings.get(Param::TickRate);
         let per_ms = rate * 0.001;
@@ -136,7 +137,7 @@ const RAIL_TICKS: u8 = 3;
 
 impl TripsState {
     /// One tick: the first condition that has held for its time, or [`Trip::None`].
-    #[inline]
+    #[inline(never)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
         let magnitude = seen.current.saturating_abs();
         let always = self.always(config, seen, magnitude);

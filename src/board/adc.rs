@@ -60,7 +60,7 @@ pub fn latest(cs: CriticalSection) -> (u16, u16, u16) {
     (samples.current_sum.get(), samples.tacho.get(), samples.supply.get())
 }
 
-/// Conversion complete.
+// Conversion complete.
 #[avr_device::interrupt(atmega328p)]
 fn ADC() {
     let p = super::registers();

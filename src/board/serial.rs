@@ -86,7 +86,7 @@ pub fn overruns() -> u8 {
     avr_device::interrupt::free(|cs| OVERRUNS.borrow(cs).get())
 }
 
-/// A byte has come.
+// A byte has come.
 #[avr_device::interrupt(atmega328p)]
 fn USART_RX() {
     let p = super::registers();
@@ -100,7 +100,7 @@ fn USART_RX() {
     }
 }
 
-/// The transmitter wants a byte.
+// The transmitter wants a byte.
 #[avr_device::interrupt(atmega328p)]
 fn USART_UDRE() {
     let p = super::registers();

@@ -11,9 +11,12 @@ use core::mem::MaybeUninit;
 use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig, duty_scale};
 use motorbench_core::message::{Request, Sample, Trip};
 use motorbench_core::pins;
+use motorbench_core::settings::{BuildError, Param, Settings};
 
 /// The control loop; written before the first tick.
 static mut LOOP: MaybeUninit<ControlLoop> = MaybeUninit::uninit();
+/// Where the main loop builds a configuration before the tick gets it.
+static mut STAGED: MaybeUninit<LoopConfig> = MaybeUninit::uninit();
 /// What the tick saw last. Named, so that a simulation can read it.
 #[unsafe(no_mangle)]
 static mut TICK_INPUTS: Inputs = Inputs {
@@ -69,21 +72,43 @@ macro_rules! shared {
         // SAFETY: one byte, or read and written with interrupts off; volatile, because two contexts share it.
         unsafe { (&raw const SHARED.$field).read_volatile() }
     };
-    ($field:ident = $value:expr) => {
+    ($field:ident = $value:expr) => {{
+        let value = $value;
         // SAFETY: as above; each field has one writer at a time.
-        unsafe { (&raw mut SHARED.$field).write_volatile($value) }
-    };
+        unsafe { (&raw mut SHARED.$field).write_volatile(value) }
+    }};
 }
 
 const OCIE0A: u8 = 0b10;
 
-/// Makes the control loop; to be called before [`enable`].
-pub fn prepare(config: LoopConfig, period: u8, coasting: bool) {
-    let edges = encoder::edges(&registers());
-    // SAFETY: the tick is not enabled yet.
-    unsafe { (*(&raw mut LOOP)).write(ControlLoop::new(config, edges)) };
-    shared!(period = period);
-    shared!(coasting = coasting);
+/// Makes the control loop from the settings; to be called before [`enable`].
+///
+/// # Errors
+/// A setting that does not fit; there is no control loop then.
+#[inline(never)]
+pub fn prepare(settings: &Settings) -> Result<(), BuildError> {
+    // SAFETY: the tick is not enabled yet, and only the main loop stages.
+    unsafe {
+        let staged = (*(&raw mut STAGED)).write(LoopConfig::default());
+        staged.rebuild(settings)?;
+        (*(&raw mut LOOP)).write(ControlLoop::new(*staged, encoder::edges(&registers())));
+    }
+    set_hardware(settings);
+    Ok(())
+}
+
+/// Gives the tick another configuration, as a whole, between two ticks.
+///
+/// # Errors
+/// A setting that does not fit; nothing has changed then.
+#[inline(never)]
+pub fn configure(settings: &Settings) -> Result<(), BuildError> {
+    // SAFETY: written by [`prepare`]; only the main loop stages.
+    let staged = unsafe { (*(&raw mut STAGED)).assume_init_mut() };
+    staged.rebuild(settings)?;
+    with_loop(|control| control.configure(staged));
+    set_hardware(settings);
+    Ok(())
 }
 
 /// Prepares the timer; it already runs as the encoder's time stamp.
@@ -159,8 +184,10 @@ pub fn mark_alive() {
     avr_device::interrupt::free(|_| shared!(flags = shared!(flags) | Inputs::MAIN_LOOP_ALIVE));
 }
 
-/// Changes tick rate and wiring; between two ticks.
-pub fn set_hardware(period: u8, coasting: bool) {
+/// Tick rate and wiring.
+fn set_hardware(settings: &Settings) {
+    let period = if settings.get(Param::TickRate) > 1500.0 { 125 } else { 250 };
+    let coasting = settings.get(Param::Wiring) != 0.0;
     avr_device::interrupt::free(|_| {
         shared!(period = period);
         shared!(coasting = coasting);
@@ -174,8 +201,9 @@ fn take_inputs(p: &Peripherals) -> &'static Inputs {
     let cs = unsafe { CriticalSection::new() };
     let (current_sum, tacho, supply) = adc::latest(cs);
     let tick_coarse = p.TC0.ocr0a().read().bits();
+    let next = tick_coarse.wrapping_add(shared!(period));
     // SAFETY: any value is valid.
-    p.TC0.ocr0a().write(|w| unsafe { w.bits(tick_coarse.wrapping_add(shared!(period))) });
+    p.TC0.ocr0a().write(|w| unsafe { w.bits(next) });
     let pressed = p.PORTD.pind().read().bits() & pins::EMERGENCY_STOP.mask() == 0;
     let flags = shared!(flags) | if pressed { Inputs::EMERGENCY_STOP } else { 0 };
     shared!(flags = 0);
@@ -188,7 +216,7 @@ fn take_inputs(p: &Peripherals) -> &'static Inputs {
     }
 }
 
-/// The control tick.
+// The control tick.
 #[avr_device::interrupt(atmega328p)]
 fn TIMER0_COMPA() {
     let p = registers();

@@ -303,6 +303,7 @@ impl Console {
     }
 
     /// Takes a received byte; carries out a line that it completes.
+    #[inline(never)]
     pub fn receive(&mut self, byte: u8, machine: &mut impl Machine) {
         let edit = self.editor.push(byte);
         let echo = self.echo && self.stream != Stream::Binary;
@@ -322,6 +323,7 @@ impl Console {
     }
 
     /// Goes on with what takes time: a save.
+    #[inline(never)]
     pub fn poll(&mut self, machine: &mut impl Machine) {
         if let Some(saver) = &mut self.saver
             && saver.poll(machine.memory(), &self.settings)
@@ -332,6 +334,7 @@ impl Console {
     }
 
     /// Streams a sample, if that is wanted.
+    #[inline(never)]
     pub fn telemetry(&mut self, sample: &Sample, machine: &mut impl Machine) {
         if self.stream == Stream::Off {
             return;
@@ -354,6 +357,7 @@ impl Console {
     }
 
     /// A line for the Arduino Serial Plotter.
+    #[inline(never)]
     fn plot(&mut self, sample: &Sample, machine: &mut impl Machine) {
         let settings = self.settings;
         let mut talk = Talk::new(machine, None);
@@ -371,6 +375,7 @@ impl Console {
     }
 
     /// The sequence is over: back to text, and the count.
+    #[inline(never)]
     fn end_recording(&mut self, machine: &mut impl Machine) {
         let dropped = machine.counters().dropped.wrapping_sub(self.dropped);
         let recorded = self.recorded;
@@ -385,6 +390,7 @@ impl Console {
     }
 
     /// Carries out the line and closes the reply.
+    #[inline(never)]
     fn finish(&mut self, refused: bool, machine: &mut impl Machine) {
         if !refused && Words(self.editor.line()).next().is_none() {
             return;
@@ -404,6 +410,7 @@ impl Console {
         talk.end_line();
     }
 
+    #[inline(never)]
     fn execute(&mut self, line: &[u8], machine: &mut impl Machine) -> Outcome {
         let mut words = Words(line);
         let name = words.next().unwrap_or(&[]);
@@ -442,12 +449,14 @@ impl Console {
         }
     }
 
+    #[inline(never)]
     fn order(&mut self, request: Request, machine: &mut impl Machine) -> Outcome {
         machine.request(request);
         Ok(())
     }
 
     /// Prints an information line.
+    #[inline(never)]
     fn info<M: Machine>(&mut self, machine: &mut M, line: impl FnOnce(&mut Talk<M>, &Settings)) {
         let framer = if self.stream == Stream::Binary { Some(&mut self.framer) } else { None };
         let mut talk = Talk::new(machine, framer);
@@ -457,6 +466,7 @@ impl Console {
         talk.end_line();
     }
 
+    #[inline(never)]
     fn help(&mut self, machine: &mut impl Machine) -> Outcome {
         for index in 0..COMMAND_COUNT {
             self.info(machine, |talk, _| {
@@ -473,6 +483,7 @@ impl Console {
         Ok(())
     }
 
+    #[inline(never)]
     fn version(&mut self, machine: &mut impl Machine) -> Outcome {
         let cause = machine.counters().reset_cause;
         self.info(machine, |talk, _| {
@@ -488,6 +499,7 @@ impl Console {
         Ok(())
     }
 
+    #[inline(never)]
     fn status(&mut self, machine: &mut impl Machine) -> Outcome {
         let sample = machine.sample();
         let counters = machine.counters();
@@ -533,6 +545,7 @@ impl Console {
         Ok(())
     }
 
+    #[inline(never)]
     fn mode(&mut self, word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
         let number = word.and_then(|word| (0..6u8).find(|&mode| same(word_text(MODES + mode as usize), word)));
         let mode = number.and_then(Mode::from_number).ok_or(Failure::Usage(Command::Mode))?;
@@ -542,6 +555,7 @@ impl Console {
         self.order(Request::Mode(mode), machine)
     }
 
+    #[inline(never)]
     fn reference(&mut self, word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
         let value = word.and_then(number::parse).ok_or(Failure::Usage(Command::Reference))?;
         let bits = self.in_bits(value, machine.sample().state.mode())?;
@@ -549,6 +563,7 @@ impl Console {
     }
 
     /// A value in the unit of the mode, as the tick takes it.
+    #[inline(never)]
     fn in_bits(&self, value: f32, mode: Mode) -> Result<i32, Failure> {
         let (unit, limit) = if mode == Mode::OpenLoop {
             (VOLT, 32767.0)
@@ -566,6 +581,7 @@ impl Console {
         Ok((if bits < 0.0 { bits - 0.5 } else { bits + 0.5 }) as i32)
     }
 
+    #[inline(never)]
     fn show(&mut self, word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
         let only = match word {
             Some(word) => Some(find_setting(word)?),
@@ -589,6 +605,7 @@ impl Console {
         Ok(())
     }
 
+    #[inline(never)]
     fn set(&mut self, mut words: Words, machine: &mut impl Machine) -> Outcome {
         let mut settings = self.settings;
         let mut any = false;
@@ -602,6 +619,7 @@ impl Console {
     }
 
     /// Takes new settings as a whole, or not at all.
+    #[inline(never)]
     fn replace(&mut self, settings: Settings, machine: &mut impl Machine) -> Outcome {
         if self.saver.is_some() {
             return Err(Failure::Say(Say::SaveRunning));
@@ -616,6 +634,7 @@ impl Console {
         Ok(())
     }
 
+    #[inline(never)]
     fn sequence(&mut self, mut words: Words, command: Command, machine: &mut impl Machine) -> Outcome {
         let usage = || Failure::Usage(command);
         let word = words.next().ok_or_else(usage)?;
@@ -641,6 +660,7 @@ impl Console {
         self.order(Request::Play(sequence), machine)
     }
 
+    #[inline(never)]
     fn record(&mut self, words: Words, machine: &mut impl Machine) -> Outcome {
         if machine.sample().state.mode() == Mode::Off {
             return Err(Failure::Say(Say::NoReference));
@@ -651,6 +671,7 @@ impl Console {
         Ok(())
     }
 
+    #[inline(never)]
     fn stream(&mut self, word: Option<&[u8]>, divider: Option<&[u8]>, _: &mut impl Machine) -> Outcome {
         let usage = || Failure::Usage(Command::Stream);
         let word = word.ok_or_else(usage)?;
@@ -669,6 +690,7 @@ impl Console {
         Ok(())
     }
 
+    #[inline(never)]
     fn save(&mut self, machine: &mut impl Machine) -> Outcome {
         if self.saver.is_some() {
             return Err(Failure::Say(Say::SaveRunning));
@@ -677,11 +699,13 @@ impl Console {
         Ok(())
     }
 
+    #[inline(never)]
     fn load(&mut self, machine: &mut impl Machine) -> Outcome {
         let settings = storage::load(machine.memory()).ok_or(Failure::Say(Say::NothingSaved))?;
         self.replace(settings, machine)
     }
 
+    #[inline(never)]
     fn echo(&mut self, word: Option<&[u8]>) -> Outcome {
         let word = word.unwrap_or(&[]);
         self.echo = same(word_text(ON), word);
@@ -692,6 +716,7 @@ impl Console {
 flash_texts!(VERSION, VERSION_LENGTH, env!("CARGO_PKG_VERSION"));
 
 /// Arms, or says why not.
+#[inline(never)]
 fn arm(machine: &mut impl Machine) -> Outcome {
     if machine.sample().trip != Trip::None {
         return Err(Failure::Say(Say::TripLatched));
@@ -705,6 +730,7 @@ fn arm(machine: &mut impl Machine) -> Outcome {
 }
 
 /// Zero of position or current.
+#[inline(never)]
 fn zero(word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
     let word = word.unwrap_or(&[]);
     let position = same(word_text(MODES + Mode::PositionPid as usize), word);
@@ -725,6 +751,7 @@ fn zero(word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
     if machine.counters().zero_ok { Ok(()) } else { Err(Failure::Say(Say::ZeroRefused)) }
 }
 
+#[inline(never)]
 fn find_setting(word: &[u8]) -> Result<Param, Failure> {
     (0..Param::COUNT)
         .filter_map(Param::from_index)
@@ -826,6 +853,7 @@ impl<'a, M: Machine> Talk<'a, M> {
         Self { machine, framer, chunk: [0; TEXT_CHUNK], length: 0 }
     }
 
+    #[inline(never)]
     fn byte(&mut self, byte: u8) {
         if let Some(place) = self.chunk.get_mut(self.length as usize) {
             *place = byte;
@@ -836,6 +864,7 @@ impl<'a, M: Machine> Talk<'a, M> {
         }
     }
 
+    #[inline(never)]
     fn flush(&mut self) {
         let text = self.chunk.get(..self.length as usize).unwrap_or(&[]);
         match &mut self.framer {
@@ -849,6 +878,7 @@ impl<'a, M: Machine> Talk<'a, M> {
         self.length = 0;
     }
 
+    #[inline(never)]
     fn end_line(&mut self) {
         self.byte(b'\r');
         self.byte(b'\n');
@@ -861,23 +891,28 @@ impl<'a, M: Machine> Talk<'a, M> {
         text.for_each(|byte| self.byte(byte));
     }
 
+    #[inline(never)]
     fn say(&mut self, what: Say) {
         self.text(flash_text::text::<SAYINGS_LENGTH>(|at| SAYINGS.load_at(at), what as usize));
     }
 
+    #[inline(never)]
     fn word(&mut self, index: usize) {
         self.text(word_text(index));
     }
 
+    #[inline(never)]
     fn number(&mut self, value: f32) {
         let _ = number::write(self, value);
     }
 
+    #[inline(never)]
     fn whole(&mut self, value: u32) {
         let _ = uwrite!(self, "{}", value);
     }
 
     /// `[unit] min..max`.
+    #[inline(never)]
     fn range(&mut self, param: Param) {
         let (min, max) = param.range();
         self.text(settings::text(param, Text::Unit));
@@ -889,6 +924,7 @@ impl<'a, M: Machine> Talk<'a, M> {
     }
 
     /// What was expected.
+    #[inline(never)]
     fn failure(&mut self, failure: &Failure, settings: &Settings) {
         match failure {
             Failure::Say(what) => self.say(*what),
@@ -915,6 +951,7 @@ impl<'a, M: Machine> Talk<'a, M> {
         }
     }
 
+    #[inline(never)]
     fn build_error(&mut self, error: &BuildError, settings: &Settings) {
         self.text(settings::text(error.param, Text::Name));
         self.byte(b' ');
