@@ -7,6 +7,7 @@ pub mod bring_up;
 pub mod compensation;
 pub mod console;
 pub mod control_loop;
+mod crc16;
 pub mod current;
 pub mod encoder;
 pub mod excitation;

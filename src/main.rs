@@ -125,7 +125,7 @@ mod firmware {
         uno.request(Request::ZeroCurrent);
         loop {
             uno.keep_alive();
-            while let Some(sample) = uno.take_sample() {
+            if let Some(sample) = uno.take_sample() {
                 talk.telemetry(&sample, &mut uno);
             }
             while let Some(byte) = serial::read() {

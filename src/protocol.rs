@@ -13,8 +13,8 @@
 //! A sample's payload is [`SAMPLE_COLUMNS`]; a text's is up to 32 characters of what would otherwise stand on the line
 //! as it is. [`StreamDecoder`] reads the stream and resynchronises at the next zero byte after any damage.
 
+use crate::crc16::Crc16;
 use crate::message::{Sample, State, Trip};
-use crc::{CRC_16_XMODEM, Crc, NoTable};
 
 /// Kind of a frame that carries a [`Sample`].
 pub const SAMPLE: u8 = b's';
@@ -41,9 +41,6 @@ pub const SAMPLE_COLUMNS: [(&str, u8, &str); 9] = [
     ("state", 1, "mode in bits 0-2, armed 3, enabled 4, playing 5, limited 6, moving 7"),
     ("trip", 1, "trip code, 0 none"),
 ];
-
-/// Without a table: 512 bytes would be half of the RAM.
-const CRC: Crc<u16, NoTable> = Crc::<u16, NoTable>::new(&CRC_16_XMODEM);
 
 /// The bytes of a sample.
 pub fn pack(sample: &Sample) -> [u8; SAMPLE_BYTES] {
@@ -95,7 +92,7 @@ impl Framer {
             *place = byte;
             end += 1;
         }
-        let crc = CRC.checksum(content.get(..end).unwrap_or(&[])).to_le_bytes();
+        let crc = Crc16::of(content.get(..end).unwrap_or(&[])).to_le_bytes();
         for (place, byte) in content.iter_mut().skip(end).zip(crc) {
             *place = byte;
         }
@@ -160,7 +157,7 @@ impl StreamDecoder {
         let end = cobs::decode(self.buffer.get(..length)?, &mut content).ok()?.frame_size();
         let (body, crc) = content.get(..end)?.split_last_chunk::<2>()?;
         let (&[kind, sequence], payload) = body.split_first_chunk::<2>()?;
-        if CRC.checksum(body) != u16::from_le_bytes(*crc) {
+        if Crc16::of(body) != u16::from_le_bytes(*crc) {
             return None;
         }
         if let Some(expected) = self.expected.replace(sequence.wrapping_add(1)) {

@@ -11,8 +11,8 @@
 //! | 4 n | the values, f32, in the order of the list |
 //! | 2 | CRC-16/XMODEM of all before |
 
+use crate::crc16::Crc16;
 use crate::settings::{Param, Settings};
-use crc::{CRC_16_XMODEM, Crc, Digest, NoTable};
 
 /// Changes whenever the list of settings does: what was saved under another list is not taken for this one.
 pub const VERSION: u8 = 0x40 + (Param::COUNT as u8 & 0x3f);
@@ -22,8 +22,6 @@ const VALUES: u16 = 4 * Param::COUNT as u16;
 /// Where the two slots begin.
 const SLOTS: [u16; 2] = [0, 512];
 const _: () = assert!(SLOT <= 512);
-
-const CRC: Crc<u16, NoTable> = Crc::<u16, NoTable>::new(&CRC_16_XMODEM);
 
 /// A memory of bytes that keeps without power. 1024 bytes; a write takes milliseconds.
 pub trait Eeprom {
@@ -50,12 +48,12 @@ fn number(eeprom: &mut impl Eeprom, start: u16) -> Option<u8> {
     if eeprom.read(start) != VERSION {
         return None;
     }
-    let mut digest = CRC.digest();
+    let mut crc = Crc16::default();
     for offset in 0..SLOT - 2 {
-        digest.update(&[eeprom.read(start + offset)]);
+        crc.push(eeprom.read(start + offset));
     }
     let stored = [eeprom.read(start + SLOT - 2), eeprom.read(start + SLOT - 1)];
-    (digest.finalize() == u16::from_le_bytes(stored)).then(|| eeprom.read(start + 1))
+    (crc.value() == u16::from_le_bytes(stored)).then(|| eeprom.read(start + 1))
 }
 
 /// The saved settings, if there are any whole ones within their ranges.
@@ -77,10 +75,8 @@ pub struct Saver {
     number: u8,
     /// Next offset to write; the mark is written first (invalid) and last.
     offset: u16,
-    digest: Digest<'static, u16, NoTable>,
+    crc: Crc16,
 }
-
-static SHARED_CRC: Crc<u16, NoTable> = CRC;
 
 impl Saver {
     /// Begins a save. The settings must not change until it is done.
@@ -89,9 +85,10 @@ impl Saver {
             Some((slot, number)) => (1 - slot, number.wrapping_add(1)),
             None => (0, 0),
         };
-        let mut digest = SHARED_CRC.digest();
-        digest.update(&[VERSION, number]);
-        Self { start: SLOTS[slot], number, offset: 0, digest }
+        let mut crc = Crc16::default();
+        crc.push(VERSION);
+        crc.push(number);
+        Self { start: SLOTS[slot], number, offset: 0, crc }
     }
 
     /// Writes the next byte when the memory is ready; true when all is written.
@@ -107,11 +104,11 @@ impl Saver {
                 let index = offset - 2;
                 let value = settings.values.get(index as usize / 4).copied().unwrap_or(0.0);
                 let byte = value.to_le_bytes()[index as usize % 4];
-                self.digest.update(&[byte]);
+                self.crc.push(byte);
                 (offset, byte)
             }
             offset if offset < SLOT => {
-                let crc = self.digest.clone().finalize().to_le_bytes();
+                let crc = self.crc.value().to_le_bytes();
                 (offset, crc[(offset - (SLOT - 2)) as usize & 1])
             }
             SLOT => (0, VERSION),

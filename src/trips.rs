@@ -16,7 +16,8 @@
 //! | host lost | silent for `trip_host` while armed |
 //! | main loop hung | no sign of the main loop for 100 ms |
 //!
-//! "Driven" means a voltage above an eighth of the supply setting: below it a motor may rest in its friction.
+//! "Driven" means a voltage above a quarter of the supply setting: below it a motor may rest in its friction, and the
+//! L293D's own drop (2.6 V) may leave nothing to brake with.
 
 use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
 use crate::limits::bits;
@@ -76,7 +77,7 @@ impl TripsConfig {
                 Err(Rule::TooLarge) => u16::MAX,
                 Err(rule) => return Err(rule.of(Param::Resistance)),
             },
-            driven: bits(settings, Param::SupplyVoltage, VOLT / 8.0)?,
+            driven: bits(settings, Param::SupplyVoltage, VOLT / 4.0)?,
             stall_ticks: ticks(Param::TripStall)?,
             encoder_ticks: ticks(Param::TripEncoder)?,
             runaway_ticks: ticks(Param::TripRunaway)?,

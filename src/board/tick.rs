@@ -171,7 +171,8 @@ pub fn dropped() -> u16 {
 
 /// Tells the tick that the main loop goes round, and whether the host has spoken; and the scale of the supply.
 pub fn keep_alive(host_spoke: bool, supply: i16) {
-    let scale = duty_scale(supply);
+    // The black box keeps the division out of the critical section, into which the compiler would move it.
+    let scale = core::hint::black_box(duty_scale(supply));
     let flags = Inputs::MAIN_LOOP_ALIVE | if host_spoke { Inputs::HOST_SPOKE } else { 0 };
     avr_device::interrupt::free(|_| {
         shared!(flags = shared!(flags) | flags);

@@ -1,0 +1,155 @@
+//! The firmware on the simulated chip, with a motor attached: it holds what it is told to hold.
+
+use host_sim::chip::{Bench, Rig, firmware_elf};
+use host_sim::plant::{DcMotor, DcMotorParameters};
+use motorbench_core::message::{Sample, State, Trip};
+use motorbench_core::protocol::{Frame, StreamDecoder};
+
+/// The chip with its motor, and the samples that came over the line.
+struct Uno {
+    bench: Bench<DcMotor>,
+    decoder: StreamDecoder,
+    samples: Vec<Sample>,
+    replies: String,
+}
+
+impl Uno {
+    fn start() -> Self {
+        let elf = firmware_elf().expect("firmware");
+        // The test stand's motor with the friction its no-load current of 0.3 A shows.
+        let motor = DcMotorParameters { coulomb_friction_nm: 0.02, ..DcMotorParameters::PIVT6 };
+        let bench = Bench::new(elf, Rig::default(), DcMotor::new(motor)).expect("bench");
+        let mut uno = Self { bench, decoder: StreamDecoder::default(), samples: Vec::new(), replies: String::new() };
+        // The zero of the current takes 256 ticks.
+        uno.run_s(0.4);
+        uno
+    }
+
+    fn run_s(&mut self, duration_s: f64) {
+        self.bench.run_s(duration_s).expect("the chip runs");
+        for byte in self.bench.serial().read() {
+            match self.decoder.push(byte) {
+                Some(Frame::Sample(sample)) => self.samples.push(sample),
+                Some(Frame::Text(text, length)) => self.replies += &String::from_utf8_lossy(&text[..length]),
+                None => {}
+            }
+        }
+    }
+
+    /// Sends an order and expects its reply.
+    fn order(&mut self, order: &str) {
+        self.replies.clear();
+        self.bench.serial().write(format!("{order}\n"));
+        self.run_s(0.02);
+        assert_eq!(self.replies, "ok\r\n", "{order}");
+    }
+
+    fn last(&self) -> Sample {
+        *self.samples.last().expect("telemetry")
+    }
+}
+
+/// Bits of speed at the default range of 512 rad/s.
+fn speed_bits(rad_per_s: f64) -> i32 {
+    (rad_per_s * 64.0) as i32
+}
+
+#[test]
+fn holds_a_speed_from_rest_through_reversal_and_a_load_step() {
+    for (mode, name) in [(2, "PID"), (4, "LQR")] {
+        let mut uno = Uno::start();
+        uno.order("t1");
+        uno.order("a");
+        uno.order(&format!("m{mode}"));
+        for target in [60.0, -60.0] {
+            uno.order(&format!("r{}", speed_bits(target)));
+            uno.run_s(1.5);
+            let (sample, truth) = (uno.last(), uno.bench.now());
+            println!(
+                "{name}: {target} rad/s: reports {:.2}, turns {:.2}",
+                sample.speed as f64 / 64.0,
+                truth.speed_rad_per_s
+            );
+            assert_eq!(sample.trip, Trip::None);
+            assert!((truth.speed_rad_per_s - target).abs() < 0.5, "{truth:?}");
+            assert!((sample.speed as f64 / 64.0 - truth.speed_rad_per_s).abs() < 0.5);
+        }
+        uno.bench.set_load_torque_nm(-0.01);
+        uno.run_s(1.0);
+        assert!((uno.bench.now().speed_rad_per_s + 60.0).abs() < 0.5);
+        assert_eq!((uno.decoder.lost, uno.decoder.damaged), (0, 0));
+        let ticks: Vec<u32> = uno.samples.iter().map(|sample| sample.tick).collect();
+        assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 1), "a sample is missing");
+    }
+}
+
+#[test]
+fn holds_a_position() {
+    for mode in [3, 5] {
+        let mut uno = Uno::start();
+        uno.order("t1");
+        uno.order("a");
+        uno.order(&format!("m{mode}"));
+        uno.order("r4000");
+        uno.run_s(2.0);
+        let (sample, truth) = (uno.last(), uno.bench.now());
+        println!("mode {mode}: at {} counts, truly {}", sample.counts, truth.encoder_count);
+        assert_eq!(sample.trip, Trip::None);
+        assert_eq!(sample.counts as i64, truth.encoder_count);
+        assert!((sample.counts - 4000).abs() < 150, "{}", sample.counts);
+    }
+}
+
+#[test]
+fn nothing_drives_before_it_is_armed() {
+    let mut uno = Uno::start();
+    uno.order("t1");
+    uno.order("m2");
+    uno.order("r6000");
+    uno.run_s(0.5);
+    assert_eq!(uno.last().duty, 0);
+    assert!(!uno.last().state.has(State::ARMED));
+    assert_eq!(uno.bench.now().speed_rad_per_s, 0.0);
+}
+
+#[test]
+fn the_emergency_stop_stops() {
+    let mut uno = Uno::start();
+    for order in ["t1", "a", "m2", "r3000"] {
+        uno.order(order);
+    }
+    uno.run_s(0.5);
+    assert!(uno.bench.now().speed_rad_per_s > 30.0);
+    uno.bench.press_emergency_stop(true);
+    uno.run_s(0.003);
+    assert_eq!(uno.last().trip, Trip::EmergencyStop);
+    assert!(!uno.last().state.has(State::ENABLED));
+    // Released, it stays off until cleared and armed again.
+    uno.bench.press_emergency_stop(false);
+    uno.run_s(0.5);
+    assert_eq!(uno.last().trip, Trip::EmergencyStop);
+}
+
+#[test]
+fn what_the_interrupts_cost() {
+    use host_sim::chip::registers::vector;
+    let mut uno = Uno::start();
+    for order in ["t1", "a", "m2", "r3000"] {
+        uno.order(order);
+    }
+    uno.run_s(0.05);
+    uno.bench.chip_mut().measure(None);
+    uno.run_s(0.2);
+    let chip = uno.bench.chip();
+    for (name, number) in [
+        ("INT0", vector::INT0),
+        ("TIMER0_COMPA", vector::TIMER0_COMPA),
+        ("ADC", vector::ADC),
+        ("USART_RX", vector::USART_RX),
+        ("USART_UDRE", vector::USART_UDRE),
+    ] {
+        println!("{name}: {:?}", chip.meter().handler_cycles(number));
+    }
+    println!("jitter {:?}", chip.meter().entry_jitter_cycles(vector::TIMER0_COMPA, 16_000));
+    println!("adc {:?}", chip.meter().sample_jitter_cycles(0, 800));
+}
