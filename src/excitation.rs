@@ -12,7 +12,7 @@
 //! | `levels` | uniform random levels, one each period, `count` levels | period count |
 //! | `chirp` | sine, linear sweep from 0 to `2 count / period` cycles a tick, `count` cycles in all | period |
 //! | `coast` | +A, bridge off, +A, braking, then the same with -A, each for one period; `count` times | 8 period count |
-//! | `identify` | the ones above that tell the most apart, see [`STAGES`]; 20 s with 500 ms | 40 period |
+//! | `identify` | the ones above that tell the most apart, see `STAGES`; 20 s with 500 ms | 40 period |
 //!
 //! The divisions are done once, when the [`Sequence`] is made; playing it takes additions only (and for the chirp one
 //! product).

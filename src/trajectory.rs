@@ -1,6 +1,6 @@
 //! Reference profiles: ramps and S-curves for speed, trapezoids and S-curves for position.
 //!
-//! Both are built on one integer recurrence, [`Ramp`]: a value moves toward its target by a rate that changes by one
+//! Both are built on one integer recurrence, `Ramp`: a value moves toward its target by a rate that changes by one
 //! `step` a tick at most and never exceeds `limit`. Because the rate is always a whole number of steps, the way needed
 //! to bring it to zero is a sum that grows and shrinks with it: no square root, no division, exact arrival, and no
 //! overshoot, also when the target changes in the middle of a move.

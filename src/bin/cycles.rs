@@ -14,7 +14,9 @@ mod on_chip {
 
     #[panic_handler]
     fn panic(_: &core::panic::PanicInfo) -> ! {
-        loop {}
+        loop {
+            avr_device::asm::nop();
+        }
     }
 
     /// A place in memory that the compiler can neither foresee nor forget; the blocks' configuration and state live in
@@ -102,7 +104,9 @@ mod on_chip {
             measure!(3, |x, y| LQR.get().step_speed(SPEED_LQR.get(), x, y, x, LIMITS.get()));
             measure!(4, |x, y| LQR.get().step_position(POSITION_LQR.get(), x, y, x, LIMITS.get()));
         }
-        loop {}
+        loop {
+            avr_device::asm::nop();
+        }
     }
 }
 

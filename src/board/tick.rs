@@ -4,6 +4,11 @@
 //! loop share the control loop by turns: the main loop touches it only right after a tick, with the tick's interrupt
 //! held back for a few microseconds.
 
+#![expect(
+    clippy::deref_addrof,
+    reason = "a raw pointer first: a reference to a static that an interrupt shares is refused"
+)]
+
 use super::{adc, bridge, encoder, registers, watchdog};
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;

@@ -58,5 +58,8 @@ pub fn panicked(p: &Peripherals) -> ! {
     avr_device::interrupt::disable();
     super::bridge::off(p);
     speak(SPOKEN, PANIC);
-    loop {}
+    loop {
+        // The watchdog ends it.
+        avr_device::asm::nop();
+    }
 }

@@ -159,10 +159,21 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    struct Printed(String);
+
+    impl uWrite for Printed {
+        type Error = core::convert::Infallible;
+
+        fn write_str(&mut self, text: &str) -> Result<(), Self::Error> {
+            self.0 += text;
+            Ok(())
+        }
+    }
+
     fn printed(value: f32) -> String {
-        let mut text = String::new();
+        let mut text = Printed(String::new());
         write(&mut text, value).unwrap();
-        text
+        text.0
     }
 
     #[test]
