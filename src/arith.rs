@@ -347,6 +347,49 @@ pub fn saturate_i16(value: i32) -> i16 {
     }
 }
 
+/// The functions above on many arguments, for the comparison of chip and host.
+pub mod digests {
+    use super::*;
+
+    /// How many functions.
+    pub const COUNT: usize = 8;
+
+    /// A digest of each function's results on 2,000 arguments, with the corners of the ranges among them.
+    pub fn compute() -> [u32; COUNT] {
+        let mut digests = [0u32; COUNT];
+        let mut random = 1u32;
+        for round in 0..2000u16 {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let (mut a, mut b) = ((random >> 16) as i16, random as i16);
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let mut c = random as i32;
+            match round & 15 {
+                0 => (a, b) = (i16::MIN, i16::MIN),
+                1 => (a, b) = (i16::MIN, i16::MAX),
+                2 => (a, b) = (i16::MAX, -1),
+                3 => (a, b, c) = (0, 1, i32::MIN),
+                4 => (a, b, c) = (-1, -1, i32::MAX),
+                _ => {}
+            }
+            let d = (b as i32) << 16 | a as u16 as i32;
+            let results = [
+                mul_i16(a, b) as u32,
+                mul_u16(a as u16, b as u16),
+                mul_i16_u16(a, b as u16) as u32,
+                multiply_add(c >> 2, a, b) as u32,
+                multiply_add_u16(c >> 2, a >> 1, b as u16) as u32,
+                saturating_add_i32(c, d) as u32,
+                saturating_sub_i16(a, b) as u32,
+                saturate_shift_8(c) as u32 ^ (saturate_i16(d) as u32) << 3,
+            ];
+            for (digest, result) in digests.iter_mut().zip(results) {
+                *digest = digest.rotate_left(5) ^ result;
+            }
+        }
+        digests
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

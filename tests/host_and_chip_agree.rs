@@ -1,0 +1,175 @@
+//! The control loop on the chip and the same control loop on the host: same inputs, same outputs, bit for bit.
+//!
+//! Given a run of the firmware with a motor attached, its inputs and requests are read from the chip's memory tick by
+//! tick; the host's copy of the core gets them and must produce every sample the chip sent over its serial line.
+
+use host_sim::chip::{Bench, Rig, firmware_elf};
+use host_sim::plant::{DcMotor, DcMotorParameters};
+use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig};
+use motorbench_core::encoder::Edges;
+use motorbench_core::excitation::{Kind, Sequence};
+use motorbench_core::message::{Mode, Request, Sample};
+use motorbench_core::protocol::{Frame, StreamDecoder};
+use motorbench_core::settings::Settings;
+use std::collections::BTreeMap;
+
+/// One tick as the chip saw it.
+#[derive(Clone, Copy)]
+struct Tick {
+    inputs: Inputs,
+    request: Option<Request>,
+}
+
+struct Observer {
+    bench: Bench<DcMotor>,
+    inputs_at: u16,
+    request_at: u16,
+    ticks: Vec<Tick>,
+    pending: Option<Request>,
+    decoder: StreamDecoder,
+    samples: BTreeMap<u32, Sample>,
+}
+
+impl Observer {
+    fn start() -> Self {
+        let motor = DcMotorParameters { coulomb_friction_nm: 0.02, ..DcMotorParameters::PIVT6 };
+        let mut bench =
+            Bench::new(firmware_elf().expect("firmware"), Rig::default(), DcMotor::new(motor)).expect("bench");
+        // Until the start-up code has cleared the memory, noise stands in it; the first tick comes later.
+        bench.chip_mut().run_until(10_000).expect("the chip starts");
+        let at = |name| bench.program().variable(name).expect(name);
+        let (inputs_at, request_at) = (at("TICK_INPUTS"), at("TICK_REQUEST"));
+        let samples = BTreeMap::new();
+        Self {
+            inputs_at,
+            request_at,
+            bench,
+            ticks: Vec::new(),
+            pending: None,
+            decoder: StreamDecoder::default(),
+            samples,
+        }
+    }
+
+    /// Runs on, looking every 100 cycles: a request is taken when its place in memory becomes empty, which is also
+    /// when the inputs have changed.
+    fn run_s(&mut self, duration_s: f64) {
+        let end = self.bench.cycle() + (duration_s * 16e6) as u64;
+        let mut last = self.inputs();
+        while self.bench.cycle() < end {
+            let next = self.bench.cycle() + 100;
+            self.bench.chip_mut().run_until(next).expect("the chip runs");
+            if self.inputs().tick_coarse != last.tick_coarse {
+                // The handler is writing them; 300 cycles later all stand there.
+                self.bench.chip_mut().run_until(next + 300).expect("the chip runs");
+                let inputs = self.inputs();
+                let request = self.pending.take();
+                self.ticks.push(Tick { inputs, request });
+                last = inputs;
+            }
+            // Right after the tick the request may still stand there for a moment.
+            if let Some(request) = self.request() {
+                let taken = self.ticks.last().and_then(|tick| tick.request);
+                if taken != Some(request) || !self.just_ticked(&last) {
+                    self.pending = Some(request);
+                }
+            }
+        }
+        for byte in self.bench.serial().read() {
+            if let Some(Frame::Sample(sample)) = self.decoder.push(byte) {
+                self.samples.insert(sample.tick, sample);
+            }
+        }
+    }
+
+    /// Whether the tick of `inputs` is less than 4,000 cycles old.
+    fn just_ticked(&self, inputs: &Inputs) -> bool {
+        let timer0 = self.bench.chip().read(0x46);
+        timer0.wrapping_sub(inputs.tick_coarse) < 62
+    }
+
+    fn inputs(&self) -> Inputs {
+        let b: [u8; 15] = self.bench.chip().read_bytes(self.inputs_at);
+        let word = |at: usize| u16::from_le_bytes([b[at], b[at + 1]]);
+        Inputs {
+            edges: Edges { count: b[0], step: b[1], coarse: b[2], fine: b[3], illegal: b[4] },
+            tick_coarse: b[5],
+            current_sum: word(6),
+            tacho: word(8),
+            supply: word(10),
+            duty_scale: word(12),
+            flags: b[14],
+        }
+    }
+
+    /// The request that waits in the chip's memory; its layout is that of a `repr(u8)` enum.
+    fn request(&self) -> Option<Request> {
+        let b: [u8; 16] = self.bench.chip().read_bytes(self.request_at);
+        let word = |at: usize| u16::from_le_bytes([b[at], b[at + 1]]);
+        Some(match b[0] {
+            0 => Request::Arm,
+            1 => Request::Disarm,
+            2 => Request::Stop,
+            3 => Request::Mode(Mode::from_number(b[1])?),
+            4 => Request::Reference(i32::from_le_bytes([b[1], b[2], b[3], b[4]])),
+            5 => {
+                let kind = Kind::from_number(b[1])?;
+                Request::Play(Sequence::new(kind, word(2) as i16, word(4) as i16, word(6), word(8), word(10)))
+            }
+            6 => Request::ClearTrip,
+            7 => Request::ZeroCurrent,
+            8 => Request::ZeroPosition,
+            // `None` takes the next free number.
+            _ => return None,
+        })
+    }
+
+    fn order(&mut self, order: &str) {
+        self.bench.serial().write(format!("{order}\n"));
+        self.run_s(0.02);
+    }
+}
+
+#[test]
+fn bit_for_bit() {
+    let mut chip = Observer::start();
+    chip.run_s(0.4);
+    chip.order("t1");
+    chip.order("a");
+    // Every controller, from rest, through reversal and with a load; sequences with coasting and braking.
+    for orders in [
+        ["m2", "r3840", "r-3840"],
+        ["m4", "r3840", "r-3840"],
+        ["m3", "r2000", "r-500"],
+        ["m5", "r2000", "r-500"],
+        ["m1", "r5000", "r-5000"],
+    ] {
+        for order in orders {
+            chip.order(order);
+            chip.run_s(0.4);
+        }
+    }
+    chip.order("m1");
+    chip.order("p6");
+    chip.run_s(1.0);
+
+    let config = LoopConfig::build(&Settings::defaults()).expect("defaults");
+    // The lines as the chip found them at its start: the motor has not moved since.
+    let first = chip.ticks[0].inputs.edges;
+    let mut host = ControlLoop::new(config, Edges { count: first.count, ..Edges::default() });
+    let mut compared = 0;
+    for tick in &chip.ticks {
+        let drive = host.tick(tick.request, &tick.inputs);
+        let sample = host.sample();
+        assert_eq!(drive.duty, sample.duty);
+        if let Some(sent) = chip.samples.get(&sample.tick) {
+            assert_eq!(sent, sample, "tick {}, {:?}, {:?}", sample.tick, tick.inputs, tick.request);
+            compared += 1;
+        }
+    }
+    println!("{compared} ticks agree bit for bit");
+    assert!(compared > 7000, "{compared}");
+    let driven = chip.samples.values().filter(|sample| sample.duty != 0).count();
+    assert!(driven > 5000, "{driven}");
+    assert_eq!((chip.decoder.lost, chip.decoder.damaged), (0, 0));
+}
