@@ -56,6 +56,7 @@ impl Observer {
     fn run_s(&mut self, duration_s: f64) {
         let end = self.bench.cycle() + (duration_s * 16e6) as u64;
         let mut last = self.inputs();
+        let mut ticked = 0;
         while self.bench.cycle() < end {
             let next = self.bench.cycle() + 100;
             self.bench.chip_mut().run_until(next).expect("the chip runs");
@@ -66,11 +67,12 @@ impl Observer {
                 let request = self.pending.take();
                 self.ticks.push(Tick { inputs, request });
                 last = inputs;
+                ticked = next;
             }
-            // Right after the tick the request may still stand there for a moment.
+            // As long as the tick's handler runs, the request it has taken may still stand there.
             if let Some(request) = self.request() {
                 let taken = self.ticks.last().and_then(|tick| tick.request);
-                if taken != Some(request) || !self.just_ticked(&last) {
+                if taken != Some(request) || self.bench.cycle() > ticked + 7_000 {
                     self.pending = Some(request);
                 }
             }
@@ -80,12 +82,6 @@ impl Observer {
                 self.samples.insert(sample.tick, sample);
             }
         }
-    }
-
-    /// Whether the tick of `inputs` is less than 4,000 cycles old.
-    fn just_ticked(&self, inputs: &Inputs) -> bool {
-        let timer0 = self.bench.chip().read(0x46);
-        timer0.wrapping_sub(inputs.tick_coarse) < 62
     }
 
     fn inputs(&self) -> Inputs {
