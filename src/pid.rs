@@ -62,8 +62,9 @@ impl PidConfig {
         let kd = settings.get(names.kd) / (tf + period);
         let kr = settings.get(names.kp) * settings.get(Param::SpeedB) + settings.get(names.kff);
         Ok(Self {
-            kr: quantise_gain(kr, scale).map_err(|rule| rule.of(names.kff))?,
+            // First, so that a gain that is too large is blamed and not the sum it is part of.
             kp: -gain_bits(settings, names.kp, scale)?,
+            kr: quantise_gain(kr, scale).map_err(|rule| rule.of(names.kff))?,
             kd: -quantise_gain(kd, scale).map_err(|rule| rule.of(names.kd))?,
             ..Self::common(settings, &names, scale)?
         })

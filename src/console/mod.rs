@@ -397,14 +397,13 @@ impl Console {
         }
         let editor = self.editor.clone();
         let outcome = if refused { Err(Failure::Say(Say::LineRefused)) } else { self.execute(editor.line(), machine) };
-        let settings = &self.settings;
         let framer = if self.stream == Stream::Binary { Some(&mut self.framer) } else { None };
         let mut talk = Talk::new(machine, framer);
         match outcome {
             Ok(()) => talk.say(Say::Ok),
             Err(failure) => {
                 talk.say(Say::Error);
-                talk.failure(&failure, settings);
+                talk.failure(&failure);
             }
         }
         talk.end_line();
@@ -925,7 +924,7 @@ impl<'a, M: Machine> Talk<'a, M> {
 
     /// What was expected.
     #[inline(never)]
-    fn failure(&mut self, failure: &Failure, settings: &Settings) {
+    fn failure(&mut self, failure: &Failure) {
         match failure {
             Failure::Say(what) => self.say(*what),
             Failure::Usage(command) => {
@@ -947,19 +946,15 @@ impl<'a, M: Machine> Talk<'a, M> {
                 self.byte(b'.');
                 self.number(*limit);
             }
-            Failure::Build(error) => self.build_error(error, settings),
+            Failure::Build(error) => self.build_error(error),
         }
     }
 
     #[inline(never)]
-    fn build_error(&mut self, error: &BuildError, settings: &Settings) {
+    fn build_error(&mut self, error: &BuildError) {
         self.text(settings::text(error.param, Text::Name));
         self.byte(b' ');
         self.word(RULES + rule_place(error.rule));
-        self.byte(b' ');
-        self.byte(b'(');
-        self.number(settings.get(error.param));
-        self.byte(b')');
     }
 }
 

@@ -1,0 +1,201 @@
+//! Console sessions on the host, over the same control loop as on the chip, with a motor that does not move.
+
+use motorbench_core::console::{Console, Counters, Machine};
+use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig, duty_scale};
+use motorbench_core::encoder::Edges;
+use motorbench_core::message::{Request, Sample, State, Trip};
+use motorbench_core::settings::{BuildError, Param, Settings};
+use motorbench_core::storage::Eeprom;
+use proptest::prelude::*;
+
+struct Memory([u8; 1024]);
+
+impl Eeprom for Memory {
+    fn read(&mut self, address: u16) -> u8 {
+        self.0[address as usize]
+    }
+
+    fn ready(&mut self) -> bool {
+        true
+    }
+
+    fn write(&mut self, address: u16, byte: u8) {
+        self.0[address as usize] = byte;
+    }
+}
+
+struct Host {
+    control: ControlLoop,
+    memory: Memory,
+    sent: Vec<u8>,
+    requests: Vec<Request>,
+    emergency_stop: bool,
+}
+
+impl Host {
+    fn tick(&mut self, request: Option<Request>) {
+        let stop = if self.emergency_stop { Inputs::EMERGENCY_STOP } else { 0 };
+        let inputs = Inputs {
+            current_sum: 4096,
+            duty_scale: duty_scale(12_288),
+            flags: Inputs::MAIN_LOOP_ALIVE | stop,
+            ..Inputs::default()
+        };
+        self.control.tick(request, &inputs);
+    }
+}
+
+impl Machine for Host {
+    type Memory = Memory;
+
+    fn request(&mut self, request: Request) {
+        self.requests.push(request);
+        self.tick(Some(request));
+    }
+
+    fn sample(&mut self) -> Sample {
+        self.tick(None);
+        *self.control.sample()
+    }
+
+    fn configure(&mut self, settings: &Settings) -> Result<(), BuildError> {
+        self.control.configure(&LoopConfig::build(settings)?);
+        Ok(())
+    }
+
+    fn counters(&mut self) -> Counters {
+        let (zeroing, zero_ok) = self.control.current_zero();
+        Counters { zeroing, zero_ok, ..Counters::default() }
+    }
+
+    fn memory(&mut self) -> &mut Memory {
+        &mut self.memory
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        self.sent.extend_from_slice(bytes);
+    }
+
+    fn host_spoke(&mut self) {}
+}
+
+/// A console on a board just switched on.
+fn board() -> (Console, Host) {
+    let settings = Settings::defaults();
+    let control = ControlLoop::new(LoopConfig::build(&settings).expect("defaults"), Edges::default());
+    let memory = Memory([0xff; 1024]);
+    let mut host = Host { control, memory, sent: Vec::new(), requests: Vec::new(), emergency_stop: false };
+    let mut console = Console::new(settings);
+    say(&mut console, &mut host, "echo off");
+    (console, host)
+}
+
+/// Sends a line; the reply, without carriage returns.
+fn say(console: &mut Console, host: &mut Host, line: &str) -> String {
+    host.sent.clear();
+    line.bytes().chain([b'\n']).for_each(|byte| console.receive(byte, host));
+    String::from_utf8(host.sent.clone()).expect("text").replace('\r', "")
+}
+
+#[test]
+fn a_session() {
+    let (mut console, mut host) = board();
+    for (line, reply) in [
+        ("arm", "ok\n"),
+        ("mode speed", "ok\n"),
+        ("ref 10", "ok\n"),
+        ("ref", "error: expected ref VALUE\n"),
+        ("ref 9999", "error: expected a number in -511.984..511.984\n"),
+        ("mode fast", "error: expected mode off|open|speed|position|lqr_speed|lqr_position\n"),
+        ("set speed_kp 0.5 speed_ki 2", "ok\n"),
+        ("show speed_kp", "# speed_kp 0.5 V s/rad -1000..1000, speed PID, proportional\nok\n"),
+        ("set speed_kp 0.7 nonsense 1", "error: no such setting, see show\n"),
+        ("set speed_kp 0.7 speed_b 9", "error: speed_b expected a number in 1 0..2\n"),
+        ("show speed_kp", "# speed_kp 0.5 V s/rad -1000..1000, speed PID, proportional\nok\n"),
+        ("set speed_kp 900", "error: speed_kp is too large for fixed point (see the ranges)\n"),
+        ("set wiring 1", "error: disarm first\n"),
+        ("stop", "ok\n"),
+        ("disarm", "ok\n"),
+        ("mode speed", "error: not armed: arm first\n"),
+        ("zero current", "ok\n"),
+        ("zero", "error: expected zero current|position\n"),
+        ("arm now", "error: expected arm \n"),
+        ("Arm", "error: unknown command, see help\n"),
+        ("stream text 0", "error: expected stream off|text|binary [DIVIDER]\n"),
+        ("alive", "ok\n"),
+    ] {
+        assert_eq!(say(&mut console, &mut host, line), reply, "{line}");
+    }
+    assert!(!host.control.sample().state.has(State::ARMED));
+}
+
+#[test]
+fn a_trip_is_named_and_must_be_cleared() {
+    let (mut console, mut host) = board();
+    host.emergency_stop = true;
+    assert_eq!(say(&mut console, &mut host, "arm"), "error: a trip is latched, see status; clear it first\n");
+    host.emergency_stop = false;
+    assert!(say(&mut console, &mut host, "status").contains("trip 8 emergency stop"));
+    assert_eq!(say(&mut console, &mut host, "clear"), "ok\n");
+    assert_eq!(say(&mut console, &mut host, "arm"), "ok\n");
+    assert_eq!(host.control.sample().trip, Trip::None);
+}
+
+#[test]
+fn settings_survive_a_save_and_a_load() {
+    let (mut console, mut host) = board();
+    assert_eq!(say(&mut console, &mut host, "load"), "error: nothing saved that this version understands\n");
+    say(&mut console, &mut host, "set speed_ki 7.5");
+    assert_eq!(say(&mut console, &mut host, "save"), "ok\n");
+    (0..2000).for_each(|_| console.poll(&mut host));
+    assert_eq!(say(&mut console, &mut host, "defaults"), "ok\n");
+    assert_eq!(console.settings().get(Param::SpeedKi), 1.0);
+    assert_eq!(say(&mut console, &mut host, "load"), "ok\n");
+    assert_eq!(console.settings().get(Param::SpeedKi), 7.5);
+}
+
+#[test]
+fn help_and_show_list_everything_and_end_with_ok() {
+    let (mut console, mut host) = board();
+    for (line, least) in [("help", 20), ("show", Param::COUNT), ("status", 3), ("version", 2)] {
+        let reply = say(&mut console, &mut host, line);
+        let (last, information) = reply.trim_end().rsplit_once('\n').map(|(a, b)| (b, a)).expect("lines");
+        assert_eq!(last, "ok", "{line}");
+        assert!(information.lines().count() >= least && information.lines().all(|l| l.starts_with("# ")), "{reply}");
+    }
+}
+
+#[test]
+fn the_plotter_line() {
+    let (mut console, mut host) = board();
+    say(&mut console, &mut host, "stream text 1");
+    host.sent.clear();
+    let sample = host.sample();
+    console.telemetry(&sample, &mut host);
+    let line = String::from_utf8(host.sent.clone()).expect("text");
+    assert_eq!(line, "reference:0,position:0,speed:0,current:0,duty:0\r\n");
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    /// Random bytes: no request, no setting, unless the line is a valid command to the letter.
+    #[test]
+    fn random_bytes_do_nothing(bytes in proptest::collection::vec(any::<u8>(), 0..2000)) {
+        let (mut console, mut host) = board();
+        bytes.iter().for_each(|&byte| console.receive(byte, &mut host));
+        prop_assert!(host.requests.is_empty());
+        prop_assert_eq!(console.settings(), &Settings::defaults());
+    }
+
+    /// Commands with one character changed never arm.
+    #[test]
+    fn nearly_arm(position in 0usize..3, byte in any::<u8>()) {
+        let mut line = *b"arm";
+        line[position] = byte;
+        prop_assume!(&line != b"arm" && !line.iter().any(|byte| b"\r\n\x08\x7f\x15".contains(byte)));
+        let (mut console, mut host) = board();
+        line.iter().chain(b"\n").for_each(|&byte| console.receive(byte, &mut host));
+        prop_assert!(host.requests.is_empty());
+    }
+}
