@@ -93,7 +93,7 @@ fn board() -> (Console, Host) {
 /// Sends a line; the reply, without carriage returns.
 fn say(console: &mut Console, host: &mut Host, line: &str) -> String {
     host.sent.clear();
-    line.bytes().chain([b'\n']).for_each(|byte| console.receive(byte, host));
+    line.bytes().chain(*b"\n").for_each(|byte| console.receive(byte, host));
     String::from_utf8(host.sent.clone()).expect("text").replace('\r', "")
 }
 
