@@ -151,3 +151,13 @@ fn the_stack_has_room() {
     println!("{} bytes of static RAM, {free} bytes of stack never used", first_free - 0x100);
     assert!(free >= 200, "{free}");
 }
+
+/// What a bootloader of 512 bytes leaves of the flash, and the goal for static RAM.
+#[test]
+fn it_fits_the_uno() {
+    let uno = Uno::start();
+    let program = uno.bench.program();
+    let ram = program.variable("_end").expect("_end") - 0x100;
+    println!("{} bytes of flash, {ram} bytes of static RAM", program.flash_bytes());
+    assert!(program.flash_bytes() <= 32_256 && ram <= 1024);
+}
