@@ -3,7 +3,8 @@
 mod common;
 
 use common::Uno;
-use host_sim::chip::{EncoderFault, SensorFault};
+use host_sim::chip::{EncoderFault, SensorFault, registers};
+use host_sim::plant::Bridge;
 use motorbench_core::message::{State, Trip};
 
 /// Runs a speed loop, provokes, and expects the trip within the limit; then that the drive is and stays off.
@@ -72,6 +73,30 @@ fn a_current_sensor_at_either_rail_trips() {
 #[test]
 fn the_emergency_stop_trips() {
     provoke(60.0, Trip::EmergencyStop, 2, |uno| uno.bench.press_emergency_stop(true));
+}
+
+#[test]
+fn when_the_tick_dies_the_watchdog_stops_the_motor() {
+    let mut uno = Uno::start();
+    for order in ["t1", "a", "m2", "r3840"] {
+        uno.order(order);
+    }
+    uno.run_s(0.5);
+    assert!(uno.bench.now().duty > 0.1);
+    // Nothing interrupts any more to compute the drive, and nothing feeds the watchdog.
+    uno.bench.chip_mut().write(registers::TIMSK0, 0);
+    let stopped = (0..200).find(|_| {
+        uno.run_s(0.001);
+        uno.bench.now().bridge == Bridge::Coast
+    });
+    println!("tick dead: bridge off after {stopped:?} ms");
+    assert!(stopped.is_some_and(|ms| ms <= 80), "{stopped:?}");
+    // The chip has started again, disarmed, and answers.
+    uno.run_s(0.5);
+    assert_eq!(uno.bench.now().bridge, Bridge::Coast);
+    uno.order("t1");
+    uno.run_s(0.01);
+    assert!(!uno.last().state.has(State::ARMED) && uno.last().duty == 0);
 }
 
 #[test]
