@@ -65,7 +65,7 @@ pub struct LqrState {
 
 impl LqrState {
     /// One tick of the speed LQI; everything in bits.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step_speed(&mut self, config: &LqrConfig, reference: i16, speed: i16, current: i16, limits: &Limits) -> i16 {
         let rest = mul_i16(config.kr, reference);
         let rest = multiply_add(rest, config.kw, speed);
@@ -74,7 +74,7 @@ impl LqrState {
     }
 
     /// One tick of the position LQI; everything in bits, `speed_error` reference minus measured.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step_position(
         &mut self,
         config: &LqrConfig,

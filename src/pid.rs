@@ -124,7 +124,7 @@ pub struct PidState {
 
 impl PidState {
     /// One tick of the speed PID: reference and measured speed in bits, voltage in bits.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step_speed(&mut self, config: &PidConfig, reference: i16, speed: i16, limits: &Limits) -> i16 {
         let change = self.filter(config, speed, limits.align);
         let rest = mul_i16(config.kr, reference);
@@ -134,7 +134,7 @@ impl PidState {
     }
 
     /// One tick of the position PID: position error and speeds in bits, voltage in bits.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step_position(
         &mut self,
         config: &PidConfig,
