@@ -258,7 +258,7 @@ impl ControlLoop {
     }
 
     /// Position, speed, current and supply.
-    #[inline(never)]
+    #[inline(always)]
     fn measure(&mut self, inputs: &Inputs) -> Observation {
         let before = self.motion.counts;
         self.motion.step(&self.config.speed, inputs.edges, inputs.tick_coarse);
@@ -295,7 +295,7 @@ impl ControlLoop {
     }
 
     /// Trips: the first is latched and disarms.
-    #[inline(never)]
+    #[inline(always)]
     fn watch(&mut self, observation: &Observation) {
         let trip = self.trips.step(&self.config.trips, observation, self.armed);
         if trip != Trip::None {
@@ -385,7 +385,7 @@ impl ControlLoop {
     }
 
     /// What the bridge does in this tick.
-    #[inline(never)]
+    #[inline(always)]
     fn act(&mut self) -> Drive {
         if self.mode == Mode::Off {
             self.sample.reference = 0;
@@ -408,7 +408,7 @@ impl ControlLoop {
     }
 
     /// The reference of this tick: of the sequence, or of the profile toward the target.
-    #[inline(never)]
+    #[inline(always)]
     fn reference(&mut self) -> (Reference, Bridge) {
         if self.playing {
             return self.play();
@@ -455,7 +455,7 @@ impl ControlLoop {
     }
 
     /// The controller of the mode, within its limits, and the compensation on top. Returns the voltage.
-    #[inline(never)]
+    #[inline(always)]
     fn control(&mut self, reference: &Reference) -> i16 {
         let config = &self.config;
         let (speed, current) = (self.sample.speed, self.sample.current);
@@ -501,7 +501,7 @@ impl ControlLoop {
     }
 
     /// Completes the sample.
-    #[inline(never)]
+    #[inline(always)]
     fn record(&mut self, drive: &Drive) {
         let mut state = self.mode as u8;
         let moving = match &self.profile {

@@ -188,7 +188,7 @@ impl SpeedState {
     }
 
     /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step(&mut self, config: &SpeedConfig, edges: Edges, tick_coarse: u8) {
         self.elapsed = (self.elapsed + config.tick_cycles as i32).min(LONGEST);
         let delta = edges.count.wrapping_sub(self.edges.count) as i8;

@@ -138,7 +138,7 @@ const RAIL_TICKS: u8 = 3;
 
 impl TripsState {
     /// One tick: the first condition that has held for its time, or [`Trip::None`].
-    #[inline(never)]
+    #[inline(always)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
         let magnitude = seen.current.saturating_abs();
         let always = self.always(config, seen, magnitude);
