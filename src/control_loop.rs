@@ -428,7 +428,7 @@ impl ControlLoop {
     }
 
     /// The reference of the sequence; positions are relative to where it began.
-    #[inline(never)]
+    #[inline(always)]
     fn play(&mut self) -> (Reference, Bridge) {
         let play = self.player.step();
         if play.done {

@@ -195,31 +195,24 @@ impl SpeedState {
         if edges.illegal != self.edges.illegal {
             self.illegal = self.illegal.saturating_add(edges.illegal.wrapping_sub(self.edges.illegal) as u16);
         }
-        if edges.coarse == self.edges.coarse && edges.fine == self.edges.fine && delta == 0 {
-            self.without_edge(config);
-        } else {
+        let moved = edges.coarse != self.edges.coarse || edges.fine != self.edges.fine || delta != 0;
+        let (half_counts, cycles) = if moved {
             self.counts = self.counts.wrapping_add(delta as i32);
             let half_counts = 2 * delta as i16 - edges.direction() + self.edges.direction();
-            let age = age(tick_coarse, &edges);
-            let between = self.elapsed - age as i32;
-            self.elapsed = age as i32;
-            self.speed = speed(config, half_counts, between);
-        }
-        self.edges = edges;
-    }
-
-    /// The speed can be no more than one count over the time since the last edge.
-    #[inline]
-    fn without_edge(&mut self, config: &SpeedConfig) {
-        if self.speed == 0 {
-            return;
-        }
-        if self.elapsed >= LONGEST {
+            let age = age(tick_coarse, &edges) as i32;
+            (half_counts, core::mem::replace(&mut self.elapsed, age) - age)
+        } else if self.speed == 0 || self.elapsed >= LONGEST {
             self.speed = 0;
-        } else if self.speed > 0 {
-            self.speed = self.speed.min(speed(config, 2, self.elapsed));
+            return;
         } else {
-            self.speed = self.speed.max(speed(config, -2, self.elapsed));
+            // The speed can be no more than one count over the time since the last edge.
+            (if self.speed > 0 { 2 } else { -2 }, self.elapsed)
+        };
+        self.edges = edges;
+        let speed = speed(config, half_counts, cycles);
+        let falls = if self.speed > 0 { speed < self.speed } else { speed > self.speed };
+        if moved || falls {
+            self.speed = speed;
         }
     }
 }
@@ -233,7 +226,7 @@ fn age(tick_coarse: u8, edges: &Edges) -> i16 {
 }
 
 /// Half counts over cycles, in bits of speed. Within 2^-13 of the quotient and one bit, saturating.
-#[inline(never)]
+#[inline(always)]
 fn speed(config: &SpeedConfig, half_counts: i16, cycles: i32) -> i16 {
     // Closer than 64 cycles no two edges are told apart.
     let (mantissa, exponent) = normalise(cycles.clamp(64, LONGEST) as u32);

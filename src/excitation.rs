@@ -217,7 +217,7 @@ impl Player {
     }
 
     /// One tick.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step(&mut self) -> Play {
         if self.left == 0 && !self.next_segment() {
             return Play { value: self.sequence.offset, bridge: Bridge::Coast, done: true };

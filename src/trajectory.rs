@@ -175,7 +175,7 @@ impl SpeedProfile {
     }
 
     /// One tick: the reference, in bits.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step(&mut self, config: &TrajectoryConfig) -> i16 {
         // Two speeds are less than 2^30 apart.
         if self.moving() {
@@ -252,7 +252,7 @@ impl PositionProfile {
     }
 
     /// One tick: the reference in counts, and its speed in bits.
-    #[inline(never)]
+    #[inline(always)]
     pub fn step(&mut self, config: &TrajectoryConfig) -> (i32, i16) {
         if !self.moving() {
             return (self.counts, 0);
