@@ -1,7 +1,7 @@
 //! ADC: one conversion every second PWM period, always at the same instant of the period.
 //!
-//! Timer1's compare B triggers; sample and hold follows two ADC clocks (128 cycles) later, at count 768 of 800: the
-//! end of the off phase, where nothing has switched lately unless the duty is above 96 %. A conversion takes 13.5 ADC
+//! Timer1's compare B triggers; sample and hold follows two ADC clocks (128 cycles) and the synchronisation later, at
+//! cycle 772 of 800: the end of the off phase, where nothing has switched lately unless the duty is above 96 %. A conversion takes 13.5 ADC
 //! clocks of 4 us, longer than one period, so the handler arms the trigger for the period after. Ten slots make one
 //! millisecond: 4 x current, tachogenerator, 4 x current, supply.
 

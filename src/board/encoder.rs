@@ -1,4 +1,4 @@
-//! The encoder's interrupt handler: `motorbench_core::encoder::Edges::on_edge` in 47 cycles, response to return.
+//! The encoder's interrupt handler: `motorbench_core::encoder::Edges::on_edge` in 46 to 50 cycles, response to return.
 //!
 //! The compiler saves one register more than the work needs and comes to 62; at 100,000 edges/s each of these cycles
 //! is half a percent of the processor. The state lives in the general purpose I/O registers, which cost one cycle
