@@ -1,9 +1,9 @@
 //! ADC: one conversion every second PWM period, always at the same instant of the period.
 //!
 //! Timer1's compare B triggers; sample and hold follows two ADC clocks (128 cycles) and the synchronisation later, at
-//! cycle 772 of 800: the end of the off phase, where nothing has switched lately unless the duty is above 96 %. A conversion takes 13.5 ADC
-//! clocks of 4 us, longer than one period, so the handler arms the trigger for the period after. Ten slots make one
-//! millisecond: 4 x current, tachogenerator, 4 x current, supply.
+//! cycle 772 of 800: the end of the off phase, where nothing has switched lately unless the duty is above 96 %. A
+//! conversion takes 13.5 ADC clocks of 4 us, longer than one period, so the handler arms the trigger for the period
+//! after. Ten slots make one millisecond: 4 x current, tachogenerator, 4 x current, supply.
 
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;
