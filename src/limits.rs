@@ -154,11 +154,6 @@ pub struct Integral {
 }
 
 impl Integral {
-    /// The integral's part of the voltage, in bits.
-    pub fn voltage(&self) -> i16 {
-        (self.bits >> 16) as i16
-    }
-
     /// Closes the law: adds the integral to `rest` (at most three products of a [`crate::units::Gain`] and a signal),
     /// clamps, and moves the integral on. Returns the voltage; within 2 bits of exact arithmetic.
     #[inline(always)]

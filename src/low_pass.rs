@@ -18,12 +18,23 @@ impl LowPassConfig {
     /// The filter is too slow for the format.
     #[inline(never)]
     pub fn build(settings: &Settings, time: Param) -> Result<Self, BuildError> {
+        if settings.get(time) <= 0.0 { Ok(Self(0)) } else { Self::always(settings, time) }
+    }
+
+    /// The same, but a time constant of zero is the fastest filter instead of none: for who needs the difference to it.
+    ///
+    /// # Errors
+    /// The filter is too slow for the format.
+    pub fn always(settings: &Settings, time: Param) -> Result<Self, BuildError> {
         let (tau, period) = (settings.get(time) * 0.001, 1.0 / settings.get(Param::TickRate));
-        if tau <= 0.0 {
-            return Ok(Self(0));
-        }
-        let part = quantise(period / (tau + period), 65536.0, u16::MAX);
-        part.map(|bits| Self(bits as u16)).map_err(|rule| rule.of(time))
+        let part = (period / (tau + period)).min(65535.0 / 65536.0);
+        quantise(part, 65536.0, u16::MAX).map(|bits| Self(bits as u16)).map_err(|rule| rule.of(time))
+    }
+
+    /// The part, for the tests of who uses the filter.
+    #[cfg(test)]
+    pub(crate) fn part(&self) -> f64 {
+        self.0 as f64 / 65536.0
     }
 }
 
@@ -38,10 +49,29 @@ impl LowPassState {
         if config.0 == 0 {
             return input;
         }
-        let change = saturating_sub_i16(input, (self.0 >> 16) as i16);
+        self.advance(config, input);
+        self.output()
+    }
+
+    /// Moves on toward the input; returns how far the input was ahead.
+    #[inline(always)]
+    pub fn advance(&mut self, config: &LowPassConfig, input: i16) -> i16 {
+        let change = saturating_sub_i16(input, self.output());
         // Toward the input by less than the distance: stays within 16 bits.
         self.0 = multiply_add_u16(self.0, change, config.0);
+        change
+    }
+
+    /// The filtered signal.
+    #[inline(always)]
+    pub fn output(&self) -> i16 {
         (self.0 >> 16) as i16
+    }
+
+    /// Forgets the past: as if the input had always been this one.
+    #[inline(always)]
+    pub fn settle(&mut self, input: i16) {
+        self.0 = (input as i32) << 16;
     }
 }
 

@@ -12,10 +12,10 @@
 //! Gains positive, feedback negative. Against the same law in real numbers with the same gains the voltage is within
 //! 3 bits (3 mV).
 
-use crate::arith::{mul_i16, multiply_add, multiply_add_u16, saturating_sub_i16};
+use crate::arith::{mul_i16, multiply_add, saturating_sub_i16};
 use crate::limits::{Integral, IntegralConfig, Limits, bits_per_unit, gain_bits, quantise_gain};
+use crate::low_pass::{LowPassConfig, LowPassState};
 use crate::settings::{BuildError, Param, Settings};
-use crate::units::quantise;
 
 /// Which settings make up a PID.
 struct Names {
@@ -37,8 +37,7 @@ pub struct PidConfig {
     kp: i16,
     /// On the difference to the filter (speed) or on the filter (position); the same.
     kd: i16,
-    /// `T/(Tf + T)`, bits of [`crate::units::Fraction`].
-    filter: u16,
+    filter: LowPassConfig,
     integral: IntegralConfig,
 }
 
@@ -96,13 +95,11 @@ impl PidConfig {
     /// What both have alike; `scale` belongs to the error.
     #[inline(never)]
     fn common(settings: &Settings, names: &Names, scale: f32) -> Result<Self, BuildError> {
-        let (tf, period) = filter_times(settings, names.tf);
-        let part = (period / (tf + period)).min(65535.0 / 65536.0);
         Ok(Self {
             kr: 0,
             kp: 0,
             kd: 0,
-            filter: quantise(part, 65536.0, u16::MAX).map_err(|rule| rule.of(names.tf))? as u16,
+            filter: LowPassConfig::always(settings, names.tf)?,
             integral: IntegralConfig::build(settings, names.ki, scale, names.tt)?,
         })
     }
@@ -118,8 +115,8 @@ fn filter_times(settings: &Settings, tf: Param) -> (f32, f32) {
 pub struct PidState {
     /// The integral.
     pub integral: Integral,
-    /// The derivative filter: bits of speed times 2^16.
-    filtered: i32,
+    /// The derivative filter.
+    filtered: LowPassState,
 }
 
 impl PidState {
@@ -144,10 +141,9 @@ impl PidState {
         limits: &Limits,
     ) -> i16 {
         self.filter(config, speed, limits.align);
-        let filtered = (self.filtered >> 16) as i16;
         let rest = mul_i16(config.kp, error);
         let rest = multiply_add(rest, config.kr, reference_speed);
-        let rest = multiply_add(rest, config.kd, filtered);
+        let rest = multiply_add(rest, config.kd, self.filtered.output());
         self.integral.close(&config.integral, rest, error, limits)
     }
 
@@ -155,12 +151,9 @@ impl PidState {
     #[inline(always)]
     fn filter(&mut self, config: &PidConfig, speed: i16, align: bool) -> i16 {
         if align {
-            self.filtered = (speed as i32) << 16;
+            self.filtered.settle(speed);
         }
-        let change = saturating_sub_i16(speed, (self.filtered >> 16) as i16);
-        // Toward the speed by less than the distance: stays within 16 bits.
-        self.filtered = multiply_add_u16(self.filtered, change, config.filter);
-        change
+        self.filtered.advance(&config.filter, speed)
     }
 }
 
@@ -205,7 +198,7 @@ mod tests {
     impl ExactFilter {
         fn step(&mut self, config: &PidConfig, speed: f64) -> f64 {
             let change = (speed - self.0).clamp(-32768.0, 32767.0);
-            self.0 += change * config.filter as f64 / 65536.0;
+            self.0 += change * config.filter.part();
             change
         }
     }

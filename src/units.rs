@@ -54,8 +54,6 @@ pub enum Rule {
     TooSmall,
     /// The value is not zero but would become zero in the fixed-point format.
     RoundsToZero,
-    /// The value must be greater than zero.
-    NotPositive,
     /// The value must be a power of two.
     NotPowerOfTwo,
     /// The value is not one of those allowed.

@@ -158,7 +158,6 @@ flash_texts!(
     "main loop hung",
     "panic",
     "is below its range",
-    "is above its range",
     "would round to zero in fixed point",
     "must be a power of two",
     "must be a number",
@@ -175,10 +174,10 @@ const KINDS: usize = 6;
 const TRIPS: usize = 14;
 const RESETS: usize = 25;
 const RULES: usize = 32;
-const CURRENT: usize = 39;
-const ON: usize = 40;
-const TEXT: usize = 41;
-const BINARY: usize = 42;
+const CURRENT: usize = 38;
+const ON: usize = 39;
+const TEXT: usize = 40;
+const BINARY: usize = 41;
 
 macro_rules! sayings {
     ($($name:ident $text:literal;)*) => {
@@ -962,12 +961,11 @@ impl<'a, M: Machine> Talk<'a, M> {
 fn rule_place(rule: Rule) -> usize {
     match rule {
         Rule::TooSmall => 0,
-        Rule::NotPositive => 0,
-        Rule::RoundsToZero => 2,
-        Rule::NotPowerOfTwo => 3,
-        Rule::NotFinite => 4,
-        Rule::TooLarge => 5,
-        Rule::NotAllowed => 6,
+        Rule::RoundsToZero => 1,
+        Rule::NotPowerOfTwo => 2,
+        Rule::NotFinite => 3,
+        Rule::TooLarge => 4,
+        Rule::NotAllowed => 5,
     }
 }
 
