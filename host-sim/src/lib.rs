@@ -1,5 +1,17 @@
 //! motorbench on the host.
+//!
+//! | module | what it is |
+//! |---|---|
+//! | [`motor`] | the five constants of the linear motor, in SI units |
+//! | [`plant`] | the motor and its surroundings, simulated |
+//! | [`recording`], [`rig`] | what was measured, and on what |
+//! | [`commands`] | the program `motorbench` |
+//! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
 #[cfg(feature = "chip")]
 pub mod chip;
+pub mod commands;
+pub mod motor;
 pub mod plant;
+pub mod recording;
+pub mod rig;

@@ -1,2 +1,7 @@
 //! The `motorbench` program.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    host_sim::commands::main()
+}

@@ -1,0 +1,71 @@
+//! The commands of the program `motorbench`, one file each.
+//!
+//! Exit codes: 0 done · 1 the input or the result is not usable, the message says where and what to do · 2 the command
+//! line was wrong · 3 something the program needs is missing or not permitted on this machine.
+
+use clap::{CommandFactory, Parser, Subcommand};
+use std::fmt::Display;
+use std::process::ExitCode;
+
+/// Identify, understand and control a DC motor on an Arduino Uno.
+#[derive(Parser)]
+#[command(name = "motorbench", version, max_term_width = 100, arg_required_else_help = true)]
+struct Program {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
+    Completions {
+        /// Which shell.
+        shell: clap_complete::Shell,
+    },
+    /// Prints the manual page: motorbench man | man -l -
+    Man,
+}
+
+/// Why a command ended without its result.
+#[derive(Debug)]
+pub struct Failure {
+    /// What happened, where, and what to do.
+    pub message: String,
+    /// Exit code, see the module.
+    pub code: u8,
+}
+
+impl Failure {
+    /// The input or the result is not usable.
+    pub fn input(message: impl Display) -> Self {
+        Self { message: message.to_string(), code: 1 }
+    }
+
+    /// Something is missing on this machine.
+    pub fn machine(message: impl Display) -> Self {
+        Self { message: message.to_string(), code: 3 }
+    }
+}
+
+/// Runs the program with the arguments of this process.
+pub fn main() -> ExitCode {
+    match run(Program::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("motorbench: {}", failure.message);
+            ExitCode::from(failure.code)
+        }
+    }
+}
+
+fn run(program: Program) -> Result<(), Failure> {
+    match program.command {
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut std::io::stdout());
+            Ok(())
+        }
+        Command::Man => {
+            clap_mangen::Man::new(Program::command()).render(&mut std::io::stdout()).map_err(Failure::machine)
+        }
+    }
+}

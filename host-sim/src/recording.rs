@@ -1,0 +1,336 @@
+//! Recordings: the project's one format, CSV with units in the column names.
+//!
+//! A recording has a column `t_s`; a table of steady states has none. What was not measured has no column, a sample that
+//! is missing is empty or `nan`.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::Read;
+use std::path::Path;
+
+/// What a column holds. Name and unit of each stand here alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Channel {
+    /// Time since the start.
+    Time,
+    /// Duty of the bridge, -1 to 1.
+    Duty,
+    /// Mean voltage that was asked of the bridge, or applied.
+    Voltage,
+    /// Encoder counts.
+    Counts,
+    /// Angle of the shaft.
+    Angle,
+    /// Speed of the shaft.
+    Speed,
+    /// Speed of the shaft, in revolutions per minute.
+    Rpm,
+    /// Armature current.
+    Current,
+    /// Supply voltage at the bridge.
+    Supply,
+    /// Reference of a speed loop.
+    SpeedReference,
+    /// Reference of a position loop.
+    AngleReference,
+    /// Torque that a load is known to have exerted against positive rotation.
+    LoadTorque,
+}
+
+impl Channel {
+    /// Every channel, in the order of columns.
+    pub const ALL: [Self; 12] = [
+        Self::Time,
+        Self::Duty,
+        Self::Voltage,
+        Self::Counts,
+        Self::Angle,
+        Self::Speed,
+        Self::Rpm,
+        Self::Current,
+        Self::Supply,
+        Self::SpeedReference,
+        Self::AngleReference,
+        Self::LoadTorque,
+    ];
+
+    /// Column name.
+    pub fn column(self) -> &'static str {
+        match self {
+            Self::Time => "t_s",
+            Self::Duty => "duty",
+            Self::Voltage => "u_V",
+            Self::Counts => "counts",
+            Self::Angle => "theta_rad",
+            Self::Speed => "omega_rad_per_s",
+            Self::Rpm => "rpm",
+            Self::Current => "i_A",
+            Self::Supply => "supply_V",
+            Self::SpeedReference => "ref_rad_per_s",
+            Self::AngleReference => "ref_rad",
+            Self::LoadTorque => "load_Nm",
+        }
+    }
+
+    /// The channel with this column name.
+    pub fn of_column(column: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|channel| channel.column() == column)
+    }
+}
+
+/// Columns of equal length. See the module.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recording {
+    /// Where it came from, for messages.
+    pub name: String,
+    columns: BTreeMap<Channel, Vec<f64>>,
+    /// Column names that have no meaning here.
+    pub ignored: Vec<String>,
+}
+
+/// Why a recording cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The file cannot be read.
+    #[error("{name}: {source}")]
+    Read {
+        /// Which file.
+        name: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not a table of numbers.
+    #[error("{name}, line {line}: {message}")]
+    Line {
+        /// Which file.
+        name: String,
+        /// Line of the file, from 1.
+        line: u64,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The table as a whole is of no use.
+    #[error("{name}: {message}")]
+    Table {
+        /// Which file.
+        name: String,
+        /// What is wrong with it.
+        message: String,
+    },
+}
+
+impl Recording {
+    /// An empty recording.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..Self::default() }
+    }
+
+    /// Adds or replaces a column.
+    ///
+    /// # Panics
+    /// If its length differs from that of the other columns.
+    pub fn set(&mut self, channel: Channel, values: Vec<f64>) {
+        if let Some(other) = self.columns.iter().find(|(name, _)| **name != channel) {
+            assert_eq!(other.1.len(), values.len(), "columns of one recording are equally long");
+        }
+        self.columns.insert(channel, values);
+    }
+
+    /// The values of a channel, missing ones as NaN.
+    pub fn get(&self, channel: Channel) -> Option<&[f64]> {
+        self.columns.get(&channel).map(Vec::as_slice)
+    }
+
+    /// Time of each sample; a table of steady states has none.
+    pub fn time_s(&self) -> Option<&[f64]> {
+        self.get(Channel::Time)
+    }
+
+    /// The channels it has.
+    pub fn channels(&self) -> impl Iterator<Item = Channel> {
+        self.columns.keys().copied()
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.columns.values().next().map_or(0, Vec::len)
+    }
+
+    /// Whether it has no samples.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Reads a CSV file. `names` maps column names of the file to those of this project: `("speed", "omega_rad_per_s")`.
+    ///
+    /// # Errors
+    /// [`RecordingError`], which names file and line.
+    pub fn read(path: &Path, names: &[(String, String)]) -> Result<Self, RecordingError> {
+        let name = path.display().to_string();
+        let file = std::fs::File::open(path).map_err(|source| RecordingError::Read { name: name.clone(), source })?;
+        Self::parse(&name, std::io::BufReader::new(file), names)
+    }
+
+    /// Reads CSV text; `name` is for messages, `names` as for [`read`](Self::read).
+    ///
+    /// # Errors
+    /// [`RecordingError`], which names the line.
+    pub fn parse(name: &str, text: impl Read, names: &[(String, String)]) -> Result<Self, RecordingError> {
+        let line_error = |error: csv::Error| RecordingError::Line {
+            name: name.into(),
+            line: error.position().map_or(1, csv::Position::line),
+            message: error.to_string(),
+        };
+        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text);
+        let header = reader.headers().map_err(line_error)?.clone();
+        let mut recording = Self::new(name);
+        let channels = recording.read_header(&header, names)?;
+        let mut columns = vec![Vec::new(); channels.len()];
+        for row in reader.records() {
+            let row = row.map_err(line_error)?;
+            let line = row.position().map_or(0, csv::Position::line);
+            for ((column, values), text) in channels.iter().zip(&mut columns).zip(&row) {
+                let Some(channel) = column else { continue };
+                values.push(number(text).ok_or_else(|| RecordingError::Line {
+                    name: name.into(),
+                    line,
+                    message: format!("column {}: expected a number, found \"{text}\"", channel.column()),
+                })?);
+            }
+        }
+        for (channel, values) in channels.into_iter().zip(columns) {
+            if let Some(channel) = channel {
+                recording.columns.insert(channel, values);
+            }
+        }
+        recording.check()?;
+        Ok(recording)
+    }
+
+    fn read_header(
+        &mut self,
+        header: &csv::StringRecord,
+        names: &[(String, String)],
+    ) -> Result<Vec<Option<Channel>>, RecordingError> {
+        let error = |message| RecordingError::Line { name: self.name.clone(), line: 1, message };
+        let known = || Channel::ALL.map(Channel::column).join(", ");
+        for (from, to) in names {
+            if Channel::of_column(to).is_none() {
+                return Err(error(format!("no channel is called \"{to}\"; there are {}", known())));
+            }
+            if !header.iter().any(|column| column == from) {
+                return Err(error(format!("there is no column \"{from}\" to be read as {to}")));
+            }
+        }
+        let mut channels = Vec::new();
+        for column in header.iter().map(|column| column.trim_start_matches('\u{feff}')) {
+            let renamed = names.iter().find(|(from, _)| from == column).map_or(column, |(_, to)| to);
+            let channel = Channel::of_column(renamed);
+            if channel.is_some() && channels.contains(&channel) {
+                return Err(error(format!("two columns are {renamed}")));
+            }
+            if channel.is_none() {
+                self.ignored.push(column.into());
+            }
+            channels.push(channel);
+        }
+        if channels.iter().all(Option::is_none) {
+            return Err(error(format!(
+                "no known column; expected any of {}, or say which column is which (for instance --column speed=omega_rad_per_s)",
+                known()
+            )));
+        }
+        Ok(channels)
+    }
+
+    fn check(&self) -> Result<(), RecordingError> {
+        let error = |message: String| RecordingError::Table { name: self.name.clone(), message };
+        if self.is_empty() {
+            return Err(error("no samples after the header line".into()));
+        }
+        let Some(time_s) = self.time_s() else { return Ok(()) };
+        for (row, pair) in time_s.windows(2).enumerate() {
+            if pair[1].is_nan() || pair[0].is_nan() || pair[1] <= pair[0] {
+                return Err(error(format!(
+                    "sample {}: t_s goes from {} to {}; time has to increase from sample to sample",
+                    row + 2,
+                    pair[0],
+                    pair[1]
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// The recording as CSV.
+    pub fn to_csv(&self) -> String {
+        let mut text = self.columns.keys().map(|channel| channel.column()).collect::<Vec<_>>().join(",");
+        text.push('\n');
+        for row in 0..self.len() {
+            for (index, values) in self.columns.values().enumerate() {
+                let comma = if index == 0 { "" } else { "," };
+                let value = values[row];
+                // Nine digits: more than any sensor has.
+                let digits = if value == 0.0 || !value.is_finite() {
+                    0
+                } else {
+                    (8 - value.abs().log10().floor() as i32).clamp(0, 12)
+                };
+                let rounded = format!("{value:.*}", digits as usize);
+                let short =
+                    if rounded.contains('.') { rounded.trim_end_matches('0').trim_end_matches('.') } else { &rounded };
+                let short = if value.is_nan() { "" } else { short };
+                let _ = write!(text, "{comma}{short}");
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// A number; empty and `nan` stand for a missing sample.
+fn number(text: &str) -> Option<f64> {
+    if text.is_empty() || text.eq_ignore_ascii_case("nan") || text == "NA" {
+        return Some(f64::NAN);
+    }
+    text.parse().ok().filter(|value: &f64| value.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Recording, RecordingError> {
+        Recording::parse("test.csv", text.as_bytes(), &[])
+    }
+
+    #[test]
+    fn csv_comes_back_as_it_was() {
+        let mut recording = Recording::new("test.csv");
+        recording.set(Channel::Time, vec![0.0, 0.001, 0.002]);
+        recording.set(Channel::Speed, vec![1.0 / 3.0, -1e-9, f64::NAN]);
+        recording.set(Channel::Counts, vec![0.0, 123_456_789.0, -5.0]);
+        let read = parse(&recording.to_csv()).unwrap();
+        assert_eq!(read.get(Channel::Counts), recording.get(Channel::Counts));
+        assert!((read.get(Channel::Speed).unwrap()[0] - 1.0 / 3.0).abs() < 1e-9);
+        assert!(read.get(Channel::Speed).unwrap()[2].is_nan());
+    }
+
+    #[test]
+    fn errors_say_where() {
+        let message = |text| parse(text).unwrap_err().to_string();
+        assert!(message("t_s,u_V\n0,1\n1,x\n").contains("line 3: column u_V: expected a number, found \"x\""));
+        assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3"));
+        assert!(message("t_s,u_V\n0,1\n0,1\n").contains("time has to increase"));
+        assert!(message("a,b\n0,1\n").contains("no known column"));
+        assert!(message("t_s,u_V\n").contains("no samples"));
+    }
+
+    #[test]
+    fn other_names_are_mapped() {
+        let names = [("speed".to_string(), "omega_rad_per_s".to_string())];
+        let read = Recording::parse("x", "t_s,speed,foo\n0,1,2\n".as_bytes(), &names).unwrap();
+        assert_eq!(read.get(Channel::Speed), Some(&[1.0][..]));
+        assert_eq!(read.ignored, ["foo"]);
+    }
+}

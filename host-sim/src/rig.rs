@@ -1,0 +1,261 @@
+//! The rig file: what was measured on, as far as its owner knows.
+//!
+//! ```toml
+//! [supply]
+//! voltage_V = 12.0
+//! [bridge]
+//! drop_V = 2.6              # what the data sheet says it loses; left out: unknown
+//! decay = "slow"            # "slow" (off phase brakes) or "coast"
+//! [encoder]
+//! counts_per_rev = 1024     # after x4 decoding
+//! [current_sensor]
+//! resolution_A = 0.0265
+//! [motor]                   # nominal values, each optional
+//! resistance_ohm = 5.84
+//! inductance_H = 11.7e-3
+//! torque_constant_Nm_per_A = 0.072
+//! inertia_kg_m2 = 2.2e-5
+//! viscous_friction_Nm_s = 5e-6
+//! ```
+
+use crate::motor::MotorParameters;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// A rig file. Everything is optional; what a recording needs of it is asked for when it is needed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Rig {
+    /// Motor supply.
+    #[serde(skip_serializing_if = "is_default")]
+    pub supply: Supply,
+    /// Power stage.
+    #[serde(skip_serializing_if = "is_default")]
+    pub bridge: Bridge,
+    /// Quadrature encoder.
+    #[serde(skip_serializing_if = "is_default")]
+    pub encoder: Encoder,
+    /// Current sensor.
+    #[serde(skip_serializing_if = "is_default")]
+    pub current_sensor: CurrentSensor,
+    /// Tachogenerator.
+    #[serde(skip_serializing_if = "is_default")]
+    pub tachogenerator: Tachogenerator,
+    /// Nominal constants of the motor.
+    #[serde(skip_serializing_if = "is_default")]
+    pub motor: NominalMotor,
+    /// Keys of the file that have no meaning here.
+    #[serde(skip)]
+    pub ignored: Vec<String>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Motor supply.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Supply {
+    /// Open-circuit voltage at the bridge, in volts.
+    #[serde(rename = "voltage_V", skip_serializing_if = "Option::is_none")]
+    pub voltage_v: Option<f64>,
+}
+
+/// Power stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Bridge {
+    /// Its name, for the reader.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub kind: Option<String>,
+    /// Voltage it loses while driving, as its data sheet says.
+    #[serde(rename = "drop_V", skip_serializing_if = "Option::is_none")]
+    pub drop_v: Option<f64>,
+    /// What the off phase of the PWM does.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub decay: Option<Decay>,
+    /// PWM frequency.
+    #[serde(rename = "pwm_Hz", skip_serializing_if = "Option::is_none")]
+    pub pwm_hz: Option<f64>,
+}
+
+/// What the off phase of the PWM does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Decay {
+    /// The motor is short-circuited: sign-magnitude drive with slow decay.
+    Slow,
+    /// Every switch open: PWM on the enable pin.
+    Coast,
+}
+
+/// Quadrature encoder.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Encoder {
+    /// Counts per revolution of the motor's shaft after x4 decoding.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub counts_per_rev: Option<f64>,
+}
+
+/// Current sensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct CurrentSensor {
+    /// Step of its reading, in amperes.
+    #[serde(rename = "resolution_A", skip_serializing_if = "Option::is_none")]
+    pub resolution_a: Option<f64>,
+}
+
+/// Tachogenerator.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Tachogenerator {
+    /// Commutator ripples per revolution.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ripples_per_rev: Option<f64>,
+}
+
+/// Nominal constants of the motor; see [`MotorParameters`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+#[allow(missing_docs)]
+pub struct NominalMotor {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub resistance_ohm: Option<f64>,
+    #[serde(rename = "inductance_H", skip_serializing_if = "Option::is_none")]
+    pub inductance_h: Option<f64>,
+    #[serde(rename = "torque_constant_Nm_per_A", skip_serializing_if = "Option::is_none")]
+    pub torque_constant_nm_per_a: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub inertia_kg_m2: Option<f64>,
+    #[serde(rename = "viscous_friction_Nm_s", skip_serializing_if = "Option::is_none")]
+    pub viscous_friction_nm_s: Option<f64>,
+}
+
+/// Why a rig file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum RigError {
+    /// It cannot be read.
+    #[error("{path}: {source}")]
+    Read {
+        /// Which file.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// It is not TOML, or a value has the wrong type.
+    #[error("{path}: {message}")]
+    Syntax {
+        /// Which file.
+        path: String,
+        /// Where and why.
+        message: String,
+    },
+    /// A value that nothing can have.
+    #[error("{path}: {key} = {value}: it must be a positive number{unless_zero}")]
+    Value {
+        /// Which file.
+        path: String,
+        /// Which key.
+        key: &'static str,
+        /// What it was.
+        value: f64,
+        /// `" or zero"` where zero is allowed.
+        unless_zero: &'static str,
+    },
+}
+
+impl Rig {
+    /// Reads a rig file.
+    ///
+    /// # Errors
+    /// [`RigError`], which names file, line or key.
+    pub fn read(path: &Path) -> Result<Self, RigError> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|source| RigError::Read { path: name.clone(), source })?;
+        Self::parse(&name, &text)
+    }
+
+    /// Reads the text of a rig file; `name` is for its errors.
+    ///
+    /// # Errors
+    /// [`RigError`], which names line or key.
+    pub fn parse(name: &str, text: &str) -> Result<Self, RigError> {
+        let syntax = |error: toml::de::Error| RigError::Syntax { path: name.into(), message: error.to_string() };
+        let mut ignored = Vec::new();
+        let mut rig: Self = serde_ignored::deserialize(toml::Deserializer::parse(text).map_err(syntax)?, |key| {
+            ignored.push(key.to_string())
+        })
+        .map_err(syntax)?;
+        rig.ignored = ignored;
+        rig.check(name)?;
+        Ok(rig)
+    }
+
+    fn check(&self, path: &str) -> Result<(), RigError> {
+        let may_be_zero = ["motor.viscous_friction_Nm_s", "bridge.drop_V", "current_sensor.resolution_A"];
+        for (key, value) in self.numbers() {
+            let Some(value) = value else { continue };
+            let zero_allowed = may_be_zero.contains(&key);
+            if !value.is_finite() || value < 0.0 || value == 0.0 && !zero_allowed {
+                let unless_zero = if zero_allowed { " or zero" } else { "" };
+                return Err(RigError::Value { path: path.into(), key, value, unless_zero });
+            }
+        }
+        Ok(())
+    }
+
+    fn numbers(&self) -> [(&'static str, Option<f64>); 11] {
+        [
+            ("supply.voltage_V", self.supply.voltage_v),
+            ("bridge.drop_V", self.bridge.drop_v),
+            ("bridge.pwm_Hz", self.bridge.pwm_hz),
+            ("encoder.counts_per_rev", self.encoder.counts_per_rev),
+            ("current_sensor.resolution_A", self.current_sensor.resolution_a),
+            ("tachogenerator.ripples_per_rev", self.tachogenerator.ripples_per_rev),
+            ("motor.resistance_ohm", self.motor.resistance_ohm),
+            ("motor.inductance_H", self.motor.inductance_h),
+            ("motor.torque_constant_Nm_per_A", self.motor.torque_constant_nm_per_a),
+            ("motor.inertia_kg_m2", self.motor.inertia_kg_m2),
+            ("motor.viscous_friction_Nm_s", self.motor.viscous_friction_nm_s),
+        ]
+    }
+}
+
+impl From<MotorParameters> for NominalMotor {
+    fn from(motor: MotorParameters) -> Self {
+        Self {
+            resistance_ohm: Some(motor.resistance_ohm),
+            inductance_h: Some(motor.inductance_h),
+            torque_constant_nm_per_a: Some(motor.torque_constant_nm_per_a),
+            inertia_kg_m2: Some(motor.inertia_kg_m2),
+            viscous_friction_nm_s: Some(motor.viscous_friction_nm_s),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reads_the_example_and_names_what_it_does_not_know() {
+        let rig =
+            Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n[motor]\nresistance_ohm = 5.84\ncolour = 'red'").unwrap();
+        assert_eq!(rig.supply.voltage_v, Some(12.0));
+        assert_eq!(rig.motor.resistance_ohm, Some(5.84));
+        assert_eq!(rig.ignored, ["motor.colour"]);
+    }
+
+    #[test]
+    fn errors_say_where() {
+        let message = |text| Rig::parse("rig.toml", text).unwrap_err().to_string();
+        assert!(
+            message("[motor]\nresistance_ohm = -1").contains("motor.resistance_ohm = -1: it must be a positive number")
+        );
+        assert!(message("[motor]\nresistance_ohm = 'x'").contains("line 2"));
+        assert!(message("[motor\n").contains("line 1"));
+    }
+}
