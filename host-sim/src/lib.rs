@@ -2,6 +2,7 @@
 //!
 //! | module | what it is |
 //! |---|---|
+//! | [`linear`] | linear models: transfer functions, responses, margins, discrete forms, Riccati equation |
 //! | [`motor`] | the five constants of the linear motor, in SI units |
 //! | [`plant`] | the motor and its surroundings, simulated |
 //! | [`recording`], [`rig`] | what was measured, and on what |
@@ -11,6 +12,7 @@
 #[cfg(feature = "chip")]
 pub mod chip;
 pub mod commands;
+pub mod linear;
 pub mod motor;
 pub mod plant;
 pub mod recording;
