@@ -2,6 +2,7 @@
 //!
 //! | module | what it is |
 //! |---|---|
+//! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
 //! | [`linear`] | linear models: transfer functions, responses, margins, discrete forms, Riccati equation |
 //! | [`motor`] | the five constants of the linear motor, in SI units |
 //! | [`plant`] | the motor and its surroundings, simulated |
@@ -12,6 +13,7 @@
 #[cfg(feature = "chip")]
 pub mod chip;
 pub mod commands;
+pub mod design;
 pub mod linear;
 pub mod motor;
 pub mod plant;

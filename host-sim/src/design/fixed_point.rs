@@ -1,0 +1,292 @@
+//! A design as the core holds it: settings, and the gains its fixed-point formats make of them.
+
+use super::law::{ControlLaw, Signal, setting_name, setting_unit};
+use super::sampled_loop::{Gains, Sampling};
+use super::specification::Specification;
+use super::{Bench, DesignError};
+use crate::linear::motor_model;
+use crate::motor::MotorParameters;
+use motorbench_core::control_loop::LoopConfig;
+use motorbench_core::limits::{bits_per_unit, quantise_gain};
+use motorbench_core::settings::{BuildError, Param, Settings};
+use motorbench_core::units::{AMPERE, FULL_RANGE, Fraction, GAIN_LIMIT, Gain, IntegralGain, Rule, VOLT, quantise};
+use nalgebra::Complex;
+
+/// Largest speed over the motor's no-load speed that the speed's format has to hold.
+const SPEED_HEADROOM: f64 = 1.25;
+/// Edges the encoder's interrupt handler can take.
+const MAX_EDGES_PER_S: f64 = 100_000.0;
+/// Part of the current limit that a change of the reference takes at most. With inertia and torque constant 30 % off it
+/// is 0.6, which the thermal trip takes without end.
+pub const ACCELERATION_PART: f64 = 0.32;
+/// The thermal trip's and the peak trip's current over the current limit, as in the core's defaults.
+const TRIP_CONTINUOUS: f64 = 0.6;
+const TRIP_PEAK: f64 = 1.2;
+/// Volts of position error that the position's range has to hold, in supplies: beyond, the voltage is at its limit.
+const POSITION_SUPPLIES: f64 = 4.0;
+/// Ticks in which the voltage may rise to the supply: no limit to a loop's own motion, but to jumps.
+const SLEW_TICKS: f64 = 4.0;
+/// Widths of the friction compensation's fading in the range of speed: twice the narrowest the core holds.
+const WIDTHS_A_RANGE: f64 = 256.0;
+/// A tachogenerator that fits every range; the speed comes from the encoder.
+const UNUSED_TACHO_GAIN: f32 = 100.0;
+/// Digits with which settings are given on the console.
+const DIGITS: i32 = 5;
+
+/// A number as it is given on the console.
+pub fn rounded(value: f64) -> f64 {
+    if value == 0.0 {
+        return 0.0;
+    }
+    let unit = 10_f64.powi(DIGITS - 1 - value.abs().log10().floor() as i32);
+    (value * unit).round() / unit
+}
+
+/// Settings, in the order in which they are given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SettingList {
+    /// Everything that is not at its default is in `changed`.
+    pub all: Settings,
+    /// What the design sets.
+    pub changed: Vec<Param>,
+}
+
+impl Default for SettingList {
+    fn default() -> Self {
+        Self { all: Settings::defaults(), changed: Vec::new() }
+    }
+}
+
+impl SettingList {
+    /// Sets a value, rounded to the console's digits.
+    fn set(&mut self, param: Param, value: f64) -> Result<(), DesignError> {
+        let value = rounded(value);
+        self.all.set(param, value as f32).map_err(|rule| refusal(rule.of(param), value))?;
+        if !self.changed.contains(&param) {
+            self.changed.push(param);
+        }
+        Ok(())
+    }
+
+    /// Slows the reference's profile down.
+    pub fn slow_down(&mut self, part: f64) -> Result<(), DesignError> {
+        self.set(Param::Acceleration, part * f64::from(self.all.get(Param::Acceleration)))
+    }
+
+    /// Adds what another design on the same rig sets. A gain that one of them switches off gives way to the other's,
+    /// and of two accelerations the smaller is kept.
+    pub fn merge(&mut self, other: &Self) {
+        for &param in &other.changed {
+            let (own, others) = (self.all.get(param), other.all.get(param));
+            let gentler = param == Param::Acceleration && own < others;
+            if self.changed.contains(&param) && (others == 0.0 || gentler) {
+                continue;
+            }
+            self.all.values[param as usize] = others;
+            if !self.changed.contains(&param) {
+                self.changed.push(param);
+            }
+        }
+    }
+
+    /// Lines for the console.
+    pub fn commands(&self) -> Vec<String> {
+        let pair = |param: &Param| format!("{} {}", setting_name(*param), self.all.get(*param));
+        // Short enough for the console's line; each line is taken as a whole.
+        self.changed
+            .chunks(3)
+            .map(|few| format!("set {}", few.iter().map(pair).collect::<Vec<_>>().join(" ")))
+            .collect()
+    }
+}
+
+/// What the core says against a setting, with what to do about it.
+fn refusal(error: BuildError, value: f64) -> DesignError {
+    let advice = match error.rule {
+        Rule::TooLarge => "ask for a slower loop, or choose a smaller range (speed_range, position_range)",
+        Rule::TooSmall | Rule::RoundsToZero => {
+            "ask for a faster loop, or choose a larger range (speed_range, position_range)"
+        }
+        Rule::NotPowerOfTwo | Rule::NotAllowed | Rule::NotFinite => "check the model and the rig",
+    };
+    let why = match error.rule {
+        Rule::TooLarge => "is larger than its format holds",
+        Rule::TooSmall => "is below its range",
+        Rule::RoundsToZero => "would become zero in its format",
+        Rule::NotPowerOfTwo => "is not a power of two",
+        Rule::NotAllowed => "is not allowed",
+        Rule::NotFinite => "is not a number",
+    };
+    DesignError::Setting { name: setting_name(error.param), value, unit: setting_unit(error.param), why, advice }
+}
+
+/// The rig's settings: ranges, limits, trips, reference profile.
+///
+/// # Errors
+/// [`DesignError::Setting`] where the rig does not fit the core, [`DesignError::TooFast`] where the encoder does not.
+pub fn rig_settings(
+    motor: &MotorParameters,
+    bench: &Bench,
+    specification: &Specification,
+) -> Result<SettingList, DesignError> {
+    let current_limit_a = specification.current_limit_a;
+    let no_load_rad_per_s = bench.supply_v * motor_model::speed(motor).dc_gain();
+    let edges_per_s = no_load_rad_per_s * bench.counts_per_rev / std::f64::consts::TAU;
+    if edges_per_s > MAX_EDGES_PER_S {
+        return Err(DesignError::TooFast { edges_per_s, limit_per_s: MAX_EDGES_PER_S });
+    }
+    let speed_range = power_of_two(SPEED_HEADROOM * no_load_rad_per_s).max(8.0);
+    let mut list = SettingList::default();
+    let drive_a = (ACCELERATION_PART * current_limit_a).min(ACCELERATION_PART * bench.supply_v / motor.resistance_ohm);
+    for (param, value) in [
+        (Param::TickRate, bench.tick_rate_hz),
+        (Param::CountsPerRev, bench.counts_per_rev),
+        (Param::SpeedRange, speed_range),
+        (Param::PositionRange, position_range(motor, bench, specification)),
+        (Param::CompFrictionWidth, speed_range / WIDTHS_A_RANGE),
+        (Param::SupplyVoltage, bench.supply_v),
+        (Param::VoltageLimit, bench.supply_v),
+        (Param::Resistance, motor.resistance_ohm),
+        (Param::CurrentLimit, current_limit_a),
+        (Param::TripPeak, TRIP_PEAK * current_limit_a),
+        (Param::TripContinuous, TRIP_CONTINUOUS * current_limit_a),
+        (Param::SlewLimit, bench.supply_v * bench.tick_rate_hz / SLEW_TICKS),
+        (Param::Acceleration, drive_a * motor.torque_constant_nm_per_a / motor.inertia_kg_m2),
+        (Param::CruiseSpeed, 0.5 * no_load_rad_per_s),
+    ] {
+        list.set(param, value)?;
+    }
+    Ok(list)
+}
+
+/// Smallest power of two that is not below `value`.
+fn power_of_two(value: f64) -> f64 {
+    2_f64.powi(value.log2().ceil() as i32)
+}
+
+/// The settings of one law.
+///
+/// # Errors
+/// [`DesignError::Setting`] for a gain the core cannot hold.
+pub fn law_settings(
+    rig: &SettingList,
+    motor: &MotorParameters,
+    law: ControlLaw,
+    sampling: &Sampling,
+    gains: &Gains,
+) -> Result<SettingList, DesignError> {
+    let mut list = rig.clone();
+    for (&(param, _), &gain) in law.feedback().iter().zip(&gains.feedback) {
+        list.set(param, gain)?;
+    }
+    let (proportional, integral) = (gains.feedback[0], gains.feedback[gains.feedback.len() - 1]);
+    match law {
+        ControlLaw::SpeedPid => list.set(Param::SpeedB, gains.reference / proportional)?,
+        ControlLaw::SpeedLqr => list.set(Param::LqrSpeedKr, gains.reference)?,
+        // What the derivative takes away at a constant speed, and the back-EMF.
+        ControlLaw::PositionPid => {
+            list.set(Param::PositionKff, gains.feedback[1] + 1.0 / motor_model::speed(motor).dc_gain())?;
+        }
+        ControlLaw::PositionLqr => {}
+    }
+    if let Some(filter) = law.filter() {
+        list.set(filter, 1e3 * sampling.filter_s)?;
+    }
+    // The integral time: what was cut off is forgotten as fast as the integral builds up.
+    let tracking_ms = (1e3 * proportional / integral).clamp(5e3 * sampling.period_s, 5e3);
+    list.set(law.tracking(), tracking_ms)?;
+    fit(&mut list, law)?;
+    Ok(list)
+}
+
+/// Large enough for the errors that matter to a loop of the speed asked for, and fine enough to see a count. The same
+/// for every law, so that they can be changed on the fly.
+fn position_range(motor: &MotorParameters, bench: &Bench, specification: &Specification) -> f64 {
+    let at = Complex::new(0.0, specification.speed.rad_per_s());
+    let supply_rad = bench.supply_v * motor_model::angle(motor).at(at).norm();
+    let sees_a_count = f64::from(FULL_RANGE) * std::f64::consts::TAU / bench.counts_per_rev;
+    let finest = power_of_two(sees_a_count) / 2.0;
+    power_of_two(POSITION_SUPPLIES * supply_rad).min(finest).clamp(1.0, 4096.0)
+}
+
+/// Switches off the gains of other laws that do not fit the ranges of this rig, and puts the unused tachogenerator's
+/// within its format, until all settings can be held.
+fn fit(list: &mut SettingList, law: ControlLaw) -> Result<(), DesignError> {
+    let others = |param: Param| {
+        let laws = ControlLaw::ALL.into_iter().filter(|other| *other != law);
+        laws.flat_map(ControlLaw::feedback).any(|(gain, _)| *gain == param)
+    };
+    loop {
+        match LoopConfig::build(&list.all) {
+            Ok(_) => return Ok(()),
+            Err(error) if others(error.param) && list.all.get(error.param) != 0.0 => list.set(error.param, 0.0)?,
+            Err(error) if error.param == Param::TachoGain && list.all.get(error.param) < UNUSED_TACHO_GAIN => {
+                list.set(error.param, UNUSED_TACHO_GAIN.into())?;
+            }
+            Err(error) => return Err(refusal(error, list.all.get(error.param).into())),
+        }
+    }
+}
+
+/// The gains as the core holds them, in engineering units, and the sampling with the filter as it holds it.
+///
+/// # Errors
+/// [`DesignError::Setting`] for a gain the core cannot hold.
+pub fn read_back(list: &SettingList, law: ControlLaw) -> Result<(Gains, Sampling), DesignError> {
+    let get = |param: Param| f64::from(list.all.get(param));
+    let period_s = 1.0 / get(Param::TickRate);
+    let filter_s = law.filter().map_or(0.0, |param| 1e-3 * get(param));
+    let mut sampling = Sampling::new(period_s, filter_s);
+    if law.filter().is_some() {
+        let bits = quantise(sampling.filter_part as f32, scale(Fraction::FRAC_NBITS), u16::MAX);
+        let bits = bits.map_err(|rule| refusal(rule.of(Param::SpeedTf), filter_s))?;
+        sampling.filter_part = f64::from(bits) / f64::from(scale(Fraction::FRAC_NBITS));
+    }
+    let mut feedback = Vec::new();
+    for &(param, signal) in law.feedback() {
+        let held = held(list, law, param, signal, &sampling);
+        feedback.push(held.map_err(|rule| refusal(rule.of(param), get(param)))?);
+    }
+    let speed_scale = bits_per_unit(&list.all, Param::SpeedRange);
+    let (reference, param) = match law {
+        ControlLaw::SpeedPid => (get(Param::SpeedKp) * get(Param::SpeedB), Param::SpeedB),
+        ControlLaw::SpeedLqr => (get(Param::LqrSpeedKr), Param::LqrSpeedKr),
+        ControlLaw::PositionPid | ControlLaw::PositionLqr => {
+            let reference = feedback[0];
+            return Ok((Gains { feedback, reference }, sampling));
+        }
+    };
+    let reference = held_gain(reference, speed_scale).map_err(|rule| refusal(rule.of(param), reference))?;
+    Ok((Gains { feedback, reference }, sampling))
+}
+
+/// Bits of one in a format with so many fractional bits.
+fn scale(fractional_bits: u32) -> f32 {
+    (1u32 << fractional_bits) as f32
+}
+
+fn held(list: &SettingList, law: ControlLaw, param: Param, signal: Signal, sampling: &Sampling) -> Result<f64, Rule> {
+    let value = f64::from(list.all.get(param));
+    let speed_scale = bits_per_unit(&list.all, Param::SpeedRange);
+    let position_scale = bits_per_unit(&list.all, Param::PositionRange);
+    match signal {
+        Signal::Position => held_gain(value, position_scale),
+        Signal::Speed | Signal::FilteredSpeed => held_gain(value, speed_scale),
+        Signal::Current => held_gain(value, AMPERE),
+        Signal::Derivative => {
+            let time_s = sampling.filter_s + sampling.period_s;
+            Ok(held_gain(value / time_s, speed_scale)? * time_s)
+        }
+        Signal::Integral => {
+            let input_scale = if law.is_position() { position_scale } else { speed_scale };
+            let one = scale(IntegralGain::FRAC_NBITS);
+            let bits_per_gain = VOLT * one / input_scale * sampling.period_s as f32;
+            Ok(f64::from(quantise(value as f32, bits_per_gain, GAIN_LIMIT as u16)?) / f64::from(bits_per_gain))
+        }
+    }
+}
+
+fn held_gain(value: f64, input_scale: f32) -> Result<f64, Rule> {
+    let bits_per_gain = VOLT * scale(Gain::FRAC_NBITS) / input_scale;
+    Ok(f64::from(quantise_gain(value as f32, input_scale)?) / f64::from(bits_per_gain))
+}

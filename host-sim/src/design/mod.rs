@@ -1,0 +1,436 @@
+//! Controllers for a motor: gains that the core can hold, checked before they are offered.
+//!
+//! ```text
+//! model + specification -> weights -> gains -> the core's formats -> margins, +-30 %, the core itself in closed loop
+//! ```
+//!
+//! | module | what it is |
+//! |---|---|
+//! | [`law`] | the core's four control laws and their settings |
+//! | [`specification`] | what a loop is asked to do |
+//! | [`sampled_loop`] | motor, hold, delay and sensors as one sampled system |
+//! | [`search`], [`optimum`] | weights for a specification, gains for weights |
+//! | [`fixed_point`] | settings, and the gains the core's formats make of them |
+//! | [`robustness`] | what a loop must withstand |
+//! | [`trial`] | the core in closed loop with a simulated motor |
+//! | [`observer`] | a Kalman filter where a state is not measured |
+//! | [`relay`], [`step_tuning`] | gains from an experiment, without a model |
+//! | [`compensation`] | voltage against friction and the bridge's drop |
+
+pub mod compensation;
+pub mod fixed_point;
+pub mod law;
+pub mod observer;
+pub mod optimum;
+pub mod relay;
+pub mod robustness;
+pub mod sampled_loop;
+pub mod search;
+pub mod specification;
+pub mod step_tuning;
+pub mod trial;
+
+use crate::linear::motor_model;
+use crate::motor::{MotorParameters, NonPhysical};
+use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters};
+use fixed_point::SettingList;
+use law::{ControlLaw, Signal, setting_name, setting_unit};
+use motorbench_core::message::Trip;
+use motorbench_core::settings::Param;
+use robustness::{Robustness, Weakness};
+use sampled_loop::{Gains, SampledLoop, Sampling};
+use search::{Candidate, LoopFigures, Reached, Search, Shape};
+use serde::Serialize;
+use specification::{ImpossibleSpecification, Specification, Speed};
+use trial::{Point, Trial};
+
+/// What surrounds the motor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bench {
+    /// Motor supply, in volts.
+    pub supply_v: f64,
+    /// Encoder counts a turn, after x4 decoding.
+    pub counts_per_rev: f64,
+    /// Control rate: 1000 or 2000 Hz.
+    pub tick_rate_hz: f64,
+    /// Whether the current is measured; without it an LQR has no gain on it.
+    pub current_measured: bool,
+}
+
+impl Default for Bench {
+    /// The core's defaults.
+    fn default() -> Self {
+        let settings = motorbench_core::settings::Settings::defaults();
+        Self {
+            supply_v: settings.get(Param::SupplyVoltage).into(),
+            counts_per_rev: settings.get(Param::CountsPerRev).into(),
+            tick_rate_hz: settings.get(Param::TickRate).into(),
+            current_measured: true,
+        }
+    }
+}
+
+/// Why there is no design.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum DesignError {
+    /// The model is no motor.
+    #[error("the motor's {0}")]
+    Model(#[from] NonPhysical),
+    /// No loop can do this.
+    #[error("the specification's {0}")]
+    Specification(#[from] ImpossibleSpecification),
+    /// The edges come faster than the chip can count.
+    #[error(
+        "the encoder gives {edges_per_s:.0} edges/s at no load, the chip counts {limit_per_s:.0}: lower the supply or use a coarser encoder"
+    )]
+    TooFast {
+        /// At the no-load speed.
+        edges_per_s: f64,
+        /// What the chip counts.
+        limit_per_s: f64,
+    },
+    /// The core cannot hold a setting.
+    #[error("{name} = {value} {unit} {why}: {advice}")]
+    Setting {
+        /// Its name on the console.
+        name: String,
+        /// The value.
+        value: f64,
+        /// Its unit.
+        unit: String,
+        /// Which rule it breaks.
+        why: &'static str,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// No loop came up to the specification.
+    #[error("the {law} does not become fast enough: {reached}; ask for less, or allow more overshoot")]
+    TooSlow {
+        /// Which law.
+        law: &'static str,
+        /// How fast it came.
+        reached: String,
+    },
+    /// No fast enough loop kept the overshoot.
+    #[error(
+        "the {law} overshoots by {found_percent:.1} % at least, {asked_percent} % are allowed: allow more, or ask for another speed"
+    )]
+    Overshoot {
+        /// Which law.
+        law: &'static str,
+        /// Least found.
+        found_percent: f64,
+        /// Asked for.
+        asked_percent: f64,
+    },
+    /// The loop would not withstand what it meets.
+    #[error("the {law} would not be robust: {weakness}; ask for a slower loop")]
+    NotRobust {
+        /// Which law.
+        law: &'static str,
+        /// What it does not withstand.
+        weakness: Weakness,
+    },
+    /// The core in closed loop does not do what the linear loop does.
+    #[error("the {law} fails in fixed point: {what}; ask for a slower loop, or raise current-limit-A")]
+    Trial {
+        /// Which law.
+        law: &'static str,
+        /// What went wrong.
+        what: String,
+    },
+}
+
+/// A gain of a design.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct DesignedGain {
+    /// The setting's name on the console.
+    pub name: String,
+    /// The setting's unit.
+    pub unit: String,
+    /// As it is set.
+    pub value: f64,
+    /// As the core's fixed-point format holds it.
+    pub held: f64,
+}
+
+/// What the core did in closed loop with the motor of the model, behind an ideal bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TrialFigures {
+    /// Step of the reference, in rad/s or rad.
+    pub step: f64,
+    /// Largest deviation from the reference in the last fifth, in rad/s or rad.
+    pub last_deviation: f64,
+    /// Largest voltage.
+    #[serde(rename = "peak_V")]
+    pub peak_v: f64,
+    /// Largest current.
+    #[serde(rename = "peak_A")]
+    pub peak_a: f64,
+    /// Part of the time at a limit of voltage, slew or current.
+    pub limited_part: f64,
+}
+
+/// A design: gains that were checked.
+#[derive(Clone, Debug, Serialize)]
+pub struct Design {
+    /// Which law.
+    pub law: ControlLaw,
+    /// What was asked.
+    pub specification: Specification,
+    /// Its gains.
+    pub gains: Vec<DesignedGain>,
+    /// Lines for the console: the rig's settings and the gains.
+    pub commands: Vec<String>,
+    /// What the linear loop does with the gains as held.
+    pub figures: LoopFigures,
+    /// How robust it is with the gains as held.
+    pub robustness: Robustness,
+    /// What the core did.
+    pub trial: TrialFigures,
+    /// Voltage and current a plain step of the size of the trial's would take at most, without limits and profile.
+    #[serde(rename = "plain_step_peak_V")]
+    pub plain_step_peak_v: f64,
+    /// The current.
+    #[serde(rename = "plain_step_peak_A")]
+    pub plain_step_peak_a: f64,
+    /// Shape of the weights it came from.
+    pub shape: Shape,
+    /// Settings, for a simulation or the board.
+    #[serde(skip)]
+    pub settings: SettingList,
+    /// Gains as the core holds them.
+    #[serde(skip)]
+    pub held: Gains,
+    /// Sampling as the core does it.
+    #[serde(skip)]
+    pub sampling: Sampling,
+    /// The trial, tick by tick.
+    #[serde(skip)]
+    pub points: Vec<Point>,
+}
+
+/// Designs one law for a motor.
+///
+/// # Errors
+/// [`DesignError`]: what is wrong, or what the best loop found does not do.
+pub fn design(
+    motor: &MotorParameters,
+    bench: &Bench,
+    law: ControlLaw,
+    specification: &Specification,
+) -> Result<Design, DesignError> {
+    motor.check()?;
+    let period_s = 1.0 / bench.tick_rate_hz;
+    specification.check(period_s)?;
+    let rig = fixed_point::rig_settings(motor, bench, specification)?;
+    let used: Vec<bool> =
+        law.feedback().iter().map(|(_, signal)| bench.current_measured || *signal != Signal::Current).collect();
+    let search = Search { motor, law, period_s, used: &used };
+    let mut refusals = Refusals::default();
+    for shape in search.shapes() {
+        let candidate = match search.gentlest(shape, specification) {
+            Ok(candidate) => candidate,
+            Err(reached) => {
+                refusals.too_slow(reached);
+                continue;
+            }
+        };
+        if candidate.figures.step.overshoot_percent > specification.overshoot_percent {
+            refusals.overshoot(candidate.figures.step.overshoot_percent);
+            continue;
+        }
+        match checked(motor, &rig, law, specification, candidate) {
+            Ok(design) => return Ok(design),
+            Err(error) => refusals.checked = Some(error),
+        }
+    }
+    Err(refusals.error(law, specification))
+}
+
+/// Why shapes were refused; the one that came farthest is reported.
+#[derive(Default)]
+struct Refusals {
+    reached: Option<Reached>,
+    overshoot_percent: Option<f64>,
+    checked: Option<DesignError>,
+}
+
+impl Refusals {
+    fn too_slow(&mut self, reached: Reached) {
+        if self.reached.is_none_or(|before| before.bandwidth_hz < reached.bandwidth_hz) {
+            self.reached = Some(reached);
+        }
+    }
+
+    fn overshoot(&mut self, percent: f64) {
+        self.overshoot_percent = Some(self.overshoot_percent.map_or(percent, |before| before.min(percent)));
+    }
+
+    fn error(self, law: ControlLaw, specification: &Specification) -> DesignError {
+        let law = law.title();
+        if let Some(error) = self.checked {
+            return error;
+        }
+        if let Some(found_percent) = self.overshoot_percent {
+            return DesignError::Overshoot { law, found_percent, asked_percent: specification.overshoot_percent };
+        }
+        let reached = self.reached.unwrap_or_default();
+        let reached = match specification.speed {
+            Speed::BandwidthHz(_) => format!("its bandwidth reaches {:.3} Hz", reached.bandwidth_hz),
+            Speed::SettlingS(_) => format!("it settles in {:.3} s", reached.settling_s),
+        };
+        DesignError::TooSlow { law, reached }
+    }
+}
+
+/// Quantises a candidate, and checks what is left.
+fn checked(
+    motor: &MotorParameters,
+    rig: &SettingList,
+    law: ControlLaw,
+    specification: &Specification,
+    candidate: Candidate,
+) -> Result<Design, DesignError> {
+    let mut settings = fixed_point::law_settings(rig, motor, law, &candidate.sampling, &candidate.gains)?;
+    let (held, sampling) = fixed_point::read_back(&settings, law)?;
+    let not_robust = |weakness| DesignError::NotRobust { law: law.title(), weakness };
+    let robustness = robustness::check(motor, law, &sampling, &held).map_err(not_robust)?;
+    let sampled = SampledLoop::new(motor, law, &sampling);
+    let figures = search::figures(&sampled, &held, candidate.weight_rad_per_s)
+        .ok_or_else(|| not_robust(Weakness::Unstable { radius: robustness.spectral_radius }))?;
+    let (trial, points) = gentle_trial(motor, law, &mut settings, figures.step.settling_s)?;
+    let plain = sampled.closed(&held).step_response(PLAIN_STEP_TICKS);
+    let voltage = |tick: usize| plain[(1, tick)] + held.reference;
+    let peak_v = (0..PLAIN_STEP_TICKS).map(|tick| voltage(tick).abs()).fold(0.0, f64::max);
+    let gains = law.feedback().iter().zip(&held.feedback).map(|(&(param, _), &held)| DesignedGain {
+        name: setting_name(param),
+        unit: setting_unit(param),
+        value: settings.all.get(param).into(),
+        held,
+    });
+    Ok(Design {
+        law,
+        specification: *specification,
+        gains: gains.collect(),
+        commands: settings.commands(),
+        figures,
+        robustness,
+        plain_step_peak_v: peak_v * trial.step,
+        plain_step_peak_a: plain.row(2).amax() * trial.step,
+        trial,
+        shape: candidate.shape,
+        settings,
+        held,
+        sampling,
+        points,
+    })
+}
+
+/// Ticks of the plain step in which voltage and current have their peaks.
+const PLAIN_STEP_TICKS: usize = 1000;
+/// Profiles tried, each slower than the one before.
+const PROFILES: usize = 5;
+/// Part of the no-load speed that the trial's speed step goes to.
+const TRIAL_SPEED_PART: f64 = 0.4;
+/// Angle the trial's position step goes to.
+const TRIAL_ANGLE_RAD: f64 = std::f64::consts::TAU;
+/// Part of the trial at its end in which it must have settled.
+const SETTLED_PART: usize = 5;
+/// Counts a position may be off at the end, and bits a speed.
+const SETTLED_COUNTS: f64 = 2.0;
+const SETTLED_SPEED_BITS: f64 = 8.0;
+/// Part of the step that a trial may be off at its end, where that is more.
+const SETTLED_STEP_PART: f64 = 0.02;
+
+/// A trial with the reference's profile slowed down until the current stays where it may.
+fn gentle_trial(
+    motor: &MotorParameters,
+    law: ControlLaw,
+    settings: &mut SettingList,
+    settling_s: f64,
+) -> Result<(TrialFigures, Vec<Point>), DesignError> {
+    let most_a = fixed_point::ACCELERATION_PART * f64::from(settings.all.get(Param::CurrentLimit));
+    for _ in 0..PROFILES {
+        match run_trial(motor, law, settings, settling_s) {
+            Ok((figures, points)) if figures.peak_a <= most_a => return Ok((figures, points)),
+            Ok((figures, _)) => settings.slow_down(0.95 * most_a / figures.peak_a)?,
+            Err(_) => settings.slow_down(0.5)?,
+        }
+    }
+    run_trial(motor, law, settings, settling_s)
+}
+
+/// The core with the motor of the model: follows a step through its profile and settles.
+fn run_trial(
+    motor: &MotorParameters,
+    law: ControlLaw,
+    settings: &SettingList,
+    settling_s: f64,
+) -> Result<(TrialFigures, Vec<Point>), DesignError> {
+    let get = |param| f64::from(settings.all.get(param));
+    let fails = |what| DesignError::Trial { law: law.title(), what };
+    let plant = DcMotor::new(ideal(motor));
+    let mut trial = Trial::new(plant, settings.all).map_err(|error| fails(format!("{error:?}")))?;
+    trial.enter(law.mode());
+    let (step, ramp_s) = trial_step(motor, law, settings);
+    let duration_s = ramp_s + (8.0 * settling_s).max(0.5);
+    let points = trial.follow(step, duration_s);
+    if trial.sample().trip != Trip::None {
+        return Err(fails(format!("the trip {:?} comes", trial.sample().trip)));
+    }
+    let tail = &points[points.len() - points.len() / SETTLED_PART..];
+    let output = |point: &Point| if law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
+    let last_deviation = tail.iter().map(|point| (output(point) - step).abs()).fold(0.0, f64::max);
+    let bits = if law.is_position() {
+        SETTLED_COUNTS * std::f64::consts::TAU / get(Param::CountsPerRev)
+    } else {
+        SETTLED_SPEED_BITS * get(Param::SpeedRange) / f64::from(motorbench_core::units::FULL_RANGE)
+    };
+    if last_deviation > bits.max(SETTLED_STEP_PART * step) {
+        return Err(fails(format!("at the end it is off by {last_deviation:.3} of {step:.3}")));
+    }
+    let most = |of: fn(&Point) -> f64| points.iter().map(|point| of(point).abs()).fold(0.0, f64::max);
+    let limit_v = 0.998 * get(Param::VoltageLimit);
+    let limited = points.iter().filter(|point| point.u_v.abs() > limit_v || point.i_a.abs() > get(Param::CurrentLimit));
+    let figures = TrialFigures {
+        step,
+        last_deviation,
+        peak_v: most(|point| point.u_v),
+        peak_a: most(|point| point.i_a),
+        limited_part: limited.count() as f64 / points.len() as f64,
+    };
+    Ok((figures, points))
+}
+
+/// The trial's step, and how long the profile takes for it.
+fn trial_step(motor: &MotorParameters, law: ControlLaw, settings: &SettingList) -> (f64, f64) {
+    let get = |param| f64::from(settings.all.get(param));
+    let (acceleration, cruise) = (get(Param::Acceleration), get(Param::CruiseSpeed));
+    if law.is_position() {
+        let ramp_s = TRIAL_ANGLE_RAD / cruise + 2.0 * (TRIAL_ANGLE_RAD / acceleration).sqrt();
+        return (TRIAL_ANGLE_RAD, ramp_s);
+    }
+    let no_load = get(Param::SupplyVoltage) * motor_model::speed(motor).dc_gain();
+    // Viscous friction at this speed must leave current to accelerate.
+    let friction = motor.viscous_friction_nm_s / motor.torque_constant_nm_per_a;
+    let by_current = 0.5 * get(Param::TripContinuous) / friction.max(f64::MIN_POSITIVE);
+    let step = (TRIAL_SPEED_PART * no_load).min(by_current);
+    (step, step / acceleration)
+}
+
+/// The motor of the model behind a bridge without losses.
+pub fn ideal(motor: &MotorParameters) -> DcMotorParameters {
+    DcMotorParameters {
+        resistance_ohm: motor.resistance_ohm,
+        inductance_h: motor.inductance_h,
+        torque_constant_nm_per_a: motor.torque_constant_nm_per_a,
+        inertia_kg_m2: motor.inertia_kg_m2,
+        viscous_friction_nms_per_rad: motor.viscous_friction_nm_s,
+        coulomb_friction_nm: 0.0,
+        bridge: BridgeLosses::IDEAL,
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,310 @@
+//! The loop as the core samples it: motor, hold, delay, what the sensors make of speed and current, derivative filter,
+//! integral.
+//!
+//! Within a tick: inputs are taken, the law is computed, and [`DRIVE_DELAY_S`] later the bridge follows. The encoder
+//! gives the position at the tick and the speed as the mean over the tick before (with fewer than one edge a tick, over
+//! the time between edges); the current is the mean of conversions spread over the tick before.
+
+use super::law::{ControlLaw, Signal};
+use crate::linear::frequency_response::{BodePoint, Margins, bandwidth_rad_per_s, bode, log_spaced};
+use crate::linear::state_space::{Discrete, StateSpace};
+use crate::linear::{Matrix, motor_model, spectral_radius};
+use crate::motor::MotorParameters;
+use nalgebra::{Complex, DVector};
+use std::f64::consts::PI;
+
+/// From the tick's instant to the voltage at the motor: the tick takes about 3,000 cycles (190 us), and the PWM takes a
+/// new duty at the start of its next period.
+pub const DRIVE_DELAY_S: f64 = 0.2e-3;
+/// Points of a frequency response that is only judged.
+const FREQUENCIES: usize = 160;
+/// Lowest frequency judged, relative to the highest.
+const LOWEST: f64 = 1e-5;
+
+/// How a law is sampled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sampling {
+    /// Time between two ticks.
+    pub period_s: f64,
+    /// Part of the way the PID's derivative filter goes in a tick; any number for an LQR.
+    pub filter_part: f64,
+    /// Time constant of that filter.
+    pub filter_s: f64,
+}
+
+impl Sampling {
+    /// A tick of `period_s`, and a derivative filter of `filter_s`.
+    pub fn new(period_s: f64, filter_s: f64) -> Self {
+        Self { period_s, filter_s, filter_part: period_s / (filter_s + period_s) }
+    }
+}
+
+/// Feedback gains in the order of [`ControlLaw::feedback`], and the gain on the reference.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Gains {
+    /// Volts per unit of the signal.
+    pub feedback: Vec<f64>,
+    /// Volts per unit of the reference.
+    pub reference: f64,
+}
+
+/// Everything outside the gains as one linear system with the voltage as its input.
+#[derive(Clone, Debug)]
+pub struct SampledLoop {
+    /// States: see [`SampledLoop::scales`].
+    a: Matrix,
+    b: Matrix,
+    /// A row for each feedback gain.
+    signals: Matrix,
+    places: Places,
+    period_s: f64,
+}
+
+/// Where the states stand.
+#[derive(Clone, Copy, Debug)]
+struct Places {
+    speed: usize,
+    current: usize,
+    position: Option<usize>,
+    /// Voltages on their way, one or none.
+    waiting: usize,
+    mean_speed: usize,
+    mean_current: usize,
+    filter: usize,
+    integral: usize,
+    size: usize,
+}
+
+impl Places {
+    fn new(law: ControlLaw, waiting: usize) -> Self {
+        let position = law.is_position().then_some(2);
+        let mean_speed = 2 + usize::from(law.is_position()) + waiting;
+        Self {
+            speed: 0,
+            current: 1,
+            position,
+            waiting,
+            mean_speed,
+            mean_current: mean_speed + 1,
+            filter: mean_speed + 2,
+            integral: mean_speed + 3,
+            size: mean_speed + 4,
+        }
+    }
+
+    /// The controlled quantity.
+    fn output(&self) -> usize {
+        self.position.unwrap_or(self.speed)
+    }
+
+    /// What the law takes for the controlled quantity.
+    fn measured_output(&self) -> usize {
+        self.position.unwrap_or(self.mean_speed)
+    }
+}
+
+/// Speed, current and their integrals.
+fn with_integrals(motor: &MotorParameters) -> StateSpace {
+    let armature = motor_model::armature(motor);
+    let mut a = Matrix::zeros(4, 4);
+    a.view_mut((0, 0), (2, 2)).copy_from(&armature.a);
+    a.view_mut((2, 0), (2, 2)).fill_with_identity();
+    let mut b = Matrix::zeros(4, 1);
+    b.view_mut((0, 0), (2, 1)).copy_from(&armature.b);
+    StateSpace { a, b, c: Matrix::identity(4, 4) }
+}
+
+impl SampledLoop {
+    /// The loop of a law around a motor.
+    pub fn new(motor: &MotorParameters, law: ControlLaw, sampling: &Sampling) -> Self {
+        let period_s = sampling.period_s;
+        let plant = with_integrals(motor).discretise(period_s, DRIVE_DELAY_S);
+        let places = Places::new(law, plant.a.nrows() - 4);
+        let mut a = Matrix::zeros(places.size, places.size);
+        let mut b = Matrix::zeros(places.size, 1);
+        // Rows of the plant (speed, current, angle, charge, voltages waiting) and what they are here. The angle and
+        // the charge begin each tick at zero where only their change counts.
+        let first_waiting = places.mean_speed - places.waiting;
+        let columns = |column: usize| match column {
+            0 | 1 => Some(column),
+            2 | 3 => None,
+            waiting => Some(first_waiting + waiting - 4),
+        };
+        let mut take = |to: usize, from: usize, factor: f64| {
+            for column in 0..plant.a.ncols() {
+                if let Some(place) = columns(column) {
+                    a[(to, place)] = factor * plant.a[(from, column)];
+                }
+            }
+            b[(to, 0)] = factor * plant.b[(from, 0)];
+        };
+        take(places.speed, 0, 1.0);
+        take(places.current, 1, 1.0);
+        for waiting in 0..places.waiting {
+            take(first_waiting + waiting, 4 + waiting, 1.0);
+        }
+        take(places.mean_speed, 2, 1.0 / period_s);
+        take(places.mean_current, 3, 1.0 / period_s);
+        if let Some(position) = places.position {
+            take(position, 2, 1.0);
+            a[(position, position)] = 1.0;
+        }
+        a[(places.filter, places.filter)] = 1.0 - sampling.filter_part;
+        a[(places.filter, places.mean_speed)] = sampling.filter_part;
+        a[(places.integral, places.integral)] = 1.0;
+        a[(places.integral, places.measured_output())] = period_s;
+        let signals = signals(law, &places, sampling);
+        Self { a, b, signals, places, period_s }
+    }
+
+    /// Time between two ticks.
+    pub fn period_s(&self) -> f64 {
+        self.period_s
+    }
+
+    /// Number of states.
+    pub fn states(&self) -> usize {
+        self.places.size
+    }
+
+    /// `A` and `B` from the voltage, for the Riccati equation.
+    pub fn system(&self) -> (&Matrix, &Matrix) {
+        (&self.a, &self.b)
+    }
+
+    /// A row for each feedback gain: the signal it acts on.
+    pub fn signals(&self) -> &Matrix {
+        &self.signals
+    }
+
+    /// A weight on the squares of the controlled quantity's integral, of itself and (position) of its speed.
+    pub fn weights(&self, integral: f64, output: f64, rate: f64) -> Matrix {
+        let mut weights = Matrix::zeros(self.states(), self.states());
+        weights[(self.places.integral, self.places.integral)] = integral;
+        weights[(self.places.output(), self.places.output())] += output;
+        if self.places.position.is_some() {
+            weights[(self.places.speed, self.places.speed)] += rate;
+        }
+        weights
+    }
+
+    /// What the states amount to at about a volt in a loop of `speed_rad_per_s`: scales for numerical work.
+    pub fn scales(&self, motor: &MotorParameters, speed_rad_per_s: f64) -> DVector<f64> {
+        let (speed, current) = (1.0 / motor.torque_constant_nm_per_a, 1.0 / motor.resistance_ohm);
+        let mut scales = DVector::repeat(self.states(), 1.0);
+        for (place, scale) in [
+            (self.places.speed, speed),
+            (self.places.current, current),
+            (self.places.mean_speed, speed),
+            (self.places.mean_current, current),
+            (self.places.filter, speed),
+            (self.places.integral, speed / speed_rad_per_s),
+        ] {
+            scales[place] = scale;
+        }
+        if let Some(position) = self.places.position {
+            scales[position] = speed / speed_rad_per_s;
+            scales[self.places.integral] /= speed_rad_per_s;
+        }
+        scales
+    }
+
+    /// From the reference to the controlled quantity, the voltage and the current.
+    pub fn closed(&self, gains: &Gains) -> Discrete {
+        let feedback = self.feedback_row(gains);
+        let mut b = &self.b * gains.reference;
+        b[(self.places.integral, 0)] -= self.period_s;
+        let mut c = Matrix::zeros(3, self.states());
+        c[(0, self.places.output())] = 1.0;
+        c.set_row(1, &(-&feedback).row(0));
+        c[(2, self.places.current)] = 1.0;
+        Discrete { a: &self.a - &self.b * feedback, b, c, period_s: self.period_s }
+    }
+
+    /// The gains as one row on the states.
+    fn feedback_row(&self, gains: &Gains) -> Matrix {
+        Matrix::from_row_slice(1, gains.feedback.len(), &gains.feedback) * &self.signals
+    }
+
+    /// Largest magnitude of the closed loop's eigenvalues.
+    pub fn spectral_radius(&self, gains: &Gains) -> f64 {
+        spectral_radius(&self.closed(gains).a)
+    }
+
+    /// The loop opened at the voltage.
+    pub fn open_loop(&self, gains: &Gains) -> Vec<BodePoint> {
+        let open =
+            Discrete { a: self.a.clone(), b: self.b.clone(), c: self.feedback_row(gains), period_s: self.period_s };
+        self.response(&open)
+    }
+
+    /// Margins of a stable loop.
+    pub fn margins(&self, gains: &Gains) -> Margins {
+        Margins::of(&self.open_loop(gains))
+    }
+
+    /// From the reference to the controlled quantity.
+    pub fn bandwidth_rad_per_s(&self, gains: &Gains) -> Option<f64> {
+        bandwidth_rad_per_s(&self.response(&self.closed(gains)))
+    }
+
+    fn response(&self, system: &Discrete) -> Vec<BodePoint> {
+        // Up to just below half the sampling frequency, where the response ends.
+        let highest = 0.999 * PI / self.period_s;
+        let at = |omega| system.at(omega).map_or(Complex::new(f64::NAN, 0.0), |values| values[(0, 0)]);
+        bode(at, log_spaced(LOWEST * highest, highest, FREQUENCIES))
+    }
+}
+
+fn signals(law: ControlLaw, places: &Places, sampling: &Sampling) -> Matrix {
+    let feedback = law.feedback();
+    let mut rows = Matrix::zeros(feedback.len(), places.size);
+    for (row, (_, signal)) in feedback.iter().enumerate() {
+        let mut add = |place: usize, factor: f64| rows[(row, place)] = factor;
+        match signal {
+            Signal::Position => add(places.measured_output(), 1.0),
+            Signal::Speed => add(places.mean_speed, 1.0),
+            Signal::Current => add(places.mean_current, 1.0),
+            Signal::Integral => add(places.integral, 1.0),
+            Signal::Derivative => {
+                // The speed minus the filter before it moves on.
+                let rate = 1.0 / (sampling.filter_s + sampling.period_s);
+                add(places.mean_speed, rate);
+                add(places.filter, -rate);
+            }
+            Signal::FilteredSpeed => {
+                add(places.mean_speed, sampling.filter_part);
+                add(places.filter, 1.0 - sampling.filter_part);
+            }
+        }
+    }
+    rows
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Without feedback the model's mean speed is the mean of the exact response of the motor to a step.
+    #[test]
+    fn what_the_sensors_see_is_the_mean_over_the_tick() {
+        let motor = MotorParameters::PIVT6;
+        let sampled = SampledLoop::new(&motor, ControlLaw::SpeedLqr, &Sampling::new(1e-3, 0.0));
+        let mut c = Matrix::zeros(2, sampled.states());
+        c[(0, sampled.places.mean_speed)] = 1.0;
+        c[(1, sampled.places.mean_current)] = 1.0;
+        let system = Discrete { a: sampled.a.clone(), b: sampled.b.clone(), c, period_s: 1e-3 };
+        let sampled = system.step_response(40);
+        // The same in steps of 1 us, with the step 0.2 ms late.
+        let fine = motor_model::armature(&motor).discretise(1e-6, 0.2e-3).step_response(40_001);
+        for tick in 1..40 {
+            for signal in 0..2 {
+                let within = fine.row(signal);
+                let inside: f64 = (0..1000).map(|at| within[(tick - 1) * 1000 + at]).sum::<f64>();
+                let ends = 0.5 * (within[tick * 1000] - within[(tick - 1) * 1000]);
+                let mean = (inside + ends) / 1000.0;
+                assert!((sampled[(signal, tick)] - mean).abs() < 1e-6, "{tick}: {} {mean}", sampled[(signal, tick)]);
+            }
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! The core in closed loop with a simulated motor: what a design does once it is fixed point.
+//!
+//! The tick sees what it sees on the chip: encoder edges with their time stamps, sums of conversions of the current
+//! taken at the end of PWM periods. The bridge is switched as the PWM does, and takes a new duty
+//! [`DRIVE_DELAY_S`](super::sampled_loop::DRIVE_DELAY_S) after the tick.
+
+use super::sampled_loop::DRIVE_DELAY_S;
+use crate::plant::{Bridge, Inputs as PlantInputs, Plant};
+use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
+use motorbench_core::encoder::Edges;
+use motorbench_core::excitation;
+use motorbench_core::message::{Mode, Request, Sample};
+use motorbench_core::pins::{CPU_HZ, PWM_HZ, PWM_STEPS};
+use motorbench_core::settings::{BuildError, Param, Settings};
+use motorbench_core::units::{FULL_RANGE, VOLT};
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// PWM periods from the tick to the first that has the new duty.
+const LATE_PERIODS: u32 = (DRIVE_DELAY_S * PWM_HZ as f64) as u32;
+/// Conversions of the ADC: one each second PWM period, ten slots a round, four of the current in a row, twice.
+const PERIODS_PER_CONVERSION: u32 = 2;
+const BLOCK: u32 = 4;
+const SLOTS_PER_BLOCK: u32 = 5;
+/// Steps of a conversion in a volt, and the sensor's output at zero current.
+const STEPS_PER_VOLT: f64 = 1024.0 / 5.0;
+const ZERO_V: f64 = 2.5;
+
+/// What happened at one tick, in SI units: what the core saw and what was true.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// Since the start of the trial.
+    pub t_s: f64,
+    /// Reference in rad/s, rad or V, after the profile.
+    pub reference: f64,
+    /// Mean voltage asked of the bridge.
+    #[serde(rename = "u_V")]
+    pub u_v: f64,
+    /// Speed as measured by the core.
+    pub measured_rad_per_s: f64,
+    /// True speed.
+    pub omega_rad_per_s: f64,
+    /// True angle.
+    pub theta_rad: f64,
+    /// True current.
+    #[serde(rename = "i_A")]
+    pub i_a: f64,
+}
+
+/// A motor under the core.
+pub struct Trial<P> {
+    /// The motor.
+    pub plant: P,
+    /// Torque against positive rotation.
+    pub load_torque_nm: f64,
+    control: ControlLoop,
+    settings: Settings,
+    edges: Edges,
+    /// Encoder counts.
+    count: i64,
+    /// PWM periods since the start.
+    periods: u32,
+    drive: Drive,
+    /// Sum of the block of conversions under way, of the last complete block, and of the last two.
+    sums: [u16; 3],
+}
+
+impl<P: Plant> Trial<P> {
+    /// At rest and disarmed.
+    ///
+    /// # Errors
+    /// A setting the core cannot hold.
+    pub fn new(plant: P, settings: Settings) -> Result<Self, BuildError> {
+        let edges = Edges::at_rest(0);
+        Ok(Self {
+            plant,
+            load_torque_nm: 0.0,
+            control: ControlLoop::new(LoopConfig::build(&settings)?, edges),
+            settings,
+            edges,
+            count: 0,
+            periods: 0,
+            drive: Drive::default(),
+            sums: [0, BLOCK as u16 * 512, 2 * BLOCK as u16 * 512],
+        })
+    }
+
+    /// Arms, and enters a mode.
+    pub fn enter(&mut self, mode: Mode) {
+        self.tick(Some(Request::Arm));
+        self.tick(Some(Request::Mode(mode)));
+    }
+
+    /// Follows a reference (rad/s, rad or V) for some time.
+    pub fn follow(&mut self, reference: f64, duration_s: f64) -> Vec<Point> {
+        let bits = self.bits(self.sample().state.mode(), reference);
+        let ticks = (duration_s * f64::from(self.settings.get(Param::TickRate))) as usize;
+        (0..ticks).map(|at| self.tick((at == 0).then_some(Request::Reference(bits)))).collect()
+    }
+
+    /// The last sample.
+    pub fn sample(&self) -> &Sample {
+        self.control.sample()
+    }
+
+    /// Time between two ticks.
+    pub fn period_s(&self) -> f64 {
+        1.0 / f64::from(self.settings.get(Param::TickRate))
+    }
+
+    /// One tick, and the time until the next.
+    pub fn tick(&mut self, request: Option<Request>) -> Point {
+        let before = self.drive;
+        let now = self.control.tick(request, &self.inputs());
+        let point = self.point();
+        let periods = PWM_HZ / self.settings.get(Param::TickRate) as u32;
+        for period in 0..periods {
+            self.drive = if period < LATE_PERIODS { before } else { now };
+            self.pwm_period();
+        }
+        point
+    }
+
+    fn inputs(&self) -> Inputs {
+        let supply_bits = self.settings.get(Param::SupplyVoltage) * VOLT;
+        Inputs {
+            edges: self.edges,
+            tick_coarse: (self.cycles() >> 6) as u8,
+            current_sum: self.sums[2],
+            duty_scale: duty_scale(supply_bits as i16),
+            flags: Inputs::MAIN_LOOP_ALIVE,
+            ..Inputs::default()
+        }
+    }
+
+    fn cycles(&self) -> u64 {
+        u64::from(self.periods) * u64::from(CPU_HZ / PWM_HZ)
+    }
+
+    fn point(&self) -> Point {
+        let sample = self.sample();
+        let get = |param| f64::from(self.settings.get(param));
+        let per_bit = |bits: f32| 1.0 / f64::from(bits);
+        let speed = get(Param::SpeedRange) * per_bit(FULL_RANGE);
+        let mode = sample.state.mode();
+        let unit = if mode.is_position() {
+            TAU / get(Param::CountsPerRev)
+        } else if mode.is_speed() {
+            speed
+        } else {
+            per_bit(VOLT)
+        };
+        Point {
+            t_s: f64::from(self.periods) / f64::from(PWM_HZ),
+            reference: f64::from(sample.reference) * unit,
+            u_v: f64::from(sample.duty) / f64::from(PWM_STEPS) * get(Param::SupplyVoltage),
+            measured_rad_per_s: f64::from(sample.speed) * speed,
+            omega_rad_per_s: self.plant.speed_rad_per_s(),
+            theta_rad: self.plant.angle_rad(),
+            i_a: self.plant.current_a(),
+        }
+    }
+
+    /// A reference in the bits of the mode.
+    fn bits(&self, mode: Mode, reference: f64) -> i32 {
+        let get = |param| f64::from(self.settings.get(param));
+        let bits = if mode.is_position() {
+            reference * get(Param::CountsPerRev) / TAU
+        } else if mode.is_speed() {
+            reference * f64::from(FULL_RANGE) / get(Param::SpeedRange)
+        } else {
+            reference * f64::from(VOLT)
+        };
+        bits.round() as i32
+    }
+
+    /// One PWM period: on for the duty, braking for the rest (slow decay).
+    fn pwm_period(&mut self) {
+        let period_s = 1.0 / f64::from(PWM_HZ);
+        let on_s = period_s * f64::from(self.drive.duty.abs()) / f64::from(PWM_STEPS);
+        let on = if self.drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward };
+        let off = match self.drive.bridge {
+            excitation::Bridge::Coast => Bridge::Coast,
+            excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
+        };
+        for (bridge, start_s, duration_s) in [(on, 0.0, on_s), (off, on_s, period_s - on_s)] {
+            if duration_s > 0.0 {
+                let supply_v = f64::from(self.settings.get(Param::SupplyVoltage));
+                let inputs =
+                    PlantInputs { bridge, supply_v, load_torque_nm: self.load_torque_nm, ..PlantInputs::default() };
+                self.advance(start_s, duration_s, &inputs);
+            }
+        }
+        self.periods += 1;
+        if self.periods.is_multiple_of(PERIODS_PER_CONVERSION) {
+            self.convert(self.periods / PERIODS_PER_CONVERSION);
+        }
+    }
+
+    /// Advances the motor from `start_s` after the start of the PWM period, and counts the edges on the way.
+    fn advance(&mut self, start_s: f64, duration_s: f64, inputs: &PlantInputs) {
+        let counts_per_rad = f64::from(self.settings.get(Param::CountsPerRev)) / TAU;
+        let position = |plant: &P| plant.angle_rad() * counts_per_rad + 0.5;
+        let from = position(&self.plant);
+        self.plant.advance(duration_s, inputs);
+        let to = position(&self.plant);
+        let moved = to.floor() as i64 - self.count;
+        if moved == 0 {
+            return;
+        }
+        // The last edge lies at the lower end of the count when going up, at the upper when going down.
+        let edge = if moved > 0 { to.floor() } else { to.floor() + 1.0 };
+        let part = ((edge - from) / (to - from)).clamp(0.0, 1.0);
+        let cycles = self.cycles() + ((start_s + part * duration_s) * f64::from(CPU_HZ)) as u64;
+        self.count += moved;
+        self.edges.count = self.edges.count.wrapping_add(moved as u8);
+        self.edges.step = if moved > 0 { 1 } else { 3 };
+        self.edges.coarse = (cycles >> 6) as u8;
+        self.edges.fine = cycles as u8;
+    }
+
+    /// A conversion of the current. The eighths of a step that noise makes real on the chip are dithered evenly here.
+    fn convert(&mut self, conversion: u32) {
+        let slot = conversion % SLOTS_PER_BLOCK;
+        if slot == 0 {
+            return;
+        }
+        let gain_v_per_a = 1e-3 * f64::from(self.settings.get(Param::CurrentGain));
+        let block = conversion / SLOTS_PER_BLOCK;
+        let dither = f64::from(2 * (slot - 1) + block % 2) / f64::from(2 * BLOCK);
+        let steps = (ZERO_V + gain_v_per_a * self.plant.current_a()) * STEPS_PER_VOLT + dither;
+        self.sums[0] += steps.clamp(0.0, 1023.0) as u16;
+        if slot == BLOCK {
+            self.sums = [0, self.sums[0], self.sums[0] + self.sums[1]];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters};
+
+    /// In open loop the core measures what is true: speed and current, to the resolution of its sensors.
+    #[test]
+    fn the_core_sees_what_the_motor_does() {
+        let motor = DcMotor::new(DcMotorParameters { bridge: BridgeLosses::IDEAL, ..DcMotorParameters::PIVT6 });
+        let mut trial = Trial::new(motor, Settings::defaults()).unwrap();
+        trial.enter(Mode::OpenLoop);
+        for voltage_v in [3.0, -5.0] {
+            let points = trial.follow(voltage_v, 0.5);
+            for point in &points[400..] {
+                // The mean of a tick in which nothing changes is the speed itself, to a bit and a cycle in time.
+                assert!((point.measured_rad_per_s - point.omega_rad_per_s).abs() < 0.03, "{point:?}");
+            }
+            let seen_a = f64::from(trial.sample().current) / f64::from(motorbench_core::units::AMPERE);
+            assert!((seen_a - points[499].i_a).abs() < 0.04, "{seen_a} {:?}", points[499]);
+            assert_eq!(trial.sample().counts, (points[499].theta_rad * 2000.0 / TAU + 0.5).floor() as i32);
+        }
+    }
+}
