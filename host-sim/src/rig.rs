@@ -224,6 +224,28 @@ impl Rig {
     }
 }
 
+/// A constant of the motor that a file does not give.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("motor.{0} is missing: add it, or identify the motor from a recording")]
+pub struct MissingConstant(pub &'static str);
+
+impl NominalMotor {
+    /// All five constants.
+    ///
+    /// # Errors
+    /// The first that is missing, by its name in the file.
+    pub fn parameters(&self) -> Result<MotorParameters, MissingConstant> {
+        let given = |name, value: Option<f64>| value.ok_or(MissingConstant(name));
+        Ok(MotorParameters {
+            resistance_ohm: given("resistance_ohm", self.resistance_ohm)?,
+            inductance_h: given("inductance_H", self.inductance_h)?,
+            torque_constant_nm_per_a: given("torque_constant_Nm_per_A", self.torque_constant_nm_per_a)?,
+            inertia_kg_m2: given("inertia_kg_m2", self.inertia_kg_m2)?,
+            viscous_friction_nm_s: given("viscous_friction_Nm_s", self.viscous_friction_nm_s)?,
+        })
+    }
+}
+
 impl From<MotorParameters> for NominalMotor {
     fn from(motor: MotorParameters) -> Self {
         Self {
@@ -247,6 +269,14 @@ mod tests {
         assert_eq!(rig.supply.voltage_v, Some(12.0));
         assert_eq!(rig.motor.resistance_ohm, Some(5.84));
         assert_eq!(rig.ignored, ["motor.colour"]);
+    }
+
+    #[test]
+    fn a_missing_constant_is_named() {
+        let whole = NominalMotor::from(MotorParameters::PIVT6);
+        assert_eq!(whole.parameters(), Ok(MotorParameters::PIVT6));
+        let without = NominalMotor { inductance_h: None, ..whole };
+        assert!(without.parameters().unwrap_err().to_string().starts_with("motor.inductance_H is missing"));
     }
 
     #[test]

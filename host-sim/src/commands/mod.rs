@@ -3,6 +3,9 @@
 //! Exit codes: 0 done · 1 the input or the result is not usable, the message says where and what to do · 2 the command
 //! line was wrong · 3 something the program needs is missing or not permitted on this machine.
 
+mod analyse;
+mod design;
+
 use clap::{CommandFactory, Parser, Subcommand};
 use std::fmt::Display;
 use std::process::ExitCode;
@@ -17,6 +20,8 @@ struct Program {
 
 #[derive(Subcommand)]
 enum Command {
+    Analyse(analyse::Arguments),
+    Design(design::Arguments),
     /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
     Completions {
         /// Which shell.
@@ -60,6 +65,8 @@ pub fn main() -> ExitCode {
 
 fn run(program: Program) -> Result<(), Failure> {
     match program.command {
+        Command::Analyse(arguments) => analyse::run(&arguments),
+        Command::Design(arguments) => design::run(&arguments),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut std::io::stdout());
             Ok(())

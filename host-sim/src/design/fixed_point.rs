@@ -59,7 +59,10 @@ impl Default for SettingList {
 
 impl SettingList {
     /// Sets a value, rounded to the console's digits.
-    fn set(&mut self, param: Param, value: f64) -> Result<(), DesignError> {
+    ///
+    /// # Errors
+    /// [`DesignError::Setting`] outside the setting's range.
+    pub fn set(&mut self, param: Param, value: f64) -> Result<(), DesignError> {
         let value = rounded(value);
         self.all.set(param, value as f32).map_err(|rule| refusal(rule.of(param), value))?;
         if !self.changed.contains(&param) {
@@ -68,7 +71,10 @@ impl SettingList {
         Ok(())
     }
 
-    /// Slows the reference's profile down.
+    /// Slows the reference's profile down to a part of its acceleration.
+    ///
+    /// # Errors
+    /// [`DesignError::Setting`] below the setting's range.
     pub fn slow_down(&mut self, part: f64) -> Result<(), DesignError> {
         self.set(Param::Acceleration, part * f64::from(self.all.get(Param::Acceleration)))
     }

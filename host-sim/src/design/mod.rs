@@ -15,6 +15,7 @@
 //! | [`trial`] | the core in closed loop with a simulated motor |
 //! | [`observer`] | a Kalman filter where a state is not measured |
 //! | [`relay`], [`step_tuning`] | gains from an experiment, without a model |
+//! | [`report`] | one page on a design |
 //! | [`compensation`] | voltage against friction and the bridge's drop |
 
 pub mod compensation;
@@ -23,6 +24,7 @@ pub mod law;
 pub mod observer;
 pub mod optimum;
 pub mod relay;
+pub mod report;
 pub mod robustness;
 pub mod sampled_loop;
 pub mod search;
@@ -208,6 +210,35 @@ pub struct Design {
     /// The trial, tick by tick.
     #[serde(skip)]
     pub points: Vec<Point>,
+}
+
+impl Design {
+    /// The controlled quantity at each tick of the trial, had everything been linear and exact.
+    pub fn linear_response(&self, motor: &MotorParameters) -> Vec<f64> {
+        let sampled = SampledLoop::new(motor, self.law, &self.sampling);
+        let closed = sampled.closed(&self.held);
+        let along_speed = sampled.system().1 * self.reference_speed_gain();
+        let mut x = nalgebra::DVector::zeros(sampled.states());
+        let (reference, speed) = (closed.b.column(0), along_speed.column(0));
+        let mut before = 0.0;
+        let respond = |point: &Point| {
+            let output = (&closed.c * &x)[0];
+            let reference_speed = (point.reference - before) / self.sampling.period_s;
+            before = point.reference;
+            x = &closed.a * &x + reference * point.reference + speed * reference_speed;
+            output
+        };
+        self.points.iter().map(respond).collect()
+    }
+
+    /// What a position law adds for each rad/s of its reference.
+    fn reference_speed_gain(&self) -> f64 {
+        match self.law {
+            ControlLaw::SpeedPid | ControlLaw::SpeedLqr => 0.0,
+            ControlLaw::PositionPid => self.settings.all.get(Param::PositionKff).into(),
+            ControlLaw::PositionLqr => self.settings.all.get(Param::LqrPositionKw).into(),
+        }
+    }
 }
 
 /// Designs one law for a motor.

@@ -29,6 +29,25 @@ fn every_law_for_the_papers_motor() {
     }
 }
 
+/// What the page overlays: the core in fixed point does what the linear loop does with the gains it holds.
+#[test]
+fn the_core_follows_the_linear_loop() {
+    for (law, hz) in [
+        (ControlLaw::SpeedPid, 10.0),
+        (ControlLaw::SpeedLqr, 10.0),
+        (ControlLaw::PositionPid, 5.0),
+        (ControlLaw::PositionLqr, 5.0),
+    ] {
+        let design = pivt6(law, hz, 10.0).unwrap();
+        let linear = design.linear_response(&MotorParameters::PIVT6);
+        let output = |point: &Point| if law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
+        let differences = linear.iter().zip(&design.points).map(|(linear, point)| (linear - output(point)).abs());
+        let worst = differences.fold(0.0, f64::max) / design.trial.step;
+        println!("{law:?}: core and linear loop differ by {:.2} % of the step at most", 100.0 * worst);
+        assert!(worst < 0.02, "{law:?}: {worst}");
+    }
+}
+
 #[test]
 fn settling_is_a_specification_too() {
     let specification = Specification { speed: Speed::SettlingS(0.1), overshoot_percent: 5.0, current_limit_a: 1.0 };

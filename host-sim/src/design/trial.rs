@@ -2,7 +2,7 @@
 //!
 //! The tick sees what it sees on the chip: encoder edges with their time stamps, sums of conversions of the current
 //! taken at the end of PWM periods. The bridge is switched as the PWM does, and takes a new duty
-//! [`DRIVE_DELAY_S`](super::sampled_loop::DRIVE_DELAY_S) after the tick.
+//! [`DRIVE_DELAY_S`] after the tick.
 
 use super::sampled_loop::DRIVE_DELAY_S;
 use crate::plant::{Bridge, Inputs as PlantInputs, Plant};

@@ -1,0 +1,83 @@
+//! `motorbench analyse`: what the linear model of a motor says.
+
+use super::Failure;
+use crate::linear::motor_model::{TimeConstants, angle, current, speed};
+use crate::linear::state_space::StateSpace;
+use crate::linear::step_response::StepFigures;
+use crate::motor::MotorParameters;
+use crate::rig::Rig;
+use clap::Args;
+use nalgebra::Complex;
+use std::path::{Path, PathBuf};
+
+/// Prints transfer functions, poles, time constants and gains: motorbench analyse --rig rig.toml
+#[derive(Args)]
+pub struct Arguments {
+    /// Rig or model file with the table [motor].
+    #[arg(long, alias = "model", value_name = "FILE")]
+    rig: PathBuf,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (motor, _) = motor_of(&arguments.rig)?;
+    print!("{}", analysis(&motor));
+    Ok(())
+}
+
+/// The motor of a rig or model file, and the rest of it.
+pub fn motor_of(path: &Path) -> Result<(MotorParameters, Rig), Failure> {
+    let name = path.display();
+    let rig = Rig::read(path).map_err(Failure::input)?;
+    let motor = rig.motor.parameters().map_err(|error| Failure::input(format!("{name}: {error}")))?;
+    motor.check().map_err(|error| Failure::input(format!("{name}: motor.{error}")))?;
+    Ok((motor, rig))
+}
+
+fn analysis(motor: &MotorParameters) -> String {
+    let constants = TimeConstants::of(motor);
+    let (speed, current, angle) = (speed(motor), current(motor), angle(motor));
+    let mut text = format!("w(s)/U(s)      {speed}\nI(s)/U(s)      {current}\ntheta(s)/U(s)  {angle}\n\n");
+    text += &format!("electromechanical time constant J R / k^2  {:.4} ms\n", 1e3 * constants.electromechanical_s);
+    text += &format!("electromagnetic time constant L / R        {:.4} ms\n", 1e3 * constants.electromagnetic_s);
+    text += &format!("poles   {} rad/s\n", list(&speed.poles()));
+    text += &format!("zero    {} rad/s (current)\n", list(&current.zeros()));
+    text += &format!("gains   {:.4} rad/s per V, {:.4} A per V\n", speed.dc_gain(), current.dc_gain());
+    if let Some(step) = step(&speed.state_space(), speed.dc_gain(), &speed.poles()) {
+        text += &format!(
+            "step    rise {:.2} ms, settling {:.2} ms, overshoot {:.1} %\n",
+            1e3 * step.rise_s,
+            1e3 * step.settling_s,
+            step.overshoot_percent
+        );
+    }
+    text
+}
+
+/// Figures of the step response, sampled a thousand times in the slowest time constant.
+fn step(system: &StateSpace, gain: f64, poles: &[Complex<f64>]) -> Option<StepFigures> {
+    let slowest_s = 1.0 / poles.iter().map(|pole| -pole.re).fold(f64::INFINITY, f64::min);
+    let period_s = slowest_s / 1000.0;
+    StepFigures::of(system.discretise(period_s, 0.0).step_response(8000).as_slice(), period_s, gain)
+}
+
+fn list(values: &[Complex<f64>]) -> String {
+    let print = |value: &Complex<f64>| match value.im {
+        0.0 => format!("{:.3}", value.re),
+        imaginary => format!("{:.3}{imaginary:+.3}i", value.re),
+    };
+    values.iter().map(print).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_motor() {
+        let text = analysis(&MotorParameters::PIVT6);
+        for expected in ["25.0000 ms", "2.0000 ms", "-44.094, -456.131", "rise 50.", "settling 91.0", "s^2"] {
+            assert!(text.contains(expected), "{expected}\n{text}");
+        }
+    }
+}

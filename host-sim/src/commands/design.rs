@@ -1,0 +1,222 @@
+//! `motorbench design`: gains for a specification.
+
+use super::Failure;
+use super::analyse::motor_of;
+use crate::design::compensation::{Losses, compensation};
+use crate::design::fixed_point::SettingList;
+use crate::design::law::ControlLaw;
+use crate::design::specification::{Specification, Speed};
+use crate::design::{Bench, Design, design, report};
+use crate::motor::MotorParameters;
+use crate::rig::Rig;
+use clap::{ArgGroup, Args};
+use std::path::PathBuf;
+
+/// Designs PID and LQR for a motor: motorbench design --rig rig.toml --speed --bandwidth-Hz 10
+#[derive(Args)]
+#[command(group(ArgGroup::new("quantity").required(true)), group(ArgGroup::new("how_fast").required(true)))]
+#[command(group(ArgGroup::new("motor").required(true).multiple(true)))]
+#[command(after_help = "Examples:
+  motorbench design --rig rig.toml --speed --bandwidth-Hz 10
+  motorbench design --rig rig.toml --model model.toml --position --pid --settling-s 0.3 --report design.html
+  motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --compensate --coulomb-Nm 0.01")]
+pub struct Arguments {
+    /// Rig file: supply, encoder, and the motor unless a model gives it.
+    #[arg(long, group = "motor", value_name = "RIG.toml")]
+    rig: Option<PathBuf>,
+    /// Model file with the table [motor]. Without a rig file, supply and encoder are taken from it as well.
+    #[arg(long, group = "motor", value_name = "MODEL.toml")]
+    model: Option<PathBuf>,
+    /// Control the speed.
+    #[arg(long, group = "quantity")]
+    speed: bool,
+    /// Control the position.
+    #[arg(long, group = "quantity")]
+    position: bool,
+    /// Only the PID.
+    #[arg(long, conflicts_with = "lqr")]
+    pid: bool,
+    /// Only the LQR.
+    #[arg(long)]
+    lqr: bool,
+    /// Bandwidth from reference to output, at least.
+    #[arg(long = "bandwidth-Hz", group = "how_fast", value_name = "HZ", allow_negative_numbers = true)]
+    bandwidth_hz: Option<f64>,
+    /// Time to settle within 2 % after a step, at most.
+    #[arg(long = "settling-s", group = "how_fast", value_name = "S", allow_negative_numbers = true)]
+    settling_s: Option<f64>,
+    /// Overshoot after a step, at most.
+    #[arg(long = "overshoot-percent", default_value_t = 10.0, value_name = "PERCENT", allow_negative_numbers = true)]
+    overshoot_percent: f64,
+    /// Current limit.
+    #[arg(long = "current-limit-A", default_value_t = 1.0, value_name = "A", allow_negative_numbers = true)]
+    current_limit_a: f64,
+    /// The rig has no current sensor: the LQR does without the current.
+    #[arg(long)]
+    no_current_sensor: bool,
+    /// Compensate the bridge's drop (bridge.drop_V of the rig file) and friction (--coulomb-Nm).
+    #[arg(long)]
+    compensate: bool,
+    /// Coulomb friction to compensate, the same in both directions.
+    #[arg(long = "coulomb-Nm", default_value_t = 0.0, value_name = "NM", requires = "compensate")]
+    coulomb_nm: f64,
+    /// Writes the designs as JSON; `-` to the standard output, instead of the text.
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+    /// Writes a page with step responses, margins and roots.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (motor, bench, rig) = arguments.problem()?;
+    let specification = arguments.specification();
+    let mut designs = Vec::new();
+    for law in arguments.laws() {
+        designs.push(design(&motor, &bench, law, &specification).map_err(Failure::input)?);
+    }
+    let mut settings = SettingList::default();
+    designs.iter().for_each(|design| settings.merge(&design.settings));
+    if arguments.compensate {
+        let losses = Losses {
+            coulomb_forward_nm: arguments.coulomb_nm,
+            coulomb_reverse_nm: arguments.coulomb_nm,
+            bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
+        };
+        let found = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
+        for setting in found.map_err(Failure::input)? {
+            settings.set(setting.param, setting.value).map_err(Failure::input)?;
+        }
+    }
+    let commands = settings.commands();
+    let json_to_output = arguments.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
+    if !json_to_output {
+        print!("{}", page(&designs, &commands));
+    }
+    if let Some(path) = &arguments.json {
+        let result = serde_json::json!({ "motor": motor, "designs": designs, "commands": commands });
+        let text = serde_json::to_string_pretty(&result).map_err(Failure::machine)?;
+        if json_to_output {
+            println!("{text}");
+        } else {
+            write(path, &text)?;
+        }
+    }
+    if let Some(path) = &arguments.report {
+        write(path, &report::html(&motor, &designs, &commands))?;
+    }
+    Ok(())
+}
+
+fn write(path: &PathBuf, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
+}
+
+impl Arguments {
+    fn laws(&self) -> Vec<ControlLaw> {
+        let (pid, lqr) = if self.position {
+            (ControlLaw::PositionPid, ControlLaw::PositionLqr)
+        } else {
+            (ControlLaw::SpeedPid, ControlLaw::SpeedLqr)
+        };
+        [(pid, !self.lqr), (lqr, !self.pid)].into_iter().filter(|(_, wanted)| *wanted).map(|(law, _)| law).collect()
+    }
+
+    fn specification(&self) -> Specification {
+        let settling = Speed::SettlingS(self.settling_s.unwrap_or(f64::NAN));
+        Specification {
+            speed: self.bandwidth_hz.map_or(settling, Speed::BandwidthHz),
+            overshoot_percent: self.overshoot_percent,
+            current_limit_a: self.current_limit_a,
+        }
+    }
+
+    /// The motor of the model, or else of the rig; what surrounds it of the rig, or else of the model.
+    fn problem(&self) -> Result<(MotorParameters, Bench, Rig), Failure> {
+        let (model, surroundings) = match (&self.model, &self.rig) {
+            (Some(model), Some(rig)) => (model, rig),
+            (Some(one), None) | (None, Some(one)) => (one, one),
+            (None, None) => return Err(Failure::input("give --rig or --model")),
+        };
+        let (motor, _) = motor_of(model)?;
+        let rig = Rig::read(surroundings).map_err(Failure::input)?;
+        let needed = |key: &str, value: Option<f64>| {
+            let name = surroundings.display();
+            value.ok_or_else(|| Failure::input(format!("{name}: {key} is missing: the design needs it, add it")))
+        };
+        let bench = Bench {
+            supply_v: needed("supply.voltage_V", rig.supply.voltage_v)?,
+            counts_per_rev: needed("encoder.counts_per_rev", rig.encoder.counts_per_rev)?,
+            current_measured: !self.no_current_sensor,
+            ..Bench::default()
+        };
+        Ok((motor, bench, rig))
+    }
+}
+
+/// Half a page.
+fn page(designs: &[Design], commands: &[String]) -> String {
+    let mut text: String = designs.iter().map(report::summary).collect();
+    text += "\npaste into the console, then `save`:\n";
+    for command in commands {
+        text += &format!("  {command}\n");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RIG: &str = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 1024\n[motor]\nresistance_ohm = 5.84\n\
+        inductance_H = 11.68e-3\ntorque_constant_Nm_per_A = 0.072\ninertia_kg_m2 = 2.22e-5\nviscous_friction_Nm_s = 5e-6\n";
+
+    fn arguments(rig: &std::path::Path) -> Arguments {
+        Arguments {
+            rig: Some(rig.into()),
+            model: None,
+            speed: true,
+            position: false,
+            pid: true,
+            lqr: false,
+            bandwidth_hz: Some(10.0),
+            settling_s: None,
+            overshoot_percent: 10.0,
+            current_limit_a: 1.0,
+            no_current_sensor: false,
+            compensate: false,
+            coulomb_nm: 0.0,
+            json: None,
+            report: None,
+        }
+    }
+
+    #[test]
+    fn from_a_rig_file_to_a_file_and_a_page() {
+        let directory = std::env::temp_dir().join(format!("motorbench-design-{}", std::process::id()));
+        std::fs::create_dir_all(&directory).unwrap();
+        let (rig, json, html) =
+            (directory.join("rig.toml"), directory.join("design.json"), directory.join("design.html"));
+        std::fs::write(&rig, RIG).unwrap();
+        run(&Arguments { json: Some(json.clone()), report: Some(html.clone()), ..arguments(&rig) }).unwrap();
+        let text = std::fs::read_to_string(json).unwrap();
+        let result: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(result["designs"][0]["law"], "speed_pid");
+        assert_eq!(result["designs"][0]["gains"][0]["name"], "speed_kp");
+        assert!(result["commands"][0].as_str().unwrap().starts_with("set "));
+        let page = std::fs::read_to_string(html).unwrap();
+        assert!(page.matches("<svg").count() >= 4 && !page.contains("http://www.w3.org/1999/xlink"));
+
+        for (missing, expected) in [
+            ("inertia_kg_m2 = 2.22e-5\n", "motor.inertia_kg_m2 is missing"),
+            ("voltage_V = 12\n", "supply.voltage_V is missing"),
+            ("counts_per_rev = 1024\n", "encoder.counts_per_rev is missing"),
+        ] {
+            std::fs::write(&rig, RIG.replace(missing, "")).unwrap();
+            let failure = run(&arguments(&rig)).unwrap_err();
+            assert!(failure.code == 1 && failure.message.contains(expected), "{}", failure.message);
+        }
+        std::fs::remove_dir_all(directory).unwrap();
+    }
+}

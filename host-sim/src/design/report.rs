@@ -1,0 +1,219 @@
+//! A design for people: half a page of text, and a page with plots that needs nothing but itself.
+
+use super::Design;
+use super::law::ControlLaw;
+use super::robustness::corners;
+use super::sampled_loop::SampledLoop;
+use super::specification::Speed;
+use super::trial::Point;
+use crate::linear::eigenvalues;
+use crate::linear::frequency_response::BodePoint;
+use crate::motor::MotorParameters;
+use nalgebra::Complex;
+use plotters::prelude::*;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Size of a plot.
+const SIZE: (u32, u32) = (560, 320);
+/// Most points of a line.
+const MAX_POINTS: usize = 800;
+
+/// A few lines on a design.
+pub fn summary(design: &Design) -> String {
+    let asked = match design.specification.speed {
+        Speed::BandwidthHz(hz) => format!("bandwidth at least {hz} Hz"),
+        Speed::SettlingS(settling_s) => format!("settled in at most {settling_s} s"),
+    };
+    let overshoot = design.specification.overshoot_percent;
+    let mut text = format!("{}: {asked}, overshoot at most {overshoot} %\n", design.law.title());
+    for gain in &design.gains {
+        text += &format!("  {:16} {:>11.6} {:10} held as {:.6}\n", gain.name, gain.value, gain.unit, gain.held);
+    }
+    let (figures, step) = (&design.figures, &design.figures.step);
+    text += &format!(
+        "  linear loop      bandwidth {:.2} Hz, rise {:.1} ms, settling {:.1} ms, overshoot {:.1} %\n",
+        figures.bandwidth_hz,
+        1e3 * step.rise_s,
+        1e3 * step.settling_s,
+        step.overshoot_percent
+    );
+    let margins = &design.robustness.margins;
+    text += &format!(
+        "  margins          gain {:.1}, phase {:.0} degrees, modulus {:.2}, delay {:.1} ms\n",
+        margins.gain,
+        margins.phase_deg,
+        margins.modulus,
+        1e3 * margins.delay_s
+    );
+    text += &format!(
+        "  parameters +-30% largest eigenvalue {:.4}, with the model's own {:.4}\n",
+        design.robustness.worst_spectral_radius, design.robustness.spectral_radius
+    );
+    let (trial, unit) = (&design.trial, unit(design.law));
+    text += &format!(
+        "  on the core      step to {:.2} {unit}: at most {:.2} V, {:.2} A; at the end off by {:.4} {unit}\n",
+        trial.step, trial.peak_v, trial.peak_a, trial.last_deviation
+    );
+    text += &format!(
+        "  without profile  the same step would ask for {:.1} V, {:.2} A\n",
+        design.plain_step_peak_v, design.plain_step_peak_a
+    );
+    text
+}
+
+fn unit(law: ControlLaw) -> &'static str {
+    if law.is_position() { "rad" } else { "rad/s" }
+}
+
+/// A page with the plots of all designs.
+pub fn html(motor: &MotorParameters, designs: &[Design], commands: &[String]) -> String {
+    let mut body = String::new();
+    for design in designs {
+        body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n<div>", design.law.title(), summary(design));
+        for plot in [step_plot(motor, design), effort_plot(design), loop_plot(motor, design), root_plot(motor, design)]
+        {
+            // A plot is drawn into memory: nothing can fail but the plot's own logic.
+            body += &plot.unwrap_or_else(|error| format!("<p>{error}</p>"));
+        }
+        body += "</div>\n";
+    }
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>motorbench design</title>\n\
+         <style>body{{font-family:sans-serif;max-width:1160px;margin:2em auto}}pre{{background:#f4f4f4;padding:1em}}</style>\n\
+         </head><body>\n<h1>Design</h1>\n{body}<h2>For the console</h2>\n<pre>{}</pre>\n</body></html>\n",
+        commands.join("\n")
+    )
+}
+
+type Plot = Result<String, Box<dyn std::error::Error>>;
+
+/// A line of a plot.
+struct Line {
+    label: &'static str,
+    colour: RGBColor,
+    points: Vec<(f64, f64)>,
+}
+
+impl Line {
+    /// With few enough points for a page.
+    fn new(label: &'static str, colour: RGBColor, points: impl ExactSizeIterator<Item = (f64, f64)>) -> Self {
+        let stride = points.len().div_ceil(MAX_POINTS).max(1);
+        Self { label, colour, points: points.step_by(stride).collect() }
+    }
+}
+
+/// Lines over a common axis.
+fn lines(title: &str, x_title: &str, y_title: &str, lines: &[Line]) -> Plot {
+    let all = || lines.iter().flat_map(|line| &line.points);
+    let (x, y) = (span(all().map(|point| point.0), 0.0), span(all().map(|point| point.1), 0.05));
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        root.fill(&WHITE)?;
+        let mut chart = ChartBuilder::on(&root)
+            .caption(title, ("sans-serif", 16))
+            .margin(8)
+            .x_label_area_size(36)
+            .y_label_area_size(56)
+            .build_cartesian_2d(x, y)?;
+        chart.configure_mesh().x_desc(x_title).y_desc(y_title).light_line_style(WHITE).draw()?;
+        for line in lines {
+            let colour = line.colour;
+            chart
+                .draw_series(LineSeries::new(line.points.iter().copied(), &colour))?
+                .label(line.label)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
+        }
+        chart.configure_series_labels().border_style(BLACK).background_style(WHITE).draw()?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+/// From the smallest to the largest value, and a part of their distance more.
+fn span(values: impl Iterator<Item = f64>, more: f64) -> Range<f64> {
+    let finite = values.filter(|value| value.is_finite());
+    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    let margin = (more * (high - low)).max(1e-9);
+    low - margin..high + margin
+}
+
+fn step_plot(motor: &MotorParameters, design: &Design) -> Plot {
+    let output = |point: &Point| if design.law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
+    let linear = design.linear_response(motor);
+    let points = &design.points;
+    lines(
+        "Step through the profile",
+        "t in s",
+        unit(design.law),
+        &[
+            Line::new("reference", BLACK, points.iter().map(|point| (point.t_s, point.reference))),
+            Line::new("linear", BLUE, points.iter().zip(linear).map(|(point, value)| (point.t_s, value))),
+            Line::new("core, fixed point", RED, points.iter().map(|point| (point.t_s, output(point)))),
+        ],
+    )
+}
+
+fn effort_plot(design: &Design) -> Plot {
+    let points = &design.points;
+    lines(
+        "Voltage and current on the core",
+        "t in s",
+        "V, A",
+        &[
+            Line::new("voltage in V", BLUE, points.iter().map(|point| (point.t_s, point.u_v))),
+            Line::new("current in A", RED, points.iter().map(|point| (point.t_s, point.i_a))),
+        ],
+    )
+}
+
+/// The open loop's gain and phase over the frequency.
+fn loop_plot(motor: &MotorParameters, design: &Design) -> Plot {
+    let points = SampledLoop::new(motor, design.law, &design.sampling).open_loop(&design.held);
+    // Where the loop does anything: two decades about its crossover.
+    let crossover = TAU * design.robustness.margins.crossover_hz;
+    let near = |point: &&BodePoint| (0.01..100.0).contains(&(point.omega_rad_per_s / crossover));
+    let near: Vec<&BodePoint> = points.iter().filter(near).collect();
+    let decade = |point: &BodePoint| (point.omega_rad_per_s / TAU).log10();
+    lines(
+        "Open loop",
+        "log10 of the frequency in Hz",
+        "dB, degrees / 5",
+        &[
+            Line::new("gain in dB", BLUE, near.iter().map(|point| (decade(point), 20.0 * point.magnitude.log10()))),
+            Line::new(
+                "phase in degrees / 5",
+                RED,
+                near.iter().map(|point| (decade(point), point.phase_rad.to_degrees() / 5.0)),
+            ),
+        ],
+    )
+}
+
+/// Eigenvalues of the sampled loop, with the model's parameters and with all of them 30 % off.
+fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
+    let roots = |motor: &MotorParameters| {
+        eigenvalues(&SampledLoop::new(motor, design.law, &design.sampling).closed(&design.held).a)
+    };
+    let place = |root: &Complex<f64>| (root.re, root.im);
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        root.fill(&WHITE)?;
+        let mut chart = ChartBuilder::on(&root)
+            .caption("Roots of the sampled loop: red with parameters +-30 %", ("sans-serif", 16))
+            .margin(8)
+            .x_label_area_size(36)
+            .y_label_area_size(56)
+            .build_cartesian_2d(-2.1..2.1, -1.2..1.2)?;
+        chart.configure_mesh().x_desc("real").y_desc("imaginary").light_line_style(WHITE).draw()?;
+        let circle = (0..=200).map(|i| (TAU * f64::from(i) / 200.0).sin_cos());
+        chart.draw_series(LineSeries::new(circle, &BLACK))?;
+        let others = corners(motor).flat_map(|corner| roots(&corner)).collect::<Vec<_>>();
+        chart.draw_series(others.iter().map(|root| Circle::new(place(root), 2, RED)))?;
+        chart.draw_series(roots(motor).iter().map(|root| Cross::new(place(root), 4, BLUE)))?;
+        root.present()?;
+    }
+    Ok(svg)
+}
