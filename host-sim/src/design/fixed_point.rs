@@ -71,6 +71,20 @@ impl SettingList {
         Ok(())
     }
 
+    /// Lowers the position PID's feed-forward to a part of itself; says whether there was any worth lowering.
+    ///
+    /// # Errors
+    /// [`DesignError::Setting`] below the setting's range.
+    pub fn feed_less_forward(&mut self, law: ControlLaw, part: f64) -> Result<bool, DesignError> {
+        let (feed_forward, derivative) = (self.all.get(Param::PositionKff), self.all.get(Param::PositionKd));
+        // Less than this does not even make up for the derivative, and is no cause of overshoot.
+        if law != ControlLaw::PositionPid || feed_forward <= 0.5 * derivative {
+            return Ok(false);
+        }
+        self.set(Param::PositionKff, part * f64::from(feed_forward))?;
+        Ok(true)
+    }
+
     /// Slows the reference's profile down to a part of its acceleration.
     ///
     /// # Errors
@@ -109,10 +123,8 @@ impl SettingList {
 /// What the core says against a setting, with what to do about it.
 fn refusal(error: BuildError, value: f64) -> DesignError {
     let advice = match error.rule {
-        Rule::TooLarge => "ask for a slower loop, or choose a smaller range (speed_range, position_range)",
-        Rule::TooSmall | Rule::RoundsToZero => {
-            "ask for a faster loop, or choose a larger range (speed_range, position_range)"
-        }
+        Rule::TooLarge => "ask for a slower loop",
+        Rule::TooSmall | Rule::RoundsToZero => "ask for a faster loop",
         Rule::NotPowerOfTwo | Rule::NotAllowed | Rule::NotFinite => "check the model and the rig",
     };
     let why = match error.rule {
@@ -123,7 +135,13 @@ fn refusal(error: BuildError, value: f64) -> DesignError {
         Rule::NotAllowed => "is not allowed",
         Rule::NotFinite => "is not a number",
     };
-    DesignError::Setting { name: setting_name(error.param), value, unit: setting_unit(error.param), why, advice }
+    DesignError::Setting {
+        name: setting_name(error.param),
+        value: rounded(value),
+        unit: setting_unit(error.param),
+        why,
+        advice,
+    }
 }
 
 /// The rig's settings: ranges, limits, trips, reference profile.

@@ -125,6 +125,20 @@ pub enum DesignError {
         /// Asked for.
         asked_percent: f64,
     },
+    /// Rounded to the core's formats, the gains miss the specification.
+    #[error(
+        "rounded to the core's formats, the {law} has a bandwidth of {bandwidth_hz:.3} Hz, settles in {settling_s:.3} s and overshoots by {overshoot_percent:.1} %: ask for a faster loop"
+    )]
+    Quantised {
+        /// Which law.
+        law: &'static str,
+        /// Bandwidth that is left.
+        bandwidth_hz: f64,
+        /// Settling time.
+        settling_s: f64,
+        /// Overshoot.
+        overshoot_percent: f64,
+    },
     /// The loop would not withstand what it meets.
     #[error("the {law} would not be robust: {weakness}; ask for a slower loop")]
     NotRobust {
@@ -163,6 +177,8 @@ pub struct TrialFigures {
     pub step: f64,
     /// Largest deviation from the reference in the last fifth, in rad/s or rad.
     pub last_deviation: f64,
+    /// Largest excess over the step, in percent of it.
+    pub overshoot_percent: f64,
     /// Largest voltage.
     #[serde(rename = "peak_V")]
     pub peak_v: f64,
@@ -330,14 +346,15 @@ fn checked(
     let sampled = SampledLoop::new(motor, law, &sampling);
     let figures = search::figures(&sampled, &held, candidate.weight_rad_per_s)
         .ok_or_else(|| not_robust(Weakness::Unstable { radius: robustness.spectral_radius }))?;
-    let (trial, points) = gentle_trial(motor, law, &mut settings, figures.step.settling_s)?;
+    kept(law, specification, &figures)?;
+    let (trial, points) = gentle_trial(motor, law, &mut settings, specification, figures.step.settling_s)?;
     let plain = sampled.closed(&held).step_response(PLAIN_STEP_TICKS);
     let voltage = |tick: usize| plain[(1, tick)] + held.reference;
     let peak_v = (0..PLAIN_STEP_TICKS).map(|tick| voltage(tick).abs()).fold(0.0, f64::max);
     let gains = law.feedback().iter().zip(&held.feedback).map(|(&(param, _), &held)| DesignedGain {
         name: setting_name(param),
         unit: setting_unit(param),
-        value: settings.all.get(param).into(),
+        value: fixed_point::rounded(settings.all.get(param).into()),
         held,
     });
     Ok(Design {
@@ -358,10 +375,34 @@ fn checked(
     })
 }
 
+/// Part of a figure of the specification that quantising may cost.
+const QUANTISING: f64 = 0.05;
+
+/// Whether the loop keeps the specification with the gains as the core holds them.
+fn kept(law: ControlLaw, specification: &Specification, figures: &LoopFigures) -> Result<(), DesignError> {
+    let overshoot = figures.step.overshoot_percent;
+    let slow = match specification.speed {
+        Speed::BandwidthHz(hz) => figures.bandwidth_hz < (1.0 - QUANTISING) * hz,
+        Speed::SettlingS(settling_s) => figures.step.settling_s > (1.0 + QUANTISING) * settling_s,
+    };
+    if slow || overshoot > specification.overshoot_percent + 100.0 * QUANTISING {
+        return Err(DesignError::Quantised {
+            law: law.title(),
+            bandwidth_hz: figures.bandwidth_hz,
+            settling_s: figures.step.settling_s,
+            overshoot_percent: overshoot,
+        });
+    }
+    Ok(())
+}
+
 /// Ticks of the plain step in which voltage and current have their peaks.
 const PLAIN_STEP_TICKS: usize = 1000;
-/// Profiles tried, each slower than the one before.
-const PROFILES: usize = 5;
+/// Profiles tried, each gentler than the one before, and by how much where nothing says more.
+const PROFILES: usize = 12;
+const GENTLER: f64 = 0.6;
+/// Overshoot of the core that no specification forbids: what the resolution of sensors and duty leaves.
+const LEAST_OVERSHOOT_PERCENT: f64 = 0.5;
 /// Part of the no-load speed that the trial's speed step goes to.
 const TRIAL_SPEED_PART: f64 = 0.4;
 /// Angle the trial's position step goes to.
@@ -374,22 +415,38 @@ const SETTLED_SPEED_BITS: f64 = 8.0;
 /// Part of the step that a trial may be off at its end, where that is more.
 const SETTLED_STEP_PART: f64 = 0.02;
 
-/// A trial with the reference's profile slowed down until the current stays where it may.
+/// A trial with the feed-forward lowered and the reference's profile slowed down until overshoot and current stay where
+/// they may.
 fn gentle_trial(
     motor: &MotorParameters,
     law: ControlLaw,
     settings: &mut SettingList,
+    specification: &Specification,
     settling_s: f64,
 ) -> Result<(TrialFigures, Vec<Point>), DesignError> {
-    let most_a = fixed_point::ACCELERATION_PART * f64::from(settings.all.get(Param::CurrentLimit));
+    let most_a = fixed_point::ACCELERATION_PART * specification.current_limit_a;
+    let most_percent = specification.overshoot_percent.max(LEAST_OVERSHOOT_PERCENT);
     for _ in 0..PROFILES {
         match run_trial(motor, law, settings, settling_s) {
-            Ok((figures, points)) if figures.peak_a <= most_a => return Ok((figures, points)),
-            Ok((figures, _)) => settings.slow_down(0.95 * most_a / figures.peak_a)?,
-            Err(_) => settings.slow_down(0.5)?,
+            Ok((figures, _)) if figures.peak_a > most_a => settings.slow_down(0.95 * most_a / figures.peak_a)?,
+            Ok((figures, _)) if figures.overshoot_percent > most_percent => {
+                if !settings.feed_less_forward(law, GENTLER)? {
+                    settings.slow_down(GENTLER)?;
+                }
+            }
+            Ok(done) => return Ok(done),
+            Err(_) => settings.slow_down(GENTLER)?,
         }
     }
-    run_trial(motor, law, settings, settling_s)
+    let (figures, points) = run_trial(motor, law, settings, settling_s)?;
+    let what = if figures.peak_a > specification.current_limit_a {
+        format!("the current reaches {:.2} A", figures.peak_a)
+    } else if figures.overshoot_percent > most_percent {
+        format!("through the profile it overshoots by {:.1} %", figures.overshoot_percent)
+    } else {
+        return Ok((figures, points));
+    };
+    Err(DesignError::Trial { law: law.title(), what })
 }
 
 /// The core with the motor of the model: follows a step through its profile and settles.
@@ -422,14 +479,14 @@ fn run_trial(
         return Err(fails(format!("at the end it is off by {last_deviation:.3} of {step:.3}")));
     }
     let most = |of: fn(&Point) -> f64| points.iter().map(|point| of(point).abs()).fold(0.0, f64::max);
-    let limit_v = 0.998 * get(Param::VoltageLimit);
-    let limited = points.iter().filter(|point| point.u_v.abs() > limit_v || point.i_a.abs() > get(Param::CurrentLimit));
+    let limited = points.iter().filter(|point| point.limited).count();
     let figures = TrialFigures {
         step,
         last_deviation,
+        overshoot_percent: 100.0 * points.iter().map(|point| output(point) / step - 1.0).fold(0.0, f64::max),
         peak_v: most(|point| point.u_v),
         peak_a: most(|point| point.i_a),
-        limited_part: limited.count() as f64 / points.len() as f64,
+        limited_part: limited as f64 / points.len() as f64,
     };
     Ok((figures, points))
 }

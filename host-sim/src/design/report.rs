@@ -28,7 +28,7 @@ pub fn summary(design: &Design) -> String {
     let overshoot = design.specification.overshoot_percent;
     let mut text = format!("{}: {asked}, overshoot at most {overshoot} %\n", design.law.title());
     for gain in &design.gains {
-        text += &format!("  {:16} {:>11.6} {:10} held as {:.6}\n", gain.name, gain.value, gain.unit, gain.held);
+        text += &format!("  {:16} {:>11} {:11} held as {:.6}\n", gain.name, gain.value, gain.unit, gain.held);
     }
     let (figures, step) = (&design.figures, &design.figures.step);
     text += &format!(
@@ -52,8 +52,13 @@ pub fn summary(design: &Design) -> String {
     );
     let (trial, unit) = (&design.trial, unit(design.law));
     text += &format!(
-        "  on the core      step to {:.2} {unit}: at most {:.2} V, {:.2} A; at the end off by {:.4} {unit}\n",
-        trial.step, trial.peak_v, trial.peak_a, trial.last_deviation
+        "  on the core      step to {:.2} {unit}: at most {:.2} V, {:.2} A, overshoot {:.1} %; at the end off by {:.4} {unit}; at a limit {:.0} %\n",
+        trial.step,
+        trial.peak_v,
+        trial.peak_a,
+        trial.overshoot_percent,
+        trial.last_deviation,
+        100.0 * trial.limited_part
     );
     text += &format!(
         "  without profile  the same step would ask for {:.1} V, {:.2} A\n",

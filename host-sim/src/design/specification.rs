@@ -26,8 +26,8 @@ impl Speed {
     }
 }
 
-/// A specification. Bandwidth, settling and overshoot are those of the linear sampled loop after a plain step of the
-/// reference; the core's reference profile only makes it gentler.
+/// A specification. Bandwidth and settling are those of the linear sampled loop after a plain step of the reference;
+/// the overshoot must be kept by a plain step and by the core behind its reference profile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Specification {
     /// How fast.

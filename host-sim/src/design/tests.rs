@@ -55,6 +55,7 @@ fn settling_is_a_specification_too() {
         let design = design(&MotorParameters::PIVT6, &Bench::default(), law, &specification).unwrap();
         assert!(design.figures.step.settling_s <= 0.102, "{law:?} {:?}", design.figures);
         assert!(design.figures.step.overshoot_percent <= 5.1, "{law:?} {:?}", design.figures);
+        assert!(design.trial.overshoot_percent <= 5.0, "{law:?} {:?}", design.trial);
     }
 }
 
@@ -127,6 +128,37 @@ fn bad_input_is_refused_each_with_its_own_message() {
         println!("{message}");
         assert!(message.contains(expected), "{message}");
     }
+}
+
+/// A flywheel: the gain that would make it fast is beyond the core's format.
+#[test]
+fn a_gain_that_the_core_cannot_hold_is_refused_by_name() {
+    let flywheel =
+        MotorParameters { inertia_kg_m2: 100.0 * MotorParameters::PIVT6.inertia_kg_m2, ..MotorParameters::PIVT6 };
+    let specification =
+        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+    for (law, name) in [(ControlLaw::SpeedPid, "speed_kp"), (ControlLaw::SpeedLqr, "lqr_speed_k")] {
+        let error = design(&flywheel, &Bench::default(), law, &specification).unwrap_err().to_string();
+        println!("{error}");
+        assert!(
+            error.starts_with(name) && error.contains("larger than its format holds: ask for a slower loop"),
+            "{error}"
+        );
+    }
+}
+
+/// Gains that stabilise the model alone are refused: each weakness is found.
+#[test]
+fn a_loop_that_is_not_robust_is_refused() {
+    let judge = |kp: f64, ki: f64| {
+        let gains = Gains { feedback: vec![kp, 0.0, ki], reference: kp };
+        robustness::check(&MotorParameters::PIVT6, ControlLaw::SpeedPid, &Sampling::new(1e-3, 2e-3), &gains)
+    };
+    assert!(judge(0.1, 3.0).is_ok());
+    assert!(matches!(judge(5.0, 3.0), Err(Weakness::Unstable { .. })), "{:?}", judge(5.0, 3.0));
+    assert!(matches!(judge(1.0, 3.0), Err(Weakness::Modulus { .. })), "{:?}", judge(1.0, 3.0));
+    let message = judge(1.0, 3.0).unwrap_err().to_string();
+    assert!(message.contains("at least 0.5 is needed"), "{message}");
 }
 
 /// A motor somewhere in two decades of each parameter, with an encoder that the chip can count and a specification

@@ -9,7 +9,7 @@ use crate::plant::{Bridge, Inputs as PlantInputs, Plant};
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
 use motorbench_core::encoder::Edges;
 use motorbench_core::excitation;
-use motorbench_core::message::{Mode, Request, Sample};
+use motorbench_core::message::{Mode, Request, Sample, State};
 use motorbench_core::pins::{CPU_HZ, PWM_HZ, PWM_STEPS};
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::units::{FULL_RANGE, VOLT};
@@ -45,6 +45,8 @@ pub struct Point {
     /// True current.
     #[serde(rename = "i_A")]
     pub i_a: f64,
+    /// The voltage was at a limit: saturation, slew or current.
+    pub limited: bool,
 }
 
 /// A motor under the core.
@@ -158,6 +160,7 @@ impl<P: Plant> Trial<P> {
             omega_rad_per_s: self.plant.speed_rad_per_s(),
             theta_rad: self.plant.angle_rad(),
             i_a: self.plant.current_a(),
+            limited: sample.state.has(State::LIMITED),
         }
     }
 
