@@ -10,11 +10,15 @@
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
+pub mod catalogue;
 #[cfg(feature = "chip")]
 pub mod chip;
 pub mod commands;
 pub mod design;
 pub mod linear;
+pub mod dataset;
+pub mod free_run;
+pub mod model;
 pub mod motor;
 pub mod plant;
 pub mod recording;

@@ -1,0 +1,75 @@
+//! Backlash: the load hangs behind a gap in a gear or a coupling; the sensor sees the motor.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// Natural frequency of the contact: high enough to be a blow, low enough for half a millisecond's step.
+const CONTACT_HZ: f64 = 120.0;
+/// Damping ratio of the contact: plastic and brass gears hardly rebound.
+const CONTACT_DAMPING: f64 = 0.5;
+
+/// Stiffness in Nm/rad and damping in Nm s/rad of the contact.
+fn contact(values: &[f64], motor: &MotorParameters) -> (f64, f64) {
+    let share = values[1].clamp(1e-3, 0.95);
+    let reduced_kg_m2 = share * (1.0 - share) * motor.inertia_kg_m2;
+    let rate = std::f64::consts::TAU * CONTACT_HZ;
+    (reduced_kg_m2 * rate * rate, 2.0 * CONTACT_DAMPING * reduced_kg_m2 * rate)
+}
+
+/// See the module.
+pub struct Backlash;
+
+static ABOUT: About = About {
+    id: "backlash",
+    title: "backlash between motor and load",
+    acts_on: ActsOn::Torque,
+    parameters: &[Parameter::within("gap_rad", 0.0, 1.0), Parameter::within("load_inertia_share", 0.0, 0.95)],
+    law: "The load follows only in contact: a stiff spring with a dead zone of gap_rad",
+    looks_like: "After each reversal of torque the motor runs light for a moment, then hits; the missing torque is a pair of pulses",
+    confused_with: &["shaft_compliance", "stribeck_friction"],
+    experiment: "Reverse slowly from rest with an encoder on each side, or feel the play by hand",
+    remedy: "Slow reversals; no derivative on the motor side at the gap; a dead-zone inverse in position control",
+    source: "Nordin and Gutman, Automatica 38 (2002)",
+};
+
+impl Effect for Backlash {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        [0.04, 0.12].map(|gap_rad| vec![gap_rad, 0.4]).to_vec()
+    }
+
+    fn states(&self) -> usize {
+        2
+    }
+
+    fn motor_share(&self, values: &[f64]) -> f64 {
+        1.0 - values[1]
+    }
+
+    fn contribute(&self, values: &[f64], motor: &MotorParameters, _at: &Instant, state: &[f64], balance: &mut Balance) {
+        let (stiffness, damping) = contact(values, motor);
+        let (twist_rad, load_rad_per_s) = (state[0], state[1]);
+        let half_gap_rad = 0.5 * values[0];
+        let depth_rad = twist_rad - twist_rad.clamp(-half_gap_rad, half_gap_rad);
+        if depth_rad != 0.0 {
+            balance.torque_nm += damping * load_rad_per_s - stiffness * depth_rad;
+            balance.viscous_nm_s += damping;
+        }
+    }
+
+    fn advance(&self, values: &[f64], motor: &MotorParameters, at: &Instant, state: &mut [f64]) {
+        let (stiffness, damping) = contact(values, motor);
+        let load_kg_m2 = values[1].max(1e-3) * motor.inertia_kg_m2;
+        let half_gap_rad = 0.5 * values[0];
+        let depth_rad = state[0] - state[0].clamp(-half_gap_rad, half_gap_rad);
+        if depth_rad != 0.0 {
+            let pull_nm = stiffness * depth_rad + damping * at.speed_rad_per_s;
+            let implicit = load_kg_m2 + at.step_s * damping;
+            state[1] = (load_kg_m2 * state[1] + at.step_s * pull_nm) / implicit;
+        }
+        state[0] += at.step_s * (at.speed_rad_per_s - state[1]);
+    }
+}

@@ -1,0 +1,42 @@
+//! Coulomb friction: bearings and brushes resist with a constant torque, and hold the shaft below it.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// See the module.
+pub struct CoulombFriction;
+
+static ABOUT: About = About {
+    id: "coulomb_friction",
+    title: "Coulomb friction",
+    acts_on: ActsOn::Torque,
+    parameters: &[Parameter::positive("torque_Nm")],
+    law: "T = torque_Nm sign(w); at rest it balances up to torque_Nm",
+    looks_like: "The missing torque is a step at zero speed; the motor does not start below a voltage; speed stops within a finite time",
+    confused_with: &["friction_asymmetry", "stribeck_friction", "voltage_drop"],
+    experiment: "A slow ramp through zero both ways with the current measured: friction shows in the current, a voltage drop does not",
+    remedy: "Feed-forward of friction_Nm R / k volts in the direction of the reference, smooth around zero; integral action against what remains",
+    source: "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994)",
+};
+
+impl Effect for CoulombFriction {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.03 * scales.stall_torque_nm()]]
+    }
+
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        _at: &Instant,
+        _state: &[f64],
+        balance: &mut Balance,
+    ) {
+        balance.dry_forward_nm += values[0];
+        balance.dry_backward_nm += values[0];
+    }
+}

@@ -1,0 +1,33 @@
+//! Current offset: the sensor's zero is not where the program has it.
+
+use super::{About, ActsOn, Effect, Instant, Parameter, Readings, Scales};
+
+/// See the module.
+pub struct CurrentOffset;
+
+static ABOUT: About = About {
+    id: "current_offset",
+    title: "an offset of the current reading",
+    acts_on: ActsOn::CurrentSensor,
+    parameters: &[Parameter::signed("offset_A")],
+    law: "reading = i + offset_A",
+    looks_like: "A current at rest with the bridge off",
+    confused_with: &["load_torque", "friction_asymmetry"],
+    experiment: "Read the current with the motor unplugged",
+    remedy: "Calibrate the zero at rest before every run (the console's zero command)",
+    source: "Allegro ACS712 data sheet (zero current output)",
+};
+
+impl Effect for CurrentOffset {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.02 * scales.current_a.max(0.1)]]
+    }
+
+    fn sense(&self, values: &[f64], _at: &Instant, _state: &mut [f64], readings: &mut Readings) {
+        readings.current_a += values[0];
+    }
+}

@@ -1,0 +1,35 @@
+//! Encoder eccentricity: the disc turns off its centre; the angle is wrong by a wave a revolution.
+
+use super::{About, ActsOn, Effect, Instant, Parameter, Readings, Scales};
+
+/// See the module.
+pub struct EncoderEccentricity;
+
+static ABOUT: About = About {
+    id: "encoder_eccentricity",
+    title: "an eccentric encoder disc",
+    acts_on: ActsOn::AngleSensor,
+    parameters: &[Parameter::signed("cosine_rad"), Parameter::signed("sine_rad")],
+    law: "angle reading = a + cosine_rad cos(a) + sine_rad sin(a)",
+    looks_like: "The speed wobbles once a revolution, in proportion to the speed, while the current does not",
+    confused_with: &["gravity_unbalance", "tacho_ripple"],
+    experiment: "The wobble in proportion to the speed: a torque's falls with the speed",
+    remedy: "Table of correction over the angle; average over whole revolutions; a second reading head",
+    source: "Ellis, Control System Design Guide (2012)",
+};
+
+impl Effect for EncoderEccentricity {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.02, 0.02]]
+    }
+
+    fn sense(&self, values: &[f64], at: &Instant, _state: &mut [f64], readings: &mut Readings) {
+        let (sine, cosine) = at.angle_rad.sin_cos();
+        readings.angle_rad += values[0] * cosine + values[1] * sine;
+        readings.speed_rad_per_s *= 1.0 - values[0] * sine + values[1] * cosine;
+    }
+}

@@ -1,0 +1,42 @@
+//! Friction asymmetry: brushes set at an angle and preloaded bearings rub more in one direction.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// See the module.
+pub struct FrictionAsymmetry;
+
+static ABOUT: About = About {
+    id: "friction_asymmetry",
+    title: "friction that differs between directions",
+    acts_on: ActsOn::Torque,
+    parameters: &[Parameter::signed("difference_Nm")],
+    law: "Coulomb friction is greater by difference_Nm / 2 forwards and smaller by as much backwards",
+    looks_like: "Friction curve with unequal branches; the same voltage gives different speeds forwards and backwards",
+    confused_with: &["load_torque", "current_offset"],
+    experiment: "Measure the torque that just does not move the shaft, both ways, by hand or with the motor off on an incline: a load acts without motion, friction does not",
+    remedy: "Separate feed-forward levels for the two directions",
+    source: "Kelly, Llamas, Campa, IEEE Trans. Instrumentation and Measurement 49 (2000)",
+};
+
+impl Effect for FrictionAsymmetry {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.02 * scales.stall_torque_nm()]]
+    }
+
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        _at: &Instant,
+        _state: &[f64],
+        balance: &mut Balance,
+    ) {
+        balance.dry_forward_nm += 0.5 * values[0];
+        balance.dry_backward_nm -= 0.5 * values[0];
+    }
+}

@@ -1,0 +1,37 @@
+//! Friction that falls as grease and brushes warm up.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// See the module.
+pub struct FrictionWarmup;
+
+static ABOUT: About = About {
+    id: "friction_warmup",
+    title: "friction that falls while the motor warms up",
+    acts_on: ActsOn::Torque,
+    parameters: &[Parameter::within("excess_share", -0.5, 20.0), Parameter::within("time_constant_s", 0.05, 1e4)],
+    law: "All friction is greater by excess_share exp(-t / time_constant_s)",
+    looks_like: "The friction curve of the first seconds lies above that of the last",
+    confused_with: &["winding_heating", "load_step"],
+    experiment: "Record again at once, without a pause: warm friction stays low; and after an hour's rest",
+    remedy: "Warm up before tuning; integral action; tune for the warm motor with margin for the cold one",
+    source: "Harnoy, Bearing Design in Machinery (2002)",
+};
+
+impl Effect for FrictionWarmup {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        [0.12, 0.35].map(|share| vec![0.4, share * scales.duration_s]).to_vec()
+    }
+
+    fn contribute(&self, values: &[f64], motor: &MotorParameters, at: &Instant, _state: &[f64], balance: &mut Balance) {
+        let excess = values[0] * (-at.time_s / values[1]).exp();
+        balance.viscous_nm_s += excess * (motor.viscous_friction_nm_s + balance.viscous_nm_s);
+        balance.dry_forward_nm *= 1.0 + excess;
+        balance.dry_backward_nm *= 1.0 + excess;
+    }
+}

@@ -1,0 +1,43 @@
+//! Unbalance under gravity: an arm, a crank or an eccentric mass on a horizontal shaft.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// See the module.
+pub struct GravityUnbalance;
+
+static ABOUT: About = About {
+    id: "gravity_unbalance",
+    title: "an unbalanced mass under gravity",
+    acts_on: ActsOn::Torque,
+    parameters: &[Parameter::signed("cosine_Nm"), Parameter::signed("sine_Nm")],
+    law: "T = cosine_Nm cos(a) + sine_Nm sin(a)",
+    looks_like: "The missing torque folded over a revolution is one wave; the shaft comes to rest at one angle",
+    confused_with: &["cogging", "encoder_eccentricity"],
+    experiment: "Turn the bench so that the shaft stands upright: gravity disappears, everything else stays",
+    remedy: "Feed-forward of m g r sin(a); balance the load",
+    source: "Leonhard, Control of Electrical Drives (2001)",
+};
+
+impl Effect for GravityUnbalance {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        let torque_nm = 0.02 * scales.stall_torque_nm();
+        vec![vec![torque_nm, torque_nm]]
+    }
+
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        at: &Instant,
+        _state: &[f64],
+        balance: &mut Balance,
+    ) {
+        let (sine, cosine) = at.angle_rad.sin_cos();
+        balance.torque_nm -= values[0] * cosine + values[1] * sine;
+    }
+}

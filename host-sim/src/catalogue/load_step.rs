@@ -1,0 +1,44 @@
+//! Load step: something takes hold of the shaft, or lets it go, during the recording.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// See the module.
+pub struct LoadStep;
+
+static ABOUT: About = About {
+    id: "load_step",
+    title: "a load that came or went during the recording",
+    acts_on: ActsOn::Torque,
+    parameters: &[Parameter::signed("torque_Nm"), Parameter::positive("time_s")],
+    law: "T = torque_Nm from time_s on",
+    looks_like: "The missing torque jumps at one moment and stays",
+    confused_with: &["friction_warmup", "load_torque"],
+    experiment: "Repeat the recording: a load that was applied comes at another time or not at all",
+    remedy: "Integral action; the observer's estimate of the load as feed-forward",
+    source: "Leonhard, Control of Electrical Drives (2001)",
+};
+
+impl Effect for LoadStep {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        let torque_nm = 0.02 * scales.stall_torque_nm();
+        (1..30).map(|part| vec![torque_nm, f64::from(part) / 30.0 * scales.duration_s]).collect()
+    }
+
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        at: &Instant,
+        _state: &[f64],
+        balance: &mut Balance,
+    ) {
+        // Comes within one step, in proportion, so that the time can be fitted.
+        let share = ((at.time_s + at.step_s - values[1]) / at.step_s).clamp(0.0, 1.0);
+        balance.torque_nm -= share * values[0];
+    }
+}

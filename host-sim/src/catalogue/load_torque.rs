@@ -1,0 +1,41 @@
+//! Load torque: a weight on a drum or a spring under tension; it does not turn round with the motion.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// See the module.
+pub struct LoadTorque;
+
+static ABOUT: About = About {
+    id: "load_torque",
+    title: "a constant load torque",
+    acts_on: ActsOn::Torque,
+    parameters: &[Parameter::signed("torque_Nm")],
+    law: "T = torque_Nm against positive motion, whatever the speed",
+    looks_like: "The missing torque is a constant; the motor is faster one way than the other, and may turn by itself",
+    confused_with: &["friction_asymmetry", "current_offset"],
+    experiment: "Let the motor coast with the bridge off from both directions and wait: a load above the friction turns the shaft, friction never does",
+    remedy: "Integral action, or a constant feed-forward of torque R / k",
+    source: "Leonhard, Control of Electrical Drives (2001)",
+};
+
+impl Effect for LoadTorque {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.02 * scales.stall_torque_nm()]]
+    }
+
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        _at: &Instant,
+        _state: &[f64],
+        balance: &mut Balance,
+    ) {
+        balance.torque_nm -= values[0];
+    }
+}

@@ -1,0 +1,281 @@
+//! The catalogue of effects: what a real bench does that the linear motor does not. One file each.
+//!
+//! An effect's file holds its physics, its parameters, its term in the model, what it looks like in data, what it can be
+//! confused with and what a controller can do about it. Adding an effect is writing its file and a line in [`CATALOGUE`].
+//!
+//! The model that the terms extend, in SI units and in the motor's own sense:
+//! ```text
+//! L di/dt = u + voltage - (R + resistance) i - k w - dry drop against the current
+//! J dw/dt = k i + torque - (b + viscous) w - dry friction against the motion
+//! ```
+//! Terms that are proportional to the state they act on (`resistance`, `viscous`) and the dry ones are solved implicitly,
+//! so that an effect is stable and really sticks at any step.
+
+mod actuation_delay;
+mod backlash;
+mod coast_decay;
+mod cogging;
+mod coulomb_friction;
+mod current_clipping;
+mod current_lag;
+mod current_offset;
+mod encoder_eccentricity;
+mod friction_asymmetry;
+mod friction_warmup;
+mod gravity_unbalance;
+mod load_step;
+mod load_torque;
+mod missed_counts;
+mod quadratic_drag;
+mod shaft_compliance;
+mod stribeck_friction;
+mod supply_sag;
+mod tacho_ripple;
+mod voltage_drop;
+mod winding_heating;
+
+use crate::motor::MotorParameters;
+
+/// Every effect the diagnosis knows, in the order in which those on the sensors act on a reading.
+pub static CATALOGUE: [&dyn Effect; 22] = [
+    &coulomb_friction::CoulombFriction,
+    &stribeck_friction::StribeckFriction,
+    &friction_asymmetry::FrictionAsymmetry,
+    &quadratic_drag::QuadraticDrag,
+    &load_torque::LoadTorque,
+    &load_step::LoadStep,
+    &friction_warmup::FrictionWarmup,
+    &cogging::Cogging,
+    &gravity_unbalance::GravityUnbalance,
+    &backlash::Backlash,
+    &shaft_compliance::ShaftCompliance,
+    &voltage_drop::VoltageDrop,
+    &supply_sag::SupplySag,
+    &winding_heating::WindingHeating,
+    &coast_decay::CoastDecay,
+    &actuation_delay::ActuationDelay,
+    &current_lag::CurrentLag,
+    &current_offset::CurrentOffset,
+    &current_clipping::CurrentClipping,
+    &missed_counts::MissedCounts,
+    &encoder_eccentricity::EncoderEccentricity,
+    &tacho_ripple::TachoRipple,
+];
+
+/// The effect with this identifier.
+pub fn effect(id: &str) -> Option<&'static dyn Effect> {
+    CATALOGUE.iter().copied().find(|effect| effect.about().id == id)
+}
+
+/// Where an effect acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ActsOn {
+    /// Balance of torques at the shaft.
+    Torque,
+    /// Balance of voltages in the armature.
+    Voltage,
+    /// Reading of the current.
+    CurrentSensor,
+    /// Reading of angle and speed.
+    AngleSensor,
+}
+
+/// A constant of an effect.
+#[derive(Debug)]
+pub struct Parameter {
+    /// Name with unit, as in model files and results.
+    pub name: &'static str,
+    /// Whether a fit may move it; the others are whole numbers or alternatives, tried one by one.
+    pub fitted: bool,
+    /// Least value that makes sense.
+    pub min: f64,
+    /// Greatest value that makes sense.
+    pub max: f64,
+}
+
+impl Parameter {
+    /// A constant without a sign.
+    const fn positive(name: &'static str) -> Self {
+        Self { name, fitted: true, min: 0.0, max: f64::INFINITY }
+    }
+
+    /// A constant that may have either sign.
+    const fn signed(name: &'static str) -> Self {
+        Self { name, fitted: true, min: f64::NEG_INFINITY, max: f64::INFINITY }
+    }
+
+    /// A constant within bounds.
+    const fn within(name: &'static str, min: f64, max: f64) -> Self {
+        Self { name, fitted: true, min, max }
+    }
+
+    /// A whole number, tried and not fitted.
+    const fn tried(name: &'static str) -> Self {
+        Self { name, fitted: false, min: 1.0, max: f64::INFINITY }
+    }
+}
+
+/// What is known of an effect, for people and for the diagnosis.
+#[derive(Debug)]
+pub struct About {
+    /// Its name in results.
+    pub id: &'static str,
+    /// Its name in sentences.
+    pub title: &'static str,
+    /// Where it acts.
+    pub acts_on: ActsOn,
+    /// Its constants.
+    pub parameters: &'static [Parameter],
+    /// Its law in one line.
+    pub law: &'static str,
+    /// What a person sees of it.
+    pub looks_like: &'static str,
+    /// What can look the same, by identifier.
+    pub confused_with: &'static [&'static str],
+    /// The experiment that tells it from those.
+    pub experiment: &'static str,
+    /// What the controller or the owner can do about it.
+    pub remedy: &'static str,
+    /// Where the law is described.
+    pub source: &'static str,
+}
+
+/// Sizes of a recording and of the motor as far as it is known, from which an effect takes plausible values.
+#[derive(Clone, Copy, Debug)]
+pub struct Scales {
+    /// The linear motor found so far.
+    pub motor: MotorParameters,
+    /// Greatest voltage.
+    pub voltage_v: f64,
+    /// Greatest speed.
+    pub speed_rad_per_s: f64,
+    /// Greatest current, measured or computed.
+    pub current_a: f64,
+    /// Length.
+    pub duration_s: f64,
+    /// Time between samples.
+    pub interval_s: f64,
+    /// Frequency of the PWM.
+    pub pwm_hz: f64,
+}
+
+impl Scales {
+    /// Torque at standstill and full voltage.
+    pub fn stall_torque_nm(&self) -> f64 {
+        self.motor.torque_constant_nm_per_a * self.voltage_v / self.motor.resistance_ohm
+    }
+}
+
+/// The bench at one instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Instant {
+    /// Time since the start of the recording.
+    pub time_s: f64,
+    /// Mean voltage that the bridge was asked for.
+    pub voltage_v: f64,
+    /// The same as a share of the supply, -1 to 1.
+    pub duty: f64,
+    /// Supply voltage.
+    pub supply_v: f64,
+    /// Armature current.
+    pub current_a: f64,
+    /// Speed of the motor's shaft.
+    pub speed_rad_per_s: f64,
+    /// Angle of the motor's shaft, from an unknown zero.
+    pub angle_rad: f64,
+    /// Length of the step about to be taken, or since the last reading.
+    pub step_s: f64,
+}
+
+/// Terms of the two equations; see the module.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Balance {
+    /// Voltage that drives the current, in volts.
+    pub voltage_v: f64,
+    /// Resistance in series, in ohms.
+    pub resistance_ohm: f64,
+    /// Voltage that works against the current, whichever way it flows, and lets none start below it.
+    pub dry_drop_v: f64,
+    /// Torque that drives the shaft, in newton metres.
+    pub torque_nm: f64,
+    /// Friction proportional to speed.
+    pub viscous_nm_s: f64,
+    /// Friction against positive motion, not negative in sum.
+    pub dry_forward_nm: f64,
+    /// Friction against negative motion, not negative in sum.
+    pub dry_backward_nm: f64,
+}
+
+/// Readings of the sensors.
+#[derive(Clone, Copy, Debug)]
+pub struct Readings {
+    /// Current.
+    pub current_a: f64,
+    /// Speed.
+    pub speed_rad_per_s: f64,
+    /// Angle.
+    pub angle_rad: f64,
+}
+
+/// One effect. `values` are its parameters in the order of [`About::parameters`], `state` its own memory.
+pub trait Effect: Sync {
+    /// What is known of it.
+    fn about(&self) -> &'static About;
+
+    /// Plausible values to begin a fit from: one for each alternative of its nonlinear constants.
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>>;
+
+    /// Numbers of its own that it keeps from step to step, all zero at first.
+    fn states(&self) -> usize {
+        0
+    }
+
+    /// Share of the inertia that turns with the motor's own shaft.
+    fn motor_share(&self, _values: &[f64]) -> f64 {
+        1.0
+    }
+
+    /// Time by which the bridge carries out a command late.
+    fn delay_s(&self, _values: &[f64]) -> f64 {
+        0.0
+    }
+
+    /// Adds its terms. `motor` are the constants of the linear motor.
+    fn contribute(
+        &self,
+        _values: &[f64],
+        _motor: &MotorParameters,
+        _at: &Instant,
+        _state: &[f64],
+        _balance: &mut Balance,
+    ) {
+    }
+
+    /// Takes its own memory over the step that ended at `at`.
+    fn advance(&self, _values: &[f64], _motor: &MotorParameters, _at: &Instant, _state: &mut [f64]) {}
+
+    /// Whether [`contribute`](Self::contribute) or [`advance`](Self::advance) do anything.
+    fn acts_on_motor(&self) -> bool {
+        matches!(self.about().acts_on, ActsOn::Torque | ActsOn::Voltage)
+    }
+
+    /// Falsifies the readings.
+    fn sense(&self, _values: &[f64], _at: &Instant, _state: &mut [f64], _readings: &mut Readings) {}
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn identifiers_are_unique_and_references_exist() {
+        for (index, entry) in CATALOGUE.iter().enumerate() {
+            let about = entry.about();
+            assert!(CATALOGUE[..index].iter().all(|other| other.about().id != about.id), "{}", about.id);
+            for other in about.confused_with {
+                assert!(effect(other).is_some(), "{}: confused with {other}, which is not in the catalogue", about.id);
+            }
+        }
+    }
+}

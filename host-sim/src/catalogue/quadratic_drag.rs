@@ -1,0 +1,41 @@
+//! Quadratic drag: a fan, a propeller or a rotor in air or oil.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// See the module.
+pub struct QuadraticDrag;
+
+static ABOUT: About = About {
+    id: "quadratic_drag",
+    title: "drag that grows with the square of the speed",
+    acts_on: ActsOn::Torque,
+    parameters: &[Parameter::positive("drag_Nm_s2")],
+    law: "T = drag_Nm_s2 w |w|",
+    looks_like: "The missing torque is a parabola over speed, against the motion; top speed lower than the linear model says",
+    confused_with: &["missed_counts", "winding_heating"],
+    experiment: "Steady speeds at several voltages over the whole range, with current",
+    remedy: "Feed-forward of drag w |w| R / k; gains scheduled with speed if the fan dominates",
+    source: "Hoerner, Fluid-Dynamic Drag (1965)",
+};
+
+impl Effect for QuadraticDrag {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.05 * scales.stall_torque_nm() / scales.speed_rad_per_s.powi(2)]]
+    }
+
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        at: &Instant,
+        _state: &[f64],
+        balance: &mut Balance,
+    ) {
+        balance.viscous_nm_s += values[0] * at.speed_rad_per_s.abs();
+    }
+}

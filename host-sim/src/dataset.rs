@@ -1,0 +1,393 @@
+//! Recordings made ready for identification: what drove the motor, what was measured, and which part is kept back.
+
+use crate::recording::{Channel, Recording};
+use crate::rig::Rig;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// A pause of this many intervals begins a new stretch.
+const GAP_INTERVALS: f64 = 10.0;
+/// Stretches shorter than this are of no use.
+const SHORTEST_STRETCH: usize = 20;
+/// Span over which an angle is differentiated: short against the motor, long against the encoder's step.
+const DIFFERENCE_SPAN_S: f64 = 0.005;
+/// A command missing for longer than this means that the bridge was off.
+const OPEN_BRIDGE_S: f64 = 0.02;
+/// Blocks of this length are kept back in turn, one in [`KEPT_BACK_EVERY`]; shorter in short recordings.
+const BLOCK_S: f64 = 1.0;
+const FEWEST_BLOCKS: f64 = 12.0;
+const KEPT_BACK_EVERY: usize = 3;
+/// PWM frequency of the firmware, where the rig file gives none.
+const PWM_HZ: f64 = 20_000.0;
+/// Wrap-arounds of counters.
+const COUNTER_SPANS: [f64; 2] = [65_536.0, 4_294_967_296.0];
+
+/// A measured quantity that the simulation has to meet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// Armature current.
+    Current,
+    /// Speed as recorded.
+    Speed,
+    /// Speed as the difference of recorded angles over this many samples.
+    AngleDifference(usize),
+}
+
+impl Output {
+    /// Column name of what it was made from.
+    pub fn channel(self) -> &'static str {
+        match self {
+            Self::Current => Channel::Current.column(),
+            Self::Speed => Channel::Speed.column(),
+            Self::AngleDifference(_) => "omega_from_angle_rad_per_s",
+        }
+    }
+
+    /// Its unit.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Current => "A",
+            Self::Speed | Self::AngleDifference(_) => "rad/s",
+        }
+    }
+}
+
+/// A measured quantity.
+#[derive(Clone, Debug)]
+pub struct Measured {
+    /// What it is.
+    pub output: Output,
+    /// Its samples, missing ones as NaN.
+    pub values: Vec<f64>,
+    /// Standard deviation of its noise, from its own sample-to-sample unrest.
+    pub noise: f64,
+}
+
+/// Recordings of one rig, one after the other.
+#[derive(Clone, Debug, Default)]
+pub struct Dataset {
+    /// Stretches without a gap; the simulation begins anew in each.
+    pub stretches: Vec<Range<usize>>,
+    /// Time of each sample since the start of its recording.
+    pub time_s: Vec<f64>,
+    /// Voltage asked of the bridge from this sample to the next.
+    pub voltage_v: Vec<f64>,
+    /// The same as share of the supply.
+    pub duty: Vec<f64>,
+    /// Supply voltage.
+    pub supply_v: Vec<f64>,
+    /// The bridge is off from this sample to the next.
+    pub open: Vec<bool>,
+    /// Known load torque.
+    pub load_nm: Vec<f64>,
+    /// Angle as measured, or as integrated from the measured speed: where on the revolution the motor is.
+    pub angle_rad: Vec<f64>,
+    /// What was measured.
+    pub measured: Vec<Measured>,
+    /// Samples that no fit sees.
+    pub kept_back: Vec<bool>,
+    /// Usual time between samples.
+    pub interval_s: f64,
+    /// PWM frequency.
+    pub pwm_hz: f64,
+}
+
+/// Why recordings cannot be used together with this rig file.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DatasetError {
+    /// A recording without time, among others with.
+    #[error("{0}: no column t_s; a table of steady states is diagnosed alone")]
+    NoTime(String),
+    /// Nothing says what drove the motor.
+    #[error("{0}: neither u_V nor duty: record what the bridge was asked for")]
+    NoDrive(String),
+    /// A duty alone has no volts.
+    #[error("{0}: duty without u_V needs the supply: [supply] voltage_V in the rig file, or a column supply_V")]
+    NoSupply(String),
+    /// Counts alone have no angle.
+    #[error("{0}: counts without an angle or a speed need [encoder] counts_per_rev in the rig file")]
+    NoCountsPerRev(String),
+    /// Nothing was measured.
+    #[error(
+        "{0}: no measured motion: record omega_rad_per_s, rpm, theta_rad or counts (and i_A if there is a current sensor)"
+    )]
+    NoMotion(String),
+    /// Recordings of one rig with other columns or rates.
+    #[error("{0}: its columns or its rate differ from those of {1}: diagnose them one by one")]
+    Mixed(String, String),
+    /// Too short.
+    #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
+    TooShort(String, usize),
+    /// Nothing happens in it.
+    #[error(
+        "{0}: the motor is never driven or never moves: play the sequence `identify` (20 s), which reverses and stops"
+    )]
+    Quiet(String),
+}
+
+impl Dataset {
+    /// Puts recordings of one rig together.
+    ///
+    /// # Errors
+    /// [`DatasetError`], which says what to record or to write into the rig file.
+    pub fn new(recordings: &[Recording], rig: &Rig) -> Result<Self, DatasetError> {
+        let mut all = Self::default();
+        for recording in recordings {
+            let one = Self::of(recording, rig)?;
+            if all.stretches.is_empty() {
+                all = one;
+                continue;
+            }
+            let same = all.measured.iter().map(|m| m.output).eq(one.measured.iter().map(|m| m.output));
+            if !same || (all.interval_s / one.interval_s - 1.0).abs() > 0.2 {
+                return Err(DatasetError::Mixed(recording.name.clone(), recordings[0].name.clone()));
+            }
+            all.append(one);
+        }
+        for measured in &mut all.measured {
+            measured.noise = noise(&measured.values);
+        }
+        all.keep_back();
+        all.check(recordings.first().map_or("", |recording| &recording.name))?;
+        Ok(all)
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.time_s.len()
+    }
+
+    /// Whether it has none.
+    pub fn is_empty(&self) -> bool {
+        self.time_s.is_empty()
+    }
+
+    /// The measured quantity of this kind.
+    pub fn current(&self) -> Option<&Measured> {
+        self.measured.iter().find(|measured| measured.output == Output::Current)
+    }
+
+    /// Speed or what stands for it.
+    pub fn motion(&self) -> &Measured {
+        self.measured.iter().find(|measured| measured.output != Output::Current).expect("checked when it was made")
+    }
+
+    fn of(recording: &Recording, rig: &Rig) -> Result<Self, DatasetError> {
+        let name = || recording.name.clone();
+        let time_s = recording.time_s().ok_or_else(|| DatasetError::NoTime(name()))?.to_vec();
+        let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
+        if time_s.len() < 4 * SHORTEST_STRETCH {
+            return Err(DatasetError::TooShort(name(), time_s.len()));
+        }
+        let mut data = Self { interval_s, pwm_hz: rig.bridge.pwm_hz.unwrap_or(PWM_HZ), ..Self::default() };
+        data.read_drive(recording, rig, &time_s)?;
+        data.read_motion(recording, rig, &time_s)?;
+        data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
+        data.stretches = stretches(&time_s, interval_s);
+        let start_s = time_s[0];
+        data.time_s = time_s.iter().map(|t_s| t_s - start_s).collect();
+        Ok(data)
+    }
+
+    fn read_drive(&mut self, recording: &Recording, rig: &Rig, time_s: &[f64]) -> Result<(), DatasetError> {
+        let duty = recording.get(Channel::Duty);
+        let voltage = recording.get(Channel::Voltage);
+        let command = voltage.or(duty).ok_or_else(|| DatasetError::NoDrive(recording.name.clone()))?;
+        self.open = open_bridge(command, time_s);
+        let nominal_v = rig.supply.voltage_v;
+        self.supply_v = match (recording.get(Channel::Supply), nominal_v, voltage) {
+            (Some(measured), _, _) => held(measured),
+            (None, Some(volts), _) => vec![volts; command.len()],
+            // The greatest voltage is at most the supply; it only sets the scale of the duty.
+            (None, None, Some(voltage)) => vec![greatest(voltage).max(1e-3); command.len()],
+            (None, None, None) => return Err(DatasetError::NoSupply(recording.name.clone())),
+        };
+        let duty = match (duty, voltage) {
+            (Some(duty), _) => held(duty),
+            (None, _) => held(command).iter().zip(&self.supply_v).map(|(u, supply)| u / supply).collect(),
+        };
+        self.voltage_v = match voltage {
+            Some(voltage) => held(voltage),
+            None => duty.iter().zip(&self.supply_v).map(|(duty, supply)| duty * supply).collect(),
+        };
+        self.duty = duty;
+        Ok(())
+    }
+
+    fn read_motion(&mut self, recording: &Recording, rig: &Rig, time_s: &[f64]) -> Result<(), DatasetError> {
+        if let Some(current) = recording.get(Channel::Current) {
+            self.add(Output::Current, current.to_vec());
+        }
+        let speed = recording
+            .get(Channel::Speed)
+            .map(<[f64]>::to_vec)
+            .or_else(|| recording.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect()));
+        let counts = recording.get(Channel::Counts);
+        let angle = match (recording.get(Channel::Angle), counts, rig.encoder.counts_per_rev) {
+            (Some(angle), _, _) => Some(angle.to_vec()),
+            (None, Some(counts), Some(per_rev)) => Some(unwrapped(counts).iter().map(|c| c * TAU / per_rev).collect()),
+            (None, Some(_), None) if speed.is_none() => {
+                return Err(DatasetError::NoCountsPerRev(recording.name.clone()));
+            }
+            _ => None,
+        };
+        self.angle_rad = match (&angle, &speed) {
+            (Some(angle), _) => held(angle),
+            (None, Some(speed)) => integrated(speed, time_s),
+            (None, None) => return Err(DatasetError::NoMotion(recording.name.clone())),
+        };
+        match (speed, angle) {
+            (Some(speed), _) => self.add(Output::Speed, speed),
+            (None, Some(angle)) => {
+                let span = (DIFFERENCE_SPAN_S / self.interval_s).round().max(1.0) as usize;
+                self.add(Output::AngleDifference(span), difference(&angle, time_s, span));
+            }
+            (None, None) => unreachable!("one of them was there a line ago"),
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, output: Output, values: Vec<f64>) {
+        self.measured.push(Measured { output, values, noise: 0.0 });
+    }
+
+    fn append(&mut self, other: Self) {
+        let before = self.len();
+        self.stretches.extend(other.stretches.iter().map(|range| range.start + before..range.end + before));
+        self.time_s.extend(other.time_s);
+        self.voltage_v.extend(other.voltage_v);
+        self.duty.extend(other.duty);
+        self.supply_v.extend(other.supply_v);
+        self.open.extend(other.open);
+        self.load_nm.extend(other.load_nm);
+        self.angle_rad.extend(other.angle_rad);
+        for (mine, theirs) in self.measured.iter_mut().zip(other.measured) {
+            mine.values.extend(theirs.values);
+        }
+    }
+
+    fn keep_back(&mut self) {
+        let length_s: f64 =
+            self.stretches.iter().map(|range| self.time_s[range.end - 1] - self.time_s[range.start]).sum();
+        let block = (BLOCK_S.min(length_s / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize;
+        self.kept_back = (0..self.len()).map(|index| (index / block) % KEPT_BACK_EVERY == 1).collect();
+    }
+
+    fn check(&self, name: &str) -> Result<(), DatasetError> {
+        let longest = self.stretches.iter().map(ExactSizeIterator::len).max().unwrap_or(0);
+        if longest < 4 * SHORTEST_STRETCH {
+            return Err(DatasetError::TooShort(name.into(), longest));
+        }
+        let motion = self.motion();
+        let moves = greatest(&motion.values) > 10.0 * motion.noise.max(1e-9);
+        if greatest(&self.voltage_v) < 1e-6 || !moves {
+            return Err(DatasetError::Quiet(name.into()));
+        }
+        Ok(())
+    }
+}
+
+/// Largest magnitude; missing values do not count.
+pub fn greatest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
+}
+
+/// Middle of what is not missing; 0 of nothing.
+pub fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.filter(|value| value.is_finite()).collect();
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Standard deviation of white noise on a smooth signal, from its third differences, which are nearly free of the signal;
+/// robust against steps. At least what rounding to the least step seen makes of it.
+pub fn noise(values: &[f64]) -> f64 {
+    let third = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs());
+    // 0.6745: median of the magnitude of a standard normal; 20: sum of the squares of 1, 3, 3, 1.
+    let spread = median(third) / 0.6745 / 20_f64.sqrt();
+    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
+    let least_step = steps.fold(f64::INFINITY, f64::min);
+    let rounding = if least_step.is_finite() { least_step / 12_f64.sqrt() } else { 0.0 };
+    let least = 1e-4 * greatest(values);
+    spread.max(rounding).max(least).max(f64::MIN_POSITIVE)
+}
+
+/// Missing values take the last one that was there.
+fn held(values: &[f64]) -> Vec<f64> {
+    let first = values.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
+    values
+        .iter()
+        .scan(first, |last, value| {
+            if value.is_finite() {
+                *last = *value;
+            }
+            Some(*last)
+        })
+        .collect()
+}
+
+/// Where the command is missing for longer than a lost sample.
+fn open_bridge(command: &[f64], time_s: &[f64]) -> Vec<bool> {
+    let mut open = vec![false; command.len()];
+    let mut start = 0;
+    while start < command.len() {
+        let end = (start..command.len()).find(|index| !command[*index].is_nan()).unwrap_or(command.len());
+        if end > start && time_s[end - 1] - time_s[start] >= OPEN_BRIDGE_S {
+            open[start..end].fill(true);
+        }
+        start = end + 1;
+    }
+    open
+}
+
+/// A counter without its wrap-arounds.
+fn unwrapped(counts: &[f64]) -> Vec<f64> {
+    let counts = held(counts);
+    let mut offset = 0.0;
+    let mut result = vec![counts[0]];
+    for pair in counts.windows(2) {
+        let step = pair[1] - pair[0];
+        if let Some(span) = COUNTER_SPANS.into_iter().find(|span| (step.abs() - span).abs() < 0.1 * span) {
+            offset -= span * step.signum();
+        }
+        result.push(pair[1] + offset);
+    }
+    result
+}
+
+fn integrated(speed: &[f64], time_s: &[f64]) -> Vec<f64> {
+    let speed = held(speed);
+    let mut angle_rad = vec![0.0];
+    for index in 1..speed.len() {
+        let mean = 0.5 * (speed[index] + speed[index - 1]);
+        angle_rad.push(angle_rad[index - 1] + mean * (time_s[index] - time_s[index - 1]));
+    }
+    angle_rad
+}
+
+/// Mean speed over the last `span` samples; missing before there are as many.
+pub fn difference(angle_rad: &[f64], time_s: &[f64], span: usize) -> Vec<f64> {
+    (0..angle_rad.len())
+        .map(|index| match index.checked_sub(span) {
+            Some(before) => (angle_rad[index] - angle_rad[before]) / (time_s[index] - time_s[before]),
+            None => f64::NAN,
+        })
+        .collect()
+}
+
+fn stretches(time_s: &[f64], interval_s: f64) -> Vec<Range<usize>> {
+    let mut found = Vec::new();
+    let mut start = 0;
+    for index in 1..=time_s.len() {
+        if index == time_s.len() || time_s[index] - time_s[index - 1] > GAP_INTERVALS * interval_s {
+            if index - start >= SHORTEST_STRETCH {
+                found.push(start..index);
+            }
+            start = index;
+        }
+    }
+    found
+}
