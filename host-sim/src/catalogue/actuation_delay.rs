@@ -10,6 +10,7 @@ static ABOUT: About = About {
     title: "a delay between command and voltage",
     acts_on: ActsOn::Voltage,
     parameters: &[Parameter::within("delay_s", 0.0, 0.2)],
+    linear_in: 0,
     law: "u(t - delay_s)",
     looks_like: "After each step of the command both current and speed wait",
     confused_with: &["current_lag"],

@@ -24,6 +24,7 @@ static ABOUT: About = About {
     title: "backlash between motor and load",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::within("gap_rad", 0.0, 1.0), Parameter::within("load_inertia_share", 0.0, 0.95)],
+    linear_in: 0,
     law: "The load follows only in contact: a stiff spring with a dead zone of gap_rad",
     looks_like: "After each reversal of torque the motor runs light for a moment, then hits; the missing torque is a pair of pulses",
     confused_with: &["shaft_compliance", "stribeck_friction"],

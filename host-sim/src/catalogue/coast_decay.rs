@@ -26,6 +26,7 @@ static ABOUT: About = About {
     title: "an off phase of the PWM that coasts",
     acts_on: ActsOn::Voltage,
     parameters: &[Parameter::within("share", 0.0, 1.2)],
+    linear_in: 0,
     law: "In continuous conduction the mean voltage is (2 |duty| - 1) supply; below, the current is that of single pulses",
     looks_like: "Hardly any motion below half duty, then steep; no braking when the duty falls; speed hardly depends on load at small duty",
     confused_with: &["voltage_drop", "coulomb_friction"],

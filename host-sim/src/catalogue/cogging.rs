@@ -14,6 +14,7 @@ static ABOUT: About = About {
     title: "cogging",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::signed("cosine_Nm"), Parameter::signed("sine_Nm"), Parameter::tried("periods_per_rev")],
+    linear_in: 2,
     law: "T = cosine_Nm cos(n a) + sine_Nm sin(n a), n = periods_per_rev, two or more",
     looks_like: "The missing torque folded over a revolution is a wave of several periods; ripple in speed at a multiple of the rotation, strongest when slow",
     confused_with: &["gravity_unbalance", "tacho_ripple", "stribeck_friction"],

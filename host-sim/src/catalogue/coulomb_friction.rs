@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "Coulomb friction",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::positive("torque_Nm")],
+    linear_in: 1,
     law: "T = torque_Nm sign(w); at rest it balances up to torque_Nm",
     looks_like: "The missing torque is a step at zero speed; the motor does not start below a voltage; speed stops within a finite time",
     confused_with: &["friction_asymmetry", "stribeck_friction", "voltage_drop"],

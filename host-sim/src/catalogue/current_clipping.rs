@@ -10,6 +10,7 @@ static ABOUT: About = About {
     title: "a current reading that clips",
     acts_on: ActsOn::CurrentSensor,
     parameters: &[Parameter::positive("limit_A")],
+    linear_in: 0,
     law: "reading = i limited to +-limit_A",
     looks_like: "The reading's peaks are flat at one value, both ways",
     confused_with: &[],

@@ -10,6 +10,7 @@ static ABOUT: About = About {
     title: "a lag of the current reading",
     acts_on: ActsOn::CurrentSensor,
     parameters: &[Parameter::within("time_constant_s", 0.0, 1.0)],
+    linear_in: 0,
     law: "first-order lag with time_constant_s",
     looks_like: "The current's peaks after a step are round and late while the speed is right",
     confused_with: &["actuation_delay"],

@@ -10,6 +10,7 @@ static ABOUT: About = About {
     title: "an offset of the current reading",
     acts_on: ActsOn::CurrentSensor,
     parameters: &[Parameter::signed("offset_A")],
+    linear_in: 1,
     law: "reading = i + offset_A",
     looks_like: "A current at rest with the bridge off",
     confused_with: &["load_torque", "friction_asymmetry"],

@@ -10,6 +10,7 @@ static ABOUT: About = About {
     title: "an eccentric encoder disc",
     acts_on: ActsOn::AngleSensor,
     parameters: &[Parameter::signed("cosine_rad"), Parameter::signed("sine_rad")],
+    linear_in: 2,
     law: "angle reading = a + cosine_rad cos(a) + sine_rad sin(a)",
     looks_like: "The speed wobbles once a revolution, in proportion to the speed, while the current does not",
     confused_with: &["gravity_unbalance", "tacho_ripple"],

@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "friction that differs between directions",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::signed("difference_Nm")],
+    linear_in: 1,
     law: "Coulomb friction is greater by difference_Nm / 2 forwards and smaller by as much backwards",
     looks_like: "Friction curve with unequal branches; the same voltage gives different speeds forwards and backwards",
     confused_with: &["load_torque", "current_offset"],

@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "an unbalanced mass under gravity",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::signed("cosine_Nm"), Parameter::signed("sine_Nm")],
+    linear_in: 2,
     law: "T = cosine_Nm cos(a) + sine_Nm sin(a)",
     looks_like: "The missing torque folded over a revolution is one wave; the shaft comes to rest at one angle",
     confused_with: &["cogging", "encoder_eccentricity"],

@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "a load that came or went during the recording",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::signed("torque_Nm"), Parameter::positive("time_s")],
+    linear_in: 1,
     law: "T = torque_Nm from time_s on",
     looks_like: "The missing torque jumps at one moment and stays",
     confused_with: &["friction_warmup", "load_torque"],

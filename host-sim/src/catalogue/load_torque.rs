@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "a constant load torque",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::signed("torque_Nm")],
+    linear_in: 1,
     law: "T = torque_Nm against positive motion, whatever the speed",
     looks_like: "The missing torque is a constant; the motor is faster one way than the other, and may turn by itself",
     confused_with: &["friction_asymmetry", "current_offset"],

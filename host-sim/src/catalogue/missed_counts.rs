@@ -10,6 +10,7 @@ static ABOUT: About = About {
     title: "encoder counts lost at high speed",
     acts_on: ActsOn::AngleSensor,
     parameters: &[Parameter::within("lost_share", 0.0, 1.0), Parameter::positive("threshold_rad_per_s")],
+    linear_in: 1,
     law: "of the speed above threshold_rad_per_s the share lost_share is not counted",
     looks_like: "The measured speed bends off above a threshold while the current does not",
     confused_with: &["quadratic_drag", "tacho_ripple"],

@@ -127,6 +127,8 @@ pub struct About {
     pub acts_on: ActsOn,
     /// Its constants.
     pub parameters: &'static [Parameter],
+    /// How many of them, from the first, the readings are linear in while they are small.
+    pub linear_in: usize,
     /// Its law in one line.
     pub law: &'static str,
     /// What a person sees of it.

@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "drag that grows with the square of the speed",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::positive("drag_Nm_s2")],
+    linear_in: 1,
     law: "T = drag_Nm_s2 w |w|",
     looks_like: "The missing torque is a parabola over speed, against the motion; top speed lower than the linear model says",
     confused_with: &["missed_counts", "winding_heating"],

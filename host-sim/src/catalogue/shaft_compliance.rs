@@ -23,6 +23,7 @@ static ABOUT: About = About {
         Parameter::within("load_inertia_share", 0.0, 0.95),
         Parameter::within("damping_ratio", 0.0, 1.0),
     ],
+    linear_in: 0,
     law: "Two masses on a spring: resonance_Hz with the motor free, load_inertia_share of the whole inertia behind the spring",
     looks_like: "After each step the speed rings at one frequency that does not depend on speed",
     confused_with: &["backlash"],

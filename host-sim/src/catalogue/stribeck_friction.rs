@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "Stribeck friction (breakaway above the Coulomb level)",
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::positive("excess_torque_Nm"), Parameter::positive("stribeck_speed_rad_per_s")],
+    linear_in: 1,
     law: "T = excess_torque_Nm exp(-(w / stribeck_speed)^2) sign(w), on top of Coulomb friction",
     looks_like: "The missing torque has a peak on both sides of zero speed; jerky slow motion (stick-slip); breakaway at a higher voltage than stopping",
     confused_with: &["coulomb_friction", "cogging"],

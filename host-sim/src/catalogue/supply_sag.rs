@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "a supply that sags under load",
     acts_on: ActsOn::Voltage,
     parameters: &[Parameter::positive("resistance_ohm")],
+    linear_in: 1,
     law: "The supply loses resistance_ohm times the current it delivers, which is duty times i",
     looks_like: "The missing voltage grows with current at high duty, not at low duty",
     confused_with: &["voltage_drop", "winding_heating"],

@@ -17,6 +17,7 @@ static ABOUT: About = About {
         Parameter::signed("sine_share"),
         Parameter::tried("ripples_per_rev"),
     ],
+    linear_in: 2,
     law: "speed reading = w (1 + cosine_share cos(n a) + sine_share sin(n a)), n = ripples_per_rev",
     looks_like: "The speed ripples many times a revolution, in proportion to the speed, while the current does not",
     confused_with: &["cogging", "encoder_eccentricity"],

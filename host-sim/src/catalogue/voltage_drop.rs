@@ -11,6 +11,7 @@ static ABOUT: About = About {
     title: "a voltage drop in bridge or brushes",
     acts_on: ActsOn::Voltage,
     parameters: &[Parameter::positive("drop_V")],
+    linear_in: 1,
     law: "U = drop_V sign(i); below it no current starts",
     looks_like: "The missing voltage is a step at zero current; no current at all below a command voltage",
     confused_with: &["coulomb_friction", "supply_sag"],

@@ -1,0 +1,324 @@
+//! Benches with a hidden effect, for trying the diagnosis on.
+//!
+//! Written apart from the models it tests: every rig is stepped at 20 us or less (2.5 us where the PWM is switched),
+//! friction is Karnopp's or LuGre's by the seed's choice, sensors are sampled, quantised and noisy as on the Uno. The
+//! diagnosis gets [`Trial::csv`] and [`Trial::rig_toml`] and nothing else.
+
+mod drive;
+mod rig;
+mod sensors;
+
+pub use drive::Excitation;
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// An effect that can be hidden. The range from strength 0 to 1 stands with each; torques are shares of the stall torque.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Effect {
+    /// Constant friction that sticks, 3 to 15 %.
+    CoulombFriction,
+    /// Coulomb friction and 40 to 120 % of it on top near standstill, gone over 1.5 to 5 % of full speed.
+    StribeckFriction,
+    /// Coulomb friction, 15 to 45 % of it more one way and less the other.
+    FrictionAsymmetry,
+    /// A fan that takes 4 to 25 % at full speed.
+    QuadraticDrag,
+    /// A constant torque of 3 to 15 % that keeps its sign.
+    LoadTorque,
+    /// 4 to 15 % that come at 30 to 70 % of the recording and stay.
+    LoadStep,
+    /// Coulomb friction that falls by 25 to 55 %, within 3 to 8 s.
+    FrictionWarmup,
+    /// 3 to 12 periods a revolution of 2 to 10 %.
+    Cogging,
+    /// One period a revolution of 2 to 12 %.
+    GravityUnbalance,
+    /// 2 to 8 degrees of play before 30 to 60 % of the inertia.
+    Backlash,
+    /// 30 to 60 % of the inertia behind a spring that rings at 8 to 45 Hz.
+    ShaftCompliance,
+    /// 0.5 to 2.5 V lost while current flows.
+    VoltageDrop,
+    /// A supply with an inner resistance of 10 to 40 % of the winding's.
+    SupplySag,
+    /// The winding's resistance rises by 15 to 45 % in the course of the recording.
+    WindingHeating,
+    /// The off phase of the PWM coasts.
+    CoastDecay,
+    /// The voltage comes 3 to 10 ms late.
+    ActuationDelay,
+    /// 40 to 150 mA more than flow are read.
+    CurrentOffset,
+    /// The current is read through a filter of 3 to 15 ms.
+    CurrentLag,
+    /// The current's reading ends at 70 to 40 % of its peak.
+    CurrentClipping,
+    /// The disc is off centre: 0.6 to 3 degrees.
+    EncoderEccentricity,
+    /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost.
+    MissedCounts,
+    /// 2 to 5 % of ripple, 11 to 31 times a revolution.
+    TachoRipple,
+    /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
+    OutsideShaker,
+    /// Not in the catalogue: the torque constant falls with the current, by 25 to 50 % at the peak.
+    OutsideSaturation,
+    /// Not in the catalogue: the supply drops out for 30 to 60 ms, some twenty times.
+    OutsideDropouts,
+    /// Not in the catalogue: the speed sensor's scale wanders by 5 to 15 %.
+    OutsideDrift,
+    /// Not in the catalogue: the speed sensor shows nothing below 8 to 20 % of full speed.
+    OutsideDeadBand,
+    /// Not in the catalogue: a bent spindle that binds every 5 to 9 revolutions, 5 to 15 %.
+    OutsideSpindle,
+}
+
+impl Effect {
+    /// Those the catalogue knows.
+    pub const CATALOGUE: [Self; 22] = [
+        Self::CoulombFriction,
+        Self::StribeckFriction,
+        Self::FrictionAsymmetry,
+        Self::QuadraticDrag,
+        Self::LoadTorque,
+        Self::LoadStep,
+        Self::FrictionWarmup,
+        Self::Cogging,
+        Self::GravityUnbalance,
+        Self::Backlash,
+        Self::ShaftCompliance,
+        Self::VoltageDrop,
+        Self::SupplySag,
+        Self::WindingHeating,
+        Self::CoastDecay,
+        Self::ActuationDelay,
+        Self::CurrentOffset,
+        Self::CurrentLag,
+        Self::CurrentClipping,
+        Self::EncoderEccentricity,
+        Self::MissedCounts,
+        Self::TachoRipple,
+    ];
+    /// Those it does not.
+    pub const OUTSIDE: [Self; 6] = [
+        Self::OutsideShaker,
+        Self::OutsideSaturation,
+        Self::OutsideDropouts,
+        Self::OutsideDrift,
+        Self::OutsideDeadBand,
+        Self::OutsideSpindle,
+    ];
+
+    /// Name in the catalogue's contract.
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::CoulombFriction => "coulomb_friction",
+            Self::StribeckFriction => "stribeck_friction",
+            Self::FrictionAsymmetry => "friction_asymmetry",
+            Self::QuadraticDrag => "quadratic_drag",
+            Self::LoadTorque => "load_torque",
+            Self::LoadStep => "load_step",
+            Self::FrictionWarmup => "friction_warmup",
+            Self::Cogging => "cogging",
+            Self::GravityUnbalance => "gravity_unbalance",
+            Self::Backlash => "backlash",
+            Self::ShaftCompliance => "shaft_compliance",
+            Self::VoltageDrop => "voltage_drop",
+            Self::SupplySag => "supply_sag",
+            Self::WindingHeating => "winding_heating",
+            Self::CoastDecay => "coast_decay",
+            Self::ActuationDelay => "actuation_delay",
+            Self::CurrentOffset => "current_offset",
+            Self::CurrentLag => "current_lag",
+            Self::CurrentClipping => "current_clipping",
+            Self::EncoderEccentricity => "encoder_eccentricity",
+            Self::MissedCounts => "missed_counts",
+            Self::TachoRipple => "tacho_ripple",
+            Self::OutsideShaker => "outside_shaker",
+            Self::OutsideSaturation => "outside_saturation",
+            Self::OutsideDropouts => "outside_dropouts",
+            Self::OutsideDrift => "outside_drift",
+            Self::OutsideDeadBand => "outside_dead_band",
+            Self::OutsideSpindle => "outside_spindle",
+        }
+    }
+
+    /// Effects that stand for a friction and therefore bring Coulomb friction with them.
+    pub fn needs_coulomb(self) -> bool {
+        matches!(self, Self::StribeckFriction | Self::FrictionAsymmetry | Self::FrictionWarmup)
+    }
+}
+
+/// Which columns the recording has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channels {
+    /// `t_s, duty, u_V, counts, omega_rad_per_s, i_A`.
+    Full,
+    /// `t_s, u_V, omega_rad_per_s, i_A`.
+    VoltageSpeedCurrent,
+    /// `t_s, duty, counts, i_A`.
+    DutyCountsCurrent,
+    /// `t_s, u_V, omega_rad_per_s`.
+    VoltageSpeed,
+}
+
+/// What to draw.
+#[derive(Clone, Debug)]
+pub struct Recipe {
+    /// Hidden effects, each with its strength from 0 to 1.
+    pub effects: Vec<(Effect, f64)>,
+    /// The rig has Coulomb friction and a bridge drop besides.
+    pub real_rig: bool,
+    /// Columns.
+    pub channels: Channels,
+    /// What the motor is driven with.
+    pub excitation: Excitation,
+    /// Length.
+    pub duration_s: f64,
+    /// Samples a second.
+    pub rate_hz: f64,
+}
+
+impl Recipe {
+    /// 20 s of the identifying sequence at 1 kHz, every column, with these effects at a middling strength.
+    pub fn of(effects: &[Effect]) -> Self {
+        Self {
+            effects: effects.iter().map(|effect| (*effect, 0.5)).collect(),
+            real_rig: false,
+            channels: Channels::Full,
+            excitation: Excitation::Identify,
+            duration_s: 20.0,
+            rate_hz: 1000.0,
+        }
+    }
+
+    /// The same on a rig that has Coulomb friction and a bridge drop besides.
+    pub fn on_real_rig(mut self) -> Self {
+        self.real_rig = true;
+        self
+    }
+
+    /// Strengths drawn anew, the same for the same seed.
+    pub fn with_random_strengths(mut self, seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x5eed_0f57);
+        for (_, strength) in &mut self.effects {
+            *strength = random.random_range(0.0..1.0);
+        }
+        self
+    }
+}
+
+/// Sets of effects that are one and the same thing, or hide each other: never drawn together.
+const EXCLUSIVE: [&[Effect]; 5] = [
+    &[Effect::LoadTorque, Effect::FrictionAsymmetry],
+    &[Effect::Backlash, Effect::ShaftCompliance],
+    &[Effect::CurrentClipping, Effect::CurrentLag],
+    &[Effect::CoastDecay, Effect::SupplySag],
+    &[Effect::TachoRipple, Effect::EncoderEccentricity, Effect::MissedCounts],
+];
+
+/// `count` different effects of the catalogue that can be told apart; with `real_rig` without what the rig has anyway.
+pub fn random_effects(seed: u64, count: usize, real_rig: bool) -> Vec<Effect> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x00e_ffec7);
+    let mut chosen: Vec<Effect> = Vec::new();
+    while chosen.len() < count {
+        let effect = Effect::CATALOGUE[random.random_range(0..Effect::CATALOGUE.len())];
+        let of_the_rig = real_rig && matches!(effect, Effect::CoulombFriction | Effect::VoltageDrop);
+        let clash = EXCLUSIVE.iter().any(|set| set.contains(&effect) && chosen.iter().any(|other| set.contains(other)));
+        if !chosen.contains(&effect) && !of_the_rig && !clash {
+            chosen.push(effect);
+        }
+    }
+    chosen
+}
+
+/// Constants of a linear motor, in SI units.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs)]
+pub struct Motor {
+    pub resistance_ohm: f64,
+    pub inductance_h: f64,
+    pub torque_constant_nm_per_a: f64,
+    pub inertia_kg_m2: f64,
+    pub viscous_friction_nm_s: f64,
+}
+
+/// What was hidden.
+#[derive(Clone, Debug)]
+pub struct Truth {
+    /// Every effect that is present, with the constants that can be compared, by the catalogue's names.
+    pub effects: Vec<(Effect, Vec<(&'static str, f64)>)>,
+    /// The motor as it is.
+    pub motor: Motor,
+}
+
+/// A recording with a secret.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// The recording.
+    pub csv: String,
+    /// What the owner of the rig knows of it.
+    pub rig_toml: String,
+    /// The secret.
+    pub truth: Truth,
+}
+
+/// Invents a bench, hides the effects in it and records it. The same seed and recipe give the same trial.
+pub fn draw(seed: u64, recipe: &Recipe) -> Trial {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let motor = draw_motor(&mut random);
+    let (bench, effects) = rig::Bench::draw(motor, recipe, &mut random);
+    let nominal = wrong(motor, &mut random);
+    let rig_toml = rig_toml(&bench, &nominal, recipe);
+    let csv = sensors::record(bench, recipe, &mut random);
+    Trial { csv, rig_toml, truth: Truth { effects, motor } }
+}
+
+fn log_uniform(random: &mut impl Rng, from: f64, to: f64) -> f64 {
+    random.random_range(from.ln()..to.ln()).exp()
+}
+
+fn draw_motor(random: &mut impl Rng) -> Motor {
+    let resistance_ohm = log_uniform(random, 1.5, 12.0);
+    let torque_constant_nm_per_a = log_uniform(random, 0.012, 0.08);
+    let electrical_s = log_uniform(random, 0.4e-3, 3e-3);
+    let mechanical_s = log_uniform(random, 0.015, 0.12);
+    let stiffness = torque_constant_nm_per_a.powi(2) / resistance_ohm;
+    Motor {
+        resistance_ohm,
+        inductance_h: electrical_s * resistance_ohm,
+        torque_constant_nm_per_a,
+        inertia_kg_m2: mechanical_s * stiffness,
+        viscous_friction_nm_s: random.random_range(0.01..0.05) * stiffness,
+    }
+}
+
+/// Data sheet values: each off by up to 20 %.
+fn wrong(motor: Motor, random: &mut impl Rng) -> Motor {
+    let mut off = |value: f64| value * random.random_range(0.8..1.2);
+    Motor {
+        resistance_ohm: off(motor.resistance_ohm),
+        inductance_h: off(motor.inductance_h),
+        torque_constant_nm_per_a: off(motor.torque_constant_nm_per_a),
+        inertia_kg_m2: off(motor.inertia_kg_m2),
+        viscous_friction_nm_s: off(motor.viscous_friction_nm_s),
+    }
+}
+
+fn rig_toml(bench: &rig::Bench, nominal: &Motor, recipe: &Recipe) -> String {
+    let tacho =
+        if recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple) { "[tachogenerator]\n" } else { "" };
+    format!(
+        "[supply]\nvoltage_V = {}\n[bridge]\ndecay = \"slow\"\npwm_Hz = 20000.0\n[encoder]\ncounts_per_rev = {}\n\
+         [current_sensor]\nresolution_A = {}\n{tacho}[motor]\nresistance_ohm = {}\ninductance_H = {}\n\
+         torque_constant_Nm_per_A = {}\ninertia_kg_m2 = {}\nviscous_friction_Nm_s = {}\n",
+        bench.supply_v,
+        bench.counts_per_rev,
+        sensors::CURRENT_STEP_A,
+        nominal.resistance_ohm,
+        nominal.inductance_h,
+        nominal.torque_constant_nm_per_a,
+        nominal.inertia_kg_m2,
+        nominal.viscous_friction_nm_s
+    )
+}

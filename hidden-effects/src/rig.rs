@@ -1,0 +1,458 @@
+//! The bench: differential equations stepped finely, friction that really sticks, a bridge that is really switched where
+//! that matters.
+
+use crate::{Effect, Motor, Recipe, log_uniform};
+use rand::{Rng, RngExt};
+use std::f64::consts::TAU;
+
+const STEP_S: f64 = 20e-6;
+const SWITCHED_STEP_S: f64 = 2.5e-6;
+const PWM_PERIOD_S: f64 = 50e-6;
+const DIODE_V: f64 = 1.0;
+/// Copper and its surroundings: share of resistance a kelvin.
+const COPPER_PER_K: f64 = 0.00393;
+
+/// How dry friction is computed.
+#[derive(Clone, Copy, Debug)]
+enum Friction {
+    /// A band around zero speed in which the shaft is held (Karnopp 1985).
+    Karnopp,
+    /// Bristles that bend (Canudas de Wit and others 1995).
+    LuGre,
+}
+
+/// Constants of what is hidden; zero where it is not.
+#[derive(Clone, Debug, Default)]
+pub struct Hidden {
+    coulomb_nm: f64,
+    excess_nm: f64,
+    stribeck_speed: f64,
+    asymmetry_nm: f64,
+    warmup_share: f64,
+    warmup_s: f64,
+    drag: f64,
+    load_nm: f64,
+    step_nm: f64,
+    step_s: f64,
+    cogging_nm: f64,
+    cogging_periods: f64,
+    cogging_phase: f64,
+    gravity_nm: f64,
+    gravity_phase: f64,
+    gap_rad: f64,
+    load_share: f64,
+    spring_hz: f64,
+    spring_damping: f64,
+    drop_v: f64,
+    sag_ohm: f64,
+    heating_k_per_w: f64,
+    heating_s: f64,
+    coasts: bool,
+    shaker_nm: f64,
+    shaker_hz: f64,
+    saturation: f64,
+    dropouts: bool,
+    dropout_s: f64,
+    spindle_nm: f64,
+    spindle_revolutions: f64,
+    pub(crate) delay_s: f64,
+    pub(crate) offset_a: f64,
+    pub(crate) lag_s: f64,
+    pub(crate) clip_share: f64,
+    pub(crate) eccentricity_rad: f64,
+    pub(crate) eccentricity_phase: f64,
+    pub(crate) lost_share: f64,
+    pub(crate) lost_above: f64,
+    pub(crate) ripple: f64,
+    pub(crate) ripples: f64,
+    pub(crate) drift: f64,
+    pub(crate) dead_band: f64,
+}
+
+/// A bench and its state.
+#[derive(Clone, Debug)]
+pub struct Bench {
+    pub motor: Motor,
+    pub hidden: Hidden,
+    pub supply_v: f64,
+    pub counts_per_rev: f64,
+    pub top_speed: f64,
+    friction: Friction,
+    pub time_s: f64,
+    pub current_a: f64,
+    pub speed: f64,
+    pub angle: f64,
+    bristle: f64,
+    load_speed: f64,
+    twist: f64,
+    heat_k: f64,
+    dropout_seed: f64,
+}
+
+type Found = Vec<(Effect, Vec<(&'static str, f64)>)>;
+
+impl Bench {
+    /// Invents what the recipe asks for.
+    pub fn draw(motor: Motor, recipe: &Recipe, random: &mut impl Rng) -> (Self, Found) {
+        let supply_v = random.random_range(10.0..13.0);
+        let k = motor.torque_constant_nm_per_a;
+        let top_speed = supply_v / k;
+        // As many lines as 60,000 edges a second allow.
+        let counts_per_rev = [200.0, 256.0, 400.0, 512.0, 1024.0, 2048.0]
+            .into_iter()
+            .rfind(|counts| counts * top_speed / TAU < 60_000.0)
+            .unwrap_or(64.0);
+        let friction = if random.random_bool(0.5) { Friction::Karnopp } else { Friction::LuGre };
+        let mut bench = Self {
+            motor,
+            hidden: Hidden { clip_share: f64::INFINITY, lost_above: f64::INFINITY, ..Hidden::default() },
+            supply_v,
+            counts_per_rev,
+            top_speed,
+            friction,
+            time_s: 0.0,
+            current_a: 0.0,
+            speed: 0.0,
+            angle: 0.0,
+            bristle: 0.0,
+            load_speed: 0.0,
+            twist: 0.0,
+            heat_k: 0.0,
+            dropout_seed: random.random_range(0.0..1000.0),
+        };
+        let mut effects = recipe.effects.clone();
+        let has = |effects: &[(Effect, f64)], effect| effects.iter().any(|(other, _)| *other == effect);
+        let needs_coulomb = effects.iter().any(|(effect, _)| effect.needs_coulomb());
+        for (effect, wanted) in
+            [(Effect::CoulombFriction, recipe.real_rig || needs_coulomb), (Effect::VoltageDrop, recipe.real_rig)]
+        {
+            if wanted && !has(&effects, effect) {
+                effects.insert(0, (effect, random.random_range(0.2..0.8)));
+            }
+        }
+        let mut found = Vec::new();
+        for (effect, strength) in effects {
+            found.push((effect, bench.hide(effect, strength, recipe.duration_s, random)));
+        }
+        (bench, found)
+    }
+
+    /// Hides one effect; its constants, by the catalogue's names, where one number can be compared.
+    fn hide(
+        &mut self,
+        effect: Effect,
+        strength: f64,
+        duration_s: f64,
+        random: &mut impl Rng,
+    ) -> Vec<(&'static str, f64)> {
+        let stall_nm = self.motor.torque_constant_nm_per_a * self.supply_v / self.motor.resistance_ohm;
+        let between = |from: f64, to: f64| from + (to - from) * strength;
+        let sign = if random.random_bool(0.5) { 1.0 } else { -1.0 };
+        let phase = random.random_range(0.0..TAU);
+        let hidden = &mut self.hidden;
+        match effect {
+            Effect::CoulombFriction => {
+                hidden.coulomb_nm = between(0.03, 0.15) * stall_nm;
+                vec![("torque_Nm", hidden.coulomb_nm)]
+            }
+            Effect::StribeckFriction => {
+                hidden.excess_nm = between(0.4, 1.2) * hidden.coulomb_nm;
+                hidden.stribeck_speed = random.random_range(0.015..0.05) * self.top_speed;
+                vec![("excess_torque_Nm", hidden.excess_nm), ("stribeck_speed_rad_per_s", hidden.stribeck_speed)]
+            }
+            Effect::FrictionAsymmetry => {
+                hidden.asymmetry_nm = sign * between(0.15, 0.45) * hidden.coulomb_nm;
+                vec![("difference_Nm", 2.0 * hidden.asymmetry_nm)]
+            }
+            Effect::QuadraticDrag => {
+                hidden.drag = between(0.04, 0.25) * stall_nm / self.top_speed.powi(2);
+                vec![("drag_Nm_s2", hidden.drag)]
+            }
+            Effect::LoadTorque => {
+                hidden.load_nm = sign * between(0.03, 0.15) * stall_nm;
+                vec![("torque_Nm", hidden.load_nm)]
+            }
+            Effect::LoadStep => {
+                hidden.step_nm = sign * between(0.04, 0.15) * stall_nm;
+                hidden.step_s = random.random_range(0.3..0.7) * duration_s;
+                vec![("torque_Nm", hidden.step_nm), ("time_s", hidden.step_s)]
+            }
+            Effect::FrictionWarmup => {
+                let fall = between(0.25, 0.55);
+                hidden.warmup_share = fall / (1.0 - fall);
+                hidden.warmup_s = random.random_range(0.15..0.4) * duration_s;
+                // The level that is left in the end.
+                hidden.coulomb_nm *= 1.0 - fall;
+                vec![("excess_share", hidden.warmup_share), ("time_constant_s", hidden.warmup_s)]
+            }
+            Effect::Cogging => {
+                hidden.cogging_nm = between(0.02, 0.10) * stall_nm;
+                hidden.cogging_periods = f64::from(random.random_range(3_u8..=12));
+                hidden.cogging_phase = phase;
+                vec![("periods_per_rev", hidden.cogging_periods)]
+            }
+            Effect::GravityUnbalance => {
+                hidden.gravity_nm = between(0.02, 0.12) * stall_nm;
+                hidden.gravity_phase = phase;
+                Vec::new()
+            }
+            Effect::Backlash => {
+                hidden.gap_rad = between(2.0, 8.0).to_radians();
+                hidden.load_share = random.random_range(0.3..0.6);
+                vec![("gap_rad", hidden.gap_rad), ("load_inertia_share", hidden.load_share)]
+            }
+            Effect::ShaftCompliance => {
+                hidden.load_share = between(0.3, 0.6);
+                hidden.spring_hz = log_uniform(random, 8.0, 45.0);
+                hidden.spring_damping = random.random_range(0.02..0.08);
+                vec![("resonance_Hz", hidden.spring_hz), ("load_inertia_share", hidden.load_share)]
+            }
+            Effect::VoltageDrop => {
+                hidden.drop_v = between(0.5, 2.5);
+                vec![("drop_V", hidden.drop_v)]
+            }
+            Effect::SupplySag => {
+                hidden.sag_ohm = between(0.1, 0.4) * self.motor.resistance_ohm;
+                vec![("resistance_ohm", hidden.sag_ohm)]
+            }
+            Effect::WindingHeating => {
+                // Mean dissipation of the sequences is about a twelfth of that at standstill.
+                let power_w = self.supply_v.powi(2) / self.motor.resistance_ohm / 12.0;
+                hidden.heating_k_per_w = between(0.15, 0.45) / COPPER_PER_K / power_w;
+                hidden.heating_s = random.random_range(0.25..0.8) * duration_s;
+                vec![("rise_per_W", hidden.heating_k_per_w * COPPER_PER_K), ("time_constant_s", hidden.heating_s)]
+            }
+            Effect::CoastDecay => {
+                hidden.coasts = true;
+                Vec::new()
+            }
+            Effect::ActuationDelay => {
+                hidden.delay_s = between(0.003, 0.010);
+                vec![("delay_s", hidden.delay_s)]
+            }
+            Effect::CurrentOffset => {
+                hidden.offset_a = sign * between(0.04, 0.15);
+                vec![("offset_A", hidden.offset_a)]
+            }
+            Effect::CurrentLag => {
+                hidden.lag_s = between(0.003, 0.015);
+                vec![("time_constant_s", hidden.lag_s)]
+            }
+            Effect::CurrentClipping => {
+                hidden.clip_share = between(0.7, 0.4);
+                Vec::new()
+            }
+            Effect::EncoderEccentricity => {
+                hidden.eccentricity_rad = between(0.6, 3.0).to_radians();
+                hidden.eccentricity_phase = phase;
+                Vec::new()
+            }
+            Effect::MissedCounts => {
+                hidden.lost_share = between(0.05, 0.20);
+                hidden.lost_above = random.random_range(0.55..0.75) * self.top_speed * 0.9;
+                Vec::new()
+            }
+            Effect::TachoRipple => {
+                hidden.ripple = between(0.02, 0.05);
+                hidden.ripples = f64::from(random.random_range(11_u8..=31));
+                vec![("ripples_per_rev", hidden.ripples)]
+            }
+            Effect::OutsideShaker => {
+                hidden.shaker_nm = between(0.06, 0.15) * stall_nm;
+                hidden.shaker_hz = random.random_range(4.0..9.0);
+                Vec::new()
+            }
+            Effect::OutsideSaturation => {
+                hidden.saturation = between(0.25, 0.5);
+                Vec::new()
+            }
+            Effect::OutsideDropouts => {
+                hidden.dropouts = true;
+                hidden.dropout_s = between(0.03, 0.06);
+                Vec::new()
+            }
+            Effect::OutsideDrift => {
+                hidden.drift = between(0.05, 0.15);
+                Vec::new()
+            }
+            Effect::OutsideDeadBand => {
+                hidden.dead_band = between(0.08, 0.2) * self.top_speed;
+                Vec::new()
+            }
+            Effect::OutsideSpindle => {
+                hidden.spindle_nm = between(0.05, 0.15) * stall_nm;
+                hidden.spindle_revolutions = random.random_range(5.0..9.0);
+                Vec::new()
+            }
+        }
+    }
+
+    /// Lets time pass under one duty.
+    pub fn run(&mut self, duty: f64, duration_s: f64) {
+        let step_s = if self.hidden.coasts { SWITCHED_STEP_S } else { STEP_S };
+        let steps = (duration_s / step_s).round().max(1.0);
+        for _ in 0..steps as usize {
+            self.step(duty, duration_s / steps);
+        }
+    }
+
+    fn step(&mut self, duty: f64, dt: f64) {
+        self.electrical(duty, dt);
+        self.mechanical(dt);
+        self.time_s += dt;
+    }
+
+    /// Torque constant at the present current, and the one of the back-EMF with it.
+    fn torque_constant(&self) -> f64 {
+        let peak_a = self.supply_v / self.motor.resistance_ohm;
+        self.motor.torque_constant_nm_per_a * (1.0 - self.hidden.saturation * (self.current_a / peak_a).abs().min(1.0))
+    }
+
+    fn electrical(&mut self, duty: f64, dt: f64) {
+        let resistance_ohm = self.motor.resistance_ohm * (1.0 + COPPER_PER_K * self.heat_k);
+        let supply_v =
+            if self.dropped_out() { 0.0 } else { self.supply_v - self.hidden.sag_ohm * duty * self.current_a };
+        let emf_v = self.torque_constant() * self.speed;
+        let (source_v, drop_v) = self.bridge(duty, supply_v);
+        let free_a =
+            self.current_a + dt / self.motor.inductance_h * (source_v - resistance_ohm * self.current_a - emf_v);
+        // The drop works against the current and cannot turn it round.
+        let lost_a = dt / self.motor.inductance_h * drop_v;
+        self.current_a = free_a.signum() * (free_a.abs() - lost_a).max(0.0);
+        let power_w = resistance_ohm * self.current_a * self.current_a;
+        if self.hidden.heating_s > 0.0 {
+            self.heat_k += dt / self.hidden.heating_s * (self.hidden.heating_k_per_w * power_w - self.heat_k);
+        }
+    }
+
+    /// Source and drop of the circuit.
+    fn bridge(&self, duty: f64, supply_v: f64) -> (f64, f64) {
+        if !self.hidden.coasts {
+            return (duty * supply_v, self.hidden.drop_v);
+        }
+        if (self.time_s / PWM_PERIOD_S).fract() < duty.abs() {
+            return (supply_v * duty.signum(), self.hidden.drop_v);
+        }
+        (0.0, supply_v + 2.0 * DIODE_V)
+    }
+
+    fn dropped_out(&self) -> bool {
+        // One within each second, at a moment that only the seed knows.
+        let second = self.time_s.floor();
+        let moment = ((second + self.dropout_seed) * 12.9898).sin().abs() * 0.9;
+        let since = self.time_s - second - moment;
+        self.hidden.dropouts && (0.0..self.hidden.dropout_s).contains(&since)
+    }
+
+    fn mechanical(&mut self, dt: f64) {
+        let hidden = &self.hidden;
+        let behind = hidden.load_share > 0.0;
+        let inertia = self.motor.inertia_kg_m2 * (1.0 - hidden.load_share);
+        let mut torque = self.torque_constant() * self.current_a - self.outer_torque();
+        let mut pull = 0.0;
+        if behind {
+            pull = self.coupling();
+            torque -= pull;
+        }
+        torque -= self.motor.viscous_friction_nm_s * self.warm() * self.speed;
+        match self.friction {
+            Friction::Karnopp => self.karnopp(torque, inertia, dt),
+            Friction::LuGre => self.lugre(torque, inertia, dt),
+        }
+        self.angle += dt * self.speed;
+        if behind {
+            self.load_speed += dt * pull / (self.motor.inertia_kg_m2 * self.hidden.load_share);
+            self.twist += dt * (self.speed - self.load_speed);
+        }
+    }
+
+    fn outer_torque(&self) -> f64 {
+        let hidden = &self.hidden;
+        let mut torque = hidden.load_nm + hidden.drag * self.speed * self.speed.abs();
+        if self.time_s >= hidden.step_s {
+            torque += hidden.step_nm;
+        }
+        torque += hidden.cogging_nm * (hidden.cogging_periods * self.angle + hidden.cogging_phase).sin();
+        torque += hidden.gravity_nm * (self.angle + hidden.gravity_phase).sin();
+        torque += hidden.shaker_nm * (TAU * hidden.shaker_hz * self.time_s).sin();
+        if hidden.spindle_nm > 0.0 {
+            let turn = (self.angle / TAU / hidden.spindle_revolutions).rem_euclid(1.0);
+            // Binds over a fifth of its period.
+            let bound = if turn < 0.2 { hidden.spindle_nm } else { 0.0 };
+            torque += bound * (self.speed / (0.01 * self.top_speed)).clamp(-1.0, 1.0);
+        }
+        torque
+    }
+
+    /// Torque in the spring or the contact between motor and load.
+    fn coupling(&self) -> f64 {
+        let hidden = &self.hidden;
+        let reduced = self.motor.inertia_kg_m2 * hidden.load_share * (1.0 - hidden.load_share);
+        let slip = self.speed - self.load_speed;
+        if hidden.spring_hz > 0.0 {
+            let rate = TAU * hidden.spring_hz;
+            return reduced * (rate * rate * self.twist + 2.0 * hidden.spring_damping * rate * slip);
+        }
+        let half = 0.5 * hidden.gap_rad;
+        let depth = self.twist - self.twist.clamp(-half, half);
+        if depth == 0.0 {
+            return 0.0;
+        }
+        // Hard steel that loses two thirds of its energy in a blow.
+        let rate = TAU * 300.0;
+        let force = reduced * (rate * rate * depth + 2.0 * 0.35 * rate * slip);
+        if depth > 0.0 { force.max(0.0) } else { force.min(0.0) }
+    }
+
+    /// Factor of all friction while it is cold.
+    fn warm(&self) -> f64 {
+        if self.hidden.warmup_s > 0.0 {
+            1.0 + self.hidden.warmup_share * (-self.time_s / self.hidden.warmup_s).exp()
+        } else {
+            1.0
+        }
+    }
+
+    fn dry_level(&self, direction: f64) -> f64 {
+        let hidden = &self.hidden;
+        let excess = if hidden.excess_nm > 0.0 {
+            hidden.excess_nm * (-(self.speed / hidden.stribeck_speed).powi(2)).exp()
+        } else {
+            0.0
+        };
+        (hidden.coulomb_nm * self.warm() + excess + hidden.asymmetry_nm * direction).max(0.0)
+    }
+
+    fn karnopp(&mut self, torque: f64, inertia: f64, dt: f64) {
+        let band = 1e-4 * self.top_speed;
+        let moves = self.speed.abs() > band;
+        let direction = if moves { self.speed.signum() } else { torque.signum() };
+        let level = self.dry_level(direction);
+        if !moves && torque.abs() <= level {
+            self.speed = 0.0;
+            return;
+        }
+        let before = self.speed;
+        self.speed += dt / inertia * (torque - level * direction);
+        if moves && before * self.speed < 0.0 && torque.abs() <= level {
+            self.speed = 0.0;
+        }
+    }
+
+    fn lugre(&mut self, torque: f64, inertia: f64, dt: f64) {
+        let level = self.dry_level(if self.speed == 0.0 { torque.signum() } else { self.speed.signum() });
+        if level <= 0.0 {
+            self.speed += dt / inertia * torque;
+            return;
+        }
+        // Bristles bend by 2 mrad before they slip.
+        let stiffness = level / 0.002;
+        let damping = 0.5 * (stiffness * inertia).sqrt();
+        let bend = self.speed - stiffness * self.speed.abs() / level * self.bristle;
+        self.bristle += dt * bend;
+        self.bristle = self.bristle.clamp(-0.002, 0.002);
+        let friction =
+            stiffness * self.bristle + damping * bend * (-(self.speed / (0.02 * self.top_speed)).powi(2)).exp();
+        self.speed += dt / inertia * (torque - friction);
+    }
+}

@@ -1,0 +1,105 @@
+//! The recording: what the Uno's sensors make of the bench.
+
+use crate::drive::duties;
+use crate::rig::Bench;
+use crate::{Channels, Effect, Recipe};
+use rand::{Rng, RngExt};
+use rand_distr::{Distribution, StandardNormal};
+use std::f64::consts::TAU;
+use std::fmt::Write as _;
+
+/// Step of the oversampled current reading.
+pub const CURRENT_STEP_A: f64 = 0.0066;
+const CURRENT_NOISE_A: f64 = 0.010;
+/// Noise of the speed as a share of the top speed.
+const SPEED_NOISE: f64 = 0.0015;
+
+struct Row {
+    time_s: f64,
+    duty: f64,
+    counts: f64,
+    speed: f64,
+    current_a: f64,
+}
+
+/// Drives the bench and records it.
+pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> String {
+    let count = (recipe.duration_s * recipe.rate_hz) as usize;
+    let duty = duties(recipe.excitation, count, recipe.rate_hz, random);
+    let interval_s = 1.0 / recipe.rate_hz;
+    let tacho = recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple);
+    let ripple_phase = random.random_range(0.0..TAU);
+    let drift_hz = random.random_range(0.05..0.15);
+    let (mut lost_rad, mut lagged_a) = (0.0, 0.0);
+    let mut rows = Vec::with_capacity(count);
+    let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
+    for (index, duty_now) in duty.iter().enumerate() {
+        let hidden = &bench.hidden;
+        let excess = (bench.speed.abs() - hidden.lost_above).max(0.0) * hidden.lost_share;
+        lost_rad += excess * bench.speed.signum() * interval_s;
+        let turn = bench.angle + hidden.eccentricity_phase;
+        let seen_rad = bench.angle + hidden.eccentricity_rad * turn.sin() - lost_rad;
+        let mut seen_speed = bench.speed * (1.0 + hidden.eccentricity_rad * turn.cos()) - excess * bench.speed.signum();
+        seen_speed *= 1.0 + hidden.ripple * (hidden.ripples * bench.angle + ripple_phase).sin();
+        seen_speed *= 1.0 + hidden.drift * (TAU * drift_hz * bench.time_s).sin();
+        if seen_speed.abs() < hidden.dead_band {
+            seen_speed = 0.0;
+        }
+        let keep = if hidden.lag_s > 0.0 { (-interval_s / hidden.lag_s).exp() } else { 0.0 };
+        lagged_a = keep * lagged_a + (1.0 - keep) * bench.current_a;
+        let noise = |random: &mut _| -> f64 { StandardNormal.sample(random) };
+        rows.push(Row {
+            time_s: index as f64 * interval_s,
+            duty: *duty_now,
+            counts: (seen_rad / TAU * bench.counts_per_rev).floor(),
+            speed: seen_speed + speed_noise * noise(random),
+            current_a: lagged_a + hidden.offset_a + CURRENT_NOISE_A * noise(random),
+        });
+        pass(&mut bench, &duty, index, interval_s);
+    }
+    clip(&mut rows, bench.hidden.clip_share);
+    csv(&rows, &bench, recipe.channels)
+}
+
+/// One sampling interval, the command late by the hidden delay.
+fn pass(bench: &mut Bench, duty: &[f64], index: usize, interval_s: f64) {
+    let late = bench.hidden.delay_s / interval_s;
+    let whole = late.floor() as usize;
+    let part = late - late.floor();
+    let at = |back: usize| index.checked_sub(back).map_or(0.0, |index| duty[index]);
+    if part > 0.01 {
+        bench.run(at(whole + 1), part * interval_s);
+    }
+    if part < 0.99 {
+        bench.run(at(whole), (1.0 - part) * interval_s);
+    }
+}
+
+fn clip(rows: &mut [Row], share: f64) {
+    let peak_a = rows.iter().fold(0.0, |most: f64, row| most.max(row.current_a.abs()));
+    let limit_a = share * peak_a;
+    for row in rows {
+        row.current_a = row.current_a.clamp(-limit_a, limit_a);
+        row.current_a = (row.current_a / CURRENT_STEP_A).round() * CURRENT_STEP_A;
+    }
+}
+
+fn csv(rows: &[Row], bench: &Bench, channels: Channels) -> String {
+    let mut text = String::from(match channels {
+        Channels::Full => "t_s,duty,u_V,counts,omega_rad_per_s,i_A\n",
+        Channels::VoltageSpeedCurrent => "t_s,u_V,omega_rad_per_s,i_A\n",
+        Channels::DutyCountsCurrent => "t_s,duty,counts,i_A\n",
+        Channels::VoltageSpeed => "t_s,u_V,omega_rad_per_s\n",
+    });
+    for row in rows {
+        let Row { time_s, duty, counts, speed, current_a } = row;
+        let volts = duty * bench.supply_v;
+        let _ = match channels {
+            Channels::Full => writeln!(text, "{time_s:.4},{duty:.5},{volts:.4},{counts},{speed:.4},{current_a:.4}"),
+            Channels::VoltageSpeedCurrent => writeln!(text, "{time_s:.4},{volts:.4},{speed:.4},{current_a:.4}"),
+            Channels::DutyCountsCurrent => writeln!(text, "{time_s:.4},{duty:.5},{counts},{current_a:.4}"),
+            Channels::VoltageSpeed => writeln!(text, "{time_s:.4},{volts:.4},{speed:.4}"),
+        };
+    }
+    text
+}

@@ -1,0 +1,82 @@
+//! Judging models on data that no fit has seen.
+
+use crate::dataset::Dataset;
+use crate::free_run::Prediction;
+
+/// Stretches of this length count as independent.
+const BLOCK_S: f64 = 0.1;
+
+/// What one model gains over another on the data kept back.
+#[derive(Clone, Debug)]
+pub struct Gain {
+    /// Sum of the gains of all blocks over its standard error: a statistic that residuals correlated within a block do not
+    /// inflate (Diebold and Mariano 1995).
+    pub sigmas: f64,
+    /// Mean square error before over the one after, less one, of the quantity that gains most.
+    pub share: f64,
+    /// Root mean square errors before and after, in the order of [`Dataset::measured`].
+    pub rmse: Vec<(f64, f64)>,
+}
+
+/// Compares two predictions on the data kept back.
+pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
+    let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
+    let rmse: Vec<(f64, f64)> =
+        (0..data.measured.len()).map(|output| (rmse(data, before, output), rmse(data, after, output))).collect();
+    let mut sums = Vec::new();
+    for start in (0..data.len()).step_by(block) {
+        let mut sum = 0.0;
+        let mut any = false;
+        for (output, measured) in data.measured.iter().enumerate() {
+            // Noise is what the better model leaves; a weight that favours neither.
+            let scale = measured.noise.max(rmse[output].0.min(rmse[output].1));
+            for index in (start..(start + block).min(data.len())).filter(|index| data.kept_back[*index]) {
+                let worse = measured.values[index] - before[output][index];
+                let better = measured.values[index] - after[output][index];
+                let difference = (worse * worse - better * better) / (scale * scale);
+                if difference.is_finite() {
+                    sum += difference;
+                    any = true;
+                }
+            }
+        }
+        if any {
+            sums.push(sum);
+        }
+    }
+    let total: f64 = sums.iter().sum();
+    let mean = total / sums.len().max(1) as f64;
+    let spread: f64 = sums.iter().map(|sum| (sum - mean).powi(2)).sum::<f64>().sqrt();
+    let share = rmse.iter().map(|(before, after)| (before / after.max(f64::MIN_POSITIVE)).powi(2) - 1.0);
+    Gain {
+        sigmas: if spread > 0.0 { total / spread } else { 0.0 },
+        share: share.fold(f64::NEG_INFINITY, f64::max),
+        rmse,
+    }
+}
+
+/// Root mean square error of one quantity on the data kept back.
+pub fn rmse(data: &Dataset, prediction: &Prediction, output: usize) -> f64 {
+    let mut sum = 0.0;
+    let mut count = 0.0;
+    for ((value, predicted), kept_back) in
+        data.measured[output].values.iter().zip(&prediction[output]).zip(&data.kept_back)
+    {
+        let difference = value - predicted;
+        if *kept_back && difference.is_finite() {
+            sum += difference * difference;
+            count += 1.0;
+        }
+    }
+    (sum / f64::max(count, 1.0)).sqrt()
+}
+
+/// 100 (1 - |y - prediction| / |y - mean y|) on the data kept back.
+pub fn fit_percent(data: &Dataset, prediction: &Prediction, output: usize) -> f64 {
+    let seen =
+        data.measured[output].values.iter().zip(&data.kept_back).filter(|(value, kept)| **kept && value.is_finite());
+    let values: Vec<f64> = seen.map(|(value, _)| *value).collect();
+    let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+    let spread = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt();
+    100.0 * (1.0 - rmse(data, prediction, output) / spread.max(f64::MIN_POSITIVE))
+}

@@ -1,0 +1,3 @@
+//! Diagnosis.
+pub mod judge;
+pub mod select;

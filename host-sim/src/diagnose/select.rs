@@ -1,0 +1,181 @@
+//! Which effects the data ask for: forward by what the derivatives promise, fitted in free run, judged on data kept back;
+//! then backward, and against every rival.
+
+use super::judge::{Gain, gain};
+use crate::catalogue::CATALOGUE;
+use crate::dataset::Dataset;
+use crate::identify::{Effort, Fit, Prior, Promise, fit, scales};
+use crate::model::Model;
+use rayon::prelude::*;
+
+/// Effects fitted at each step, of those that promise most.
+const TRIED: usize = 4;
+/// Effects at most.
+const MOST_EFFECTS: usize = 7;
+/// An effect earns its place with this significance...
+const LEAST_SIGMAS: f64 = 3.0;
+/// ... and with at least this share of the error that is left.
+const LEAST_SHARE: f64 = 0.02;
+/// Two models closer than this cannot be told apart.
+const SAME_SIGMAS: f64 = 2.5;
+const SAME_SHARE: f64 = 0.02;
+/// Rivals fitted in place of each effect found.
+const RIVALS: usize = 3;
+/// A promise below this, in units of noise, is not worth a fit.
+const LEAST_PROMISE: f64 = 20.0;
+
+/// An effect that was added.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// Which.
+    pub id: &'static str,
+    /// What it gained on data kept back.
+    pub gain: Gain,
+    /// The second best at this step and what it would have gained.
+    pub runner_up: Option<(&'static str, Gain)>,
+}
+
+/// What holds of one effect in the final model.
+#[derive(Clone, Debug)]
+pub struct Standing {
+    /// Which.
+    pub id: &'static str,
+    /// What the model gains by it, all others refitted without it.
+    pub gain: Gain,
+    /// The best rival in its place, and what the effect gains over it.
+    pub rival: Option<(&'static str, Gain)>,
+    /// Effects that serve as well in its place.
+    pub same: Vec<&'static str>,
+}
+
+/// The models from the linear one to the last.
+pub struct Selection {
+    /// The linear motor, fitted.
+    pub base: Fit,
+    /// What was added in turn.
+    pub steps: Vec<Step>,
+    /// The model with everything that earns its place.
+    pub last: Fit,
+    /// What holds of each of its effects.
+    pub standings: Vec<Standing>,
+}
+
+/// Called with a sentence whenever the work goes on.
+pub type Progress<'a> = &'a (dyn Fn(&str) + Sync);
+
+/// Selects.
+pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progress) -> Selection {
+    progress("linear motor");
+    let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
+    let chooser = Chooser { data, prior, excluded, progress };
+    let (mut last, steps) = chooser.forward(base.clone());
+    progress("to the end");
+    last = fit(&last.model, data, prior, Effort::FULL);
+    let (last, standings) = chooser.backward(last);
+    Selection { base, steps, last, standings }
+}
+
+struct Chooser<'a> {
+    data: &'a Dataset,
+    prior: &'a Prior,
+    excluded: &'a [&'a str],
+    progress: Progress<'a>,
+}
+
+impl Chooser<'_> {
+    fn promises(&self, from: &Fit) -> Vec<Promise> {
+        let scales = scales(&from.model.motor, self.data);
+        let mut promises = from.promises(self.data, &scales, self.excluded);
+        promises.retain(|promise| promise.gain > LEAST_PROMISE);
+        promises
+    }
+
+    fn try_all(&self, from: &Model, promises: &[Promise], effort: Effort) -> Vec<(&'static str, Fit)> {
+        promises
+            .par_iter()
+            .map(|promise| {
+                let effect = CATALOGUE[promise.effect];
+                let fitted = fit(&from.with(effect, promise.start.clone()), self.data, self.prior, effort);
+                (effect.about().id, fitted)
+            })
+            .collect()
+    }
+
+    fn forward(&self, base: Fit) -> (Fit, Vec<Step>) {
+        let mut current = base;
+        let mut steps = Vec::new();
+        while steps.len() < MOST_EFFECTS {
+            let mut promises = self.promises(&current);
+            promises.truncate(TRIED);
+            (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
+            let mut fits: Vec<_> = self
+                .try_all(&current.model, &promises, Effort::TRIAL)
+                .into_iter()
+                .map(|(id, fit)| (id, gain(self.data, &current.prediction, &fit.prediction), fit))
+                .collect();
+            fits.sort_by(|a, b| a.2.cost.total_cmp(&b.2.cost));
+            fits.retain(|(_, gain, _)| earns_its_place(gain));
+            if fits.is_empty() {
+                break;
+            }
+            let runner_up = fits.get(1).map(|(id, gain, _)| (*id, gain.clone()));
+            let (id, gain, fit) = fits.swap_remove(0);
+            steps.push(Step { id, gain, runner_up });
+            current = fit;
+        }
+        (current, steps)
+    }
+
+    /// Drops what no longer earns its place and puts a rival where it is better; says of the others what holds.
+    fn backward(&self, mut current: Fit) -> (Fit, Vec<Standing>) {
+        let mut rounds = 2 * MOST_EFFECTS;
+        'again: loop {
+            let ids: Vec<_> = current.model.terms.iter().map(|term| term.id()).collect();
+            let mut standings = Vec::new();
+            for id in ids {
+                (self.progress)(&format!("checking {id}"));
+                let without = fit(&current.model.without(id), self.data, self.prior, Effort::TRIAL);
+                let own = gain(self.data, &without.prediction, &current.prediction);
+                rounds = rounds.saturating_sub(1);
+                if !earns_its_place(&own) && rounds > 0 {
+                    current = without;
+                    continue 'again;
+                }
+                let rivals = self.rivals(&without, id);
+                if let Some((_, better)) = rivals.iter().find(|(_, rival)| {
+                    let over = gain(self.data, &current.prediction, &rival.prediction);
+                    rival.cost < current.cost && over.sigmas > SAME_SIGMAS && over.share > SAME_SHARE
+                }) && rounds > 0
+                {
+                    current = better.clone();
+                    continue 'again;
+                }
+                standings.push(self.standing(id, own, &current, &rivals));
+            }
+            return (current, standings);
+        }
+    }
+
+    fn rivals(&self, without: &Fit, id: &str) -> Vec<(&'static str, Fit)> {
+        let mut promises = self.promises(without);
+        promises.retain(|promise| CATALOGUE[promise.effect].about().id != id);
+        promises.truncate(RIVALS);
+        self.try_all(&without.model, &promises, Effort::TRIAL)
+    }
+
+    fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {
+        let mut over: Vec<_> =
+            rivals.iter().map(|(rival, fit)| (*rival, gain(self.data, &fit.prediction, &current.prediction))).collect();
+        over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
+        let same = over
+            .iter()
+            .filter(|(_, gain)| gain.sigmas < SAME_SIGMAS || gain.share < SAME_SHARE)
+            .map(|(rival, _)| *rival)
+            .collect();
+        Standing { id, gain: own, rival: over.into_iter().next(), same }
+    }
+}
+
+fn earns_its_place(gain: &Gain) -> bool {
+    gain.sigmas > LEAST_SIGMAS && gain.share > LEAST_SHARE
+}

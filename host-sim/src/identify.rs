@@ -1,0 +1,531 @@
+//! Identification by output error: the constants with which the free-running model comes closest to what was measured.
+//!
+//! Every measured quantity is weighted by its noise; what is kept back ([`Dataset::kept_back`]) is not seen. Nominal
+//! values enter as what a data sheet is worth, [`NOMINAL_SPREAD`]; they decide only where the data are silent.
+//! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
+//! correlated within a block (sandwich; White, Econometrica 50 (1982)).
+
+use crate::catalogue::{CATALOGUE, Scales};
+use crate::dataset::{Dataset, greatest};
+use crate::free_run::{Prediction, free_run};
+use crate::model::Model;
+use crate::motor::MotorParameters;
+use crate::rig::NominalMotor;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Standard deviation of the logarithm of a nominal value.
+pub const NOMINAL_SPREAD: f64 = 0.2;
+/// The same of a value guessed from the data's extremes alone.
+const GUESS_SPREAD: f64 = 1.5;
+/// Nominal viscous friction is hardly more than an order of magnitude.
+const FRICTION_SPREAD: f64 = 1.0;
+/// Residuals further apart than this count as independent.
+const BLOCK_S: f64 = 0.2;
+/// Relative step of the finite differences.
+const DIFFERENCE: f64 = 2e-3;
+/// Electromechanical and electromagnetic time constant of a small motor, for a start without nominal values.
+const USUAL_TIME_CONSTANTS_S: (f64, f64) = (0.05, 0.001);
+
+/// What is known of the motor before the recording.
+#[derive(Clone, Debug)]
+pub struct Prior {
+    /// Most plausible values.
+    pub motor: MotorParameters,
+    /// Standard deviations: of the logarithms of R, L, k and J, and of b in its own unit.
+    pub spread: [f64; 5],
+    /// What the rig file gave.
+    pub nominal: NominalMotor,
+}
+
+impl Prior {
+    /// From nominal values, and from the extremes of the data where there are none.
+    pub fn new(nominal: &NominalMotor, data: &Dataset) -> Self {
+        let voltage_v = greatest(&data.voltage_v);
+        let speed = greatest(&data.motion().values).max(1e-9);
+        let k = nominal.torque_constant_nm_per_a.unwrap_or(0.9 * voltage_v / speed);
+        let peak_a = data.current().map(|current| greatest(&current.values));
+        let r = nominal.resistance_ohm.unwrap_or_else(|| voltage_v / peak_a.unwrap_or(1.0).max(1e-6));
+        let (mechanical_s, electrical_s) = USUAL_TIME_CONSTANTS_S;
+        let motor = MotorParameters {
+            resistance_ohm: r,
+            inductance_h: nominal.inductance_h.unwrap_or(electrical_s * r),
+            torque_constant_nm_per_a: k,
+            inertia_kg_m2: nominal.inertia_kg_m2.unwrap_or(mechanical_s * k * k / r),
+            viscous_friction_nm_s: nominal.viscous_friction_nm_s.unwrap_or(0.02 * k * k / r),
+        };
+        let spread = |given: Option<f64>| if given.is_some() { NOMINAL_SPREAD } else { GUESS_SPREAD };
+        let friction = if nominal.viscous_friction_nm_s.is_some() { FRICTION_SPREAD } else { 10.0 };
+        Self {
+            motor,
+            spread: [
+                spread(nominal.resistance_ohm),
+                spread(nominal.inductance_h),
+                spread(nominal.torque_constant_nm_per_a),
+                spread(nominal.inertia_kg_m2),
+                friction * motor.viscous_friction_nm_s.max(0.005 * k * k / r),
+            ],
+            nominal: *nominal,
+        }
+    }
+}
+
+/// Sizes that effects take their starting values from.
+pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
+    let voltage_v = greatest(&data.voltage_v);
+    let speed_rad_per_s = greatest(&data.motion().values);
+    let computed_a = voltage_v / motor.resistance_ohm;
+    Scales {
+        motor: *motor,
+        voltage_v,
+        speed_rad_per_s,
+        current_a: data.current().map_or(computed_a, |current| greatest(&current.values)),
+        duration_s: data.time_s.last().copied().unwrap_or(0.0),
+        interval_s: data.interval_s,
+        pwm_hz: data.pwm_hz,
+    }
+}
+
+/// Where a fitted number lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Constant of the linear motor: R, L, k, J, b.
+    Motor(usize),
+    /// Constant of an effect: term and position.
+    Term(usize, usize),
+}
+
+/// A number that a fit may move.
+#[derive(Clone, Debug)]
+struct Unknown {
+    place: Place,
+    /// Moved as its logarithm.
+    logarithmic: bool,
+    /// Size in which steps are measured (1 for logarithms).
+    size: f64,
+    min: f64,
+    max: f64,
+    /// Mean and standard deviation of its coordinate, as far as it was known before.
+    prior: Option<(f64, f64)>,
+}
+
+impl Unknown {
+    fn get(&self, model: &Model) -> f64 {
+        let value = match self.place {
+            Place::Motor(index) => motor_values(&model.motor)[index],
+            Place::Term(term, index) => model.terms[term].values[index],
+        };
+        if self.logarithmic { value.ln() } else { value / self.size }
+    }
+
+    fn set(&self, model: &mut Model, coordinate: f64) {
+        let value = if self.logarithmic { coordinate.exp() } else { coordinate * self.size };
+        let value = value.clamp(self.min, self.max);
+        match self.place {
+            Place::Motor(index) => *motor_value(&mut model.motor, index) = value,
+            Place::Term(term, index) => model.terms[term].values[index] = value,
+        }
+    }
+}
+
+fn motor_values(motor: &MotorParameters) -> [f64; 5] {
+    motor.named().map(|(_, value)| value)
+}
+
+fn motor_value(motor: &mut MotorParameters, index: usize) -> &mut f64 {
+    match index {
+        0 => &mut motor.resistance_ohm,
+        1 => &mut motor.inductance_h,
+        2 => &mut motor.torque_constant_nm_per_a,
+        3 => &mut motor.inertia_kg_m2,
+        _ => &mut motor.viscous_friction_nm_s,
+    }
+}
+
+/// How long a fit may take.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Steps at most.
+    pub steps: usize,
+    /// It ends when a step gains less than this share of the cost.
+    pub least_gain: f64,
+}
+
+impl Effort {
+    /// To see whether an effect is worth it.
+    pub const TRIAL: Self = Self { steps: 4, least_gain: 3e-3 };
+    /// To the end.
+    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5 };
+}
+
+/// A fitted model.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The model.
+    pub model: Model,
+    /// What it says of the data.
+    pub prediction: Prediction,
+    /// Sum of the squares of the weighted residuals that were seen, and of the prior.
+    pub cost: f64,
+    unknowns: Vec<Unknown>,
+    /// Weighted sensitivities of the seen residuals, one column an unknown.
+    columns: Vec<Vec<f64>>,
+    /// Weighted residuals, those not seen as zero.
+    residual: Vec<f64>,
+    /// Inverse of the normal matrix.
+    inverse: DMatrix<f64>,
+}
+
+/// Fits a model from its present constants.
+pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit {
+    Search::new(start, data, prior).run(effort)
+}
+
+struct Search<'a> {
+    data: &'a Dataset,
+    unknowns: Vec<Unknown>,
+    model: Model,
+    prediction: Prediction,
+    residual: Vec<f64>,
+    cost: f64,
+}
+
+impl<'a> Search<'a> {
+    fn new(start: &Model, data: &'a Dataset, prior: &Prior) -> Self {
+        let unknowns = unknowns(start, data, prior);
+        let mut model = start.clone();
+        for unknown in &unknowns {
+            let coordinate = unknown.get(&model);
+            unknown.set(&mut model, coordinate);
+        }
+        let prediction = free_run(&model, data);
+        let residual = weighted_residual(data, &prediction);
+        let cost = square(&residual) + prior_cost(&model, &unknowns);
+        Self { data, unknowns, model, prediction, residual, cost }
+    }
+
+    fn run(mut self, effort: Effort) -> Fit {
+        let mut damping = 1e-3;
+        let mut columns = self.columns();
+        for step in 0..effort.steps {
+            let before = self.cost;
+            if !self.step(&columns, &mut damping) {
+                break;
+            }
+            let last = step + 1 == effort.steps || before - self.cost < effort.least_gain * before;
+            if last && before - self.cost < 0.02 * before {
+                // So near the end the sensitivities no longer change.
+                break;
+            }
+            columns = self.columns();
+            if last {
+                break;
+            }
+        }
+        let normal = self.normal(&columns);
+        let size = normal.nrows();
+        let inverse = (normal.clone() + DMatrix::identity(size, size) * 1e-9 * normal.trace().max(1e-12) / size as f64)
+            .try_inverse()
+            .unwrap_or_else(|| DMatrix::zeros(size, size));
+        Fit {
+            model: self.model,
+            prediction: self.prediction,
+            cost: self.cost,
+            unknowns: self.unknowns,
+            columns,
+            residual: self.residual,
+            inverse,
+        }
+    }
+
+    /// Weighted sensitivities of the residual by finite differences, on all cores.
+    fn columns(&self) -> Vec<Vec<f64>> {
+        self.unknowns
+            .par_iter()
+            .map(|unknown| {
+                let here = unknown.get(&self.model);
+                let step = if here + DIFFERENCE > unknown.max / unknown.size { -DIFFERENCE } else { DIFFERENCE };
+                let mut moved = self.model.clone();
+                unknown.set(&mut moved, here + step);
+                let there = weighted_residual(self.data, &free_run(&moved, self.data));
+                there.iter().zip(&self.residual).map(|(there, here)| (there - here) / step).collect()
+            })
+            .collect()
+    }
+
+    fn normal(&self, columns: &[Vec<f64>]) -> DMatrix<f64> {
+        let size = columns.len();
+        let mut normal = DMatrix::zeros(size, size);
+        for row in 0..size {
+            for column in 0..=row {
+                let value = dot(&columns[row], &columns[column]);
+                normal[(row, column)] = value;
+                normal[(column, row)] = value;
+            }
+        }
+        for (index, unknown) in self.unknowns.iter().enumerate() {
+            if let Some((_, spread)) = unknown.prior {
+                normal[(index, index)] += 1.0 / (spread * spread);
+            }
+        }
+        normal
+    }
+
+    /// One step; `false` when none is better.
+    fn step(&mut self, columns: &[Vec<f64>], damping: &mut f64) -> bool {
+        let normal = self.normal(columns);
+        let gradient = DVector::from_iterator(
+            columns.len(),
+            columns.iter().zip(&self.unknowns).map(|(column, unknown)| {
+                let pull =
+                    unknown.prior.map_or(0.0, |(mean, spread)| (unknown.get(&self.model) - mean) / (spread * spread));
+                dot(column, &self.residual) + pull
+            }),
+        );
+        for _ in 0..6 {
+            let mut damped = normal.clone();
+            for index in 0..damped.nrows() {
+                damped[(index, index)] += *damping * normal[(index, index)].max(1e-9);
+            }
+            let Some(step) = damped.cholesky().map(|cholesky| cholesky.solve(&gradient)) else {
+                *damping = (*damping * 10.0).max(1e-6);
+                continue;
+            };
+            if self.try_step(&step) {
+                *damping = (*damping * 0.2).max(1e-9);
+                return true;
+            }
+            *damping = (*damping * 8.0).max(1e-4);
+        }
+        false
+    }
+
+    fn try_step(&mut self, step: &DVector<f64>) -> bool {
+        let mut model = self.model.clone();
+        for (unknown, step) in self.unknowns.iter().zip(step.iter()) {
+            let limit = if unknown.logarithmic { 1.0 } else { 5.0 };
+            unknown.set(&mut model, unknown.get(&self.model) - step.clamp(-limit, limit));
+        }
+        let prediction = free_run(&model, self.data);
+        let residual = weighted_residual(self.data, &prediction);
+        let cost = square(&residual) + prior_cost(&model, &self.unknowns);
+        let better = cost < self.cost;
+        if better {
+            (self.model, self.prediction, self.residual, self.cost) = (model, prediction, residual, cost);
+        }
+        better
+    }
+}
+
+fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
+    let expected = motor_values(&prior.motor);
+    let motor = (0..5).map(|index| {
+        let logarithmic = index < 4;
+        let mean = if logarithmic { expected[index].ln() } else { expected[index] / prior.spread[index] };
+        Unknown {
+            place: Place::Motor(index),
+            logarithmic,
+            size: if logarithmic { 1.0 } else { prior.spread[index] },
+            min: if logarithmic { f64::MIN_POSITIVE } else { 0.0 },
+            max: f64::INFINITY,
+            prior: Some((mean, if logarithmic { prior.spread[index] } else { 1.0 })),
+        }
+    });
+    let scales = scales(&model.motor, data);
+    let terms = model.terms.iter().enumerate().flat_map(|(term_index, term)| {
+        let typical = term.effect.starts(&scales).into_iter().next().unwrap_or_default();
+        let parameters = term.effect.about().parameters.iter().enumerate().filter(|(_, parameter)| parameter.fitted);
+        parameters
+            .map(|(index, parameter)| Unknown {
+                place: Place::Term(term_index, index),
+                logarithmic: false,
+                size: term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12),
+                min: parameter.min,
+                max: parameter.max,
+                prior: None,
+            })
+            .collect::<Vec<_>>()
+    });
+    motor.chain(terms).collect()
+}
+
+fn prior_cost(model: &Model, unknowns: &[Unknown]) -> f64 {
+    let deviation = |unknown: &Unknown| unknown.prior.map(|(mean, spread)| (unknown.get(model) - mean) / spread);
+    unknowns.iter().filter_map(deviation).map(|deviation| deviation * deviation).sum()
+}
+
+/// Residuals over noise, measured minus simulated with the sign turned so that its derivative is the prediction's; zero
+/// where nothing was measured or where it is kept back.
+fn weighted_residual(data: &Dataset, prediction: &Prediction) -> Vec<f64> {
+    let mut residual = Vec::with_capacity(data.len() * data.measured.len());
+    for (measured, predicted) in data.measured.iter().zip(prediction) {
+        let weight = 1.0 / measured.noise;
+        for ((value, predicted), kept_back) in measured.values.iter().zip(predicted).zip(&data.kept_back) {
+            let difference = (predicted - value) * weight;
+            residual.push(if *kept_back || difference.is_nan() { 0.0 } else { difference });
+        }
+    }
+    residual
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // Four sums so that the additions need not wait for each other.
+    let mut sums = [0.0; 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a4.zip(b4) {
+        for index in 0..4 {
+            sums[index] += a[index] * b[index];
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+fn square(values: &[f64]) -> f64 {
+    dot(values, values)
+}
+
+/// What adding an effect promises, from the first derivatives alone.
+#[derive(Clone, Debug)]
+pub struct Promise {
+    /// Index in [`CATALOGUE`].
+    pub effect: usize,
+    /// Values to begin the fit from.
+    pub start: Vec<f64>,
+    /// Expected fall of the cost.
+    pub gain: f64,
+}
+
+impl Fit {
+    /// What each effect that the model does not have promises (score test; Rao 1948), the best start of each, best first.
+    pub fn promises(&self, data: &Dataset, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
+        let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
+            .iter()
+            .enumerate()
+            .filter(|(_, effect)| !self.model.has(effect.about().id) && !excluded.contains(&effect.about().id))
+            .flat_map(|(index, effect)| effect.starts(scales).into_iter().map(move |start| (index, start)))
+            .collect();
+        let all: Vec<Promise> =
+            candidates.into_par_iter().map(|(effect, start)| self.promise(data, effect, start)).collect();
+        let mut best: Vec<Promise> = Vec::new();
+        for promise in all {
+            match best.iter_mut().find(|other| other.effect == promise.effect) {
+                Some(other) if other.gain < promise.gain => *other = promise,
+                Some(_) => {}
+                None => best.push(promise),
+            }
+        }
+        best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        best
+    }
+
+    fn promise(&self, data: &Dataset, effect: usize, start: Vec<f64>) -> Promise {
+        let about = CATALOGUE[effect].about();
+        let directions: Vec<Vec<f64>> = match about.linear_in {
+            2 => vec![
+                vec![start[0], 0.0, start.get(2).copied().unwrap_or(0.0)],
+                vec![0.0, start[1], start.get(2).copied().unwrap_or(0.0)],
+            ],
+            _ => vec![start.clone()],
+        };
+        let lines: Vec<Vec<f64>> = directions
+            .into_iter()
+            .map(|mut values| {
+                values.truncate(about.parameters.len());
+                let there = weighted_residual(data, &free_run(&self.model.with(CATALOGUE[effect], values), data));
+                there.iter().zip(&self.residual).map(|(there, here)| there - here).collect()
+            })
+            .collect();
+        let (gain, factors) = self.least_squares(&lines);
+        // The derivative at zero of an effect without a sign says nothing of negative values.
+        let signed = about.parameters[0].min < 0.0;
+        let possible = about.linear_in == 2 || factors[0] > 0.0 || signed && about.linear_in == 1;
+        let mut start = start;
+        for (value, factor) in start.iter_mut().zip(&factors).take(about.linear_in) {
+            let magnitude = factor.abs().clamp(0.05, 10.0);
+            *value *= magnitude * if signed { factor.signum() } else { 1.0 };
+        }
+        // Without linearity the whole step is what it promises, not the best multiple of it.
+        let gain = match about.linear_in {
+            0 => gain.min(self.gain_of_whole(&lines[0]).max(0.25 * gain)),
+            _ => gain,
+        };
+        Promise { effect, start, gain: if possible { gain } else { 0.0 } }
+    }
+
+    fn gain_of_whole(&self, line: &[f64]) -> f64 {
+        -2.0 * dot(line, &self.residual) - square(line)
+    }
+
+    /// Best combination of new columns beside the model's own: gain and factors.
+    fn least_squares(&self, lines: &[Vec<f64>]) -> (f64, Vec<f64>) {
+        let own: Vec<DVector<f64>> = lines
+            .iter()
+            .map(|line| DVector::from_iterator(self.columns.len(), self.columns.iter().map(|column| dot(column, line))))
+            .collect();
+        let pull =
+            DVector::from_iterator(self.columns.len(), self.columns.iter().map(|column| dot(column, &self.residual)));
+        let size = lines.len();
+        let mut normal = DMatrix::zeros(size, size);
+        let mut gradient = DVector::zeros(size);
+        for row in 0..size {
+            for column in 0..size {
+                normal[(row, column)] =
+                    dot(&lines[row], &lines[column]) - (own[row].transpose() * &self.inverse * &own[column])[0];
+            }
+            normal[(row, row)] += 1e-9 * square(&lines[row]) + f64::MIN_POSITIVE;
+            gradient[row] = dot(&lines[row], &self.residual) - (own[row].transpose() * &self.inverse * &pull)[0];
+        }
+        let Some(factors) = normal.clone().cholesky().map(|cholesky| -cholesky.solve(&gradient)) else {
+            return (0.0, vec![0.0; size]);
+        };
+        (-gradient.dot(&factors), factors.iter().copied().collect())
+    }
+
+    /// Residuals of one measured quantity, measured minus simulated, missing ones as NaN.
+    pub fn residual_of(&self, data: &Dataset, output: usize) -> Vec<f64> {
+        data.measured[output].values.iter().zip(&self.prediction[output]).map(|(y, p)| y - p).collect()
+    }
+
+    /// Covariance of the coordinates that holds for residuals correlated within a block.
+    fn covariance(&self, data: &Dataset) -> DMatrix<f64> {
+        let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
+        let size = self.columns.len();
+        let mut middle = DMatrix::zeros(size, size);
+        let samples = data.len();
+        for start in (0..samples).step_by(block) {
+            let gradient = DVector::from_iterator(
+                size,
+                self.columns.iter().map(|column| {
+                    (0..data.measured.len())
+                        .map(|output| {
+                            let range = output * samples + start..output * samples + (start + block).min(samples);
+                            dot(&column[range.clone()], &self.residual[range])
+                        })
+                        .sum::<f64>()
+                }),
+            );
+            middle += &gradient * gradient.transpose();
+        }
+        for (index, unknown) in self.unknowns.iter().enumerate() {
+            middle[(index, index)] += unknown.prior.map_or(0.0, |(_, spread)| 1.0 / (spread * spread));
+        }
+        &self.inverse * middle * &self.inverse
+    }
+
+    /// Value, and 95 % interval, of every fitted constant.
+    pub fn intervals(&self, data: &Dataset) -> Vec<(Place, f64, [f64; 2])> {
+        let covariance = self.covariance(data);
+        self.unknowns
+            .iter()
+            .enumerate()
+            .map(|(index, unknown)| {
+                let half = 1.96 * covariance[(index, index)].max(0.0).sqrt();
+                let here = unknown.get(&self.model);
+                let value =
+                    |coordinate: f64| if unknown.logarithmic { coordinate.exp() } else { coordinate * unknown.size };
+                (unknown.place, value(here), [value(here - half), value(here + half)])
+            })
+            .collect()
+    }
+}
