@@ -80,6 +80,8 @@ pub struct Bench {
     friction: Friction,
     pub time_s: f64,
     pub current_a: f64,
+    /// Current as the sensor's own filter gives it: without the ripple of the PWM.
+    pub smooth_a: f64,
     pub speed: f64,
     pub angle: f64,
     bristle: f64,
@@ -112,6 +114,7 @@ impl Bench {
             friction,
             time_s: 0.0,
             current_a: 0.0,
+            smooth_a: 0.0,
             speed: 0.0,
             angle: 0.0,
             bristle: 0.0,
@@ -249,7 +252,7 @@ impl Bench {
             }
             Effect::MissedCounts => {
                 hidden.lost_share = between(0.05, 0.20);
-                hidden.lost_above = random.random_range(0.55..0.75) * self.top_speed * 0.9;
+                hidden.lost_above = random.random_range(0.55..0.75);
                 Vec::new()
             }
             Effect::TachoRipple => {
@@ -300,6 +303,8 @@ impl Bench {
         self.electrical(duty, dt);
         self.mechanical(dt);
         self.time_s += dt;
+        let keep = if self.hidden.coasts { (-dt / PWM_PERIOD_S).exp() } else { 0.0 };
+        self.smooth_a = keep * self.smooth_a + (1.0 - keep) * self.current_a;
     }
 
     /// Torque constant at the present current, and the one of the back-EMF with it.
@@ -313,7 +318,7 @@ impl Bench {
         let supply_v =
             if self.dropped_out() { 0.0 } else { self.supply_v - self.hidden.sag_ohm * duty * self.current_a };
         let emf_v = self.torque_constant() * self.speed;
-        let (source_v, drop_v) = self.bridge(duty, supply_v);
+        let (source_v, drop_v) = self.bridge(duty, supply_v, dt);
         let free_a =
             self.current_a + dt / self.motor.inductance_h * (source_v - resistance_ohm * self.current_a - emf_v);
         // The drop works against the current and cannot turn it round.
@@ -326,14 +331,22 @@ impl Bench {
     }
 
     /// Source and drop of the circuit.
-    fn bridge(&self, duty: f64, supply_v: f64) -> (f64, f64) {
+    fn bridge(&self, duty: f64, supply_v: f64, dt: f64) -> (f64, f64) {
         if !self.hidden.coasts {
             return (duty * supply_v, self.hidden.drop_v);
         }
-        if (self.time_s / PWM_PERIOD_S).fract() < duty.abs() {
-            return (supply_v * duty.signum(), self.hidden.drop_v);
-        }
-        (0.0, supply_v + 2.0 * DIODE_V)
+        // The switching instant lies within one of the steps. Half a step's grace for the rounding of the time.
+        let phase = (self.time_s / PWM_PERIOD_S + 0.5 * dt / PWM_PERIOD_S).fract() - 0.5 * dt / PWM_PERIOD_S;
+        let on = ((duty.abs() - phase) * PWM_PERIOD_S / dt).clamp(0.0, 1.0);
+        let off_v = supply_v + 2.0 * DIODE_V;
+        (on * supply_v * duty.signum(), on * self.hidden.drop_v + (1.0 - on) * off_v)
+    }
+
+    /// Speed that the bench reaches at nine tenths of the supply, above which share of it counts are lost.
+    pub(crate) fn lost_above(&self) -> f64 {
+        let friction_v = self.hidden.coulomb_nm * self.motor.resistance_ohm / self.motor.torque_constant_nm_per_a;
+        let reached = (0.9 * self.supply_v - self.hidden.drop_v - friction_v) / self.motor.torque_constant_nm_per_a;
+        self.hidden.lost_above * reached
     }
 
     fn dropped_out(&self) -> bool {

@@ -35,7 +35,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
     for (index, duty_now) in duty.iter().enumerate() {
         let hidden = &bench.hidden;
-        let excess = (bench.speed.abs() - hidden.lost_above).max(0.0) * hidden.lost_share;
+        let excess = (bench.speed.abs() - bench.lost_above()).max(0.0) * hidden.lost_share;
         lost_rad += excess * bench.speed.signum() * interval_s;
         let turn = bench.angle + hidden.eccentricity_phase;
         let seen_rad = bench.angle + hidden.eccentricity_rad * turn.sin() - lost_rad;
@@ -46,7 +46,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
             seen_speed = 0.0;
         }
         let keep = if hidden.lag_s > 0.0 { (-interval_s / hidden.lag_s).exp() } else { 0.0 };
-        lagged_a = keep * lagged_a + (1.0 - keep) * bench.current_a;
+        lagged_a = keep * lagged_a + (1.0 - keep) * bench.smooth_a;
         let noise = |random: &mut _| -> f64 { StandardNormal.sample(random) };
         rows.push(Row {
             time_s: index as f64 * interval_s,

@@ -14,8 +14,8 @@ const DIFFERENCE_SPAN_S: f64 = 0.005;
 /// A command missing for longer than this means that the bridge was off.
 const OPEN_BRIDGE_S: f64 = 0.02;
 /// Blocks of this length are kept back in turn, one in [`KEPT_BACK_EVERY`]; shorter in short recordings.
-const BLOCK_S: f64 = 1.0;
-const FEWEST_BLOCKS: f64 = 12.0;
+const BLOCK_S: f64 = 0.25;
+const FEWEST_BLOCKS: f64 = 24.0;
 const KEPT_BACK_EVERY: usize = 3;
 /// PWM frequency of the firmware, where the rig file gives none.
 const PWM_HZ: f64 = 20_000.0;

@@ -97,6 +97,7 @@ struct Run<'a> {
     data: &'a Dataset,
     range: Range<usize>,
     delay_s: f64,
+    longest_step_s: f64,
     inertia_kg_m2: f64,
     step: LinearStep,
     states: Vec<Vec<f64>>,
@@ -119,6 +120,7 @@ impl<'a> Run<'a> {
             model,
             data,
             delay_s: terms.iter().map(|term| term.effect.delay_s(&term.values)).sum(),
+            longest_step_s: terms.iter().map(|term| term.effect.longest_step_s()).fold(LONGEST_STEP_S, f64::min),
             inertia_kg_m2: model.motor.inertia_kg_m2 * share.max(0.01),
             step: LinearStep::default(),
             states: terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),
@@ -186,7 +188,7 @@ impl<'a> Run<'a> {
     /// Simulates up to the sample `next`.
     fn until(&mut self, next: usize) {
         let interval_s = self.data.time_s[next] - self.data.time_s[next - 1];
-        let steps = (interval_s / LONGEST_STEP_S - 1e-6).ceil().max(1.0);
+        let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
         if (step_s - self.step.step_s).abs() > 1e-9 {
             self.step = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);

@@ -8,7 +8,7 @@
 use crate::catalogue::{CATALOGUE, Scales};
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Prediction, free_run};
-use crate::model::Model;
+use crate::model::{Model, Term};
 use crate::motor::MotorParameters;
 use crate::rig::NominalMotor;
 use nalgebra::{DMatrix, DVector};
@@ -24,6 +24,11 @@ const FRICTION_SPREAD: f64 = 1.0;
 const BLOCK_S: f64 = 0.2;
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;
+/// Of this many effects that promise most, the start is refined, by so many halvings.
+const REFINED: usize = 8;
+const REFINEMENTS: u8 = 6;
+/// Steps that locate the moment of an event.
+const LOCATING: usize = 12;
 /// Electromechanical and electromagnetic time constant of a small motor, for a start without nominal values.
 const USUAL_TIME_CONSTANTS_S: (f64, f64) = (0.05, 0.001);
 
@@ -177,8 +182,48 @@ pub struct Fit {
 }
 
 /// Fits a model from its present constants.
+///
+/// The moment of an event (the only constants with a [`spacing`](crate::catalogue::Effect::spacing)) is read from all the
+/// data: one that lies in a stretch kept back cannot be known from the others.
 pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit {
-    Search::new(start, data, prior).run(effort)
+    let scales = scales(&start.motor, data);
+    let located = start.terms.iter().enumerate().find_map(|(term, Term { effect, .. })| {
+        let (index, spacing) = effect.spacing(&scales)?;
+        Some(located(start, data, term, index, spacing))
+    });
+    Search::new(located.as_ref().unwrap_or(start), data, prior).run(effort)
+}
+
+/// The model with one constant where the sum of all squares, those kept back included, is least within half a spacing.
+fn located(model: &Model, data: &Dataset, term: usize, index: usize, spacing: f64) -> Model {
+    let cost = |value: f64| {
+        let mut moved = model.clone();
+        moved.terms[term].values[index] = value;
+        let prediction = free_run(&moved, data);
+        let squares = data.measured.iter().zip(&prediction).flat_map(|(measured, predicted)| {
+            measured
+                .values
+                .iter()
+                .zip(predicted)
+                .map(move |(value, predicted)| ((value - predicted) / measured.noise).powi(2))
+        });
+        squares.filter(|square| square.is_finite()).sum::<f64>()
+    };
+    let mut best = model.terms[term].values[index];
+    let mut least = cost(best);
+    let mut distance = 0.5 * spacing;
+    for _ in 0..LOCATING {
+        for value in [best - distance, best + distance] {
+            let here = cost(value);
+            if here < least {
+                (best, least) = (value, here);
+            }
+        }
+        distance *= 0.6;
+    }
+    let mut found = model.clone();
+    found.terms[term].values[index] = best;
+    found
 }
 
 struct Search<'a> {
@@ -403,6 +448,7 @@ impl Fit {
             .iter()
             .enumerate()
             .filter(|(_, effect)| !self.model.has(effect.about().id) && !excluded.contains(&effect.about().id))
+            .filter(|(_, effect)| effect.needs().is_none_or(|needed| self.model.has(needed)))
             .flat_map(|(index, effect)| effect.starts(scales).into_iter().map(move |start| (index, start)))
             .collect();
         let all: Vec<Promise> =
@@ -416,7 +462,27 @@ impl Fit {
             }
         }
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        best.truncate(REFINED);
+        let mut best: Vec<Promise> = best.into_par_iter().map(|promise| self.refined(data, scales, promise)).collect();
+        best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         best
+    }
+
+    /// Halves the distance between the alternatives of a nonlinear constant again and again around the best.
+    fn refined(&self, data: &Dataset, scales: &Scales, mut promise: Promise) -> Promise {
+        let Some((index, spacing)) = CATALOGUE[promise.effect].spacing(scales) else { return promise };
+        for round in 1..=REFINEMENTS {
+            let distance = spacing / f64::from(1 << round);
+            for side in [-distance, distance] {
+                let mut start = promise.start.clone();
+                start[index] += side;
+                let other = self.promise(data, promise.effect, start);
+                if other.gain > promise.gain {
+                    promise = other;
+                }
+            }
+        }
+        promise
     }
 
     fn promise(&self, data: &Dataset, effect: usize, start: Vec<f64>) -> Promise {

@@ -3,17 +3,27 @@
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
 
-/// Natural frequency of the contact: high enough to be a blow, low enough for half a millisecond's step.
-const CONTACT_HZ: f64 = 120.0;
+/// Natural frequency of the contact: high enough to be a blow.
+const CONTACT_HZ: f64 = 300.0;
 /// Damping ratio of the contact: plastic and brass gears hardly rebound.
-const CONTACT_DAMPING: f64 = 0.5;
+const CONTACT_DAMPING: f64 = 0.4;
 
-/// Stiffness in Nm/rad and damping in Nm s/rad of the contact.
-fn contact(values: &[f64], motor: &MotorParameters) -> (f64, f64) {
+/// Step that follows the contact.
+const STEP_S: f64 = 0.2e-3;
+
+/// Torque that the motor exerts on the load; the two push and do not pull.
+fn contact_nm(values: &[f64], motor: &MotorParameters, state: &[f64], speed_rad_per_s: f64) -> f64 {
+    let half_gap_rad = 0.5 * values[0];
+    let depth_rad = state[0] - state[0].clamp(-half_gap_rad, half_gap_rad);
+    if depth_rad == 0.0 {
+        return 0.0;
+    }
     let share = values[1].clamp(1e-3, 0.95);
     let reduced_kg_m2 = share * (1.0 - share) * motor.inertia_kg_m2;
     let rate = std::f64::consts::TAU * CONTACT_HZ;
-    (reduced_kg_m2 * rate * rate, 2.0 * CONTACT_DAMPING * reduced_kg_m2 * rate)
+    let slip = speed_rad_per_s - state[1];
+    let torque_nm = reduced_kg_m2 * rate * (rate * depth_rad + 2.0 * CONTACT_DAMPING * slip);
+    if depth_rad > 0.0 { torque_nm.max(0.0) } else { torque_nm.min(0.0) }
 }
 
 /// See the module.
@@ -39,38 +49,31 @@ impl Effect for Backlash {
     }
 
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        [0.04, 0.12].map(|gap_rad| vec![gap_rad, 0.4]).to_vec()
+        [0.02, 0.05, 0.12].map(|gap_rad| vec![gap_rad, 0.4]).to_vec()
     }
 
+    /// Twist, speed of the load, speed of the motor before the step.
     fn states(&self) -> usize {
-        2
+        3
+    }
+
+    fn longest_step_s(&self) -> f64 {
+        STEP_S
     }
 
     fn motor_share(&self, values: &[f64]) -> f64 {
         1.0 - values[1]
     }
 
-    fn contribute(&self, values: &[f64], motor: &MotorParameters, _at: &Instant, state: &[f64], balance: &mut Balance) {
-        let (stiffness, damping) = contact(values, motor);
-        let (twist_rad, load_rad_per_s) = (state[0], state[1]);
-        let half_gap_rad = 0.5 * values[0];
-        let depth_rad = twist_rad - twist_rad.clamp(-half_gap_rad, half_gap_rad);
-        if depth_rad != 0.0 {
-            balance.torque_nm += damping * load_rad_per_s - stiffness * depth_rad;
-            balance.viscous_nm_s += damping;
-        }
+    fn contribute(&self, values: &[f64], motor: &MotorParameters, at: &Instant, state: &[f64], balance: &mut Balance) {
+        balance.torque_nm -= contact_nm(values, motor, state, at.speed_rad_per_s);
     }
 
     fn advance(&self, values: &[f64], motor: &MotorParameters, at: &Instant, state: &mut [f64]) {
-        let (stiffness, damping) = contact(values, motor);
         let load_kg_m2 = values[1].max(1e-3) * motor.inertia_kg_m2;
-        let half_gap_rad = 0.5 * values[0];
-        let depth_rad = state[0] - state[0].clamp(-half_gap_rad, half_gap_rad);
-        if depth_rad != 0.0 {
-            let pull_nm = stiffness * depth_rad + damping * at.speed_rad_per_s;
-            let implicit = load_kg_m2 + at.step_s * damping;
-            state[1] = (load_kg_m2 * state[1] + at.step_s * pull_nm) / implicit;
-        }
+        // The very torque that acted on the motor during this step, or momentum would be lost.
+        state[1] += at.step_s * contact_nm(values, motor, state, state[2]) / load_kg_m2;
+        state[2] = at.speed_rad_per_s;
         state[0] += at.step_s * (at.speed_rad_per_s - state[1]);
     }
 }

@@ -8,14 +8,12 @@ const DIODE_V: f64 = 1.0;
 /// PWM period of the firmware.
 const PERIOD_S: f64 = 50e-6;
 
-/// Mean voltage at which the mean current is that of separate pulses: they rise through the on phase and fall against
-/// the supply within the off phase.
-fn single_pulse_v(motor: &MotorParameters, duty: f64, supply_v: f64, emf_v: f64) -> f64 {
+/// Mean current of separate pulses: they rise through the on phase and fall against the supply within the off phase.
+fn single_pulses_a(motor: &MotorParameters, duty: f64, supply_v: f64, emf_v: f64) -> f64 {
     let rise_v = (supply_v - emf_v).max(0.0);
     let fall_v = (supply_v + 2.0 * DIODE_V + emf_v).max(0.1 * supply_v);
     let peak_a = rise_v * duty * PERIOD_S / motor.inductance_h;
-    let mean_a = 0.5 * peak_a * duty * (1.0 + rise_v / fall_v);
-    emf_v + motor.resistance_ohm * mean_a
+    0.5 * peak_a * duty * (1.0 + rise_v / fall_v)
 }
 
 /// See the module.
@@ -44,15 +42,21 @@ impl Effect for CoastDecay {
         vec![vec![1.0]]
     }
 
+    fn changes_everything(&self) -> bool {
+        true
+    }
+
     fn contribute(&self, values: &[f64], motor: &MotorParameters, at: &Instant, _state: &[f64], balance: &mut Balance) {
         let duty = at.duty.abs();
-        if duty == 0.0 {
-            return;
-        }
-        let sense = at.duty.signum();
+        let sense = if at.duty < 0.0 { -1.0 } else { 1.0 };
         let emf_v = sense * motor.torque_constant_nm_per_a * at.speed_rad_per_s;
-        let continuous_v = (2.0 * duty - 1.0) * at.supply_v - 2.0 * (1.0 - duty) * DIODE_V;
-        let mean_v = continuous_v.max(single_pulse_v(motor, duty, at.supply_v, emf_v)).min(at.supply_v.max(emf_v));
+        let recovered_v = at.supply_v + 2.0 * DIODE_V;
+        let continuous_v = duty * at.supply_v - (1.0 - duty) * recovered_v;
+        // Single pulses begin at zero, so their mean is there after one period, whatever flowed before.
+        let pulses_a = single_pulses_a(motor, duty, at.supply_v, emf_v);
+        let change_a = pulses_a - sense * at.current_a;
+        let pulses_v = emf_v + motor.resistance_ohm * pulses_a + motor.inductance_h * change_a / at.step_s;
+        let mean_v = continuous_v.max(pulses_v).min(recovered_v);
         balance.voltage_v += values[0] * (sense * mean_v - at.voltage_v);
     }
 }

@@ -29,7 +29,9 @@ impl Effect for EncoderEccentricity {
     }
 
     fn sense(&self, values: &[f64], at: &Instant, _state: &mut [f64], readings: &mut Readings) {
+        // The angle at hand is the falsified one.
         let (sine, cosine) = at.angle_rad.sin_cos();
+        let (sine, cosine) = (at.angle_rad - values[0] * cosine - values[1] * sine).sin_cos();
         readings.angle_rad += values[0] * cosine + values[1] * sine;
         readings.speed_rad_per_s *= 1.0 - values[0] * sine + values[1] * cosine;
     }

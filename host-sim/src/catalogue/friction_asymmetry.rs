@@ -29,6 +29,10 @@ impl Effect for FrictionAsymmetry {
         vec![vec![0.02 * scales.stall_torque_nm()]]
     }
 
+    fn needs(&self) -> Option<&'static str> {
+        Some("coulomb_friction")
+    }
+
     fn contribute(
         &self,
         values: &[f64],

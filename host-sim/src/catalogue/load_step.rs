@@ -30,6 +30,10 @@ impl Effect for LoadStep {
         (1..30).map(|part| vec![torque_nm, f64::from(part) / 30.0 * scales.duration_s]).collect()
     }
 
+    fn spacing(&self, scales: &Scales) -> Option<(usize, f64)> {
+        Some((1, scales.duration_s / 30.0))
+    }
+
     fn contribute(
         &self,
         values: &[f64],

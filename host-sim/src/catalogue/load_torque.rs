@@ -1,6 +1,7 @@
 //! Load torque: a weight on a drum or a spring under tension; it does not turn round with the motion.
 
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::model::Term;
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -27,6 +28,12 @@ impl Effect for LoadTorque {
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         vec![vec![0.02 * scales.stall_torque_nm()]]
+    }
+
+    /// Below half the Coulomb friction nothing turns by itself, and a bearing that rubs unequally is the usual reason.
+    fn yields_to(&self, values: &[f64], rival: &str, others: &[Term]) -> bool {
+        let coulomb_nm = others.iter().find(|term| term.id() == "coulomb_friction").map_or(0.0, |term| term.values[0]);
+        rival == "friction_asymmetry" && values[0].abs() < 0.5 * coulomb_nm
     }
 
     fn contribute(

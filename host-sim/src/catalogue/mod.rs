@@ -34,6 +34,7 @@ mod tacho_ripple;
 mod voltage_drop;
 mod winding_heating;
 
+use crate::model::Term;
 use crate::motor::MotorParameters;
 
 /// Every effect the diagnosis knows, in the order in which those on the sensors act on a reading.
@@ -228,9 +229,34 @@ pub trait Effect: Sync {
     /// Plausible values to begin a fit from: one for each alternative of its nonlinear constants.
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>>;
 
+    /// A constant that needs a close start, and how far apart the [`starts`](Self::starts) have it.
+    fn spacing(&self, _scales: &Scales) -> Option<(usize, f64)> {
+        None
+    }
+
+    /// An effect without which it makes no sense.
+    fn needs(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// Whether a rival that explains the data as well is the more plausible name. `others`: the rest of the model.
+    fn yields_to(&self, _values: &[f64], _rival: &str, _others: &[Term]) -> bool {
+        false
+    }
+
+    /// Whether the linear motor fitted without it is useless as a start: then it is also tried from the nominal one.
+    fn changes_everything(&self) -> bool {
+        false
+    }
+
     /// Numbers of its own that it keeps from step to step, all zero at first.
     fn states(&self) -> usize {
         0
+    }
+
+    /// Longest step that its own memory bears.
+    fn longest_step_s(&self) -> f64 {
+        f64::INFINITY
     }
 
     /// Share of the inertia that turns with the motor's own shaft.

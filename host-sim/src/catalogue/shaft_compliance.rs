@@ -58,8 +58,8 @@ impl Effect for ShaftCompliance {
     fn advance(&self, values: &[f64], motor: &MotorParameters, at: &Instant, state: &mut [f64]) {
         let (stiffness, damping) = spring(values, motor);
         let load_kg_m2 = values[1].max(1e-3) * motor.inertia_kg_m2;
-        let pull_nm = stiffness * state[0] + damping * at.speed_rad_per_s;
-        state[1] = (load_kg_m2 * state[1] + at.step_s * pull_nm) / (load_kg_m2 + at.step_s * damping);
+        let pull_nm = stiffness * state[0] + damping * (at.speed_rad_per_s - state[1]);
+        state[1] += at.step_s * pull_nm / load_kg_m2;
         state[0] += at.step_s * (at.speed_rad_per_s - state[1]);
     }
 }

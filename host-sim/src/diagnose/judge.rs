@@ -9,8 +9,9 @@ const BLOCK_S: f64 = 0.1;
 /// What one model gains over another on the data kept back.
 #[derive(Clone, Debug)]
 pub struct Gain {
-    /// Sum of the gains of all blocks over its standard error: a statistic that residuals correlated within a block do not
-    /// inflate (Diebold and Mariano 1995).
+    /// The gain over its standard error if the better model is right: then the gain is uncertain only by what the
+    /// difference of the two predictions has in common with the residuals by chance. Residuals may be correlated within a
+    /// block, and an effect may show in a few blocks alone (after Diebold and Mariano 1995).
     pub sigmas: f64,
     /// Mean square error before over the one after, less one, of the quantity that gains most.
     pub share: f64,
@@ -23,33 +24,26 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
     let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
     let rmse: Vec<(f64, f64)> =
         (0..data.measured.len()).map(|output| (rmse(data, before, output), rmse(data, after, output))).collect();
-    let mut sums = Vec::new();
+    let (mut total, mut variance) = (0.0, 0.0);
     for start in (0..data.len()).step_by(block) {
-        let mut sum = 0.0;
-        let mut any = false;
+        let mut chance = 0.0;
         for (output, measured) in data.measured.iter().enumerate() {
             // Noise is what the better model leaves; a weight that favours neither.
             let scale = measured.noise.max(rmse[output].0.min(rmse[output].1));
             for index in (start..(start + block).min(data.len())).filter(|index| data.kept_back[*index]) {
-                let worse = measured.values[index] - before[output][index];
-                let better = measured.values[index] - after[output][index];
-                let difference = (worse * worse - better * better) / (scale * scale);
-                if difference.is_finite() {
-                    sum += difference;
-                    any = true;
+                let left = (measured.values[index] - after[output][index]) / scale;
+                let change = (after[output][index] - before[output][index]) / scale;
+                if left.is_finite() && change.is_finite() {
+                    chance += 2.0 * left * change;
+                    total += change * (2.0 * left + change);
                 }
             }
         }
-        if any {
-            sums.push(sum);
-        }
+        variance += chance * chance;
     }
-    let total: f64 = sums.iter().sum();
-    let mean = total / sums.len().max(1) as f64;
-    let spread: f64 = sums.iter().map(|sum| (sum - mean).powi(2)).sum::<f64>().sqrt();
     let share = rmse.iter().map(|(before, after)| (before / after.max(f64::MIN_POSITIVE)).powi(2) - 1.0);
     Gain {
-        sigmas: if spread > 0.0 { total / spread } else { 0.0 },
+        sigmas: if variance > 0.0 { total / variance.sqrt() } else { 0.0 },
         share: share.fold(f64::NEG_INFINITY, f64::max),
         rmse,
     }

@@ -2,10 +2,10 @@
 //! then backward, and against every rival.
 
 use super::judge::{Gain, gain};
-use crate::catalogue::CATALOGUE;
+use crate::catalogue::{CATALOGUE, effect};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, Promise, fit, scales};
-use crate::model::Model;
+use crate::model::{Model, Term};
 use rayon::prelude::*;
 
 /// Effects fitted at each step, of those that promise most.
@@ -19,6 +19,8 @@ const LEAST_SHARE: f64 = 0.02;
 /// Two models closer than this cannot be told apart.
 const SAME_SIGMAS: f64 = 2.5;
 const SAME_SHARE: f64 = 0.02;
+/// Effects that hardly any bench is without.
+const USUAL: [&str; 2] = ["coulomb_friction", "voltage_drop"];
 /// Rivals fitted in place of each effect found.
 const RIVALS: usize = 3;
 /// A promise below this, in units of noise, is not worth a fit.
@@ -101,6 +103,26 @@ impl Chooser<'_> {
             .collect()
     }
 
+    /// Fits from the nominal motor: of the effects that leave nothing of the linear fit, and of the two that hardly any
+    /// bench is without, together. Each under the name of its strongest effect.
+    fn fresh(&self, from: &Model) -> Vec<(&'static str, Fit)> {
+        let scales = scales(&self.prior.motor, self.data);
+        let single =
+            CATALOGUE.iter().filter(|effect| effect.changes_everything()).map(|effect| vec![effect.about().id]);
+        single
+            .chain([USUAL.to_vec()])
+            .filter(|ids| ids.iter().all(|id| !from.has(id) && !self.excluded.contains(id)))
+            .map(|ids| {
+                let nominal = Model { motor: self.prior.motor, terms: from.terms.clone() };
+                let model = ids
+                    .iter()
+                    .filter_map(|id| effect(id))
+                    .fold(nominal, |model, effect| model.with(effect, effect.starts(&scales).swap_remove(0)));
+                (ids[0], fit(&model, self.data, self.prior, Effort::TRIAL))
+            })
+            .collect()
+    }
+
     fn forward(&self, base: Fit) -> (Fit, Vec<Step>) {
         let mut current = base;
         let mut steps = Vec::new();
@@ -108,11 +130,35 @@ impl Chooser<'_> {
             let mut promises = self.promises(&current);
             promises.truncate(TRIED);
             (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
-            let mut fits: Vec<_> = self
-                .try_all(&current.model, &promises, Effort::TRIAL)
+            let mut fits = self.try_all(&current.model, &promises, Effort::TRIAL);
+            if steps.is_empty() && !promises.is_empty() {
+                fits.extend(self.fresh(&current.model));
+            }
+            let mut fits: Vec<_> = fits
                 .into_iter()
                 .map(|(id, fit)| (id, gain(self.data, &current.prediction, &fit.prediction), fit))
                 .collect();
+            if std::env::var("DEBUG").is_ok() {
+                for promise in &promises {
+                    eprintln!(
+                        "promise {} {:?} {:.0} of {:.0}",
+                        CATALOGUE[promise.effect].about().id,
+                        promise.start,
+                        promise.gain,
+                        current.cost
+                    );
+                }
+                for f in &fits {
+                    eprintln!(
+                        "fit {} {:.1} {:.3} cost {:.0} {:?}",
+                        f.0,
+                        f.1.sigmas,
+                        f.1.share,
+                        f.2.cost,
+                        f.2.model.terms.last()
+                    );
+                }
+            }
             fits.sort_by(|a, b| a.2.cost.total_cmp(&b.2.cost));
             fits.retain(|(_, gain, _)| earns_its_place(gain));
             if fits.is_empty() {
@@ -142,10 +188,8 @@ impl Chooser<'_> {
                     continue 'again;
                 }
                 let rivals = self.rivals(&without, id);
-                if let Some((_, better)) = rivals.iter().find(|(_, rival)| {
-                    let over = gain(self.data, &current.prediction, &rival.prediction);
-                    rival.cost < current.cost && over.sigmas > SAME_SIGMAS && over.share > SAME_SHARE
-                }) && rounds > 0
+                if let Some((_, better)) = rivals.iter().find(|rival| self.is_better(&current, id, rival))
+                    && rounds > 0
                 {
                     current = better.clone();
                     continue 'again;
@@ -154,6 +198,21 @@ impl Chooser<'_> {
             }
             return (current, standings);
         }
+    }
+
+    /// Whether a rival is to take the place of `id`: it explains more, or as much with fewer constants or more plausibly.
+    fn is_better(&self, current: &Fit, id: &str, (rival_id, rival): &(&'static str, Fit)) -> bool {
+        let over = gain(self.data, &current.prediction, &rival.prediction);
+        if rival.cost < current.cost && over.sigmas > SAME_SIGMAS && over.share > SAME_SHARE {
+            return true;
+        }
+        let under = gain(self.data, &rival.prediction, &current.prediction);
+        let term = current.model.terms.iter().find(|term| term.id() == id).expect("one of its own terms");
+        let fitted = |term: &Term| term.effect.about().parameters.iter().filter(|parameter| parameter.fitted).count();
+        let rival_term = rival.model.terms.last().expect("it was added to the model");
+        is_same(&under)
+            && (fitted(rival_term) < fitted(term)
+                || term.effect.yields_to(&term.values, rival_id, &current.model.terms))
     }
 
     fn rivals(&self, without: &Fit, id: &str) -> Vec<(&'static str, Fit)> {
@@ -167,13 +226,14 @@ impl Chooser<'_> {
         let mut over: Vec<_> =
             rivals.iter().map(|(rival, fit)| (*rival, gain(self.data, &fit.prediction, &current.prediction))).collect();
         over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
-        let same = over
-            .iter()
-            .filter(|(_, gain)| gain.sigmas < SAME_SIGMAS || gain.share < SAME_SHARE)
-            .map(|(rival, _)| *rival)
-            .collect();
+        let same = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
         Standing { id, gain: own, rival: over.into_iter().next(), same }
     }
+}
+
+/// Whether a model is no better than the other.
+fn is_same(gain: &Gain) -> bool {
+    gain.sigmas < SAME_SIGMAS || gain.share < SAME_SHARE
 }
 
 fn earns_its_place(gain: &Gain) -> bool {
