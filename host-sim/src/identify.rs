@@ -147,6 +147,17 @@ fn motor_value(motor: &mut MotorParameters, index: usize) -> &mut f64 {
     }
 }
 
+/// A fitted constant and what is known of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Interval {
+    /// Which.
+    pub place: Place,
+    /// Most plausible value.
+    pub value: f64,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
+
 /// How long a fit may take.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
@@ -580,7 +591,7 @@ impl Fit {
     }
 
     /// Value, and 95 % interval, of every fitted constant.
-    pub fn intervals(&self, data: &Dataset) -> Vec<(Place, f64, [f64; 2])> {
+    pub fn intervals(&self, data: &Dataset) -> Vec<Interval> {
         let covariance = self.covariance(data);
         self.unknowns
             .iter()
@@ -590,7 +601,9 @@ impl Fit {
                 let here = unknown.get(&self.model);
                 let value =
                     |coordinate: f64| if unknown.logarithmic { coordinate.exp() } else { coordinate * unknown.size };
-                (unknown.place, value(here), [value(here - half), value(here + half)])
+                // A constant cannot leave its range.
+                let bound = |coordinate: f64| value(coordinate).clamp(unknown.min, unknown.max);
+                Interval { place: unknown.place, value: value(here), ci95: [bound(here - half), bound(here + half)] }
             })
             .collect()
     }

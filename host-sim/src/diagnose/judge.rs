@@ -2,6 +2,8 @@
 
 use crate::dataset::Dataset;
 use crate::free_run::Prediction;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 /// Stretches of this length count as independent.
 const BLOCK_S: f64 = 0.1;
@@ -73,4 +75,35 @@ pub fn fit_percent(data: &Dataset, prediction: &Prediction, output: usize) -> f6
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let spread = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt();
     100.0 * (1.0 - rmse(data, prediction, output) / spread.max(f64::MIN_POSITIVE))
+}
+
+/// Resamples of the block bootstrap.
+const RESAMPLES: usize = 200;
+
+/// 95 % interval of the root mean square error, by drawing blocks of the data kept back with replacement.
+pub fn rmse_interval(data: &Dataset, prediction: &Prediction, output: usize) -> [f64; 2] {
+    let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
+    let mut blocks: Vec<(f64, f64)> = Vec::new();
+    for start in (0..data.len()).step_by(block) {
+        let range = (start..(start + block).min(data.len())).filter(|index| data.kept_back[*index]);
+        let squares = range.map(|index| (data.measured[output].values[index] - prediction[output][index]).powi(2));
+        let (sum, count) = squares.filter(|v| v.is_finite()).fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+        if count > 0.0 {
+            blocks.push((sum, count));
+        }
+    }
+    if blocks.is_empty() {
+        return [0.0, 0.0];
+    }
+    // The same draws for every model, so that intervals can be compared.
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    let mut found: Vec<f64> = (0..RESAMPLES)
+        .map(|_| {
+            let drawn = (0..blocks.len()).map(|_| blocks[random.random_range(0..blocks.len())]);
+            let (sum, count) = drawn.fold((0.0, 0.0), |(s, n), (sum, count)| (s + sum, n + count));
+            f64::sqrt(sum / count)
+        })
+        .collect();
+    found.sort_by(f64::total_cmp);
+    [found[RESAMPLES * 25 / 1000], found[RESAMPLES * 975 / 1000]]
 }

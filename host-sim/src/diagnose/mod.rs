@@ -1,3 +1,356 @@
-//! Diagnosis.
+//! Given measured data: what the simulation gets wrong, by what cause, and what the model gains by it.
+//!
+//! 1. The linear motor is fitted in free run ([`identify`](crate::identify)) to two thirds of the data; the last third, in
+//!    blocks spread over the recording, only judges.
+//! 2. Effects of the catalogue are added while they earn their place on the data kept back, then checked backward and
+//!    against every rival ([`select`]).
+//! 3. What remains above the sensors' noise is located by the lack that makes it most likely ([`missing`]).
+//! 4. The constants that are reported are fitted once more to all the data.
+
 pub mod judge;
+pub mod missing;
+pub mod outcome;
 pub mod select;
+
+use crate::catalogue::ActsOn;
+use crate::dataset::{Dataset, DatasetError, Measured, noise};
+use crate::free_run::Prediction;
+use crate::identify::{Effort, Fit, Interval, Place, Prior, fit};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::rig::{NominalMotor, Rig};
+use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict};
+use select::{Selection, Standing, select};
+use std::collections::BTreeMap;
+
+/// Above this multiple of the noise floor something is missing.
+const NOT_NOISE: f64 = 1.15;
+/// A name is not trusted while what it explains is less than this share of what remains unexplained.
+const LEAST_OF_REST: f64 = 1.0;
+/// Data sheets are wrong by this much without being wrong: logarithm of found over nominal.
+const DATA_SHEET_TOLERANCE: f64 = 0.25;
+/// Resistance, torque constant and inertia that are wrong by the same factor, to this, mean the supply.
+const SAME_FACTOR: f64 = 0.06;
+
+/// A diagnosis with everything that a report shows.
+pub struct Diagnosis {
+    /// The result.
+    pub outcome: Outcome,
+    /// The model with everything found, fitted to all the data.
+    pub model: Model,
+    /// The recordings as they were used.
+    pub data: Dataset,
+    /// What the linear motor says.
+    pub base: Prediction,
+    /// What the extended model says, fitted without the data kept back.
+    pub extended: Prediction,
+    /// Constants of the linear motor fitted alone.
+    pub base_model: Model,
+    /// What the linear motor lacks.
+    pub lacks: Vec<missing::Lack>,
+    /// What was added in turn, with the errors after it.
+    pub steps: Vec<select::Step>,
+}
+
+/// Diagnoses recordings of one rig. `progress` hears what is being done.
+///
+/// # Errors
+/// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
+pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
+    let data = Dataset::new(recordings, rig)?;
+    let prior = Prior::new(&rig.motor, &data);
+    let mut selection = select(&data, &prior, &excluded(&data), progress);
+    distrust(&data, &prior, &mut selection);
+    progress("intervals");
+    let mut everything = data.clone();
+    everything.kept_back.fill(false);
+    let last = fit(&selection.last.model, &everything, &prior, Effort::FULL);
+    let intervals = last.intervals(&everything);
+    progress("what is missing");
+    let residuals = residuals(&data, &selection.base);
+    let places = [ActsOn::Torque, ActsOn::Voltage];
+    let lacks = places.map(|place| missing::lack(&data, &selection.base.model.motor, &residuals, place)).to_vec();
+    let outcome = Outcome::of(&data, &prior, &selection, &last.model, &intervals);
+    Ok(Diagnosis {
+        outcome,
+        model: last.model,
+        base: selection.base.prediction,
+        extended: selection.last.prediction,
+        base_model: selection.base.model,
+        lacks,
+        steps: selection.steps,
+        data,
+    })
+}
+
+/// Effects that these channels say nothing of.
+fn excluded(data: &Dataset) -> Vec<&'static str> {
+    if data.current().is_some() {
+        return Vec::new();
+    }
+    vec!["current_offset", "current_lag", "current_clipping"]
+}
+
+fn residuals(data: &Dataset, fit: &Fit) -> Vec<Vec<f64>> {
+    (0..data.measured.len()).map(|output| fit.residual_of(data, output)).collect()
+}
+
+/// Error over noise floor of the worst channel.
+fn above_floor(data: &Dataset, fit: &Fit) -> f64 {
+    let ratio = |output| judge::rmse(data, &fit.prediction, output) / noise(&fit.residual_of(data, output));
+    (0..data.measured.len()).map(ratio).fold(0.0, f64::max)
+}
+
+/// Takes back names that explain less than what remains: where something big is unknown, small things are not known.
+fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
+    loop {
+        if above_floor(data, &selection.last) < NOT_NOISE {
+            return;
+        }
+        let weak = selection.standings.iter().position(|standing| {
+            let weighed = |value: f64, output: usize| (value / data.measured[output].noise).powi(2);
+            let (mut own, mut rest) = (0.0, 0.0);
+            for (output, (before, after)) in standing.gain.rmse.iter().enumerate() {
+                own += weighed(*before, output) - weighed(*after, output);
+                let floor = noise(&selection.last.residual_of(data, output));
+                rest += weighed(*after, output) - weighed(floor, output);
+            }
+            own < LEAST_OF_REST * rest
+        });
+        let Some(weak) = weak else { return };
+        let taken = selection.standings.remove(weak);
+        let without = fit(&selection.last.model.without(taken.id), data, prior, Effort::TRIAL);
+        for standing in &mut selection.standings {
+            for (output, rmse) in standing.gain.rmse.iter_mut().enumerate() {
+                rmse.1 = judge::rmse(data, &without.prediction, output);
+            }
+        }
+        selection.last = without;
+    }
+}
+
+impl Outcome {
+    fn of(data: &Dataset, prior: &Prior, selection: &Selection, model: &Model, intervals: &[Interval]) -> Self {
+        let mut causes: Vec<Cause> =
+            selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
+        causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
+        let parameters = parameters(model, &prior.nominal, intervals);
+        causes.extend(wrong_values(&parameters));
+        let unexplained = unexplained(data, selection);
+        let verdict = match (causes.is_empty(), unexplained.is_some()) {
+            (true, false) => Verdict::Sufficient,
+            (false, false) => Verdict::Explained,
+            (false, true) => Verdict::PartlyExplained,
+            (true, true) => Verdict::Unexplained,
+        };
+        let mut outcome =
+            Self { verdict, causes, unexplained, parameters, fit: fits(data, selection), advice: Vec::new() };
+        outcome.advice = outcome.advice(data);
+        outcome
+    }
+
+    fn advice(&self, data: &Dataset) -> Vec<String> {
+        let mut advice = Vec::new();
+        for cause in &self.causes {
+            let Some(about) = crate::catalogue::effect(&cause.effect).map(|effect| effect.about()) else { continue };
+            if !cause.not_separable_from.is_empty() {
+                let others = cause.not_separable_from.join(" or ");
+                advice
+                    .push(format!("{} could as well be {others}. To tell them apart: {}.", about.id, about.experiment));
+            }
+            advice.push(format!("Against {}: {}.", about.title, about.remedy));
+        }
+        if let Some(unexplained) = &self.unexplained {
+            advice.push(format!(
+                "Something is missing that has no name here: it acts on {} and depends on {}. Look at the report's plots of what is missing.",
+                acts_on_words(unexplained.acts_on), unexplained.depends_on
+            ));
+        }
+        if data.current().is_none() {
+            advice.push("Without the current, torque and voltage can hardly be told apart: record i_A as well.".into());
+        }
+        let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
+        if !(reverses(1.0) && reverses(-1.0)) {
+            advice.push(
+                "The motor never reverses here: what differs between directions, and friction from other losses, shows only in a recording through zero both ways (sequence `identify`).".into(),
+            );
+        }
+        advice
+    }
+}
+
+/// In words.
+pub fn acts_on_words(acts_on: ActsOn) -> &'static str {
+    match acts_on {
+        ActsOn::Torque => "the torque",
+        ActsOn::Voltage => "the voltage",
+        ActsOn::CurrentSensor => "the current sensor",
+        ActsOn::AngleSensor => "the angle or speed sensor",
+    }
+}
+
+fn cause(data: &Dataset, standing: &Standing, model: &Model, intervals: &[Interval]) -> Cause {
+    let rival_sigmas = standing.rival.as_ref().map_or(f64::INFINITY, |(_, gain)| gain.sigmas.max(0.0));
+    let doubt =
+        (-standing.gain.sigmas.min(if standing.same.is_empty() { rival_sigmas } else { f64::INFINITY }) / 3.0).exp();
+    let channels = data.measured.iter().map(|measured| measured.output.channel());
+    Cause {
+        effect: standing.id.into(),
+        confidence: (1.0 - doubt) / (1.0 + standing.same.len() as f64),
+        parameters: constants(standing.id, model, intervals),
+        gain: channels
+            .zip(&standing.gain.rmse)
+            .map(|(channel, (before, after))| (channel, RmseGain { rmse_before: *before, rmse_after: *after }))
+            .collect(),
+        not_separable_from: standing.same.clone(),
+        evidence_sigmas: standing.gain.sigmas,
+        runner_up: standing.rival.as_ref().map(|(effect, gain)| RunnerUp {
+            effect,
+            worse_by_sigmas: gain.sigmas,
+            worse_by_share: gain.share,
+        }),
+    }
+}
+
+/// Constants of an effect with their intervals, and the amplitude of a wave.
+fn constants(id: &str, model: &Model, intervals: &[Interval]) -> BTreeMap<String, Estimate> {
+    let Some(term_index) = model.terms.iter().position(|term| term.id() == id) else { return BTreeMap::new() };
+    let term = &model.terms[term_index];
+    let interval = |index| intervals.iter().find(|interval| interval.place == Place::Term(term_index, index));
+    let mut constants: BTreeMap<String, Estimate> = term
+        .named()
+        .enumerate()
+        .map(|(index, (name, value))| {
+            (name.to_string(), Estimate { value, ci95: interval(index).map(|interval| interval.ci95) })
+        })
+        .collect();
+    let wave = term.effect.about().parameters[0].name.strip_prefix("cosine_");
+    if let (Some(unit), Some(cosine), Some(sine)) = (wave, interval(0), interval(1)) {
+        let amplitude = cosine.value.hypot(sine.value);
+        let half = |interval: &Interval| 0.5 * (interval.ci95[1] - interval.ci95[0]) * interval.value / amplitude;
+        let half = half(cosine).hypot(half(sine));
+        let ci95 = Some([(amplitude - half).max(0.0), amplitude + half]);
+        constants.insert(format!("amplitude_{unit}"), Estimate { value: amplitude, ci95 });
+    }
+    constants
+}
+
+fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> BTreeMap<&'static str, Parameter> {
+    let nominal = [
+        nominal.resistance_ohm,
+        nominal.inductance_h,
+        nominal.torque_constant_nm_per_a,
+        nominal.inertia_kg_m2,
+        nominal.viscous_friction_nm_s,
+    ];
+    let named = model.motor.named().into_iter().enumerate();
+    named
+        .map(|(index, (name, value))| {
+            let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
+            let ci95 = interval.map_or([value, value], |interval| interval.ci95);
+            (name, Parameter { nominal: nominal[index], value, ci95 })
+        })
+        .collect()
+}
+
+/// Nominal values that are further off than a data sheet's tolerance.
+fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
+    let off = |name: &str| {
+        let parameter = parameters.get(name)?;
+        let logarithm = (parameter.value / parameter.nominal?).ln();
+        let spread = ((parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / 3.92).max(1e-6);
+        Some((logarithm, logarithm.abs() / spread))
+    };
+    let wrong = |logarithm: f64, sigmas: f64| logarithm.abs() > DATA_SHEET_TOLERANCE && sigmas > 3.0;
+    let electrical = [off("resistance_ohm"), off("torque_constant_Nm_per_A"), off("inertia_kg_m2")];
+    if let [Some((r, r_sigmas)), Some((k, _)), Some((j, _))] = electrical
+        && r.max(k).max(j) - r.min(k).min(j) < SAME_FACTOR
+        && (r + k + j).abs() / 3.0 > 2.0 * SAME_FACTOR
+        && r_sigmas > 3.0
+    {
+        // All three scale with the volts that were assumed: the volts are wrong, not the motor.
+        let factor = Estimate { value: (-(r + k + j) / 3.0).exp(), ci95: None };
+        return vec![value_cause("supply_voltage", "found_over_nominal", factor, r_sigmas)];
+    }
+    let names = [
+        ("resistance_ohm", "resistance"),
+        ("inductance_H", "inductance"),
+        ("torque_constant_Nm_per_A", "torque_constant"),
+        ("inertia_kg_m2", "inertia"),
+    ];
+    names
+        .into_iter()
+        .filter_map(|(name, id)| {
+            let (logarithm, sigmas) = off(name)?;
+            let found = parameters[name];
+            let estimate = Estimate { value: found.value, ci95: Some(found.ci95) };
+            wrong(logarithm, sigmas).then(|| value_cause(id, name, estimate, sigmas))
+        })
+        .collect()
+}
+
+fn value_cause(id: &str, constant: &str, estimate: Estimate, sigmas: f64) -> Cause {
+    Cause {
+        effect: format!("parameter:{id}"),
+        confidence: 1.0 - (-sigmas / 3.0).exp(),
+        parameters: BTreeMap::from([(constant.to_string(), estimate)]),
+        gain: BTreeMap::new(),
+        not_separable_from: Vec::new(),
+        evidence_sigmas: sigmas,
+        runner_up: None,
+    }
+}
+
+fn unexplained(data: &Dataset, selection: &Selection) -> Option<Unexplained> {
+    if above_floor(data, &selection.last) < NOT_NOISE {
+        return None;
+    }
+    let residuals = residuals(data, &selection.last);
+    let motor = &selection.last.model.motor;
+    let mut places = vec![ActsOn::Torque, ActsOn::AngleSensor];
+    if data.current().is_some() {
+        places.extend([ActsOn::Voltage, ActsOn::CurrentSensor]);
+    }
+    let lacks = places.into_iter().map(|place| missing::lack(data, motor, &residuals, place));
+    let lack = lacks.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))?;
+    let dependence = missing::dependences(data, &lack.values).into_iter().next()?;
+    let rest = |output: usize| {
+        let after = judge::rmse(data, &selection.last.prediction, output);
+        1.0 - (noise(&residuals[output]).min(after) / after).powi(2)
+    };
+    Some(Unexplained {
+        acts_on: lack.acts_on,
+        depends_on: if dependence.share > 0.1 { dependence.on } else { "nothing seen" },
+        share: (0..data.measured.len()).map(rest).fold(0.0, f64::max),
+    })
+}
+
+fn fits(data: &Dataset, selection: &Selection) -> BTreeMap<&'static str, BTreeMap<&'static str, Quality>> {
+    let of = |prediction: &Prediction| {
+        let channels = data.measured.iter().enumerate();
+        channels
+            .map(|(output, Measured { output: kind, .. })| {
+                let quality = Quality {
+                    rmse: judge::rmse(data, prediction, output),
+                    ci95: Some(judge::rmse_interval(data, prediction, output)),
+                    unit: kind.unit(),
+                    fit_percent: judge::fit_percent(data, prediction, output),
+                };
+                (kind.channel(), quality)
+            })
+            .collect()
+    };
+    let floor = data.measured.iter().enumerate().map(|(output, Measured { output: kind, .. })| {
+        let rmse = noise(&selection.last.residual_of(data, output));
+        let reached = judge::fit_percent(data, &selection.last.prediction, output);
+        let after = judge::rmse(data, &selection.last.prediction, output);
+        // The same spread of the signal, the floor in place of the error.
+        let fit_percent = 100.0 - (100.0 - reached) * rmse / after.max(f64::MIN_POSITIVE);
+        (kind.channel(), Quality { rmse, ci95: None, unit: kind.unit(), fit_percent })
+    });
+    BTreeMap::from([
+        ("base", of(&selection.base.prediction)),
+        ("extended", of(&selection.last.prediction)),
+        ("noise_floor", floor.collect()),
+    ])
+}

@@ -104,12 +104,12 @@ impl Chooser<'_> {
     }
 
     /// Fits from the nominal motor: of the effects that leave nothing of the linear fit, and of the two that hardly any
-    /// bench is without, together. Each under the name of its strongest effect.
+    /// bench is without, together and with the former. Each under the name of its first effect.
     fn fresh(&self, from: &Model) -> Vec<(&'static str, Fit)> {
         let scales = scales(&self.prior.motor, self.data);
-        let single =
-            CATALOGUE.iter().filter(|effect| effect.changes_everything()).map(|effect| vec![effect.about().id]);
-        single
+        let strange = CATALOGUE.iter().filter(|effect| effect.changes_everything()).map(|effect| effect.about().id);
+        strange
+            .flat_map(|id| [vec![id], [&[id], &USUAL[..]].concat()])
             .chain([USUAL.to_vec()])
             .filter(|ids| ids.iter().all(|id| !from.has(id) && !self.excluded.contains(id)))
             .map(|ids| {
@@ -118,8 +118,11 @@ impl Chooser<'_> {
                     .iter()
                     .filter_map(|id| effect(id))
                     .fold(nominal, |model, effect| model.with(effect, effect.starts(&scales).swap_remove(0)));
-                (ids[0], fit(&model, self.data, self.prior, Effort::TRIAL))
+                (model.terms[from.terms.len()].id(), model)
             })
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .map(|(id, model)| (id, fit(&model, self.data, self.prior, Effort::TRIAL)))
             .collect()
     }
 
@@ -138,27 +141,6 @@ impl Chooser<'_> {
                 .into_iter()
                 .map(|(id, fit)| (id, gain(self.data, &current.prediction, &fit.prediction), fit))
                 .collect();
-            if std::env::var("DEBUG").is_ok() {
-                for promise in &promises {
-                    eprintln!(
-                        "promise {} {:?} {:.0} of {:.0}",
-                        CATALOGUE[promise.effect].about().id,
-                        promise.start,
-                        promise.gain,
-                        current.cost
-                    );
-                }
-                for f in &fits {
-                    eprintln!(
-                        "fit {} {:.1} {:.3} cost {:.0} {:?}",
-                        f.0,
-                        f.1.sigmas,
-                        f.1.share,
-                        f.2.cost,
-                        f.2.model.terms.last()
-                    );
-                }
-            }
             fits.sort_by(|a, b| a.2.cost.total_cmp(&b.2.cost));
             fits.retain(|(_, gain, _)| earns_its_place(gain));
             if fits.is_empty() {

@@ -1,0 +1,215 @@
+//! What is missing: the torque and the voltage over time that would make the model agree with the measurement, and where a
+//! remaining disagreement acts.
+//!
+//! The residual of a free-running model obeys the motor's own linear equations, driven by what the model lacks. A Kalman
+//! filter with that lack as a random walk, and the smoother of Rauch, Tung and Striebel (1965), give it back; which place of
+//! the lack makes the residual most likely says where it acts. (Kristensen, Madsen and Jorgensen, Automatica 40 (2004): the
+//! diffusion term points at the deficient equation.)
+
+use crate::catalogue::ActsOn;
+use crate::dataset::{Dataset, Output};
+use crate::motor::MotorParameters;
+use nalgebra::{Matrix4, Vector4};
+
+/// Tried standard deviations of the walk over a second, as shares of the lack's own size.
+const WALKS: [f64; 4] = [0.1, 1.0, 10.0, 100.0];
+
+/// A lack over time.
+#[derive(Clone, Debug)]
+pub struct Lack {
+    /// Where it acts.
+    pub acts_on: ActsOn,
+    /// Its value at each sample, in the unit of where it acts (Nm, V, A, rad/s).
+    pub values: Vec<f64>,
+    /// Logarithm of the likelihood of the residual with it.
+    pub log_likelihood: f64,
+}
+
+/// The lack at one place that makes the residual most likely. `residual`: measured minus simulated, per quantity.
+pub fn lack(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_on: ActsOn) -> Lack {
+    let size = typical(data, motor, residual, acts_on);
+    let mut best: Option<(f64, Filter)> = None;
+    for walk in WALKS {
+        let mut filter = Filter::new(data, motor, acts_on, walk * size);
+        let log_likelihood = filter.run(data, residual, false);
+        if best.as_ref().is_none_or(|(most, _)| log_likelihood > *most) {
+            best = Some((log_likelihood, filter));
+        }
+    }
+    let (log_likelihood, mut filter) = best.expect("several walks were tried");
+    filter.run(data, residual, true);
+    Lack { acts_on, values: filter.smoothed(), log_likelihood }
+}
+
+/// Size of a lack that would explain the residual.
+fn typical(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_on: ActsOn) -> f64 {
+    let spread = |wanted: fn(Output) -> bool| {
+        data.measured.iter().zip(residual).find(|(measured, _)| wanted(measured.output)).map_or(
+            0.0,
+            |(measured, values)| {
+                let (sum, count) =
+                    values.iter().filter(|v| v.is_finite()).fold((0.0, 0.0), |(s, n), v| (s + v * v, n + 1.0));
+                (sum / f64::max(count, 1.0)).sqrt().max(measured.noise)
+            },
+        )
+    };
+    let current_a = spread(|output| output == Output::Current);
+    let speed = spread(|output| output != Output::Current);
+    let k = motor.torque_constant_nm_per_a;
+    match acts_on {
+        ActsOn::Torque => k * current_a + k * k / motor.resistance_ohm * speed,
+        ActsOn::Voltage => motor.resistance_ohm * current_a + k * speed,
+        ActsOn::CurrentSensor => current_a.max(1e-6),
+        ActsOn::AngleSensor => speed,
+    }
+}
+
+/// States: errors of current and speed, the lack, unused.
+struct Filter {
+    step: Matrix4<f64>,
+    walk_variance: f64,
+    /// Row of each measured quantity: what it sees of the states.
+    rows: Vec<(Vector4<f64>, f64)>,
+    history: Vec<(Vector4<f64>, Matrix4<f64>, Vector4<f64>, Matrix4<f64>)>,
+}
+
+impl Filter {
+    fn new(data: &Dataset, motor: &MotorParameters, acts_on: ActsOn, walk_per_s: f64) -> Self {
+        let (l, k, j) = (motor.inductance_h, motor.torque_constant_nm_per_a, motor.inertia_kg_m2);
+        let into_current = if acts_on == ActsOn::Voltage { 1.0 / l } else { 0.0 };
+        let into_speed = if acts_on == ActsOn::Torque { 1.0 / j } else { 0.0 };
+        #[rustfmt::skip]
+        let rates = Matrix4::new(
+            -motor.resistance_ohm / l, -k / l, into_current, 0.0,
+            k / j, -motor.viscous_friction_nm_s / j, into_speed, 0.0,
+            0.0, 0.0, 0.0, 0.0,
+            0.0, 0.0, 0.0, 0.0,
+        );
+        let rows = data.measured.iter().map(|measured| {
+            let current = measured.output == Output::Current;
+            let sensor = if current { ActsOn::CurrentSensor } else { ActsOn::AngleSensor };
+            let bias = if acts_on == sensor { 1.0 } else { 0.0 };
+            let row = if current { Vector4::new(1.0, 0.0, bias, 0.0) } else { Vector4::new(0.0, 1.0, bias, 0.0) };
+            (row, measured.noise * measured.noise)
+        });
+        Self {
+            step: (rates * data.interval_s).exp(),
+            walk_variance: walk_per_s * walk_per_s * data.interval_s,
+            rows: rows.collect(),
+            history: Vec::new(),
+        }
+    }
+
+    /// Filters forward; the logarithm of the likelihood of what was measured.
+    fn run(&mut self, data: &Dataset, residual: &[Vec<f64>], keep: bool) -> f64 {
+        let mut state = Vector4::zeros();
+        let mut covariance = Matrix4::zeros();
+        covariance[(2, 2)] = self.walk_variance / data.interval_s;
+        let mut log_likelihood = 0.0;
+        for index in 0..data.len() {
+            let (before, before_covariance) = (state, covariance);
+            for ((row, noise), values) in self.rows.iter().zip(residual) {
+                let value = values[index];
+                if !value.is_finite() {
+                    continue;
+                }
+                let gain = covariance * row;
+                let variance = row.dot(&gain) + noise;
+                let surprise = value - row.dot(&state);
+                log_likelihood -= 0.5 * (surprise * surprise / variance + variance.ln());
+                state += gain * (surprise / variance);
+                covariance -= gain * gain.transpose() / variance;
+            }
+            if keep {
+                self.history.push((before, before_covariance, state, covariance));
+            }
+            state = self.step * state;
+            covariance = self.step * covariance * self.step.transpose();
+            covariance[(2, 2)] += self.walk_variance;
+        }
+        log_likelihood
+    }
+
+    /// The lack, seen with the whole recording.
+    fn smoothed(&self) -> Vec<f64> {
+        let last = self.history.len() - 1;
+        let (mut state, mut values) = (self.history[last].2, vec![0.0; self.history.len()]);
+        values[last] = state[2];
+        for index in (0..last).rev() {
+            let (predicted, predicted_covariance, ..) = &self.history[index + 1];
+            let (_, _, filtered, covariance) = &self.history[index];
+            // The unused fourth state would make the matrix singular.
+            let mut regular = *predicted_covariance;
+            regular[(3, 3)] = 1.0;
+            for place in 0..3 {
+                regular[(place, place)] *= 1.0 + 1e-9;
+            }
+            if let Some(inverse) = regular.try_inverse() {
+                let gain = covariance * self.step.transpose() * inverse;
+                state = filtered + gain * (state - predicted);
+            } else {
+                state = *filtered;
+            }
+            values[index] = state[2];
+        }
+        values
+    }
+}
+
+/// Something that a lack can depend on.
+#[derive(Clone, Debug)]
+pub struct Dependence {
+    /// On what.
+    pub on: &'static str,
+    /// Unit of the axis.
+    pub unit: &'static str,
+    /// Share of the lack's variance that a curve over it explains.
+    pub share: f64,
+    /// The curve: middle of each bin, mean of the lack in it.
+    pub curve: Vec<(f64, f64)>,
+}
+
+/// The lack against everything it can depend on, best first.
+pub fn dependences(data: &Dataset, values: &[f64]) -> Vec<Dependence> {
+    let motion = &data.motion().values;
+    let angle: Vec<f64> = data.angle_rad.iter().map(|angle| angle.rem_euclid(std::f64::consts::TAU)).collect();
+    let direction: Vec<f64> = motion.iter().map(|speed| speed.signum()).collect();
+    let acceleration = crate::dataset::difference(motion, &data.time_s, 5);
+    let mut found = vec![
+        dependence("speed", "rad/s", motion, values, 24),
+        dependence("direction", "", &direction, values, 2),
+        dependence("angle", "rad", &angle, values, 24),
+        dependence("duty", "", &data.duty, values, 24),
+        dependence("time", "s", &data.time_s, values, 24),
+        dependence("acceleration", "rad/s2", &acceleration, values, 24),
+    ];
+    if let Some(current) = data.current() {
+        found.push(dependence("current", "A", &current.values, values, 24));
+    }
+    found.sort_by(|a, b| b.share.total_cmp(&a.share));
+    found
+}
+
+/// Means of `values` in bins of equal width over `axis`.
+fn dependence(on: &'static str, unit: &'static str, axis: &[f64], values: &[f64], bins: usize) -> Dependence {
+    let finite = || axis.iter().zip(values).filter(|(x, y)| x.is_finite() && y.is_finite());
+    let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (x, _)| (l.min(*x), h.max(*x)));
+    let width = ((high - low) / bins as f64).max(f64::MIN_POSITIVE);
+    let mut sums = vec![(0.0, 0.0); bins];
+    for (x, y) in finite() {
+        let bin = (((x - low) / width) as usize).min(bins - 1);
+        sums[bin].0 += y;
+        sums[bin].1 += 1.0;
+    }
+    let count: f64 = sums.iter().map(|(_, count)| count).sum();
+    let mean = sums.iter().map(|(sum, _)| sum).sum::<f64>() / count.max(1.0);
+    let total: f64 = finite().map(|(_, y)| (y - mean).powi(2)).sum();
+    let between: f64 = sums.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| n * (sum / n - mean).powi(2)).sum();
+    let curve = sums.iter().enumerate().filter(|(_, (_, n))| *n > 0.0);
+    Dependence {
+        on,
+        unit,
+        share: if total > 0.0 { between / total } else { 0.0 },
+        curve: curve.map(|(bin, (sum, n))| (low + (bin as f64 + 0.5) * width, sum / n)).collect(),
+    }
+}

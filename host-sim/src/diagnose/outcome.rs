@@ -1,0 +1,120 @@
+//! The result of a diagnosis: the contract for programs, as JSON.
+//!
+//! Every number has its unit in its name or beside it. `null` stands for what could not be computed.
+
+use crate::catalogue::ActsOn;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A whole result.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// What came out.
+    pub verdict: Verdict,
+    /// Effects and wrong values found, strongest first.
+    pub causes: Vec<Cause>,
+    /// What remains without a name.
+    pub unexplained: Option<Unexplained>,
+    /// Constants of the linear motor.
+    pub parameters: BTreeMap<&'static str, Parameter>,
+    /// Errors on data kept back, of `base`, `extended` and `noise_floor`, per channel.
+    pub fit: BTreeMap<&'static str, BTreeMap<&'static str, Quality>>,
+    /// What to do next.
+    pub advice: Vec<String>,
+}
+
+/// What came out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The linear motor with its found constants is as good as the sensors.
+    Sufficient,
+    /// With the causes named the model is as good as the sensors.
+    Explained,
+    /// The causes named hold, and something remains.
+    PartlyExplained,
+    /// Something is missing that has no name here.
+    Unexplained,
+}
+
+/// An effect, or a nominal value that is wrong.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cause {
+    /// Identifier of the catalogue, or `parameter:NAME`.
+    pub effect: String,
+    /// 0 to 1.
+    pub confidence: f64,
+    /// Its constants.
+    pub parameters: BTreeMap<String, Estimate>,
+    /// Errors on data kept back without it and with it, everything else fitted in both, per channel.
+    pub gain: BTreeMap<&'static str, RmseGain>,
+    /// Effects that explain this data as well in its place.
+    pub not_separable_from: Vec<&'static str>,
+    /// What it gains in standard errors of the gain.
+    pub evidence_sigmas: f64,
+    /// The next best in its place, and by how many standard errors it is worse.
+    pub runner_up: Option<RunnerUp>,
+}
+
+/// The next best.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunnerUp {
+    /// Identifier of the catalogue.
+    pub effect: &'static str,
+    /// By how much it is worse, in standard errors.
+    pub worse_by_sigmas: f64,
+    /// Mean square error with it over that with the cause, less one, of the channel that differs most.
+    pub worse_by_share: f64,
+}
+
+/// A value and its interval.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Estimate {
+    /// Most plausible value.
+    pub value: f64,
+    /// Interval that holds the true one in 95 of 100 recordings; `null` for whole numbers that were tried.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// Errors before and after.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(missing_docs)]
+pub struct RmseGain {
+    pub rmse_before: f64,
+    pub rmse_after: f64,
+}
+
+/// What remains without a name.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unexplained {
+    /// Where it acts.
+    pub acts_on: ActsOn,
+    /// What it depends on most; `nothing seen` when no curve explains a tenth of it.
+    pub depends_on: &'static str,
+    /// Share of the mean square error that remains, noise taken off, of the channel where it is greatest.
+    pub share: f64,
+}
+
+/// A constant of the linear motor.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Parameter {
+    /// From the rig file.
+    pub nominal: Option<f64>,
+    /// Found.
+    pub value: f64,
+    /// Interval that holds the true one in 95 of 100 recordings.
+    pub ci95: [f64; 2],
+}
+
+/// Quality of a model on one channel.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Quality {
+    /// Root mean square error.
+    pub rmse: f64,
+    /// 95 % interval of it (block bootstrap); `null` for the noise floor.
+    pub ci95: Option<[f64; 2]>,
+    /// Its unit.
+    pub unit: &'static str,
+    /// 100 (1 - |y - prediction| / |y - mean y|).
+    pub fit_percent: f64,
+}
