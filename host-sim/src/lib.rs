@@ -25,3 +25,4 @@ pub mod motor;
 pub mod plant;
 pub mod recording;
 pub mod rig;
+pub mod steady_state;

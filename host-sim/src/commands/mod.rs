@@ -5,6 +5,7 @@
 
 mod analyse;
 mod design;
+mod diagnose;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use std::fmt::Display;
@@ -22,6 +23,7 @@ struct Program {
 enum Command {
     Analyse(analyse::Arguments),
     Design(design::Arguments),
+    Diagnose(diagnose::DiagnoseArgs),
     /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
     Completions {
         /// Which shell.
@@ -67,6 +69,7 @@ fn run(program: Program) -> Result<(), Failure> {
     match program.command {
         Command::Analyse(arguments) => analyse::run(&arguments),
         Command::Design(arguments) => design::run(&arguments),
+        Command::Diagnose(args) => diagnose::run(&args),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut std::io::stdout());
             Ok(())

@@ -10,6 +10,8 @@
 pub mod judge;
 pub mod missing;
 pub mod outcome;
+pub mod page;
+pub mod report;
 pub mod select;
 
 use crate::catalogue::ActsOn;

@@ -1,0 +1,182 @@
+//! The result as a page that a person reads in half a minute.
+
+use super::outcome::{Cause, Estimate, Outcome, Verdict};
+use super::{Diagnosis, acts_on_words};
+use crate::catalogue::effect;
+use std::fmt::Write as _;
+
+/// The page, at most 80 columns, without colour.
+pub fn page(diagnosis: &Diagnosis) -> String {
+    let outcome = &diagnosis.outcome;
+    let mut text = String::new();
+    let _ = writeln!(text, "{}\n", verdict(outcome));
+    for (number, cause) in outcome.causes.iter().enumerate() {
+        text.push_str(&cause_lines(number + 1, cause));
+    }
+    text.push_str(&errors(outcome));
+    text.push_str(&parameters(outcome));
+    if !outcome.advice.is_empty() {
+        text.push_str("\nWhat to do\n");
+        for advice in &outcome.advice {
+            text.push_str(&wrapped(advice, "  - ", "    "));
+        }
+    }
+    text
+}
+
+/// The verdict in a sentence.
+pub fn verdict(outcome: &Outcome) -> String {
+    let names: Vec<String> = outcome.causes.iter().map(|cause| title(&cause.effect)).collect();
+    let names = names.join(", ");
+    match outcome.verdict {
+        Verdict::Sufficient => "The linear motor is sufficient: what it leaves is the sensors' noise.".into(),
+        Verdict::Explained => {
+            wrapped(&format!("The linear motor is not enough. The cause: {names}."), "", "").trim_end().into()
+        }
+        Verdict::PartlyExplained => wrapped(
+            &format!("The linear motor is not enough. Part of the cause: {names}. Something else remains."),
+            "",
+            "",
+        )
+        .trim_end()
+        .into(),
+        Verdict::Unexplained => "The linear motor is not enough, and the cause is none that is known here.".into(),
+    }
+}
+
+/// An effect's name in sentences, or what is wrong with a value.
+pub fn title(id: &str) -> String {
+    match id.strip_prefix("parameter:") {
+        Some(name) => format!("a wrong value of the {}", name.replace('_', " ")),
+        None => effect(id).map_or(id, |effect| effect.about().title).into(),
+    }
+}
+
+/// A number with three significant digits.
+pub fn short(value: f64) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    if (-3..5).contains(&magnitude) {
+        format!("{value:.*}", (2 - magnitude).max(0) as usize)
+    } else {
+        format!("{value:.2e}")
+    }
+}
+
+/// A value with its interval.
+pub fn estimate(estimate: &Estimate) -> String {
+    match estimate.ci95 {
+        Some([low, high]) => format!("{} [{}, {}]", short(estimate.value), short(low), short(high)),
+        None => short(estimate.value),
+    }
+}
+
+fn cause_lines(number: usize, cause: &Cause) -> String {
+    let mut text = format!(
+        "{number}. {} ({}), confidence {:.0} %\n",
+        title(&cause.effect),
+        cause.effect,
+        100.0 * cause.confidence
+    );
+    if let Some(effect) = effect(&cause.effect) {
+        text.push_str(&wrapped(effect.about().law, "   ", "   "));
+    }
+    for (name, value) in &cause.parameters {
+        let _ = writeln!(text, "   {name} = {}", estimate(value));
+    }
+    for (channel, gain) in &cause.gain {
+        let _ = writeln!(
+            text,
+            "   error of {channel}: {} without it, {} with it",
+            short(gain.rmse_before),
+            short(gain.rmse_after)
+        );
+    }
+    if let Some(runner_up) = &cause.runner_up {
+        let _ = writeln!(
+            text,
+            "   next best in its place: {}, {} standard errors worse",
+            runner_up.effect,
+            short(runner_up.worse_by_sigmas)
+        );
+    }
+    if !cause.not_separable_from.is_empty() {
+        let others = cause.not_separable_from.join(", ");
+        text.push_str(&wrapped(&format!("this data cannot tell it from: {others}"), "   ", "   "));
+    }
+    text.push('\n');
+    text
+}
+
+fn errors(outcome: &Outcome) -> String {
+    let mut text = String::from("Error on data that no fit has seen (rms, free-running simulation)\n");
+    let _ = writeln!(text, "  {:28} {:>10} {:>10} {:>10}   {}", "", "linear", "extended", "noise", "fit");
+    for (channel, base) in &outcome.fit["base"] {
+        let (extended, floor) = (&outcome.fit["extended"][channel], &outcome.fit["noise_floor"][channel]);
+        let _ = writeln!(
+            text,
+            "  {channel:28} {:>10} {:>10} {:>10}   {:.1} % -> {:.1} %",
+            short(base.rmse),
+            short(extended.rmse),
+            short(floor.rmse),
+            base.fit_percent,
+            extended.fit_percent
+        );
+    }
+    if let Some(unexplained) = &outcome.unexplained {
+        text.push_str(&wrapped(
+            &format!(
+                "Without a name: {:.0} % of what is left; it acts on {} and depends on {}.",
+                100.0 * unexplained.share,
+                acts_on_words(unexplained.acts_on),
+                unexplained.depends_on
+            ),
+            "  ",
+            "  ",
+        ));
+    }
+    text
+}
+
+fn parameters(outcome: &Outcome) -> String {
+    let mut text = String::from("\nMotor\n");
+    let _ = writeln!(text, "  {:28} {:>10} {:>10}   95 % interval", "", "nominal", "found");
+    for (name, parameter) in &outcome.parameters {
+        let nominal = parameter.nominal.map_or("-".into(), short);
+        let [low, high] = parameter.ci95;
+        let _ = writeln!(
+            text,
+            "  {name:28} {nominal:>10} {:>10}   {} .. {}",
+            short(parameter.value),
+            short(low),
+            short(high)
+        );
+    }
+    text
+}
+
+/// Breaks a text into lines of 80 columns.
+fn wrapped(text: &str, first: &str, other: &str) -> String {
+    let mut lines = String::from(first);
+    let mut width = first.len();
+    let mut fresh = true;
+    for word in text.split_whitespace() {
+        if !fresh && width + 1 + word.len() > 80 {
+            lines.push('\n');
+            lines.push_str(other);
+            width = other.len();
+            fresh = true;
+        }
+        if !fresh {
+            lines.push(' ');
+            width += 1;
+        }
+        lines.push_str(word);
+        width += word.len();
+        fresh = false;
+    }
+    lines.push('\n');
+    lines
+}
