@@ -118,6 +118,9 @@ pub enum DatasetError {
     /// Too short.
     #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
     TooShort(String, usize),
+    /// The noise is greater than what moves.
+    #[error("{0}: the recorded motion is little more than the noise of its sensor (a fit of {1:.0} %): drive faster, record the speed by edge timing, or sample the angle less often")]
+    Drowned(String, f64),
     /// Nothing happens in it.
     #[error(
         "{0}: the motor is never driven or never moves: play the sequence `identify` (20 s), which reverses and stops"
@@ -279,7 +282,7 @@ impl Dataset {
             return Err(DatasetError::TooShort(name.into(), longest));
         }
         let motion = self.motion();
-        let moves = greatest(&motion.values) > 10.0 * motion.noise.max(1e-9);
+        let moves = greatest(&motion.values) > 5.0 * motion.noise.max(1e-9);
         if greatest(&self.voltage_v) < 1e-6 || !moves {
             return Err(DatasetError::Quiet(name.into()));
         }
@@ -302,17 +305,19 @@ pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Standard deviation of white noise on a smooth signal, from its third differences, which are nearly free of the signal;
-/// robust against steps. At least what rounding to the least step seen makes of it.
+/// Standard deviation of white noise on a smooth signal, from its third differences, which are nearly free of the signal.
+/// Robust against steps (median), and against a coarse rounding that leaves most differences at zero (trimmed mean square).
 pub fn noise(values: &[f64]) -> f64 {
-    let third = values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs());
-    // 0.6745: median of the magnitude of a standard normal; 20: sum of the squares of 1, 3, 3, 1.
-    let spread = median(third) / 0.6745 / 20_f64.sqrt();
-    let steps = values.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
-    let least_step = steps.fold(f64::INFINITY, f64::min);
-    let rounding = if least_step.is_finite() { least_step / 12_f64.sqrt() } else { 0.0 };
-    let least = 1e-4 * greatest(values);
-    spread.max(rounding).max(least).max(f64::MIN_POSITIVE)
+    let mut third: Vec<f64> =
+        values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).filter(|v| v.is_finite()).collect();
+    third.sort_unstable_by(f64::total_cmp);
+    let middle = third.get(third.len() / 2).copied().unwrap_or(0.0);
+    let kept = &third[..third.len() * 9 / 10];
+    let square = kept.iter().map(|value| value * value).sum::<f64>() / kept.len().max(1) as f64;
+    // 0.6745: median of the magnitude of a standard normal; 0.787: its root mean square below the ninth decile;
+    // 20: sum of the squares of 1, 3, 3, 1.
+    let spread = (middle / 0.6745).max(square.sqrt() / 0.787) / 20_f64.sqrt();
+    spread.max(1e-4 * greatest(values)).max(f64::MIN_POSITIVE)
 }
 
 /// Missing values take the last one that was there.

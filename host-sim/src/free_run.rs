@@ -10,8 +10,8 @@ use crate::model::Model;
 use nalgebra::Matrix4;
 use std::ops::Range;
 
-/// Longest step.
-const LONGEST_STEP_S: f64 = 0.5e-3;
+/// Longest step of a recording at 200 Hz or more; slower ones take a tenth of their interval, at most the second.
+const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 
 /// What the model says of each measured quantity, in the order of [`Dataset::measured`].
 pub type Prediction = Vec<Vec<f64>>;
@@ -115,12 +115,13 @@ impl<'a> Run<'a> {
         let current_a = data.current().map_or(0.0, |measured| first(&measured.values));
         let motion = data.motion();
         let speed_rad_per_s = first(&motion.values);
+        let usual_step_s = (0.1 * data.interval_s).clamp(LONGEST_STEPS_S[0], LONGEST_STEPS_S[1]);
         let still = speed_rad_per_s.abs() < 5.0 * motion.noise;
         Self {
             model,
             data,
             delay_s: terms.iter().map(|term| term.effect.delay_s(&term.values)).sum(),
-            longest_step_s: terms.iter().map(|term| term.effect.longest_step_s()).fold(LONGEST_STEP_S, f64::min),
+            longest_step_s: terms.iter().map(|term| term.effect.longest_step_s()).fold(usual_step_s, f64::min),
             inertia_kg_m2: model.motor.inertia_kg_m2 * share.max(0.01),
             step: LinearStep::default(),
             states: terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),

@@ -15,7 +15,7 @@ pub mod report;
 pub mod select;
 
 use crate::catalogue::ActsOn;
-use crate::dataset::{Dataset, DatasetError, Measured, noise};
+use crate::dataset::{Dataset, DatasetError, Measured, Output, noise};
 use crate::free_run::Prediction;
 use crate::identify::{Effort, Fit, Interval, Place, Prior, fit};
 use crate::model::Model;
@@ -27,6 +27,8 @@ use std::collections::BTreeMap;
 
 /// Above this multiple of the noise floor something is missing.
 const NOT_NOISE: f64 = 1.15;
+/// A model that explains less than this of the motion, with nothing but noise left, has had nothing to explain.
+const LEAST_FIT_PERCENT: f64 = 20.0;
 /// A name is not trusted while what it explains is less than this share of what remains unexplained.
 const LEAST_OF_REST: f64 = 1.0;
 /// Data sheets are wrong by this much without being wrong: logarithm of found over nominal.
@@ -63,6 +65,12 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let prior = Prior::new(&rig.motor, &data);
     let mut selection = select(&data, &prior, &excluded(&data), progress);
     distrust(&data, &prior, &mut selection);
+    let motion = data.measured.iter().position(|measured| measured.output != Output::Current).unwrap_or(0);
+    let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
+    if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
+        let name = recordings.first().map_or_else(String::new, |recording| recording.name.clone());
+        return Err(DatasetError::Drowned(name, fit_percent));
+    }
     progress("intervals");
     let mut everything = data.clone();
     everything.kept_back.fill(false);

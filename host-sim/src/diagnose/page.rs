@@ -54,21 +54,31 @@ pub fn title(id: &str) -> String {
 
 /// A number with three significant digits.
 pub fn short(value: f64) -> String {
+    rounded(value, 3)
+}
+
+/// A number with so many significant digits.
+fn rounded(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
     let magnitude = value.abs().log10().floor() as i32;
     if (-3..5).contains(&magnitude) {
-        format!("{value:.*}", (2 - magnitude).max(0) as usize)
+        format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
     } else {
-        format!("{value:.2e}")
+        format!("{value:.*e}", digits as usize - 1)
     }
 }
 
 /// A value with its interval.
 pub fn estimate(estimate: &Estimate) -> String {
     match estimate.ci95 {
-        Some([low, high]) => format!("{} [{}, {}]", short(estimate.value), short(low), short(high)),
+        Some([low, high]) => {
+            // As many digits as the interval is narrow.
+            let narrowness = (estimate.value / (high - low)).abs().log10();
+            let digits = if narrowness.is_finite() { (narrowness.ceil() as i32 + 2).clamp(3, 6) } else { 3 };
+            format!("{} [{}, {}]", rounded(estimate.value, digits), rounded(low, digits), rounded(high, digits))
+        }
         None => short(estimate.value),
     }
 }
@@ -142,7 +152,7 @@ fn errors(outcome: &Outcome) -> String {
 
 fn parameters(outcome: &Outcome) -> String {
     let mut text = String::from("\nMotor\n");
-    let _ = writeln!(text, "  {:28} {:>10} {:>10}   95 % interval", "", "nominal", "found");
+    let _ = writeln!(text, "  {:28} {:>10}   found [95 % interval]", "", "nominal");
     for (name, parameter) in &outcome.parameters {
         let nominal = parameter.nominal.map_or("-".into(), short);
         let [low, high] = parameter.ci95;
