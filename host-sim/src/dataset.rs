@@ -119,7 +119,9 @@ pub enum DatasetError {
     #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
     TooShort(String, usize),
     /// The noise is greater than what moves.
-    #[error("{0}: the recorded motion is little more than the noise of its sensor (a fit of {1:.0} %): drive faster, record the speed by edge timing, or sample the angle less often")]
+    #[error(
+        "{0}: the recorded motion is little more than the noise of its sensor (a fit of {1:.0} %): drive faster, record the speed by edge timing, or sample the angle less often"
+    )]
     Drowned(String, f64),
     /// Nothing happens in it.
     #[error(

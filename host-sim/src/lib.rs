@@ -2,11 +2,14 @@
 //!
 //! | module | what it is |
 //! |---|---|
-//! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
-//! | [`linear`] | linear models: transfer functions, responses, margins, discrete forms, Riccati equation |
-//! | [`motor`] | the five constants of the linear motor, in SI units |
-//! | [`plant`] | the motor and its surroundings, simulated |
 //! | [`recording`], [`rig`] | what was measured, and on what |
+//! | [`motor`], [`linear`] | the linear motor: constants, transfer functions, responses, margins, discrete forms |
+//! | [`catalogue`] | the effects that the linear motor lacks, one file each |
+//! | [`model`], [`free_run`] | the motor with effects, as a file and simulated over a recording |
+//! | [`dataset`], [`identify`] | recordings made ready; constants fitted to them |
+//! | [`diagnose`], [`steady_state`] | what a simulation gets wrong, by what cause, and what naming it gains |
+//! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
+//! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
@@ -14,12 +17,12 @@ pub mod catalogue;
 #[cfg(feature = "chip")]
 pub mod chip;
 pub mod commands;
-pub mod design;
-pub mod linear;
 pub mod dataset;
+pub mod design;
 pub mod diagnose;
 pub mod free_run;
 pub mod identify;
+pub mod linear;
 pub mod model;
 pub mod motor;
 pub mod plant;

@@ -207,9 +207,9 @@ fn line(columns: &[Vec<f64>], target: &[f64], errors: &[f64]) -> Option<Line> {
     let (values, covariance) = solve(&|_| true)?;
     let chi2 = (0..target.len()).map(|row| ((target[row] - predict(&values, row)) / errors[row]).powi(2)).sum();
     let mut left_out = 0.0;
-    for out in 0..target.len() {
+    for (out, seen) in target.iter().enumerate() {
         let (values, _) = solve(&|row| row != out)?;
-        left_out += (target[out] - predict(&values, out)).powi(2);
+        left_out += (seen - predict(&values, out)).powi(2);
     }
     Some(Line { values, covariance, chi2, left_out_rmse: (left_out / target.len() as f64).sqrt() })
 }

@@ -4,44 +4,13 @@
 //! recording and the rig file as texts. Committed seeds must all be right; a fresh draw must clear a bound that an honest
 //! run misses less than once in ten thousand.
 
-use hidden_effects::{Effect, Recipe, Trial, draw, random_effects};
-use host_sim::diagnose::outcome::{Outcome, Verdict};
-use host_sim::diagnose::{Diagnosis, diagnose};
-use host_sim::recording::Recording;
-use host_sim::rig::Rig;
+mod scoring;
+
+use hidden_effects::{Effect, Recipe, draw, random_effects};
+use host_sim::diagnose::Diagnosis;
+use host_sim::diagnose::outcome::Verdict;
+use scoring::{diagnosed, hidden, named};
 use std::time::{SystemTime, UNIX_EPOCH};
-
-fn diagnosed(trial: &Trial) -> Diagnosis {
-    let recording = Recording::parse("recording.csv", trial.csv.as_bytes(), &[]).unwrap();
-    let rig = Rig::parse("rig.toml", &trial.rig_toml).unwrap();
-    diagnose(&[recording], &rig, &|_| ()).unwrap()
-}
-
-/// What was hidden, by the catalogue's names.
-fn hidden(trial: &Trial) -> Vec<&'static str> {
-    let mut hidden: Vec<_> = trial.truth.effects.iter().map(|(effect, _)| effect.id()).collect();
-    hidden.retain(|id| !id.starts_with("outside"));
-    hidden.sort_unstable();
-    hidden
-}
-
-/// What was named; a name that the diagnosis itself says cannot be told from a hidden one stands for it.
-fn named(outcome: &Outcome, hidden: &[&'static str]) -> Vec<String> {
-    let causes = || outcome.causes.iter().filter(|cause| !cause.effect.starts_with("parameter:"));
-    let mut named: Vec<String> = causes()
-        .map(|cause| {
-            let taken = |id: &str| causes().any(|cause| cause.effect == id);
-            let same = cause.not_separable_from.iter().find(|other| hidden.contains(other) && !taken(other));
-            match same {
-                Some(same) if !hidden.contains(&cause.effect.as_str()) => (*same).to_string(),
-                _ => cause.effect.clone(),
-            }
-        })
-        .collect();
-    named.sort_unstable();
-    named.dedup();
-    named
-}
 
 fn assert_found(seed: u64, recipe: &Recipe) -> Diagnosis {
     let trial = draw(seed, recipe);

@@ -20,7 +20,7 @@ const TICK: Duration = Duration::from_millis(100);
   motorbench diagnose a.csv b.csv --rig rig.toml --report diagnosis.html --model model.toml
   motorbench diagnose log.csv --column time=t_s --column speed=omega_rad_per_s --json -
   motorbench diagnose no_load_table.csv --rig rig.toml      (steady states, without t_s)")]
-pub struct DiagnoseArgs {
+pub struct Arguments {
     /// Recordings of one rig: CSV with units in the column names (t_s with duty or u_V and omega_rad_per_s, rpm,
     /// theta_rad or counts, and i_A), or one table of steady states without t_s.
     #[arg(required = true)]
@@ -51,7 +51,7 @@ fn mapping(text: &str) -> Result<(String, String), String> {
 ///
 /// # Errors
 /// [`Failure`] with what is wrong with the input, and where.
-pub fn run(args: &DiagnoseArgs) -> Result<(), Failure> {
+pub fn run(args: &Arguments) -> Result<(), Failure> {
     let rig = match &args.rig {
         Some(path) => Rig::read(path).map_err(Failure::input)?,
         None => Rig::default(),
@@ -80,7 +80,7 @@ pub fn run(args: &DiagnoseArgs) -> Result<(), Failure> {
     finish(args, &diagnosis.outcome, || page::page(&diagnosis))
 }
 
-fn run_table(args: &DiagnoseArgs, table: &Recording, rig: &Rig) -> Result<(), Failure> {
+fn run_table(args: &Arguments, table: &Recording, rig: &Rig) -> Result<(), Failure> {
     let study = steady_state::study(table, rig).map_err(Failure::input)?;
     if let Some(path) = &args.model {
         return Err(Failure::input(format!(
@@ -95,7 +95,7 @@ fn run_table(args: &DiagnoseArgs, table: &Recording, rig: &Rig) -> Result<(), Fa
 }
 
 /// JSON where it was asked for, the page unless the terminal is taken by the JSON.
-fn finish(args: &DiagnoseArgs, result: &impl serde::Serialize, page: impl FnOnce() -> String) -> Result<(), Failure> {
+fn finish(args: &Arguments, result: &impl serde::Serialize, page: impl FnOnce() -> String) -> Result<(), Failure> {
     let json = serde_json::to_string_pretty(result).map_err(Failure::input)? + "\n";
     match &args.json {
         Some(path) if path == Path::new("-") => print!("{json}"),

@@ -23,7 +23,7 @@ struct Program {
 enum Command {
     Analyse(analyse::Arguments),
     Design(design::Arguments),
-    Diagnose(diagnose::DiagnoseArgs),
+    Diagnose(diagnose::Arguments),
     /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
     Completions {
         /// Which shell.

@@ -70,8 +70,11 @@ struct Filter {
     walk_variance: f64,
     /// Row of each measured quantity: what it sees of the states.
     rows: Vec<(Vector4<f64>, f64)>,
-    history: Vec<(Vector4<f64>, Matrix4<f64>, Vector4<f64>, Matrix4<f64>)>,
+    history: Vec<Moment>,
 }
+
+/// State and covariance before and after the sample was seen.
+type Moment = (Vector4<f64>, Matrix4<f64>, Vector4<f64>, Matrix4<f64>);
 
 impl Filter {
     fn new(data: &Dataset, motor: &MotorParameters, acts_on: ActsOn, walk_per_s: f64) -> Self {

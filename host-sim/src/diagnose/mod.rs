@@ -3,7 +3,7 @@
 //! 1. The linear motor is fitted in free run ([`identify`](crate::identify)) to two thirds of the data; the last third, in
 //!    blocks spread over the recording, only judges.
 //! 2. Effects of the catalogue are added while they earn their place on the data kept back, then checked backward and
-//!    against every rival ([`select`]).
+//!    against every rival ([`mod@select`]).
 //! 3. What remains above the sensors' noise is located by the lack that makes it most likely ([`missing`]).
 //! 4. The constants that are reported are fitted once more to all the data.
 
@@ -145,8 +145,11 @@ impl Outcome {
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         let parameters = parameters(model, &prior.nominal, intervals);
-        causes.extend(wrong_values(&parameters));
         let unexplained = unexplained(data, selection);
+        if unexplained.is_none() {
+            // While something is missing it falsifies the constants as well.
+            causes.extend(wrong_values(&parameters));
+        }
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Sufficient,
             (false, false) => Verdict::Explained,

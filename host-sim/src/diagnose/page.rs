@@ -122,7 +122,7 @@ fn cause_lines(number: usize, cause: &Cause) -> String {
 
 fn errors(outcome: &Outcome) -> String {
     let mut text = String::from("Error on data that no fit has seen (rms, free-running simulation)\n");
-    let _ = writeln!(text, "  {:28} {:>10} {:>10} {:>10}   {}", "", "linear", "extended", "noise", "fit");
+    let _ = writeln!(text, "  {:28} {:>10} {:>10} {:>10}   fit", "", "linear", "extended", "noise");
     for (channel, base) in &outcome.fit["base"] {
         let (extended, floor) = (&outcome.fit["extended"][channel], &outcome.fit["noise_floor"][channel]);
         let _ = writeln!(
