@@ -47,8 +47,8 @@ pub fn summary(design: &Design) -> String {
         1e3 * margins.delay_s
     );
     text += &format!(
-        "  parameters +-30% largest eigenvalue {:.4}, with the model's own {:.4}\n",
-        design.robustness.worst_spectral_radius, design.robustness.spectral_radius
+        "  parameters +-30% modulus {:.2}, largest eigenvalue {:.4} (with the model's own {:.4})\n",
+        design.robustness.worst_modulus, design.robustness.worst_spectral_radius, design.robustness.spectral_radius
     );
     let (trial, unit) = (&design.trial, unit(design.law));
     text += &format!(

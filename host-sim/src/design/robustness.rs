@@ -11,6 +11,9 @@ use serde::Serialize;
 pub const SMALLEST_MODULUS: f64 = 0.5;
 /// Further delay the loop must take, in ticks: a late tick, or a speed measured over two ticks.
 pub const SMALLEST_DELAY_TICKS: f64 = 1.0;
+/// The same with parameters off. Closer to -1, the lag of the speed between two edges near standstill is enough for a
+/// limit cycle of several counts.
+pub const SMALLEST_MODULUS_OFF: f64 = 0.3;
 /// Error of every parameter that the loop must take, all at once in any combination.
 pub const PARAMETER_ERROR: f64 = 0.3;
 
@@ -23,6 +26,8 @@ pub struct Robustness {
     pub spectral_radius: f64,
     /// Largest eigenvalue over all combinations of parameters +-30 %.
     pub worst_spectral_radius: f64,
+    /// Smallest modulus margin over the same.
+    pub worst_modulus: f64,
 }
 
 /// What a loop does not withstand.
@@ -60,6 +65,14 @@ pub enum Weakness {
         /// Largest eigenvalue.
         radius: f64,
     },
+    /// Other parameters bring it too close to -1.
+    #[error(
+        "with parameters 30 % off the model its modulus margin is {found:.2}, at least {SMALLEST_MODULUS_OFF} is needed"
+    )]
+    ParametersModulus {
+        /// Modulus margin.
+        found: f64,
+    },
 }
 
 /// Judges a loop with the gains as the core holds them.
@@ -85,13 +98,17 @@ pub fn check(
     if margins.delay_s < needed_s {
         return Err(Weakness::Delay { found_s: margins.delay_s, needed_s });
     }
-    let worst_spectral_radius = corners(motor)
-        .map(|motor| SampledLoop::new(&motor, law, sampling).spectral_radius(gains))
-        .fold(spectral_radius, f64::max);
+    let others: Vec<SampledLoop> = corners(motor).map(|motor| SampledLoop::new(&motor, law, sampling)).collect();
+    let worst_spectral_radius =
+        others.iter().map(|sampled| sampled.spectral_radius(gains)).fold(spectral_radius, f64::max);
     if worst_spectral_radius >= 1.0 {
         return Err(Weakness::Parameters { radius: worst_spectral_radius });
     }
-    Ok(Robustness { margins, spectral_radius, worst_spectral_radius })
+    let worst_modulus = others.iter().map(|sampled| sampled.margins(gains).modulus).fold(margins.modulus, f64::min);
+    if worst_modulus < SMALLEST_MODULUS_OFF {
+        return Err(Weakness::ParametersModulus { found: worst_modulus });
+    }
+    Ok(Robustness { margins, spectral_radius, worst_spectral_radius, worst_modulus })
 }
 
 /// All combinations of parameters 30 % too large and too small.

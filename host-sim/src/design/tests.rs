@@ -161,6 +161,23 @@ fn a_loop_that_is_not_robust_is_refused() {
     assert!(message.contains("at least 0.5 is needed"), "{message}");
 }
 
+/// The core's other rate.
+#[test]
+fn at_two_kilohertz_the_core_follows_as_well() {
+    let bench = Bench { tick_rate_hz: 2000.0, ..Bench::default() };
+    for law in ControlLaw::ALL {
+        let speed = Speed::BandwidthHz(if law.is_position() { 10.0 } else { 20.0 });
+        let specification = Specification { speed, overshoot_percent: 10.0, current_limit_a: 1.0 };
+        let design = design(&MotorParameters::PIVT6, &bench, law, &specification).unwrap();
+        let linear = design.linear_response(&MotorParameters::PIVT6);
+        let output = |point: &Point| if law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
+        let differences = linear.iter().zip(&design.points).map(|(linear, point)| (linear - output(point)).abs());
+        let worst = differences.fold(0.0, f64::max) / design.trial.step;
+        println!("{law:?} at 2 kHz: core and linear loop differ by {:.2} % of the step at most", 100.0 * worst);
+        assert!(worst < 0.02, "{law:?}: {worst}");
+    }
+}
+
 /// A motor somewhere in two decades of each parameter, with an encoder that the chip can count and a specification
 /// that suits its own time constant.
 struct Draw {

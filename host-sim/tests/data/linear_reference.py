@@ -123,6 +123,20 @@ def dare(a, b, q, r):
     return {name: value.tolist() for name, value in names.items()}
 
 
+def kalman():
+    a, b = armature(**MOTORS["pivt6"])
+    phi = expm(a * 1e-3)
+    c, w, v = np.array([[1.0, 0.0]]), np.diag([0.1, 1e-3]), np.array([[1.0]])
+    p = solve_discrete_are(phi.T, c.T, w, v)
+    gain = p @ c.T @ np.linalg.inv(c @ p @ c.T + v)
+    return {
+        "process_noise": [0.1, 1e-3],
+        "measurement_noise": 1.0,
+        "gain": gain.ravel().tolist(),
+        "poles": pairs(np.linalg.eigvals(phi - phi @ gain @ c)),
+    }
+
+
 print(
     json.dumps(
         {
@@ -134,6 +148,7 @@ print(
             "michigan_speed_pid": pid("michigan_speed", 0, [100, 200, 10], 10.0),
             "michigan_position_pid": pid("michigan_position", 2, [21, 500, 0.15], 1.0),
             "dare": [dare(*case) for case in dare_cases()],
+            "kalman": kalman(),
         },
         indent=1,
     )
