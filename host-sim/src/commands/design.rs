@@ -7,6 +7,7 @@ use crate::design::fixed_point::SettingList;
 use crate::design::law::ControlLaw;
 use crate::design::specification::{Specification, Speed};
 use crate::design::{Bench, Design, design, report};
+use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
 use clap::{ArgGroup, Args};
@@ -54,11 +55,18 @@ pub struct Arguments {
     /// The rig has no current sensor: the LQR does without the current.
     #[arg(long)]
     no_current_sensor: bool,
-    /// Compensate the bridge's drop (bridge.drop_V of the rig file) and friction (--coulomb-Nm).
+    /// Compensate voltage drop and friction: from the effects of the model file; without one from bridge.drop_V of the
+    /// rig file and --coulomb-Nm.
     #[arg(long)]
     compensate: bool,
     /// Coulomb friction to compensate, the same in both directions.
-    #[arg(long = "coulomb-Nm", default_value_t = 0.0, value_name = "NM", requires = "compensate")]
+    #[arg(
+        long = "coulomb-Nm",
+        default_value_t = 0.0,
+        value_name = "NM",
+        requires = "compensate",
+        conflicts_with = "model"
+    )]
     coulomb_nm: f64,
     /// Writes the designs as JSON; `-` to the standard output, instead of the text.
     #[arg(long, value_name = "FILE")]
@@ -79,11 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut settings = SettingList::default();
     designs.iter().for_each(|design| settings.merge(&design.settings));
     if arguments.compensate {
-        let losses = Losses {
-            coulomb_forward_nm: arguments.coulomb_nm,
-            coulomb_reverse_nm: arguments.coulomb_nm,
-            bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
-        };
+        let losses = arguments.losses(&rig)?;
         let found = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
         for setting in found.map_err(Failure::input)? {
             settings.set(setting.param, setting.value).map_err(Failure::input)?;
@@ -121,6 +125,20 @@ impl Arguments {
             (ControlLaw::SpeedPid, ControlLaw::SpeedLqr)
         };
         [(pid, !self.lqr), (lqr, !self.pid)].into_iter().filter(|(_, wanted)| *wanted).map(|(law, _)| law).collect()
+    }
+
+    /// Of the model's effects, or else of what rig file and command line say.
+    fn losses(&self, rig: &Rig) -> Result<Losses, Failure> {
+        let Some(path) = &self.model else {
+            return Ok(Losses {
+                coulomb_forward_nm: self.coulomb_nm,
+                coulomb_reverse_nm: self.coulomb_nm,
+                bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
+            });
+        };
+        let failure = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
+        let text = std::fs::read_to_string(path).map_err(|error| failure(&error))?;
+        Ok(Losses::of(&Model::parse(&text).map_err(|error| failure(&error))?))
     }
 
     fn specification(&self) -> Specification {

@@ -1,6 +1,7 @@
 //! The core's compensation from what is known of friction and bridge.
 
 use super::law::setting_name;
+use crate::model::Model;
 use motorbench_core::settings::Param;
 use serde::Serialize;
 
@@ -13,6 +14,19 @@ pub struct Losses {
     pub coulomb_reverse_nm: f64,
     /// Voltage the bridge loses, averaged over a PWM period; not negative.
     pub bridge_drop_v: f64,
+}
+
+impl Losses {
+    /// What the effects of an extended model say: Coulomb friction, its asymmetry, and the voltage drop.
+    pub fn of(model: &Model) -> Self {
+        let value = |id: &str| model.terms.iter().find(|term| term.id() == id).map_or(0.0, |term| term.values[0]);
+        let (friction, difference) = (value("coulomb_friction"), value("friction_asymmetry"));
+        Self {
+            coulomb_forward_nm: friction + 0.5 * difference,
+            coulomb_reverse_nm: friction - 0.5 * difference,
+            bridge_drop_v: value("voltage_drop"),
+        }
+    }
 }
 
 /// A setting of the compensation.
@@ -110,6 +124,16 @@ mod tests {
         let (without, with) = (tracking_error(false), tracking_error(true));
         println!("tracking error about standstill: {without:.2} rad/s, compensated {with:.2} rad/s");
         assert!(with < 0.5 * without, "{with} {without}");
+    }
+
+    #[test]
+    fn losses_of_an_extended_model() {
+        let file = Model::linear(MotorParameters::PIVT6).to_toml()
+            + "[effects.coulomb_friction]\ntorque_Nm = 0.5\n[effects.friction_asymmetry]\ndifference_Nm = 0.25\n\
+               [effects.voltage_drop]\ndrop_V = 2.0\n";
+        let losses = Losses::of(&Model::parse(&file).unwrap());
+        assert_eq!((losses.coulomb_forward_nm, losses.coulomb_reverse_nm), (0.625, 0.375));
+        assert_eq!(losses.bridge_drop_v, 2.0);
     }
 
     #[test]
