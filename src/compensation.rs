@@ -10,9 +10,9 @@
 //! (2 mV), and 0.1 % of the amplitude, of the formula.
 
 use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
-use crate::limits::{bits, bits_per_unit};
-use crate::settings::{BuildError, Param, Settings};
-use crate::units::{Rule, VOLT, quantise};
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
+use crate::units::{Rule, VOLT};
 
 /// One smooth step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -24,14 +24,13 @@ struct SmoothSign {
 impl SmoothSign {
     /// From a width and the bits of one unit of it.
     #[inline(never)]
-    fn build(settings: &Settings, width: Param, bits_per_unit: f32) -> Result<Self, BuildError> {
+    fn quantised(q: &mut Quantiser, width: Param, bits_per_unit: f32) -> Self {
         // The narrowest is 64 bits (63 mV, 1 rad/s at a range of 512): below, the slope has no place in the format.
-        let slope = quantise(1.0 / (settings.get(width) * bits_per_unit), 4_194_304.0, u16::MAX);
-        match slope {
-            Ok(slope) => Ok(Self { slope: slope as u16 }),
-            Err(Rule::TooLarge) => Err(Rule::TooSmall.of(width)),
-            Err(rule) => Err(rule.of(width)),
+        let slope = 1.0 / (q.get(width) * bits_per_unit);
+        if slope * 4_194_304.0 > 65535.5 {
+            q.refuse(width, Rule::TooSmall);
         }
+        Self { slope: q.value(width, slope, 4_194_304.0, u16::MAX) }
     }
 
     /// -2^14..=2^14 for -1..=1.
@@ -55,19 +54,16 @@ pub struct CompensationConfig {
 
 impl CompensationConfig {
     /// From the settings `comp_*`.
-    ///
-    /// # Errors
-    /// A width too small for the format.
     #[inline(never)]
-    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
-        let speed = bits_per_unit(settings, Param::SpeedRange);
-        Ok(Self {
-            drop: bits(settings, Param::CompDrop, VOLT)?,
-            forward: bits(settings, Param::CompFrictionForward, VOLT)?,
-            reverse: bits(settings, Param::CompFrictionReverse, VOLT)?,
-            drop_sign: SmoothSign::build(settings, Param::CompDropWidth, VOLT)?,
-            friction_sign: SmoothSign::build(settings, Param::CompFrictionWidth, speed)?,
-        })
+    pub fn quantised(q: &mut Quantiser) -> Self {
+        let speed = q.bits_per_unit(Param::SpeedRange);
+        Self {
+            drop: q.bits(Param::CompDrop, VOLT),
+            forward: q.bits(Param::CompFrictionForward, VOLT),
+            reverse: q.bits(Param::CompFrictionReverse, VOLT),
+            drop_sign: SmoothSign::quantised(q, Param::CompDropWidth, VOLT),
+            friction_sign: SmoothSign::quantised(q, Param::CompFrictionWidth, speed),
+        }
     }
 
     /// Largest voltage [`CompensationConfig::drop`] can add.
@@ -99,6 +95,7 @@ fn scaled(amplitude: i16, sign: i16) -> i16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Settings;
     use proptest::prelude::*;
 
     fn settings() -> impl Strategy<Value = Settings> {
@@ -128,7 +125,7 @@ mod tests {
     proptest! {
         #[test]
         fn follows_the_formula(settings in settings(), signal: i16) {
-            let config = CompensationConfig::build(&settings).unwrap();
+            let config = Quantiser::checked(&settings, CompensationConfig::quantised).unwrap();
             let get = |param| settings.get(param) as f64;
             let drop = get(Param::CompDrop) * 1024.0;
             let expected = exact(drop, signal as f64 / 1024.0 / get(Param::CompDropWidth));
@@ -144,7 +141,7 @@ mod tests {
 
         #[test]
         fn voltage_plus_drop_is_monotone_and_odd(settings in settings(), voltage in -16000i16..16000) {
-            let config = CompensationConfig::build(&settings).unwrap();
+            let config = Quantiser::checked(&settings, CompensationConfig::quantised).unwrap();
             let total = |voltage: i16| voltage + config.drop(voltage);
             prop_assert!(total(voltage + 1) >= total(voltage));
             prop_assert!((config.drop(-voltage) + config.drop(voltage)).abs() <= 3);
@@ -155,9 +152,12 @@ mod tests {
     #[test]
     fn off_by_default_and_narrow_widths_refused() {
         let mut settings = Settings::defaults();
-        let config = CompensationConfig::build(&settings).unwrap();
+        let config = Quantiser::checked(&settings, CompensationConfig::quantised).unwrap();
         assert!([i16::MIN, -1, 0, 1, i16::MAX].iter().all(|&x| config.drop(x) == 0 && config.friction(x) == 0));
         settings.set(Param::CompFrictionWidth, 0.5).unwrap();
-        assert_eq!(CompensationConfig::build(&settings), Err(Rule::TooSmall.of(Param::CompFrictionWidth)));
+        assert_eq!(
+            Quantiser::checked(&settings, CompensationConfig::quantised),
+            Err(Rule::TooSmall.of(Param::CompFrictionWidth))
+        );
     }
 }

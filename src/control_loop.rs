@@ -15,11 +15,12 @@ use crate::lqr::{LqrConfig, LqrState};
 use crate::message::{Mode, Request, Sample, State, Trip};
 use crate::pid::{PidConfig, PidState};
 use crate::pins::PWM_STEPS;
+use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::tachogenerator::{TachoConfig, TachoState};
 use crate::trajectory::{PositionProfile, SpeedProfile, TrajectoryConfig};
 use crate::trips::{Observation, TripsConfig, TripsState};
-use crate::units::{VOLT, quantise};
+use crate::units::VOLT;
 
 /// What the hardware has measured when a tick begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -106,41 +107,30 @@ impl LoopConfig {
     /// As [`LoopConfig::build`].
     #[inline(never)]
     pub fn rebuild(&mut self, settings: &Settings) -> Result<(), BuildError> {
-        put(&mut self.speed, SpeedConfig::build(settings))?;
-        put(&mut self.filter, LowPassConfig::build(settings, Param::SpeedFilter))?;
-        put(&mut self.tacho, TachoConfig::build(settings))?;
-        self.tacho_used = settings.get(Param::SpeedSensor) != 0.0;
-        put(&mut self.current, CurrentConfig::build(settings))?;
-        put(&mut self.limits, LimitsConfig::build(settings))?;
-        put(&mut self.trips, TripsConfig::build(settings))?;
-        put(&mut self.speed_pid, PidConfig::speed(settings))?;
-        put(&mut self.position_pid, PidConfig::position(settings))?;
-        put(&mut self.speed_lqr, LqrConfig::speed(settings))?;
-        put(&mut self.position_lqr, LqrConfig::position(settings))?;
-        put(&mut self.compensation, CompensationConfig::build(settings))?;
-        put(&mut self.trajectory, TrajectoryConfig::build(settings))?;
-        self.scales(settings)
+        let mut quantiser = Quantiser::new(settings);
+        let q = &mut quantiser;
+        self.speed = SpeedConfig::quantised(q);
+        self.filter = LowPassConfig::quantised(q, Param::SpeedFilter);
+        self.tacho = TachoConfig::quantised(q);
+        self.tacho_used = q.get(Param::SpeedSensor) != 0.0;
+        self.current = CurrentConfig::quantised(q);
+        self.limits = LimitsConfig::quantised(q);
+        self.trips = TripsConfig::quantised(q);
+        self.speed_pid = PidConfig::speed(q);
+        self.position_pid = PidConfig::position(q);
+        self.speed_lqr = LqrConfig::speed(q);
+        self.position_lqr = LqrConfig::position(q);
+        self.compensation = CompensationConfig::quantised(q);
+        self.trajectory = TrajectoryConfig::quantised(q);
+        // What belongs to no block.
+        let range = q.power_of_two(Param::PositionRange);
+        let per_count = core::f32::consts::TAU / q.get(Param::CountsPerRev) / range * 32768.0;
+        self.position_scale = q.value(Param::PositionRange, per_count, 256.0, u16::MAX);
+        let divider = q.get(Param::SupplyDivider) * (5.0 / 1024.0);
+        self.supply_scale = q.value(Param::SupplyDivider, divider, VOLT * 256.0, u16::MAX);
+        self.supply = q.bits(Param::SupplyVoltage, VOLT);
+        quantiser.finish()
     }
-
-    /// What belongs to no block.
-    #[inline(never)]
-    fn scales(&mut self, settings: &Settings) -> Result<(), BuildError> {
-        let range = crate::encoder::power_of_two(settings, Param::PositionRange)?;
-        let per_count = core::f32::consts::TAU / settings.get(Param::CountsPerRev) / range * 32768.0;
-        let position = quantise(per_count, 256.0, u16::MAX);
-        self.position_scale = position.map_err(|rule| rule.of(Param::PositionRange))? as u16;
-        let supply = quantise(settings.get(Param::SupplyDivider) * (5.0 / 1024.0) * VOLT, 256.0, u16::MAX);
-        self.supply_scale = supply.map_err(|rule| rule.of(Param::SupplyDivider))? as u16;
-        self.supply = crate::limits::bits(settings, Param::SupplyVoltage, VOLT)?;
-        Ok(())
-    }
-}
-
-/// Keeps what was built.
-#[inline(always)]
-fn put<T>(place: &mut T, built: Result<T, BuildError>) -> Result<(), BuildError> {
-    *place = built?;
-    Ok(())
 }
 
 /// What a tick leaves for the next.

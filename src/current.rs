@@ -9,8 +9,9 @@
 //! something drives a current, or the sensor is not there.
 
 use crate::arith::{mul_i16, saturate_i16};
-use crate::settings::{BuildError, Param, Settings};
-use crate::units::{AMPERE, quantise};
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
+use crate::units::AMPERE;
 
 /// Sum of eight conversions in the middle of the range.
 const MIDDLE: u16 = 8 * 512;
@@ -29,14 +30,10 @@ pub struct CurrentConfig(i16);
 
 impl CurrentConfig {
     /// From `current_gain`.
-    ///
-    /// # Errors
-    /// A gain outside the format.
     #[inline(never)]
-    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
-        let amperes_per_step = 1000.0 / (STEPS_PER_VOLT * settings.get(Param::CurrentGain));
-        let gain = quantise(amperes_per_step, AMPERE * 256.0, i16::MAX as u16);
-        gain.map(|bits| Self(bits as i16)).map_err(|rule| rule.of(Param::CurrentGain))
+    pub fn quantised(q: &mut Quantiser) -> Self {
+        let amperes_per_step = 1000.0 / (STEPS_PER_VOLT * q.get(Param::CurrentGain));
+        Self(q.value(Param::CurrentGain, amperes_per_step, AMPERE * 256.0, i16::MAX as u16) as i16)
     }
 }
 
@@ -121,12 +118,13 @@ impl CurrentState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Settings;
     use proptest::prelude::*;
 
     fn config(gain: f32) -> CurrentConfig {
         let mut settings = Settings::defaults();
         settings.set(Param::CurrentGain, gain).unwrap();
-        CurrentConfig::build(&settings).unwrap()
+        Quantiser::checked(&settings, CurrentConfig::quantised).unwrap()
     }
 
     proptest! {

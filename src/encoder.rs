@@ -27,7 +27,8 @@
 //! With 2000 counts a turn the slowest speed seen is 0.03 rpm; the largest is 127 counts a tick, 127,000 edges/s.
 
 use crate::arith::{mul_i16_u16, mul_u16, saturate_i16};
-use crate::settings::{BuildError, Param, Settings};
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
 use crate::units::Rule;
 use avr_progmem::progmem;
 
@@ -113,14 +114,10 @@ const CYCLES_PER_S: f32 = crate::pins::CPU_HZ as f32;
 
 impl SpeedConfig {
     /// From `counts_per_rev`, `speed_range` and `tick_rate`.
-    ///
-    /// # Errors
-    /// `tick_rate` other than 1000 or 2000; `speed_range` not a power of two; a scale outside the format, named as
-    /// `counts_per_rev`.
     #[inline(never)]
-    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
-        let range = power_of_two(settings, Param::SpeedRange)?;
-        let half_count_rad = core::f32::consts::PI / settings.get(Param::CountsPerRev);
+    pub fn quantised(q: &mut Quantiser) -> Self {
+        let range = q.power_of_two(Param::SpeedRange);
+        let half_count_rad = core::f32::consts::PI / q.get(Param::CountsPerRev);
         let mut scale = half_count_rad * (CYCLES_PER_S * 32768.0 / range);
         let mut shift = 15;
         while scale >= 65535.0 {
@@ -132,35 +129,20 @@ impl SpeedConfig {
             shift += 1;
         }
         if !(-20..=40).contains(&shift) {
-            return Err(Rule::TooLarge.of(Param::CountsPerRev));
+            q.refuse(Param::CountsPerRev, Rule::TooLarge);
         }
-        Ok(Self { mantissa: (scale + 0.5) as i32 as u16, shift, tick_cycles: tick_cycles(settings)? })
+        let rate = q.get(Param::TickRate);
+        if rate != 1000.0 && rate != 2000.0 {
+            q.refuse(Param::TickRate, Rule::NotAllowed);
+        }
+        Self { mantissa: (scale + 0.5) as i32 as u16, shift, tick_cycles: tick_cycles(rate) }
     }
 }
 
-/// Cycles of one control tick.
-///
-/// # Errors
-/// `tick_rate` other than 1000 or 2000 Hz.
-pub fn tick_cycles(settings: &Settings) -> Result<u16, BuildError> {
-    let rate = settings.get(Param::TickRate);
-    if rate == 1000.0 {
-        Ok(16_000)
-    } else if rate == 2000.0 {
-        Ok(8_000)
-    } else {
-        Err(Rule::NotAllowed.of(Param::TickRate))
-    }
-}
-
-/// The value of a range setting.
-///
-/// # Errors
-/// [`Rule::NotPowerOfTwo`].
-pub fn power_of_two(settings: &Settings, param: Param) -> Result<f32, BuildError> {
-    let value = settings.get(param);
-    // A power of two is a number without mantissa bits.
-    if value.to_bits() & 0x007f_ffff == 0 { Ok(value) } else { Err(Rule::NotPowerOfTwo.of(param)) }
+/// Cycles of one control tick at 1000 or 2000 Hz.
+#[inline(always)]
+pub fn tick_cycles(rate_hz: f32) -> u16 {
+    if rate_hz > 1500.0 { 8_000 } else { 16_000 }
 }
 
 /// The measured motion.
@@ -310,6 +292,7 @@ fn round_shift(mut value: i32, mut shift: i8) -> i16 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Settings;
     use proptest::prelude::*;
 
     /// The lines of a shaft at `position` counts (floor): the inverse of the decoder's state.
@@ -339,7 +322,7 @@ mod tests {
             Self {
                 state: SpeedState::new(edges),
                 edges,
-                config: SpeedConfig::build(settings).unwrap(),
+                config: Quantiser::checked(settings, SpeedConfig::quantised).unwrap(),
                 skew,
                 now: 0,
                 looked: 0,
@@ -497,9 +480,9 @@ mod tests {
     #[test]
     fn settings_out_of_format_are_named() {
         let mut bad = settings(2000.0, 500.0);
-        assert_eq!(SpeedConfig::build(&bad), Err(Rule::NotPowerOfTwo.of(Param::SpeedRange)));
+        assert_eq!(Quantiser::checked(&bad, SpeedConfig::quantised), Err(Rule::NotPowerOfTwo.of(Param::SpeedRange)));
         bad = settings(2000.0, 512.0);
         bad.set(Param::TickRate, 1500.0).unwrap();
-        assert_eq!(SpeedConfig::build(&bad), Err(Rule::NotAllowed.of(Param::TickRate)));
+        assert_eq!(Quantiser::checked(&bad, SpeedConfig::quantised), Err(Rule::NotAllowed.of(Param::TickRate)));
     }
 }

@@ -19,6 +19,7 @@ pub mod message;
 pub mod pid;
 pub mod pins;
 pub mod protocol;
+pub mod quantiser;
 pub mod settings;
 pub mod storage;
 pub mod tachogenerator;

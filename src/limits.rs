@@ -12,7 +12,8 @@
 //! When gains or mode change, the integral takes the value that leaves the voltage where it was (bumpless transfer).
 
 use crate::arith::{mul_i16, multiply_add_u16, saturate_i16, saturate_shift_8, saturating_add_i32, saturating_sub_i16};
-use crate::settings::{BuildError, Param, Settings};
+use crate::quantiser::Quantiser;
+use crate::settings::{Param, Settings};
 use crate::units::{AMPERE, FULL_RANGE, GAIN_LIMIT, Rule, VOLT, quantise};
 
 /// The interval of voltage for one tick, bits of [`crate::units::Voltage`].
@@ -41,19 +42,16 @@ pub struct LimitsConfig {
 
 impl LimitsConfig {
     /// From `voltage_limit`, `slew_limit`, `current_limit` and `tick_rate`.
-    ///
-    /// # Errors
-    /// A value that the format cannot hold.
     #[inline(never)]
-    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
-        let per_tick = settings.get(Param::SlewLimit) / settings.get(Param::TickRate);
-        let slew = quantise(per_tick.min(31.9), VOLT, 32767).map_err(|rule| rule.of(Param::SlewLimit))?;
-        let current = bits(settings, Param::CurrentLimit, AMPERE)?;
-        Ok(Self {
-            voltage: bits(settings, Param::VoltageLimit, VOLT)?,
-            slew: slew as i16,
+    pub fn quantised(q: &mut Quantiser) -> Self {
+        let per_tick = q.get(Param::SlewLimit) / q.get(Param::TickRate);
+        let slew = q.value(Param::SlewLimit, per_tick.min(31.9), VOLT, 32767) as i16;
+        let current = q.bits(Param::CurrentLimit, AMPERE);
+        Self {
+            voltage: q.bits(Param::VoltageLimit, VOLT),
+            slew,
             current: if current == 0 { i16::MAX } else { current },
-        })
+        }
     }
 
     /// The interval around `previous`, within `low..=high` of the saturation, at the measured `current`.
@@ -84,22 +82,6 @@ fn fold_back(current: i16, limit: i16) -> i16 {
     (current.saturating_sub(limit) >> 2) + 1
 }
 
-/// A setting in bits of 16 bits.
-///
-/// # Errors
-/// The value is outside the format.
-pub fn bits(settings: &Settings, param: Param, bits_per_unit: f32) -> Result<i16, BuildError> {
-    quantise(settings.get(param), bits_per_unit, i16::MAX as u16).map(|v| v as i16).map_err(|rule| rule.of(param))
-}
-
-/// Bits of a proportional gain on a signal with `bits_per_unit`, within [`GAIN_LIMIT`].
-///
-/// # Errors
-/// The gain is too large for the format, or would vanish in it.
-pub fn gain_bits(settings: &Settings, param: Param, bits_per_unit: f32) -> Result<i16, BuildError> {
-    quantise_gain(settings.get(param), bits_per_unit).map_err(|rule| rule.of(param))
-}
-
 /// Bits of the [`crate::units::Gain`] `value` volts per unit on a signal with `bits_per_unit`.
 ///
 /// # Errors
@@ -114,13 +96,11 @@ pub fn bits_per_unit(settings: &Settings, range: Param) -> f32 {
 }
 
 /// A part per tick: `tick / time`, for `time` in ms, at most almost a half.
-///
-/// # Errors
-/// The part would vanish.
-pub fn tracking_fraction(settings: &Settings, time: Param) -> Result<u16, BuildError> {
-    let ticks = settings.get(time) * (settings.get(Param::TickRate) * 0.001);
+#[inline(always)]
+fn tracking_fraction(q: &mut Quantiser, time: Param) -> u16 {
+    let ticks = q.get(time) * (q.get(Param::TickRate) * 0.001);
     let part = if ticks > 2.0 { 1.0 / ticks } else { 0.499 };
-    quantise(part, 65536.0, u16::MAX).map(|v| v as u16).map_err(|rule| rule.of(time))
+    q.value(time, part, 65536.0, u16::MAX)
 }
 
 /// Integral gain and tracking.
@@ -134,15 +114,13 @@ pub struct IntegralConfig {
 
 impl IntegralConfig {
     /// From a gain in volts per unit and second on a signal with `bits_per_unit`, and a tracking time.
-    ///
-    /// # Errors
-    /// The gain is too large for the format, or would vanish in it.
     #[inline(never)]
-    pub fn build(settings: &Settings, gain: Param, bits_per_unit: f32, time: Param) -> Result<Self, BuildError> {
-        let per_tick = VOLT * 65536.0 / bits_per_unit / settings.get(Param::TickRate);
-        let ki = quantise(settings.get(gain), per_tick, GAIN_LIMIT as u16).map_err(|rule| rule.of(gain))? as i16;
+    pub fn quantised(q: &mut Quantiser, gain: Param, bits_per_unit: f32, time: Param) -> Self {
+        let per_tick = VOLT * 65536.0 / bits_per_unit / q.get(Param::TickRate);
+        let value = q.get(gain);
+        let ki = q.value(gain, value, per_tick, GAIN_LIMIT as u16) as i16;
         // Without an integral there is nothing to track with.
-        Ok(Self { ki, tracking: if ki == 0 { 0 } else { tracking_fraction(settings, time)? } })
+        Self { ki, tracking: if ki == 0 { 0 } else { tracking_fraction(q, time) } }
     }
 }
 
@@ -248,11 +226,18 @@ pub(crate) mod tests {
     fn a_gain_beyond_the_format_is_refused_by_name() {
         let mut settings = Settings::defaults();
         settings.set(Param::SpeedKp, 500.0).unwrap();
-        assert_eq!(gain_bits(&settings, Param::SpeedKp, 64.0), Err(Rule::TooLarge.of(Param::SpeedKp)));
+        assert_eq!(
+            Quantiser::checked(&settings, |q| q.gain(Param::SpeedKp, 64.0)),
+            Err(Rule::TooLarge.of(Param::SpeedKp))
+        );
         settings.set(Param::SpeedKp, 1e-6).unwrap();
-        assert_eq!(gain_bits(&settings, Param::SpeedKp, 64.0), Err(Rule::RoundsToZero.of(Param::SpeedKp)));
+        assert_eq!(
+            Quantiser::checked(&settings, |q| q.gain(Param::SpeedKp, 64.0)),
+            Err(Rule::RoundsToZero.of(Param::SpeedKp))
+        );
         settings.set(Param::SpeedKi, 1e-5).unwrap();
-        let built = IntegralConfig::build(&settings, Param::SpeedKi, 64.0, Param::SpeedTt);
+        let built =
+            Quantiser::checked(&settings, |q| IntegralConfig::quantised(q, Param::SpeedKi, 64.0, Param::SpeedTt));
         assert_eq!(built, Err(Rule::RoundsToZero.of(Param::SpeedKi)));
     }
 }

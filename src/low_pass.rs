@@ -4,8 +4,8 @@
 //! bit. Against the recurrence in real numbers the output is within 2 bits.
 
 use crate::arith::{multiply_add_u16, saturating_sub_i16};
-use crate::settings::{BuildError, Param, Settings};
-use crate::units::quantise;
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
 
 /// `a`, bits of [`crate::units::Fraction`]; zero passes the signal through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -13,22 +13,17 @@ pub struct LowPassConfig(u16);
 
 impl LowPassConfig {
     /// From the setting `time`, a time constant in ms; zero is no filter.
-    ///
-    /// # Errors
-    /// The filter is too slow for the format.
     #[inline(never)]
-    pub fn build(settings: &Settings, time: Param) -> Result<Self, BuildError> {
-        if settings.get(time) <= 0.0 { Ok(Self(0)) } else { Self::always(settings, time) }
+    pub fn quantised(q: &mut Quantiser, time: Param) -> Self {
+        if q.get(time) <= 0.0 { Self(0) } else { Self::always(q, time) }
     }
 
     /// The same, but a time constant of zero is the fastest filter instead of none: for who needs the difference to it.
-    ///
-    /// # Errors
-    /// The filter is too slow for the format.
-    pub fn always(settings: &Settings, time: Param) -> Result<Self, BuildError> {
-        let (tau, period) = (settings.get(time) * 0.001, 1.0 / settings.get(Param::TickRate));
+    #[inline(never)]
+    pub fn always(q: &mut Quantiser, time: Param) -> Self {
+        let (tau, period) = (q.get(time) * 0.001, 1.0 / q.get(Param::TickRate));
         let part = (period / (tau + period)).min(65535.0 / 65536.0);
-        quantise(part, 65536.0, u16::MAX).map(|bits| Self(bits as u16)).map_err(|rule| rule.of(time))
+        Self(q.value(time, part, 65536.0, u16::MAX))
     }
 
     /// The part, for the tests of who uses the filter.
@@ -78,6 +73,7 @@ impl LowPassState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Settings;
     use proptest::prelude::*;
 
     proptest! {
@@ -98,9 +94,13 @@ mod tests {
     #[test]
     fn time_constant_and_no_filter() {
         let mut settings = Settings::defaults();
-        assert_eq!(LowPassState::default().step(&LowPassConfig::build(&settings, Param::SpeedFilter).unwrap(), 99), 99);
+        assert_eq!(
+            LowPassState::default()
+                .step(&Quantiser::checked(&settings, |q| LowPassConfig::quantised(q, Param::SpeedFilter)).unwrap(), 99),
+            99
+        );
         settings.set(Param::SpeedFilter, 20.0).unwrap();
-        let config = LowPassConfig::build(&settings, Param::SpeedFilter).unwrap();
+        let config = Quantiser::checked(&settings, |q| LowPassConfig::quantised(q, Param::SpeedFilter)).unwrap();
         let mut state = LowPassState::default();
         let after_tau = (0..20).map(|_| state.step(&config, 10_000)).last().unwrap();
         // Backward Euler: 1 - (tau/(tau+T))^20 = 0.6231.

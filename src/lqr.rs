@@ -8,8 +8,9 @@
 //! feedback negative. Against the same law in real numbers with the same gains the voltage is within 3 bits (3 mV).
 
 use crate::arith::{mul_i16, multiply_add, saturating_sub_i16};
-use crate::limits::{Integral, IntegralConfig, Limits, bits_per_unit, gain_bits};
-use crate::settings::{BuildError, Param, Settings};
+use crate::limits::{Integral, IntegralConfig, Limits};
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
 use crate::units::AMPERE;
 
 /// State feedback, quantised. One type serves both uses; they differ in what the first gain acts on.
@@ -26,33 +27,28 @@ pub struct LqrConfig {
 
 impl LqrConfig {
     /// The speed LQR, from the settings `lqr_speed_*`.
-    ///
-    /// # Errors
-    /// A gain the format cannot hold, named.
     #[inline(never)]
-    pub fn speed(settings: &Settings) -> Result<Self, BuildError> {
-        let scale = bits_per_unit(settings, Param::SpeedRange);
-        Ok(Self {
-            kr: gain_bits(settings, Param::LqrSpeedKr, scale)?,
-            kw: -gain_bits(settings, Param::LqrSpeedKw, scale)?,
-            kc: -gain_bits(settings, Param::LqrSpeedKc, AMPERE)?,
-            integral: IntegralConfig::build(settings, Param::LqrSpeedKi, scale, Param::LqrTt)?,
-        })
+    pub fn speed(q: &mut Quantiser) -> Self {
+        let scale = q.bits_per_unit(Param::SpeedRange);
+        Self {
+            kr: q.gain(Param::LqrSpeedKr, scale),
+            kw: -q.gain(Param::LqrSpeedKw, scale),
+            kc: -q.gain(Param::LqrSpeedKc, AMPERE),
+            integral: IntegralConfig::quantised(q, Param::LqrSpeedKi, scale, Param::LqrTt),
+        }
     }
 
     /// The position LQR, from the settings `lqr_position_*`.
-    ///
-    /// # Errors
-    /// A gain the format cannot hold, named.
     #[inline(never)]
-    pub fn position(settings: &Settings) -> Result<Self, BuildError> {
-        let scale = bits_per_unit(settings, Param::PositionRange);
-        Ok(Self {
-            kr: gain_bits(settings, Param::LqrPositionKp, scale)?,
-            kw: gain_bits(settings, Param::LqrPositionKw, bits_per_unit(settings, Param::SpeedRange))?,
-            kc: -gain_bits(settings, Param::LqrPositionKc, AMPERE)?,
-            integral: IntegralConfig::build(settings, Param::LqrPositionKi, scale, Param::LqrTt)?,
-        })
+    pub fn position(q: &mut Quantiser) -> Self {
+        let scale = q.bits_per_unit(Param::PositionRange);
+        let speed_scale = q.bits_per_unit(Param::SpeedRange);
+        Self {
+            kr: q.gain(Param::LqrPositionKp, scale),
+            kw: q.gain(Param::LqrPositionKw, speed_scale),
+            kc: -q.gain(Param::LqrPositionKc, AMPERE),
+            integral: IntegralConfig::quantised(q, Param::LqrPositionKi, scale, Param::LqrTt),
+        }
     }
 }
 
@@ -94,6 +90,7 @@ impl LqrState {
 mod tests {
     use super::*;
     use crate::limits::tests::{Exact, any_limits};
+    use crate::settings::Settings;
     use proptest::collection::vec;
     use proptest::prelude::*;
 
@@ -125,8 +122,8 @@ mod tests {
             settings in settings(), position: bool,
             ticks in vec((any::<i16>(), any::<i16>(), any::<i16>(), any_limits(), 1u8..60), 1..40),
         ) {
-            let build = if position { LqrConfig::position } else { LqrConfig::speed };
-            let Ok(config) = build(&settings) else { return Ok(()) };
+            let build: fn(&mut Quantiser) -> LqrConfig = if position { LqrConfig::position } else { LqrConfig::speed };
+            let Ok(config) = Quantiser::checked(&settings, build) else { return Ok(()) };
             let (mut state, mut integral) = (LqrState::default(), Exact::new(&config.integral));
             for (first, second, current, limits, repeat) in ticks {
                 for _ in 0..repeat {
@@ -148,6 +145,9 @@ mod tests {
     fn a_gain_the_format_cannot_hold_is_named() {
         let mut settings = Settings::defaults();
         settings.set(Param::LqrPositionKc, 900.0).unwrap();
-        assert_eq!(LqrConfig::position(&settings), Err(crate::units::Rule::TooLarge.of(Param::LqrPositionKc)));
+        assert_eq!(
+            Quantiser::checked(&settings, LqrConfig::position),
+            Err(crate::units::Rule::TooLarge.of(Param::LqrPositionKc))
+        );
     }
 }

@@ -13,19 +13,10 @@
 //! 3 bits (3 mV).
 
 use crate::arith::{mul_i16, multiply_add, saturating_sub_i16};
-use crate::limits::{Integral, IntegralConfig, Limits, bits_per_unit, gain_bits, quantise_gain};
+use crate::limits::{Integral, IntegralConfig, Limits};
 use crate::low_pass::{LowPassConfig, LowPassState};
-use crate::settings::{BuildError, Param, Settings};
-
-/// Which settings make up a PID.
-struct Names {
-    kp: Param,
-    ki: Param,
-    kd: Param,
-    tf: Param,
-    kff: Param,
-    tt: Param,
-}
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
 
 /// A PID, quantised. One type serves both uses; they differ in what the terms act on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -43,71 +34,38 @@ pub struct PidConfig {
 
 impl PidConfig {
     /// The speed PID, from the settings `speed_*`.
-    ///
-    /// # Errors
-    /// A gain the format cannot hold, named.
     #[inline(never)]
-    pub fn speed(settings: &Settings) -> Result<Self, BuildError> {
-        let names = Names {
-            kp: Param::SpeedKp,
-            ki: Param::SpeedKi,
-            kd: Param::SpeedKd,
-            tf: Param::SpeedTf,
-            kff: Param::SpeedKff,
-            tt: Param::SpeedTt,
-        };
-        let scale = bits_per_unit(settings, Param::SpeedRange);
-        let (tf, period) = filter_times(settings, names.tf);
-        let kd = settings.get(names.kd) / (tf + period);
-        let kr = settings.get(names.kp) * settings.get(Param::SpeedB) + settings.get(names.kff);
-        Ok(Self {
-            // First, so that a gain that is too large is blamed and not the sum it is part of.
-            kp: -gain_bits(settings, names.kp, scale)?,
-            kr: quantise_gain(kr, scale).map_err(|rule| rule.of(names.kff))?,
-            kd: -quantise_gain(kd, scale).map_err(|rule| rule.of(names.kd))?,
-            ..Self::common(settings, &names, scale)?
-        })
+    pub fn speed(q: &mut Quantiser) -> Self {
+        let scale = q.bits_per_unit(Param::SpeedRange);
+        // First, so that a gain that is too large is blamed and not the sum it is part of.
+        let kp = -q.gain(Param::SpeedKp, scale);
+        let kr = q.get(Param::SpeedKp) * q.get(Param::SpeedB) + q.get(Param::SpeedKff);
+        let kr = q.gain_value(Param::SpeedKff, kr, scale);
+        let (tf, period) = (q.get(Param::SpeedTf) * 0.001, 1.0 / q.get(Param::TickRate));
+        let kd = q.get(Param::SpeedKd) / (tf + period);
+        let kd = -q.gain_value(Param::SpeedKd, kd, scale);
+        Self {
+            kr,
+            kp,
+            kd,
+            filter: LowPassConfig::always(q, Param::SpeedTf),
+            integral: IntegralConfig::quantised(q, Param::SpeedKi, scale, Param::SpeedTt),
+        }
     }
 
     /// The position PID, from the settings `position_*`.
-    ///
-    /// # Errors
-    /// A gain the format cannot hold, named.
     #[inline(never)]
-    pub fn position(settings: &Settings) -> Result<Self, BuildError> {
-        let names = Names {
-            kp: Param::PositionKp,
-            ki: Param::PositionKi,
-            kd: Param::PositionKd,
-            tf: Param::PositionTf,
-            kff: Param::PositionKff,
-            tt: Param::PositionTt,
-        };
-        let speed_scale = bits_per_unit(settings, Param::SpeedRange);
-        Ok(Self {
-            kr: gain_bits(settings, names.kff, speed_scale)?,
-            kp: gain_bits(settings, names.kp, bits_per_unit(settings, Param::PositionRange))?,
-            kd: -gain_bits(settings, names.kd, speed_scale)?,
-            ..Self::common(settings, &names, bits_per_unit(settings, Param::PositionRange))?
-        })
+    pub fn position(q: &mut Quantiser) -> Self {
+        let speed_scale = q.bits_per_unit(Param::SpeedRange);
+        let scale = q.bits_per_unit(Param::PositionRange);
+        Self {
+            kr: q.gain(Param::PositionKff, speed_scale),
+            kp: q.gain(Param::PositionKp, scale),
+            kd: -q.gain(Param::PositionKd, speed_scale),
+            filter: LowPassConfig::always(q, Param::PositionTf),
+            integral: IntegralConfig::quantised(q, Param::PositionKi, scale, Param::PositionTt),
+        }
     }
-
-    /// What both have alike; `scale` belongs to the error.
-    #[inline(never)]
-    fn common(settings: &Settings, names: &Names, scale: f32) -> Result<Self, BuildError> {
-        Ok(Self {
-            kr: 0,
-            kp: 0,
-            kd: 0,
-            filter: LowPassConfig::always(settings, names.tf)?,
-            integral: IntegralConfig::build(settings, names.ki, scale, names.tt)?,
-        })
-    }
-}
-
-/// The derivative filter's time constant and the tick, in seconds.
-fn filter_times(settings: &Settings, tf: Param) -> (f32, f32) {
-    (settings.get(tf) * 0.001, 1.0 / settings.get(Param::TickRate))
 }
 
 /// What a PID remembers.
@@ -161,6 +119,7 @@ impl PidState {
 mod tests {
     use super::*;
     use crate::limits::tests::{Exact, any_limits};
+    use crate::settings::Settings;
     use proptest::collection::vec;
     use proptest::prelude::*;
 
@@ -210,7 +169,7 @@ mod tests {
         fn speed_pid_is_its_law(
             settings in settings(), ticks in vec((any::<i16>(), any::<i16>(), any_limits(), 1u8..60), 1..40),
         ) {
-            let Ok(config) = PidConfig::speed(&settings) else { return Ok(()) };
+            let Ok(config) = Quantiser::checked(&settings, PidConfig::speed) else { return Ok(()) };
             let (mut state, mut integral) = (PidState::default(), Exact::new(&config.integral));
             let mut filter = ExactFilter(0.0);
             let tolerance = 3.0 + (config.kd as f64 / 1024.0).abs();
@@ -233,7 +192,7 @@ mod tests {
             settings in settings(),
             ticks in vec((any::<i16>(), any::<i16>(), any::<i16>(), any_limits(), 1u8..60), 1..40),
         ) {
-            let Ok(config) = PidConfig::position(&settings) else { return Ok(()) };
+            let Ok(config) = Quantiser::checked(&settings, PidConfig::position) else { return Ok(()) };
             let (mut state, mut integral) = (PidState::default(), Exact::new(&config.integral));
             let mut filter = ExactFilter(0.0);
             let tolerance = 3.0 + (config.kd as f64 / 1024.0).abs();
@@ -254,7 +213,7 @@ mod tests {
         fn a_change_of_gains_moves_nothing(
             settings in settings(), reference in -6000i16..6000, speed in -6000i16..6000, previous in -9000i16..9000,
         ) {
-            let Ok(config) = PidConfig::speed(&settings) else { return Ok(()) };
+            let Ok(config) = Quantiser::checked(&settings, PidConfig::speed) else { return Ok(()) };
             prop_assume!(settings.get(Param::SpeedKi) != 0.0);
             // An integral of more than 32 V does not exist.
             let rest = (config.kr as f64 * reference as f64 + config.kp as f64 * speed as f64) / 1024.0;
@@ -271,7 +230,7 @@ mod tests {
         let mut settings = Settings::defaults();
         settings.set(Param::SpeedKi, 5.0).unwrap();
         settings.set(Param::SpeedTt, 20.0).unwrap();
-        let config = PidConfig::speed(&settings).unwrap();
+        let config = Quantiser::checked(&settings, PidConfig::speed).unwrap();
         let limits = Limits { low: -5000, high: 5000, previous: 0, align: false };
         let mut state = PidState::default();
         for _ in 0..5000 {

@@ -6,10 +6,9 @@
 //! ripple is the filter's business: `speed_filter`.
 
 use crate::arith::{mul_u16, saturate_i16};
-use crate::limits::bits_per_unit;
 use crate::low_pass::{LowPassConfig, LowPassState};
-use crate::settings::{BuildError, Param, Settings};
-use crate::units::quantise;
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
 
 /// ADC steps (24 mV before the divider: 8 rpm at 3 V per 1000 rpm) below which the direction may turn.
 pub const NEAR_ZERO: u16 = 5;
@@ -26,19 +25,16 @@ pub struct TachoConfig {
 
 impl TachoConfig {
     /// From `tacho_gain`, `speed_range` and `speed_filter`.
-    ///
-    /// # Errors
-    /// A scale outside the format, named as `tacho_gain`.
     #[inline(never)]
-    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+    pub fn quantised(q: &mut Quantiser) -> Self {
         // V per rad/s after the divider.
-        let gain = settings.get(Param::TachoGain) * (60.0 / core::f32::consts::TAU / 1000.0 * 0.5);
+        let gain = q.get(Param::TachoGain) * (60.0 / core::f32::consts::TAU / 1000.0 * 0.5);
         let speed_per_step = 5.0 / 1024.0 / gain;
-        let scale = quantise(speed_per_step, bits_per_unit(settings, Param::SpeedRange) * 256.0, u16::MAX);
-        Ok(Self {
-            scale: scale.map_err(|rule| rule.of(Param::TachoGain))? as u16,
-            filter: LowPassConfig::build(settings, Param::SpeedFilter)?,
-        })
+        let unit = q.bits_per_unit(Param::SpeedRange) * 256.0;
+        Self {
+            scale: q.value(Param::TachoGain, speed_per_step, unit, u16::MAX),
+            filter: LowPassConfig::quantised(q, Param::SpeedFilter),
+        }
     }
 }
 
@@ -64,6 +60,7 @@ impl TachoState {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Settings;
     use proptest::prelude::*;
 
     proptest! {
@@ -72,7 +69,7 @@ mod tests {
         fn scale(gain in 0.5f32..30.0, sample in 0u16..1024) {
             let mut settings = Settings::defaults();
             settings.set(Param::TachoGain, gain).unwrap();
-            let Ok(config) = TachoConfig::build(&settings) else { return Ok(()) };
+            let Ok(config) = Quantiser::checked(&settings, TachoConfig::quantised) else { return Ok(()) };
             let exact = sample as f64 * 5.0 / 1024.0 * 2.0 / gain as f64 * 1000.0 / 60.0 * std::f64::consts::TAU * 64.0;
             let speed = TachoState::default().step(&config, sample, 5000) as f64;
             let tolerance = 1.0 + exact * 0.5 / config.scale as f64;
@@ -82,7 +79,7 @@ mod tests {
 
     #[test]
     fn the_sign_turns_at_standstill_not_with_the_voltage() {
-        let config = TachoConfig::build(&Settings::defaults()).unwrap();
+        let config = Quantiser::checked(&Settings::defaults(), TachoConfig::quantised).unwrap();
         let mut state = TachoState::default();
         assert!(state.step(&config, 300, 8000) > 0);
         // Reversed voltage: the motor still turns forward while it slows down.

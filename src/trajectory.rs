@@ -15,9 +15,9 @@
 //! Formats: speed bits with 14 fractional bits; counts with 12. Steps are rounded down: limits are never exceeded.
 
 use crate::arith::{mul_i16_u16, saturate_i16};
-use crate::limits::bits_per_unit;
-use crate::settings::{BuildError, Param, Settings};
-use crate::units::{Rule, quantise};
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
+use crate::units::Rule;
 
 /// Fractional bits of the speed profile.
 const SPEED_FRACTION: u32 = 14;
@@ -40,37 +40,32 @@ pub struct TrajectoryConfig {
 
 impl TrajectoryConfig {
     /// From `acceleration`, `jerk_time`, `cruise_speed`, `counts_per_rev`, `speed_range` and `tick_rate`.
-    ///
-    /// # Errors
-    /// An acceleration, jerk or speed that the formats cannot hold, named.
     #[inline(never)]
-    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
-        let rate = settings.get(Param::TickRate);
-        let acceleration = settings.get(Param::Acceleration);
-        let jerk_ticks = settings.get(Param::JerkTime) * rate * 0.001;
-        let speed_bits = bits_per_unit(settings, Param::SpeedRange);
-        let counts = settings.get(Param::CountsPerRev) / core::f32::consts::TAU;
+    pub fn quantised(q: &mut Quantiser) -> Self {
+        let rate = q.get(Param::TickRate);
+        let acceleration = q.get(Param::Acceleration);
+        let jerk_ticks = q.get(Param::JerkTime) * rate * 0.001;
+        let speed_bits = q.bits_per_unit(Param::SpeedRange);
+        let counts = q.get(Param::CountsPerRev) / core::f32::consts::TAU;
         let speed_unit = speed_bits * (1u32 << SPEED_FRACTION) as f32 / rate;
         let position_unit = counts * (1u32 << POSITION_FRACTION) as f32 / rate;
-        let cruise = settings.get(Param::CruiseSpeed) * position_unit;
+        let cruise = q.get(Param::CruiseSpeed) * position_unit;
         let scale = speed_bits * rate / counts / 256.0;
         let fine = scale * 65536.0 < 65535.0;
-        let speed_scale = quantise(scale, if fine { 65536.0 } else { 256.0 }, u16::MAX);
-        Ok(Self {
-            speed: RampConfig::build(acceleration * speed_unit, jerk_ticks).map_err(|rule| match rule {
-                Rule::NotAllowed => Rule::TooLarge.of(Param::JerkTime),
-                rule => rule.of(if jerk_ticks > 1.0 { Param::JerkTime } else { Param::Acceleration }),
-            })?,
-            position: RampConfig::build(cruise, cruise / (acceleration * position_unit / rate)).map_err(|rule| {
-                match rule {
-                    Rule::NotAllowed => Rule::TooLarge.of(Param::CruiseSpeed),
-                    rule => rule.of(Param::Acceleration),
-                }
-            })?,
+        let blamed = if jerk_ticks > 1.0 { Param::JerkTime } else { Param::Acceleration };
+        Self {
+            speed: RampConfig::quantised(q, acceleration * speed_unit, jerk_ticks, Param::JerkTime, blamed),
+            position: RampConfig::quantised(
+                q,
+                cruise,
+                cruise / (acceleration * position_unit / rate),
+                Param::CruiseSpeed,
+                Param::Acceleration,
+            ),
             average: power_of_two(jerk_ticks),
-            speed_scale: speed_scale.map_err(|rule| rule.of(Param::SpeedRange))? as u16,
+            speed_scale: q.value(Param::SpeedRange, scale, if fine { 65536.0 } else { 256.0 }, u16::MAX),
             fine,
-        })
+        }
     }
 }
 
@@ -87,9 +82,10 @@ struct RampConfig {
 }
 
 impl RampConfig {
-    /// `limit` reached in `steps` steps, rounded up.
+    /// `limit` reached in `steps` steps, rounded up. `long` is blamed when that takes too long, `fine` when a step would
+    /// be nothing.
     #[inline(never)]
-    fn build(limit: f32, steps: f32) -> Result<Self, Rule> {
+    fn quantised(q: &mut Quantiser, limit: f32, steps: f32, long: Param, fine: Param) -> Self {
         // A whole number of steps, so that the limit is reached exactly.
         let whole = steps as i32 as f32;
         let steps = if steps <= 1.0 {
@@ -100,13 +96,13 @@ impl RampConfig {
             whole
         };
         if limit * steps >= LONGEST_STOP {
-            return Err(Rule::NotAllowed);
+            q.refuse(long, Rule::TooLarge);
         }
         let step = (limit / steps) as i32;
         if step == 0 {
-            return Err(Rule::RoundsToZero);
+            q.refuse(fine, Rule::RoundsToZero);
         }
-        Ok(Self { step, limit: step * steps as i32 })
+        Self { step, limit: step.wrapping_mul(steps as i32) }
     }
 }
 
@@ -295,6 +291,7 @@ impl PositionProfile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Settings;
     use proptest::prelude::*;
 
     fn settings(acceleration: f32, jerk_ms: f32, cruise: f32) -> Settings {
@@ -314,7 +311,7 @@ mod tests {
             acceleration in 20f32..50_000.0, jerk_ms in prop_oneof![Just(0.0f32), 1f32..255.0],
             start in -30000i16..30000, targets in proptest::collection::vec((-30000i16..30000, 1usize..400), 1..6),
         ) {
-            let Ok(config) = TrajectoryConfig::build(&settings(acceleration, jerk_ms, 100.0)) else { return Ok(()) };
+            let Ok(config) = Quantiser::checked(&settings(acceleration, jerk_ms, 100.0), TrajectoryConfig::quantised) else { return Ok(()) };
             let mut profile = SpeedProfile::start(start);
             let bit = 16384.0;
             let limit = acceleration as f64 * 0.064;
@@ -342,7 +339,7 @@ mod tests {
         /// From rest: no overshoot, and as fast as the limits allow.
         #[test]
         fn speed_profile_time(acceleration in 50f32..20_000.0, jerk_ms in 0f32..200.0, target in 500i16..30000) {
-            let Ok(config) = TrajectoryConfig::build(&settings(acceleration, jerk_ms, 100.0)) else { return Ok(()) };
+            let Ok(config) = Quantiser::checked(&settings(acceleration, jerk_ms, 100.0), TrajectoryConfig::quantised) else { return Ok(()) };
             let mut profile = SpeedProfile::start(0);
             profile.retarget(target);
             let mut ticks = 0;
@@ -366,7 +363,7 @@ mod tests {
             start in -1_000_000i32..1_000_000, targets in proptest::collection::vec((-30_000i32..30_000, 1usize..600), 1..5),
         ) {
             let settings = settings(acceleration, jerk_ms, cruise);
-            let Ok(config) = TrajectoryConfig::build(&settings) else { return Ok(()) };
+            let Ok(config) = Quantiser::checked(&settings, TrajectoryConfig::quantised) else { return Ok(()) };
             let counts = 2000.0 / std::f64::consts::TAU;
             let fastest = cruise as f64 * counts / 1000.0;
             let mut profile = PositionProfile::start(start);
@@ -398,7 +395,7 @@ mod tests {
     #[test]
     fn an_s_curve_limits_the_jerk_of_a_position_move() {
         let jerk = |jerk_ms: f32| {
-            let config = TrajectoryConfig::build(&settings(2000.0, jerk_ms, 50.0)).unwrap();
+            let config = Quantiser::checked(&settings(2000.0, jerk_ms, 50.0), TrajectoryConfig::quantised).unwrap();
             let mut profile = PositionProfile::start(0);
             profile.retarget(20_000);
             let (mut speeds, mut count) = (vec![0i32], 0);
@@ -417,7 +414,7 @@ mod tests {
 
     #[test]
     fn limits_that_do_not_fit_are_named() {
-        let build = |a, j, c| TrajectoryConfig::build(&settings(a, j, c)).map(|_| ());
+        let build = |a, j, c| Quantiser::checked(&settings(a, j, c), TrajectoryConfig::quantised).map(|_| ());
         assert_eq!(build(0.1, 0.0, 0.01), Err(Rule::RoundsToZero.of(Param::Acceleration)));
         assert_eq!(build(900_000.0, 255.0, 10.0), Err(Rule::TooLarge.of(Param::JerkTime)));
         assert_eq!(build(1.0, 0.0, 1000.0), Err(Rule::TooLarge.of(Param::CruiseSpeed)));

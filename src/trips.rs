@@ -20,10 +20,10 @@
 //! L293D's own drop (2.6 V) may leave nothing to brake with.
 
 use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
-use crate::limits::bits;
 use crate::message::Trip;
-use crate::settings::{BuildError, Param, Settings};
-use crate::units::{AMPERE, Rule, VOLT, quantise};
+use crate::quantiser::Quantiser;
+use crate::settings::Param;
+use crate::units::{AMPERE, VOLT};
 
 /// Thresholds in bits, times in ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -51,47 +51,39 @@ pub struct TripsConfig {
 
 impl TripsConfig {
     /// From the settings `trip_*`, `resistance` and `supply`.
-    ///
-    /// # Errors
-    /// A value its format cannot hold, named.
     #[inline(never)]
-    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
-        let rate = settings.get(Param::TickRate);
+    pub fn quantised(q: &mut Quantiser) -> Self {
+        let rate = q.get(Param::TickRate);
         let per_ms = rate * 0.001;
-        let ticks = |param| {
-            let ticks = quantise(settings.get(param), per_ms, u16::MAX);
-            ticks.map(|ticks| ticks as u16).map_err(|rule| rule.of(param))
-        };
-        let continuous = bits(settings, Param::TripContinuous, AMPERE)?;
-        let heat_rate = quantise(1.0 / (rate * settings.get(Param::TripThermalTime)), 16_777_216.0, u16::MAX);
-        // Current bits per voltage bit at stall is 4 / R; a quarter of it.
-        let turning = quantise(1.0 / settings.get(Param::Resistance), 65535.0, u16::MAX);
-        Ok(Self {
-            peak: bits(settings, Param::TripPeak, AMPERE)?,
+        let continuous = q.bits(Param::TripContinuous, AMPERE);
+        let thermal_s = q.get(Param::TripThermalTime);
+        let supply_high = q.get(Param::TripSupplyHigh);
+        Self {
+            peak: q.bits(Param::TripPeak, AMPERE),
             peak_ticks: (5.0 * per_ms) as i32 as u8,
             continuous,
             heat_limit: (mul_i16(continuous, continuous) >> 15) as i16,
-            heat_rate: heat_rate.map_err(|rule| rule.of(Param::TripThermalTime))? as u16,
-            turning: match turning {
-                Ok(bits) => bits as u16,
-                Err(Rule::TooLarge) => u16::MAX,
-                Err(rule) => return Err(rule.of(Param::Resistance)),
-            },
-            driven: bits(settings, Param::SupplyVoltage, VOLT / 4.0)?,
-            stall_ticks: ticks(Param::TripStall)?,
-            encoder_ticks: ticks(Param::TripEncoder)?,
-            runaway_ticks: ticks(Param::TripRunaway)?,
-            supply_low: (settings.get(Param::TripSupplyLow).min(31.9) * VOLT) as i32 as i16,
-            supply_high: if settings.get(Param::TripSupplyHigh) >= 31.9 {
-                i16::MAX
-            } else {
-                bits(settings, Param::TripSupplyHigh, VOLT)?
-            },
+            heat_rate: q.value(Param::TripThermalTime, 1.0 / (rate * thermal_s), 16_777_216.0, u16::MAX),
+            turning: turning(q),
+            driven: q.bits(Param::SupplyVoltage, VOLT / 4.0),
+            stall_ticks: q.ticks(Param::TripStall),
+            encoder_ticks: q.ticks(Param::TripEncoder),
+            runaway_ticks: q.ticks(Param::TripRunaway),
+            supply_low: (q.get(Param::TripSupplyLow).min(31.9) * VOLT) as i32 as i16,
+            supply_high: if supply_high >= 31.9 { i16::MAX } else { q.bits(Param::TripSupplyHigh, VOLT) },
             supply_ticks: (10.0 * per_ms) as i32 as u8,
-            host_ticks: ticks(Param::TripHost)?,
+            host_ticks: q.ticks(Param::TripHost),
             hung_ticks: (100.0 * per_ms) as i32 as u8,
-        })
+        }
     }
+}
+
+/// Current bits per voltage bit at stall is 4 / R; a quarter of it, as large as the format allows.
+#[inline(always)]
+fn turning(q: &mut Quantiser) -> u16 {
+    let largest = 65535.0 / 65536.0;
+    let turning = (1.0 / q.get(Param::Resistance)).min(largest);
+    q.value(Param::Resistance, turning, 65535.0, u16::MAX)
 }
 
 /// What the trips look at, in bits.
@@ -261,6 +253,7 @@ fn for_ticks(counter: &mut u8, condition: bool, ticks: u8) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::settings::Settings;
     use proptest::prelude::*;
 
     /// A motor that turns quietly.
@@ -278,7 +271,7 @@ mod tests {
 
     /// Ticks until the trip that `observation` brings, or none within ten seconds.
     fn trips_after(settings: &Settings, observation: impl Fn(u32) -> Observation) -> Option<(Trip, u32)> {
-        let config = TripsConfig::build(settings).unwrap();
+        let config = Quantiser::checked(settings, TripsConfig::quantised).unwrap();
         let mut state = TripsState::default();
         (0..10_000).find_map(|tick| match state.step(&config, &observation(tick), true) {
             Trip::None => None,
@@ -371,7 +364,7 @@ mod tests {
         /// Whatever is seen, nothing overflows, and nothing but a trip is returned.
         #[test]
         fn anything_goes(values in proptest::collection::vec(any::<(i16, i16, i16, u8)>(), 1..300)) {
-            let config = TripsConfig::build(&Settings::defaults()).unwrap();
+            let config = Quantiser::checked(&Settings::defaults(), TripsConfig::quantised).unwrap();
             let mut state = TripsState::default();
             for (voltage, current, speed, flags) in values {
                 let supply = (flags & 1 != 0).then_some(voltage);
