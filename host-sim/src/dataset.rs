@@ -1,7 +1,7 @@
 //! Recordings made ready for identification: what drove the motor, what was measured, and which part is kept back.
 
 use crate::recording::{Channel, Recording};
-use crate::rig::Rig;
+use crate::rig::{Rig, Timing};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -90,6 +90,8 @@ pub struct Dataset {
     pub interval_s: f64,
     /// PWM frequency.
     pub pwm_hz: f64,
+    /// How it was recorded.
+    pub timing: Timing,
 }
 
 /// Why recordings cannot be used together with this rig file.
@@ -184,7 +186,8 @@ impl Dataset {
         if time_s.len() < 4 * SHORTEST_STRETCH {
             return Err(DatasetError::TooShort(name(), time_s.len()));
         }
-        let mut data = Self { interval_s, pwm_hz: rig.bridge.pwm_hz.unwrap_or(PWM_HZ), ..Self::default() };
+        let mut data =
+            Self { interval_s, pwm_hz: rig.bridge.pwm_hz.unwrap_or(PWM_HZ), timing: rig.recording, ..Self::default() };
         data.read_drive(recording, rig, &time_s)?;
         data.read_motion(recording, rig, &time_s)?;
         data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);

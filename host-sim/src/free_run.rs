@@ -7,6 +7,7 @@
 use crate::catalogue::{Balance, Instant, Readings};
 use crate::dataset::{Dataset, Output, difference};
 use crate::model::Model;
+use crate::rig;
 use nalgebra::Matrix4;
 use std::ops::Range;
 
@@ -61,6 +62,11 @@ impl LinearStep {
         Self { current_of: row(0), speed_of: row(1), open_speed_of: [decay, gain], step_s }
     }
 
+    /// Length of the step.
+    pub fn step_s(&self) -> f64 {
+        self.step_s
+    }
+
     /// Current and speed at the end of the step.
     #[inline]
     pub fn take(&self, current_a: f64, speed: f64, voltage_v: f64, open: bool, terms: &Balance) -> (f64, f64) {
@@ -104,6 +110,8 @@ struct Run<'a> {
     current_a: f64,
     speed_rad_per_s: f64,
     angle_rad: f64,
+    /// Means of current and speed since the sample before.
+    means: (f64, f64),
 }
 
 impl<'a> Run<'a> {
@@ -120,7 +128,8 @@ impl<'a> Run<'a> {
         Self {
             model,
             data,
-            delay_s: terms.iter().map(|term| term.effect.delay_s(&term.values)).sum(),
+            delay_s: terms.iter().map(|term| term.effect.delay_s(&term.values)).sum::<f64>()
+                + data.timing.command_delay_s.unwrap_or(0.0),
             longest_step_s: terms.iter().map(|term| term.effect.longest_step_s()).fold(usual_step_s, f64::min),
             inertia_kg_m2: model.motor.inertia_kg_m2 * share.max(0.01),
             step: LinearStep::default(),
@@ -128,6 +137,7 @@ impl<'a> Run<'a> {
             current_a: if still { 0.0 } else { current_a },
             speed_rad_per_s: if still { 0.0 } else { speed_rad_per_s },
             angle_rad: 0.0,
+            means: (0.0, 0.0),
             range,
         }
     }
@@ -156,8 +166,11 @@ impl<'a> Run<'a> {
     }
 
     fn read(&mut self, index: usize) -> Readings {
-        let mut readings =
-            Readings { current_a: self.current_a, speed_rad_per_s: self.speed_rad_per_s, angle_rad: self.angle_rad };
+        let (current_a, speed_rad_per_s) = match self.data.timing.readings {
+            rig::Readings::Mean if index > self.range.start => self.means,
+            _ => (self.current_a, self.speed_rad_per_s),
+        };
+        let mut readings = Readings { current_a, speed_rad_per_s, angle_rad: self.angle_rad };
         let interval_s = if index > self.range.start {
             self.data.time_s[index] - self.data.time_s[index - 1]
         } else {
@@ -194,6 +207,7 @@ impl<'a> Run<'a> {
         if (step_s - self.step.step_s).abs() > 1e-9 {
             self.step = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
         }
+        let (mut current_sum, angle_before_rad) = (0.0, self.angle_rad);
         for part in 0..steps as usize {
             // The middle of the step stands for it.
             let mut at = self.instant(next - 1, (part as f64 + 0.5) / steps, step_s);
@@ -202,8 +216,11 @@ impl<'a> Run<'a> {
                 at.voltage_v = self.mean_before(&self.data.voltage_v, next - 1, delayed_s, step_s);
                 at.duty = self.mean_before(&self.data.duty, next - 1, delayed_s, step_s);
             }
+            let before_a = self.current_a;
             self.advance(&mut at, self.data.open[next - 1], self.data.load_nm[next - 1]);
+            current_sum += 0.5 * (before_a + self.current_a);
         }
+        self.means = (current_sum / steps, (self.angle_rad - angle_before_rad) / interval_s);
     }
 
     fn advance(&mut self, at: &mut Instant, open: bool, load_nm: f64) {

@@ -29,3 +29,4 @@ pub mod plant;
 pub mod recording;
 pub mod rig;
 pub mod steady_state;
+pub mod telemetry;

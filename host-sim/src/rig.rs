@@ -10,6 +10,9 @@
 //! counts_per_rev = 1024     # after x4 decoding
 //! [current_sensor]
 //! resolution_A = 0.0265
+//! [recording]               # how the program that recorded works; left out: readings of the very moment
+//! command_delay_s = 0.0002  # from a sample to the voltage it records
+//! readings = "mean"         # speed and current are means since the sample before
 //! [motor]                   # nominal values, each optional
 //! resistance_ohm = 5.84
 //! inductance_H = 11.7e-3
@@ -41,6 +44,9 @@ pub struct Rig {
     /// Tachogenerator.
     #[serde(skip_serializing_if = "is_default")]
     pub tachogenerator: Tachogenerator,
+    /// How the recording was made.
+    #[serde(skip_serializing_if = "is_default")]
+    pub recording: Timing,
     /// Nominal constants of the motor.
     #[serde(skip_serializing_if = "is_default")]
     pub motor: NominalMotor,
@@ -115,6 +121,35 @@ pub struct Tachogenerator {
     /// Commutator ripples per revolution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ripples_per_rev: Option<f64>,
+}
+
+/// How the program that recorded works.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Timing {
+    /// From a sample to the voltage it records.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub command_delay_s: Option<f64>,
+    /// What speed and current of a sample are.
+    #[serde(skip_serializing_if = "is_default")]
+    pub readings: Readings,
+}
+
+impl Timing {
+    /// Of this project's firmware: the bridge follows a fifth of a tick after the sample; speed and current are means
+    /// over the tick before it.
+    pub const FIRMWARE: Self = Self { command_delay_s: Some(0.2e-3), readings: Readings::Mean };
+}
+
+/// What a reading is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Readings {
+    /// The value of the sample's moment.
+    #[default]
+    Instant,
+    /// The mean since the sample before.
+    Mean,
 }
 
 /// Nominal constants of the motor; see [`MotorParameters`].
@@ -195,7 +230,12 @@ impl Rig {
     }
 
     fn check(&self, path: &str) -> Result<(), RigError> {
-        let may_be_zero = ["motor.viscous_friction_Nm_s", "bridge.drop_V", "current_sensor.resolution_A"];
+        let may_be_zero = [
+            "motor.viscous_friction_Nm_s",
+            "bridge.drop_V",
+            "current_sensor.resolution_A",
+            "recording.command_delay_s",
+        ];
         for (key, value) in self.numbers() {
             let Some(value) = value else { continue };
             let zero_allowed = may_be_zero.contains(&key);
@@ -207,7 +247,7 @@ impl Rig {
         Ok(())
     }
 
-    fn numbers(&self) -> [(&'static str, Option<f64>); 11] {
+    fn numbers(&self) -> [(&'static str, Option<f64>); 12] {
         [
             ("supply.voltage_V", self.supply.voltage_v),
             ("bridge.drop_V", self.bridge.drop_v),
@@ -215,6 +255,7 @@ impl Rig {
             ("encoder.counts_per_rev", self.encoder.counts_per_rev),
             ("current_sensor.resolution_A", self.current_sensor.resolution_a),
             ("tachogenerator.ripples_per_rev", self.tachogenerator.ripples_per_rev),
+            ("recording.command_delay_s", self.recording.command_delay_s),
             ("motor.resistance_ohm", self.motor.resistance_ohm),
             ("motor.inductance_H", self.motor.inductance_h),
             ("motor.torque_constant_Nm_per_A", self.motor.torque_constant_nm_per_a),

@@ -5,8 +5,10 @@
 //! drives it.
 
 mod dc_motor;
+mod model_plant;
 
 pub use dc_motor::{BridgeLosses, DcMotor, DcMotorParameters};
+pub use model_plant::ModelPlant;
 
 /// What the L293D connects to the motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

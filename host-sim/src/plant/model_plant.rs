@@ -1,0 +1,166 @@
+//! The extended model as a plant: what a diagnosis has found, to run a loop against.
+
+use super::{Bridge, Inputs, Plant};
+use crate::catalogue::{Balance, Instant};
+use crate::free_run::LinearStep;
+use crate::model::Model;
+
+/// Longest step; shorter ones are taken as they come.
+const LONGEST_STEP_S: f64 = 50e-6;
+/// One free-wheeling diode of the bridge.
+const DIODE_V: f64 = 1.3;
+/// Effects that a switched bridge brings about by itself, or that are not the motor's.
+const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
+
+/// A motor with the effects of a model, at rest at first. What the model says of sensors and of timing is not part of it.
+#[derive(Clone, Debug)]
+pub struct ModelPlant {
+    model: Model,
+    inertia_kg_m2: f64,
+    /// The two lengths of a PWM period's parts, used in turn.
+    steps: [LinearStep; 2],
+    states: Vec<Vec<f64>>,
+    time_s: f64,
+    angle_rad: f64,
+    speed_rad_per_s: f64,
+    current_a: f64,
+    supply_v: f64,
+}
+
+impl ModelPlant {
+    /// At rest.
+    pub fn new(mut model: Model) -> Self {
+        model.terms.retain(|term| term.effect.acts_on_motor() && !NOT_THE_MOTORS.contains(&term.id()));
+        let share: f64 = model.terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
+        Self {
+            inertia_kg_m2: model.motor.inertia_kg_m2 * share,
+            steps: [LinearStep::default(); 2],
+            states: model.terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),
+            model,
+            time_s: 0.0,
+            angle_rad: 0.0,
+            speed_rad_per_s: 0.0,
+            current_a: 0.0,
+            supply_v: 0.0,
+        }
+    }
+
+    /// The step of this length, computed if it is neither of the last two.
+    fn linear_step(&mut self, step_s: f64) -> LinearStep {
+        if (self.steps[0].step_s() - step_s).abs() > 1e-12 {
+            self.steps.swap(0, 1);
+        }
+        if (self.steps[0].step_s() - step_s).abs() > 1e-12 {
+            self.steps[0] = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
+        }
+        self.steps[0]
+    }
+
+    fn step(&mut self, step_s: f64, inputs: &Inputs) {
+        let linear = self.linear_step(step_s);
+        let mut terms = Balance { torque_nm: -inputs.load_torque_nm, ..Balance::default() };
+        let duty = match inputs.bridge {
+            Bridge::Forward => 1.0,
+            Bridge::Reverse => -1.0,
+            Bridge::Brake | Bridge::Coast => 0.0,
+        };
+        if inputs.bridge == Bridge::Coast {
+            // The current flows on against the supply, through two diodes, until it is nothing.
+            terms.dry_drop_v = inputs.supply_v + 2.0 * DIODE_V;
+        }
+        let mut at = Instant {
+            time_s: self.time_s,
+            voltage_v: duty * inputs.supply_v,
+            duty,
+            supply_v: inputs.supply_v,
+            current_a: self.current_a,
+            speed_rad_per_s: self.speed_rad_per_s,
+            angle_rad: self.angle_rad,
+            step_s,
+        };
+        for (term, state) in self.model.terms.iter().zip(&self.states) {
+            term.effect.contribute(&term.values, &self.model.motor, &at, state, &mut terms);
+        }
+        let before = self.speed_rad_per_s;
+        (self.current_a, self.speed_rad_per_s) = linear.take(self.current_a, before, at.voltage_v, false, &terms);
+        if inputs.blocked {
+            self.speed_rad_per_s = 0.0;
+        }
+        self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * step_s;
+        self.time_s += step_s;
+        at.current_a = self.current_a;
+        at.speed_rad_per_s = self.speed_rad_per_s;
+        for (term, state) in self.model.terms.iter().zip(&mut self.states) {
+            term.effect.advance(&term.values, &self.model.motor, &at, state);
+        }
+    }
+}
+
+impl Plant for ModelPlant {
+    fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
+        self.supply_v = inputs.supply_v;
+        if dt_s <= 0.0 {
+            return;
+        }
+        let steps = (dt_s / LONGEST_STEP_S - 1e-9).ceil().max(1.0);
+        for _ in 0..steps as usize {
+            self.step(dt_s / steps, inputs);
+        }
+    }
+
+    fn angle_rad(&self) -> f64 {
+        self.angle_rad
+    }
+
+    fn speed_rad_per_s(&self) -> f64 {
+        self.speed_rad_per_s
+    }
+
+    fn current_a(&self) -> f64 {
+        self.current_a
+    }
+
+    fn supply_v(&self) -> f64 {
+        self.supply_v
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::effect;
+    use crate::motor::MotorParameters;
+    use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters};
+
+    /// Friction and bridge drop of the catalogue against the plant that finds every event exactly.
+    #[test]
+    fn agrees_with_the_event_exact_motor() {
+        let motor = MotorParameters::PIVT6;
+        let losses = BridgeLosses { drive_v: 2.0, brake_v: 2.0, diode_v: DIODE_V };
+        let mut exact = DcMotor::new(DcMotorParameters {
+            resistance_ohm: motor.resistance_ohm,
+            inductance_h: motor.inductance_h,
+            torque_constant_nm_per_a: motor.torque_constant_nm_per_a,
+            inertia_kg_m2: motor.inertia_kg_m2,
+            viscous_friction_nms_per_rad: motor.viscous_friction_nm_s,
+            coulomb_friction_nm: 0.01,
+            bridge: losses,
+        });
+        let model = Model::linear(motor)
+            .with(effect("coulomb_friction").unwrap(), vec![0.01])
+            .with(effect("voltage_drop").unwrap(), vec![2.0]);
+        let mut plant = ModelPlant::new(model);
+        for period in 0..20_000 {
+            let duty = [0.6, -0.4, 0.25, 0.0][period / 5_000];
+            let on_s = 50e-6 * f64::abs(duty);
+            let on = if duty < 0.0 { Bridge::Reverse } else { Bridge::Forward };
+            for (bridge, dt_s) in [(on, on_s), (Bridge::Brake, 50e-6 - on_s)] {
+                let inputs = Inputs { bridge, ..Inputs::default() };
+                exact.advance(dt_s, &inputs);
+                plant.advance(dt_s, &inputs);
+            }
+            assert!((exact.speed_rad_per_s() - plant.speed_rad_per_s()).abs() < 0.05, "period {period}");
+            assert!((exact.current_a() - plant.current_a()).abs() < 0.01, "period {period}");
+        }
+    }
+}

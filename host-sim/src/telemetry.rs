@@ -1,0 +1,54 @@
+//! From the firmware's samples to a recording in SI units.
+
+use crate::recording::{Channel, Recording};
+use crate::rig::{CurrentSensor, Encoder, NominalMotor, Rig, Supply, Timing};
+use motorbench_core::message::{Mode, Sample, State};
+use motorbench_core::pins::PWM_STEPS;
+use motorbench_core::settings::{Param, Settings};
+use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
+use std::f64::consts::TAU;
+
+/// Step of the firmware's current reading at 185 mV/A: an eighth of a step of the converter.
+const CURRENT_STEP_A: f64 = 5.0 / 1024.0 / 8.0 / 0.185;
+
+/// The samples as a recording. While the bridge is off, duty and voltage are missing: nothing drives the motor then.
+pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recording {
+    let get = |param| f64::from(settings.get(param));
+    let rate_hz = get(Param::TickRate);
+    let first = samples.first().map_or(0, |sample| sample.tick);
+    let column = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
+    let driven = |sample: &Sample, value: f64| if sample.state.has(State::ENABLED) { value } else { f64::NAN };
+    let duty = |sample: &Sample| f64::from(sample.duty) / f64::from(PWM_STEPS);
+    let supply_v = |sample: &Sample| f64::from(sample.supply) / f64::from(VOLT);
+    let mut recording = Recording::new(name);
+    recording.set(Channel::Time, column(&|sample| f64::from(sample.tick.wrapping_sub(first)) / rate_hz));
+    recording.set(Channel::Duty, column(&|sample| driven(sample, duty(sample))));
+    recording.set(Channel::Voltage, column(&|sample| driven(sample, duty(sample) * supply_v(sample))));
+    recording.set(Channel::Counts, column(&|sample| f64::from(sample.counts)));
+    recording.set(
+        Channel::Speed,
+        column(&|sample| f64::from(sample.speed) * get(Param::SpeedRange) / f64::from(FULL_RANGE)),
+    );
+    recording.set(Channel::Current, column(&|sample| f64::from(sample.current) / f64::from(AMPERE)));
+    let mode = samples.last().map_or(Mode::Off, |sample| sample.state.mode());
+    if mode.is_speed() {
+        let unit = get(Param::SpeedRange) / f64::from(FULL_RANGE);
+        recording.set(Channel::SpeedReference, column(&|sample| f64::from(sample.reference) * unit));
+    } else if mode.is_position() {
+        let unit = TAU / get(Param::CountsPerRev);
+        recording.set(Channel::AngleReference, column(&|sample| f64::from(sample.reference) * unit));
+    }
+    recording
+}
+
+/// What the settings say of the rig, with nominal constants of the motor.
+pub fn rig(settings: &Settings, motor: NominalMotor) -> Rig {
+    Rig {
+        supply: Supply { voltage_v: Some(settings.get(Param::SupplyVoltage).into()) },
+        encoder: Encoder { counts_per_rev: Some(settings.get(Param::CountsPerRev).into()) },
+        current_sensor: CurrentSensor { resolution_a: Some(CURRENT_STEP_A) },
+        recording: Timing::FIRMWARE,
+        motor,
+        ..Rig::default()
+    }
+}
