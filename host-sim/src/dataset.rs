@@ -17,6 +17,9 @@ const OPEN_BRIDGE_S: f64 = 0.02;
 const BLOCK_S: f64 = 0.25;
 const FEWEST_BLOCKS: f64 = 24.0;
 const KEPT_BACK_EVERY: usize = 3;
+/// An error below this share of a quantity's spread is not worth a name: averaging the PWM over its period, holding terms
+/// over half a millisecond and reading a speed as a mean cost about as much.
+pub const TOLERANCE: f64 = 0.005;
 /// PWM frequency of the firmware, where the rig file gives none.
 const PWM_HZ: f64 = 20_000.0;
 /// Wrap-arounds of counters.
@@ -61,6 +64,15 @@ pub struct Measured {
     pub values: Vec<f64>,
     /// Standard deviation of its noise, from its own sample-to-sample unrest.
     pub noise: f64,
+    /// What no model of a bench is asked to know better: [`TOLERANCE`] of its spread.
+    pub tolerance: f64,
+}
+
+impl Measured {
+    /// Error of a model that is as good as can be asked, where the sensor has this noise.
+    pub fn least_error(&self, noise: f64) -> f64 {
+        noise.hypot(self.tolerance)
+    }
 }
 
 /// Recordings of one rig, one after the other.
@@ -153,6 +165,7 @@ impl Dataset {
         }
         for measured in &mut all.measured {
             measured.noise = noise(&measured.values);
+            measured.tolerance = TOLERANCE * spread(&measured.values);
         }
         all.keep_back();
         all.check(recordings.first().map_or("", |recording| &recording.name))?;
@@ -256,7 +269,7 @@ impl Dataset {
     }
 
     fn add(&mut self, output: Output, values: Vec<f64>) {
-        self.measured.push(Measured { output, values, noise: 0.0 });
+        self.measured.push(Measured { output, values, noise: 0.0, tolerance: 0.0 });
     }
 
     fn append(&mut self, other: Self) {
@@ -298,6 +311,14 @@ impl Dataset {
 /// Largest magnitude; missing values do not count.
 pub fn greatest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
+}
+
+/// Standard deviation of what is not missing.
+pub fn spread(values: &[f64]) -> f64 {
+    let finite = || values.iter().filter(|value| value.is_finite());
+    let count = finite().count().max(1) as f64;
+    let mean = finite().sum::<f64>() / count;
+    (finite().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 
 /// Middle of what is not missing; 0 of nothing.

@@ -216,7 +216,7 @@ fn located(model: &Model, data: &Dataset, term: usize, index: usize, spacing: f6
                 .values
                 .iter()
                 .zip(predicted)
-                .map(move |(value, predicted)| ((value - predicted) / measured.noise).powi(2))
+                .map(move |(value, predicted)| ((value - predicted) / measured.least_error(measured.noise)).powi(2))
         });
         squares.filter(|square| square.is_finite()).sum::<f64>()
     };
@@ -415,7 +415,7 @@ fn prior_cost(model: &Model, unknowns: &[Unknown]) -> f64 {
 fn weighted_residual(data: &Dataset, prediction: &Prediction) -> Vec<f64> {
     let mut residual = Vec::with_capacity(data.len() * data.measured.len());
     for (measured, predicted) in data.measured.iter().zip(prediction) {
-        let weight = 1.0 / measured.noise;
+        let weight = 1.0 / measured.least_error(measured.noise);
         for ((value, predicted), kept_back) in measured.values.iter().zip(predicted).zip(&data.kept_back) {
             let difference = (predicted - value) * weight;
             residual.push(if *kept_back || difference.is_nan() { 0.0 } else { difference });

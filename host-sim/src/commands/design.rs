@@ -1,6 +1,6 @@
 //! `motorbench design`: gains for a specification.
 
-use super::Failure;
+use super::{Failure, write};
 use super::analyse::motor_of;
 use crate::design::compensation::{Losses, compensation};
 use crate::design::fixed_point::SettingList;
@@ -111,10 +111,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write(path, &report::html(&motor, &designs, &commands))?;
     }
     Ok(())
-}
-
-fn write(path: &PathBuf, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
 }
 
 impl Arguments {

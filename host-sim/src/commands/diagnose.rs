@@ -1,17 +1,12 @@
 //! `motorbench diagnose`
 
-use super::Failure;
+use super::{Failure, spinner, write};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::steady_state;
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
-
-/// What the work shows of itself, once it has taken a second.
-const TICK: Duration = Duration::from_millis(100);
 
 /// Shows what a simulation gets wrong, names the cause, extends the model and measures the gain.
 #[derive(Args)]
@@ -106,16 +101,4 @@ fn finish(args: &Arguments, result: &impl serde::Serialize, page: impl FnOnce() 
         None => print!("{}", page()),
     }
     Ok(())
-}
-
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
-}
-
-/// Shows itself on a terminal only.
-fn spinner() -> ProgressBar {
-    let bar = ProgressBar::new_spinner();
-    bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {msg}").expect("a constant that is right"));
-    bar.enable_steady_tick(TICK);
-    bar
 }

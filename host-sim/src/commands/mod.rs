@@ -4,12 +4,19 @@
 //! line was wrong · 3 something the program needs is missing or not permitted on this machine.
 
 mod analyse;
+mod demo;
 mod design;
 mod diagnose;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Display;
+use std::path::Path;
 use std::process::ExitCode;
+use std::time::Duration;
+
+/// How often a progress bar moves.
+const TICK: Duration = Duration::from_millis(100);
 
 /// Identify, understand and control a DC motor on an Arduino Uno.
 #[derive(Parser)]
@@ -21,6 +28,7 @@ struct Program {
 
 #[derive(Subcommand)]
 enum Command {
+    Demo(demo::Arguments),
     Analyse(analyse::Arguments),
     Design(design::Arguments),
     Diagnose(diagnose::Arguments),
@@ -67,6 +75,7 @@ pub fn main() -> ExitCode {
 
 fn run(program: Program) -> Result<(), Failure> {
     match program.command {
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Analyse(arguments) => analyse::run(&arguments),
         Command::Design(arguments) => design::run(&arguments),
         Command::Diagnose(args) => diagnose::run(&args),
@@ -78,4 +87,17 @@ fn run(program: Program) -> Result<(), Failure> {
             clap_mangen::Man::new(Program::command()).render(&mut std::io::stdout()).map_err(Failure::machine)
         }
     }
+}
+
+/// Writes a file.
+fn write(path: &Path, text: &str) -> Result<(), Failure> {
+    std::fs::write(path, text).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
+}
+
+/// What is being done and for how long; it shows itself on a terminal only.
+fn spinner() -> ProgressBar {
+    let bar = ProgressBar::new_spinner();
+    bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {msg}").expect("a constant that is right"));
+    bar.enable_steady_tick(TICK);
+    bar
 }

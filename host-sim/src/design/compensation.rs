@@ -17,14 +17,14 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// What the effects of an extended model say: Coulomb friction, its asymmetry, and the voltage drop.
+    /// What a model says.
     pub fn of(model: &Model) -> Self {
-        let value = |id: &str| model.terms.iter().find(|term| term.id() == id).map_or(0.0, |term| term.values[0]);
-        let (friction, difference) = (value("coulomb_friction"), value("friction_asymmetry"));
+        let first = |id: &str| model.terms.iter().find(|term| term.id() == id).map_or(0.0, |term| term.values[0]);
+        let (coulomb_nm, difference_nm) = (first("coulomb_friction"), first("friction_asymmetry"));
         Self {
-            coulomb_forward_nm: friction + 0.5 * difference,
-            coulomb_reverse_nm: friction - 0.5 * difference,
-            bridge_drop_v: value("voltage_drop"),
+            coulomb_forward_nm: (coulomb_nm + 0.5 * difference_nm).max(0.0),
+            coulomb_reverse_nm: (coulomb_nm - 0.5 * difference_nm).max(0.0),
+            bridge_drop_v: first("voltage_drop"),
         }
     }
 }

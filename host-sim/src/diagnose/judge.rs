@@ -15,7 +15,7 @@ pub struct Gain {
     /// difference of the two predictions has in common with the residuals by chance. Residuals may be correlated within a
     /// block, and an effect may show in a few blocks alone (after Diebold and Mariano 1995).
     pub sigmas: f64,
-    /// Mean square error before over the one after, less one, of the quantity that gains most.
+    /// Fall of the mean square error over what is left and what is tolerated, of the quantity that gains most.
     pub share: f64,
     /// Root mean square errors before and after, in the order of [`Dataset::measured`].
     pub rmse: Vec<(f64, f64)>,
@@ -31,7 +31,7 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
         let mut chance = 0.0;
         for (output, measured) in data.measured.iter().enumerate() {
             // Noise is what the better model leaves; a weight that favours neither.
-            let scale = measured.noise.max(rmse[output].0.min(rmse[output].1));
+            let scale = measured.least_error(measured.noise).max(rmse[output].0.min(rmse[output].1));
             for index in (start..(start + block).min(data.len())).filter(|index| data.kept_back[*index]) {
                 let left = (measured.values[index] - after[output][index]) / scale;
                 let change = (after[output][index] - before[output][index]) / scale;
@@ -43,7 +43,9 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
         }
         variance += chance * chance;
     }
-    let share = rmse.iter().map(|(before, after)| (before / after.max(f64::MIN_POSITIVE)).powi(2) - 1.0);
+    let share = rmse.iter().zip(&data.measured).map(|((before, after), measured)| {
+        (before * before - after * after) / after.hypot(measured.tolerance).powi(2).max(f64::MIN_POSITIVE)
+    });
     Gain {
         sigmas: if variance > 0.0 { total / variance.sqrt() } else { 0.0 },
         share: share.fold(f64::NEG_INFINITY, f64::max),

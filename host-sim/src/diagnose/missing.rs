@@ -49,7 +49,7 @@ fn typical(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_
             |(measured, values)| {
                 let (sum, count) =
                     values.iter().filter(|v| v.is_finite()).fold((0.0, 0.0), |(s, n), v| (s + v * v, n + 1.0));
-                (sum / f64::max(count, 1.0)).sqrt().max(measured.noise)
+                (sum / f64::max(count, 1.0)).sqrt().max(measured.least_error(measured.noise))
             },
         )
     };
@@ -93,7 +93,7 @@ impl Filter {
             let sensor = if current { ActsOn::CurrentSensor } else { ActsOn::AngleSensor };
             let bias = if acts_on == sensor { 1.0 } else { 0.0 };
             let row = if current { Vector4::new(1.0, 0.0, bias, 0.0) } else { Vector4::new(0.0, 1.0, bias, 0.0) };
-            (row, measured.noise * measured.noise)
+            (row, measured.least_error(measured.noise).powi(2))
         });
         Self {
             step: (rates * data.interval_s).exp(),

@@ -107,7 +107,10 @@ fn residuals(data: &Dataset, fit: &Fit) -> Vec<Vec<f64>> {
 
 /// Error over noise floor of the worst channel.
 fn above_floor(data: &Dataset, fit: &Fit) -> f64 {
-    let ratio = |output| judge::rmse(data, &fit.prediction, output) / noise(&fit.residual_of(data, output));
+    let ratio = |output: usize| {
+        let floor = data.measured[output].least_error(noise(&fit.residual_of(data, output)));
+        judge::rmse(data, &fit.prediction, output) / floor
+    };
     (0..data.measured.len()).map(ratio).fold(0.0, f64::max)
 }
 
@@ -118,7 +121,7 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
             return;
         }
         let weak = selection.standings.iter().position(|standing| {
-            let weighed = |value: f64, output: usize| (value / data.measured[output].noise).powi(2);
+            let weighed = |value: f64, output: usize| (value / data.measured[output].least_error(data.measured[output].noise)).powi(2);
             let (mut own, mut rest) = (0.0, 0.0);
             for (output, (before, after)) in standing.gain.rmse.iter().enumerate() {
                 own += weighed(*before, output) - weighed(*after, output);

@@ -63,7 +63,7 @@ pub struct RunnerUp {
     pub effect: &'static str,
     /// By how much it is worse, in standard errors.
     pub worse_by_sigmas: f64,
-    /// Mean square error with it over that with the cause, less one, of the channel that differs most.
+    /// By how much its mean square error is greater, as a share of what the cause leaves, of the channel that differs most.
     pub worse_by_share: f64,
 }
 

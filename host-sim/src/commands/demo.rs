@@ -1,0 +1,255 @@
+//! `motorbench demo`
+
+use super::Failure;
+use crate::catalogue::{Effect, Scales, effect};
+use crate::design::compensation::{Losses, compensation};
+use crate::design::law::ControlLaw;
+use crate::design::specification::{Specification, Speed};
+use crate::design::trial::{Point, Trial};
+use crate::design::{Bench, Design, design};
+use crate::diagnose::{Diagnosis, diagnose, page, report};
+use crate::model::Model;
+use crate::motor::MotorParameters;
+use crate::plant::ModelPlant;
+use crate::recording::Recording;
+use crate::rig::NominalMotor;
+use crate::telemetry;
+use clap::Args;
+use motorbench_core::excitation::{Kind, Sequence};
+use motorbench_core::message::{Mode, Request, Sample, Trip};
+use motorbench_core::settings::{Param, Settings};
+use motorbench_core::units::VOLT;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::path::PathBuf;
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Effects of a motor and its load that the demonstration hides, beside friction and the bridge's drop.
+const HIDDEN: [&str; 8] = [
+    "stribeck_friction",
+    "quadratic_drag",
+    "cogging",
+    "gravity_unbalance",
+    "supply_sag",
+    "winding_heating",
+    "load_step",
+    "shaft_compliance",
+];
+/// Level of the identifying sequence, and the length of its steps.
+const LEVEL_V: f64 = 10.0;
+const STEP_TICKS: u16 = 500;
+const SUPPLY_V: f64 = 12.0;
+/// Speed loop that is asked for, and the references it is tried with, each for so long.
+const BANDWIDTH_HZ: f64 = 5.0;
+const REFERENCES_RAD_PER_S: [f64; 6] = [5.0, -5.0, 5.0, 60.0, -60.0, 0.0];
+const HOLD_S: f64 = 0.8;
+
+/// Without any hardware: a motor with an effect drawn at random is recorded by the core, understood, and controlled.
+#[derive(Args)]
+#[command(after_help = "Example:
+  motorbench demo --report demo.html")]
+pub struct Arguments {
+    /// Draws the same motor again.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Writes the diagnosis as a page with plots.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Writes the recording, for the other commands.
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`], when a file cannot be written or the loop cannot be designed.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let clock = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let seed = arguments.seed.unwrap_or(clock);
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    println!("A motor with something hidden in it (seed {seed}), driven by the firmware's control core on this computer.");
+    let truth = draw(&mut random);
+    let nominal = wrong(&truth.motor, &mut random);
+    let settings = recording_settings();
+    println!("\n1. Recording 20 s of the sequence `identify` at 1 kHz ...");
+    let samples = record(&truth, settings)?;
+    let recording = telemetry::recording("demo", &samples, &settings);
+    if let Some(path) = &arguments.csv {
+        super::write(path, &recording.to_csv())?;
+    }
+    println!("   {} samples, none lost.\n\n2. Diagnosis ...\n", samples.len());
+    let diagnosis = diagnosed(recording, &settings, nominal)?;
+    print!("{}", page::page(&diagnosis));
+    if let Some(path) = &arguments.report {
+        super::write(path, &report::report(&diagnosis, &["demo".into()]))?;
+        println!("\n   The page with plots: {}", path.display());
+    }
+    println!("\n3. A speed loop of {BANDWIDTH_HZ} Hz, from the data sheet and from what was found, on the motor as it is\n");
+    compare(&truth, &nominal, &diagnosis)?;
+    reveal(&truth);
+    Ok(())
+}
+
+/// A bench that has friction and a bridge drop, and one thing more.
+fn draw(random: &mut ChaCha8Rng) -> Model {
+    let pivt6 = MotorParameters::PIVT6;
+    let mut about = |value: f64| value * random.random_range(0.85..1.15);
+    let motor = MotorParameters {
+        resistance_ohm: about(pivt6.resistance_ohm),
+        inductance_h: about(pivt6.inductance_h),
+        torque_constant_nm_per_a: about(pivt6.torque_constant_nm_per_a),
+        inertia_kg_m2: about(2.0 * pivt6.inertia_kg_m2),
+        viscous_friction_nm_s: about(pivt6.viscous_friction_nm_s),
+    };
+    let scales = Scales {
+        motor,
+        voltage_v: SUPPLY_V,
+        speed_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,
+        current_a: SUPPLY_V / motor.resistance_ohm,
+        duration_s: 20.0,
+        interval_s: 1e-3,
+        pwm_hz: 20_000.0,
+    };
+    let known = |id: &str| effect(id).expect("an effect of the catalogue");
+    let hidden = known(HIDDEN[random.random_range(0..HIDDEN.len())]);
+    Model::linear(motor)
+        .with(known("coulomb_friction"), vec![random.random_range(0.03..0.06) * scales.stall_torque_nm()])
+        .with(known("voltage_drop"), vec![random.random_range(1.0..2.2)])
+        .with(hidden, values(hidden, &scales, random))
+}
+
+/// One of the effect's usual values, its size up to three times as much.
+fn values(effect: &dyn Effect, scales: &Scales, random: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut starts = effect.starts(scales);
+    let mut values = starts.swap_remove(random.random_range(0..starts.len()));
+    let factor = random.random_range(1.0..3.0);
+    for value in values.iter_mut().take(effect.about().linear_in) {
+        *value *= factor;
+    }
+    values
+}
+
+/// What a data sheet would say: off by up to 15 %.
+fn wrong(motor: &MotorParameters, random: &mut ChaCha8Rng) -> MotorParameters {
+    let mut off = |value: f64| value * random.random_range(0.85..1.15);
+    MotorParameters {
+        resistance_ohm: off(motor.resistance_ohm),
+        inductance_h: off(motor.inductance_h),
+        torque_constant_nm_per_a: off(motor.torque_constant_nm_per_a),
+        inertia_kg_m2: off(motor.inertia_kg_m2),
+        viscous_friction_nm_s: off(motor.viscous_friction_nm_s),
+    }
+}
+
+/// Identification needs the whole voltage: nothing limits it, and trips are as wide as they go.
+fn recording_settings() -> Settings {
+    let mut settings = Settings::defaults();
+    let wide = [
+        (Param::SupplyVoltage, SUPPLY_V as f32),
+        (Param::VoltageLimit, SUPPLY_V as f32),
+        (Param::SlewLimit, 30_000.0),
+        (Param::CurrentLimit, 0.0),
+        (Param::TripPeak, 5.0),
+        (Param::TripContinuous, 3.0),
+        (Param::TripStall, 0.0),
+        (Param::TripEncoder, 0.0),
+    ];
+    for (param, value) in wide {
+        settings.set(param, value).expect("within the settings' ranges");
+    }
+    settings
+}
+
+fn record(truth: &Model, settings: Settings) -> Result<Vec<Sample>, Failure> {
+    let refused = |error| Failure::input(format!("the core refuses its settings: {error:?}"));
+    let mut trial = Trial::new(ModelPlant::new(truth.clone()), settings).map_err(refused)?;
+    trial.enter(Mode::OpenLoop);
+    let sequence = Sequence::new(Kind::Identify, (LEVEL_V * f64::from(VOLT)) as i16, 0, STEP_TICKS, 1, 1);
+    trial.tick(Some(Request::Play(sequence)));
+    let mut samples = Vec::new();
+    for _ in 0..sequence.duration_ticks() {
+        trial.tick(None);
+        samples.push(*trial.sample());
+    }
+    match trial.sample().trip {
+        Trip::None => Ok(samples),
+        trip => Err(Failure::input(format!("the drive switched off while recording: {trip:?}"))),
+    }
+}
+
+fn diagnosed(recording: Recording, settings: &Settings, nominal: MotorParameters) -> Result<Diagnosis, Failure> {
+    let rig = telemetry::rig(settings, NominalMotor::from(nominal));
+    let bar = super::spinner();
+    let result = diagnose(&[recording], &rig, &|text| bar.set_message(text.to_string()));
+    bar.finish_and_clear();
+    result.map_err(Failure::input)
+}
+
+/// The loop designed from the data sheet, from the linear motor found, and with the friction and the drop made up for.
+fn compare(truth: &Model, nominal: &MotorParameters, diagnosis: &Diagnosis) -> Result<(), Failure> {
+    let found = &diagnosis.model;
+    let before = designed(nominal)?.settings.all;
+    let mut list = designed(&found.motor)?.settings;
+    let without = list.all;
+    let motor = &found.motor;
+    let losses = compensation(&Losses::of(found), motor.resistance_ohm, motor.torque_constant_nm_per_a);
+    for setting in losses.map_err(Failure::input)? {
+        list.set(setting.param, setting.value).map_err(Failure::input)?;
+    }
+    println!("   {:44} {:>22} {:>16}", "speed error, rms", "about standstill", "in all");
+    for (name, settings) in
+        [("designed from the data sheet", before), ("from what was found", without), ("and compensated", list.all)]
+    {
+        let (slow, all) = tracking(truth, settings)?;
+        println!("   {name:44} {:>16} rad/s {:>10} rad/s", page::short(slow), page::short(all));
+    }
+    println!("\n   For the board's console:");
+    for command in list.commands() {
+        println!("     {command}");
+    }
+    Ok(())
+}
+
+fn designed(motor: &MotorParameters) -> Result<Design, Failure> {
+    let specification =
+        Specification { speed: Speed::BandwidthHz(BANDWIDTH_HZ), overshoot_percent: 10.0, current_limit_a: 1.5 };
+    design(motor, &Bench::default(), ControlLaw::SpeedPid, &specification).map_err(Failure::input)
+}
+
+/// Root mean square errors of the true speed: of the slow references, and of all.
+fn tracking(truth: &Model, settings: Settings) -> Result<(f64, f64), Failure> {
+    let refused = |error| Failure::input(format!("the core refuses the designed settings: {error:?}"));
+    let mut trial = Trial::new(ModelPlant::new(truth.clone()), settings).map_err(refused)?;
+    trial.enter(Mode::SpeedPid);
+    let points: Vec<Vec<Point>> = REFERENCES_RAD_PER_S.iter().map(|speed| trial.follow(*speed, HOLD_S)).collect();
+    let rms = |points: &[Vec<Point>]| {
+        let squares = points.iter().flatten().map(|point| (point.omega_rad_per_s - point.reference).powi(2));
+        (squares.sum::<f64>() / points.iter().flatten().count() as f64).sqrt()
+    };
+    Ok((rms(&points[..3]), rms(&points)))
+}
+
+fn reveal(truth: &Model) {
+    println!("\nWhat was hidden");
+    for term in &truth.terms {
+        let constants: Vec<String> =
+            term.named().map(|(name, value)| format!("{name} = {}", page::short(value))).collect();
+        println!("  {}: {}", term.id(), constants.join(", "));
+    }
+    let motor = truth.motor.named().map(|(name, value)| format!("{name} = {}", page::short(value)));
+    println!("  the motor: {}", motor.join(", "));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_hidden_can_be_hidden() {
+        for id in HIDDEN {
+            let hidden = effect(id).expect("of the catalogue");
+            assert!(hidden.acts_on_motor(), "{id} is not the motor's");
+        }
+    }
+}
