@@ -18,8 +18,8 @@ const BLOCK_S: f64 = 0.25;
 const FEWEST_BLOCKS: f64 = 24.0;
 const KEPT_BACK_EVERY: usize = 3;
 /// An error below this share of a quantity's spread is not worth a name: averaging the PWM over its period, holding terms
-/// over half a millisecond and reading a speed as a mean cost about as much.
-pub const TOLERANCE: f64 = 0.005;
+/// over half a millisecond and reading a speed as a mean cost up to as much.
+pub const TOLERANCE: f64 = 0.01;
 /// PWM frequency of the firmware, where the rig file gives none.
 const PWM_HZ: f64 = 20_000.0;
 /// Wrap-arounds of counters.
@@ -64,7 +64,7 @@ pub struct Measured {
     pub values: Vec<f64>,
     /// Standard deviation of its noise, from its own sample-to-sample unrest.
     pub noise: f64,
-    /// What no model of a bench is asked to know better: [`TOLERANCE`] of its spread.
+    /// What no model of a bench is asked to know better: [`TOLERANCE`] of its spread, or the reading's own step.
     pub tolerance: f64,
 }
 
@@ -165,7 +165,8 @@ impl Dataset {
         }
         for measured in &mut all.measured {
             measured.noise = noise(&measured.values);
-            measured.tolerance = TOLERANCE * spread(&measured.values);
+            let resolution = if measured.output == Output::Current { rig.current_sensor.resolution_a } else { None };
+            measured.tolerance = (TOLERANCE * spread(&measured.values)).max(resolution.unwrap_or(0.0));
         }
         all.keep_back();
         all.check(recordings.first().map_or("", |recording| &recording.name))?;

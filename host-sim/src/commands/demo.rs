@@ -68,7 +68,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let clock = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let seed = arguments.seed.unwrap_or(clock);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    println!("A motor with something hidden in it (seed {seed}), driven by the firmware's control core on this computer.");
+    println!(
+        "A motor with something hidden in it (seed {seed}), driven by the firmware's control core on this computer."
+    );
     let truth = draw(&mut random);
     let nominal = wrong(&truth.motor, &mut random);
     let settings = recording_settings();
@@ -85,7 +87,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         super::write(path, &report::report(&diagnosis, &["demo".into()]))?;
         println!("\n   The page with plots: {}", path.display());
     }
-    println!("\n3. A speed loop of {BANDWIDTH_HZ} Hz, from the data sheet and from what was found, on the motor as it is\n");
+    println!(
+        "\n3. A speed loop of {BANDWIDTH_HZ} Hz, from the data sheet and from what was found, on the motor as it is\n"
+    );
     compare(&truth, &nominal, &diagnosis)?;
     reveal(&truth);
     Ok(())

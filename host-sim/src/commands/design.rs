@@ -1,7 +1,7 @@
 //! `motorbench design`: gains for a specification.
 
-use super::{Failure, write};
 use super::analyse::motor_of;
+use super::{Failure, write};
 use crate::design::compensation::{Losses, compensation};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::ControlLaw;

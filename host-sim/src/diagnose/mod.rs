@@ -29,8 +29,9 @@ use std::collections::BTreeMap;
 const NOT_NOISE: f64 = 1.15;
 /// A model that explains less than this of the motion, with nothing but noise left, has had nothing to explain.
 const LEAST_FIT_PERCENT: f64 = 20.0;
-/// A name is not trusted while what it explains is less than this share of what remains unexplained.
-const LEAST_OF_REST: f64 = 1.0;
+/// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
+/// of something unknown often looks like something known.
+const LEAST_OF_REST: f64 = 3.0;
 /// Data sheets are wrong by this much without being wrong: logarithm of found over nominal.
 const DATA_SHEET_TOLERANCE: f64 = 0.25;
 /// Resistance, torque constant and inertia that are wrong by the same factor, to this, mean the supply.
@@ -121,7 +122,9 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
             return;
         }
         let weak = selection.standings.iter().position(|standing| {
-            let weighed = |value: f64, output: usize| (value / data.measured[output].least_error(data.measured[output].noise)).powi(2);
+            let weighed = |value: f64, output: usize| {
+                (value / data.measured[output].least_error(data.measured[output].noise)).powi(2)
+            };
             let (mut own, mut rest) = (0.0, 0.0);
             for (output, (before, after)) in standing.gain.rmse.iter().enumerate() {
                 own += weighed(*before, output) - weighed(*after, output);

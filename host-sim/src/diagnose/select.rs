@@ -21,8 +21,11 @@ const SAME_SIGMAS: f64 = 2.5;
 const SAME_SHARE: f64 = 0.02;
 /// Effects that hardly any bench is without.
 const USUAL: [&str; 2] = ["coulomb_friction", "voltage_drop"];
-/// Rivals fitted in place of each effect found.
+/// Rivals fitted in place of each effect found; beside the best only those that promise this share of what it gains.
 const RIVALS: usize = 3;
+const RIVAL_SHARE: f64 = 0.7;
+/// At each step only effects are fitted that promise this share of what the best does.
+const TRIED_SHARE: f64 = 0.2;
 /// A promise below this, in units of noise, is not worth a fit.
 const LEAST_PROMISE: f64 = 20.0;
 
@@ -132,6 +135,8 @@ impl Chooser<'_> {
         while steps.len() < MOST_EFFECTS {
             let mut promises = self.promises(&current);
             promises.truncate(TRIED);
+            let best = promises.first().map_or(0.0, |promise| promise.gain);
+            promises.retain(|promise| promise.gain > TRIED_SHARE * best);
             (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
             let mut fits = self.try_all(&current.model, &promises, Effort::TRIAL);
             if steps.is_empty() && !promises.is_empty() {
@@ -169,7 +174,7 @@ impl Chooser<'_> {
                     current = without;
                     continue 'again;
                 }
-                let rivals = self.rivals(&without, id);
+                let rivals = self.rivals(&without, id, without.cost - current.cost);
                 if let Some((_, better)) = rivals.iter().find(|rival| self.is_better(&current, id, rival))
                     && rounds > 0
                 {
@@ -197,10 +202,12 @@ impl Chooser<'_> {
                 || term.effect.yields_to(&term.values, rival_id, &current.model.terms))
     }
 
-    fn rivals(&self, without: &Fit, id: &str) -> Vec<(&'static str, Fit)> {
+    fn rivals(&self, without: &Fit, id: &str, gained: f64) -> Vec<(&'static str, Fit)> {
         let mut promises = self.promises(without);
         promises.retain(|promise| CATALOGUE[promise.effect].about().id != id);
         promises.truncate(RIVALS);
+        let best = promises.first().map_or(0.0, |promise| promise.gain);
+        promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
         self.try_all(&without.model, &promises, Effort::TRIAL)
     }
 
