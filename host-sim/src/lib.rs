@@ -9,6 +9,7 @@
 //! | [`dataset`], [`identify`] | recordings made ready; constants fitted to them |
 //! | [`diagnose`], [`steady_state`] | what a simulation gets wrong, by what cause, and what naming it gains |
 //! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
+//! | [`scenario`], [`figures`] | the core in closed loop on this computer, and its figures of merit |
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
@@ -20,6 +21,7 @@ pub mod commands;
 pub mod dataset;
 pub mod design;
 pub mod diagnose;
+pub mod figures;
 pub mod free_run;
 pub mod identify;
 pub mod linear;
@@ -28,5 +30,6 @@ pub mod motor;
 pub mod plant;
 pub mod recording;
 pub mod rig;
+pub mod scenario;
 pub mod steady_state;
 pub mod telemetry;

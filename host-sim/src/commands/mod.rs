@@ -7,6 +7,7 @@ mod analyse;
 mod demo;
 mod design;
 mod diagnose;
+mod simulate;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -32,6 +33,7 @@ enum Command {
     Analyse(analyse::Arguments),
     Design(design::Arguments),
     Diagnose(diagnose::Arguments),
+    Simulate(simulate::Arguments),
     /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
     Completions {
         /// Which shell.
@@ -75,6 +77,7 @@ pub fn main() -> ExitCode {
 
 fn run(program: Program) -> Result<(), Failure> {
     match program.command {
+        Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Analyse(arguments) => analyse::run(&arguments),
         Command::Design(arguments) => design::run(&arguments),

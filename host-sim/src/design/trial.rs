@@ -93,11 +93,16 @@ impl<P: Plant> Trial<P> {
         self.tick(Some(Request::Mode(mode)));
     }
 
+    /// The request for a reference (rad/s, rad or V) in the present mode.
+    pub fn reference(&self, reference: f64) -> Request {
+        Request::Reference(self.bits(self.sample().state.mode(), reference))
+    }
+
     /// Follows a reference (rad/s, rad or V) for some time.
     pub fn follow(&mut self, reference: f64, duration_s: f64) -> Vec<Point> {
-        let bits = self.bits(self.sample().state.mode(), reference);
+        let request = self.reference(reference);
         let ticks = (duration_s * f64::from(self.settings.get(Param::TickRate))) as usize;
-        (0..ticks).map(|at| self.tick((at == 0).then_some(Request::Reference(bits)))).collect()
+        (0..ticks).map(|at| self.tick((at == 0).then_some(request))).collect()
     }
 
     /// The last sample.
