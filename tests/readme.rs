@@ -23,7 +23,7 @@ fn the_commands_and_scripts_it_names_exist() {
     for alias in ["firmware", "flash", "firmware-clippy"] {
         assert!(README.contains(&format!("cargo {alias}")) && aliases.contains(&format!("\n{alias} = ")), "{alias}");
     }
-    for script in ["scripts/test", "scripts/firmware"] {
+    for script in ["scripts/demo", "scripts/test", "scripts/firmware"] {
         assert!(README.contains(script) && std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(script).exists());
     }
 }
