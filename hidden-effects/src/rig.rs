@@ -91,6 +91,17 @@ pub struct Bench {
     dropout_seed: f64,
 }
 
+/// What is sized as a share of the Coulomb level needs that level to be known first.
+fn put_coulomb_before_its_dependants(effects: &mut [(Effect, f64)]) {
+    let coulomb = effects.iter().position(|(effect, _)| *effect == Effect::CoulombFriction);
+    let dependant = effects.iter().position(|(effect, _)| effect.needs_coulomb());
+    if let (Some(coulomb), Some(dependant)) = (coulomb, dependant)
+        && dependant < coulomb
+    {
+        effects[dependant..=coulomb].rotate_right(1);
+    }
+}
+
 type Found = Vec<(Effect, Vec<(&'static str, f64)>)>;
 
 impl Bench {
@@ -133,11 +144,20 @@ impl Bench {
                 effects.insert(0, (effect, random.random_range(0.2..0.8)));
             }
         }
+        put_coulomb_before_its_dependants(&mut effects);
         let mut found = Vec::new();
         for (effect, strength) in effects {
             found.push((effect, bench.hide(effect, strength, recipe.duration_s, random)));
         }
+        bench.settle_coulomb(&mut found);
         (bench, found)
+    }
+
+    /// The level of Coulomb friction that counts is the warm one, which a warm-up lowers after it was drawn.
+    fn settle_coulomb(&self, found: &mut Found) {
+        for (_, constants) in found.iter_mut().filter(|(effect, _)| *effect == Effect::CoulombFriction) {
+            *constants = vec![("torque_Nm", self.hidden.coulomb_nm)];
+        }
     }
 
     /// Hides one effect; its constants, by the catalogue's names, where one number can be compared.
