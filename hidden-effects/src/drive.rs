@@ -13,14 +13,17 @@ pub enum Excitation {
     Prbs,
     /// Steps up, down, and the other way round.
     Staircase,
+    /// A PI speed loop that follows random steps, some of them slow or to standstill.
+    ClosedLoop,
 }
 
-/// Duty, -1 to 1, at each of `count` samples.
+/// Duty, -1 to 1, at each of `count` samples; none is known before for a closed loop, see [`SpeedLoop`].
 pub fn duties(kind: Excitation, count: usize, rate_hz: f64, random: &mut impl Rng) -> Vec<f64> {
     match kind {
         Excitation::Identify => identify(count, rate_hz, random),
         Excitation::Levels => levels(count, rate_hz, random, 0.05, 0.4),
         Excitation::Prbs => prbs(count, rate_hz, random),
+        Excitation::ClosedLoop => vec![0.0; count],
         Excitation::Staircase => (0..count).map(|k| staircase(k as f64 / count as f64)).collect(),
     }
 }
@@ -81,4 +84,46 @@ fn prbs(count: usize, rate_hz: f64, random: &mut impl Rng) -> Vec<f64> {
     }
     duty.truncate(count);
     duty
+}
+
+/// PI control of the speed. Speeds are shares of the top speed, so the gains are duty per share.
+pub struct SpeedLoop {
+    reference: Vec<f64>,
+    interval_s: f64,
+    integral: f64,
+}
+
+impl SpeedLoop {
+    const GAIN: f64 = 1.0;
+    /// Between the mechanical time constants of the fastest and of the slowest motor.
+    const RESET_S: f64 = 0.06;
+    /// Headroom as in a firmware that keeps the bootstrap of its bridge alive.
+    const MOST_DUTY: f64 = 0.95;
+
+    /// Draws the steps to follow.
+    pub fn new(count: usize, rate_hz: f64, random: &mut impl Rng) -> Self {
+        let mut reference = Vec::with_capacity(count);
+        while reference.len() < count {
+            let level = match random.random_range(0_u8..5) {
+                0 => 0.0,
+                1 => random.random_range(-0.06..0.06),
+                _ => random.random_range(-0.7..0.7),
+            };
+            let hold = (random.random_range(0.3..1.2) * rate_hz) as usize + 1;
+            reference.extend(std::iter::repeat_n(level, hold));
+        }
+        Self { reference, interval_s: 1.0 / rate_hz, integral: 0.0 }
+    }
+
+    /// Duty for the sample at `index`, at which `speed_share` is read.
+    pub fn duty(&mut self, index: usize, speed_share: f64) -> f64 {
+        let error = self.reference[index] - speed_share;
+        let wanted = Self::GAIN * error + self.integral;
+        let duty = wanted.clamp(-Self::MOST_DUTY, Self::MOST_DUTY);
+        // No winding up while the duty is at its limit.
+        if duty == wanted {
+            self.integral += Self::GAIN * error * self.interval_s / Self::RESET_S;
+        }
+        duty
+    }
 }

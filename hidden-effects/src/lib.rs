@@ -16,40 +16,59 @@ use rand_chacha::ChaCha8Rng;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Effect {
     /// Constant friction that sticks, 3 to 15 %.
+    /// T = `torque_Nm` sign(w). Geared and brushed motors of this size lie in the range.
     CoulombFriction,
     /// Coulomb friction and 40 to 120 % of it on top near standstill, gone over 1.5 to 5 % of full speed.
+    /// T = `excess_torque_Nm` exp(-(w / `stribeck_speed_rad_per_s`)^2) sign(w).
     StribeckFriction,
     /// Coulomb friction, 15 to 45 % of it more one way and less the other.
+    /// `difference_Nm`: level forward less level backward, as brushes set off the neutral line give.
     FrictionAsymmetry,
     /// A fan that takes 4 to 25 % at full speed.
+    /// T = `drag_Nm_s2` w |w|.
     QuadraticDrag,
     /// A constant torque of 3 to 15 % that keeps its sign.
+    /// T = `torque_Nm`: a weight on a drum.
     LoadTorque,
     /// 4 to 15 % that come at 30 to 70 % of the recording and stay.
+    /// T = `torque_Nm` from `time_s` on.
     LoadStep,
     /// Coulomb friction that falls by 25 to 55 %, within 3 to 8 s.
+    /// All friction times 1 + `excess_share` exp(-t / `time_constant_s`); the truth's Coulomb level is the warm one. The time
+    /// constant is 15 to 40 % of the recording.
     FrictionWarmup,
     /// 3 to 12 periods a revolution of 2 to 10 %.
+    /// T sin(`periods_per_rev` angle + phase).
     Cogging,
     /// One period a revolution of 2 to 12 %.
+    /// T sin(angle + phase).
     GravityUnbalance,
     /// 2 to 8 degrees of play before 30 to 60 % of the inertia.
+    /// `gap_rad`, `load_inertia_share` of the motor's inertia; the sensor is at the motor.
     Backlash,
     /// 30 to 60 % of the inertia behind a spring that rings at 8 to 45 Hz.
+    /// `resonance_Hz` with both ends free, `load_inertia_share`; damping ratio 0.02 to 0.08; the sensor is at the motor.
     ShaftCompliance,
     /// 0.5 to 2.5 V lost while current flows.
+    /// u - `drop_V` sign(i): the range spans MOSFET bridges to the Darlingtons of an L293D.
     VoltageDrop,
     /// A supply with an inner resistance of 10 to 40 % of the winding's.
+    /// u = duty (supply - `resistance_ohm` duty i).
     SupplySag,
     /// The winding's resistance rises by 15 to 45 % in the course of the recording.
+    /// Copper, 0.393 %/K: R (1 + x) with `time_constant_s` dx/dt = `rise_per_W` P - x, P the power lost in the winding.
     WindingHeating,
     /// The off phase of the PWM coasts.
+    /// The current is switched at 20 kHz and dies out through the diodes; the rig file still says slow decay.
     CoastDecay,
     /// The voltage comes 3 to 10 ms late.
+    /// `delay_s`.
     ActuationDelay,
-    /// 40 to 150 mA more than flow are read.
+    /// 40 to 150 mA more or less than flow are read.
+    /// `offset_A`, of either sign: four to fifteen times the noise.
     CurrentOffset,
     /// The current is read through a filter of 3 to 15 ms.
+    /// First order, `time_constant_s`.
     CurrentLag,
     /// The current's reading ends at 70 to 40 % of its peak.
     CurrentClipping,
@@ -58,6 +77,7 @@ pub enum Effect {
     /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost.
     MissedCounts,
     /// 2 to 5 % of ripple, 11 to 31 times a revolution.
+    /// Speed times 1 + ripple sin(`ripples_per_rev` angle + phase).
     TachoRipple,
     /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
     OutsideShaker,
@@ -250,6 +270,8 @@ pub struct Truth {
     pub effects: Vec<(Effect, Vec<(&'static str, f64)>)>,
     /// The motor as it is.
     pub motor: Motor,
+    /// The motor as the rig file has it.
+    pub nominal: Motor,
 }
 
 /// A recording with a secret.
@@ -271,7 +293,7 @@ pub fn draw(seed: u64, recipe: &Recipe) -> Trial {
     let nominal = wrong(motor, &mut random);
     let rig_toml = rig_toml(&bench, &nominal, recipe);
     let csv = sensors::record(bench, recipe, &mut random);
-    Trial { csv, rig_toml, truth: Truth { effects, motor } }
+    Trial { csv, rig_toml, truth: Truth { effects, motor, nominal } }
 }
 
 fn log_uniform(random: &mut impl Rng, from: f64, to: f64) -> f64 {

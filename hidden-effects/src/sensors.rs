@@ -1,6 +1,6 @@
 //! The recording: what the Uno's sensors make of the bench.
 
-use crate::drive::duties;
+use crate::drive::{Excitation, SpeedLoop, duties};
 use crate::rig::Bench;
 use crate::{Channels, Effect, Recipe};
 use rand::{Rng, RngExt};
@@ -25,7 +25,9 @@ struct Row {
 /// Drives the bench and records it.
 pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> String {
     let count = (recipe.duration_s * recipe.rate_hz) as usize;
-    let duty = duties(recipe.excitation, count, recipe.rate_hz, random);
+    let mut duty = duties(recipe.excitation, count, recipe.rate_hz, random);
+    let mut speed_loop =
+        (recipe.excitation == Excitation::ClosedLoop).then(|| SpeedLoop::new(count, recipe.rate_hz, random));
     let interval_s = 1.0 / recipe.rate_hz;
     let tacho = recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple);
     let ripple_phase = random.random_range(0.0..TAU);
@@ -33,7 +35,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     let (mut lost_rad, mut lagged_a) = (0.0, 0.0);
     let mut rows = Vec::with_capacity(count);
     let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
-    for (index, duty_now) in duty.iter().enumerate() {
+    for index in 0..count {
         let hidden = &bench.hidden;
         let excess = (bench.speed.abs() - bench.lost_above()).max(0.0) * hidden.lost_share;
         lost_rad += excess * bench.speed.signum() * interval_s;
@@ -48,11 +50,15 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         let keep = if hidden.lag_s > 0.0 { (-interval_s / hidden.lag_s).exp() } else { 0.0 };
         lagged_a = keep * lagged_a + (1.0 - keep) * bench.smooth_a;
         let noise = |random: &mut _| -> f64 { StandardNormal.sample(random) };
+        let speed = seen_speed + speed_noise * noise(random);
+        if let Some(speed_loop) = &mut speed_loop {
+            duty[index] = speed_loop.duty(index, speed / bench.top_speed);
+        }
         rows.push(Row {
             time_s: index as f64 * interval_s,
-            duty: *duty_now,
+            duty: duty[index],
             counts: (seen_rad / TAU * bench.counts_per_rev).floor(),
-            speed: seen_speed + speed_noise * noise(random),
+            speed,
             current_a: lagged_a + hidden.offset_a + CURRENT_NOISE_A * noise(random),
         });
         pass(&mut bench, &duty, index, interval_s);
