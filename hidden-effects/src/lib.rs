@@ -34,8 +34,8 @@ pub enum Effect {
     /// T = `torque_Nm` from `time_s` on.
     LoadStep,
     /// Coulomb friction that falls by 25 to 55 %, within 3 to 8 s.
-    /// All friction times 1 + `excess_share` exp(-t / `time_constant_s`); the truth's Coulomb level is the warm one. The time
-    /// constant is 15 to 40 % of the recording.
+    /// Coulomb and viscous friction times 1 + `excess_share` exp(-t / `time_constant_s`); the truth's Coulomb level is the
+    /// warm one. The time constant is 15 to 40 % of the recording.
     FrictionWarmup,
     /// 3 to 12 periods a revolution of 2 to 10 %.
     /// T sin(`periods_per_rev` angle + phase).
