@@ -9,10 +9,10 @@
 //! continuous slope, 2 at zero and 0 at the edges, and never falls, so voltage plus drop stays monotone. Within 2 bits
 //! (2 mV), and 0.1 % of the amplitude, of the formula.
 
-use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
+use crate::arith::{call_mul_i16, call_mul_i16_u16, call_saturate_i16};
 use crate::quantiser::Quantiser;
-use crate::settings::Param;
-use crate::units::{Rule, VOLT};
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::{FULL_RANGE, Rule, VOLT};
 
 /// One smooth step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -22,23 +22,25 @@ struct SmoothSign {
 }
 
 impl SmoothSign {
-    /// From a width and the bits of one unit of it.
+    /// From a width, of which the formula so far gives the bits of one unit over 64.
     #[inline(never)]
-    fn quantised(q: &mut Quantiser, width: Param, bits_per_unit: f32) -> Self {
+    fn quantised(q: &mut Quantiser, width: Param) -> Self {
+        q.times(width);
         // The narrowest is 64 bits (63 mV, 1 rad/s at a range of 512): below, the slope has no place in the format.
-        let slope = 1.0 / (q.get(width) * bits_per_unit);
-        if slope * 4_194_304.0 > 65535.5 {
+        if q.value() < 1.0 {
             q.refuse(width, Rule::TooSmall);
         }
-        Self { slope: q.value(width, slope, 4_194_304.0, u16::MAX) }
+        Self { slope: q.one_over(width, 0.0) }
     }
 
-    /// -2^14..=2^14 for -1..=1.
-    #[inline(always)]
-    fn of(&self, signal: i16) -> i16 {
-        let z = mul_i16_u16(signal, self.slope) >> 8;
+    /// The smooth sign of `signal`, times `amplitude`.
+    #[inline(never)]
+    fn scaled(&self, amplitude: i16, signal: i16) -> i16 {
+        let z = call_mul_i16_u16(signal, self.slope) >> 8;
         let z = z.clamp(-16384, 16384) as i16;
-        (mul_i16(z, 32767 - z.abs()) >> 14) as i16
+        // 2^14 is one.
+        let sign = (call_mul_i16(z, 32767 - z.abs()) >> 14) as i16;
+        call_saturate_i16((call_mul_i16(amplitude, sign) + 0x2000) >> 14)
     }
 }
 
@@ -54,16 +56,22 @@ pub struct CompensationConfig {
 
 impl CompensationConfig {
     /// From the settings `comp_*`.
-    #[inline(never)]
-    pub fn quantised(q: &mut Quantiser) -> Self {
-        let speed = q.bits_per_unit(Param::SpeedRange);
-        Self {
-            drop: q.bits(Param::CompDrop, VOLT),
-            forward: q.bits(Param::CompFrictionForward, VOLT),
-            reverse: q.bits(Param::CompFrictionReverse, VOLT),
-            drop_sign: SmoothSign::quantised(q, Param::CompDropWidth, VOLT),
-            friction_sign: SmoothSign::quantised(q, Param::CompFrictionWidth, speed),
-        }
+    #[inline(always)]
+    pub fn quantise(&mut self, q: &mut Quantiser) {
+        self.drop = q.bits(Param::CompDrop);
+        self.forward = q.bits(Param::CompFrictionForward);
+        self.reverse = q.bits(Param::CompFrictionReverse);
+        self.drop_sign = SmoothSign::quantised(q.of(VOLT / 64.0), Param::CompDropWidth);
+        q.of(FULL_RANGE / 64.0).over(Param::SpeedRange);
+        self.friction_sign = SmoothSign::quantised(q, Param::CompFrictionWidth);
+    }
+
+    /// The same, on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build_in_place(settings, Self::quantise)
     }
 
     /// Largest voltage [`CompensationConfig::drop`] can add.
@@ -75,27 +83,20 @@ impl CompensationConfig {
     /// Voltage against the bridge's drop, for the controller's voltage.
     #[inline(always)]
     pub fn drop(&self, voltage: i16) -> i16 {
-        if self.drop == 0 { 0 } else { scaled(self.drop, self.drop_sign.of(voltage)) }
+        if self.drop == 0 { 0 } else { self.drop_sign.scaled(self.drop, voltage) }
     }
 
     /// Voltage against friction, for the reference's speed.
     #[inline(always)]
     pub fn friction(&self, speed: i16) -> i16 {
         let amplitude = if speed < 0 { self.reverse } else { self.forward };
-        if amplitude == 0 { 0 } else { scaled(amplitude, self.friction_sign.of(speed)) }
+        if amplitude == 0 { 0 } else { self.friction_sign.scaled(amplitude, speed) }
     }
-}
-
-/// `amplitude` times a sign of 2^14 for one.
-#[inline(always)]
-fn scaled(amplitude: i16, sign: i16) -> i16 {
-    saturate_i16((mul_i16(amplitude, sign) + 0x2000) >> 14)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Settings;
     use proptest::prelude::*;
 
     fn settings() -> impl Strategy<Value = Settings> {
@@ -125,7 +126,7 @@ mod tests {
     proptest! {
         #[test]
         fn follows_the_formula(settings in settings(), signal: i16) {
-            let config = Quantiser::checked(&settings, CompensationConfig::quantised).unwrap();
+            let config = CompensationConfig::build(&settings).unwrap();
             let get = |param| settings.get(param) as f64;
             let drop = get(Param::CompDrop) * 1024.0;
             let expected = exact(drop, signal as f64 / 1024.0 / get(Param::CompDropWidth));
@@ -141,7 +142,7 @@ mod tests {
 
         #[test]
         fn voltage_plus_drop_is_monotone_and_odd(settings in settings(), voltage in -16000i16..16000) {
-            let config = Quantiser::checked(&settings, CompensationConfig::quantised).unwrap();
+            let config = CompensationConfig::build(&settings).unwrap();
             let total = |voltage: i16| voltage + config.drop(voltage);
             prop_assert!(total(voltage + 1) >= total(voltage));
             prop_assert!((config.drop(-voltage) + config.drop(voltage)).abs() <= 3);
@@ -152,12 +153,9 @@ mod tests {
     #[test]
     fn off_by_default_and_narrow_widths_refused() {
         let mut settings = Settings::defaults();
-        let config = Quantiser::checked(&settings, CompensationConfig::quantised).unwrap();
+        let config = CompensationConfig::build(&settings).unwrap();
         assert!([i16::MIN, -1, 0, 1, i16::MAX].iter().all(|&x| config.drop(x) == 0 && config.friction(x) == 0));
         settings.set(Param::CompFrictionWidth, 0.5).unwrap();
-        assert_eq!(
-            Quantiser::checked(&settings, CompensationConfig::quantised),
-            Err(Rule::TooSmall.of(Param::CompFrictionWidth))
-        );
+        assert_eq!(CompensationConfig::build(&settings), Err(Rule::TooSmall.of(Param::CompFrictionWidth)));
     }
 }

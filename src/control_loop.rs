@@ -4,23 +4,23 @@
 //! hardware only as [`Inputs`] and acts on it only through [`Drive`], so the same inputs give the same outputs, bit for
 //! bit, wherever it runs.
 
-use crate::arith::{mul_i16_u16, mul_u16, saturate_i16};
+use crate::arith::{call_saturate_i16, mul_i16_u16, mul_u16, saturate_i16, saturating_add_i16, saturating_sub_i16};
 use crate::compensation::CompensationConfig;
 use crate::current::{CurrentConfig, CurrentState};
 use crate::encoder::{Edges, SpeedConfig, SpeedState};
 use crate::excitation::{Bridge, Player};
-use crate::limits::{Limits, LimitsConfig};
+use crate::limits::{Integral, Limits, LimitsConfig};
 use crate::low_pass::{LowPassConfig, LowPassState};
-use crate::lqr::{LqrConfig, LqrState};
+use crate::lqr::LqrConfig;
 use crate::message::{Mode, Request, Sample, State, Trip};
-use crate::pid::{PidConfig, PidState};
+use crate::pid::PidConfig;
 use crate::pins::PWM_STEPS;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::tachogenerator::{TachoConfig, TachoState};
 use crate::trajectory::{PositionProfile, SpeedProfile, TrajectoryConfig};
 use crate::trips::{Observation, TripsConfig, TripsState};
-use crate::units::VOLT;
+use crate::units::{FULL_RANGE, VOLT};
 
 /// What the hardware has measured when a tick begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -112,28 +112,27 @@ impl LoopConfig {
         self.speed = SpeedConfig::quantised(q);
         self.filter = LowPassConfig::quantised(q, Param::SpeedFilter);
         self.tacho = TachoConfig::quantised(q);
-        self.tacho_used = q.get(Param::SpeedSensor) != 0.0;
+        self.tacho_used = q.is_on(Param::SpeedSensor);
         self.current = CurrentConfig::quantised(q);
         self.limits = LimitsConfig::quantised(q);
-        self.trips = TripsConfig::quantised(q);
-        self.speed_pid = PidConfig::speed(q);
-        self.position_pid = PidConfig::position(q);
-        self.speed_lqr = LqrConfig::speed(q);
-        self.position_lqr = LqrConfig::position(q);
-        self.compensation = CompensationConfig::quantised(q);
-        self.trajectory = TrajectoryConfig::quantised(q);
-        // What belongs to no block.
-        let range = q.power_of_two(Param::PositionRange);
-        let per_count = core::f32::consts::TAU / q.get(Param::CountsPerRev) / range * 32768.0;
-        self.position_scale = q.value(Param::PositionRange, per_count, 256.0, u16::MAX);
-        let divider = q.get(Param::SupplyDivider) * (5.0 / 1024.0);
-        self.supply_scale = q.value(Param::SupplyDivider, divider, VOLT * 256.0, u16::MAX);
-        self.supply = q.bits(Param::SupplyVoltage, VOLT);
+        self.trips.quantise(q);
+        self.speed_pid = PidConfig::quantised_speed(q);
+        self.position_pid = PidConfig::quantised_position(q);
+        self.speed_lqr = LqrConfig::quantised_speed(q);
+        self.position_lqr = LqrConfig::quantised_position(q);
+        self.compensation.quantise(q);
+        self.trajectory.quantise(q);
+        q.power_of_two(Param::PositionRange);
+        q.of(core::f32::consts::TAU * 256.0 * FULL_RANGE).over(Param::PositionRange).over(Param::CountsPerRev);
+        self.position_scale = q.round(Param::PositionRange, u16::MAX);
+        q.of(5.0 / 1024.0 * VOLT * 256.0).times(Param::SupplyDivider);
+        self.supply_scale = q.round(Param::SupplyDivider, u16::MAX);
+        self.supply = q.bits(Param::SupplyVoltage);
         quantiser.finish()
     }
 }
 
-/// What a tick leaves for the next.
+/// What a tick leaves for the next. All bits of the default are zero, so that memory cleared at the start is one.
 #[derive(Clone, Debug)]
 pub struct ControlLoop {
     /// The configuration; changed only between two ticks, by [`ControlLoop::configure`].
@@ -145,8 +144,10 @@ pub struct ControlLoop {
     tacho: TachoState,
     current: CurrentState,
     trips: TripsState,
-    pid: PidState,
-    lqr: LqrState,
+    /// The derivative's filter of both PIDs.
+    filtered: LowPassState,
+    /// The integral of every controller; it is aligned when the mode changes.
+    integral: Integral,
     profile: Profile,
     player: Player,
     /// Counts that are called zero.
@@ -167,8 +168,9 @@ pub struct ControlLoop {
     origin_of_play: i32,
 }
 
-/// The reference generator of the present mode.
+/// The reference generator of the present mode. The speed's tag is zero.
 #[derive(Clone, Copy, Debug)]
+#[repr(u8)]
 enum Profile {
     Speed(SpeedProfile),
     Position(PositionProfile),
@@ -184,33 +186,26 @@ struct Reference {
     error: i16,
 }
 
+impl Default for ControlLoop {
+    fn default() -> Self {
+        // SAFETY: all zeros are valid: numbers, flags, and enums whose first variant has the number zero.
+        unsafe { core::mem::zeroed() }
+    }
+}
+
 impl ControlLoop {
     /// At rest, disarmed, with the encoder's lines as found.
     pub fn new(config: LoopConfig, edges: Edges) -> Self {
-        Self {
-            config,
-            sample: Sample::default(),
-            motion: SpeedState::new(edges),
-            filter: LowPassState::default(),
-            tacho: TachoState::default(),
-            current: CurrentState::default(),
-            trips: TripsState::default(),
-            pid: PidState::default(),
-            lqr: LqrState::default(),
-            profile: Profile::Speed(SpeedProfile::default()),
-            player: Player::default(),
-            origin: 0,
-            target: 0,
-            voltage: 0,
-            mode: Mode::Off,
-            armed: false,
-            playing: false,
-            braking: false,
-            align: true,
-            limited: false,
-            duty_scale: 0,
-            origin_of_play: 0,
-        }
+        let mut control = Self { config, ..Self::default() };
+        control.begin(edges);
+        control
+    }
+
+    /// Makes one of [`ControlLoop::default`] ready: the encoder's lines as found.
+    pub fn begin(&mut self, edges: Edges) {
+        self.motion.begin(edges);
+        self.current = CurrentState::default();
+        self.align = true;
     }
 
     /// What happened in the last tick.
@@ -237,6 +232,12 @@ impl ControlLoop {
     /// One tick.
     #[inline]
     pub fn tick(&mut self, request: Option<Request>, inputs: &Inputs) -> Drive {
+        self.tick_with(request.as_ref(), inputs)
+    }
+
+    /// One tick, with a request that stays where it is.
+    #[inline(always)]
+    pub fn tick_with(&mut self, request: Option<&Request>, inputs: &Inputs) -> Drive {
         let observation = self.measure(inputs);
         self.watch(&observation);
         if let Some(request) = request {
@@ -266,7 +267,7 @@ impl ControlLoop {
         };
         let supply = self.config.supply_scale != 0;
         sample.supply = if supply {
-            saturate_i16((mul_u16(inputs.supply, self.config.supply_scale) >> 8) as i32)
+            call_saturate_i16((mul_u16(inputs.supply, self.config.supply_scale) >> 8) as i32)
         } else {
             self.config.supply
         };
@@ -313,8 +314,8 @@ impl ControlLoop {
 
     /// Obeys the main loop. Not on the path of an ordinary tick.
     #[inline(never)]
-    fn take(&mut self, request: Request) {
-        match request {
+    fn take(&mut self, request: &Request) {
+        match *request {
             Request::Arm => self.armed = self.sample.trip == Trip::None,
             Request::Disarm => self.disarm(),
             Request::Stop => self.off(self.armed),
@@ -369,7 +370,7 @@ impl ControlLoop {
     /// Hands the target to the profile.
     fn retarget(&mut self) {
         match &mut self.profile {
-            Profile::Speed(profile) => profile.retarget(saturate_i16(self.target)),
+            Profile::Speed(profile) => profile.retarget(call_saturate_i16(self.target)),
             Profile::Position(profile) => profile.retarget(self.target),
         }
     }
@@ -440,7 +441,7 @@ impl ControlLoop {
         if !self.mode.is_position() {
             return 0;
         }
-        let counts = saturate_i16(reference.wrapping_sub(self.sample.counts));
+        let counts = call_saturate_i16(reference.wrapping_sub(self.sample.counts));
         saturate_i16(mul_i16_u16(counts, self.config.position_scale) >> 8)
     }
 
@@ -455,30 +456,42 @@ impl ControlLoop {
         let (low, high) = config.limits.around(
             self.voltage,
             current,
-            (-room).saturating_sub(friction),
-            room.saturating_sub(friction),
+            saturating_sub_i16(-room, friction),
+            saturating_sub_i16(room, friction),
         );
         let limits = Limits { low, high, previous: self.voltage, align: self.align };
         self.align = false;
+        if limits.align {
+            self.filtered.settle(speed);
+        }
         let value = saturate_i16(reference.value);
-        let voltage = match self.mode {
-            Mode::SpeedPid => self.pid.step_speed(&config.speed_pid, value, speed, &limits),
-            Mode::PositionPid => {
-                self.pid.step_position(&config.position_pid, reference.error, reference.speed, speed, &limits)
+        let (law, terms) = match self.mode {
+            Mode::SpeedPid | Mode::PositionPid => {
+                let position = self.mode == Mode::PositionPid;
+                let pid = if position { &config.position_pid } else { &config.speed_pid };
+                let change = pid.filter(&mut self.filtered, speed);
+                let terms = if position {
+                    PidConfig::position_terms(&self.filtered, reference.error, reference.speed)
+                } else {
+                    PidConfig::speed_terms(change, value, speed)
+                };
+                (pid.law(), terms)
             }
-            Mode::SpeedLqr => self.lqr.step_speed(&config.speed_lqr, value, speed, current, &limits),
+            Mode::SpeedLqr => (config.speed_lqr.law(), LqrConfig::speed_terms(value, speed, current)),
             Mode::PositionLqr => {
-                let speed_error = reference.speed.saturating_sub(speed);
-                self.lqr.step_position(&config.position_lqr, reference.error, speed_error, current, &limits)
+                let speed_error = saturating_sub_i16(reference.speed, speed);
+                (config.position_lqr.law(), LqrConfig::position_terms(reference.error, speed_error, current))
             }
-            Mode::OpenLoop | Mode::Off => value.clamp(low, high),
+            Mode::OpenLoop | Mode::Off => {
+                self.voltage = value.clamp(low, high);
+                self.limited = self.voltage == low || self.voltage == high;
+                return self.voltage;
+            }
         };
+        let voltage = self.integral.step(law, &terms, &limits);
         self.voltage = voltage;
         self.limited = voltage == low || voltage == high;
-        if !closed {
-            return voltage;
-        }
-        let driven = voltage.saturating_add(config.compensation.drop(voltage)).saturating_add(friction);
+        let driven = saturating_add_i16(saturating_add_i16(voltage, config.compensation.drop(voltage)), friction);
         driven.clamp(-config.limits.voltage, config.limits.voltage)
     }
 

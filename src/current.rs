@@ -10,7 +10,7 @@
 
 use crate::arith::{mul_i16, saturate_i16};
 use crate::quantiser::Quantiser;
-use crate::settings::Param;
+use crate::settings::{BuildError, Param, Settings};
 use crate::units::AMPERE;
 
 /// Sum of eight conversions in the middle of the range.
@@ -30,10 +30,18 @@ pub struct CurrentConfig(i16);
 
 impl CurrentConfig {
     /// From `current_gain`.
-    #[inline(never)]
+    #[inline(always)]
     pub fn quantised(q: &mut Quantiser) -> Self {
-        let amperes_per_step = 1000.0 / (STEPS_PER_VOLT * q.get(Param::CurrentGain));
-        Self(q.value(Param::CurrentGain, amperes_per_step, AMPERE * 256.0, i16::MAX as u16) as i16)
+        q.of(AMPERE * 256.0 * 1000.0 / STEPS_PER_VOLT).over(Param::CurrentGain);
+        Self(q.round(Param::CurrentGain, i16::MAX as u16) as i16)
+    }
+
+    /// The same, on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build(settings, Self::quantised)
     }
 }
 
@@ -118,13 +126,12 @@ impl CurrentState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Settings;
     use proptest::prelude::*;
 
     fn config(gain: f32) -> CurrentConfig {
         let mut settings = Settings::defaults();
         settings.set(Param::CurrentGain, gain).unwrap();
-        Quantiser::checked(&settings, CurrentConfig::quantised).unwrap()
+        CurrentConfig::build(&settings).unwrap()
     }
 
     proptest! {

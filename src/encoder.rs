@@ -28,8 +28,8 @@
 
 use crate::arith::{mul_i16_u16, mul_u16, saturate_i16};
 use crate::quantiser::Quantiser;
-use crate::settings::Param;
-use crate::units::Rule;
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::{FULL_RANGE, Rule};
 use avr_progmem::progmem;
 
 /// What the interrupt handler keeps, as the tick takes it.
@@ -113,36 +113,33 @@ pub struct SpeedConfig {
 const CYCLES_PER_S: f32 = crate::pins::CPU_HZ as f32;
 
 impl SpeedConfig {
-    /// From `counts_per_rev`, `speed_range` and `tick_rate`.
-    #[inline(never)]
+    /// From `counts_per_rev`, `speed_range` and `tick_rate` (1000 or 2000 Hz); a scale outside the format is blamed on
+    /// `counts_per_rev`.
+    #[inline(always)]
     pub fn quantised(q: &mut Quantiser) -> Self {
-        let range = q.power_of_two(Param::SpeedRange);
-        let half_count_rad = core::f32::consts::PI / q.get(Param::CountsPerRev);
-        let mut scale = half_count_rad * (CYCLES_PER_S * 32768.0 / range);
-        let mut shift = 15;
-        while scale >= 65535.0 {
-            scale *= 0.5;
-            shift -= 1;
+        q.power_of_two(Param::SpeedRange);
+        let tick_cycles = if q.is_fast() { 8_000 } else { 16_000 };
+        if q.of(tick_cycles as f32).times(Param::TickRate).value() != CYCLES_PER_S {
+            q.refuse(Param::TickRate, Rule::NotAllowed);
         }
-        while scale < 32767.5 {
-            scale *= 2.0;
-            shift += 1;
-        }
+        q.of(core::f32::consts::PI * CYCLES_PER_S * FULL_RANGE).over(Param::SpeedRange).over(Param::CountsPerRev);
+        // A positive number's own exponent and mantissa, the mantissa rounded to 16 bits; a carry doubles both.
+        let bits = q.value().to_bits() + 0x80;
+        let mantissa = (bits >> 8) as u16 | 0x8000;
+        let shift = 15 + 127 + 15 - (bits >> 23) as u16 as i16;
         if !(-20..=40).contains(&shift) {
             q.refuse(Param::CountsPerRev, Rule::TooLarge);
         }
-        let rate = q.get(Param::TickRate);
-        if rate != 1000.0 && rate != 2000.0 {
-            q.refuse(Param::TickRate, Rule::NotAllowed);
-        }
-        Self { mantissa: (scale + 0.5) as i32 as u16, shift, tick_cycles: tick_cycles(rate) }
+        Self { mantissa, shift: shift as i8, tick_cycles }
     }
-}
 
-/// Cycles of one control tick at 1000 or 2000 Hz.
-#[inline(always)]
-pub fn tick_cycles(rate_hz: f32) -> u16 {
-    if rate_hz > 1500.0 { 8_000 } else { 16_000 }
+    /// The same, on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build(settings, Self::quantised)
+    }
 }
 
 /// The measured motion.
@@ -165,8 +162,17 @@ const LONGEST: i32 = 0x00ff_ffff;
 
 impl SpeedState {
     /// Standing still, with the lines as the handler found them.
-    pub fn new(edges: Edges) -> Self {
-        Self { edges, elapsed: LONGEST, ..Self::default() }
+    #[cfg(test)]
+    fn new(edges: Edges) -> Self {
+        let mut state = Self::default();
+        state.begin(edges);
+        state
+    }
+
+    /// Stands still, with the lines as the handler found them.
+    pub fn begin(&mut self, edges: Edges) {
+        self.edges = edges;
+        self.elapsed = LONGEST;
     }
 
     /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick.
@@ -292,7 +298,6 @@ fn round_shift(mut value: i32, mut shift: i8) -> i16 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Settings;
     use proptest::prelude::*;
 
     /// The lines of a shaft at `position` counts (floor): the inverse of the decoder's state.
@@ -322,7 +327,7 @@ mod tests {
             Self {
                 state: SpeedState::new(edges),
                 edges,
-                config: Quantiser::checked(settings, SpeedConfig::quantised).unwrap(),
+                config: SpeedConfig::build(settings).unwrap(),
                 skew,
                 now: 0,
                 looked: 0,
@@ -480,9 +485,9 @@ mod tests {
     #[test]
     fn settings_out_of_format_are_named() {
         let mut bad = settings(2000.0, 500.0);
-        assert_eq!(Quantiser::checked(&bad, SpeedConfig::quantised), Err(Rule::NotPowerOfTwo.of(Param::SpeedRange)));
+        assert_eq!(SpeedConfig::build(&bad), Err(Rule::NotPowerOfTwo.of(Param::SpeedRange)));
         bad = settings(2000.0, 512.0);
         bad.set(Param::TickRate, 1500.0).unwrap();
-        assert_eq!(Quantiser::checked(&bad, SpeedConfig::quantised), Err(Rule::NotAllowed.of(Param::TickRate)));
+        assert_eq!(SpeedConfig::build(&bad), Err(Rule::NotAllowed.of(Param::TickRate)));
     }
 }

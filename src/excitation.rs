@@ -17,7 +17,7 @@
 //! The divisions are done once, when the [`Sequence`] is made; playing it takes additions only (and for the chirp one
 //! product).
 
-use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
+use crate::arith::{call_mul_i16, call_mul_i16_u16, call_saturate_i16, saturating_add_i16, whole};
 use avr_progmem::progmem;
 
 /// A sequence to play.
@@ -49,7 +49,7 @@ impl Sequence {
             Kind::Ramp | Kind::Identify => full / period as i32,
             Kind::Stairs => full / count as i32,
             // The phase is half the slope times the square of the time: `count` turns of 2^32 at the end.
-            Kind::Chirp => (count as f32 * 8_589_934_592.0 / (period as f32 * period as f32)) as i32,
+            Kind::Chirp => whole(count as f32 * 8_589_934_592.0 / (period as f32 * period as f32)),
             _ => 0,
         };
         Self { kind, amplitude, offset, period, count, seed, slope }
@@ -217,7 +217,7 @@ impl Player {
     }
 
     /// One tick.
-    #[inline(always)]
+    #[inline(never)]
     pub fn step(&mut self) -> Play {
         if self.left == 0 && !self.next_segment() {
             return Play { value: self.sequence.offset, bridge: Bridge::Coast, done: true };
@@ -225,10 +225,11 @@ impl Player {
         self.left -= 1;
         let deviation = if self.kind == Kind::Chirp { self.sweep() } else { (self.value >> 16) as i16 };
         self.value = self.value.wrapping_add(self.rate);
-        Play { value: self.sequence.offset.saturating_add(deviation), bridge: self.bridge, done: false }
+        Play { value: saturating_add_i16(self.sequence.offset, deviation), bridge: self.bridge, done: false }
     }
 
-    /// Prepares the next segment; false at the end.
+    /// Prepares the next segment; false at the end. Not on the path of an ordinary tick.
+    #[inline(never)]
     fn next_segment(&mut self) -> bool {
         if self.segments == 0 && !self.next_stage() {
             return false;
@@ -236,31 +237,26 @@ impl Player {
         self.segments -= 1;
         self.left = self.period;
         self.bridge = Bridge::Drive;
-        let quarter = self.segment & 3;
-        let level = (self.amplitude as i32) << 16;
-        // Positive, zero, negative, zero.
-        let step = match quarter {
-            0 => level,
-            2 => -level,
+        let quarter = self.segment as u8 & 3;
+        // Positive, zero, negative, zero; the ramp passes through these one segment later.
+        let phase = if self.kind == Kind::Ramp { quarter.wrapping_sub(1) & 3 } else { quarter };
+        let mut level = match phase {
+            0 => self.amplitude,
+            2 => -self.amplitude,
             _ => 0,
         };
         match self.kind {
-            Kind::Steps | Kind::Identify => self.value = step,
-            Kind::Ramp => {
-                self.value = if quarter & 1 == 0 {
-                    0
-                } else if quarter == 1 {
-                    level
-                } else {
-                    -level
-                };
-                self.rate = if quarter == 1 || quarter == 2 { -self.ramp_slope() } else { self.ramp_slope() };
-            }
-            Kind::Stairs => self.climb(),
-            Kind::Prbs => self.value = if self.random_bit() { level } else { -level },
-            Kind::Levels => self.value = mul_i16(self.amplitude, self.random_level()) << 1,
-            Kind::Chirp => (self.value, self.rate) = (0, 0),
-            Kind::Coast => self.coast(level),
+            Kind::Steps | Kind::Identify => {}
+            Kind::Ramp => self.rate = if quarter == 1 || quarter == 2 { -self.ramp_slope() } else { self.ramp_slope() },
+            Kind::Prbs => level = if self.random_bit() { self.amplitude } else { -self.amplitude },
+            Kind::Levels => level = (call_mul_i16(self.amplitude, self.random_level()) << 1 >> 16) as i16,
+            Kind::Coast => level = self.coast(),
+            Kind::Stairs | Kind::Chirp => {}
+        }
+        if self.kind == Kind::Stairs {
+            self.climb();
+        } else {
+            self.value = (level as i32) << 16;
         }
         self.segment = self.segment.wrapping_add(1);
         true
@@ -298,15 +294,14 @@ impl Player {
         self.value = self.value.wrapping_add(stair);
     }
 
-    /// Drive, off, drive, brake; then the other way.
-    fn coast(&mut self, level: i32) {
-        let eighth = self.segment & 7;
-        self.value = 0;
-        match eighth & 3 {
+    /// Drive, off, drive, brake; then the other way. The level to drive at.
+    fn coast(&mut self) -> i16 {
+        match self.segment as u8 & 3 {
             1 => self.bridge = Bridge::Coast,
             3 => self.bridge = Bridge::Brake,
-            _ => self.value = if eighth < 4 { level } else { -level },
+            _ => return if self.segment & 4 == 0 { self.amplitude } else { -self.amplitude },
         }
+        0
     }
 
     /// Next bit of the maximal-length sequence of x^15 + x^14 + 1.
@@ -329,7 +324,7 @@ impl Player {
     fn sweep(&mut self) -> i16 {
         let sine = sine((self.value as u32 >> 16) as u16);
         self.rate = self.rate.wrapping_add(self.sequence.slope);
-        saturate_i16(mul_i16(self.amplitude, sine) >> 15)
+        call_saturate_i16(call_mul_i16(self.amplitude, sine) >> 15)
     }
 }
 
@@ -342,7 +337,7 @@ fn sine(phase: u16) -> i16 {
         SINE.load_at(64)
     } else {
         let (left, right) = (SINE.load_at(index), SINE.load_at(index + 1));
-        left + (mul_i16_u16(right - left, position << 8) >> 16) as i16
+        left + (call_mul_i16_u16(right - left, position << 8) >> 16) as i16
     };
     if phase & 0x8000 == 0 { magnitude } else { -magnitude }
 }

@@ -3,7 +3,6 @@
 #![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
 pub mod arith;
-pub mod bring_up;
 pub mod compensation;
 pub mod console;
 pub mod control_loop;

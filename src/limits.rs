@@ -11,10 +11,13 @@
 //! `Tt` is the tracking time (Astrom and Hagglund, Advanced PID Control, 3.5). With `Ki` zero there is no integral.
 //! When gains or mode change, the integral takes the value that leaves the voltage where it was (bumpless transfer).
 
-use crate::arith::{mul_i16, multiply_add_u16, saturate_i16, saturate_shift_8, saturating_add_i32, saturating_sub_i16};
-use crate::quantiser::Quantiser;
+use crate::arith::{
+    call_saturate_i16, mul_i16, multiply_add, multiply_add_u16, saturate_shift_8, saturating_add_i16,
+    saturating_add_i32, saturating_sub_i16,
+};
+use crate::quantiser::{Format, Quantiser};
 use crate::settings::{Param, Settings};
-use crate::units::{AMPERE, FULL_RANGE, GAIN_LIMIT, Rule, VOLT, quantise};
+use crate::units::{FULL_RANGE, GAIN_LIMIT, Rule, VOLT, quantise};
 
 /// The interval of voltage for one tick, bits of [`crate::units::Voltage`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,14 +45,12 @@ pub struct LimitsConfig {
 
 impl LimitsConfig {
     /// From `voltage_limit`, `slew_limit`, `current_limit` and `tick_rate`.
-    #[inline(never)]
+    #[inline(always)]
     pub fn quantised(q: &mut Quantiser) -> Self {
-        let per_tick = q.get(Param::SlewLimit) / q.get(Param::TickRate);
-        let slew = q.value(Param::SlewLimit, per_tick.min(31.9), VOLT, 32767) as i16;
-        let current = q.bits(Param::CurrentLimit, AMPERE);
+        let current = q.bits(Param::CurrentLimit);
         Self {
-            voltage: q.bits(Param::VoltageLimit, VOLT),
-            slew,
+            voltage: q.bits(Param::VoltageLimit),
+            slew: q.bits(Param::SlewLimit),
             current: if current == 0 { i16::MAX } else { current },
         }
     }
@@ -61,12 +62,14 @@ impl LimitsConfig {
     #[inline(always)]
     pub fn around(&self, previous: i16, current: i16, low: i16, high: i16) -> (i16, i16) {
         let (lowest, highest) = (low, high);
-        let mut low = low.max(previous.saturating_sub(self.slew));
-        let mut high = high.min(previous.saturating_add(self.slew));
+        let mut low = low.max(saturating_sub_i16(previous, self.slew));
+        let mut high = high.min(saturating_add_i16(previous, self.slew));
         if current > self.current {
-            high = high.min(previous.saturating_sub(fold_back(current, self.current))).max(lowest);
+            high = high.min(saturating_sub_i16(previous, fold_back(current, self.current))).max(lowest);
         } else if current < -self.current {
-            low = low.max(previous.saturating_add(fold_back(-(current.max(-i16::MAX)), self.current))).min(highest);
+            low = low
+                .max(saturating_add_i16(previous, fold_back(saturating_sub_i16(0, current), self.current)))
+                .min(highest);
         }
         // Where the limits contradict each other, the one that moves to the smaller voltage holds.
         if low > high {
@@ -79,7 +82,7 @@ impl LimitsConfig {
 /// 1 V for each ampere above the limit, and at least one bit.
 #[inline(always)]
 fn fold_back(current: i16, limit: i16) -> i16 {
-    (current.saturating_sub(limit) >> 2) + 1
+    (saturating_sub_i16(current, limit) >> 2) + 1
 }
 
 /// Bits of the [`crate::units::Gain`] `value` volts per unit on a signal with `bits_per_unit`.
@@ -95,14 +98,6 @@ pub fn bits_per_unit(settings: &Settings, range: Param) -> f32 {
     FULL_RANGE / settings.get(range)
 }
 
-/// A part per tick: `tick / time`, for `time` in ms, at most almost a half.
-#[inline(always)]
-fn tracking_fraction(q: &mut Quantiser, time: Param) -> u16 {
-    let ticks = q.get(time) * (q.get(Param::TickRate) * 0.001);
-    let part = if ticks > 2.0 { 1.0 / ticks } else { 0.499 };
-    q.value(time, part, 65536.0, u16::MAX)
-}
-
 /// Integral gain and tracking.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct IntegralConfig {
@@ -113,15 +108,34 @@ pub struct IntegralConfig {
 }
 
 impl IntegralConfig {
-    /// From a gain in volts per unit and second on a signal with `bits_per_unit`, and a tracking time.
+    /// From a gain and a tracking time, of at least two ticks.
     #[inline(never)]
-    pub fn quantised(q: &mut Quantiser, gain: Param, bits_per_unit: f32, time: Param) -> Self {
-        let per_tick = VOLT * 65536.0 / bits_per_unit / q.get(Param::TickRate);
-        let value = q.get(gain);
-        let ki = q.value(gain, value, per_tick, GAIN_LIMIT as u16) as i16;
+    pub fn quantised(q: &mut Quantiser, gain: Param, time: Param) -> Self {
+        let ki = q.bits(gain);
+        q.scale(Format::Ticks).times(time);
+        let least = if q.value() > 2.0 { 0.0 } else { 2.0 - q.value() };
+        let tracking = q.one_over(time, least);
         // Without an integral there is nothing to track with.
-        Self { ki, tracking: if ki == 0 { 0 } else { tracking_fraction(q, time) } }
+        Self { ki, tracking: if ki == 0 { 0 } else { tracking } }
     }
+}
+
+/// The form of every control law: three gains on three signals, and the integral of the error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Law {
+    /// Bits of [`crate::units::Gain`]; negative feedback has its sign in the gain, so that every term is added.
+    pub gains: [i16; 3],
+    /// The integral of the error.
+    pub integral: IntegralConfig,
+}
+
+/// What a law acts on in one tick.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Terms {
+    /// The signals of [`Law::gains`], in bits.
+    pub signals: [i16; 3],
+    /// The error that the integral sums up, in bits.
+    pub error: i16,
 }
 
 /// The integral of a controller, and the end of its law.
@@ -132,10 +146,19 @@ pub struct Integral {
 }
 
 impl Integral {
-    /// Closes the law: adds the integral to `rest` (at most three products of a [`crate::units::Gain`] and a signal),
-    /// clamps, and moves the integral on. Returns the voltage; within 2 bits of exact arithmetic.
+    /// One tick of a law. Returns the voltage; within 2 bits of exact arithmetic.
     #[inline(always)]
-    pub fn close(&mut self, config: &IntegralConfig, rest: i32, error: i16, limits: &Limits) -> i16 {
+    pub fn step(&mut self, law: &Law, terms: &Terms, limits: &Limits) -> i16 {
+        let rest = mul_i16(law.gains[0], terms.signals[0]);
+        let rest = multiply_add(rest, law.gains[1], terms.signals[1]);
+        let rest = multiply_add(rest, law.gains[2], terms.signals[2]);
+        self.close(&law.integral, rest, terms.error, limits)
+    }
+
+    /// Closes the law: adds the integral to `rest` (three products of a [`crate::units::Gain`] and a signal), clamps,
+    /// and moves the integral on.
+    #[inline(always)]
+    fn close(&mut self, config: &IntegralConfig, rest: i32, error: i16, limits: &Limits) -> i16 {
         if limits.align {
             self.align(config, rest, limits);
         }
@@ -155,7 +178,7 @@ impl Integral {
     /// Takes the value with which the voltage stays at `limits.previous`; none without an integral gain.
     #[inline(never)]
     fn align(&mut self, config: &IntegralConfig, rest: i32, limits: &Limits) {
-        let missing = saturate_i16(limits.previous as i32 - (rest >> 10));
+        let missing = call_saturate_i16(limits.previous as i32 - (rest >> 10));
         self.bits = if config.ki == 0 { 0 } else { (missing as i32) << 16 };
     }
 }
@@ -226,18 +249,13 @@ pub(crate) mod tests {
     fn a_gain_beyond_the_format_is_refused_by_name() {
         let mut settings = Settings::defaults();
         settings.set(Param::SpeedKp, 500.0).unwrap();
-        assert_eq!(
-            Quantiser::checked(&settings, |q| q.gain(Param::SpeedKp, 64.0)),
-            Err(Rule::TooLarge.of(Param::SpeedKp))
-        );
+        let gain = |settings: &Settings| Quantiser::build(settings, |q| q.bits(Param::SpeedKp));
+        assert_eq!(gain(&settings), Err(Rule::TooLarge.of(Param::SpeedKp)));
         settings.set(Param::SpeedKp, 1e-6).unwrap();
-        assert_eq!(
-            Quantiser::checked(&settings, |q| q.gain(Param::SpeedKp, 64.0)),
-            Err(Rule::RoundsToZero.of(Param::SpeedKp))
-        );
+        assert_eq!(gain(&settings), Err(Rule::RoundsToZero.of(Param::SpeedKp)));
         settings.set(Param::SpeedKi, 1e-5).unwrap();
-        let built =
-            Quantiser::checked(&settings, |q| IntegralConfig::quantised(q, Param::SpeedKi, 64.0, Param::SpeedTt));
+        settings.set(Param::SpeedKp, 0.0).unwrap();
+        let built = Quantiser::build(&settings, |q| IntegralConfig::quantised(q, Param::SpeedKi, Param::SpeedTt));
         assert_eq!(built, Err(Rule::RoundsToZero.of(Param::SpeedKi)));
     }
 }

@@ -4,7 +4,7 @@
 //! bit. Against the recurrence in real numbers the output is within 2 bits.
 
 use crate::arith::{multiply_add_u16, saturating_sub_i16};
-use crate::quantiser::Quantiser;
+use crate::quantiser::{Format, Quantiser};
 use crate::settings::Param;
 
 /// `a`, bits of [`crate::units::Fraction`]; zero passes the signal through.
@@ -15,15 +15,14 @@ impl LowPassConfig {
     /// From the setting `time`, a time constant in ms; zero is no filter.
     #[inline(never)]
     pub fn quantised(q: &mut Quantiser, time: Param) -> Self {
-        if q.get(time) <= 0.0 { Self(0) } else { Self::always(q, time) }
+        if q.is_on(time) { Self::always(q, time) } else { Self(0) }
     }
 
     /// The same, but a time constant of zero is the fastest filter instead of none: for who needs the difference to it.
     #[inline(never)]
     pub fn always(q: &mut Quantiser, time: Param) -> Self {
-        let (tau, period) = (q.get(time) * 0.001, 1.0 / q.get(Param::TickRate));
-        let part = (period / (tau + period)).min(65535.0 / 65536.0);
-        Self(q.value(time, part, 65536.0, u16::MAX))
+        q.scale(Format::Ticks).times(time);
+        Self(q.one_over(time, 1.0))
     }
 
     /// The part, for the tests of who uses the filter.
@@ -41,9 +40,11 @@ impl LowPassState {
     /// One tick: input and output in the same bits.
     #[inline(always)]
     pub fn step(&mut self, config: &LowPassConfig, input: i16) -> i16 {
-        if config.0 == 0 {
-            return input;
-        }
+        if config.0 == 0 { input } else { self.filter(config, input) }
+    }
+
+    #[inline(never)]
+    fn filter(&mut self, config: &LowPassConfig, input: i16) -> i16 {
         self.advance(config, input);
         self.output()
     }
@@ -94,13 +95,12 @@ mod tests {
     #[test]
     fn time_constant_and_no_filter() {
         let mut settings = Settings::defaults();
-        assert_eq!(
-            LowPassState::default()
-                .step(&Quantiser::checked(&settings, |q| LowPassConfig::quantised(q, Param::SpeedFilter)).unwrap(), 99),
-            99
-        );
+        let build = |settings: &Settings| {
+            Quantiser::build(settings, |q| LowPassConfig::quantised(q, Param::SpeedFilter)).unwrap()
+        };
+        assert_eq!(LowPassState::default().step(&build(&settings), 99), 99);
         settings.set(Param::SpeedFilter, 20.0).unwrap();
-        let config = Quantiser::checked(&settings, |q| LowPassConfig::quantised(q, Param::SpeedFilter)).unwrap();
+        let config = build(&settings);
         let mut state = LowPassState::default();
         let after_tau = (0..20).map(|_| state.step(&config, 10_000)).last().unwrap();
         // Backward Euler: 1 - (tau/(tau+T))^20 = 0.6231.

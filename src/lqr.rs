@@ -7,48 +7,67 @@
 //! `w` speed, `i` current, `x` position, `w_r` the speed of the reference's profile (zero for a step). Gains positive,
 //! feedback negative. Against the same law in real numbers with the same gains the voltage is within 3 bits (3 mV).
 
-use crate::arith::{mul_i16, multiply_add, saturating_sub_i16};
-use crate::limits::{Integral, IntegralConfig, Limits};
+use crate::arith::saturating_sub_i16;
+use crate::limits::{Integral, IntegralConfig, Law, Limits, Terms};
 use crate::quantiser::Quantiser;
-use crate::settings::Param;
-use crate::units::AMPERE;
+use crate::settings::{BuildError, Param, Settings};
 
-/// State feedback, quantised. One type serves both uses; they differ in what the first gain acts on.
+/// State feedback, quantised: gains on the reference speed or the position error, on the speed or its error, and on the
+/// current.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct LqrConfig {
-    /// On the reference speed, or on the position error.
-    kr: i16,
-    /// On the speed; negative feedback has its sign in the gain, so that every term is added.
-    kw: i16,
-    /// On the current; the same.
-    kc: i16,
-    integral: IntegralConfig,
+    law: Law,
 }
 
 impl LqrConfig {
     /// The speed LQR, from the settings `lqr_speed_*`.
-    #[inline(never)]
-    pub fn speed(q: &mut Quantiser) -> Self {
-        let scale = q.bits_per_unit(Param::SpeedRange);
-        Self {
-            kr: q.gain(Param::LqrSpeedKr, scale),
-            kw: -q.gain(Param::LqrSpeedKw, scale),
-            kc: -q.gain(Param::LqrSpeedKc, AMPERE),
-            integral: IntegralConfig::quantised(q, Param::LqrSpeedKi, scale, Param::LqrTt),
-        }
+    #[inline(always)]
+    pub fn quantised_speed(q: &mut Quantiser) -> Self {
+        let gains = [q.bits(Param::LqrSpeedKr), -q.bits(Param::LqrSpeedKw), -q.bits(Param::LqrSpeedKc)];
+        Self { law: Law { gains, integral: IntegralConfig::quantised(q, Param::LqrSpeedKi, Param::LqrTt) } }
     }
 
     /// The position LQR, from the settings `lqr_position_*`.
-    #[inline(never)]
-    pub fn position(q: &mut Quantiser) -> Self {
-        let scale = q.bits_per_unit(Param::PositionRange);
-        let speed_scale = q.bits_per_unit(Param::SpeedRange);
-        Self {
-            kr: q.gain(Param::LqrPositionKp, scale),
-            kw: q.gain(Param::LqrPositionKw, speed_scale),
-            kc: -q.gain(Param::LqrPositionKc, AMPERE),
-            integral: IntegralConfig::quantised(q, Param::LqrPositionKi, scale, Param::LqrTt),
-        }
+    #[inline(always)]
+    pub fn quantised_position(q: &mut Quantiser) -> Self {
+        let gains = [q.bits(Param::LqrPositionKp), q.bits(Param::LqrPositionKw), -q.bits(Param::LqrPositionKc)];
+        Self { law: Law { gains, integral: IntegralConfig::quantised(q, Param::LqrPositionKi, Param::LqrTt) } }
+    }
+
+    /// The speed LQR on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn speed(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build(settings, Self::quantised_speed)
+    }
+
+    /// The position LQR on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn position(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build(settings, Self::quantised_position)
+    }
+}
+
+impl LqrConfig {
+    /// The law.
+    #[inline(always)]
+    pub fn law(&self) -> &Law {
+        &self.law
+    }
+
+    /// What the speed LQI acts on; everything in bits.
+    #[inline(always)]
+    pub fn speed_terms(reference: i16, speed: i16, current: i16) -> Terms {
+        Terms { signals: [reference, speed, current], error: saturating_sub_i16(reference, speed) }
+    }
+
+    /// What the position LQI acts on; everything in bits, `speed_error` reference minus measured.
+    #[inline(always)]
+    pub fn position_terms(error: i16, speed_error: i16, current: i16) -> Terms {
+        Terms { signals: [error, speed_error, current], error }
     }
 }
 
@@ -63,10 +82,7 @@ impl LqrState {
     /// One tick of the speed LQI; everything in bits.
     #[inline(always)]
     pub fn step_speed(&mut self, config: &LqrConfig, reference: i16, speed: i16, current: i16, limits: &Limits) -> i16 {
-        let rest = mul_i16(config.kr, reference);
-        let rest = multiply_add(rest, config.kw, speed);
-        let rest = multiply_add(rest, config.kc, current);
-        self.integral.close(&config.integral, rest, saturating_sub_i16(reference, speed), limits)
+        self.integral.step(&config.law, &LqrConfig::speed_terms(reference, speed, current), limits)
     }
 
     /// One tick of the position LQI; everything in bits, `speed_error` reference minus measured.
@@ -79,10 +95,7 @@ impl LqrState {
         current: i16,
         limits: &Limits,
     ) -> i16 {
-        let rest = mul_i16(config.kr, error);
-        let rest = multiply_add(rest, config.kw, speed_error);
-        let rest = multiply_add(rest, config.kc, current);
-        self.integral.close(&config.integral, rest, error, limits)
+        self.integral.step(&config.law, &LqrConfig::position_terms(error, speed_error, current), limits)
     }
 }
 
@@ -90,7 +103,6 @@ impl LqrState {
 mod tests {
     use super::*;
     use crate::limits::tests::{Exact, any_limits};
-    use crate::settings::Settings;
     use proptest::collection::vec;
     use proptest::prelude::*;
 
@@ -122,13 +134,13 @@ mod tests {
             settings in settings(), position: bool,
             ticks in vec((any::<i16>(), any::<i16>(), any::<i16>(), any_limits(), 1u8..60), 1..40),
         ) {
-            let build: fn(&mut Quantiser) -> LqrConfig = if position { LqrConfig::position } else { LqrConfig::speed };
-            let Ok(config) = Quantiser::checked(&settings, build) else { return Ok(()) };
-            let (mut state, mut integral) = (LqrState::default(), Exact::new(&config.integral));
+            let build = if position { LqrConfig::position } else { LqrConfig::speed };
+            let Ok(config) = build(&settings) else { return Ok(()) };
+            let (mut state, mut integral) = (LqrState::default(), Exact::new(&config.law.integral));
             for (first, second, current, limits, repeat) in ticks {
                 for _ in 0..repeat {
-                    let rest = config.kr as f64 * first as f64 + config.kw as f64 * second as f64
-                        + config.kc as f64 * current as f64;
+                    let rest = config.law.gains[0] as f64 * first as f64 + config.law.gains[1] as f64 * second as f64
+                        + config.law.gains[2] as f64 * current as f64;
                     let (error, voltage) = if position {
                         (first, state.step_position(&config, first, second, current, &limits))
                     } else {
@@ -145,9 +157,6 @@ mod tests {
     fn a_gain_the_format_cannot_hold_is_named() {
         let mut settings = Settings::defaults();
         settings.set(Param::LqrPositionKc, 900.0).unwrap();
-        assert_eq!(
-            Quantiser::checked(&settings, LqrConfig::position),
-            Err(crate::units::Rule::TooLarge.of(Param::LqrPositionKc))
-        );
+        assert_eq!(LqrConfig::position(&settings), Err(crate::units::Rule::TooLarge.of(Param::LqrPositionKc)));
     }
 }

@@ -12,11 +12,9 @@ mod board;
 #[cfg(target_arch = "avr")]
 mod firmware {
     use super::board::{self, eeprom::ChipEeprom, serial, tick, watchdog};
-    use motorbench_core::bring_up;
-    use motorbench_core::console::{Counters, Machine, ResetCause};
+    use motorbench_core::console::{Console, Counters, Machine, ResetCause};
     use motorbench_core::message::{Request, Sample};
     use motorbench_core::settings::{BuildError, Settings};
-    use motorbench_core::storage;
 
     /// The machine the console talks to.
     struct Uno {
@@ -48,58 +46,37 @@ mod firmware {
             tick::request(request);
         }
 
-        fn sample(&mut self) -> Sample {
+        fn look(&mut self, sample: &mut Sample, counters: &mut Counters) {
             self.keep_alive();
-            tick::with_loop(|control| *control.sample())
+            tick::with_loop(|control| {
+                *sample = *control.sample();
+                counters.illegal_transitions = control.illegal_transitions();
+                (counters.zeroing, counters.zero_ok) = control.current_zero();
+            });
+            counters.overruns = serial::overruns();
+            counters.dropped = tick::dropped();
+            counters.reset_cause = self.reset_cause;
         }
 
         fn configure(&mut self, settings: &Settings) -> Result<(), BuildError> {
             tick::configure(settings)
         }
 
-        fn counters(&mut self) -> Counters {
-            let (illegal_transitions, (zeroing, zero_ok)) =
-                tick::with_loop(|control| (control.illegal_transitions(), control.current_zero()));
-            Counters {
-                illegal_transitions,
-                overruns: serial::overruns(),
-                dropped: tick::dropped(),
-                reset_cause: self.reset_cause,
-                zeroing,
-                zero_ok,
-            }
-        }
-
         fn memory(&mut self) -> &mut ChipEeprom {
             &mut self.memory
         }
 
-        fn send(&mut self, bytes: &[u8]) {
-            for &byte in bytes {
-                while !serial::try_write(byte) {
-                    tick::mark_alive();
-                }
+        fn send(&mut self, byte: u8) {
+            // A long reply keeps the main loop for longer than a hang may last.
+            tick::mark_alive();
+            while !serial::try_write(byte) {
+                tick::mark_alive();
             }
         }
 
         fn host_spoke(&mut self) {
             self.host_spoke = true;
         }
-    }
-
-    /// The settings to start with: the saved ones if they are whole and fit, else the defaults.
-    fn starting_point(memory: &mut ChipEeprom) -> Settings {
-        if let Some(settings) = storage::load(memory)
-            && tick::prepare(&settings).is_ok()
-        {
-            return settings;
-        }
-        let settings = Settings::defaults();
-        if tick::prepare(&settings).is_err() {
-            // A test of the core holds that the defaults fit.
-            watchdog::panicked(&board::registers())
-        }
-        settings
     }
 
     #[avr_device::entry]
@@ -116,21 +93,26 @@ mod firmware {
         };
         board::start(&peripherals);
         avr_device::asm::wdr();
-        starting_point(&mut uno.memory);
-        let mut talk = bring_up::Talk::default();
+        tick::prepare();
+        let mut console = Console::default();
+        if console.start(&mut uno).is_err() {
+            watchdog::panicked(&peripherals)
+        }
         avr_device::asm::wdr();
         tick::enable(&peripherals);
         // SAFETY: every handler's state has been set up.
         unsafe { avr_device::interrupt::enable() };
         uno.request(Request::ZeroCurrent);
+        console.greet(&mut uno);
         loop {
             uno.keep_alive();
             if let Some(sample) = uno.take_sample() {
-                talk.telemetry(&sample, &mut uno);
+                console.telemetry(&sample, &mut uno);
             }
             while let Some(byte) = serial::read() {
-                talk.receive(byte, &mut uno);
+                console.receive(byte, &mut uno);
             }
+            console.poll(&mut uno);
             board::idle(&peripherals);
         }
     }

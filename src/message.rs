@@ -124,8 +124,9 @@ pub enum Request {
     ZeroPosition,
 }
 
-/// What happened in one tick.
+/// What happened in one tick. Its layout is that of the telemetry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[repr(C)]
 pub struct Sample {
     /// Ticks since reset.
     pub tick: u32,
@@ -149,6 +150,7 @@ pub struct Sample {
 
 /// The state of the drive in one byte.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[repr(transparent)]
 pub struct State(pub u8);
 
 impl State {

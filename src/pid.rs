@@ -12,59 +12,87 @@
 //! Gains positive, feedback negative. Against the same law in real numbers with the same gains the voltage is within
 //! 3 bits (3 mV).
 
-use crate::arith::{mul_i16, multiply_add, saturating_sub_i16};
-use crate::limits::{Integral, IntegralConfig, Limits};
+use crate::arith::saturating_sub_i16;
+use crate::limits::{Integral, IntegralConfig, Law, Limits, Terms};
 use crate::low_pass::{LowPassConfig, LowPassState};
-use crate::quantiser::Quantiser;
-use crate::settings::Param;
+use crate::quantiser::{Format, Quantiser};
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::GAIN_LIMIT;
 
 /// A PID, quantised. One type serves both uses; they differ in what the terms act on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct PidConfig {
-    /// On the reference: `Kp b + Kff` for speed, `Kff` for position.
-    kr: i16,
-    /// On the measured speed, or on the position error. Negative feedback has its sign in the gain, so that every term
-    /// is added.
-    kp: i16,
-    /// On the difference to the filter (speed) or on the filter (position); the same.
-    kd: i16,
+    /// For speed: gains on the reference (`Kp b + Kff`), on the measured speed, on its difference to the filter. For
+    /// position: on the position error, on the reference's speed, on the filter.
+    law: Law,
     filter: LowPassConfig,
-    integral: IntegralConfig,
 }
 
 impl PidConfig {
     /// The speed PID, from the settings `speed_*`.
-    #[inline(never)]
-    pub fn speed(q: &mut Quantiser) -> Self {
-        let scale = q.bits_per_unit(Param::SpeedRange);
+    #[inline(always)]
+    pub fn quantised_speed(q: &mut Quantiser) -> Self {
         // First, so that a gain that is too large is blamed and not the sum it is part of.
-        let kp = -q.gain(Param::SpeedKp, scale);
-        let kr = q.get(Param::SpeedKp) * q.get(Param::SpeedB) + q.get(Param::SpeedKff);
-        let kr = q.gain_value(Param::SpeedKff, kr, scale);
-        let (tf, period) = (q.get(Param::SpeedTf) * 0.001, 1.0 / q.get(Param::TickRate));
-        let kd = q.get(Param::SpeedKd) / (tf + period);
-        let kd = -q.gain_value(Param::SpeedKd, kd, scale);
-        Self {
-            kr,
-            kp,
-            kd,
-            filter: LowPassConfig::always(q, Param::SpeedTf),
-            integral: IntegralConfig::quantised(q, Param::SpeedKi, scale, Param::SpeedTt),
-        }
+        let kp = q.bits(Param::SpeedKp);
+        // Setpoint weight and feed-forward both act on the reference.
+        let weighted = q.scale(Format::SpeedGain).times(Param::SpeedKp).times(Param::SpeedB).value();
+        let forward = q.scale(Format::SpeedGain).times(Param::SpeedKff).value();
+        let kr = q.of(weighted + forward).round(Param::SpeedKff, GAIN_LIMIT as u16) as i16;
+        let filter_ticks = q.scale(Format::Ticks).times(Param::SpeedTf).value() + 1.0;
+        q.scale(Format::SpeedGain).times(Param::SpeedKd).times(Param::TickRate);
+        let kd = q.of(q.value() / filter_ticks).round(Param::SpeedKd, GAIN_LIMIT as u16) as i16;
+        let integral = IntegralConfig::quantised(q, Param::SpeedKi, Param::SpeedTt);
+        Self { law: Law { gains: [kr, -kp, -kd], integral }, filter: LowPassConfig::always(q, Param::SpeedTf) }
     }
 
     /// The position PID, from the settings `position_*`.
-    #[inline(never)]
-    pub fn position(q: &mut Quantiser) -> Self {
-        let speed_scale = q.bits_per_unit(Param::SpeedRange);
-        let scale = q.bits_per_unit(Param::PositionRange);
-        Self {
-            kr: q.gain(Param::PositionKff, speed_scale),
-            kp: q.gain(Param::PositionKp, scale),
-            kd: -q.gain(Param::PositionKd, speed_scale),
-            filter: LowPassConfig::always(q, Param::PositionTf),
-            integral: IntegralConfig::quantised(q, Param::PositionKi, scale, Param::PositionTt),
-        }
+    #[inline(always)]
+    pub fn quantised_position(q: &mut Quantiser) -> Self {
+        let gains = [q.bits(Param::PositionKp), q.bits(Param::PositionKff), -q.bits(Param::PositionKd)];
+        let integral = IntegralConfig::quantised(q, Param::PositionKi, Param::PositionTt);
+        Self { law: Law { gains, integral }, filter: LowPassConfig::always(q, Param::PositionTf) }
+    }
+
+    /// The speed PID on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn speed(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build(settings, Self::quantised_speed)
+    }
+
+    /// The position PID on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn position(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build(settings, Self::quantised_position)
+    }
+}
+
+impl PidConfig {
+    /// The law.
+    #[inline(always)]
+    pub fn law(&self) -> &Law {
+        &self.law
+    }
+
+    /// Moves the derivative's filter on; returns how far the speed was ahead of it.
+    #[inline(always)]
+    pub fn filter(&self, filtered: &mut LowPassState, speed: i16) -> i16 {
+        filtered.advance(&self.filter, speed)
+    }
+
+    /// What the speed PID acts on, everything in bits; `change` is what the filter's step returned.
+    #[inline(always)]
+    pub fn speed_terms(change: i16, reference: i16, speed: i16) -> Terms {
+        Terms { signals: [reference, speed, change], error: saturating_sub_i16(reference, speed) }
+    }
+
+    /// The same for the position PID, after the filter's step.
+    #[inline(always)]
+    pub fn position_terms(filtered: &LowPassState, error: i16, reference_speed: i16) -> Terms {
+        Terms { signals: [error, reference_speed, filtered.output()], error }
     }
 }
 
@@ -81,11 +109,12 @@ impl PidState {
     /// One tick of the speed PID: reference and measured speed in bits, voltage in bits.
     #[inline(always)]
     pub fn step_speed(&mut self, config: &PidConfig, reference: i16, speed: i16, limits: &Limits) -> i16 {
-        let change = self.filter(config, speed, limits.align);
-        let rest = mul_i16(config.kr, reference);
-        let rest = multiply_add(rest, config.kp, speed);
-        let rest = multiply_add(rest, config.kd, change);
-        self.integral.close(&config.integral, rest, saturating_sub_i16(reference, speed), limits)
+        if limits.align {
+            self.filtered.settle(speed);
+        }
+        let change = config.filter(&mut self.filtered, speed);
+        let terms = PidConfig::speed_terms(change, reference, speed);
+        self.integral.step(&config.law, &terms, limits)
     }
 
     /// One tick of the position PID: position error and speeds in bits, voltage in bits.
@@ -98,20 +127,12 @@ impl PidState {
         speed: i16,
         limits: &Limits,
     ) -> i16 {
-        self.filter(config, speed, limits.align);
-        let rest = mul_i16(config.kp, error);
-        let rest = multiply_add(rest, config.kr, reference_speed);
-        let rest = multiply_add(rest, config.kd, self.filtered.output());
-        self.integral.close(&config.integral, rest, error, limits)
-    }
-
-    /// Moves the filter on; returns how far the speed was ahead of it.
-    #[inline(always)]
-    fn filter(&mut self, config: &PidConfig, speed: i16, align: bool) -> i16 {
-        if align {
+        if limits.align {
             self.filtered.settle(speed);
         }
-        self.filtered.advance(&config.filter, speed)
+        config.filter(&mut self.filtered, speed);
+        let terms = PidConfig::position_terms(&self.filtered, error, reference_speed);
+        self.integral.step(&config.law, &terms, limits)
     }
 }
 
@@ -119,7 +140,6 @@ impl PidState {
 mod tests {
     use super::*;
     use crate::limits::tests::{Exact, any_limits};
-    use crate::settings::Settings;
     use proptest::collection::vec;
     use proptest::prelude::*;
 
@@ -169,15 +189,15 @@ mod tests {
         fn speed_pid_is_its_law(
             settings in settings(), ticks in vec((any::<i16>(), any::<i16>(), any_limits(), 1u8..60), 1..40),
         ) {
-            let Ok(config) = Quantiser::checked(&settings, PidConfig::speed) else { return Ok(()) };
-            let (mut state, mut integral) = (PidState::default(), Exact::new(&config.integral));
+            let Ok(config) = PidConfig::speed(&settings) else { return Ok(()) };
+            let (mut state, mut integral) = (PidState::default(), Exact::new(&config.law.integral));
             let mut filter = ExactFilter(0.0);
-            let tolerance = 3.0 + (config.kd as f64 / 1024.0).abs();
+            let tolerance = 3.0 + (config.law.gains[2] as f64 / 1024.0).abs();
             for (reference, speed, limits, repeat) in ticks {
                 for _ in 0..repeat {
                     let change = filter.step(&config, speed as f64);
-                    let rest = config.kr as f64 * reference as f64 + config.kp as f64 * speed as f64
-                        + config.kd as f64 * change;
+                    let rest = config.law.gains[0] as f64 * reference as f64 + config.law.gains[1] as f64 * speed as f64
+                        + config.law.gains[2] as f64 * change;
                     let exact = integral.close(rest / 1024.0, reference.saturating_sub(speed) as f64, &limits);
                     let voltage = state.step_speed(&config, reference, speed, &limits);
                     prop_assert!((voltage as f64 - exact).abs() <= tolerance, "{voltage} for {exact}");
@@ -192,15 +212,15 @@ mod tests {
             settings in settings(),
             ticks in vec((any::<i16>(), any::<i16>(), any::<i16>(), any_limits(), 1u8..60), 1..40),
         ) {
-            let Ok(config) = Quantiser::checked(&settings, PidConfig::position) else { return Ok(()) };
-            let (mut state, mut integral) = (PidState::default(), Exact::new(&config.integral));
+            let Ok(config) = PidConfig::position(&settings) else { return Ok(()) };
+            let (mut state, mut integral) = (PidState::default(), Exact::new(&config.law.integral));
             let mut filter = ExactFilter(0.0);
-            let tolerance = 3.0 + (config.kd as f64 / 1024.0).abs();
+            let tolerance = 3.0 + (config.law.gains[2] as f64 / 1024.0).abs();
             for (error, reference_speed, speed, limits, repeat) in ticks {
                 for _ in 0..repeat {
                     filter.step(&config, speed as f64);
-                    let rest = config.kp as f64 * error as f64 + config.kr as f64 * reference_speed as f64
-                        + config.kd as f64 * filter.0;
+                    let rest = config.law.gains[0] as f64 * error as f64 + config.law.gains[1] as f64 * reference_speed as f64
+                        + config.law.gains[2] as f64 * filter.0;
                     let exact = integral.close(rest / 1024.0, error as f64, &limits);
                     let voltage = state.step_position(&config, error, reference_speed, speed, &limits);
                     prop_assert!((voltage as f64 - exact).abs() <= tolerance, "{voltage} for {exact}");
@@ -213,10 +233,10 @@ mod tests {
         fn a_change_of_gains_moves_nothing(
             settings in settings(), reference in -6000i16..6000, speed in -6000i16..6000, previous in -9000i16..9000,
         ) {
-            let Ok(config) = Quantiser::checked(&settings, PidConfig::speed) else { return Ok(()) };
+            let Ok(config) = PidConfig::speed(&settings) else { return Ok(()) };
             prop_assume!(settings.get(Param::SpeedKi) != 0.0);
             // An integral of more than 32 V does not exist.
-            let rest = (config.kr as f64 * reference as f64 + config.kp as f64 * speed as f64) / 1024.0;
+            let rest = (config.law.gains[0] as f64 * reference as f64 + config.law.gains[1] as f64 * speed as f64) / 1024.0;
             prop_assume!((previous as f64 - rest).abs() < 32767.0);
             let limits = Limits { low: -12000, high: 12000, previous, align: true };
             let mut state = PidState::default();
@@ -230,7 +250,7 @@ mod tests {
         let mut settings = Settings::defaults();
         settings.set(Param::SpeedKi, 5.0).unwrap();
         settings.set(Param::SpeedTt, 20.0).unwrap();
-        let config = Quantiser::checked(&settings, PidConfig::speed).unwrap();
+        let config = PidConfig::speed(&settings).unwrap();
         let limits = Limits { low: -5000, high: 5000, previous: 0, align: false };
         let mut state = PidState::default();
         for _ in 0..5000 {

@@ -42,19 +42,11 @@ pub const SAMPLE_COLUMNS: [(&str, u8, &str); 9] = [
     ("trip", 1, "trip code, 0 none"),
 ];
 
-/// The bytes of a sample.
-pub fn pack(sample: &Sample) -> [u8; SAMPLE_BYTES] {
-    let mut bytes = [0; SAMPLE_BYTES];
-    bytes[0..4].copy_from_slice(&sample.tick.to_le_bytes());
-    bytes[4..8].copy_from_slice(&sample.reference.to_le_bytes());
-    bytes[8..12].copy_from_slice(&sample.counts.to_le_bytes());
-    bytes[12..14].copy_from_slice(&sample.speed.to_le_bytes());
-    bytes[14..16].copy_from_slice(&sample.current.to_le_bytes());
-    bytes[16..18].copy_from_slice(&sample.duty.to_le_bytes());
-    bytes[18..20].copy_from_slice(&sample.supply.to_le_bytes());
-    bytes[20] = sample.state.0;
-    bytes[21] = sample.trip as u8;
-    bytes
+/// The bytes of a sample: those it has in memory.
+pub fn pack(sample: &Sample) -> &[u8; SAMPLE_BYTES] {
+    const { assert!(cfg!(target_endian = "little") && size_of::<Sample>() >= SAMPLE_BYTES) };
+    // SAFETY: `repr(C)` with the fields in the order of their sizes: no gaps before the last field's end.
+    unsafe { &*(&raw const *sample).cast() }
 }
 
 /// The sample of such bytes; none if the trip is one this version does not know.
@@ -82,25 +74,51 @@ pub struct Framer {
 
 impl Framer {
     /// A frame with `payload` (at most [`TEXT_CHUNK`] bytes; more is cut off) into `frame`; returns its length.
+    #[inline(never)]
     pub fn frame(&mut self, kind: u8, payload: &[u8], frame: &mut [u8; FRAME]) -> usize {
-        let mut content = [0; CONTENT];
-        content[0] = kind;
-        content[1] = self.sequence;
+        let mut encoder = Encoder { frame, crc: Crc16::default(), code: 0, end: 1 };
+        encoder.push(kind);
+        encoder.push(self.sequence);
         self.sequence = self.sequence.wrapping_add(1);
-        let mut end = 2;
-        for (place, &byte) in content[2..2 + TEXT_CHUNK].iter_mut().zip(payload) {
+        payload.iter().take(TEXT_CHUNK).for_each(|&byte| encoder.push(byte));
+        let [low, high] = encoder.crc.value().to_le_bytes();
+        encoder.push(low);
+        encoder.push(high);
+        // The end of the last group is the end of the frame.
+        encoder.put(0);
+        encoder.end as usize
+    }
+}
+
+/// COBS and CRC in one pass: each group of bytes other than zero is preceded by its length and one. A frame is shorter
+/// than the longest group.
+struct Encoder<'a> {
+    frame: &'a mut [u8; FRAME],
+    crc: Crc16,
+    /// Where the length of the present group will stand.
+    code: u8,
+    end: u8,
+}
+
+impl Encoder<'_> {
+    #[inline(never)]
+    fn push(&mut self, byte: u8) {
+        self.crc.push(byte);
+        self.put(byte);
+    }
+
+    #[inline(never)]
+    fn put(&mut self, byte: u8) {
+        if let Some(place) = self.frame.get_mut(self.end as usize) {
             *place = byte;
-            end += 1;
         }
-        let crc = Crc16::of(content.get(..end).unwrap_or(&[])).to_le_bytes();
-        for (place, byte) in content.iter_mut().skip(end).zip(crc) {
-            *place = byte;
+        if byte == 0 {
+            if let Some(place) = self.frame.get_mut(self.code as usize) {
+                *place = self.end - self.code;
+            }
+            self.code = self.end;
         }
-        let encoded = cobs::encode(content.get(..end + 2).unwrap_or(&[]), frame);
-        if let Some(last) = frame.get_mut(encoded) {
-            *last = 0;
-        }
-        encoded + 1
+        self.end += 1;
     }
 }
 
@@ -213,7 +231,7 @@ mod tests {
         fn samples_come_back(samples in proptest::collection::vec(sample(), 1..20)) {
             let (mut framer, mut decoder) = (Framer::default(), StreamDecoder::default());
             for sample in samples {
-                let frame = encode(&mut framer, SAMPLE, &pack(&sample));
+                let frame = encode(&mut framer, SAMPLE, pack(&sample));
                 prop_assert!(frame.len() <= 28 && frame.iter().rposition(|&b| b == 0) == Some(frame.len() - 1));
                 let found: Vec<Frame> = frame.iter().filter_map(|&byte| decoder.push(byte)).collect();
                 prop_assert_eq!(found, vec![Frame::Sample(sample)]);
@@ -238,7 +256,7 @@ mod tests {
             let mut framer = Framer::default();
             let samples: Vec<Sample> = (0..100).map(|tick| Sample { tick, ..Sample::default() }).collect();
             let mut stream: Vec<u8> =
-                samples.iter().flat_map(|sample| encode(&mut framer, SAMPLE, &pack(sample))).collect();
+                samples.iter().flat_map(|sample| encode(&mut framer, SAMPLE, pack(sample))).collect();
             let length = stream.len();
             for (at, byte) in damage {
                 stream[at % (length - 56)] = byte;

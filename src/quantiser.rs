@@ -1,63 +1,183 @@
-//! Turns settings into fixed-point numbers and remembers the first that does not fit.
+//! From settings to bits: the one place where floating point becomes fixed point.
 //!
-//! A configuration is some sixty conversions; reporting each by itself would cost the chip a quarter of its flash.
+//! A [`Quantiser`] goes on after a value that does not fit and keeps the first error, so that sixty conversions are
+//! sixty short calls and not sixty branches: on the chip that is a third of the flash it would take otherwise. How a
+//! setting becomes bits stands beside it in the list of settings, as its [`Format`].
 
-use crate::limits;
 use crate::settings::{BuildError, Param, Settings};
-use crate::units::{Rule, quantise};
+use crate::units::{AMPERE, FULL_RANGE, GAIN_LIMIT, Rule, VOLT, quantise};
 
-/// Settings under conversion.
+/// How a setting becomes bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Format {
+    /// By a formula of its own, in the block it belongs to.
+    Own = 0,
+    /// Volts, bits of [`crate::units::Voltage`].
+    Volt = 1,
+    /// Amperes, bits of [`crate::units::Current`].
+    Ampere = 2,
+    /// Volts per second, bits of voltage a tick.
+    Slew = 3,
+    /// Milliseconds, ticks.
+    Ticks = 4,
+    /// Volts per rad/s, bits of [`crate::units::Gain`].
+    SpeedGain = 5,
+    /// Volts per rad, bits of [`crate::units::Gain`].
+    PositionGain = 6,
+    /// Volts per ampere, bits of [`crate::units::Gain`].
+    CurrentGain = 7,
+    /// Volts per rad/s and second, bits of [`crate::units::IntegralGain`].
+    SpeedIntegral = 8,
+    /// Volts per rad and second, bits of [`crate::units::IntegralGain`].
+    PositionIntegral = 9,
+}
+
+impl Format {
+    /// Largest magnitude of the bits.
+    fn limit(self) -> u16 {
+        match self {
+            Self::Own | Self::Ticks => u16::MAX,
+            Self::Volt | Self::Ampere | Self::Slew => i16::MAX as u16,
+            _ => GAIN_LIMIT as u16,
+        }
+    }
+}
+
+/// Turns settings into bits and keeps the first error. Every formula is a constant times some settings over others,
+/// worked out step by step: `q.of(VOLT).times(Param::SupplyVoltage)`.
 pub struct Quantiser<'a> {
     settings: &'a Settings,
-    error: Option<BuildError>,
+    first_error: Option<BuildError>,
+    /// What the formula has come to.
+    value: f32,
 }
 
 impl<'a> Quantiser<'a> {
-    /// Nothing has failed yet.
+    /// Of these settings.
+    #[inline(always)]
     pub fn new(settings: &'a Settings) -> Self {
-        Self { settings, error: None }
+        Self { settings, first_error: None, value: 0.0 }
     }
 
-    /// What `convert` makes of the settings.
+    /// Builds one block on its own.
     ///
     /// # Errors
-    /// The first setting that a format cannot hold.
-    pub fn checked<T>(settings: &Settings, convert: impl FnOnce(&mut Quantiser) -> T) -> Result<T, BuildError> {
-        let mut quantiser = Quantiser::new(settings);
-        let converted = convert(&mut quantiser);
-        quantiser.finish().map(|()| converted)
+    /// The first setting that does not fit, with the rule it breaks.
+    pub fn build<T>(settings: &'a Settings, block: impl FnOnce(&mut Self) -> T) -> Result<T, BuildError> {
+        let mut quantiser = Self::new(settings);
+        let built = block(&mut quantiser);
+        quantiser.finish().map(|()| built)
     }
 
-    /// Whether everything fitted.
+    /// The same of a block that is filled in where it is: on the chip there is no room for a copy.
     ///
     /// # Errors
-    /// The first setting that did not.
+    /// As [`Quantiser::build`].
+    pub fn build_in_place<T: Default>(
+        settings: &'a Settings,
+        block: impl FnOnce(&mut T, &mut Self),
+    ) -> Result<T, BuildError> {
+        Self::build(settings, |quantiser| {
+            let mut built = T::default();
+            block(&mut built, quantiser);
+            built
+        })
+    }
+
+    /// Whether everything has fitted.
+    ///
+    /// # Errors
+    /// The first setting that has not, with the rule it breaks.
     pub fn finish(self) -> Result<(), BuildError> {
-        match self.error {
-            None => Ok(()),
-            Some(error) => Err(error),
-        }
+        self.first_error.map_or(Ok(()), Err)
     }
 
-    /// A setting in its own unit.
+    /// Begins a formula.
     #[inline(never)]
-    pub fn get(&self, param: Param) -> f32 {
-        self.settings.get(param)
+    pub fn of(&mut self, value: f32) -> &mut Self {
+        self.value = value;
+        self
     }
 
-    /// Blames a setting, unless another was blamed before.
+    /// Times a setting in its unit.
+    #[inline(never)]
+    pub fn times(&mut self, param: Param) -> &mut Self {
+        self.value *= self.settings.get(param);
+        self
+    }
+
+    /// Over a setting in its unit.
+    #[inline(never)]
+    pub fn over(&mut self, param: Param) -> &mut Self {
+        self.value /= self.settings.get(param);
+        self
+    }
+
+    /// What the formula has come to.
+    #[inline(always)]
+    pub fn value(&self) -> f32 {
+        self.value
+    }
+
+    /// Whether a setting that is a switch is on.
+    #[inline(never)]
+    pub fn is_on(&self, param: Param) -> bool {
+        self.settings.get(param) != 0.0
+    }
+
+    /// Whether the tick is the fast one of 2 kHz.
+    #[inline(never)]
+    pub fn is_fast(&self) -> bool {
+        self.settings.get(Param::TickRate) == 2000.0
+    }
+
+    /// `param` breaks `rule`.
     #[inline(never)]
     pub fn refuse(&mut self, param: Param, rule: Rule) {
-        if self.error.is_none() {
-            self.error = Some(rule.of(param));
+        if self.first_error.is_none() {
+            self.first_error = Some(rule.of(param));
         }
     }
 
-    /// `value` in bits, on the account of `param`; 0 where it does not fit.
+    /// A setting in the bits of its format.
     #[inline(never)]
-    pub fn value(&mut self, param: Param, value: f32, bits_per_unit: f32, limit: u16) -> u16 {
-        match quantise(value, bits_per_unit, limit) {
-            // Negative numbers in two's complement.
+    pub fn bits(&mut self, param: Param) -> i16 {
+        let format = param.format();
+        self.scale(format);
+        self.times(param);
+        self.round(param, format.limit()) as i16
+    }
+
+    /// Begins a formula with the bits of one unit.
+    #[inline(never)]
+    pub fn scale(&mut self, format: Format) -> &mut Self {
+        self.of(match format {
+            Format::Own => 1.0,
+            Format::Volt | Format::Slew => VOLT,
+            Format::Ampere => AMPERE,
+            Format::Ticks => 0.001,
+            Format::SpeedGain | Format::PositionGain => VOLT * 1024.0 / FULL_RANGE,
+            Format::CurrentGain => VOLT * 1024.0 / AMPERE,
+            Format::SpeedIntegral | Format::PositionIntegral => VOLT * 65536.0 / FULL_RANGE,
+        });
+        match format {
+            Format::SpeedGain | Format::SpeedIntegral => self.times(Param::SpeedRange),
+            Format::PositionGain | Format::PositionIntegral => self.times(Param::PositionRange),
+            Format::Ticks => self.times(Param::TickRate),
+            _ => self,
+        };
+        match format {
+            Format::Slew | Format::SpeedIntegral | Format::PositionIntegral => self.over(Param::TickRate),
+            _ => self,
+        }
+    }
+
+    /// The formula's value, rounded to the nearest whole number of at most `limit` either way; negative ones in two's
+    /// complement.
+    #[inline(never)]
+    pub fn round(&mut self, param: Param, limit: u16) -> u16 {
+        match quantise(self.value, 1.0, limit) {
             Ok(bits) => bits as u16,
             Err(rule) => {
                 self.refuse(param, rule);
@@ -66,53 +186,28 @@ impl<'a> Quantiser<'a> {
         }
     }
 
-    /// A setting in bits of 16 bits with a sign.
+    /// The same; what is above the limit is the limit.
     #[inline(never)]
-    pub fn bits(&mut self, param: Param, bits_per_unit: f32) -> i16 {
-        let value = self.get(param);
-        self.value(param, value, bits_per_unit, i16::MAX as u16) as i16
-    }
-
-    /// A setting in ms, in ticks.
-    #[inline(never)]
-    pub fn ticks(&mut self, param: Param) -> u16 {
-        let (value, rate) = (self.get(param), self.get(Param::TickRate));
-        self.value(param, value, rate * 0.001, u16::MAX)
-    }
-
-    /// [`limits::quantise_gain`], remembered.
-    #[inline(never)]
-    pub fn gain_value(&mut self, param: Param, value: f32, bits_per_unit: f32) -> i16 {
-        match limits::quantise_gain(value, bits_per_unit) {
-            Ok(bits) => bits,
-            Err(rule) => {
-                self.refuse(param, rule);
-                0
-            }
+    pub fn saturate(&mut self, param: Param, limit: u16) -> u16 {
+        if self.value > limit as f32 {
+            return limit;
         }
+        self.round(param, limit)
     }
 
-    /// The same of a setting.
+    /// One over the formula's value and `more`, bits of [`crate::units::Fraction`].
     #[inline(never)]
-    pub fn gain(&mut self, param: Param, bits_per_unit: f32) -> i16 {
-        let value = self.get(param);
-        self.gain_value(param, value, bits_per_unit)
+    pub fn one_over(&mut self, param: Param, more: f32) -> u16 {
+        self.value = 65536.0 / (self.value + more);
+        self.saturate(param, u16::MAX)
     }
 
-    /// Bits a unit of a per-unit signal with the given full range.
+    /// Refuses a range that is not a power of two.
     #[inline(never)]
-    pub fn bits_per_unit(&self, range: Param) -> f32 {
-        limits::bits_per_unit(self.settings, range)
-    }
-
-    /// A range setting, which has to be a power of two.
-    #[inline(never)]
-    pub fn power_of_two(&mut self, param: Param) -> f32 {
-        let value = self.get(param);
+    pub fn power_of_two(&mut self, param: Param) {
         // A power of two is a number without mantissa bits.
-        if value.to_bits() & 0x007f_ffff != 0 {
+        if self.settings.get(param).to_bits() & 0x007f_ffff != 0 {
             self.refuse(param, Rule::NotPowerOfTwo);
         }
-        value
     }
 }

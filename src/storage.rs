@@ -56,21 +56,29 @@ fn number(eeprom: &mut impl Eeprom, start: u16) -> Option<u8> {
     (crc.value() == u16::from_le_bytes(stored)).then(|| eeprom.read(start + 1))
 }
 
-/// The saved settings, if there are any whole ones within their ranges.
-pub fn load(eeprom: &mut impl Eeprom) -> Option<Settings> {
-    let (slot, _) = newest(eeprom)?;
-    let mut settings = Settings::defaults();
+/// Loads the saved settings, if there are any whole ones within their ranges; the content is of no use otherwise.
+#[inline(never)]
+pub fn load(eeprom: &mut impl Eeprom, settings: &mut Settings) -> bool {
+    let Some((slot, _)) = newest(eeprom) else { return false };
     let mut address = SLOTS[slot] + 2;
     for index in 0..Param::COUNT {
-        let bytes = [0, 1, 2, 3].map(|i| eeprom.read(address + i));
-        address += 4;
-        settings.set(Param::from_index(index)?, f32::from_le_bytes(bytes)).ok()?;
+        let mut bytes = [0; 4];
+        for byte in &mut bytes {
+            *byte = eeprom.read(address);
+            address += 1;
+        }
+        let Some(param) = Param::from_index(index) else { return false };
+        if settings.set(param, f32::from_le_bytes(bytes)).is_err() {
+            return false;
+        }
     }
-    Some(settings)
+    true
 }
 
-/// A save under way. Polled, because each byte takes milliseconds and the main loop must go on talking.
+/// A save under way, or none. Polled, because each byte takes milliseconds and the main loop must go on talking.
+#[derive(Default)]
 pub struct Saver {
+    busy: bool,
     start: u16,
     number: u8,
     /// Next offset to write; the mark is written first (invalid) and last.
@@ -80,7 +88,7 @@ pub struct Saver {
 
 impl Saver {
     /// Begins a save. The settings must not change until it is done.
-    pub fn start(eeprom: &mut impl Eeprom) -> Self {
+    pub fn start(&mut self, eeprom: &mut impl Eeprom) {
         let (slot, number) = match newest(eeprom) {
             Some((slot, number)) => (1 - slot, number.wrapping_add(1)),
             None => (0, 0),
@@ -88,12 +96,17 @@ impl Saver {
         let mut crc = Crc16::default();
         crc.push(VERSION);
         crc.push(number);
-        Self { start: SLOTS[slot], number, offset: 0, crc }
+        *self = Self { busy: true, start: SLOTS[slot], number, offset: 0, crc };
     }
 
-    /// Writes the next byte when the memory is ready; true when all is written.
+    /// Whether a save is under way.
+    pub fn is_busy(&self) -> bool {
+        self.busy
+    }
+
+    /// Writes the next byte when the memory is ready; true when with this all is written.
     pub fn poll(&mut self, eeprom: &mut impl Eeprom, settings: &Settings) -> bool {
-        if !eeprom.ready() {
+        if !self.busy || !eeprom.ready() {
             return false;
         }
         let (offset, byte) = match self.offset {
@@ -112,7 +125,10 @@ impl Saver {
                 (offset, crc[(offset - (SLOT - 2)) as usize & 1])
             }
             SLOT => (0, VERSION),
-            _ => return true,
+            _ => {
+                self.busy = false;
+                return true;
+            }
         };
         self.offset += 1;
         let address = self.start + offset;
@@ -141,7 +157,8 @@ mod tests {
         }
 
         fn save(&mut self, settings: &Settings) {
-            let mut saver = Saver::start(self);
+            let mut saver = Saver::default();
+            saver.start(self);
             while !saver.poll(self, settings) {}
         }
     }
@@ -163,6 +180,11 @@ mod tests {
         }
     }
 
+    fn loaded(memory: &mut Memory) -> Option<Settings> {
+        let mut settings = Settings::defaults();
+        load(memory, &mut settings).then_some(settings)
+    }
+
     fn numbered(number: usize) -> Settings {
         let mut settings = Settings::defaults();
         settings.set(Param::SpeedKi, number as f32 + 0.5).unwrap();
@@ -173,11 +195,11 @@ mod tests {
     #[test]
     fn blank_memory_holds_nothing_and_a_save_comes_back() {
         let mut memory = Memory::blank();
-        assert_eq!(load(&mut memory), None);
+        assert_eq!(loaded(&mut memory), None);
         // Past the wrap of the number.
         for number in 0..600 {
             memory.save(&numbered(number));
-            assert_eq!(load(&mut memory), Some(numbered(number)), "{number}");
+            assert_eq!(loaded(&mut memory), Some(numbered(number)), "{number}");
         }
     }
 
@@ -194,13 +216,13 @@ mod tests {
             for power in 0..=all {
                 let mut memory = Memory { bytes: start, writes: 0, power };
                 memory.save(&new);
-                let found = load(&mut memory);
+                let found = loaded(&mut memory);
                 assert!(found == Some(old) || found == Some(new), "after {power} writes");
                 assert_eq!(found == Some(new), power == all);
                 // And the next save works.
                 memory.power = usize::MAX;
                 memory.save(&numbered(9));
-                assert_eq!(load(&mut memory), Some(numbered(9)));
+                assert_eq!(loaded(&mut memory), Some(numbered(9)));
             }
         }
     }
@@ -223,7 +245,7 @@ mod tests {
             memory.save(&numbered(1));
             memory.save(&numbered(2));
             memory.bytes[address] ^= 1 << bit;
-            let found = load(&mut memory);
+            let found = loaded(&mut memory);
             prop_assert!(found == Some(numbered(1)) || found == Some(numbered(2)), "{found:?}");
         }
     }

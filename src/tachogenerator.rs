@@ -5,10 +5,11 @@
 //! steps, and keeps its value otherwise. Resolution: one ADC step (3.3 rpm at 3 V per 1000 rpm) before the filter. The
 //! ripple is the filter's business: `speed_filter`.
 
-use crate::arith::{mul_u16, saturate_i16};
+use crate::arith::{call_saturate_i16, mul_u16};
 use crate::low_pass::{LowPassConfig, LowPassState};
 use crate::quantiser::Quantiser;
-use crate::settings::Param;
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::FULL_RANGE;
 
 /// ADC steps (24 mV before the divider: 8 rpm at 3 V per 1000 rpm) below which the direction may turn.
 pub const NEAR_ZERO: u16 = 5;
@@ -24,17 +25,21 @@ pub struct TachoConfig {
 }
 
 impl TachoConfig {
-    /// From `tacho_gain`, `speed_range` and `speed_filter`.
-    #[inline(never)]
+    /// From `tacho_gain`, `speed_range` and `speed_filter`. A scale outside the format is blamed on `tacho_gain`.
+    #[inline(always)]
     pub fn quantised(q: &mut Quantiser) -> Self {
-        // V per rad/s after the divider.
-        let gain = q.get(Param::TachoGain) * (60.0 / core::f32::consts::TAU / 1000.0 * 0.5);
-        let speed_per_step = 5.0 / 1024.0 / gain;
-        let unit = q.bits_per_unit(Param::SpeedRange) * 256.0;
-        Self {
-            scale: q.value(Param::TachoGain, speed_per_step, unit, u16::MAX),
-            filter: LowPassConfig::quantised(q, Param::SpeedFilter),
-        }
+        // V per rad/s after the divider, and rad/s an ADC step.
+        const GAIN: f32 = 60.0 / core::f32::consts::TAU / 1000.0 * 0.5;
+        q.of(5.0 / 1024.0 / GAIN * 256.0 * FULL_RANGE).over(Param::SpeedRange).over(Param::TachoGain);
+        Self { scale: q.round(Param::TachoGain, u16::MAX), filter: LowPassConfig::quantised(q, Param::SpeedFilter) }
+    }
+
+    /// The same, on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build(settings, Self::quantised)
     }
 }
 
@@ -47,12 +52,12 @@ pub struct TachoState {
 
 impl TachoState {
     /// One tick: conversion 0..=1023 and the voltage of the tick before; speed in bits.
-    #[inline]
+    #[inline(never)]
     pub fn step(&mut self, config: &TachoConfig, sample: u16, voltage: i16) -> i16 {
         if sample < NEAR_ZERO && voltage.saturating_abs() >= LEAST_VOLTAGE {
             self.backward = voltage < 0;
         }
-        let magnitude = saturate_i16((mul_u16(sample, config.scale) >> 8) as i32);
+        let magnitude = call_saturate_i16((mul_u16(sample, config.scale) >> 8) as i32);
         self.filter.step(&config.filter, if self.backward { -magnitude } else { magnitude })
     }
 }
@@ -60,7 +65,6 @@ impl TachoState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Settings;
     use proptest::prelude::*;
 
     proptest! {
@@ -69,7 +73,7 @@ mod tests {
         fn scale(gain in 0.5f32..30.0, sample in 0u16..1024) {
             let mut settings = Settings::defaults();
             settings.set(Param::TachoGain, gain).unwrap();
-            let Ok(config) = Quantiser::checked(&settings, TachoConfig::quantised) else { return Ok(()) };
+            let Ok(config) = TachoConfig::build(&settings) else { return Ok(()) };
             let exact = sample as f64 * 5.0 / 1024.0 * 2.0 / gain as f64 * 1000.0 / 60.0 * std::f64::consts::TAU * 64.0;
             let speed = TachoState::default().step(&config, sample, 5000) as f64;
             let tolerance = 1.0 + exact * 0.5 / config.scale as f64;
@@ -79,7 +83,7 @@ mod tests {
 
     #[test]
     fn the_sign_turns_at_standstill_not_with_the_voltage() {
-        let config = Quantiser::checked(&Settings::defaults(), TachoConfig::quantised).unwrap();
+        let config = TachoConfig::build(&Settings::defaults()).unwrap();
         let mut state = TachoState::default();
         assert!(state.step(&config, 300, 8000) > 0);
         // Reversed voltage: the motor still turns forward while it slows down.

@@ -14,10 +14,10 @@
 //!
 //! Formats: speed bits with 14 fractional bits; counts with 12. Steps are rounded down: limits are never exceeded.
 
-use crate::arith::{mul_i16_u16, saturate_i16};
-use crate::quantiser::Quantiser;
-use crate::settings::Param;
-use crate::units::Rule;
+use crate::arith::{call_mul_i16_u16, call_saturate_i16, whole};
+use crate::quantiser::{Format, Quantiser};
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::{FULL_RANGE, Rule};
 
 /// Fractional bits of the speed profile.
 const SPEED_FRACTION: u32 = 14;
@@ -39,39 +39,53 @@ pub struct TrajectoryConfig {
 }
 
 impl TrajectoryConfig {
-    /// From `acceleration`, `jerk_time`, `cruise_speed`, `counts_per_rev`, `speed_range` and `tick_rate`.
-    #[inline(never)]
-    pub fn quantised(q: &mut Quantiser) -> Self {
-        let rate = q.get(Param::TickRate);
-        let acceleration = q.get(Param::Acceleration);
-        let jerk_ticks = q.get(Param::JerkTime) * rate * 0.001;
-        let speed_bits = q.bits_per_unit(Param::SpeedRange);
-        let counts = q.get(Param::CountsPerRev) / core::f32::consts::TAU;
-        let speed_unit = speed_bits * (1u32 << SPEED_FRACTION) as f32 / rate;
-        let position_unit = counts * (1u32 << POSITION_FRACTION) as f32 / rate;
-        let cruise = q.get(Param::CruiseSpeed) * position_unit;
-        let scale = speed_bits * rate / counts / 256.0;
-        let fine = scale * 65536.0 < 65535.0;
-        let blamed = if jerk_ticks > 1.0 { Param::JerkTime } else { Param::Acceleration };
-        Self {
-            speed: RampConfig::quantised(q, acceleration * speed_unit, jerk_ticks, Param::JerkTime, blamed),
-            position: RampConfig::quantised(
-                q,
-                cruise,
-                cruise / (acceleration * position_unit / rate),
-                Param::CruiseSpeed,
-                Param::Acceleration,
-            ),
-            average: power_of_two(jerk_ticks),
-            speed_scale: q.value(Param::SpeedRange, scale, if fine { 65536.0 } else { 256.0 }, u16::MAX),
-            fine,
+    /// From `acceleration`, `jerk_time`, `cruise_speed`, `counts_per_rev`, `speed_range` and `tick_rate`. A change too
+    /// slow for the formats is blamed on what makes it slow, a way too long on what makes it long.
+    #[inline(always)]
+    pub fn quantise(&mut self, q: &mut Quantiser) {
+        const SPEED: f32 = FULL_RANGE * (1u32 << SPEED_FRACTION) as f32;
+        const COUNTS: f32 = (1u32 << POSITION_FRACTION) as f32 / core::f32::consts::TAU;
+        let jerk_ticks = q.scale(Format::Ticks).times(Param::JerkTime).value();
+        let slow = if jerk_ticks > 1.0 { Param::JerkTime } else { Param::Acceleration };
+        q.of(SPEED).times(Param::Acceleration).over(Param::TickRate).over(Param::SpeedRange);
+        self.speed.quantise(q, jerk_ticks, Param::JerkTime, slow);
+        let cruise_ticks = q.of(1.0).times(Param::CruiseSpeed).over(Param::Acceleration).times(Param::TickRate).value();
+        q.of(COUNTS).times(Param::CountsPerRev).times(Param::CruiseSpeed).over(Param::TickRate);
+        self.position.quantise(q, cruise_ticks, Param::CruiseSpeed, Param::Acceleration);
+        q.of(core::f32::consts::TAU * FULL_RANGE).times(Param::TickRate).over(Param::CountsPerRev);
+        let fine = q.over(Param::SpeedRange).value() < 255.0;
+        if fine {
+            q.of(q.value() * 256.0);
         }
+        self.speed_scale = q.round(Param::SpeedRange, u16::MAX);
+        self.average = power_of_two(jerk_ticks);
+        self.fine = fine;
+    }
+
+    /// The same, on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build_in_place(settings, Self::quantise)
     }
 }
 
 /// Smallest power of two that is not below `ticks`, at most 256.
 fn power_of_two(ticks: f32) -> u8 {
-    (0..8).find(|&power| ticks <= (1u16 << power) as f32).unwrap_or(8)
+    let ticks = round_up(ticks);
+    let mut power = 0;
+    while power < 8 && (1 << power) < ticks {
+        power += 1;
+    }
+    power
+}
+
+/// The next whole number.
+#[inline(never)]
+fn round_up(value: f32) -> i32 {
+    let below = whole(value);
+    if (below as f32) < value { below + 1 } else { below }
 }
 
 /// How fast a rate may change, and how far it may go.
@@ -82,27 +96,22 @@ struct RampConfig {
 }
 
 impl RampConfig {
-    /// `limit` reached in `steps` steps, rounded up. `long` is blamed when that takes too long, `fine` when a step would
-    /// be nothing.
+    /// The formula's value reached in `steps` steps, rounded up; `far` is to blame for a way too long, `slow` for a step of nothing.
     #[inline(never)]
-    fn quantised(q: &mut Quantiser, limit: f32, steps: f32, long: Param, fine: Param) -> Self {
+    fn quantise(&mut self, q: &mut Quantiser, steps: f32, far: Param, slow: Param) {
+        let limit = q.value();
         // A whole number of steps, so that the limit is reached exactly.
-        let whole = steps as i32 as f32;
-        let steps = if steps <= 1.0 {
-            1.0
-        } else if whole < steps {
-            whole + 1.0
-        } else {
-            whole
-        };
-        if limit * steps >= LONGEST_STOP {
-            q.refuse(long, Rule::TooLarge);
+        let steps = round_up(if steps < 1.0 { 1.0 } else { steps });
+        if limit * steps as f32 >= LONGEST_STOP {
+            q.refuse(far, Rule::TooLarge);
+            return;
         }
-        let step = (limit / steps) as i32;
+        let step = whole(limit / steps as f32);
         if step == 0 {
-            q.refuse(fine, Rule::RoundsToZero);
+            q.refuse(slow, Rule::RoundsToZero);
         }
-        Self { step, limit: step.wrapping_mul(steps as i32) }
+        self.step = step;
+        self.limit = step * steps;
     }
 }
 
@@ -248,21 +257,21 @@ impl PositionProfile {
     }
 
     /// One tick: the reference in counts, and its speed in bits.
-    #[inline(always)]
+    #[inline(never)]
     pub fn step(&mut self, config: &TrajectoryConfig) -> (i32, i16) {
         if !self.moving() {
             return (self.counts, 0);
         }
-        if config.average == 0 {
-            self.lead.target = self.target;
-            let moved = self.lead.step(&config.position);
-            return self.advance(config, moved);
-        }
         if self.due == 0 && self.lead.target != self.target {
             self.lead.target = self.target;
-            self.due = 1 << config.average;
+            // Without an average the copy that follows is due at once: it is never asked to move.
+            self.due = if config.average == 0 { 0 } else { 1 << config.average };
         }
-        self.gap += self.lead.step(&config.position);
+        let moved = self.lead.step(&config.position);
+        if config.average == 0 {
+            return self.advance(config, moved);
+        }
+        self.gap += moved;
         if self.due != 0 {
             self.due -= 1;
             if self.due == 0 {
@@ -282,16 +291,15 @@ impl PositionProfile {
         self.counts = self.counts.wrapping_add(position >> shift);
         self.fraction = position & ((1i32 << shift) - 1);
         // Counts a tick with 8 fractional bits.
-        let speed = saturate_i16(gap >> (config.average + 4));
-        let bits = mul_i16_u16(speed, config.speed_scale);
-        (self.counts, saturate_i16(if config.fine { bits >> 16 } else { bits >> 8 }))
+        let speed = call_saturate_i16(gap >> (config.average + 4));
+        let bits = call_mul_i16_u16(speed, config.speed_scale);
+        (self.counts, call_saturate_i16(if config.fine { bits >> 16 } else { bits >> 8 }))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Settings;
     use proptest::prelude::*;
 
     fn settings(acceleration: f32, jerk_ms: f32, cruise: f32) -> Settings {
@@ -311,7 +319,7 @@ mod tests {
             acceleration in 20f32..50_000.0, jerk_ms in prop_oneof![Just(0.0f32), 1f32..255.0],
             start in -30000i16..30000, targets in proptest::collection::vec((-30000i16..30000, 1usize..400), 1..6),
         ) {
-            let Ok(config) = Quantiser::checked(&settings(acceleration, jerk_ms, 100.0), TrajectoryConfig::quantised) else { return Ok(()) };
+            let Ok(config) = TrajectoryConfig::build(&settings(acceleration, jerk_ms, 100.0)) else { return Ok(()) };
             let mut profile = SpeedProfile::start(start);
             let bit = 16384.0;
             let limit = acceleration as f64 * 0.064;
@@ -339,7 +347,7 @@ mod tests {
         /// From rest: no overshoot, and as fast as the limits allow.
         #[test]
         fn speed_profile_time(acceleration in 50f32..20_000.0, jerk_ms in 0f32..200.0, target in 500i16..30000) {
-            let Ok(config) = Quantiser::checked(&settings(acceleration, jerk_ms, 100.0), TrajectoryConfig::quantised) else { return Ok(()) };
+            let Ok(config) = TrajectoryConfig::build(&settings(acceleration, jerk_ms, 100.0)) else { return Ok(()) };
             let mut profile = SpeedProfile::start(0);
             profile.retarget(target);
             let mut ticks = 0;
@@ -363,7 +371,7 @@ mod tests {
             start in -1_000_000i32..1_000_000, targets in proptest::collection::vec((-30_000i32..30_000, 1usize..600), 1..5),
         ) {
             let settings = settings(acceleration, jerk_ms, cruise);
-            let Ok(config) = Quantiser::checked(&settings, TrajectoryConfig::quantised) else { return Ok(()) };
+            let Ok(config) = TrajectoryConfig::build(&settings) else { return Ok(()) };
             let counts = 2000.0 / std::f64::consts::TAU;
             let fastest = cruise as f64 * counts / 1000.0;
             let mut profile = PositionProfile::start(start);
@@ -395,7 +403,7 @@ mod tests {
     #[test]
     fn an_s_curve_limits_the_jerk_of_a_position_move() {
         let jerk = |jerk_ms: f32| {
-            let config = Quantiser::checked(&settings(2000.0, jerk_ms, 50.0), TrajectoryConfig::quantised).unwrap();
+            let config = TrajectoryConfig::build(&settings(2000.0, jerk_ms, 50.0)).unwrap();
             let mut profile = PositionProfile::start(0);
             profile.retarget(20_000);
             let (mut speeds, mut count) = (vec![0i32], 0);
@@ -414,7 +422,7 @@ mod tests {
 
     #[test]
     fn limits_that_do_not_fit_are_named() {
-        let build = |a, j, c| Quantiser::checked(&settings(a, j, c), TrajectoryConfig::quantised).map(|_| ());
+        let build = |a, j, c| TrajectoryConfig::build(&settings(a, j, c)).map(|_| ());
         assert_eq!(build(0.1, 0.0, 0.01), Err(Rule::RoundsToZero.of(Param::Acceleration)));
         assert_eq!(build(900_000.0, 255.0, 10.0), Err(Rule::TooLarge.of(Param::JerkTime)));
         assert_eq!(build(1.0, 0.0, 1000.0), Err(Rule::TooLarge.of(Param::CruiseSpeed)));

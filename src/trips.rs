@@ -19,11 +19,11 @@
 //! "Driven" means a voltage above a quarter of the supply setting: below it a motor may rest in its friction, and the
 //! L293D's own drop (2.6 V) may leave nothing to brake with.
 
-use crate::arith::{mul_i16, mul_i16_u16, saturate_i16};
+use crate::arith::{call_mul_i16, call_mul_i16_u16, mul_i16, mul_i16_u16, saturating_sub_i16};
 use crate::message::Trip;
 use crate::quantiser::Quantiser;
-use crate::settings::Param;
-use crate::units::{AMPERE, VOLT};
+use crate::settings::{BuildError, Param, Settings};
+use crate::units::VOLT;
 
 /// Thresholds in bits, times in ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -51,39 +51,47 @@ pub struct TripsConfig {
 
 impl TripsConfig {
     /// From the settings `trip_*`, `resistance` and `supply`.
-    #[inline(never)]
-    pub fn quantised(q: &mut Quantiser) -> Self {
-        let rate = q.get(Param::TickRate);
-        let per_ms = rate * 0.001;
-        let continuous = q.bits(Param::TripContinuous, AMPERE);
-        let thermal_s = q.get(Param::TripThermalTime);
-        let supply_high = q.get(Param::TripSupplyHigh);
-        Self {
-            peak: q.bits(Param::TripPeak, AMPERE),
-            peak_ticks: (5.0 * per_ms) as i32 as u8,
-            continuous,
-            heat_limit: (mul_i16(continuous, continuous) >> 15) as i16,
-            heat_rate: q.value(Param::TripThermalTime, 1.0 / (rate * thermal_s), 16_777_216.0, u16::MAX),
-            turning: turning(q),
-            driven: q.bits(Param::SupplyVoltage, VOLT / 4.0),
-            stall_ticks: q.ticks(Param::TripStall),
-            encoder_ticks: q.ticks(Param::TripEncoder),
-            runaway_ticks: q.ticks(Param::TripRunaway),
-            supply_low: (q.get(Param::TripSupplyLow).min(31.9) * VOLT) as i32 as i16,
-            supply_high: if supply_high >= 31.9 { i16::MAX } else { q.bits(Param::TripSupplyHigh, VOLT) },
-            supply_ticks: (10.0 * per_ms) as i32 as u8,
-            host_ticks: q.ticks(Param::TripHost),
-            hung_ticks: (100.0 * per_ms) as i32 as u8,
-        }
+    #[inline(always)]
+    pub fn quantise(&mut self, q: &mut Quantiser) {
+        // 5, 10 and 100 ms.
+        let [peak_ticks, supply_ticks, hung_ticks] = if q.is_fast() { [10, 20, 200] } else { [5, 10, 100] };
+        let continuous = q.bits(Param::TripContinuous);
+        self.peak = q.bits(Param::TripPeak);
+        self.peak_ticks = peak_ticks;
+        self.continuous = continuous;
+        self.heat_limit = (call_mul_i16(continuous, continuous) << 1 >> 16) as i16;
+        self.heat_rate = heat_rate(q);
+        // Current bits per voltage bit at stall is 4 / R; a quarter of it.
+        self.turning = q.of(1.0).times(Param::Resistance).one_over(Param::Resistance, 0.0);
+        self.driven = q.bits(Param::SupplyVoltage) >> 2;
+        self.stall_ticks = q.bits(Param::TripStall) as u16;
+        self.encoder_ticks = q.bits(Param::TripEncoder) as u16;
+        self.runaway_ticks = q.bits(Param::TripRunaway) as u16;
+        self.supply_low = supply_bits(q, Param::TripSupplyLow);
+        self.supply_high = supply_bits(q, Param::TripSupplyHigh);
+        self.supply_ticks = supply_ticks;
+        self.host_ticks = q.bits(Param::TripHost) as u16;
+        self.hung_ticks = hung_ticks;
+    }
+
+    /// The same, on its own.
+    ///
+    /// # Errors
+    /// The first setting its format cannot hold, named.
+    pub fn build(settings: &Settings) -> Result<Self, BuildError> {
+        Quantiser::build_in_place(settings, Self::quantise)
     }
 }
 
-/// Current bits per voltage bit at stall is 4 / R; a quarter of it, as large as the format allows.
-#[inline(always)]
-fn turning(q: &mut Quantiser) -> u16 {
-    let largest = 65535.0 / 65536.0;
-    let turning = (1.0 / q.get(Param::Resistance)).min(largest);
-    q.value(Param::Resistance, turning, 65535.0, u16::MAX)
+/// Tick over thermal time, times 2^24.
+fn heat_rate(q: &mut Quantiser) -> u16 {
+    q.of(1.0 / 256.0).times(Param::TickRate).times(Param::TripThermalTime).one_over(Param::TripThermalTime, 0.0)
+}
+
+/// A limit of the supply; one beyond the format is never reached.
+#[inline(never)]
+fn supply_bits(q: &mut Quantiser, param: Param) -> i16 {
+    q.of(VOLT).times(param).saturate(param, i16::MAX as u16) as i16
 }
 
 /// What the trips look at, in bits.
@@ -132,8 +140,8 @@ impl TripsState {
     /// One tick: the first condition that has held for its time, or [`Trip::None`].
     #[inline(always)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
-        let magnitude = seen.current.saturating_abs();
-        let always = self.always(config, seen, magnitude);
+        let current = magnitude(seen.current);
+        let always = self.always(config, seen, current);
         if !armed {
             self.host = 0;
             self.still = 0;
@@ -141,7 +149,7 @@ impl TripsState {
             self.against = 0;
             return always;
         }
-        if always != Trip::None { always } else { self.while_armed(config, seen, magnitude) }
+        if always != Trip::None { always } else { self.while_armed(config, seen, current) }
     }
 
     /// What is watched whether armed or not.
@@ -176,7 +184,7 @@ impl TripsState {
                 return Trip::HostLost;
             }
         }
-        let drive = seen.voltage.saturating_abs();
+        let drive = magnitude(seen.voltage);
         if drive < config.driven {
             self.still = 0;
             self.silent = 0;
@@ -193,14 +201,14 @@ impl TripsState {
     }
 
     /// Driven without motion: a blocked motor draws its stall current, a turning or disconnected one does not.
-    #[inline(always)]
+    #[inline(never)]
     fn motionless(&mut self, config: &TripsConfig, drive: i16, current: i16) -> Trip {
         if current > config.continuous {
             self.still = self.still.saturating_add(1);
             if config.stall_ticks != 0 && self.still >= config.stall_ticks {
                 return Trip::Stall;
             }
-        } else if (current as i32) < mul_i16_u16(drive, config.turning) >> 16 {
+        } else if (current as i32) < call_mul_i16_u16(drive, config.turning) >> 16 {
             self.silent = self.silent.saturating_add(1);
             if config.encoder_ticks != 0 && self.silent >= config.encoder_ticks {
                 return Trip::EncoderSilent;
@@ -212,10 +220,10 @@ impl TripsState {
     /// Speed against the voltage is braking as long as it falls; when it does not, the feedback has the wrong sign.
     #[inline(always)]
     fn runaway(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
-        let speed = seen.speed.saturating_abs();
+        let speed = magnitude(seen.speed);
         if (seen.voltage ^ seen.speed) >= 0 || seen.speed == 0 {
             self.against = 0;
-        } else if self.against == 0 || speed < self.against_speed.saturating_sub(FALLING) {
+        } else if self.against == 0 || speed < saturating_sub_i16(self.against_speed, FALLING) {
             self.against = 1;
             self.against_speed = speed;
         } else {
@@ -230,7 +238,7 @@ impl TripsState {
     /// Low-pass of the squared current. Both are below 2^15, so nothing here can leave 32 bits.
     #[inline(always)]
     fn heat_up(&mut self, config: &TripsConfig, current: i16) {
-        let heat = saturate_i16(mul_i16(current, current) >> 15);
+        let heat = (mul_i16(current, current) << 1 >> 16) as i16;
         let difference = heat - (self.heat >> 16) as i16;
         self.heat += mul_i16_u16(difference, config.heat_rate) >> 8;
     }
@@ -238,6 +246,12 @@ impl TripsState {
 
 /// Bits of speed (2^-8 of the range) by which a braked motor must have slowed down to count as slowing.
 const FALLING: i16 = 128;
+
+/// The magnitude; the one number that has none in 16 bits is taken as the largest that has.
+#[inline(always)]
+fn magnitude(value: i16) -> i16 {
+    if value < 0 { saturating_sub_i16(0, value) } else { value }
+}
 
 /// Whether `condition` has now held for `ticks` in a row.
 #[inline(always)]
@@ -253,7 +267,7 @@ fn for_ticks(counter: &mut u8, condition: bool, ticks: u8) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::settings::Settings;
+    use crate::units::AMPERE;
     use proptest::prelude::*;
 
     /// A motor that turns quietly.
@@ -271,7 +285,7 @@ mod tests {
 
     /// Ticks until the trip that `observation` brings, or none within ten seconds.
     fn trips_after(settings: &Settings, observation: impl Fn(u32) -> Observation) -> Option<(Trip, u32)> {
-        let config = Quantiser::checked(settings, TripsConfig::quantised).unwrap();
+        let config = TripsConfig::build(settings).unwrap();
         let mut state = TripsState::default();
         (0..10_000).find_map(|tick| match state.step(&config, &observation(tick), true) {
             Trip::None => None,
@@ -364,7 +378,7 @@ mod tests {
         /// Whatever is seen, nothing overflows, and nothing but a trip is returned.
         #[test]
         fn anything_goes(values in proptest::collection::vec(any::<(i16, i16, i16, u8)>(), 1..300)) {
-            let config = Quantiser::checked(&Settings::defaults(), TripsConfig::quantised).unwrap();
+            let config = TripsConfig::build(&Settings::defaults()).unwrap();
             let mut state = TripsState::default();
             for (voltage, current, speed, flags) in values {
                 let supply = (flags & 1 != 0).then_some(voltage);

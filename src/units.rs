@@ -46,9 +46,11 @@ pub const AMPERE: f32 = 4096.0;
 pub const FULL_RANGE: f32 = 32768.0;
 
 /// What is wrong with a setting: which rule it breaks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Rule {
     /// The fixed-point format cannot hold a value this large.
+    #[default]
     TooLarge,
     /// The value is below the setting's range.
     TooSmall,
@@ -75,7 +77,7 @@ pub fn quantise(value: f32, bits_per_unit: f32, limit: u16) -> Result<i32, Rule>
     if magnitude > limit as f32 + 0.5 {
         return Err(Rule::TooLarge);
     }
-    let rounded = (magnitude + 0.5) as i32;
+    let rounded = crate::arith::whole(magnitude + 0.5);
     if rounded > limit as i32 {
         Err(Rule::TooLarge)
     } else if rounded == 0 && magnitude != 0.0 {

@@ -5,63 +5,93 @@ mod common;
 use common::Uno;
 use motorbench_core::message::{State, Trip};
 
-/// Bits of speed at the default range of 512 rad/s.
-fn speed_bits(rad_per_s: f64) -> i32 {
-    (rad_per_s * 64.0) as i32
+/// How a step was answered: what the firmware reports and what the shaft does must tell the same.
+struct Answer {
+    rise_s: f64,
+    overshoot: f64,
+    error: f64,
+}
+
+/// Follows a step from `from` to `to` for `duration_s`, by the true value.
+fn answer(uno: &mut Uno, from: f64, to: f64, duration_s: f64, value: impl Fn(&mut Uno) -> f64) -> Answer {
+    let mut values = Vec::new();
+    for _ in 0..(duration_s * 1000.0) as usize {
+        uno.run_s(0.001);
+        values.push((value(uno) - from) / (to - from));
+    }
+    let reached = |part: f64| values.iter().position(|&v| v >= part).unwrap_or(values.len()) as f64 * 0.001;
+    let tail = &values[values.len() - 200..];
+    Answer {
+        rise_s: reached(0.9) - reached(0.1),
+        overshoot: values.iter().copied().fold(0.0, f64::max) - 1.0,
+        error: (tail.iter().sum::<f64>() / tail.len() as f64 - 1.0) * (to - from),
+    }
 }
 
 #[test]
 fn holds_a_speed_from_rest_through_reversal_and_a_load_step() {
-    for (mode, name) in [(2, "PID"), (4, "LQR")] {
+    for mode in ["speed", "lqr_speed"] {
         let mut uno = Uno::start();
-        uno.order("t1");
-        uno.order("a");
-        uno.order(&format!("m{mode}"));
+        uno.order("arm");
+        uno.order(&format!("mode {mode}"));
+        let mut from = 0.0;
         for target in [60.0, -60.0] {
-            uno.order(&format!("r{}", speed_bits(target)));
-            uno.run_s(1.5);
+            uno.order(&format!("ref {target}"));
+            let speed = |uno: &mut Uno| uno.bench.now().speed_rad_per_s;
+            let step = answer(&mut uno, from, target, 1.5, speed);
             let (sample, truth) = (uno.last(), uno.bench.now());
             println!(
-                "{name}: {target} rad/s: reports {:.2}, turns {:.2}",
+                "{mode}: {from} to {target} rad/s: rise {:.0} ms, overshoot {:.1} %, error {:.2} rad/s; reports {:.2}",
+                step.rise_s * 1e3,
+                step.overshoot * 100.0,
+                step.error,
                 sample.speed as f64 / 64.0,
-                truth.speed_rad_per_s
             );
             assert_eq!(sample.trip, Trip::None);
+            assert!(step.rise_s < 0.4 && step.overshoot < 0.35 && step.error.abs() < 0.5);
             assert!((truth.speed_rad_per_s - target).abs() < 0.5, "{truth:?}");
             assert!((sample.speed as f64 / 64.0 - truth.speed_rad_per_s).abs() < 0.5);
+            from = target;
         }
         uno.bench.set_load_torque_nm(-0.01);
         uno.run_s(1.0);
         assert!((uno.bench.now().speed_rad_per_s + 60.0).abs() < 0.5);
         assert_eq!((uno.decoder.lost, uno.decoder.damaged), (0, 0));
         let ticks: Vec<u32> = uno.samples.iter().map(|sample| sample.tick).collect();
-        assert!(ticks.windows(2).all(|pair| pair[1] == pair[0] + 1), "a sample is missing");
+        let gaps: Vec<_> = ticks.windows(2).filter(|pair| pair[1] != pair[0] + 1).collect();
+        assert!(gaps.is_empty(), "samples are missing: {gaps:?}");
     }
 }
 
 #[test]
 fn holds_a_position() {
-    for mode in [3, 5] {
+    for mode in ["position", "lqr_position"] {
         let mut uno = Uno::start();
-        uno.order("t1");
-        uno.order("a");
-        uno.order(&format!("m{mode}"));
-        uno.order("r4000");
-        uno.run_s(2.0);
+        uno.order("arm");
+        uno.order(&format!("mode {mode}"));
+        uno.order("ref 12.566");
+        let counts = |uno: &mut Uno| uno.bench.now().encoder_count as f64;
+        let step = answer(&mut uno, 0.0, 4000.0, 2.0, counts);
         let (sample, truth) = (uno.last(), uno.bench.now());
-        println!("mode {mode}: at {} counts, truly {}", sample.counts, truth.encoder_count);
+        println!(
+            "{mode}: 0 to 4000 counts: rise {:.0} ms, overshoot {:.1} %, error {:.0} counts",
+            step.rise_s * 1e3,
+            step.overshoot * 100.0,
+            step.error
+        );
         assert_eq!(sample.trip, Trip::None);
         assert_eq!(sample.counts as i64, truth.encoder_count);
         assert!((sample.counts - 4000).abs() < 150, "{}", sample.counts);
+        assert!(step.rise_s < 1.0 && step.overshoot < 0.2);
     }
 }
 
 #[test]
 fn nothing_drives_before_it_is_armed() {
     let mut uno = Uno::start();
-    uno.order("t1");
-    uno.order("m2");
-    uno.order("r6000");
+    uno.refused("mode speed");
+    uno.refused("ref 93");
+    uno.order("mode off");
     uno.run_s(0.5);
     assert_eq!(uno.last().duty, 0);
     assert!(!uno.last().state.has(State::ARMED));
@@ -71,7 +101,7 @@ fn nothing_drives_before_it_is_armed() {
 #[test]
 fn the_emergency_stop_stops() {
     let mut uno = Uno::start();
-    for order in ["t1", "a", "m2", "r3000"] {
+    for order in ["arm", "mode speed", "ref 47"] {
         uno.order(order);
     }
     uno.run_s(0.5);
@@ -90,7 +120,7 @@ fn the_emergency_stop_stops() {
 fn what_the_interrupts_cost() {
     use host_sim::chip::registers::vector;
     let mut uno = Uno::start();
-    for order in ["t1", "a", "m2", "r3000"] {
+    for order in ["arm", "mode speed", "ref 47"] {
         uno.order(order);
     }
     uno.run_s(0.05);
@@ -116,9 +146,8 @@ fn what_the_interrupts_cost() {
 fn no_count_is_lost_at_the_fastest_edges() {
     for edges_per_ms in [20, 50, 100] {
         let mut uno = Uno::start();
-        uno.order("t1");
-        uno.order("a");
-        uno.order("m1");
+        uno.order("arm");
+        uno.order("mode open");
         uno.bench.set_edge_train_per_s(Some(edges_per_ms as f64 * 1000.0));
         uno.run_s(0.05);
         uno.samples.clear();
@@ -143,10 +172,22 @@ fn the_stack_has_room() {
     // Static variables end here; the start-up code has written below.
     let first_free = uno.bench.program().variable("_end").expect("_end");
     uno.bench.chip_mut().paint_stack(first_free);
-    for order in ["t1", "a", "m5", "r3000", "m4", "r3000", "p7"] {
-        uno.order(order);
+    for order in [
+        "arm",
+        "mode lqr_position",
+        "ref 9",
+        "mode lqr_speed",
+        "ref 47",
+        "set speed_kp 0.06 speed_ki 1.1",
+        "save",
+        "load",
+        "sequence identify 64 0 100",
+    ] {
+        uno.ask(order);
         uno.run_s(0.2);
     }
+    uno.ask("help");
+    uno.ask("show");
     let free = uno.bench.chip().stack_free_bytes(first_free);
     println!("{} bytes of static RAM, {free} bytes of stack never used", first_free - 0x100);
     assert!(free >= 200, "{free}");

@@ -27,6 +27,8 @@ struct Observer {
     ticks: Vec<Tick>,
     pending: Option<Request>,
     decoder: StreamDecoder,
+    /// The binary stream is on, or about to be.
+    listening: bool,
     samples: BTreeMap<u32, Sample>,
 }
 
@@ -47,6 +49,7 @@ impl Observer {
             ticks: Vec::new(),
             pending: None,
             decoder: StreamDecoder::default(),
+            listening: false,
             samples,
         }
     }
@@ -78,6 +81,9 @@ impl Observer {
             }
         }
         for byte in self.bench.serial().read() {
+            if !self.listening {
+                continue;
+            }
             if let Some(Frame::Sample(sample)) = self.decoder.push(byte) {
                 self.samples.insert(sample.tick, sample);
             }
@@ -130,23 +136,25 @@ impl Observer {
 fn bit_for_bit() {
     let mut chip = Observer::start();
     chip.run_s(0.4);
-    chip.order("t1");
-    chip.order("a");
+    chip.order("echo off");
+    chip.listening = true;
+    chip.order("stream binary");
+    chip.order("arm");
     // Every controller, from rest, through reversal and with a load; sequences with coasting and braking.
     for orders in [
-        ["m2", "r3840", "r-3840"],
-        ["m4", "r3840", "r-3840"],
-        ["m3", "r2000", "r-500"],
-        ["m5", "r2000", "r-500"],
-        ["m1", "r5000", "r-5000"],
+        ["mode speed", "ref 60", "ref -60"],
+        ["mode lqr_speed", "ref 60", "ref -60"],
+        ["mode position", "ref 6.3", "ref -1.5"],
+        ["mode lqr_position", "ref 6.3", "ref -1.5"],
+        ["mode open", "ref 5", "ref -5"],
     ] {
         for order in orders {
             chip.order(order);
             chip.run_s(0.4);
         }
     }
-    chip.order("m1");
-    chip.order("p6");
+    chip.order("mode open");
+    chip.order("sequence coast 4 0 500 4");
     chip.run_s(1.0);
 
     let config = LoopConfig::build(&Settings::defaults()).expect("defaults");

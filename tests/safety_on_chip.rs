@@ -10,10 +10,9 @@ use motorbench_core::message::{State, Trip};
 /// Runs a speed loop, provokes, and expects the trip within the limit; then that the drive is and stays off.
 fn provoke(reference_rad_per_s: f64, trip: Trip, limit_ms: u32, provoke: impl FnOnce(&mut Uno)) {
     let mut uno = Uno::start();
-    uno.order("t1");
-    uno.order("a");
-    uno.order("m2");
-    uno.order(&format!("r{}", (reference_rad_per_s * 64.0) as i32));
+    uno.order("arm");
+    uno.order("mode speed");
+    uno.order(&format!("ref {reference_rad_per_s}"));
     uno.run_s(0.6);
     assert_eq!(uno.last().trip, Trip::None);
     let before = uno.last().tick;
@@ -26,8 +25,8 @@ fn provoke(reference_rad_per_s: f64, trip: Trip, limit_ms: u32, provoke: impl Fn
     assert!(after <= limit_ms, "{after} ms");
     assert!(!tripped.state.has(State::ARMED) && !tripped.state.has(State::ENABLED) && tripped.duty == 0);
     // It cannot be armed before it is cleared.
-    uno.bench.serial().write("a\nm2\n");
-    uno.run_s(0.05);
+    uno.refused("arm");
+    uno.refused("mode speed");
     assert!(!uno.last().state.has(State::ARMED) && uno.last().duty == 0);
 }
 
@@ -41,7 +40,7 @@ fn a_stalled_motor_trips() {
     let mut uno = Uno::start();
     uno.bench.block_rotor(true);
     // 6.5 V less the bridge's drop over 5.84 ohm: 0.67 A, above the continuous rating and below the peak.
-    for order in ["t1", "a", "m1", "r6656"] {
+    for order in ["arm", "mode open", "ref 6.5"] {
         uno.order(order);
     }
     uno.run_s(0.4);
@@ -78,7 +77,7 @@ fn the_emergency_stop_trips() {
 #[test]
 fn when_the_tick_dies_the_watchdog_stops_the_motor() {
     let mut uno = Uno::start();
-    for order in ["t1", "a", "m2", "r3840"] {
+    for order in ["arm", "mode speed", "ref 60"] {
         uno.order(order);
     }
     uno.run_s(0.5);
@@ -92,9 +91,9 @@ fn when_the_tick_dies_the_watchdog_stops_the_motor() {
     println!("tick dead: bridge off after {stopped:?} ms");
     assert!(stopped.is_some_and(|ms| ms <= 80), "{stopped:?}");
     // The chip has started again, disarmed, and answers.
-    uno.run_s(0.5);
+    uno.listen();
     assert_eq!(uno.bench.now().bridge, Bridge::Coast);
-    uno.order("t1");
+    assert!(uno.ask("version").contains("reset: watchdog"));
     uno.run_s(0.01);
     assert!(!uno.last().state.has(State::ARMED) && uno.last().duty == 0);
 }
@@ -102,7 +101,7 @@ fn when_the_tick_dies_the_watchdog_stops_the_motor() {
 #[test]
 fn noise_on_the_encoder_is_counted_and_does_not_stop_the_loop() {
     let mut uno = Uno::start();
-    for order in ["t1", "a", "m2", "r3840"] {
+    for order in ["arm", "mode speed", "ref 60"] {
         uno.order(order);
     }
     uno.run_s(0.5);
@@ -115,28 +114,111 @@ fn noise_on_the_encoder_is_counted_and_does_not_stop_the_loop() {
     assert!((uno.bench.now().speed_rad_per_s - 60.0).abs() < 1.0);
 }
 
+/// The rotor held at a voltage that drives a current between the continuous and the peak limit.
 #[test]
-fn random_bytes_arm_nothing() {
+fn a_lasting_over_current_trips() {
     let mut uno = Uno::start();
-    let mut random = 0x1234_5678u32;
-    for _ in 0..200 {
-        let bytes: Vec<u8> = std::iter::repeat_with(|| {
-            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            // A valid order of two bytes comes by chance; none that arms may be among them.
-            let byte = (random >> 24) as u8;
-            if byte == b'a' { b'b' } else { byte }
-        })
-        .take(500)
-        .collect();
-        uno.bench.serial().write(&bytes);
-        uno.run_s(0.011);
+    uno.bench.block_rotor(true);
+    for order in ["set trip_stall 0 trip_continuous 0.5", "arm", "mode open", "ref 7.5"] {
+        uno.order(order);
     }
-    uno.run_s(0.1);
-    let now = uno.bench.now();
-    assert_eq!((now.duty, now.speed_rad_per_s), (0.0, 0.0));
-    uno.bench.serial().write("\n");
-    uno.run_s(0.05);
-    uno.order("t1");
-    uno.run_s(0.05);
-    assert!(!uno.last().state.has(State::ARMED));
+    let started = uno.last().tick;
+    uno.run_s(4.0);
+    let tripped = uno.samples.iter().find(|sample| sample.trip != Trip::None).expect("a trip");
+    println!("{:?}: after {} ms", tripped.trip, tripped.tick - started);
+    assert_eq!(tripped.trip, Trip::OverCurrentThermal);
+    assert!((300..3000).contains(&(tripped.tick - started)));
+    assert!(!tripped.state.has(State::ENABLED));
+}
+
+#[test]
+fn a_supply_out_of_range_trips() {
+    for supply_v in [4.0, 18.5] {
+        let mut uno = Uno::start();
+        for order in ["set supply_divider 4 trip_supply_high 16", "arm", "mode speed", "ref 40"] {
+            uno.order(order);
+        }
+        uno.run_s(0.3);
+        assert_eq!(uno.last().trip, Trip::None);
+        let before = uno.last().tick;
+        uno.bench.set_supply_v(supply_v);
+        uno.run_s(0.1);
+        let tripped = uno.samples.iter().find(|sample| sample.trip != Trip::None).expect("a trip");
+        println!("{:?} at {supply_v} V: after {} ms", tripped.trip, tripped.tick - before);
+        assert_eq!(tripped.trip, Trip::SupplyRange);
+        assert!(tripped.tick - before <= 15 && !tripped.state.has(State::ENABLED));
+    }
+}
+
+#[test]
+fn a_lost_host_trips() {
+    let mut uno = Uno::start();
+    for order in ["set trip_host 250", "arm", "mode speed", "ref 40"] {
+        uno.order(order);
+    }
+    for _ in 0..5 {
+        uno.run_s(0.1);
+        uno.order("alive");
+    }
+    assert_eq!(uno.last().trip, Trip::None);
+    let before = uno.last().tick;
+    uno.run_s(0.5);
+    let tripped = uno.samples.iter().find(|sample| sample.trip != Trip::None).expect("a trip");
+    println!("{:?}: after {} ms", tripped.trip, tripped.tick - before);
+    assert_eq!(tripped.trip, Trip::HostLost);
+    assert!(tripped.tick - before <= 260 && !tripped.state.has(State::ENABLED));
+}
+
+/// Runs a speed loop, then lets the next tick return to `target` instead of the main loop. Returns after how many
+/// milliseconds the bridge was off.
+fn divert_the_main_loop(uno: &mut Uno, target: u32) -> usize {
+    for order in ["arm", "mode speed", "ref 60"] {
+        uno.order(order);
+    }
+    uno.run_s(0.5);
+    assert!(uno.bench.now().duty > 0.1);
+    let handler = uno.bench.program().function("__vector_14").expect("the tick");
+    let chip = uno.bench.chip_mut();
+    assert!(chip.step_until(40_000, |chip| chip.program_counter() == handler).expect("the chip runs"));
+    // The return address stands above the stack pointer, high byte first, in words.
+    let [high, low] = ((target / 2) as u16).to_be_bytes();
+    let stack = chip.stack_pointer();
+    chip.write(stack + 1, high);
+    chip.write(stack + 2, low);
+    let stopped = (0..300).find(|_| {
+        uno.run_s(0.001);
+        uno.bench.now().bridge == Bridge::Coast
+    });
+    stopped.expect("the bridge goes off")
+}
+
+#[test]
+fn a_hung_main_loop_stops_the_motor_and_is_reported() {
+    let mut uno = Uno::start();
+    // Where the start-up code would go after `main`: an endless loop.
+    let hang = uno.bench.program().function("__stop_program").expect("the end of the program");
+    let stopped = divert_the_main_loop(&mut uno, hang);
+    println!("main loop hung: bridge off after {stopped} ms");
+    assert!(stopped <= 105);
+    uno.listen();
+    assert!(uno.ask("version").contains("reset: main loop hung"), "{}", uno.replies);
+    assert_eq!(uno.bench.now().bridge, Bridge::Coast);
+}
+
+#[test]
+fn a_panic_stops_the_motor_and_is_reported() {
+    let mut uno = Uno::start();
+    let panicked = uno
+        .bench
+        .program()
+        .symbols()
+        .find(|(name, _)| name.contains("watchdog") && name.ends_with("panicked"))
+        .map(|(_, address)| address as u32)
+        .expect("the end of the panic handler");
+    let stopped = divert_the_main_loop(&mut uno, panicked);
+    println!("panic: bridge off after {stopped} ms");
+    assert!(stopped <= 2);
+    uno.listen();
+    assert!(uno.ask("version").contains("reset: panic"), "{}", uno.replies);
+    assert_eq!(uno.bench.now().bridge, Bridge::Coast);
 }

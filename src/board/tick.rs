@@ -13,15 +13,16 @@ use super::{adc, bridge, encoder, registers, watchdog};
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;
 use core::mem::MaybeUninit;
+use core::sync::atomic::{Ordering, compiler_fence};
 use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig, duty_scale};
 use motorbench_core::message::{Request, Sample, Trip};
 use motorbench_core::pins;
 use motorbench_core::settings::{BuildError, Param, Settings};
 
-/// The control loop; written before the first tick.
-static mut LOOP: MaybeUninit<ControlLoop> = MaybeUninit::uninit();
-/// Where the main loop builds a configuration before the tick gets it.
-static mut STAGED: MaybeUninit<LoopConfig> = MaybeUninit::uninit();
+/// The control loop; all zeros are a valid one.
+static mut LOOP: MaybeUninit<ControlLoop> = MaybeUninit::zeroed();
+/// Where the main loop builds a configuration before the tick gets it; numbers and flags, so that zeros are valid.
+static mut STAGED: MaybeUninit<LoopConfig> = MaybeUninit::zeroed();
 /// What the tick saw last. Named, so that a simulation can read it.
 #[unsafe(no_mangle)]
 static mut TICK_INPUTS: Inputs = Inputs {
@@ -58,6 +59,8 @@ struct Shared {
     period: u8,
     coasting: bool,
     hung: bool,
+    /// A request waits for the tick.
+    pending: bool,
 }
 
 static mut SHARED: Shared = Shared {
@@ -70,6 +73,7 @@ static mut SHARED: Shared = Shared {
     period: 250,
     coasting: false,
     hung: false,
+    pending: false,
 };
 
 macro_rules! shared {
@@ -86,29 +90,18 @@ macro_rules! shared {
 
 const OCIE0A: u8 = 0b10;
 
-/// Makes the control loop from the settings; to be called before [`enable`].
-///
-/// # Errors
-/// A setting that does not fit; there is no control loop then.
-#[inline(never)]
-pub fn prepare(settings: &Settings) -> Result<(), BuildError> {
-    // SAFETY: the tick is not enabled yet, and only the main loop stages.
-    unsafe {
-        let staged = (*(&raw mut STAGED)).write(LoopConfig::default());
-        staged.rebuild(settings)?;
-        (*(&raw mut LOOP)).write(ControlLoop::new(*staged, encoder::edges(&registers())));
-    }
-    set_hardware(settings);
-    Ok(())
+/// Makes the control loop, still without a configuration; to be called before anything else here.
+pub fn prepare() {
+    with_loop(|control| control.begin(encoder::edges(&registers())));
 }
 
-/// Gives the tick another configuration, as a whole, between two ticks.
+/// Gives the tick a configuration, as a whole, between two ticks.
 ///
 /// # Errors
 /// A setting that does not fit; nothing has changed then.
 #[inline(never)]
 pub fn configure(settings: &Settings) -> Result<(), BuildError> {
-    // SAFETY: written by [`prepare`]; only the main loop stages.
+    // SAFETY: valid from the start; only the main loop stages.
     let staged = unsafe { (*(&raw mut STAGED)).assume_init_mut() };
     staged.rebuild(settings)?;
     with_loop(|control| control.configure(staged));
@@ -132,29 +125,36 @@ pub fn enable(p: &Peripherals) {
 pub fn with_loop<T>(work: impl FnOnce(&mut ControlLoop) -> T) -> T {
     wait();
     let p = registers();
+    let enabled = p.TC0.timsk0().read().bits();
     // SAFETY: no interrupt of this timer; between two ticks by the wait above.
     p.TC0.timsk0().write(|w| unsafe { w.bits(0) });
     // SAFETY: the tick, the only other user, cannot run now.
     let result = work(unsafe { (*(&raw mut LOOP)).assume_init_mut() });
-    enable(&p);
+    // SAFETY: as it was.
+    p.TC0.timsk0().write(|w| unsafe { w.bits(enabled) });
     result
 }
 
-/// Waits for the end of the next tick.
+/// Waits for the end of the next tick; not at all before the first.
+#[inline(never)]
 pub fn wait() {
     let now = shared!(ticks);
-    while shared!(ticks) == now {
+    let p = registers();
+    while shared!(ticks) == now && p.TC0.timsk0().read().bits() != 0 {
         mark_alive();
     }
 }
 
-/// Hands a request to the next tick and waits until it is taken.
+/// Hands a request to the next tick; waits only for the one before.
 pub fn request(request: Request) {
-    avr_device::interrupt::free(|_| {
-        // SAFETY: interrupts are off and the tick has taken the request before.
-        unsafe { (&raw mut TICK_REQUEST).write(Some(request)) }
-    });
-    wait();
+    while shared!(pending) {
+        mark_alive();
+    }
+    // SAFETY: the tick has taken the request before, and looks at this one only when it is marked as pending.
+    unsafe { (&raw mut TICK_REQUEST).write(Some(request)) }
+    // The compiler must not move the request behind its mark.
+    compiler_fence(Ordering::SeqCst);
+    shared!(pending = true);
 }
 
 /// The next sample that was not taken yet.
@@ -232,11 +232,17 @@ fn TIMER0_COMPA() {
     p.TC0.timsk0().write(|w| unsafe { w.bits(0) });
     // SAFETY: everything shared has been taken.
     unsafe { avr_device::interrupt::enable() };
-    // SAFETY: written before the tick was enabled; the main loop keeps away while the tick may run.
+    // SAFETY: valid from the start; the main loop keeps away while the tick may run.
     let control = unsafe { (*(&raw mut LOOP)).assume_init_mut() };
-    // SAFETY: the main loop writes a request only when the one before was taken.
-    let request = unsafe { (*(&raw mut TICK_REQUEST)).take() };
-    let drive = control.tick(request, inputs);
+    // SAFETY: while it is pending, the main loop does not touch it.
+    let request = if shared!(pending) { unsafe { (*(&raw const TICK_REQUEST)).as_ref() } } else { None };
+    let drive = control.tick_with(request, inputs);
+    if request.is_some() {
+        // SAFETY: as above.
+        unsafe { (&raw mut TICK_REQUEST).write(None) };
+        compiler_fence(Ordering::SeqCst);
+        shared!(pending = false);
+    }
     bridge::apply(&p, &drive, shared!(coasting));
     put(control.sample());
     guard(control.sample().trip);

@@ -8,6 +8,8 @@ pub const LONGEST: usize = 96;
 pub struct LineEditor {
     bytes: [u8; LONGEST],
     length: u8,
+    /// Words of the line that were read end here.
+    read: u8,
     /// The line holds something that is not printable ASCII, or is too long: it is refused at its end.
     bad: bool,
     /// The last byte was a carriage return, so a line feed belongs to it.
@@ -33,7 +35,7 @@ pub enum Edit {
 
 impl Default for LineEditor {
     fn default() -> Self {
-        Self { bytes: [0; LONGEST], length: 0, bad: false, after_return: false }
+        Self { bytes: [0; LONGEST], length: 0, read: 0, bad: false, after_return: false }
     }
 }
 
@@ -74,31 +76,43 @@ impl LineEditor {
     }
 
     /// The line so far.
-    pub fn line(&self) -> &[u8] {
+    #[cfg(test)]
+    fn line(&self) -> &[u8] {
         self.bytes.get(..self.length as usize).unwrap_or(&[])
+    }
+
+    /// The next word of the line; empty at its end.
+    #[inline(never)]
+    pub fn next_word(&mut self) -> &[u8] {
+        let line = self.bytes.get(..self.length as usize).unwrap_or(&[]);
+        let (word, rest) = word(line.get(self.read as usize..).unwrap_or(&[]));
+        self.read = self.length - rest.len() as u8;
+        word
+    }
+
+    /// Whether all words were read.
+    pub fn at_end(&self) -> bool {
+        self.bytes.get(self.read as usize..self.length as usize).is_none_or(|rest| rest.trim_ascii_start().is_empty())
+    }
+
+    /// Goes back to the first word of the line.
+    pub fn rewind(&mut self) {
+        self.read = 0;
     }
 
     /// Begins a new line.
     pub fn clear(&mut self) {
         self.length = 0;
+        self.read = 0;
         self.bad = false;
     }
 }
 
-/// The words of a line.
-#[derive(Clone, Copy)]
-pub struct Words<'a>(pub &'a [u8]);
-
-impl<'a> Iterator for Words<'a> {
-    type Item = &'a [u8];
-
-    fn next(&mut self) -> Option<&'a [u8]> {
-        let start = self.0.iter().position(|&byte| byte != b' ')?;
-        let rest = self.0.get(start..)?;
-        let end = rest.iter().position(|&byte| byte == b' ').unwrap_or(rest.len());
-        self.0 = rest.get(end..)?;
-        rest.get(..end)
-    }
+/// The first word of `line`, and what follows it; empty at the end.
+pub fn word(line: &[u8]) -> (&[u8], &[u8]) {
+    let line = line.trim_ascii_start();
+    let end = line.iter().position(|&byte| byte == b' ').unwrap_or(line.len());
+    line.split_at_checked(end).unwrap_or((line, &[]))
 }
 
 #[cfg(test)]
@@ -138,8 +152,8 @@ mod tests {
 
     #[test]
     fn words() {
-        let words: Vec<&[u8]> = Words(b"  set  a 1 ").collect();
-        assert_eq!(words, [&b"set"[..], b"a", b"1"]);
-        assert_eq!(Words(b"   ").count(), 0);
+        let (first, rest) = word(b"  set  a 1 ");
+        assert_eq!((first, rest), (&b"set"[..], &b"  a 1 "[..]));
+        assert_eq!(word(b"   "), (&b""[..], &b""[..]));
     }
 }

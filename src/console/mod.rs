@@ -3,40 +3,42 @@
 //! A reply is any number of information lines that begin with `# `, then exactly one line that begins with `ok` or with
 //! `error: `. Values are in engineering units: volts, amperes, rad/s, rad, ms. Only whole, exact command words count;
 //! a line with anything but printable ASCII is refused. The console knows the hardware only as a [`Machine`].
+//!
+//! Everything the console says stands in flash, as texts in which `%` and a letter stand for a value (see
+//! `Console::field`). What a command expects is read from the text that `help` shows for it.
 
 mod line;
 pub mod number;
 
+use crate::arith::whole;
 use crate::excitation::{Kind, Sequence};
-use crate::flash_text::{self, flash_texts};
-use crate::message::{Mode, Request, Sample, State, Trip};
+use crate::flash_text::{self, FlashText, Table};
+use crate::message::{Mode, Request, Sample, State};
 use crate::pins::PWM_STEPS;
 use crate::protocol::{self, FRAME, Framer, TEXT_CHUNK};
-use crate::settings::{self, BuildError, Param, Settings, Text};
+use crate::settings::{self, BuildError, Param, Settings};
 use crate::storage::{self, Eeprom, Saver};
 use crate::units::{AMPERE, FULL_RANGE, Rule, VOLT};
-use line::{Edit, LineEditor, Words};
-use ufmt::{uWrite, uwrite};
+use line::{Edit, LONGEST, LineEditor};
+use number::Decimal;
 
 /// What the console can do to the machine: over interrupts on the Uno, over a plain control loop on the host.
 pub trait Machine {
     /// Where the settings are kept.
     type Memory: Eeprom;
-    /// Posts a request and returns when the tick has taken it.
+    /// Hands a request to the next tick.
     fn request(&mut self, request: Request);
-    /// The latest sample.
-    fn sample(&mut self) -> Sample;
+    /// Waits for the next tick and notes its sample, and the counters and states that are not part of one.
+    fn look(&mut self, sample: &mut Sample, counters: &mut Counters);
     /// Builds the configuration and lets it take effect at one tick boundary.
     ///
     /// # Errors
     /// The setting that does not fit its fixed-point format; nothing has changed then.
     fn configure(&mut self, settings: &Settings) -> Result<(), BuildError>;
-    /// Counters and states that are not part of a sample.
-    fn counters(&mut self) -> Counters;
     /// The memory of the settings.
     fn memory(&mut self) -> &mut Self::Memory;
-    /// Sends bytes; waits until all are on their way.
-    fn send(&mut self, bytes: &[u8]);
+    /// Sends a byte; waits until it is on its way.
+    fn send(&mut self, byte: u8);
     /// The host has said something valid.
     fn host_spoke(&mut self);
 }
@@ -71,7 +73,7 @@ pub enum ResetCause {
     External = 2,
     /// The supply of the board broke down.
     BrownOut = 3,
-    /// The watchdog: interrupts had stopped.
+    /// The watchdog.
     Watchdog = 4,
     /// The main loop hung; the tick switched the drive off.
     MainLoopHung = 5,
@@ -81,214 +83,225 @@ pub enum ResetCause {
 
 macro_rules! commands {
     ($($variant:ident $name:literal $arguments:literal $help:literal;)*) => {
-        /// The commands.
+        /// The commands, in the order of `COMMAND_TEXT`.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         #[repr(u8)]
         enum Command { $($variant),* }
 
         const COMMANDS: &[Command] = &[$(Command::$variant),*];
-        const COMMAND_COUNT: usize = COMMANDS.len();
-        flash_texts!(COMMAND_TEXT, COMMAND_TEXT_LENGTH, $($name, $arguments, $help),*);
 
-        impl Command {
-            fn from_index(index: u8) -> Option<Self> {
-                $(if index == Command::$variant as u8 { return Some(Command::$variant); })*
-                None
-            }
+        avr_progmem::progmem! {
+            static progmem FORMS: [Form; COMMANDS.len()] = [$(Form::of($arguments)),*];
         }
+        const COMMAND_COUNT: u8 = COMMANDS.len() as u8;
+        /// Name, arguments and help of each.
+        pub(crate) const COMMAND_TEXT: &str = concat!($($name, "\0", $arguments, "\0", $help, "\0"),*);
     };
 }
 
+/// What arguments a command takes.
+#[derive(Clone, Copy)]
+struct Form {
+    least: u8,
+    most: u8,
+    /// The first is one of a choice of words.
+    chooses: bool,
+}
+
+impl Form {
+    /// As the text says that `help` shows.
+    const fn of(arguments: &str) -> Self {
+        let text = arguments.as_bytes();
+        let (mut least, mut most, mut optional, mut between, mut i) = (0, 0, false, true, 0);
+        while i < text.len() {
+            match text[i] {
+                b' ' => between = true,
+                b'[' => optional = true,
+                b'.' => most = LONGEST as u8,
+                _ if between => {
+                    between = false;
+                    most += 1;
+                    least += !optional as u8;
+                }
+                _ => {}
+            }
+            i += 1;
+        }
+        Self { least, most, chooses: !text.is_empty() && text[0].is_ascii_lowercase() }
+    }
+}
+
+// Found one after the other, so those that steer a running motor come first: they must not hold up the telemetry.
+// What a command takes, as its form is made of it: words in lower case are the choice of the first argument, words in
+// capitals are values, those in brackets may be left out, and `...` goes on for as long as the line does.
 commands! {
-    Help "help" "" "this list";
-    Status "status" "" "state, measurements, counters";
-    Arm "arm" "" "allow the drive; mode is off";
-    Disarm "disarm" "" "bridge off, motor coasts";
-    Stop "stop" "" "mode off, motor brakes, stays armed";
+    Reference "ref" "VALUE" "V -32..32 (open), rad/s within speed_range (speed), rad (position)";
     Mode "mode" "off|open|speed|position|lqr_speed|lqr_position" "who sets the voltage";
-    Reference "ref" "VALUE" "V (open), rad/s (speed) or rad (position)";
-    Show "show" "[NAME]" "settings with unit and range";
+    Alive "alive" "" "keep-alive, see trip_host";
+    Stop "stop" "" "mode off, motor brakes, stays armed";
+    Disarm "disarm" "" "bridge off, motor coasts";
+    Arm "arm" "" "allow the drive; mode is off";
     Set "set" "NAME VALUE [NAME VALUE ...]" "change settings, all or none, at one tick";
-    Zero "zero" "current|position" "take the present value as zero";
-    Sequence "sequence" "KIND AMPLITUDE [OFFSET PERIOD_ms COUNT SEED]" "play steps ramp stairs prbs levels chirp coast identify";
-    Stream "stream" "off|text|binary [DIVIDER]" "telemetry, every DIVIDERth tick";
-    Record "record" "KIND AMPLITUDE [...]" "a sequence with a binary stream around it";
+    Status "status" "" "state, measurements, counters";
+    Show "show" "[NAME]" "settings: value, unit, range";
+    Sequence "sequence" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "play as reference: unit of the mode, PERIOD in ms, numbers 0..65535";
+    Record "record" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "the same, with a binary stream around it";
+    Stream "stream" "off|text|binary [DIVIDER]" "telemetry, every DIVIDERth tick, 1..255";
+    Zero "zero" "current|position" "take the present value as zero; disarmed";
+    Clear "clear" "" "forget a trip";
     Save "save" "" "settings to EEPROM";
     Load "load" "" "settings from EEPROM";
-    Defaults "defaults" "" "settings as delivered";
-    Clear "clear" "" "forget a trip";
-    Alive "alive" "" "keep-alive, see trip_host";
-    Echo "echo" "on|off" "repeat what is typed";
+    Defaults "defaults" "" "settings as built";
+    Echo "echo" "off|on" "repeat what is typed";
     Version "version" "" "firmware and protocol";
+    Help "help" "" "this list; settings with units and ranges: show";
 }
 
-flash_texts!(
-    WORDS,
-    WORDS_LENGTH,
-    "off",
-    "open",
-    "speed",
-    "position",
-    "lqr_speed",
-    "lqr_position",
-    "steps",
-    "ramp",
-    "stairs",
-    "prbs",
-    "levels",
-    "chirp",
-    "coast",
-    "identify",
-    "none",
-    "over-current, peak",
-    "over-current, thermal",
-    "stall: driven, not turning",
-    "encoder silent: driven, no counts and no stall current (encoder or motor wire)",
-    "runaway: speeding up against the drive (wrong feedback sign)",
-    "current signal at a rail (sensor or wire)",
-    "supply out of range",
-    "emergency stop",
-    "host silent",
-    "main loop hung",
-    "unknown",
-    "power on",
-    "external (button or port opened)",
-    "brown-out",
-    "watchdog: interrupts had stopped",
-    "main loop hung",
-    "panic",
-    "is below its range",
-    "would round to zero in fixed point",
-    "must be a power of two",
-    "must be a number",
-    "is too large for fixed point (see the ranges)",
-    "is not an allowed value",
-    "current",
-    "on",
-    "text",
-    "binary"
-);
-/// Places in the table above.
-const MODES: usize = 0;
-const KINDS: usize = 6;
-const TRIPS: usize = 14;
-const RESETS: usize = 25;
-const RULES: usize = 32;
-const CURRENT: usize = 38;
-const ON: usize = 39;
-const TEXT: usize = 40;
-const BINARY: usize = 41;
-
-macro_rules! sayings {
-    ($($name:ident $text:literal;)*) => {
-        /// What the console says, by name.
-        #[derive(Clone, Copy)]
+macro_rules! texts {
+    ($enumeration:ident $table:ident: $($name:ident $text:expr;)*) => {
+        /// Texts by name; the discriminant is the place in the table.
+        #[derive(Clone, Copy, PartialEq, Eq)]
         #[repr(u8)]
-        enum Say { $($name),* }
+        #[allow(dead_code, reason = "most words are reached by their distance from the first of their kind")]
+        enum $enumeration { $($name),* }
 
-        flash_texts!(SAYINGS, SAYINGS_LENGTH, $($text),*);
+        pub(crate) const $table: &str = concat!($($text, "\0"),*);
     };
 }
 
-sayings! {
+texts! { Say SAYINGS:
+    Ok "ok";
+    Error "error: ";
     UnknownCommand "unknown command, see help";
-    LineRefused "line refused: more than 96 characters or not plain ASCII";
-    Expected "expected ";
+    LineRefused "line refused: too long or not plain ASCII";
+    Usage "expected %0 %1";
     NoSuchSetting "no such setting, see show";
-    TripLatched "a trip is latched, see status; clear it first";
+    TripLatched "a trip is latched: %t; clear it first";
     NotArmed "not armed: arm first";
-    EmergencyStop "emergency stop is pressed";
     DisarmFirst "disarm first";
     SaveRunning "save still running";
-    NothingSaved "nothing saved that this version understands";
-    ExpectedNumber "expected a number in ";
-    NoReference "no reference in mode off: choose a mode";
-    ZeroRefused "zero refused: a current flows, or no sensor";
-    Name "motorbench ";
-    Mode "mode ";
-    Armed "armed ";
-    Trip " trip ";
-    Reference "reference ";
-    Position "position ";
-    Speed " rad, speed ";
-    Current " rad/s, current ";
-    Duty " A, duty ";
-    Supply " %, supply ";
-    Volt " V";
-    Illegal "illegal transitions ";
-    Overruns ", serial overruns ";
-    Dropped ", dropped samples ";
-    Reset "reset: ";
-    Done "done: ";
-    SamplesDropped " samples, dropped ";
-    Ticks " ticks";
-    PlotReference "reference:";
-    PlotSpeed ",speed:";
-    PlotCurrent ",current:";
-    PlotDuty ",duty:";
-    PlotPosition ",position:";
-    Error "error: ";
-    Ok "ok";
-    Settings ", settings ";
+    NothingSaved "nothing saved by this version";
+    Range "%3 expected a number in %4 %l..%h";
+    Limit "expected a number in -%L..%L";
+    Build "%3 %b";
+    NoReference "mode is off: choose a mode";
+    ZeroRefused "zero refused: a current flows";
+    Command "%0 %1 - %2";
+    Setting "%3 %x %4 %l..%h, %5";
+    Version "motorbench %V, settings %S";
+    ResetCause "reset: %R";
+    State "mode %m armed %a trip %T %t";
+    Measured "reference %r position %p rad, speed %s rad/s, current %c A, duty %d percent, supply %v V";
+    Counted "illegal transitions %i, serial overruns %o, dropped samples %D, reset: %R";
+    Done "done: %k samples, dropped %K";
     Saved "saved";
+    Plot "reference:%r,position:%p,speed:%s,current:%c,duty:%d";
 }
 
-/// Why a command was not carried out.
-enum Failure {
-    /// A sentence.
-    Say(Say),
-    /// The command's arguments are not of its form.
-    Usage(Command),
-    /// A number outside the range of a setting.
-    Range(Param),
-    /// A number outside +- this range.
-    Limit(f32),
-    /// A setting the fixed-point formats cannot hold.
-    Build(BuildError),
+// In the order of the trips, the reset causes and the rules, so that a number of each is a place here.
+texts! { Word WORDS:
+    Trips "none";
+    OverCurrentPeak "over-current, peak";
+    OverCurrentThermal "over-current, thermal";
+    Stall "stall: driven, not turning";
+    EncoderSilent "encoder silent: driven, no counts";
+    Runaway "runaway: wrong feedback sign";
+    SensorRange "current signal at a rail";
+    SupplyRange "supply out of range";
+    EmergencyStop "emergency stop";
+    HostLost "host silent";
+    MainLoopHung "main loop hung";
+    ResetCauses "unknown";
+    PowerOn "power on";
+    External "external";
+    BrownOut "brown-out";
+    Watchdog "watchdog";
+    ResetMainLoopHung "main loop hung";
+    Panic "panic";
+    Rules "is too large for fixed point";
+    TooSmall "is below its range";
+    RoundsToZero "would round to zero in fixed point";
+    NotPowerOfTwo "must be a power of two";
+    NotAllowed "is not an allowed value";
+    NotFinite "must be a number";
+    Version env!("CARGO_PKG_VERSION");
+    Modes "off";
+    OpenLoop "open";
+    SpeedPid "speed";
+    PositionPid "position";
+    SpeedLqr "lqr_speed";
+    PositionLqr "lqr_position";
 }
 
-type Outcome = Result<(), Failure>;
-
-/// What is streamed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What is streamed, by the place of the word in the command's choice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Stream {
+    #[default]
     Off,
     Text,
     Binary,
 }
 
-/// The console's memory.
+/// A value within a text.
+enum Field {
+    Text(Table, u8),
+    Number(f32),
+}
+
+/// The console's memory. All of it begins as zero, which the chip does in a loop.
 pub struct Console {
     editor: LineEditor,
     settings: Settings,
     framer: Framer,
-    saver: Option<Saver>,
+    saver: Saver,
     stream: Stream,
-    echo: bool,
+    /// What is typed is not repeated.
+    quiet: bool,
     divider: u8,
     countdown: u8,
     /// A recording runs; samples sent so far, and the drop counter when it began.
     recording: bool,
     recorded: u32,
     dropped: u16,
+    /// Text on its way into a frame.
+    chunk: [u8; TEXT_CHUNK],
+    chunk_length: u8,
+    // What the fields of a text speak of.
+    /// The command.
+    command: u8,
+    /// The setting.
+    param: Param,
+    /// The rule it breaks.
+    rule: Rule,
+    /// The sample and the counters.
+    sample: Sample,
+    counters: Counters,
+    /// A number of ticks or samples.
+    count: u32,
+    /// The largest number allowed.
+    limit: f32,
+}
+
+impl Default for Console {
+    #[inline(always)]
+    fn default() -> Self {
+        // SAFETY: all zeros are valid: numbers, flags, and enums whose first variant has the number zero.
+        unsafe { core::mem::zeroed() }
+    }
 }
 
 impl Console {
-    /// With the settings in force.
-    pub fn new(settings: Settings) -> Self {
-        Self {
-            editor: LineEditor::default(),
-            settings,
-            framer: Framer::default(),
-            saver: None,
-            stream: Stream::Off,
-            echo: true,
-            divider: 1,
-            countdown: 0,
-            recording: false,
-            recorded: 0,
-            dropped: 0,
+    /// Puts settings in force: the saved ones if they are whole and fit, else the defaults.
+    ///
+    /// # Errors
+    /// The default that does not fit; a test of the core holds that all do.
+    #[inline(never)]
+    pub fn start(&mut self, machine: &mut impl Machine) -> Result<(), BuildError> {
+        if storage::load(machine.memory(), &mut self.settings) && machine.configure(&self.settings).is_ok() {
+            return Ok(());
         }
+        self.settings = Settings::defaults();
+        machine.configure(&self.settings)
     }
 
     /// The settings in force.
@@ -298,37 +311,42 @@ impl Console {
 
     /// Greets after a reset: version and reset cause.
     pub fn greet(&mut self, machine: &mut impl Machine) {
-        let _ = self.version(machine);
+        self.look(machine);
+        self.info(Say::Version, machine);
+        self.info(Say::ResetCause, machine);
     }
 
     /// Takes a received byte; carries out a line that it completes.
     #[inline(never)]
     pub fn receive(&mut self, byte: u8, machine: &mut impl Machine) {
         let edit = self.editor.push(byte);
-        let echo = self.echo && self.stream != Stream::Binary;
+        let echo = !self.quiet && self.stream != Stream::Binary;
+        let mut erased = 0;
         match edit {
             Edit::Complete | Edit::Refused => {
                 if echo {
-                    machine.send(b"\r\n");
+                    self.end_line(machine);
                 }
                 self.finish(edit == Edit::Refused, machine);
                 self.editor.clear();
             }
-            Edit::Added(byte) if echo => machine.send(&[byte]),
-            Edit::Erased if echo => machine.send(b"\x08 \x08"),
-            Edit::Cleared(count) if echo => (0..count).for_each(|_| machine.send(b"\x08 \x08")),
+            Edit::Added(byte) if echo => machine.send(byte),
+            Edit::Erased => erased = 1,
+            Edit::Cleared(count) => erased = count,
             _ => {}
+        }
+        while echo && erased > 0 {
+            machine.send(8);
+            machine.send(b' ');
+            machine.send(8);
+            erased -= 1;
         }
     }
 
     /// Goes on with what takes time: a save.
-    #[inline(never)]
     pub fn poll(&mut self, machine: &mut impl Machine) {
-        if let Some(saver) = &mut self.saver
-            && saver.poll(machine.memory(), &self.settings)
-        {
-            self.saver = None;
-            self.info(machine, |talk, _| talk.say(Say::Saved));
+        if self.saver.poll(machine.memory(), &self.settings) {
+            self.info(Say::Saved, machine);
         }
     }
 
@@ -347,454 +365,399 @@ impl Console {
         }
         self.countdown = self.divider;
         if self.stream == Stream::Text {
-            return self.plot(sample, machine);
+            self.sample = *sample;
+            self.print(Say::Plot, machine);
+            return self.end_line(machine);
         }
         self.recorded += 1;
-        let mut frame = [0; FRAME];
-        let length = self.framer.frame(protocol::SAMPLE, &protocol::pack(sample), &mut frame);
-        machine.send(frame.get(..length).unwrap_or(&[]));
+        self.frame(protocol::SAMPLE, protocol::pack(sample), machine);
     }
 
-    /// A line for the Arduino Serial Plotter.
-    #[inline(never)]
-    fn plot(&mut self, sample: &Sample, machine: &mut impl Machine) {
-        let settings = self.settings;
-        let mut talk = Talk::new(machine, None);
-        talk.say(Say::PlotReference);
-        talk.number(reference_value(sample, &settings));
-        talk.say(Say::PlotPosition);
-        talk.number(position_rad(sample.counts, &settings));
-        talk.say(Say::PlotSpeed);
-        talk.number(speed_rad_per_s(sample.speed, &settings));
-        talk.say(Say::PlotCurrent);
-        talk.number(sample.current as f32 / AMPERE);
-        talk.say(Say::PlotDuty);
-        talk.number(duty_percent(sample.duty));
-        talk.end_line();
-    }
-
-    /// The sequence is over: back to text, and the count.
-    #[inline(never)]
+    /// The sequence is over: the count, and back to text.
     fn end_recording(&mut self, machine: &mut impl Machine) {
-        let dropped = machine.counters().dropped.wrapping_sub(self.dropped);
-        let recorded = self.recorded;
-        self.info(machine, |talk, _| {
-            talk.say(Say::Done);
-            talk.whole(recorded);
-            talk.say(Say::SamplesDropped);
-            talk.whole(dropped as u32);
-        });
+        self.look(machine);
+        self.count = self.recorded;
+        self.info(Say::Done, machine);
         self.recording = false;
         self.stream = Stream::Off;
     }
 
     /// Carries out the line and closes the reply.
-    #[inline(never)]
     fn finish(&mut self, refused: bool, machine: &mut impl Machine) {
-        if !refused && Words(self.editor.line()).next().is_none() {
+        if !refused && self.editor.next_word().is_empty() {
             return;
         }
-        let editor = self.editor.clone();
-        let outcome = if refused { Err(Failure::Say(Say::LineRefused)) } else { self.execute(editor.line(), machine) };
-        let framer = if self.stream == Stream::Binary { Some(&mut self.framer) } else { None };
-        let mut talk = Talk::new(machine, framer);
-        match outcome {
-            Ok(()) => talk.say(Say::Ok),
-            Err(failure) => {
-                talk.say(Say::Error);
-                talk.failure(&failure);
-            }
+        self.editor.rewind();
+        let outcome = if refused { Say::LineRefused } else { self.execute(machine) };
+        if outcome != Say::Ok {
+            self.print(Say::Error, machine);
         }
-        talk.end_line();
+        self.print(outcome, machine);
+        self.end_line(machine);
     }
 
+    /// Carries out the line. What is not a command with arguments of its form has no effect.
     #[inline(never)]
-    fn execute(&mut self, line: &[u8], machine: &mut impl Machine) -> Outcome {
-        let mut words = Words(line);
-        let name = words.next().unwrap_or(&[]);
-        let command = (0..COMMAND_COUNT)
-            .find(|&index| same(command_text(index, 0), name))
-            .and_then(|index| Command::from_index(index as u8))
-            .ok_or(Failure::Say(Say::UnknownCommand))?;
+    fn execute(&mut self, machine: &mut impl Machine) -> Say {
+        let Some(command) = self.find_command() else { return Say::UnknownCommand };
+        self.command = command as u8;
         machine.host_spoke();
-        let arguments = words;
-        let first = words.next();
-        // Commands without arguments must have none.
-        if first.is_some() && command_text(command as usize, 1).next().is_none() {
-            return Err(Failure::Usage(command));
+        let form = FORMS.load_at(command as usize);
+        if !self.fits(form) {
+            return Say::Usage;
         }
+        let mut choice = 0;
+        if form.chooses {
+            let mut arguments = FlashText::of(Table::Commands, command as u8 * 3 + ARGUMENTS);
+            let Some(chosen) = arguments.choice(self.editor.next_word()) else { return Say::Usage };
+            choice = chosen;
+        }
+        self.look(machine);
         match command {
             Command::Help => self.help(machine),
             Command::Status => self.status(machine),
-            Command::Arm => arm(machine),
-            Command::Disarm => self.order(Request::Disarm, machine),
-            Command::Stop => self.order(Request::Stop, machine),
-            Command::Clear => self.order(Request::ClearTrip, machine),
-            Command::Mode => self.mode(first, machine),
-            Command::Reference => self.reference(first, machine),
-            Command::Show => self.show(first, machine),
-            Command::Set => self.set(arguments, machine),
-            Command::Zero => zero(first, machine),
-            Command::Sequence => self.sequence(arguments, command, machine),
-            Command::Record => self.record(arguments, machine),
-            Command::Stream => self.stream(first, words.next(), machine),
-            Command::Save => self.save(machine),
-            Command::Load => self.load(machine),
-            Command::Defaults => self.replace(Settings::defaults(), machine),
-            Command::Alive => Ok(()),
-            Command::Echo => self.echo(first),
-            Command::Version => self.version(machine),
+            Command::Arm => return self.arm(machine),
+            Command::Disarm => machine.request(Request::Disarm),
+            Command::Stop => machine.request(Request::Stop),
+            Command::Clear => machine.request(Request::ClearTrip),
+            Command::Mode => return self.mode(choice, machine),
+            Command::Reference => return self.reference(machine),
+            Command::Show => return self.show(machine),
+            Command::Set => return self.set(machine),
+            Command::Zero => return self.zero(choice, machine),
+            Command::Sequence | Command::Record => return self.sequence(choice, machine),
+            Command::Stream => return self.stream(choice),
+            Command::Save => return self.save(machine),
+            Command::Load => return self.load(machine),
+            Command::Defaults => return self.replace(&Settings::defaults(), machine),
+            Command::Echo => self.quiet = choice == 0,
+            Command::Version => self.greet(machine),
+            Command::Alive => {}
         }
+        Say::Ok
     }
 
+    /// Notes how the machine stands.
     #[inline(never)]
-    fn order(&mut self, request: Request, machine: &mut impl Machine) -> Outcome {
-        machine.request(request);
-        Ok(())
+    fn look(&mut self, machine: &mut impl Machine) {
+        machine.look(&mut self.sample, &mut self.counters);
     }
 
-    /// Prints an information line.
-    #[inline(never)]
-    fn info<M: Machine>(&mut self, machine: &mut M, line: impl FnOnce(&mut Talk<M>, &Settings)) {
-        let framer = if self.stream == Stream::Binary { Some(&mut self.framer) } else { None };
-        let mut talk = Talk::new(machine, framer);
-        talk.byte(b'#');
-        talk.byte(b' ');
-        line(&mut talk, &self.settings);
-        talk.end_line();
+    /// The command the line begins with.
+    fn find_command(&mut self) -> Option<Command> {
+        let index = flash_text::find(Table::Commands, COMMAND_COUNT, self.editor.next_word())?;
+        // SAFETY: the discriminants are 0..COMMAND_COUNT.
+        Some(unsafe { core::mem::transmute::<u8, Command>(index) })
     }
 
-    #[inline(never)]
-    fn help(&mut self, machine: &mut impl Machine) -> Outcome {
+    /// Whether the line has as many arguments as the command takes.
+    fn fits(&mut self, form: Form) -> bool {
+        let mut count = 0;
+        while !self.editor.next_word().is_empty() {
+            count += 1;
+        }
+        self.editor.rewind();
+        self.editor.next_word();
+        count >= form.least && count <= form.most
+    }
+
+    fn help(&mut self, machine: &mut impl Machine) {
         for index in 0..COMMAND_COUNT {
-            self.info(machine, |talk, _| {
-                for part in 0..3 {
-                    talk.text(command_text(index, part));
-                    talk.byte(b' ');
-                    if part == 1 {
-                        talk.byte(b'-');
-                        talk.byte(b' ');
-                    }
-                }
-            });
+            self.command = index;
+            self.info(Say::Command, machine);
         }
-        Ok(())
     }
 
-    #[inline(never)]
-    fn version(&mut self, machine: &mut impl Machine) -> Outcome {
-        let cause = machine.counters().reset_cause;
-        self.info(machine, |talk, _| {
-            talk.say(Say::Name);
-            talk.text(flash_text::text::<VERSION_LENGTH>(|at| VERSION.load_at(at), 0));
-            talk.say(Say::Settings);
-            talk.whole(storage::VERSION as u32);
-        });
-        self.info(machine, |talk, _| {
-            talk.say(Say::Reset);
-            talk.word(RESETS + cause as usize);
-        });
-        Ok(())
-    }
-
-    #[inline(never)]
-    fn status(&mut self, machine: &mut impl Machine) -> Outcome {
-        let sample = machine.sample();
-        let counters = machine.counters();
-        self.info(machine, |talk, _| {
-            talk.say(Say::Mode);
-            talk.word(MODES + sample.state.mode() as usize);
-            talk.byte(b' ');
-            talk.say(Say::Armed);
-            talk.whole(sample.state.has(State::ARMED) as u32);
-            talk.say(Say::Trip);
-            talk.whole(sample.trip as u32);
-            talk.byte(b' ');
-            talk.word(TRIPS + sample.trip as usize);
-        });
-        self.info(machine, |talk, settings| {
-            talk.say(Say::Reference);
-            talk.number(reference_value(&sample, settings));
-            talk.byte(b' ');
-            talk.say(Say::Position);
-            talk.number(position_rad(sample.counts, settings));
-            talk.say(Say::Speed);
-            talk.number(speed_rad_per_s(sample.speed, settings));
-            talk.say(Say::Current);
-            talk.number(sample.current as f32 / AMPERE);
-            talk.say(Say::Duty);
-            talk.number(duty_percent(sample.duty));
-            talk.say(Say::Supply);
-            talk.number(sample.supply as f32 / VOLT);
-            talk.say(Say::Volt);
-        });
-        self.info(machine, |talk, _| {
-            talk.say(Say::Illegal);
-            talk.whole(counters.illegal_transitions as u32);
-            talk.say(Say::Overruns);
-            talk.whole(counters.overruns as u32);
-            talk.say(Say::Dropped);
-            talk.whole(counters.dropped as u32);
-            talk.byte(b',');
-            talk.byte(b' ');
-            talk.say(Say::Reset);
-            talk.word(RESETS + counters.reset_cause as usize);
-        });
-        Ok(())
-    }
-
-    #[inline(never)]
-    fn mode(&mut self, word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
-        let number = word.and_then(|word| (0..6u8).find(|&mode| same(word_text(MODES + mode as usize), word)));
-        let mode = number.and_then(Mode::from_number).ok_or(Failure::Usage(Command::Mode))?;
-        if mode != Mode::Off && !machine.sample().state.has(State::ARMED) {
-            return Err(Failure::Say(Say::NotArmed));
+    fn status(&mut self, machine: &mut impl Machine) {
+        for say in [Say::State, Say::Measured, Say::Counted] {
+            self.info(say, machine);
         }
-        self.order(Request::Mode(mode), machine)
     }
 
-    #[inline(never)]
-    fn reference(&mut self, word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
-        let value = word.and_then(number::parse).ok_or(Failure::Usage(Command::Reference))?;
-        let bits = self.in_bits(value, machine.sample().state.mode())?;
-        self.order(Request::Reference(bits), machine)
+    /// Arms, or says why not.
+    fn arm(&mut self, machine: &mut impl Machine) -> Say {
+        machine.request(Request::Arm);
+        self.look(machine);
+        if self.armed() { Say::Ok } else { Say::TripLatched }
     }
 
-    /// A value in the unit of the mode, as the tick takes it.
+    fn armed(&self) -> bool {
+        self.sample.state.has(State::ARMED)
+    }
+
+    fn mode(&mut self, choice: u8, machine: &mut impl Machine) -> Say {
+        let mode = Mode::from_number(choice).unwrap_or(Mode::Off);
+        if mode != Mode::Off && !self.armed() {
+            return Say::NotArmed;
+        }
+        machine.request(Request::Mode(mode));
+        Say::Ok
+    }
+
+    fn reference(&mut self, machine: &mut impl Machine) -> Say {
+        let limit = if self.sample.state.mode().is_position() { 1e9 } else { 32767.0 };
+        match self.quantity(limit) {
+            Ok(bits) => machine.request(Request::Reference(bits)),
+            Err(say) => return say,
+        }
+        Say::Ok
+    }
+
+    /// The next word as a value in the unit of the mode, in bits of at most `limit`.
     #[inline(never)]
-    fn in_bits(&self, value: f32, mode: Mode) -> Result<i32, Failure> {
-        let (unit, limit) = if mode == Mode::OpenLoop {
-            (VOLT, 32767.0)
-        } else if mode.is_speed() {
-            (FULL_RANGE / self.settings.get(Param::SpeedRange), 32767.0)
-        } else if mode.is_position() {
-            (self.settings.get(Param::CountsPerRev) / core::f32::consts::TAU, 1e9)
-        } else {
-            return Err(Failure::Say(Say::NoReference));
-        };
-        let bits = value * unit;
+    fn quantity(&mut self, limit: f32) -> Result<i32, Say> {
+        let Some(value) = number::parse(self.editor.next_word()) else { return Err(Say::Usage) };
+        let mode = self.sample.state.mode();
+        if mode == Mode::Off {
+            return Err(Say::NoReference);
+        }
+        let bits_per_unit = bits_per_unit(mode, &self.settings);
+        let bits = value * bits_per_unit;
         if bits > limit || bits < -limit {
-            return Err(Failure::Limit(limit / unit));
+            self.limit = limit / bits_per_unit;
+            return Err(Say::Limit);
         }
-        Ok((if bits < 0.0 { bits - 0.5 } else { bits + 0.5 }) as i32)
+        Ok(whole(if bits < 0.0 { bits - 0.5 } else { bits + 0.5 }))
     }
 
-    #[inline(never)]
-    fn show(&mut self, word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
-        let only = match word {
-            Some(word) => Some(find_setting(word)?),
-            None => None,
-        };
+    fn show(&mut self, machine: &mut impl Machine) -> Say {
+        let word = self.editor.next_word();
+        if !word.is_empty() {
+            let Some(param) = settings::find(word) else { return Say::NoSuchSetting };
+            self.param = param;
+            self.info(Say::Setting, machine);
+            return Say::Ok;
+        }
         for index in 0..Param::COUNT {
             let Some(param) = Param::from_index(index) else { continue };
-            if only.is_none_or(|only| only == param) {
-                self.info(machine, |talk, settings| {
-                    talk.text(settings::text(param, Text::Name));
-                    talk.byte(b' ');
-                    talk.number(settings.get(param));
-                    talk.byte(b' ');
-                    talk.range(param);
-                    talk.byte(b',');
-                    talk.byte(b' ');
-                    talk.text(settings::text(param, Text::Help));
-                });
-            }
+            self.param = param;
+            self.info(Say::Setting, machine);
         }
-        Ok(())
+        Say::Ok
     }
 
-    #[inline(never)]
-    fn set(&mut self, mut words: Words, machine: &mut impl Machine) -> Outcome {
+    fn set(&mut self, machine: &mut impl Machine) -> Say {
         let mut settings = self.settings;
-        let mut any = false;
-        while let Some(name) = words.next() {
-            let param = find_setting(name)?;
-            let value = words.next().and_then(number::parse).ok_or(Failure::Range(param))?;
-            settings.set(param, value).map_err(|_| Failure::Range(param))?;
-            any = true;
+        loop {
+            let word = self.editor.next_word();
+            if word.is_empty() {
+                return self.replace(&settings, machine);
+            }
+            let Some(param) = settings::find(word) else { return Say::NoSuchSetting };
+            self.param = param;
+            let value = number::parse(self.editor.next_word());
+            if !value.is_some_and(|value| settings.set(param, value).is_ok()) {
+                return Say::Range;
+            }
         }
-        if any { self.replace(settings, machine) } else { Err(Failure::Usage(Command::Set)) }
     }
 
     /// Takes new settings as a whole, or not at all.
     #[inline(never)]
-    fn replace(&mut self, settings: Settings, machine: &mut impl Machine) -> Outcome {
-        if self.saver.is_some() {
-            return Err(Failure::Say(Say::SaveRunning));
+    fn replace(&mut self, settings: &Settings, machine: &mut impl Machine) -> Say {
+        if self.saver.is_busy() {
+            return Say::SaveRunning;
         }
         let rig = [Param::CountsPerRev, Param::SpeedRange, Param::SpeedSensor, Param::Wiring, Param::TickRate];
         let rig_changes = rig.iter().any(|&param| settings.get(param) != self.settings.get(param));
-        if rig_changes && machine.sample().state.has(State::ARMED) {
-            return Err(Failure::Say(Say::DisarmFirst));
+        if rig_changes && self.armed() {
+            return Say::DisarmFirst;
         }
-        machine.configure(&settings).map_err(Failure::Build)?;
-        self.settings = settings;
-        Ok(())
+        if let Err(BuildError { param, rule }) = machine.configure(settings) {
+            (self.param, self.rule) = (param, rule);
+            return Say::Build;
+        }
+        self.settings = *settings;
+        Say::Ok
     }
 
-    #[inline(never)]
-    fn sequence(&mut self, mut words: Words, command: Command, machine: &mut impl Machine) -> Outcome {
-        let usage = || Failure::Usage(command);
-        let word = words.next().ok_or_else(usage)?;
-        let kind = (0..Kind::COUNT).find(|&kind| same(word_text(KINDS + kind as usize), word));
-        let kind = kind.and_then(Kind::from_number).ok_or_else(usage)?;
-        let mode = machine.sample().state.mode();
-        let amplitude = words.next().and_then(number::parse).ok_or_else(usage)?;
-        let offset = words.next().map_or(Some(0.0), number::parse).ok_or_else(usage)?;
-        let period_ms = words.next().map_or(Some(500), number::parse_u16).ok_or_else(usage)?;
-        let count = words.next().map_or(Some(1), number::parse_u16).ok_or_else(usage)?;
-        let seed = words.next().map_or(Some(1), number::parse_u16).ok_or_else(usage)?;
-        let short = |value: f32| {
-            let bits = self.in_bits(value, mode)?;
-            i16::try_from(bits).map_err(|_| Failure::Limit(value * 32767.0 / bits as f32))
-        };
-        let (amplitude, offset) = (short(amplitude)?, short(offset)?);
+    /// Zero of current or position.
+    fn zero(&mut self, choice: u8, machine: &mut impl Machine) -> Say {
+        if self.armed() {
+            return Say::DisarmFirst;
+        }
+        if choice != 0 {
+            machine.request(Request::ZeroPosition);
+            return Say::Ok;
+        }
+        machine.request(Request::ZeroCurrent);
+        self.look(machine);
+        while self.counters.zeroing {
+            self.look(machine);
+        }
+        if self.counters.zero_ok { Say::Ok } else { Say::ZeroRefused }
+    }
+
+    /// Plays a sequence, in a recording with the binary stream around it.
+    fn sequence(&mut self, choice: u8, machine: &mut impl Machine) -> Say {
+        let kind = Kind::from_number(choice).unwrap_or_default();
+        let mut parts = [0i16; 2];
+        for part in &mut parts {
+            if self.editor.at_end() {
+                // The offset may be left out.
+                break;
+            }
+            match self.quantity(32767.0) {
+                Ok(bits) => *part = bits as i16,
+                Err(say) => return say,
+            }
+        }
+        let mut numbers = [500, 1, 1];
+        for number in &mut numbers {
+            let word = self.editor.next_word();
+            if !word.is_empty() {
+                let Some(given) = number::parse_u16(word) else { return Say::Usage };
+                *number = given;
+            }
+        }
+        let ([amplitude, offset], [period_ms, count, seed]) = (parts, numbers);
         let ticks = if self.settings.get(Param::TickRate) > 1500.0 { period_ms.saturating_mul(2) } else { period_ms };
         let sequence = Sequence::new(kind, amplitude, offset, ticks, count, seed);
-        self.info(machine, |talk, _| {
-            talk.whole(sequence.duration_ticks());
-            talk.say(Say::Ticks);
-        });
-        self.order(Request::Play(sequence), machine)
-    }
-
-    #[inline(never)]
-    fn record(&mut self, words: Words, machine: &mut impl Machine) -> Outcome {
-        if machine.sample().state.mode() == Mode::Off {
-            return Err(Failure::Say(Say::NoReference));
+        machine.request(Request::Play(sequence));
+        if self.command == Command::Record as u8 {
+            (self.stream, self.divider, self.countdown) = (Stream::Binary, 1, 0);
+            (self.recording, self.recorded, self.dropped) = (true, 0, self.counters.dropped);
         }
-        self.sequence(words, Command::Record, machine)?;
-        (self.stream, self.divider, self.countdown) = (Stream::Binary, 1, 0);
-        (self.recording, self.recorded, self.dropped) = (true, 0, machine.counters().dropped);
-        Ok(())
+        Say::Ok
     }
 
-    #[inline(never)]
-    fn stream(&mut self, word: Option<&[u8]>, divider: Option<&[u8]>, _: &mut impl Machine) -> Outcome {
-        let usage = || Failure::Usage(Command::Stream);
-        let word = word.ok_or_else(usage)?;
-        let (stream, usual) = if same(word_text(MODES), word) {
-            (Stream::Off, 1)
-        } else if same(word_text(TEXT), word) {
-            (Stream::Text, 20)
-        } else if same(word_text(BINARY), word) {
-            (Stream::Binary, 1)
-        } else {
-            return Err(usage());
+    fn stream(&mut self, choice: u8) -> Say {
+        let (stream, usual) = match choice {
+            0 => (Stream::Off, 1),
+            1 => (Stream::Text, 20),
+            _ => (Stream::Binary, 1),
         };
-        let divider = divider.map_or(Some(usual), number::parse_u16).ok_or_else(usage)?;
-        self.divider = u8::try_from(divider).ok().filter(|&divider| divider > 0).ok_or_else(usage)?;
+        let word = self.editor.next_word();
+        let divider = if word.is_empty() { Some(usual) } else { number::parse_u16(word) };
+        let Some(divider @ 1..=255) = divider else { return Say::Usage };
+        self.divider = divider as u8;
         (self.stream, self.countdown, self.recording) = (stream, 0, false);
-        Ok(())
+        Say::Ok
     }
 
-    #[inline(never)]
-    fn save(&mut self, machine: &mut impl Machine) -> Outcome {
-        if self.saver.is_some() {
-            return Err(Failure::Say(Say::SaveRunning));
+    fn save(&mut self, machine: &mut impl Machine) -> Say {
+        if self.saver.is_busy() {
+            return Say::SaveRunning;
         }
-        self.saver = Some(Saver::start(machine.memory()));
-        Ok(())
+        self.saver.start(machine.memory());
+        Say::Ok
+    }
+
+    fn load(&mut self, machine: &mut impl Machine) -> Say {
+        let mut settings = self.settings;
+        if storage::load(machine.memory(), &mut settings) {
+            return self.replace(&settings, machine);
+        }
+        Say::NothingSaved
+    }
+
+    /// Prints an information line.
+    #[inline(never)]
+    fn info(&mut self, say: Say, machine: &mut impl Machine) {
+        self.put(b'#', machine);
+        self.put(b' ', machine);
+        self.print(say, machine);
+        self.end_line(machine);
+    }
+
+    /// Prints a text with its fields.
+    #[inline(never)]
+    fn print(&mut self, say: Say, machine: &mut impl Machine) {
+        let mut text = FlashText::of(Table::Sayings, say as u8);
+        while let Some(byte) = text.next() {
+            if byte != b'%' {
+                self.put(byte, machine);
+                continue;
+            }
+            let decimal = match self.field(text.next().unwrap_or(0)) {
+                Field::Text(table, index) => {
+                    FlashText::of(table, index).for_each(|byte| self.put(byte, machine));
+                    continue;
+                }
+                Field::Number(value) => Decimal::of(value),
+            };
+            decimal.as_bytes().iter().for_each(|&byte| self.put(byte, machine));
+        }
+    }
+
+    /// What `%` and this letter stand for.
+    #[inline(never)]
+    fn field(&self, letter: u8) -> Field {
+        let (param, sample, settings) = (self.param, &self.sample, &self.settings);
+        let (bits, unit) = match letter {
+            b'0'..=b'2' => return Field::Text(Table::Commands, self.command * 3 + (letter - b'0')),
+            b'3'..=b'5' => return Field::Text(Table::Settings, param as u8 * 3 + (letter - b'3')),
+            b'b' => return Field::Text(Table::Words, Word::Rules as u8 + self.rule as u8),
+            b't' => return Field::Text(Table::Words, Word::Trips as u8 + sample.trip as u8),
+            b'R' => return Field::Text(Table::Words, Word::ResetCauses as u8 + self.counters.reset_cause as u8),
+            b'V' => return Field::Text(Table::Words, Word::Version as u8),
+            b'm' => return Field::Text(Table::Words, Word::Modes as u8 + sample.state.mode() as u8),
+            b'T' => (sample.trip as i32, 1.0),
+            b'a' => (self.armed() as i32, 1.0),
+            b'S' => (storage::VERSION as i32, 1.0),
+            b'k' => (self.count as i32, 1.0),
+            b'i' => (self.counters.illegal_transitions as i32, 1.0),
+            b'o' => (self.counters.overruns as i32, 1.0),
+            b'D' => (self.counters.dropped as i32, 1.0),
+            b'K' => (self.counters.dropped.wrapping_sub(self.dropped) as i32, 1.0),
+            b'x' => return Field::Number(settings.get(param)),
+            b'l' => return Field::Number(param.range().0),
+            b'h' => return Field::Number(param.range().1),
+            b'L' => return Field::Number(self.limit),
+            b'r' => (sample.reference, 1.0 / bits_per_unit(sample.state.mode(), settings)),
+            b'p' => (sample.counts, 1.0 / bits_per_unit(Mode::PositionPid, settings)),
+            b's' => (sample.speed as i32, 1.0 / bits_per_unit(Mode::SpeedPid, settings)),
+            b'c' => (sample.current as i32, 1.0 / AMPERE),
+            b'd' => (sample.duty as i32, 100.0 / PWM_STEPS as f32),
+            _ => (sample.supply as i32, 1.0 / VOLT),
+        };
+        Field::Number(bits as f32 * unit)
     }
 
     #[inline(never)]
-    fn load(&mut self, machine: &mut impl Machine) -> Outcome {
-        let settings = storage::load(machine.memory()).ok_or(Failure::Say(Say::NothingSaved))?;
-        self.replace(settings, machine)
+    fn end_line(&mut self, machine: &mut impl Machine) {
+        self.put(b'\r', machine);
+        self.put(b'\n', machine);
+    }
+
+    /// Sends a character as it is, or in a frame while the binary stream is on.
+    #[inline(never)]
+    fn put(&mut self, byte: u8, machine: &mut impl Machine) {
+        if self.stream != Stream::Binary {
+            return machine.send(byte);
+        }
+        if let Some(place) = self.chunk.get_mut(self.chunk_length as usize) {
+            *place = byte;
+            self.chunk_length += 1;
+        }
+        if byte == b'\n' || self.chunk_length as usize == TEXT_CHUNK {
+            let chunk = self.chunk;
+            let length = core::mem::take(&mut self.chunk_length);
+            self.frame(protocol::TEXT, chunk.get(..length as usize).unwrap_or(&[]), machine);
+        }
     }
 
     #[inline(never)]
-    fn echo(&mut self, word: Option<&[u8]>) -> Outcome {
-        let word = word.unwrap_or(&[]);
-        self.echo = same(word_text(ON), word);
-        if self.echo || same(word_text(MODES), word) { Ok(()) } else { Err(Failure::Usage(Command::Echo)) }
+    fn frame(&mut self, kind: u8, payload: &[u8], machine: &mut impl Machine) {
+        let mut frame = [0; FRAME];
+        let length = self.framer.frame(kind, payload, &mut frame);
+        frame.iter().take(length).for_each(|&byte| machine.send(byte));
     }
 }
 
-flash_texts!(VERSION, VERSION_LENGTH, env!("CARGO_PKG_VERSION"));
+/// Place of a command's second text.
+const ARGUMENTS: u8 = 1;
 
-/// Arms, or says why not.
+/// Bits or counts of one unit of the mode's reference: of a volt where it is neither a speed nor a position.
 #[inline(never)]
-fn arm(machine: &mut impl Machine) -> Outcome {
-    if machine.sample().trip != Trip::None {
-        return Err(Failure::Say(Say::TripLatched));
-    }
-    machine.request(Request::Arm);
-    match machine.sample().trip {
-        Trip::None => Ok(()),
-        Trip::EmergencyStop => Err(Failure::Say(Say::EmergencyStop)),
-        _ => Err(Failure::Say(Say::TripLatched)),
-    }
-}
-
-/// Zero of position or current.
-#[inline(never)]
-fn zero(word: Option<&[u8]>, machine: &mut impl Machine) -> Outcome {
-    let word = word.unwrap_or(&[]);
-    let position = same(word_text(MODES + Mode::PositionPid as usize), word);
-    if !position && !same(word_text(CURRENT), word) {
-        return Err(Failure::Usage(Command::Zero));
-    }
-    if machine.sample().state.has(State::ARMED) {
-        return Err(Failure::Say(Say::DisarmFirst));
-    }
-    if position {
-        machine.request(Request::ZeroPosition);
-        return Ok(());
-    }
-    machine.request(Request::ZeroCurrent);
-    while machine.counters().zeroing {
-        machine.sample();
-    }
-    if machine.counters().zero_ok { Ok(()) } else { Err(Failure::Say(Say::ZeroRefused)) }
-}
-
-#[inline(never)]
-fn find_setting(word: &[u8]) -> Result<Param, Failure> {
-    (0..Param::COUNT)
-        .filter_map(Param::from_index)
-        .find(|&param| same(settings::text(param, Text::Name), word))
-        .ok_or(Failure::Say(Say::NoSuchSetting))
-}
-
-fn same(text: impl Iterator<Item = u8>, word: &[u8]) -> bool {
-    text.eq(word.iter().copied())
-}
-
-fn word_text(index: usize) -> impl Iterator<Item = u8> {
-    flash_text::text::<WORDS_LENGTH>(|at| WORDS.load_at(at), index)
-}
-
-/// Name, arguments (1) or help (2) of a command.
-fn command_text(index: usize, part: usize) -> impl Iterator<Item = u8> {
-    flash_text::text::<COMMAND_TEXT_LENGTH>(|at| COMMAND_TEXT.load_at(at), index * 3 + part)
-}
-
-/// A sample's reference in the unit of its mode.
-pub fn reference_value(sample: &Sample, settings: &Settings) -> f32 {
-    let mode = sample.state.mode();
-    if mode.is_position() {
-        position_rad(sample.reference, settings)
-    } else if mode.is_speed() {
-        sample.reference as f32 * settings.get(Param::SpeedRange) / FULL_RANGE
+fn bits_per_unit(mode: Mode, settings: &Settings) -> f32 {
+    if mode.is_speed() {
+        FULL_RANGE / settings.get(Param::SpeedRange)
+    } else if mode.is_position() {
+        settings.get(Param::CountsPerRev) * (1.0 / core::f32::consts::TAU)
     } else {
-        sample.reference as f32 / VOLT
+        VOLT
     }
-}
-
-/// Counts in rad.
-pub fn position_rad(counts: i32, settings: &Settings) -> f32 {
-    counts as f32 * core::f32::consts::TAU / settings.get(Param::CountsPerRev)
-}
-
-/// Bits of speed in rad/s.
-pub fn speed_rad_per_s(speed: i16, settings: &Settings) -> f32 {
-    speed as f32 * settings.get(Param::SpeedRange) / FULL_RANGE
-}
-
-/// PWM steps in percent.
-pub fn duty_percent(duty: i16) -> f32 {
-    duty as f32 * (100.0 / PWM_STEPS as f32)
 }
 
 /// Commands and settings as one text, for the host.
@@ -817,7 +780,10 @@ impl core::fmt::Display for Reference {
         for index in 0..COMMAND_COUNT {
             for part in 0..3 {
                 write!(f, "| ")?;
-                put(f, command_text(index, part).map(|byte| if byte == b'|' { b'/' } else { byte }))?;
+                put(
+                    f,
+                    FlashText::of(Table::Commands, index * 3 + part).map(|byte| if byte == b'|' { b'/' } else { byte }),
+                )?;
                 write!(f, " ")?;
             }
             writeln!(f, "|")?;
@@ -827,153 +793,13 @@ impl core::fmt::Display for Reference {
         for &param in Param::ALL {
             let (min, max) = param.range();
             write!(f, "| ")?;
-            put(f, settings::text(param, Text::Name))?;
+            put(f, settings::text(param, settings::Text::Name))?;
             write!(f, " | ")?;
-            put(f, settings::text(param, Text::Unit).map(|byte| if byte == b'|' { b'/' } else { byte }))?;
+            put(f, settings::text(param, settings::Text::Unit).map(|byte| if byte == b'|' { b'/' } else { byte }))?;
             write!(f, " | {} | {min}..{max} | ", defaults.get(param))?;
-            put(f, settings::text(param, Text::Help))?;
+            put(f, settings::text(param, settings::Text::Help))?;
             writeln!(f, " |")?;
         }
-        Ok(())
-    }
-}
-
-/// Writes text as it is, or in frames while the binary stream is on.
-struct Talk<'a, M: Machine> {
-    machine: &'a mut M,
-    framer: Option<&'a mut Framer>,
-    chunk: [u8; TEXT_CHUNK],
-    length: u8,
-}
-
-impl<'a, M: Machine> Talk<'a, M> {
-    fn new(machine: &'a mut M, framer: Option<&'a mut Framer>) -> Self {
-        Self { machine, framer, chunk: [0; TEXT_CHUNK], length: 0 }
-    }
-
-    #[inline(never)]
-    fn byte(&mut self, byte: u8) {
-        if let Some(place) = self.chunk.get_mut(self.length as usize) {
-            *place = byte;
-            self.length += 1;
-        }
-        if self.length as usize == TEXT_CHUNK {
-            self.flush();
-        }
-    }
-
-    #[inline(never)]
-    fn flush(&mut self) {
-        let text = self.chunk.get(..self.length as usize).unwrap_or(&[]);
-        match &mut self.framer {
-            None => self.machine.send(text),
-            Some(framer) => {
-                let mut frame = [0; FRAME];
-                let length = framer.frame(protocol::TEXT, text, &mut frame);
-                self.machine.send(frame.get(..length).unwrap_or(&[]));
-            }
-        }
-        self.length = 0;
-    }
-
-    #[inline(never)]
-    fn end_line(&mut self) {
-        self.byte(b'\r');
-        self.byte(b'\n');
-        if self.length > 0 {
-            self.flush();
-        }
-    }
-
-    fn text(&mut self, text: impl Iterator<Item = u8>) {
-        text.for_each(|byte| self.byte(byte));
-    }
-
-    #[inline(never)]
-    fn say(&mut self, what: Say) {
-        self.text(flash_text::text::<SAYINGS_LENGTH>(|at| SAYINGS.load_at(at), what as usize));
-    }
-
-    #[inline(never)]
-    fn word(&mut self, index: usize) {
-        self.text(word_text(index));
-    }
-
-    #[inline(never)]
-    fn number(&mut self, value: f32) {
-        let _ = number::write(self, value);
-    }
-
-    #[inline(never)]
-    fn whole(&mut self, value: u32) {
-        let _ = uwrite!(self, "{}", value);
-    }
-
-    /// `[unit] min..max`.
-    #[inline(never)]
-    fn range(&mut self, param: Param) {
-        let (min, max) = param.range();
-        self.text(settings::text(param, Text::Unit));
-        self.byte(b' ');
-        self.number(min);
-        self.byte(b'.');
-        self.byte(b'.');
-        self.number(max);
-    }
-
-    /// What was expected.
-    #[inline(never)]
-    fn failure(&mut self, failure: &Failure) {
-        match failure {
-            Failure::Say(what) => self.say(*what),
-            Failure::Usage(command) => {
-                self.say(Say::Expected);
-                self.text(command_text(*command as usize, 0));
-                self.byte(b' ');
-                self.text(command_text(*command as usize, 1));
-            }
-            Failure::Range(param) => {
-                self.text(settings::text(*param, Text::Name));
-                self.byte(b' ');
-                self.say(Say::ExpectedNumber);
-                self.range(*param);
-            }
-            Failure::Limit(limit) => {
-                self.say(Say::ExpectedNumber);
-                self.number(-limit);
-                self.byte(b'.');
-                self.byte(b'.');
-                self.number(*limit);
-            }
-            Failure::Build(error) => self.build_error(error),
-        }
-    }
-
-    #[inline(never)]
-    fn build_error(&mut self, error: &BuildError) {
-        self.text(settings::text(error.param, Text::Name));
-        self.byte(b' ');
-        self.word(RULES + rule_place(error.rule));
-    }
-}
-
-/// The sentence of a rule, by its place in the table.
-fn rule_place(rule: Rule) -> usize {
-    match rule {
-        Rule::TooSmall => 0,
-        Rule::RoundsToZero => 1,
-        Rule::NotPowerOfTwo => 2,
-        Rule::NotFinite => 3,
-        Rule::TooLarge => 4,
-        Rule::NotAllowed => 5,
-    }
-}
-
-impl<M: Machine> uWrite for Talk<'_, M> {
-    type Error = core::convert::Infallible;
-
-    fn write_str(&mut self, text: &str) -> Result<(), Self::Error> {
-        text.bytes().for_each(|byte| self.byte(byte));
         Ok(())
     }
 }

@@ -2,41 +2,41 @@
 //!
 //! Reading is within 1e-6 of the number; what is printed with six digits reads back within 1e-5.
 
-use ufmt::{uWrite, uwrite};
+use crate::arith::whole;
 
 /// Reads `-12.5`, `+3`, `.5`, `1e-3`: sign, digits, point, digits, exponent. Nothing else.
+#[inline(never)]
 pub fn parse(text: &[u8]) -> Option<f32> {
     let (negative, text) = sign(text);
-    let (mut mantissa, mut exponent, mut digits, mut point) = (0u32, 0i16, false, false);
-    let mut rest = text;
-    while let Some((&byte, after)) = rest.split_first() {
+    let (mut value, mut exponent, mut digits, mut point) = (0.0, 0i8, false, false);
+    let mut rest = text.iter();
+    while let Some(&byte) = rest.next() {
         match byte {
             b'0'..=b'9' => {
                 digits = true;
-                // Eight digits are more than the format holds; further ones only count.
-                if mantissa < 10_000_000 {
-                    mantissa = mantissa * 10 + (byte - b'0') as u32;
-                    exponent -= point as i16;
-                } else {
-                    exponent += !point as i16;
-                }
+                value = value * 10.0 + (byte - b'0') as f32;
+                // No line is so long that this could overflow.
+                exponent -= point as i8;
             }
             b'.' if !point => point = true,
             b'e' | b'E' if digits => {
-                exponent += exponent_of(after)?;
-                rest = &[];
+                exponent = exponent.saturating_add(exponent_of(rest.as_slice())?);
                 break;
             }
             _ => return None,
         }
-        rest = after;
     }
-    if !digits || !rest.is_empty() {
+    if !digits {
         return None;
     }
-    let mut value = mantissa as f32;
-    for _ in 0..exponent.unsigned_abs().min(60) {
-        value = if exponent < 0 { value / 10.0 } else { value * 10.0 };
+    while exponent != 0 {
+        if exponent < 0 {
+            value /= 10.0;
+            exponent += 1;
+        } else {
+            value *= 10.0;
+            exponent -= 1;
+        }
     }
     Some(if negative { -value } else { value })
 }
@@ -50,62 +50,100 @@ fn sign(text: &[u8]) -> (bool, &[u8]) {
 }
 
 /// A whole exponent of at most two digits.
-fn exponent_of(text: &[u8]) -> Option<i16> {
+fn exponent_of(text: &[u8]) -> Option<i8> {
     let (negative, digits) = sign(text);
-    if digits.is_empty() || digits.len() > 2 {
-        return None;
-    }
-    let mut value = 0;
-    for &digit in digits {
-        if !digit.is_ascii_digit() {
-            return None;
-        }
-        value = value * 10 + (digit - b'0') as i16;
-    }
+    let value = if digits.len() > 2 { None } else { parse_u16(digits) }? as i8;
     Some(if negative { -value } else { value })
 }
 
 /// Reads a whole number of 0..=65535.
+#[inline(never)]
 pub fn parse_u16(text: &[u8]) -> Option<u16> {
-    if text.is_empty() {
-        return None;
-    }
     let mut value = 0u32;
     for &digit in text {
-        if !digit.is_ascii_digit() || value > 65535 {
+        if !digit.is_ascii_digit() || value > 6553 {
             return None;
         }
         value = value * 10 + (digit - b'0') as u32;
     }
-    u16::try_from(value).ok()
+    if text.is_empty() { None } else { u16::try_from(value).ok() }
 }
 
-/// Prints six significant digits without trailing zeros; beyond 1e-4..1e7 with an exponent.
-pub fn write<W: uWrite>(out: &mut W, value: f32) -> Result<(), W::Error> {
-    if value.is_nan() || value.is_infinite() {
-        return out.write_char('?');
+/// A number in print.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Decimal {
+    bytes: [u8; 16],
+    length: u8,
+}
+
+impl Decimal {
+    /// Six significant digits without trailing zeros; beyond 1e-4..1e7 with an exponent.
+    #[inline(never)]
+    pub fn of(value: f32) -> Self {
+        let mut text = Self::default();
+        if value < 0.0 {
+            text.push(b'-');
+        }
+        let (digits, exponent) = scale(if value < 0.0 { -value } else { value });
+        if (-4..7).contains(&exponent) {
+            text.place(digits, exponent);
+            return text;
+        }
+        text.place(digits, 0);
+        text.push(b'e');
+        if exponent < 0 {
+            text.push(b'-');
+        }
+        let (tens, ones) = (exponent.unsigned_abs() / 10, exponent.unsigned_abs() % 10);
+        if tens > 0 {
+            text.push(b'0' + tens);
+        }
+        text.push(b'0' + ones);
+        text
     }
-    if value < 0.0 {
-        out.write_char('-')?;
+
+    /// The characters.
+    pub fn as_bytes(&self) -> &[u8] {
+        self.bytes.get(..self.length as usize).unwrap_or(&[])
     }
-    let (mut digits, mut exponent) = scale(if value < 0.0 { -value } else { value });
-    // Trailing zeros say nothing.
-    let mut count = 6i8;
-    while count > 1 && digits % 10 == 0 {
-        digits /= 10;
-        count -= 1;
+
+    #[inline(never)]
+    fn push(&mut self, byte: u8) {
+        if let Some(place) = self.bytes.get_mut(self.length as usize) {
+            *place = byte;
+            self.length += 1;
+        }
     }
-    let scientific = !(-4..7).contains(&exponent);
-    let shown = exponent;
-    if scientific {
-        exponent = 0;
+
+    /// The digits of a number, of which the first is worth 10^`exponent`, without trailing zeros, which say nothing.
+    #[inline(never)]
+    fn place(&mut self, mut number: u32, exponent: i8) {
+        let mut digits = [b'0'; 6];
+        let mut count = 0u8;
+        for place in digits.iter_mut().rev() {
+            *place = b'0' + (number % 10) as u8;
+            number /= 10;
+            count += (count > 0 || *place != b'0') as u8;
+        }
+        let mut place = if exponent < 0 { exponent } else { 0 };
+        while place < 0 {
+            self.push(b'0');
+            if place == exponent {
+                self.push(b'.');
+            }
+            place += 1;
+        }
+        place = exponent;
+        let mut shown = digits.iter();
+        while count > 0 || place >= 0 {
+            self.push(shown.next().copied().unwrap_or(b'0'));
+            count = count.saturating_sub(1);
+            if place == 0 && count > 0 {
+                self.push(b'.');
+            }
+            place -= 1;
+        }
     }
-    write_fixed(out, digits, count, exponent)?;
-    if scientific {
-        out.write_char('e')?;
-        uwrite!(out, "{}", shown)?;
-    }
-    Ok(())
 }
 
 /// Six digits and the power of ten of the first.
@@ -114,7 +152,8 @@ fn scale(mut value: f32) -> (u32, i8) {
         return (0, 0);
     }
     let mut exponent = 0;
-    while value >= 10.0 {
+    // No further than numbers go.
+    while value >= 10.0 && exponent < 39 {
         value /= 10.0;
         exponent += 1;
     }
@@ -122,36 +161,8 @@ fn scale(mut value: f32) -> (u32, i8) {
         value *= 10.0;
         exponent -= 1;
     }
-    let digits = (value * 100_000.0 + 0.5) as i32 as u32;
+    let digits = whole(value * 100_000.0 + 0.5) as u32;
     if digits >= 1_000_000 { (100_000, exponent + 1) } else { (digits, exponent) }
-}
-
-/// `count` digits, the first worth 10^`exponent`.
-fn write_fixed<W: uWrite>(out: &mut W, mut digits: u32, count: i8, exponent: i8) -> Result<(), W::Error> {
-    let mut text = [b'0'; 6];
-    for place in text.iter_mut().take(count as usize).rev() {
-        *place = b'0' + (digits % 10) as u8;
-        digits /= 10;
-    }
-    let mut place = exponent;
-    if place < 0 {
-        out.write_str("0.")?;
-        for _ in 0..-1 - place {
-            out.write_char('0')?;
-        }
-        place = -1;
-    }
-    let mut shown = text.iter().take(count as usize);
-    let mut left = count;
-    while left > 0 || place >= 0 {
-        out.write_char(shown.next().copied().unwrap_or(b'0') as char)?;
-        left -= 1;
-        if place == 0 && left > 0 {
-            out.write_char('.')?;
-        }
-        place -= 1;
-    }
-    Ok(())
 }
 
 #[cfg(test)]
@@ -159,21 +170,8 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    struct Printed(String);
-
-    impl uWrite for Printed {
-        type Error = core::convert::Infallible;
-
-        fn write_str(&mut self, text: &str) -> Result<(), Self::Error> {
-            self.0 += text;
-            Ok(())
-        }
-    }
-
     fn printed(value: f32) -> String {
-        let mut text = Printed(String::new());
-        write(&mut text, value).unwrap();
-        text.0
+        String::from_utf8(Decimal::of(value).as_bytes().to_vec()).unwrap()
     }
 
     #[test]
@@ -194,6 +192,9 @@ mod tests {
         ];
         for (value, text) in cases {
             assert_eq!(printed(value), text);
+        }
+        for whole in [0, 7, 10, 65_535, 999_999] {
+            assert_eq!(printed(whole as f32), whole.to_string());
         }
         for text in ["", "-", ".", "1.2.3", "e5", "1e", "1e+", "1e123", "0x1", "1 ", "nan", "inf", "--1", "1e1.5"] {
             assert_eq!(parse(text.as_bytes()), None, "{text}");

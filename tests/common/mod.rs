@@ -1,4 +1,5 @@
 //! An Uno with the firmware and a motor, for the tests on the simulated chip.
+#![allow(dead_code, reason = "each test uses its part")]
 
 use host_sim::chip::{Bench, Rig, firmware_elf};
 use host_sim::plant::{DcMotor, DcMotorParameters};
@@ -14,16 +15,35 @@ pub struct Uno {
 }
 
 impl Uno {
-    /// Powered on, with the zero of the current taken.
-    pub fn start() -> Self {
+    /// Powered on, nothing said yet.
+    pub fn power_on() -> Self {
         let elf = firmware_elf().expect("firmware");
         // The test stand's motor with the friction its no-load current of 0.3 A shows.
         let motor = DcMotorParameters { coulomb_friction_nm: 0.02, ..DcMotorParameters::PIVT6 };
         let bench = Bench::new(elf, Rig::default(), DcMotor::new(motor)).expect("bench");
-        let mut uno = Self { bench, decoder: StreamDecoder::default(), samples: Vec::new(), replies: String::new() };
-        // The zero of the current takes 256 ticks.
-        uno.run_s(0.4);
+        Self { bench, decoder: StreamDecoder::default(), samples: Vec::new(), replies: String::new() }
+    }
+
+    /// Powered on, with the zero of the current taken and the binary stream on.
+    pub fn start() -> Self {
+        let mut uno = Self::power_on();
+        uno.listen();
         uno
+    }
+
+    /// Waits for the greeting and the zero of the current, which takes 256 ticks; then everything comes in frames.
+    pub fn listen(&mut self) {
+        self.bench.run_s(0.4).expect("the chip runs");
+        for line in ["echo off\n", "stream binary\n"] {
+            self.bench.serial().read();
+            self.decoder = StreamDecoder::default();
+            self.bench.serial().write(line);
+            self.run_s(if line.starts_with("echo") { 0.03 } else { 0.0 });
+        }
+        self.run_s(0.03);
+        assert!(self.replies.ends_with("ok\r\n"), "{:?}", self.replies);
+        self.samples.clear();
+        self.decoder.damaged = 0;
     }
 
     /// Runs on and decodes what came over the line.
@@ -38,12 +58,29 @@ impl Uno {
         }
     }
 
-    /// Sends an order and expects its reply.
-    pub fn order(&mut self, order: &str) {
+    /// Sends a line; the reply, without carriage returns.
+    pub fn ask(&mut self, line: &str) -> String {
         self.replies.clear();
-        self.bench.serial().write(format!("{order}\n"));
-        self.run_s(0.02);
-        assert_eq!(self.replies, "ok\r\n", "{order}");
+        self.bench.serial().write(format!("{line}\n"));
+        for _ in 0..800 {
+            self.run_s(0.005);
+            let last = self.replies.lines().last().unwrap_or("");
+            if self.replies.ends_with('\n') && (last == "ok" || last.starts_with("error: ")) {
+                break;
+            }
+        }
+        self.replies.replace('\r', "")
+    }
+
+    /// Sends a command and expects that it is carried out.
+    pub fn order(&mut self, line: &str) {
+        assert_eq!(self.ask(line), "ok\n", "{line}");
+    }
+
+    /// Sends a line that must be refused.
+    pub fn refused(&mut self, line: &str) {
+        let reply = self.ask(line);
+        assert!(reply.starts_with("error: "), "{line}: {reply}");
     }
 
     /// The latest sample.
