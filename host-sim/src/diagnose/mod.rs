@@ -16,7 +16,7 @@ pub mod select;
 
 use crate::catalogue::ActsOn;
 use crate::dataset::{Dataset, DatasetError, Measured, Output, noise};
-use crate::free_run::Prediction;
+use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Interval, Place, Prior, fit};
 use crate::model::Model;
 use crate::recording::Recording;
@@ -51,7 +51,7 @@ pub struct Diagnosis {
     pub extended: Prediction,
     /// Constants of the linear motor fitted alone.
     pub base_model: Model,
-    /// What the linear motor lacks.
+    /// What the linear motor lacks, with its constants as found beside the effects.
     pub lacks: Vec<missing::Lack>,
     /// What was added in turn, with the errors after it.
     pub steps: Vec<select::Step>,
@@ -78,9 +78,10 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let last = fit(&selection.last.model, &everything, &prior, Effort::FULL);
     let intervals = last.intervals(&everything);
     progress("what is missing");
-    let residuals = residuals(&data, &selection.base);
+    let bare = Model::linear(last.model.motor);
+    let residuals = residuals(&data, &free_run(&bare, &data));
     let places = [ActsOn::Torque, ActsOn::Voltage];
-    let lacks = places.map(|place| missing::lack(&data, &selection.base.model.motor, &residuals, place)).to_vec();
+    let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
     let outcome = Outcome::of(&data, &prior, &selection, &last.model, &intervals);
     Ok(Diagnosis {
         outcome,
@@ -102,8 +103,12 @@ fn excluded(data: &Dataset) -> Vec<&'static str> {
     vec!["current_offset", "current_lag", "current_clipping"]
 }
 
-fn residuals(data: &Dataset, fit: &Fit) -> Vec<Vec<f64>> {
-    (0..data.measured.len()).map(|output| fit.residual_of(data, output)).collect()
+/// Measured minus simulated, per quantity.
+fn residuals(data: &Dataset, prediction: &Prediction) -> Vec<Vec<f64>> {
+    let difference = |(measured, predicted): (&Measured, &Vec<f64>)| {
+        measured.values.iter().zip(predicted).map(|(value, predicted)| value - predicted).collect()
+    };
+    data.measured.iter().zip(prediction).map(difference).collect()
 }
 
 /// Error over noise floor of the worst channel.
@@ -324,7 +329,7 @@ fn unexplained(data: &Dataset, selection: &Selection) -> Option<Unexplained> {
     if above_floor(data, &selection.last) < NOT_NOISE {
         return None;
     }
-    let residuals = residuals(data, &selection.last);
+    let residuals = residuals(data, &selection.last.prediction);
     let motor = &selection.last.model.motor;
     let mut places = vec![ActsOn::Torque, ActsOn::AngleSensor];
     if data.current().is_some() {

@@ -11,6 +11,8 @@ use std::fmt::Write as _;
 
 /// Size of a plot in its own units; the page scales it.
 const SIZE: (u32, u32) = (760, 320);
+/// Letters that a phone still shows.
+const LABELS: (&str, i32) = ("sans-serif", 19);
 /// Samples that a plot over time shows at most.
 const MOST_POINTS: usize = 1500;
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
@@ -38,7 +40,7 @@ pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
         html.push_str(&over_time(diagnosis, output));
     }
     gains(&mut html, diagnosis);
-    html.push_str("<h2>What the linear motor lacks</h2>");
+    html.push_str("<h2>What the linear motor lacks</h2><p>With the constants found beside the effects: the torque and the voltage that would make it agree.</p>");
     for lack in &diagnosis.lacks {
         for dependence in
             dependences(&diagnosis.data, &lack.values).iter().filter(|dependence| dependence.on != "direction").take(3)
@@ -137,10 +139,17 @@ pub fn time_plot(name: &str, interval_s: f64, series: &[&[f64]]) -> String {
         area.fill(&WHITE)?;
         let mut chart = ChartBuilder::on(area)
             .margin(8)
-            .x_label_area_size(34)
-            .y_label_area_size(58)
+            .x_label_area_size(50)
+            .y_label_area_size(84)
             .build_cartesian_2d(0.0..length as f64 * interval_s, vertical)?;
-        chart.configure_mesh().x_desc("time, s").y_desc(name).light_line_style(WHITE).draw()?;
+        chart
+            .configure_mesh()
+            .x_desc("time, s")
+            .y_desc(name)
+            .label_style(LABELS)
+            .axis_desc_style(LABELS)
+            .light_line_style(WHITE)
+            .draw()?;
         for (values, colour) in series.iter().zip([MEASURED, AFTER, BEFORE]) {
             let points = (0..length).step_by(step).map(|index| (index as f64 * interval_s, values[index]));
             chart.draw_series(LineSeries::new(points, colour))?;
@@ -161,10 +170,17 @@ fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
     drawn(|area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
-            .x_label_area_size(34)
-            .y_label_area_size(58)
+            .x_label_area_size(50)
+            .y_label_area_size(84)
             .build_cartesian_2d(0.0..time(data.len()), vertical.clone())?;
-        chart.configure_mesh().x_desc("time, s").y_desc(measured.output.channel()).light_line_style(WHITE).draw()?;
+        chart
+            .configure_mesh()
+            .x_desc("time, s")
+            .y_desc(measured.output.channel())
+            .label_style(LABELS)
+            .axis_desc_style(LABELS)
+            .light_line_style(WHITE)
+            .draw()?;
         let mut start = 0;
         while start < data.len() {
             let kept = data.kept_back[start];
@@ -195,10 +211,17 @@ fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
     let plot = drawn(|area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
-            .x_label_area_size(34)
-            .y_label_area_size(70)
+            .x_label_area_size(50)
+            .y_label_area_size(96)
             .build_cartesian_2d(range(points.iter().map(|point| point.0)), range(points.iter().map(|point| point.1)))?;
-        chart.configure_mesh().x_desc(axis.trim_end_matches(", ")).y_desc(what).light_line_style(WHITE).draw()?;
+        chart
+            .configure_mesh()
+            .x_desc(axis.trim_end_matches(", "))
+            .y_desc(what)
+            .label_style(LABELS)
+            .axis_desc_style(LABELS)
+            .light_line_style(WHITE)
+            .draw()?;
         chart.draw_series(LineSeries::new(points.iter().copied(), AFTER))?;
         chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, AFTER.filled())))?;
         Ok(())
