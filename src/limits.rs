@@ -1,7 +1,7 @@
 //! What the voltage may be in this tick, and the integral that knows it.
 //!
 //! Every limit (saturation, slew, folding back on over-current, room for the compensation) is an interval of voltage
-//! made before the controller runs. The controller closes its law in [`Integral::close`], which clamps to the interval
+//! made before the controller runs. The controller closes its law in `Integral::close`, which clamps to the interval
 //! and feeds back what was cut off, so one anti-windup works with every limit:
 //!
 //! ```text
