@@ -4,9 +4,9 @@
 //! that oppose a state (resistance, viscous and dry friction) implicitly: a dry term moves its state towards zero and never
 //! beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
 
-use crate::catalogue::{Balance, Instant, Readings};
+use crate::catalogue::{Balance, Effect, Instant, Readings, Sampling};
 use crate::dataset::{Dataset, Output, difference};
-use crate::model::Model;
+use crate::model::{Model, Term};
 use crate::rig;
 use nalgebra::Matrix4;
 use std::ops::Range;
@@ -17,21 +17,88 @@ const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 /// What the model says of each measured quantity, in the order of [`Dataset::measured`].
 pub type Prediction = Vec<Vec<f64>>;
 
+/// How finely time is cut.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Steps {
+    /// For what is compared with the data.
+    Fine,
+    /// Twice as long: for differences between two simulations, in which the error of the steps cancels.
+    Coarse,
+}
+
 /// Simulates every stretch of the data.
 pub fn free_run(model: &Model, data: &Dataset) -> Prediction {
-    let mut prediction: Prediction = data.measured.iter().map(|_| Vec::with_capacity(data.len())).collect();
-    for range in &data.stretches {
-        let gap = range.start - prediction[0].len();
-        for values in &mut prediction {
-            values.extend(std::iter::repeat_n(f64::NAN, gap));
+    read(model, data, &drive(model, data, Steps::Fine))
+}
+
+/// What the motor does, whatever its sensors say of it: one entry a sample of the data, NaN between stretches.
+#[derive(Clone, Debug, Default)]
+pub struct Motion {
+    current_a: Vec<f64>,
+    speed_rad_per_s: Vec<f64>,
+    angle_rad: Vec<f64>,
+}
+
+impl Motion {
+    fn fill_up_to(&mut self, samples: usize) {
+        for values in [&mut self.current_a, &mut self.speed_rad_per_s, &mut self.angle_rad] {
+            values.resize(samples, f64::NAN);
         }
-        Run::new(model, data, range.clone()).whole(&mut prediction);
     }
-    let missing = data.len() - prediction[0].len();
-    for values in &mut prediction {
-        values.extend(std::iter::repeat_n(f64::NAN, missing));
+}
+
+/// Drives the motor of the model with what drove the real one.
+pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
+    let mut motion = Motion::default();
+    for range in &data.stretches {
+        motion.fill_up_to(range.start);
+        Run::new(model, data, range.clone(), steps).whole(&mut motion);
     }
-    prediction
+    motion.fill_up_to(data.len());
+    motion
+}
+
+/// Reads a motion with the sensors of the model.
+pub fn read(model: &Model, data: &Dataset, motion: &Motion) -> Prediction {
+    let mut motion = motion.clone();
+    for term in model.terms.iter().filter(|term| !term.effect.acts_on_motor()) {
+        for range in &data.stretches {
+            falsify(term, data, range.clone(), &mut motion);
+        }
+    }
+    data.measured
+        .iter()
+        .map(|measured| match measured.output {
+            Output::Current => motion.current_a.clone(),
+            Output::Speed => motion.speed_rad_per_s.clone(),
+            Output::AngleDifference(span) => {
+                let mut speed = vec![f64::NAN; data.len()];
+                for range in &data.stretches {
+                    let differences = difference(&motion.angle_rad[range.clone()], &data.time_s[range.clone()], span);
+                    speed[range.clone()].copy_from_slice(&differences);
+                }
+                speed
+            }
+        })
+        .collect()
+}
+
+/// Lets one sensor's effect act on the readings of one stretch.
+fn falsify(term: &Term, data: &Dataset, range: Range<usize>, motion: &mut Motion) {
+    let mut state = vec![0.0; term.effect.states()];
+    for index in range.clone() {
+        let step_s = if index > range.start { data.time_s[index] - data.time_s[index - 1] } else { data.interval_s };
+        let mut readings = Readings {
+            current_a: motion.current_a[index],
+            speed_rad_per_s: motion.speed_rad_per_s[index],
+            angle_rad: motion.angle_rad[index],
+        };
+        let at = Sampling { angle_rad: data.angle_rad[index], step_s };
+        term.effect.sense(&term.values, &at, &mut state, &mut readings);
+        motion.current_a[index] = readings.current_a;
+        motion.speed_rad_per_s[index] = readings.speed_rad_per_s;
+        motion.angle_rad[index] = readings.angle_rad;
+    }
 }
 
 /// The linear part over one step: what becomes of current and speed, of a voltage and a torque.
@@ -41,6 +108,8 @@ pub struct LinearStep {
     speed_of: [f64; 4],
     /// Speed left, and gained of a torque, while no current can flow.
     open_speed_of: [f64; 2],
+    /// Voltage and torque that make a unit of current and of speed.
+    inverse_gains: [f64; 2],
     step_s: f64,
 }
 
@@ -59,7 +128,9 @@ impl LinearStep {
         let row = |index: usize| [step[(index, 0)], step[(index, 1)], step[(index, 2)], step[(index, 3)]];
         let decay = (-b / inertia_kg_m2 * step_s).exp();
         let gain = if b > 0.0 { (1.0 - decay) / b } else { step_s / inertia_kg_m2 };
-        Self { current_of: row(0), speed_of: row(1), open_speed_of: [decay, gain], step_s }
+        let (current_of, speed_of) = (row(0), row(1));
+        let inverse_gains = [1.0 / current_of[2], 1.0 / speed_of[3]];
+        Self { current_of, speed_of, open_speed_of: [decay, gain], inverse_gains, step_s }
     }
 
     /// Length of the step.
@@ -80,11 +151,12 @@ impl LinearStep {
         let gain = self.current_of[2];
         let dry_a = gain * terms.dry_drop_v.max(0.0);
         let flowing_a = if free_a > dry_a { free_a - dry_a } else { (free_a + dry_a).min(0.0) };
-        let current_a = flowing_a / (1.0 + gain * terms.resistance_ohm);
-        let lost_v = (free_a - current_a) / gain;
+        // Quotients as products: they do not wait for what they scale.
+        let current_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
+        let lost_v = (free_a - current_a) * self.inverse_gains[0];
         let free = dot(&self.speed_of) - self.speed_of[2] * lost_v;
         let speed = oppose_motion(free, self.speed_of[3], terms);
-        let lost_nm = (free - speed) / self.speed_of[3];
+        let lost_nm = (free - speed) * self.inverse_gains[1];
         (current_a - self.current_of[3] * lost_nm, speed)
     }
 }
@@ -95,9 +167,17 @@ fn oppose_motion(free: f64, gain: f64, terms: &Balance) -> f64 {
     let forward = gain * terms.dry_forward_nm.max(0.0);
     let backward = gain * terms.dry_backward_nm.max(0.0);
     let moving = if free > forward { free - forward } else { (free + backward).min(0.0) };
-    moving / (1.0 + gain * terms.viscous_nm_s)
+    moving * (1.0 / (1.0 + gain * terms.viscous_nm_s))
 }
 
+/// A term of the model at work on the motor.
+struct Acting<'a> {
+    effect: &'static dyn Effect,
+    values: &'a [f64],
+    state: Vec<f64>,
+}
+
+/// The motor of a model on its way through one stretch of the data.
 struct Run<'a> {
     model: &'a Model,
     data: &'a Dataset,
@@ -106,7 +186,7 @@ struct Run<'a> {
     longest_step_s: f64,
     inertia_kg_m2: f64,
     step: LinearStep,
-    states: Vec<Vec<f64>>,
+    acting: Vec<Acting<'a>>,
     current_a: f64,
     speed_rad_per_s: f64,
     angle_rad: f64,
@@ -115,7 +195,7 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(model: &'a Model, data: &'a Dataset, range: Range<usize>) -> Self {
+    fn new(model: &'a Model, data: &'a Dataset, range: Range<usize>, steps: Steps) -> Self {
         let terms = &model.terms;
         let share: f64 = terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
         let first =
@@ -124,7 +204,13 @@ impl<'a> Run<'a> {
         let motion = data.motion();
         let speed_rad_per_s = first(&motion.values);
         let usual_step_s = (0.1 * data.interval_s).clamp(LONGEST_STEPS_S[0], LONGEST_STEPS_S[1]);
+        let usual_step_s = if steps == Steps::Coarse { 2.0 * usual_step_s } else { usual_step_s };
         let still = speed_rad_per_s.abs() < 5.0 * motion.noise;
+        let acting = terms.iter().filter(|term| term.effect.acts_on_motor()).map(|term| Acting {
+            effect: term.effect,
+            values: &term.values,
+            state: vec![0.0; term.effect.states()],
+        });
         Self {
             model,
             data,
@@ -133,7 +219,7 @@ impl<'a> Run<'a> {
             longest_step_s: terms.iter().map(|term| term.effect.longest_step_s()).fold(usual_step_s, f64::min),
             inertia_kg_m2: model.motor.inertia_kg_m2 * share.max(0.01),
             step: LinearStep::default(),
-            states: terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),
+            acting: acting.collect(),
             current_a: if still { 0.0 } else { current_a },
             speed_rad_per_s: if still { 0.0 } else { speed_rad_per_s },
             angle_rad: 0.0,
@@ -142,66 +228,27 @@ impl<'a> Run<'a> {
         }
     }
 
-    fn whole(mut self, prediction: &mut Prediction) {
-        let mut angles = Vec::new();
+    fn whole(mut self, motion: &mut Motion) {
+        let means = self.data.timing.readings == rig::Readings::Mean;
         for index in self.range.clone() {
-            let readings = self.read(index);
-            angles.push(readings.angle_rad);
-            for (measured, values) in self.data.measured.iter().zip(prediction.iter_mut()) {
-                values.push(match measured.output {
-                    Output::Current => readings.current_a,
-                    Output::Speed | Output::AngleDifference(_) => readings.speed_rad_per_s,
-                });
-            }
+            let (current_a, speed_rad_per_s) = match index > self.range.start && means {
+                true => self.means,
+                false => (self.current_a, self.speed_rad_per_s),
+            };
+            motion.current_a.push(current_a);
+            motion.speed_rad_per_s.push(speed_rad_per_s);
+            motion.angle_rad.push(self.angle_rad);
             if index + 1 < self.range.end {
                 self.until(index + 1);
             }
-        }
-        for (measured, values) in self.data.measured.iter().zip(prediction) {
-            if let Output::AngleDifference(span) = measured.output {
-                let start = values.len() - angles.len();
-                values[start..].copy_from_slice(&difference(&angles, &self.data.time_s[self.range.clone()], span));
-            }
-        }
-    }
-
-    fn read(&mut self, index: usize) -> Readings {
-        let (current_a, speed_rad_per_s) = match self.data.timing.readings {
-            rig::Readings::Mean if index > self.range.start => self.means,
-            _ => (self.current_a, self.speed_rad_per_s),
-        };
-        let mut readings = Readings { current_a, speed_rad_per_s, angle_rad: self.angle_rad };
-        let interval_s = if index > self.range.start {
-            self.data.time_s[index] - self.data.time_s[index - 1]
-        } else {
-            self.data.interval_s
-        };
-        let at = self.instant(index, 0.0, interval_s);
-        for (term, state) in self.model.terms.iter().zip(&mut self.states) {
-            term.effect.sense(&term.values, &at, state, &mut readings);
-        }
-        readings
-    }
-
-    fn instant(&self, index: usize, share: f64, step_s: f64) -> Instant {
-        let data = self.data;
-        let next = (index + 1).min(data.len() - 1);
-        let interval_s = data.time_s[next] - data.time_s[index];
-        Instant {
-            time_s: data.time_s[index] + share * interval_s,
-            voltage_v: data.voltage_v[index],
-            duty: data.duty[index],
-            supply_v: data.supply_v[index],
-            current_a: self.current_a,
-            speed_rad_per_s: self.speed_rad_per_s,
-            angle_rad: data.angle_rad[index] + share * (data.angle_rad[next] - data.angle_rad[index]),
-            step_s,
         }
     }
 
     /// Simulates up to the sample `next`.
     fn until(&mut self, next: usize) {
-        let interval_s = self.data.time_s[next] - self.data.time_s[next - 1];
+        let data = self.data;
+        let index = next - 1;
+        let interval_s = data.time_s[next] - data.time_s[index];
         let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
         if (step_s - self.step.step_s).abs() > 1e-9 {
@@ -210,54 +257,63 @@ impl<'a> Run<'a> {
         let (mut current_sum, angle_before_rad) = (0.0, self.angle_rad);
         for part in 0..steps as usize {
             // The middle of the step stands for it.
-            let mut at = self.instant(next - 1, (part as f64 + 0.5) / steps, step_s);
-            if self.delay_s > 0.0 {
-                let delayed_s = part as f64 * step_s - self.delay_s;
-                at.voltage_v = self.mean_before(&self.data.voltage_v, next - 1, delayed_s, step_s);
-                at.duty = self.mean_before(&self.data.duty, next - 1, delayed_s, step_s);
-            }
+            let share = (part as f64 + 0.5) / steps;
+            let (voltage_v, duty) = self.command(index, part as f64 * step_s - self.delay_s, step_s);
+            let mut at = Instant {
+                time_s: data.time_s[index] + share * interval_s,
+                voltage_v,
+                duty,
+                supply_v: data.supply_v[index],
+                current_a: self.current_a,
+                speed_rad_per_s: self.speed_rad_per_s,
+                angle_rad: data.angle_rad[index] + share * (data.angle_rad[next] - data.angle_rad[index]),
+                step_s,
+            };
             let before_a = self.current_a;
-            self.advance(&mut at, self.data.open[next - 1], self.data.load_nm[next - 1]);
+            self.advance(&mut at, data.open[index], data.load_nm[index]);
             current_sum += 0.5 * (before_a + self.current_a);
         }
         self.means = (current_sum / steps, (self.angle_rad - angle_before_rad) / interval_s);
     }
 
     fn advance(&mut self, at: &mut Instant, open: bool, load_nm: f64) {
+        let motor = &self.model.motor;
         let mut terms = Balance { torque_nm: -load_nm, ..Balance::default() };
-        for (term, state) in self.model.terms.iter().zip(&self.states) {
-            if term.effect.acts_on_motor() {
-                term.effect.contribute(&term.values, &self.model.motor, at, state, &mut terms);
-            }
+        for Acting { effect, values, state } in &self.acting {
+            effect.contribute(values, motor, at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
         (self.current_a, self.speed_rad_per_s) = self.step.take(self.current_a, before, at.voltage_v, open, &terms);
         self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
         at.current_a = self.current_a;
         at.speed_rad_per_s = self.speed_rad_per_s;
-        for (term, state) in self.model.terms.iter().zip(&mut self.states) {
-            if term.effect.acts_on_motor() && term.effect.states() > 0 {
-                term.effect.advance(&term.values, &self.model.motor, at, state);
+        for Acting { effect, values, state } in &mut self.acting {
+            if !state.is_empty() {
+                effect.advance(values, motor, at, state);
             }
         }
     }
 
-    /// Mean over `length_s` of a signal that is held from sample to sample, beginning `offset_s` after sample `index`.
-    fn mean_before(&self, signal: &[f64], index: usize, offset_s: f64, length_s: f64) -> f64 {
-        let from_s = self.data.time_s[index] + offset_s;
-        let to_s = from_s + length_s;
+    /// Means of voltage and duty, held from sample to sample, over `length_s` from `offset_s` after sample `index`.
+    fn command(&self, index: usize, offset_s: f64, length_s: f64) -> (f64, f64) {
+        let data = self.data;
+        if offset_s >= 0.0 || index == self.range.start {
+            return (data.voltage_v[index], data.duty[index]);
+        }
+        let from_s = data.time_s[index] + offset_s;
+        let mut end_s = from_s + length_s;
         let mut sample = index;
-        let mut end_s = to_s;
-        let mut sum = 0.0;
+        let (mut voltage, mut duty) = (0.0, 0.0);
         loop {
-            let start_s = if sample == self.range.start { f64::NEG_INFINITY } else { self.data.time_s[sample] };
+            let start_s = if sample == self.range.start { f64::NEG_INFINITY } else { data.time_s[sample] };
             let since_s = start_s.max(from_s);
             if since_s < end_s {
-                sum += signal[sample] * (end_s - since_s);
+                voltage += data.voltage_v[sample] * (end_s - since_s);
+                duty += data.duty[sample] * (end_s - since_s);
                 end_s = since_s;
             }
-            if since_s <= from_s || sample == self.range.start {
-                return sum / length_s;
+            if since_s <= from_s {
+                return (voltage / length_s, duty / length_s);
             }
             sample -= 1;
         }

@@ -5,9 +5,9 @@
 //! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
 //! correlated within a block (sandwich; White, Econometrica 50 (1982)).
 
-use crate::catalogue::{CATALOGUE, Effect, Scales};
+use crate::catalogue::{ActsOn, CATALOGUE, Effect, Scales};
 use crate::dataset::{Dataset, greatest};
-use crate::free_run::{Prediction, free_run};
+use crate::free_run::{Motion, Prediction, Steps, drive, free_run, read};
 use crate::model::{Model, Term};
 use crate::motor::MotorParameters;
 use crate::rig::NominalMotor;
@@ -103,6 +103,48 @@ pub enum Place {
     Term(usize, usize),
 }
 
+impl Place {
+    /// Whether the motor itself moves differently, and not only its readings.
+    fn acts_on_motor(self, model: &Model) -> bool {
+        match self {
+            Self::Motor(_) => true,
+            Self::Term(term, _) => changes_motion(model.terms[term].effect),
+        }
+    }
+}
+
+/// Whether an effect changes what the motor does, and not only what its sensors say.
+fn changes_motion(effect: &dyn Effect) -> bool {
+    effect.acts_on_motor() || effect.about().acts_on == ActsOn::Voltage
+}
+
+/// A simulation that others are compared with.
+struct Base<'a> {
+    data: &'a Dataset,
+    steps: Steps,
+    motion: Motion,
+    residual: Vec<f64>,
+}
+
+impl<'a> Base<'a> {
+    fn new(model: &Model, data: &'a Dataset, steps: Steps) -> Self {
+        let motion = drive(model, data, steps);
+        let residual = weighted_residual(data, &read(model, data, &motion));
+        Self { data, steps, motion, residual }
+    }
+
+    /// By how much the weighted residual of another model differs; `motion`: whether its motor moves differently.
+    fn change(&self, other: &Model, motion: bool) -> Vec<f64> {
+        let prediction = match motion {
+            true => read(other, self.data, &drive(other, self.data, self.steps)),
+            false => read(other, self.data, &self.motion),
+        };
+        let mut change = weighted_residual(self.data, &prediction);
+        change.iter_mut().zip(&self.residual).for_each(|(there, here)| *there -= here);
+        change
+    }
+}
+
 /// A number that a fit may move.
 #[derive(Clone, Debug)]
 struct Unknown {
@@ -168,13 +210,15 @@ pub struct Effort {
     pub steps: usize,
     /// It ends when a step gains less than this share of the cost.
     pub least_gain: f64,
+    /// How finely the sensitivities are simulated.
+    pub sensitivities: Steps,
 }
 
 impl Effort {
     /// To see whether an effect is worth it.
-    pub const TRIAL: Self = Self { steps: 8, least_gain: 5e-3 };
+    pub const TRIAL: Self = Self { steps: 8, least_gain: 5e-3, sensitivities: Steps::Coarse };
     /// To the end.
-    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5 };
+    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine };
 }
 
 /// A fitted model.
@@ -265,7 +309,7 @@ impl<'a> Search<'a> {
 
     fn run(mut self, effort: Effort) -> Fit {
         let mut damping = 1e-3;
-        let mut columns = self.columns();
+        let mut columns = self.columns(effort.sensitivities);
         for step in 0..effort.steps {
             let before = self.cost;
             if !self.step(&columns, &mut damping) {
@@ -276,7 +320,7 @@ impl<'a> Search<'a> {
                 // So near the end the sensitivities no longer change.
                 break;
             }
-            columns = self.columns();
+            columns = self.columns(effort.sensitivities);
             if last {
                 break;
             }
@@ -298,7 +342,8 @@ impl<'a> Search<'a> {
     }
 
     /// Weighted sensitivities of the residual by finite differences, on all cores.
-    fn columns(&self) -> Vec<Vec<f64>> {
+    fn columns(&self, steps: Steps) -> Vec<Vec<f64>> {
+        let base = Base::new(&self.model, self.data, steps);
         self.unknowns
             .par_iter()
             .map(|unknown| {
@@ -306,8 +351,9 @@ impl<'a> Search<'a> {
                 let step = if here + DIFFERENCE > unknown.max / unknown.size { -DIFFERENCE } else { DIFFERENCE };
                 let mut moved = self.model.clone();
                 unknown.set(&mut moved, here + step);
-                let there = weighted_residual(self.data, &free_run(&moved, self.data));
-                there.iter().zip(&self.residual).map(|(there, here)| (there - here) / step).collect()
+                let mut column = base.change(&moved, unknown.place.acts_on_motor(&self.model));
+                column.iter_mut().for_each(|change| *change /= step);
+                column
             })
             .collect()
     }
@@ -474,8 +520,9 @@ impl Fit {
             .filter(|(_, effect)| effect.needs().is_none_or(|needed| self.model.has(needed)))
             .flat_map(|(index, effect)| effect.starts(scales).into_iter().map(move |start| (index, start)))
             .collect();
+        let base = Base::new(&self.model, data, Steps::Coarse);
         let all: Vec<Promise> =
-            candidates.into_par_iter().map(|(effect, start)| self.promise(data, effect, start)).collect();
+            candidates.into_par_iter().map(|(effect, start)| self.promise(&base, effect, start)).collect();
         let mut best: Vec<Promise> = Vec::new();
         for promise in all {
             match best.iter_mut().find(|other| other.effect == promise.effect) {
@@ -486,20 +533,20 @@ impl Fit {
         }
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         best.truncate(REFINED);
-        let mut best: Vec<Promise> = best.into_par_iter().map(|promise| self.refined(data, scales, promise)).collect();
+        let mut best: Vec<Promise> = best.into_par_iter().map(|promise| self.refined(&base, scales, promise)).collect();
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         best
     }
 
     /// Halves the distance between the alternatives of a nonlinear constant again and again around the best.
-    fn refined(&self, data: &Dataset, scales: &Scales, mut promise: Promise) -> Promise {
+    fn refined(&self, base: &Base, scales: &Scales, mut promise: Promise) -> Promise {
         let Some((index, spacing)) = CATALOGUE[promise.effect].spacing(scales) else { return promise };
         for round in 1..=REFINEMENTS {
             let distance = spacing / f64::from(1 << round);
             for side in [-distance, distance] {
                 let mut start = promise.start.clone();
                 start[index] += side;
-                let other = self.promise(data, promise.effect, start);
+                let other = self.promise(base, promise.effect, start);
                 if other.gain > promise.gain {
                     promise = other;
                 }
@@ -508,8 +555,9 @@ impl Fit {
         promise
     }
 
-    fn promise(&self, data: &Dataset, effect: usize, start: Vec<f64>) -> Promise {
-        let about = CATALOGUE[effect].about();
+    fn promise(&self, base: &Base, index: usize, start: Vec<f64>) -> Promise {
+        let effect = CATALOGUE[index];
+        let about = effect.about();
         let directions: Vec<Vec<f64>> = match about.linear_in {
             2 => vec![
                 vec![start[0], 0.0, start.get(2).copied().unwrap_or(0.0)],
@@ -521,8 +569,7 @@ impl Fit {
             .into_iter()
             .map(|mut values| {
                 values.truncate(about.parameters.len());
-                let there = weighted_residual(data, &free_run(&self.model.with(CATALOGUE[effect], values), data));
-                there.iter().zip(&self.residual).map(|(there, here)| there - here).collect()
+                base.change(&self.model.with(effect, values), changes_motion(effect))
             })
             .collect();
         let (gain, factors) = self.least_squares(&lines);
@@ -539,7 +586,7 @@ impl Fit {
             0 => gain.min(self.gain_of_whole(&lines[0]).max(0.25 * gain)),
             _ => gain,
         };
-        Promise { effect, start, gain: if possible { gain } else { 0.0 } }
+        Promise { effect: index, start, gain: if possible { gain } else { 0.0 } }
     }
 
     fn gain_of_whole(&self, line: &[f64]) -> f64 {

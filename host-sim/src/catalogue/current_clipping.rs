@@ -1,6 +1,6 @@
 //! Current clipping: the sensor or the converter ends before the current does.
 
-use super::{About, ActsOn, Effect, Instant, Parameter, Readings, Scales};
+use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 
 /// See the module.
 pub struct CurrentClipping;
@@ -28,7 +28,7 @@ impl Effect for CurrentClipping {
         [0.5, 0.65, 0.8, 0.95].map(|share| vec![share * scales.current_a]).to_vec()
     }
 
-    fn sense(&self, values: &[f64], _at: &Instant, _state: &mut [f64], readings: &mut Readings) {
+    fn sense(&self, values: &[f64], _at: &Sampling, _state: &mut [f64], readings: &mut Readings) {
         readings.current_a = readings.current_a.clamp(-values[0], values[0]);
     }
 }

@@ -1,6 +1,6 @@
 //! Current lag: a filter capacitor at the sensor or averaging in the program.
 
-use super::{About, ActsOn, Effect, Instant, Parameter, Readings, Scales};
+use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 
 /// See the module.
 pub struct CurrentLag;
@@ -32,7 +32,7 @@ impl Effect for CurrentLag {
         1
     }
 
-    fn sense(&self, values: &[f64], at: &Instant, state: &mut [f64], readings: &mut Readings) {
+    fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
         let keep = if values[0] > 0.0 { (-at.step_s / values[0]).exp() } else { 0.0 };
         state[0] = keep * state[0] + (1.0 - keep) * readings.current_a;
         readings.current_a = state[0];

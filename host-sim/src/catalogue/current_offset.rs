@@ -1,6 +1,6 @@
 //! Current offset: the sensor's zero is not where the program has it.
 
-use super::{About, ActsOn, Effect, Instant, Parameter, Readings, Scales};
+use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 
 /// See the module.
 pub struct CurrentOffset;
@@ -28,7 +28,7 @@ impl Effect for CurrentOffset {
         vec![vec![0.02 * scales.current_a.max(0.1)]]
     }
 
-    fn sense(&self, values: &[f64], _at: &Instant, _state: &mut [f64], readings: &mut Readings) {
+    fn sense(&self, values: &[f64], _at: &Sampling, _state: &mut [f64], readings: &mut Readings) {
         readings.current_a += values[0];
     }
 }

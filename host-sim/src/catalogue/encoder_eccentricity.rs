@@ -1,6 +1,6 @@
 //! Encoder eccentricity: the disc turns off its centre; the angle is wrong by a wave a revolution.
 
-use super::{About, ActsOn, Effect, Instant, Parameter, Readings, Scales};
+use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 
 /// See the module.
 pub struct EncoderEccentricity;
@@ -28,7 +28,7 @@ impl Effect for EncoderEccentricity {
         vec![vec![0.02, 0.02]]
     }
 
-    fn sense(&self, values: &[f64], at: &Instant, _state: &mut [f64], readings: &mut Readings) {
+    fn sense(&self, values: &[f64], at: &Sampling, _state: &mut [f64], readings: &mut Readings) {
         // The angle at hand is the falsified one.
         let (sine, cosine) = at.angle_rad.sin_cos();
         let (sine, cosine) = (at.angle_rad - values[0] * cosine - values[1] * sine).sin_cos();

@@ -1,6 +1,6 @@
 //! Missed counts: edges come faster than they are counted.
 
-use super::{About, ActsOn, Effect, Instant, Parameter, Readings, Scales};
+use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 
 /// See the module.
 pub struct MissedCounts;
@@ -32,7 +32,7 @@ impl Effect for MissedCounts {
         1
     }
 
-    fn sense(&self, values: &[f64], at: &Instant, state: &mut [f64], readings: &mut Readings) {
+    fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
         let excess_rad_per_s = (readings.speed_rad_per_s.abs() - values[1]).max(0.0);
         let lost_rad_per_s = values[0] * excess_rad_per_s * readings.speed_rad_per_s.signum();
         readings.speed_rad_per_s -= lost_rad_per_s;

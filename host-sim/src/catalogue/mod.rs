@@ -187,7 +187,7 @@ pub struct Instant {
     pub speed_rad_per_s: f64,
     /// Angle of the motor's shaft, from an unknown zero.
     pub angle_rad: f64,
-    /// Length of the step about to be taken, or since the last reading.
+    /// Length of the step about to be taken.
     pub step_s: f64,
 }
 
@@ -208,6 +208,15 @@ pub struct Balance {
     pub dry_forward_nm: f64,
     /// Friction against negative motion, not negative in sum.
     pub dry_backward_nm: f64,
+}
+
+/// What a sensor's effect may know of the bench when it acts on a reading.
+#[derive(Clone, Copy, Debug)]
+pub struct Sampling {
+    /// Angle of the motor's shaft, from an unknown zero.
+    pub angle_rad: f64,
+    /// Time since the last reading.
+    pub step_s: f64,
 }
 
 /// Readings of the sensors.
@@ -288,8 +297,8 @@ pub trait Effect: Sync {
         matches!(self.about().acts_on, ActsOn::Torque | ActsOn::Voltage)
     }
 
-    /// Falsifies the readings.
-    fn sense(&self, _values: &[f64], _at: &Instant, _state: &mut [f64], _readings: &mut Readings) {}
+    /// Falsifies the readings. Only for effects that do not act on the motor.
+    fn sense(&self, _values: &[f64], _at: &Sampling, _state: &mut [f64], _readings: &mut Readings) {}
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Tachogenerator ripple: its commutator lets the voltage fall between segments.
 
-use super::{About, ActsOn, Effect, Instant, Parameter, Readings, Scales};
+use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 
 /// Most commutator ripples a revolution that are looked for.
 const MOST_RIPPLES: u8 = 40;
@@ -35,7 +35,7 @@ impl Effect for TachoRipple {
         (2..=MOST_RIPPLES).map(|ripples| vec![0.02, 0.02, f64::from(ripples)]).collect()
     }
 
-    fn sense(&self, values: &[f64], at: &Instant, _state: &mut [f64], readings: &mut Readings) {
+    fn sense(&self, values: &[f64], at: &Sampling, _state: &mut [f64], readings: &mut Readings) {
         let (sine, cosine) = (values[2] * at.angle_rad).sin_cos();
         readings.speed_rad_per_s *= 1.0 + values[0] * cosine + values[1] * sine;
     }
