@@ -22,6 +22,7 @@ const LATE_PERIODS: u32 = (DRIVE_DELAY_S * PWM_HZ as f64) as u32;
 const PERIODS_PER_CONVERSION: u32 = 2;
 const BLOCK: u32 = 4;
 const SLOTS_PER_BLOCK: u32 = 5;
+const PERIOD_S: f64 = 1.0 / PWM_HZ as f64;
 /// Steps of a conversion in a volt, and the sensor's output at zero current.
 const STEPS_PER_VOLT: f64 = 1024.0 / 5.0;
 const ZERO_V: f64 = 2.5;
@@ -49,6 +50,13 @@ pub struct Point {
     pub limited: bool,
 }
 
+/// What the settings say of sensors and supply.
+struct Scales {
+    counts_per_rad: f64,
+    supply_v: f64,
+    current_v_per_a: f64,
+}
+
 /// A motor under the core.
 pub struct Trial<P> {
     /// The motor.
@@ -58,8 +66,10 @@ pub struct Trial<P> {
     control: ControlLoop,
     settings: Settings,
     edges: Edges,
-    /// Encoder counts.
-    count: i64,
+    scales: Scales,
+    /// Angle in encoder counts, and the whole counts of it that the encoder has given.
+    position: f64,
+    count: f64,
     /// PWM periods since the start.
     periods: u32,
     drive: Drive,
@@ -74,13 +84,21 @@ impl<P: Plant> Trial<P> {
     /// A setting the core cannot hold.
     pub fn new(plant: P, settings: Settings) -> Result<Self, BuildError> {
         let edges = Edges::at_rest(0);
+        let get = |param| f64::from(settings.get(param));
+        let scales = Scales {
+            counts_per_rad: get(Param::CountsPerRev) / TAU,
+            supply_v: get(Param::SupplyVoltage),
+            current_v_per_a: 1e-3 * get(Param::CurrentGain),
+        };
         Ok(Self {
+            position: plant.angle_rad() * scales.counts_per_rad + 0.5,
+            scales,
             plant,
             load_torque_nm: 0.0,
             control: ControlLoop::new(LoopConfig::build(&settings)?, edges),
             settings,
             edges,
-            count: 0,
+            count: 0.0,
             periods: 0,
             drive: Drive::default(),
             sums: [0, BLOCK as u16 * 512, 2 * BLOCK as u16 * 512],
@@ -140,8 +158,9 @@ impl<P: Plant> Trial<P> {
         }
     }
 
-    fn cycles(&self) -> u64 {
-        u64::from(self.periods) * u64::from(CPU_HZ / PWM_HZ)
+    /// Processor cycles since the start, modulo 2^32: the timers keep the low 14 bits.
+    fn cycles(&self) -> u32 {
+        self.periods.wrapping_mul(CPU_HZ / PWM_HZ)
     }
 
     fn point(&self) -> Point {
@@ -184,45 +203,53 @@ impl<P: Plant> Trial<P> {
 
     /// One PWM period: on for the duty, braking for the rest (slow decay).
     fn pwm_period(&mut self) {
-        let period_s = 1.0 / f64::from(PWM_HZ);
-        let on_s = period_s * f64::from(self.drive.duty.abs()) / f64::from(PWM_STEPS);
+        let duty = usize::from(self.drive.duty.unsigned_abs());
+        let on_s = PERIOD_S * (duty as f64 / f64::from(PWM_STEPS));
         let on = if self.drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward };
         let off = match self.drive.bridge {
             excitation::Bridge::Coast => Bridge::Coast,
             excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
         };
-        for (bridge, start_s, duration_s) in [(on, 0.0, on_s), (off, on_s, period_s - on_s)] {
-            if duration_s > 0.0 {
-                let supply_v = f64::from(self.settings.get(Param::SupplyVoltage));
-                let inputs =
-                    PlantInputs { bridge, supply_v, load_torque_nm: self.load_torque_nm, ..PlantInputs::default() };
-                self.advance(start_s, duration_s, &inputs);
-            }
+        let mut inputs = PlantInputs {
+            bridge: on,
+            supply_v: self.scales.supply_v,
+            load_torque_nm: self.load_torque_nm,
+            ..PlantInputs::default()
+        };
+        if on_s > 0.0 {
+            self.plant.advance(on_s, &inputs);
         }
+        if on_s < PERIOD_S {
+            inputs.bridge = off;
+            self.plant.advance(PERIOD_S - on_s, &inputs);
+        }
+        self.count_edges();
         self.periods += 1;
         if self.periods.is_multiple_of(PERIODS_PER_CONVERSION) {
             self.convert(self.periods / PERIODS_PER_CONVERSION);
         }
     }
 
-    /// Advances the motor from `start_s` after the start of the PWM period, and counts the edges on the way.
-    fn advance(&mut self, start_s: f64, duration_s: f64, inputs: &PlantInputs) {
-        let counts_per_rad = f64::from(self.settings.get(Param::CountsPerRev)) / TAU;
-        let position = |plant: &P| plant.angle_rad() * counts_per_rad + 0.5;
-        let from = position(&self.plant);
-        self.plant.advance(duration_s, inputs);
-        let to = position(&self.plant);
-        let moved = to.floor() as i64 - self.count;
-        if moved == 0 {
+    /// Encoder edges of the PWM period that has just passed. Within it the speed is as good as constant.
+    #[inline]
+    fn count_edges(&mut self) {
+        let from = self.position;
+        let to = self.plant.angle_rad() * self.scales.counts_per_rad + 0.5;
+        self.position = to;
+        // A count n reaches from n to n + 1.
+        let within = to - self.count;
+        if (0.0..1.0).contains(&within) {
             return;
         }
+        let forward = within > 0.0;
+        let moved = if forward { within as i32 } else { (within as i32) - 1 };
+        self.count += f64::from(moved);
         // The last edge lies at the lower end of the count when going up, at the upper when going down.
-        let edge = if moved > 0 { to.floor() } else { to.floor() + 1.0 };
+        let edge = if forward { self.count } else { self.count + 1.0 };
         let part = ((edge - from) / (to - from)).clamp(0.0, 1.0);
-        let cycles = self.cycles() + ((start_s + part * duration_s) * f64::from(CPU_HZ)) as u64;
-        self.count += moved;
+        let cycles = self.cycles() + (part * f64::from(CPU_HZ / PWM_HZ)) as u32;
         self.edges.count = self.edges.count.wrapping_add(moved as u8);
-        self.edges.step = if moved > 0 { 1 } else { 3 };
+        self.edges.step = if forward { 1 } else { 3 };
         self.edges.coarse = (cycles >> 6) as u8;
         self.edges.fine = cycles as u8;
     }
@@ -233,11 +260,10 @@ impl<P: Plant> Trial<P> {
         if slot == 0 {
             return;
         }
-        let gain_v_per_a = 1e-3 * f64::from(self.settings.get(Param::CurrentGain));
         let block = conversion / SLOTS_PER_BLOCK;
         let dither = f64::from(2 * (slot - 1) + block % 2) / f64::from(2 * BLOCK);
-        let steps = (ZERO_V + gain_v_per_a * self.plant.current_a()) * STEPS_PER_VOLT + dither;
-        self.sums[0] += steps.clamp(0.0, 1023.0) as u16;
+        let steps = (ZERO_V + self.scales.current_v_per_a * self.plant.current_a()) * STEPS_PER_VOLT + dither;
+        self.sums[0] += steps.clamp(0.0, 1023.0) as i32 as u16;
         if slot == BLOCK {
             self.sums = [0, self.sums[0], self.sums[0] + self.sums[1]];
         }

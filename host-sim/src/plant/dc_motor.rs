@@ -20,6 +20,17 @@ const EVENT_TOLERANCE_S: f64 = 6e-10;
 /// Bound on the steps for it.
 const ROOT_STEPS: usize = 60;
 
+/// Largest product of eigenvalue and time for the series below, and its terms' divisors: what follows is below 1e-16.
+const SHORT: f64 = 0.05;
+const SERIES: [(f64, f64); 6] = [
+    (1.0 / 2.0, 1.0 / 3.0),
+    (1.0 / 3.0, 1.0 / 4.0),
+    (1.0 / 4.0, 1.0 / 5.0),
+    (1.0 / 5.0, 1.0 / 6.0),
+    (1.0 / 6.0, 1.0 / 7.0),
+    (1.0 / 7.0, 1.0 / 8.0),
+];
+
 /// Voltages lost in the bridge, taken as constant while current flows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BridgeLosses {
@@ -85,15 +96,17 @@ impl DcMotorParameters {
 pub struct DcMotor {
     parameters: DcMotorParameters,
     moving: Moving,
+    /// For the lengths of the two parts of a PWM period, used in turn.
+    transitions: [Transition; 2],
     state: State,
     supply_v: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
 struct State {
-    angle_rad: f64,
     speed_rad_per_s: f64,
     current_a: f64,
+    angle_rad: f64,
 }
 
 impl DcMotor {
@@ -112,7 +125,8 @@ impl DcMotor {
         ] {
             assert!(value > 0.0, "{name} must be positive, not {value}");
         }
-        Self { parameters, moving: Moving::new(&parameters), state: State::default(), supply_v: 0.0 }
+        let moving = Moving::new(&parameters);
+        Self { parameters, moving, transitions: [moving.transition(0.0); 2], state: State::default(), supply_v: 0.0 }
     }
 
     /// The constants it was made with.
@@ -130,7 +144,7 @@ impl DcMotor {
         let mut left_s = dt_s;
         for _ in 0..MAX_EVENTS {
             let mode = Mode::of(&self.parameters, &self.state, inputs);
-            let end = self.solve(&mode, left_s);
+            let end = self.solve_whole(&mode, left_s);
             let margin = mode.margin(&self.parameters, &end);
             if margin >= 0.0 {
                 self.state = end;
@@ -143,53 +157,125 @@ impl DcMotor {
     }
 
     /// When the margin becomes negative, given that it is `end_margin` after `end_s`; the returned instant is just
-    /// beyond.
+    /// beyond. Newton's method, kept within the bracket.
     fn event_s(&self, mode: &Mode, end_s: f64, end_margin: f64) -> f64 {
-        let margin_at = |t| mode.margin(&self.parameters, &self.solve(mode, t));
-        // Regula falsi; halving the value of an end that stays (Illinois) keeps both ends moving.
-        let (mut inside, mut beyond) =
-            ((0.0, mode.margin(&self.parameters, &self.state).max(0.0)), (end_s, end_margin));
-        let mut last_was_inside = None;
-        for step in 0..ROOT_STEPS {
-            if beyond.0 - inside.0 < EVENT_TOLERANCE_S {
+        let start_margin = mode.margin(&self.parameters, &self.state).max(0.0);
+        let (mut inside_s, mut beyond_s) = (0.0, end_s);
+        let mut t = end_s * start_margin / (start_margin - end_margin);
+        for _ in 0..ROOT_STEPS {
+            // Away from either end, so that a root close to one end is enclosed at once.
+            t = t.clamp(inside_s + 0.5 * EVENT_TOLERANCE_S, beyond_s - 0.5 * EVENT_TOLERANCE_S);
+            let state = self.solve(mode, t);
+            let margin = mode.margin(&self.parameters, &state);
+            if margin >= 0.0 {
+                inside_s = t;
+            } else {
+                beyond_s = t;
+            }
+            if beyond_s - inside_s < EVENT_TOLERANCE_S {
                 break;
             }
-            // Every third step halves the bracket, whatever the shape of the margin.
-            let fraction = if step % 3 == 2 { 0.5 } else { inside.1 / (inside.1 - beyond.1) };
-            // At least half the tolerance away from either end, so that a root close to one end is enclosed at once.
-            let guard_s = 0.5 * EVENT_TOLERANCE_S;
-            let t = (inside.0 + fraction * (beyond.0 - inside.0)).clamp(inside.0 + guard_s, beyond.0 - guard_s);
-            let margin = margin_at(t);
-            let is_inside = margin >= 0.0;
-            if is_inside {
-                inside = (t, margin);
-            } else {
-                beyond = (t, margin);
-            }
-            if last_was_inside == Some(is_inside) {
-                let staying = if is_inside { &mut beyond.1 } else { &mut inside.1 };
-                *staying *= 0.5;
-            }
-            last_was_inside = Some(is_inside);
+            let slope = self.margin_slope(mode, &state);
+            let newton_s = t - margin / slope;
+            let enclosed = newton_s > inside_s && newton_s < beyond_s;
+            // Just beyond the root, and then just inside it.
+            let aside_s = if margin >= 0.0 { 0.4 * EVENT_TOLERANCE_S } else { -0.4 * EVENT_TOLERANCE_S };
+            t = if enclosed { newton_s + aside_s } else { 0.5 * (inside_s + beyond_s) };
         }
-        beyond.0
+        beyond_s
+    }
+
+    /// Rate of the margin: the negative one where both change.
+    fn margin_slope(&self, mode: &Mode, state: &State) -> f64 {
+        const STEP_S: f64 = 1e-9;
+        let (p, u) = (&self.parameters, self.rates(mode));
+        let a = &self.moving.a;
+        let x = [state.speed_rad_per_s, state.current_a];
+        let rate =
+            |row: usize, moves: f64| if moves == 0.0 { 0.0 } else { a[row][0] * x[0] + a[row][1] * x[1] + u[row] };
+        let later = State {
+            speed_rad_per_s: x[0] + STEP_S * rate(0, mode.speed),
+            current_a: x[1] + STEP_S * rate(1, mode.current),
+            ..*state
+        };
+        (mode.margin(p, &later) - mode.margin(p, state)) / STEP_S
+    }
+
+    /// Takes a stretch in which shaft and current keep their signs, if it is one.
+    #[inline]
+    fn undisturbed(&mut self, t: f64, inputs: &Inputs) -> bool {
+        let (w, i, p) = (self.state.speed_rad_per_s, self.state.current_a, &self.parameters);
+        if inputs.blocked || t > LONGEST_STEP_S || w == 0.0 {
+            return false;
+        }
+        let (source_v, drop_v) = p.bridge.source_and_drop_v(inputs);
+        let friction_nm = p.coulomb_friction_nm.copysign(w);
+        // From zero the current flows as it is driven, if it is driven at all.
+        let drive_v = source_v - p.torque_constant_nm_per_a * w;
+        let flow = if i != 0.0 { i } else { drive_v };
+        if i == 0.0 && drive_v.abs() <= drop_v {
+            return false;
+        }
+        let u = [
+            (-inputs.load_torque_nm - friction_nm) * self.moving.per_inertia,
+            (source_v - drop_v.copysign(flow)) * self.moving.per_inductance,
+        ];
+        let transition = self.transition(t);
+        let end = self.transitions[transition].apply(&u, &self.state);
+        let keeps = |before: f64, after: f64, term: f64| term == 0.0 || before * after > 0.0;
+        let undisturbed = keeps(flow, end.current_a, drop_v) && keeps(w, end.speed_rad_per_s, friction_nm);
+        if undisturbed {
+            self.state = end;
+        }
+        undisturbed
+    }
+
+    /// The state at the end of a stretch if the mode does not change.
+    fn solve_whole(&mut self, mode: &Mode, t: f64) -> State {
+        // Other lengths than those of whole parts of a PWM period do not come again.
+        match self.transitions.iter().find(|kept| kept.t == t) {
+            Some(kept) if mode.speed != 0.0 && mode.current != 0.0 => kept.apply(&self.rates(mode), &self.state),
+            _ => self.solve(mode, t),
+        }
+    }
+
+    /// Constant part of the rates of speed and current.
+    fn rates(&self, mode: &Mode) -> [f64; 2] {
+        let voltage_v = mode.source_v - mode.current * mode.drop_v;
+        let torque_nm = -mode.load_torque_nm - mode.speed * self.parameters.coulomb_friction_nm;
+        [torque_nm * self.moving.per_inertia, voltage_v * self.moving.per_inductance]
+    }
+
+    /// Where the transition of this length is kept: the two lengths of a PWM period's parts come again and again.
+    #[inline]
+    fn transition(&mut self, t: f64) -> usize {
+        match self.transitions.iter().position(|kept| kept.t == t) {
+            Some(index) => index,
+            None => self.new_transition(t),
+        }
+    }
+
+    #[cold]
+    fn new_transition(&mut self, t: f64) -> usize {
+        self.transitions.swap(0, 1);
+        self.transitions[0] = self.moving.transition(t);
+        0
     }
 
     /// The state `t` seconds later if the mode does not change.
     fn solve(&self, mode: &Mode, t: f64) -> State {
-        let (p, start) = (&self.parameters, &self.state);
-        let voltage_v = mode.source_v - mode.current * mode.drop_v;
-        let torque_nm = -mode.load_torque_nm - mode.speed * p.coulomb_friction_nm;
-        let (l, j) = (p.inductance_h, p.inertia_kg_m2);
+        let (p, start, u) = (&self.parameters, &self.state, self.rates(mode));
         match (mode.speed != 0.0, mode.current != 0.0) {
-            (true, true) => self.moving.solve([torque_nm / j, voltage_v / l], start, t),
+            (true, true) if self.moving.is_short(t) => self.moving.series(&u, start, t),
+            (true, true) => self.moving.transition(t).apply(&u, start),
             (true, false) => {
-                let (speed_rad_per_s, turned_rad) =
-                    first_order(p.viscous_friction_nms_per_rad / j, torque_nm / j, start.speed_rad_per_s, t);
+                let decay = p.viscous_friction_nms_per_rad * self.moving.per_inertia;
+                let (speed_rad_per_s, turned_rad) = first_order(decay, u[0], start.speed_rad_per_s, t);
                 State { angle_rad: start.angle_rad + turned_rad, speed_rad_per_s, current_a: 0.0 }
             }
             (false, true) => {
-                let (current_a, _) = first_order(p.resistance_ohm / l, voltage_v / l, start.current_a, t);
+                let (current_a, _) =
+                    first_order(p.resistance_ohm * self.moving.per_inductance, u[1], start.current_a, t);
                 State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a }
             }
             (false, false) => State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a: 0.0 },
@@ -206,6 +292,9 @@ impl Default for DcMotor {
 impl Plant for DcMotor {
     fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
         self.supply_v = inputs.supply_v;
+        if self.undisturbed(dt_s, inputs) {
+            return;
+        }
         if inputs.blocked {
             self.state.speed_rad_per_s = 0.0;
         }
@@ -318,6 +407,8 @@ type Matrix = [[f64; 2]; 2];
 /// `x' = A x + u` with `x` = (speed, current), by the exponential of the 2x2 matrix.
 #[derive(Clone, Copy, Debug)]
 struct Moving {
+    per_inertia: f64,
+    per_inductance: f64,
     a: Matrix,
     inverse: Matrix,
     /// Mean of the eigenvalues.
@@ -335,6 +426,8 @@ impl Moving {
         let mean = 0.5 * (a[0][0] + a[1][1]);
         let discriminant = mean * mean - determinant;
         Self {
+            per_inertia: j.recip(),
+            per_inductance: l.recip(),
             a,
             inverse: [[a[1][1] / determinant, -a[0][1] / determinant], [-a[1][0] / determinant, a[0][0] / determinant]],
             mean,
@@ -343,17 +436,42 @@ impl Moving {
         }
     }
 
-    fn solve(&self, u: [f64; 2], start: &State, t: f64) -> State {
+    /// Whether [`series`](Self::series) is exact to the last digits.
+    fn is_short(&self, t: f64) -> bool {
+        (self.half_distance - self.mean) * t < SHORT
+    }
+
+    /// The state after a short time by Taylor's series, which for a single state is cheaper than the exponential.
+    fn series(&self, u: &[f64; 2], start: &State, t: f64) -> State {
         let (a, x) = (&self.a, [start.speed_rad_per_s, start.current_a]);
-        let slope = [a[0][0] * x[0] + a[0][1] * x[1] + u[0], a[1][0] * x[0] + a[1][1] * x[1] + u[1]];
+        let mut term = [(a[0][0] * x[0] + a[0][1] * x[1] + u[0]) * t, (a[1][0] * x[0] + a[1][1] * x[1] + u[1]) * t];
+        let mut end = State {
+            speed_rad_per_s: x[0] + term[0],
+            current_a: x[1] + term[1],
+            angle_rad: start.angle_rad + t * (x[0] + 0.5 * term[0]),
+        };
+        for (over, over_next) in SERIES {
+            let step = t * over;
+            term = [(a[0][0] * term[0] + a[0][1] * term[1]) * step, (a[1][0] * term[0] + a[1][1] * term[1]) * step];
+            end.speed_rad_per_s += term[0];
+            end.current_a += term[1];
+            end.angle_rad += t * over_next * term[0];
+        }
+        end
+    }
+
+    fn transition(&self, t: f64) -> Transition {
         let e = self.exponential(t);
-        // Integral of the exponential, and the integral of that for the angle.
         let once = times(&self.inverse, &[[e[0][0] - 1.0, e[0][1]], [e[1][0], e[1][1] - 1.0]]);
         let twice = times(&self.inverse, &[[once[0][0] - t, once[0][1]], [once[1][0], once[1][1] - t]]);
-        State {
-            angle_rad: start.angle_rad + x[0] * t + twice[0][0] * slope[0] + twice[0][1] * slope[1],
-            speed_rad_per_s: x[0] + once[0][0] * slope[0] + once[0][1] * slope[1],
-            current_a: x[1] + once[1][0] * slope[0] + once[1][1] * slope[1],
+        let column = |of: &Matrix, index: usize| [of[0][index], of[1][index]];
+        Transition {
+            t,
+            of_speed: column(&e, 0),
+            of_current: column(&e, 1),
+            of_u: [column(&once, 0), column(&once, 1)],
+            turned_of_current: once[0][1],
+            turned_of_u: twice[0],
         }
     }
 
@@ -374,6 +492,35 @@ impl Moving {
             [cosine + sine_over_s * (a[0][0] - m), sine_over_s * a[0][1]],
             [sine_over_s * a[1][0], cosine + sine_over_s * (a[1][1] - m)],
         ]
+    }
+}
+
+/// What becomes of a state and of constant inputs in `t` seconds.
+#[derive(Clone, Copy, Debug)]
+struct Transition {
+    t: f64,
+    /// Columns of the exponential, what speed and current at the start become.
+    of_speed: [f64; 2],
+    of_current: [f64; 2],
+    /// Columns of its integral, what the constant inputs become; its first row is the angle turned.
+    of_u: Matrix,
+    turned_of_current: f64,
+    /// First row of the integral of that, for the angle.
+    turned_of_u: [f64; 2],
+}
+
+impl Transition {
+    fn apply(&self, u: &[f64; 2], start: &State) -> State {
+        let (w, i) = (start.speed_rad_per_s, start.current_a);
+        let next = |row: usize| {
+            self.of_speed[row] * w + self.of_current[row] * i + (self.of_u[0][row] * u[0] + self.of_u[1][row] * u[1])
+        };
+        let turned = self.of_u[0][0] * w + self.turned_of_current * i;
+        State {
+            speed_rad_per_s: next(0),
+            current_a: next(1),
+            angle_rad: start.angle_rad + (turned + (self.turned_of_u[0] * u[0] + self.turned_of_u[1] * u[1])),
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The extended model as a plant: what a diagnosis has found, to run a loop against.
 
-use super::{Bridge, Inputs, Plant};
+use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Plant};
 use crate::catalogue::{Balance, Instant};
 use crate::free_run::LinearStep;
 use crate::model::Model;
@@ -12,9 +12,22 @@ const DIODE_V: f64 = 1.3;
 /// Effects that a switched bridge brings about by itself, or that are not the motor's.
 const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
 
-/// A motor with the effects of a model, at rest at first. What the model says of sensors and of timing is not part of it.
+/// Effects that the event-exact motor has as well.
+const EXACT: [&str; 2] = ["coulomb_friction", "voltage_drop"];
+
+/// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop alone are solved event
+/// by event ([`DcMotor`]), others step by step. What the model says of sensors and of timing is not part of it.
 #[derive(Clone, Debug)]
-pub struct ModelPlant {
+pub struct ModelPlant(Solver);
+
+#[derive(Clone, Debug)]
+enum Solver {
+    Exact(DcMotor),
+    Stepwise(Stepwise),
+}
+
+#[derive(Clone, Debug)]
+struct Stepwise {
     model: Model,
     inertia_kg_m2: f64,
     /// The two lengths of a PWM period's parts, used in turn.
@@ -31,6 +44,29 @@ impl ModelPlant {
     /// At rest.
     pub fn new(mut model: Model) -> Self {
         model.terms.retain(|term| term.effect.acts_on_motor() && !NOT_THE_MOTORS.contains(&term.id()));
+        let exact = model.terms.iter().all(|term| EXACT.contains(&term.id()));
+        Self(if exact { Solver::Exact(event_exact(&model)) } else { Solver::Stepwise(Stepwise::new(model)) })
+    }
+}
+
+/// The motor of a model that has no other effects than [`EXACT`].
+fn event_exact(model: &Model) -> DcMotor {
+    let sum = |id: &str| model.terms.iter().filter(|term| term.id() == id).map(|term| term.values[0]).sum::<f64>();
+    let drop_v = sum("voltage_drop");
+    DcMotor::new(DcMotorParameters {
+        resistance_ohm: model.motor.resistance_ohm,
+        inductance_h: model.motor.inductance_h,
+        torque_constant_nm_per_a: model.motor.torque_constant_nm_per_a,
+        inertia_kg_m2: model.motor.inertia_kg_m2,
+        viscous_friction_nms_per_rad: model.motor.viscous_friction_nm_s,
+        coulomb_friction_nm: sum("coulomb_friction"),
+        // The drop is there whatever the bridge does; a coasting current flows through two diodes besides.
+        bridge: BridgeLosses { drive_v: drop_v, brake_v: drop_v, diode_v: DIODE_V + 0.5 * drop_v },
+    })
+}
+
+impl Stepwise {
+    fn new(model: Model) -> Self {
         let share: f64 = model.terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
         Self {
             inertia_kg_m2: model.motor.inertia_kg_m2 * share,
@@ -94,9 +130,7 @@ impl ModelPlant {
             term.effect.advance(&term.values, &self.model.motor, &at, state);
         }
     }
-}
 
-impl Plant for ModelPlant {
     fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
         self.supply_v = inputs.supply_v;
         if dt_s <= 0.0 {
@@ -107,21 +141,43 @@ impl Plant for ModelPlant {
             self.step(dt_s / steps, inputs);
         }
     }
+}
+
+impl Plant for ModelPlant {
+    #[inline]
+    fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
+        match &mut self.0 {
+            Solver::Exact(motor) => motor.advance(dt_s, inputs),
+            Solver::Stepwise(motor) => motor.advance(dt_s, inputs),
+        }
+    }
 
     fn angle_rad(&self) -> f64 {
-        self.angle_rad
+        match &self.0 {
+            Solver::Exact(motor) => motor.angle_rad(),
+            Solver::Stepwise(motor) => motor.angle_rad,
+        }
     }
 
     fn speed_rad_per_s(&self) -> f64 {
-        self.speed_rad_per_s
+        match &self.0 {
+            Solver::Exact(motor) => motor.speed_rad_per_s(),
+            Solver::Stepwise(motor) => motor.speed_rad_per_s,
+        }
     }
 
     fn current_a(&self) -> f64 {
-        self.current_a
+        match &self.0 {
+            Solver::Exact(motor) => motor.current_a(),
+            Solver::Stepwise(motor) => motor.current_a,
+        }
     }
 
     fn supply_v(&self) -> f64 {
-        self.supply_v
+        match &self.0 {
+            Solver::Exact(motor) => motor.supply_v(),
+            Solver::Stepwise(motor) => motor.supply_v,
+        }
     }
 }
 
@@ -130,26 +186,14 @@ mod tests {
     use super::*;
     use crate::catalogue::effect;
     use crate::motor::MotorParameters;
-    use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters};
 
     /// Friction and bridge drop of the catalogue against the plant that finds every event exactly.
     #[test]
     fn agrees_with_the_event_exact_motor() {
-        let motor = MotorParameters::PIVT6;
-        let losses = BridgeLosses { drive_v: 2.0, brake_v: 2.0, diode_v: DIODE_V };
-        let mut exact = DcMotor::new(DcMotorParameters {
-            resistance_ohm: motor.resistance_ohm,
-            inductance_h: motor.inductance_h,
-            torque_constant_nm_per_a: motor.torque_constant_nm_per_a,
-            inertia_kg_m2: motor.inertia_kg_m2,
-            viscous_friction_nms_per_rad: motor.viscous_friction_nm_s,
-            coulomb_friction_nm: 0.01,
-            bridge: losses,
-        });
-        let model = Model::linear(motor)
+        let model = Model::linear(MotorParameters::PIVT6)
             .with(effect("coulomb_friction").unwrap(), vec![0.01])
             .with(effect("voltage_drop").unwrap(), vec![2.0]);
-        let mut plant = ModelPlant::new(model);
+        let (mut exact, mut plant) = (event_exact(&model), Stepwise::new(model));
         for period in 0..20_000 {
             let duty = [0.6, -0.4, 0.25, 0.0][period / 5_000];
             let on_s = 50e-6 * f64::abs(duty);
@@ -159,8 +203,8 @@ mod tests {
                 exact.advance(dt_s, &inputs);
                 plant.advance(dt_s, &inputs);
             }
-            assert!((exact.speed_rad_per_s() - plant.speed_rad_per_s()).abs() < 0.05, "period {period}");
-            assert!((exact.current_a() - plant.current_a()).abs() < 0.01, "period {period}");
+            assert!((exact.speed_rad_per_s() - plant.speed_rad_per_s).abs() < 0.05, "period {period}");
+            assert!((exact.current_a() - plant.current_a).abs() < 0.01, "period {period}");
         }
     }
 }

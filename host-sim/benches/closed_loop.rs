@@ -1,0 +1,45 @@
+//! What a closed-loop second costs: the core at 1 kHz, the motor under a 20 kHz PWM, encoder and current sensor as on
+//! the chip. `benches/peers/compare.py` runs the same beside SciPy and Numba.
+
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use host_sim::catalogue::effect;
+use host_sim::design::trial::Trial;
+use host_sim::model::Model;
+use host_sim::plant::{ModelPlant, Plant};
+use host_sim::scenario::Scenario;
+use motorbench_core::message::Trip;
+use std::path::Path;
+
+/// Follows the references of the scenario.
+fn second(scenario: &Scenario, plant: ModelPlant) -> f64 {
+    let mut trial = Trial::new(plant, scenario.settings).expect("settings of a scenario");
+    trial.enter(scenario.mode);
+    for reference in &scenario.references {
+        trial.tick(Some(trial.reference(reference.value)));
+        (1..500).for_each(|_| {
+            trial.tick(None);
+        });
+    }
+    assert_eq!(trial.sample().trip, Trip::None);
+    trial.plant.speed_rad_per_s()
+}
+
+fn closed_loop(criterion: &mut Criterion) {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/second.toml");
+    let scenario = Scenario::read(&scenario).expect("the scenario of the benchmark");
+    let with = |model: &Model, id, values| model.with(effect(id).expect("an effect of the catalogue"), values);
+    let linear = scenario.model.clone();
+    let friction = with(&with(&linear, "coulomb_friction", vec![0.006]), "voltage_drop", vec![2.5]);
+    let cogging = with(&friction, "cogging", vec![2e-3, 0.0, 14.0]);
+    let mut group = criterion.benchmark_group("closed_loop_second");
+    for (name, model) in [("linear", linear), ("friction_and_drop", friction), ("friction_drop_and_cogging", cogging)] {
+        let plant = ModelPlant::new(model);
+        group.bench_function(name, |b| {
+            b.iter_batched(|| plant.clone(), |plant| second(&scenario, plant), BatchSize::SmallInput)
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, closed_loop);
+criterion_main!(benches);

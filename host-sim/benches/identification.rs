@@ -1,0 +1,52 @@
+//! What understanding a recording costs: 20 s at 1 kHz as the core records them, of a motor with Coulomb friction behind
+//! a bridge with a drop. `benches/peers/compare.py` runs the fits beside SciPy's least squares on a compiled model.
+
+use criterion::{Criterion, criterion_group, criterion_main};
+use host_sim::catalogue::effect;
+use host_sim::dataset::Dataset;
+use host_sim::diagnose::diagnose;
+use host_sim::identify::{Effort, Prior, fit};
+use host_sim::model::Model;
+use host_sim::rig::NominalMotor;
+use host_sim::scenario::Scenario;
+use host_sim::telemetry;
+use std::path::Path;
+
+fn identification(criterion: &mut Criterion) {
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/steps.toml");
+    let scenario = Scenario::read(&scenario).expect("the scenario of the benchmark");
+    let recording = scenario.run().expect("runs").recording;
+    // Where the fits start: every constant a tenth off.
+    let mut nominal = scenario.model.motor;
+    nominal.resistance_ohm *= 1.1;
+    nominal.inductance_h *= 0.9;
+    nominal.torque_constant_nm_per_a *= 1.1;
+    nominal.inertia_kg_m2 *= 0.9;
+    nominal.viscous_friction_nm_s *= 1.1;
+    let rig = telemetry::rig(&scenario.settings, NominalMotor::from(nominal));
+    let data = Dataset::new(std::slice::from_ref(&recording), &rig).expect("a recording that can be used");
+    let prior = Prior::new(&rig.motor, &data);
+    let linear = Model::linear(nominal);
+    let extended = linear
+        .with(effect("coulomb_friction").expect("an effect of the catalogue"), vec![0.004])
+        .with(effect("voltage_drop").expect("an effect of the catalogue"), vec![1.0]);
+
+    // What is timed must be right. Worst is the inductance: its time constant is two samples.
+    let found = fit(&extended, &data, &prior, Effort::FULL).model.motor.named();
+    for ((name, found), (_, truth)) in found.iter().zip(scenario.model.motor.named()).take(4) {
+        println!("{name}: {:+.2} % off", 100.0 * (found / truth - 1.0));
+        assert!((found / truth - 1.0).abs() < 0.1);
+    }
+
+    let mut group = criterion.benchmark_group("identification");
+    group.sample_size(10);
+    group.bench_function("linear_fit", |b| b.iter(|| fit(&linear, &data, &prior, Effort::FULL)));
+    group.bench_function("extended_fit", |b| b.iter(|| fit(&extended, &data, &prior, Effort::FULL)));
+    group.bench_function("diagnosis", |b| {
+        b.iter(|| diagnose(std::slice::from_ref(&recording), &rig, &|_| ()).map(|diagnosis| diagnosis.outcome))
+    });
+    group.finish();
+}
+
+criterion_group!(benches, identification);
+criterion_main!(benches);
