@@ -12,7 +12,8 @@ pub use drive::Excitation;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// An effect that can be hidden. The range from strength 0 to 1 stands with each; torques are shares of the stall torque.
+/// An effect that can be hidden. The range from strength 0 to 1 stands with each, below 0 each unit is a tenth of the
+/// weakest; torques are shares of the stall torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Effect {
     /// Constant friction that sticks, 3 to 15 %.
@@ -163,6 +164,11 @@ impl Effect {
         }
     }
 
+    /// Whether it can be stronger and weaker, and not only there or not.
+    pub fn has_strength(self) -> bool {
+        self != Self::CoastDecay
+    }
+
     /// Effects that stand for a friction and therefore bring Coulomb friction with them.
     pub fn needs_coulomb(self) -> bool {
         matches!(self, Self::StribeckFriction | Self::FrictionAsymmetry | Self::FrictionWarmup)
@@ -185,7 +191,7 @@ pub enum Channels {
 /// What to draw.
 #[derive(Clone, Debug)]
 pub struct Recipe {
-    /// Hidden effects, each with its strength from 0 to 1.
+    /// Hidden effects, each with its strength from 0 to 1, or below.
     pub effects: Vec<(Effect, f64)>,
     /// The rig has Coulomb friction and a bridge drop besides.
     pub real_rig: bool,

@@ -169,7 +169,9 @@ impl Bench {
         random: &mut impl Rng,
     ) -> Vec<(&'static str, f64)> {
         let stall_nm = self.motor.torque_constant_nm_per_a * self.supply_v / self.motor.resistance_ohm;
-        let between = |from: f64, to: f64| from + (to - from) * strength;
+        let between = |weakest: f64, strongest: f64| {
+            if strength < 0.0 { weakest * 10_f64.powf(strength) } else { weakest + (strongest - weakest) * strength }
+        };
         let sign = if random.random_bool(0.5) { 1.0 } else { -1.0 };
         let phase = random.random_range(0.0..TAU);
         let hidden = &mut self.hidden;
@@ -262,7 +264,7 @@ impl Bench {
                 vec![("time_constant_s", hidden.lag_s)]
             }
             Effect::CurrentClipping => {
-                hidden.clip_share = between(0.7, 0.4);
+                hidden.clip_share = 1.0 - between(0.3, 0.6);
                 Vec::new()
             }
             Effect::EncoderEccentricity => {

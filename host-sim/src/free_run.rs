@@ -37,11 +37,13 @@ pub struct Motion {
     current_a: Vec<f64>,
     speed_rad_per_s: Vec<f64>,
     angle_rad: Vec<f64>,
+    /// Where on the revolution the shaft is, as measured and with what the model says was lost.
+    shaft_rad: Vec<f64>,
 }
 
 impl Motion {
     fn fill_up_to(&mut self, samples: usize) {
-        for values in [&mut self.current_a, &mut self.speed_rad_per_s, &mut self.angle_rad] {
+        for values in [&mut self.current_a, &mut self.speed_rad_per_s, &mut self.angle_rad, &mut self.shaft_rad] {
             values.resize(samples, f64::NAN);
         }
     }
@@ -93,7 +95,7 @@ fn falsify(term: &Term, data: &Dataset, range: Range<usize>, motion: &mut Motion
             speed_rad_per_s: motion.speed_rad_per_s[index],
             angle_rad: motion.angle_rad[index],
         };
-        let at = Sampling { angle_rad: data.angle_rad[index], step_s };
+        let at = Sampling { angle_rad: motion.shaft_rad[index], step_s };
         term.effect.sense(&term.values, &at, &mut state, &mut readings);
         motion.current_a[index] = readings.current_a;
         motion.speed_rad_per_s[index] = readings.speed_rad_per_s;
@@ -190,6 +192,9 @@ struct Run<'a> {
     current_a: f64,
     speed_rad_per_s: f64,
     angle_rad: f64,
+    /// By how much the measured angle is behind.
+    lost_rad: f64,
+    losing: Vec<&'a Term>,
     /// Means of current and speed since the sample before.
     means: (f64, f64),
 }
@@ -223,6 +228,8 @@ impl<'a> Run<'a> {
             current_a: if still { 0.0 } else { current_a },
             speed_rad_per_s: if still { 0.0 } else { speed_rad_per_s },
             angle_rad: 0.0,
+            lost_rad: 0.0,
+            losing: terms.iter().filter(|term| !term.effect.acts_on_motor() && term.effect.changes_motion()).collect(),
             means: (0.0, 0.0),
             range,
         }
@@ -238,6 +245,7 @@ impl<'a> Run<'a> {
             motion.current_a.push(current_a);
             motion.speed_rad_per_s.push(speed_rad_per_s);
             motion.angle_rad.push(self.angle_rad);
+            motion.shaft_rad.push(self.data.angle_rad[index] + self.lost_rad);
             if index + 1 < self.range.end {
                 self.until(index + 1);
             }
@@ -266,12 +274,17 @@ impl<'a> Run<'a> {
                 supply_v: data.supply_v[index],
                 current_a: self.current_a,
                 speed_rad_per_s: self.speed_rad_per_s,
-                angle_rad: data.angle_rad[index] + share * (data.angle_rad[next] - data.angle_rad[index]),
+                angle_rad: data.angle_rad[index]
+                    + share * (data.angle_rad[next] - data.angle_rad[index])
+                    + self.lost_rad,
                 step_s,
             };
             let before_a = self.current_a;
             self.advance(&mut at, data.open[index], data.load_nm[index]);
             current_sum += 0.5 * (before_a + self.current_a);
+        }
+        for term in &self.losing {
+            self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
         }
         self.means = (current_sum / steps, (self.angle_rad - angle_before_rad) / interval_s);
     }

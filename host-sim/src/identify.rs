@@ -5,7 +5,7 @@
 //! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
 //! correlated within a block (sandwich; White, Econometrica 50 (1982)).
 
-use crate::catalogue::{ActsOn, CATALOGUE, Effect, Scales};
+use crate::catalogue::{CATALOGUE, Effect, Scales};
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Motion, Prediction, Steps, drive, free_run, read};
 use crate::model::{Model, Term};
@@ -105,17 +105,12 @@ pub enum Place {
 
 impl Place {
     /// Whether the motor itself moves differently, and not only its readings.
-    fn acts_on_motor(self, model: &Model) -> bool {
+    fn changes_motion(self, model: &Model) -> bool {
         match self {
             Self::Motor(_) => true,
-            Self::Term(term, _) => changes_motion(model.terms[term].effect),
+            Self::Term(term, _) => model.terms[term].effect.changes_motion(),
         }
     }
-}
-
-/// Whether an effect changes what the motor does, and not only what its sensors say.
-fn changes_motion(effect: &dyn Effect) -> bool {
-    effect.acts_on_motor() || effect.about().acts_on == ActsOn::Voltage
 }
 
 /// A simulation that others are compared with.
@@ -351,7 +346,7 @@ impl<'a> Search<'a> {
                 let step = if here + DIFFERENCE > unknown.max / unknown.size { -DIFFERENCE } else { DIFFERENCE };
                 let mut moved = self.model.clone();
                 unknown.set(&mut moved, here + step);
-                let mut column = base.change(&moved, unknown.place.acts_on_motor(&self.model));
+                let mut column = base.change(&moved, unknown.place.changes_motion(&self.model));
                 column.iter_mut().for_each(|change| *change /= step);
                 column
             })
@@ -569,7 +564,7 @@ impl Fit {
             .into_iter()
             .map(|mut values| {
                 values.truncate(about.parameters.len());
-                base.change(&self.model.with(effect, values), changes_motion(effect))
+                base.change(&self.model.with(effect, values), effect.changes_motion())
             })
             .collect();
         let (gain, factors) = self.least_squares(&lines);

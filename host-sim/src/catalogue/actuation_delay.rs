@@ -35,4 +35,8 @@ impl Effect for ActuationDelay {
     fn acts_on_motor(&self) -> bool {
         false
     }
+
+    fn changes_motion(&self) -> bool {
+        true
+    }
 }

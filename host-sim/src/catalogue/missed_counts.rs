@@ -32,9 +32,18 @@ impl Effect for MissedCounts {
         1
     }
 
+    /// What depends on the shaft's angle is not where the counts say.
+    fn changes_motion(&self) -> bool {
+        true
+    }
+
+    fn lost_rad_per_s(&self, values: &[f64], speed_rad_per_s: f64) -> f64 {
+        let excess_rad_per_s = (speed_rad_per_s.abs() - values[1]).max(0.0);
+        values[0] * excess_rad_per_s * speed_rad_per_s.signum()
+    }
+
     fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
-        let excess_rad_per_s = (readings.speed_rad_per_s.abs() - values[1]).max(0.0);
-        let lost_rad_per_s = values[0] * excess_rad_per_s * readings.speed_rad_per_s.signum();
+        let lost_rad_per_s = self.lost_rad_per_s(values, readings.speed_rad_per_s);
         readings.speed_rad_per_s -= lost_rad_per_s;
         state[0] += lost_rad_per_s * at.step_s;
         readings.angle_rad -= state[0];

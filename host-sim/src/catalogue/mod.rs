@@ -185,7 +185,7 @@ pub struct Instant {
     pub current_a: f64,
     /// Speed of the motor's shaft.
     pub speed_rad_per_s: f64,
-    /// Angle of the motor's shaft, from an unknown zero.
+    /// Angle of the motor's shaft, from an unknown zero: as measured, with what the model says was lost.
     pub angle_rad: f64,
     /// Length of the step about to be taken.
     pub step_s: f64,
@@ -213,7 +213,7 @@ pub struct Balance {
 /// What a sensor's effect may know of the bench when it acts on a reading.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampling {
-    /// Angle of the motor's shaft, from an unknown zero.
+    /// Angle of the motor's shaft, from an unknown zero, as [`Instant::angle_rad`].
     pub angle_rad: f64,
     /// Time since the last reading.
     pub step_s: f64,
@@ -295,6 +295,16 @@ pub trait Effect: Sync {
     /// Whether [`contribute`](Self::contribute) or [`advance`](Self::advance) do anything.
     fn acts_on_motor(&self) -> bool {
         matches!(self.about().acts_on, ActsOn::Torque | ActsOn::Voltage)
+    }
+
+    /// Whether the motor of the model moves differently with other values, and not only its readings.
+    fn changes_motion(&self) -> bool {
+        self.acts_on_motor()
+    }
+
+    /// Speed at which the measured angle falls behind the shaft's for good.
+    fn lost_rad_per_s(&self, _values: &[f64], _speed_rad_per_s: f64) -> f64 {
+        0.0
     }
 
     /// Falsifies the readings. Only for effects that do not act on the motor.

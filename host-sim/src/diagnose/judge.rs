@@ -1,12 +1,15 @@
 //! Judging models on data that no fit has seen.
 
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, noise};
 use crate::free_run::Prediction;
+use crate::identify::Fit;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Stretches of this length count as independent.
 const BLOCK_S: f64 = 0.1;
+/// Above this multiple of the noise floor something is missing.
+pub const NOT_NOISE: f64 = 1.15;
 
 /// What one model gains over another on the data kept back.
 #[derive(Clone, Debug)]
@@ -67,6 +70,15 @@ pub fn rmse(data: &Dataset, prediction: &Prediction, output: usize) -> f64 {
         }
     }
     (sum / f64::max(count, 1.0)).sqrt()
+}
+
+/// Error over noise floor of the worst channel.
+pub fn above_floor(data: &Dataset, fit: &Fit) -> f64 {
+    let ratio = |output: usize| {
+        let floor = data.measured[output].least_error(noise(&fit.residual_of(data, output)));
+        rmse(data, &fit.prediction, output) / floor
+    };
+    (0..data.measured.len()).map(ratio).fold(0.0, f64::max)
 }
 
 /// 100 (1 - |y - prediction| / |y - mean y|) on the data kept back.

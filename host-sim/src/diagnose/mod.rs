@@ -17,16 +17,15 @@ pub mod select;
 use crate::catalogue::ActsOn;
 use crate::dataset::{Dataset, DatasetError, Measured, Output, noise};
 use crate::free_run::{Prediction, free_run};
-use crate::identify::{Effort, Fit, Interval, Place, Prior, fit};
+use crate::identify::{Effort, Interval, Place, Prior, fit};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
+use judge::{NOT_NOISE, above_floor};
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict};
 use select::{Selection, Standing, select};
 use std::collections::BTreeMap;
 
-/// Above this multiple of the noise floor something is missing.
-const NOT_NOISE: f64 = 1.15;
 /// A model that explains less than this of the motion, with nothing but noise left, has had nothing to explain.
 const LEAST_FIT_PERCENT: f64 = 20.0;
 /// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
@@ -109,15 +108,6 @@ fn residuals(data: &Dataset, prediction: &Prediction) -> Vec<Vec<f64>> {
         measured.values.iter().zip(predicted).map(|(value, predicted)| value - predicted).collect()
     };
     data.measured.iter().zip(prediction).map(difference).collect()
-}
-
-/// Error over noise floor of the worst channel.
-fn above_floor(data: &Dataset, fit: &Fit) -> f64 {
-    let ratio = |output: usize| {
-        let floor = data.measured[output].least_error(noise(&fit.residual_of(data, output)));
-        judge::rmse(data, &fit.prediction, output) / floor
-    };
-    (0..data.measured.len()).map(ratio).fold(0.0, f64::max)
 }
 
 /// Takes back names that explain less than what remains: where something big is unknown, small things are not known.

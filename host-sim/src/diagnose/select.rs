@@ -1,7 +1,7 @@
 //! Which effects the data ask for: forward by what the derivatives promise, fitted in free run, judged on data kept back;
 //! then backward, and against every rival.
 
-use super::judge::{Gain, gain};
+use super::judge::{Gain, NOT_NOISE, above_floor, gain};
 use crate::catalogue::{CATALOGUE, effect};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, Promise, fit, scales};
@@ -26,6 +26,10 @@ const RIVALS: usize = 3;
 const RIVAL_SHARE: f64 = 0.7;
 /// At each step only effects are fitted that promise this share of what the best does.
 const TRIED_SHARE: f64 = 0.2;
+/// While something remains, so many effects are added on trust: two that hide each other earn their places together.
+const MOST_AHEAD: usize = 3;
+/// They have to lower the cost to this share.
+const LEAST_AHEAD: f64 = 0.9;
 /// A promise below this, in units of noise, is not worth a fit.
 const LEAST_PROMISE: f64 = 20.0;
 
@@ -132,6 +136,7 @@ impl Chooser<'_> {
     fn forward(&self, base: Fit) -> (Fit, Vec<Step>) {
         let mut current = base;
         let mut steps = Vec::new();
+        let mut ahead = 0;
         while steps.len() < MOST_EFFECTS {
             let mut promises = self.promises(&current);
             promises.truncate(TRIED);
@@ -147,7 +152,14 @@ impl Chooser<'_> {
                 .map(|(id, fit)| (id, gain(self.data, &current.prediction, &fit.prediction), fit))
                 .collect();
             fits.sort_by(|a, b| a.2.cost.total_cmp(&b.2.cost));
-            fits.retain(|(_, gain, _)| earns_its_place(gain));
+            if fits.iter().any(|(_, gain, _)| earns_its_place(gain)) {
+                fits.retain(|(_, gain, _)| earns_its_place(gain));
+            } else if ahead < MOST_AHEAD && above_floor(self.data, &current) > NOT_NOISE {
+                ahead += 1;
+                fits.retain(|(_, _, fit)| fit.cost < LEAST_AHEAD * current.cost);
+            } else {
+                fits.clear();
+            }
             if fits.is_empty() {
                 break;
             }
