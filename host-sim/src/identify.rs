@@ -22,9 +22,9 @@ const GUESS_SPREAD: f64 = 1.5;
 const FRICTION_SPREAD: f64 = 1.0;
 /// Residuals further apart than this count as independent.
 const BLOCK_S: f64 = 0.2;
-/// Relative error of every constant that comes from the model's own simplifications (averaged bridge, terms held over
-/// half a millisecond) and not from the noise: measured on benches with known constants.
-const SYSTEMATIC: f64 = 1e-3;
+/// Relative error (one standard deviation) of every constant that comes from the model's own simplifications other than
+/// its steps (averaged bridge, readings at an instant): measured on benches with known constants.
+const SYSTEMATIC: f64 = 5e-4;
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
@@ -644,16 +644,26 @@ impl Fit {
         &self.inverse * middle * &self.inverse
     }
 
-    /// Value, and 95 % interval, of every fitted constant.
+    /// By how much each coordinate would be found elsewhere with steps twice as long: that is the order of what the steps
+    /// themselves falsify.
+    fn shift_of_coarse_steps(&self, data: &Dataset) -> DVector<f64> {
+        let coarse = weighted_residual(data, &read(&self.model, data, &drive(&self.model, data, Steps::Coarse)));
+        let change: Vec<f64> = coarse.iter().zip(&self.residual).map(|(coarse, fine)| coarse - fine).collect();
+        let gradient = self.columns.iter().map(|column| dot(column, &change));
+        &self.inverse * DVector::from_iterator(self.columns.len(), gradient)
+    }
+
+    /// Value, and 95 % interval, of every fitted constant: statistics, steps, and what else the model simplifies.
     pub fn intervals(&self, data: &Dataset) -> Vec<Interval> {
         let covariance = self.covariance(data);
+        let shift = self.shift_of_coarse_steps(data);
         self.unknowns
             .iter()
             .enumerate()
             .map(|(index, unknown)| {
                 let here = unknown.get(&self.model);
                 let systematic = SYSTEMATIC * if unknown.logarithmic { 1.0 } else { here };
-                let half = 1.96 * covariance[(index, index)].max(0.0).sqrt().hypot(systematic);
+                let half = 1.96 * covariance[(index, index)].max(0.0).sqrt().hypot(shift[index]).hypot(systematic);
                 let value =
                     |coordinate: f64| if unknown.logarithmic { coordinate.exp() } else { coordinate * unknown.size };
                 // A constant cannot leave its range.
