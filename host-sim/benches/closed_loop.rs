@@ -10,12 +10,12 @@ use host_sim::scenario::Scenario;
 use motorbench_core::message::Trip;
 use std::path::Path;
 
-/// Follows the references of the scenario.
+/// Up to speed, and reversal.
 fn second(scenario: &Scenario, plant: ModelPlant) -> f64 {
     let mut trial = Trial::new(plant, scenario.settings).expect("settings of a scenario");
     trial.enter(scenario.mode);
-    for reference in &scenario.references {
-        trial.tick(Some(trial.reference(reference.value)));
+    for value in [60.0, -60.0] {
+        trial.tick(Some(trial.reference(value)));
         (1..500).for_each(|_| {
             trial.tick(None);
         });

@@ -1,4 +1,4 @@
-//! Figures of merit of a step of the reference.
+//! Figures of merit: what a loop made of a step of the reference, or of any other course.
 
 use crate::design::trial::Point;
 use serde::Serialize;
@@ -8,12 +8,14 @@ const SETTLED: f64 = 0.02;
 /// Share of the stretch whose mean error is the steady error.
 const LAST_PART: f64 = 0.1;
 
-/// What a loop made of one step. Speeds in rad/s, angles in rad.
+/// What a loop made of one reference. Speeds in rad/s, angles in rad. What only a step has is `null` for other courses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figures {
     /// When the reference changed.
     pub time_s: f64,
-    /// Where the step began, and where it was to end.
+    /// Its course: step, ramp, sine, points, sequence.
+    pub course: &'static str,
+    /// Where the controlled quantity began, and where it was to end.
     pub from: f64,
     /// See `from`.
     pub to: f64,
@@ -22,10 +24,12 @@ pub struct Figures {
     /// Until it stays within 2 % of the step; `null` when it does not.
     pub settling_s: Option<f64>,
     /// Beyond the end, in percent of the step.
-    pub overshoot_percent: f64,
+    pub overshoot_percent: Option<f64>,
     /// Mean error over the last tenth.
-    pub steady_error: f64,
-    /// Integral of the error's magnitude.
+    pub steady_error: Option<f64>,
+    /// Root mean square of the error against the reference as the core's profile gives it.
+    pub tracking_rms: f64,
+    /// Integral of the error's magnitude: against the end of a step, against the profile otherwise.
     pub iae: f64,
     /// Root mean square of the voltage.
     #[serde(rename = "effort_V")]
@@ -40,27 +44,49 @@ pub struct Figures {
 /// # Panics
 /// If there are fewer than two points.
 pub fn step_figures(points: &[Point], of: impl Fn(&Point) -> f64, to: f64) -> Figures {
-    let (start_s, period_s) = (points[0].t_s, points[1].t_s - points[0].t_s);
-    let from = of(&points[0]);
+    let general = tracking_figures(points, &of, "step");
+    let (start_s, from, period_s) = (general.time_s, general.from, points[1].t_s - points[0].t_s);
     let size = to - from;
     let part = |point: &Point| if size == 0.0 { 1.0 } else { (of(point) - from) / size };
     let reached = |share: f64| points.iter().find(|point| part(point) >= share).map(|point| point.t_s - start_s);
     let last_out = points.iter().rposition(|point| (part(point) - 1.0).abs() > SETTLED);
     let last = &points[points.len() - ((points.len() as f64 * LAST_PART) as usize).max(1)..];
-    let mean_square = points.iter().map(|point| point.u_v * point.u_v).sum::<f64>() / points.len() as f64;
     Figures {
-        time_s: start_s,
-        from,
         to,
         rise_s: reached(0.1).zip(reached(0.9)).map(|(low, high)| high - low),
         settling_s: match last_out {
             None => Some(0.0),
             Some(index) => points.get(index + 1).map(|point| point.t_s - start_s),
         },
-        overshoot_percent: 100.0 * points.iter().map(|point| part(point) - 1.0).fold(0.0, f64::max),
-        steady_error: last.iter().map(|point| to - of(point)).sum::<f64>() / last.len() as f64,
+        overshoot_percent: Some(100.0 * points.iter().map(|point| part(point) - 1.0).fold(0.0, f64::max)),
+        steady_error: Some(last.iter().map(|point| to - of(point)).sum::<f64>() / last.len() as f64),
         iae: points.iter().map(|point| (to - of(point)).abs() * period_s).sum(),
-        effort_v: mean_square.sqrt(),
+        ..general
+    }
+}
+
+/// Figures that any course has.
+///
+/// # Panics
+/// If there are fewer than two points.
+pub fn tracking_figures(points: &[Point], of: impl Fn(&Point) -> f64, course: &'static str) -> Figures {
+    let period_s = points[1].t_s - points[0].t_s;
+    let rms = |value: &dyn Fn(&Point) -> f64| {
+        (points.iter().map(|point| value(point).powi(2)).sum::<f64>() / points.len() as f64).sqrt()
+    };
+    let error = |point: &Point| point.reference - of(point);
+    Figures {
+        time_s: points[0].t_s,
+        course,
+        from: of(&points[0]),
+        to: points[points.len() - 1].reference,
+        rise_s: None,
+        settling_s: None,
+        overshoot_percent: None,
+        steady_error: None,
+        tracking_rms: rms(&error),
+        iae: points.iter().map(|point| error(point).abs() * period_s).sum(),
+        effort_v: rms(&|point| point.u_v),
         peak_a: points.iter().map(|point| point.i_a.abs()).fold(0.0, f64::max),
     }
 }

@@ -11,6 +11,7 @@
 //! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
 //! | [`scenario`], [`figures`] | the core in closed loop on this computer, and its figures of merit |
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
+//! | [`panels`] | plots over time, one under the other |
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
@@ -27,6 +28,7 @@ pub mod identify;
 pub mod linear;
 pub mod model;
 pub mod motor;
+pub mod panels;
 pub mod plant;
 pub mod recording;
 pub mod rig;

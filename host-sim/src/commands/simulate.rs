@@ -3,11 +3,11 @@
 use super::{Failure, write};
 use crate::design::trial::Point;
 use crate::diagnose::page::short;
-use crate::diagnose::report::time_plot;
 use crate::figures::Figures;
+use crate::panels::{Panel, panels};
 use crate::scenario::{Outcome, Scenario};
 use clap::Args;
-use motorbench_core::message::Trip;
+use motorbench_core::message::{Mode, Trip};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
@@ -21,7 +21,7 @@ pub struct Arguments {
     /// Writes the recording as the firmware would have sent it.
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
-    /// Draws reference, true quantity, current and voltage.
+    /// Draws reference, true and measured quantity, current and voltage.
     #[arg(long, value_name = "FILE.svg")]
     plot: Option<PathBuf>,
     /// Writes the figures as JSON, - for the terminal instead of the table.
@@ -42,36 +42,54 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
         write(path, &plot(&scenario, &outcome))?;
     }
-    let json = serde_json::to_string_pretty(&outcome.figures).map_err(Failure::machine)? + "\n";
+    let trip = (outcome.trip != Trip::None).then(|| format!("{:?}", outcome.trip));
+    let result = serde_json::json!({ "figures": outcome.figures, "trip": trip, "trip_s": outcome.trip_s });
+    let json = serde_json::to_string_pretty(&result).map_err(Failure::machine)? + "\n";
+    if let Some(path) = arguments.json.as_ref().filter(|path| path.as_path() != Path::new("-")) {
+        write(path, &json)?;
+    }
     match &arguments.json {
         Some(path) if path == Path::new("-") => print!("{json}"),
-        Some(path) => {
-            write(path, &json)?;
-            print!("{}", table(&outcome.figures));
-        }
-        None => print!("{}", table(&outcome.figures)),
+        _ => print!("{}", table(&outcome.figures)),
     }
-    match outcome.trip {
-        Trip::None => Ok(()),
-        trip => Err(Failure::input(format!("the drive switched itself off: {trip:?}"))),
+    judged(&scenario, &outcome)
+}
+
+/// A trip is a failure unless the scenario expects it; so is one that does not come.
+fn judged(scenario: &Scenario, outcome: &Outcome) -> Result<(), Failure> {
+    let at = outcome.trip_s.map_or(String::new(), |trip_s| format!(" at {trip_s:.3} s"));
+    match (scenario.expected_trip, outcome.trip) {
+        (expected, trip) if expected == trip && trip == Trip::None => Ok(()),
+        (expected, trip) if expected == trip => {
+            eprintln!("tripped as expected: {trip:?}{at}");
+            Ok(())
+        }
+        (Trip::None, trip) => Err(Failure::input(format!("the drive switched itself off{at}: {trip:?}"))),
+        (expected, Trip::None) => Err(Failure::input(format!("the expected trip {expected:?} did not come"))),
+        (expected, trip) => {
+            Err(Failure::input(format!("the drive switched itself off{at}: {trip:?} instead of {expected:?}")))
+        }
     }
 }
 
 fn table(figures: &[Figures]) -> String {
-    let mut text =
-        String::from("   time_s     from       to   rise_s settle_s  over_%  steady_err     IAE   rms_V  peak_A\n");
+    let mut text = String::from(
+        "   time_s   course     from       to   rise_s settle_s  over_% steady_err track_rms     IAE   rms_V  peak_A\n",
+    );
     let or_dash = |value: Option<f64>| value.map_or("-".into(), short);
     for row in figures {
         let _ = writeln!(
             text,
-            "  {:>7} {:>8} {:>8} {:>8} {:>8} {:>7} {:>11} {:>7} {:>7} {:>7}",
+            "  {:>7} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>10} {:>9} {:>7} {:>7} {:>7}",
             short(row.time_s),
+            row.course,
             short(row.from),
             short(row.to),
             or_dash(row.rise_s),
             or_dash(row.settling_s),
-            short(row.overshoot_percent),
-            short(row.steady_error),
+            or_dash(row.overshoot_percent),
+            or_dash(row.steady_error),
+            short(row.tracking_rms),
             short(row.iae),
             short(row.effort_v),
             short(row.peak_a)
@@ -81,13 +99,19 @@ fn table(figures: &[Figures]) -> String {
 }
 
 fn plot(scenario: &Scenario, outcome: &Outcome) -> String {
-    let position = scenario.mode.is_position();
-    let of = |value: fn(&Point) -> f64| outcome.points.iter().map(value).collect::<Vec<f64>>();
-    let (name, truth) = if position {
-        ("theta_rad", of(|point| point.theta_rad))
-    } else {
-        ("omega_rad_per_s", of(|point| point.omega_rad_per_s))
-    };
+    let of = |value: &dyn Fn(&Point) -> f64| outcome.points.iter().map(value).collect::<Vec<f64>>();
+    let (position, closed) = (scenario.mode.is_position(), scenario.mode != Mode::OpenLoop);
+    let title = if position { "position, rad" } else { "speed, rad/s" };
+    let mut controlled = Panel::new(title);
+    if closed {
+        controlled = controlled.line("reference", of(&|point| point.reference));
+    }
+    controlled = controlled.line("true", of(&|point| scenario.controlled(point)));
+    if !position {
+        controlled = controlled.line("measured", of(&|point| point.measured_rad_per_s));
+    }
+    let current = Panel::new("current, A").line("true", of(&|point| point.i_a));
+    let voltage = Panel::new("voltage asked of the bridge, V").line("u", of(&|point| point.u_v));
     let period_s = outcome.points.get(1).map_or(1e-3, |point| point.t_s - outcome.points[0].t_s);
-    time_plot(name, period_s, &[&of(|point| point.reference), &truth])
+    panels(period_s, &[controlled, current, voltage])
 }

@@ -8,11 +8,14 @@ use super::sampled_loop::DRIVE_DELAY_S;
 use crate::plant::{Bridge, Inputs as PlantInputs, Plant};
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
 use motorbench_core::encoder::Edges;
-use motorbench_core::excitation;
+use motorbench_core::excitation::{self, Kind, Sequence};
 use motorbench_core::message::{Mode, Request, Sample, State};
 use motorbench_core::pins::{CPU_HZ, PWM_HZ, PWM_STEPS};
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::units::{FULL_RANGE, VOLT};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -50,19 +53,50 @@ pub struct Point {
     pub limited: bool,
 }
 
-/// What the settings say of sensors and supply.
+/// What the settings say of the sensors.
 struct Scales {
     counts_per_rad: f64,
-    supply_v: f64,
     current_v_per_a: f64,
+}
+
+/// What acts on motor and sensors from outside; may be changed between two ticks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Surroundings {
+    /// Motor supply; the core knows of it only where `supply_divider` says that the divider is wired.
+    pub supply_v: f64,
+    /// Torque against positive rotation.
+    pub load_torque_nm: f64,
+    /// The rotor is held fast.
+    pub rotor_blocked: bool,
+    /// The encoder's edges do not arrive.
+    pub encoder_unplugged: bool,
+    /// The current sensor's output stays here, in volts from 0 to 5.
+    pub current_pinned_v: Option<f64>,
+    /// Standard deviation of the current sensor's output, in volts.
+    pub current_noise_v: f64,
+}
+
+impl Surroundings {
+    /// Everything in order, the supply as the settings have it.
+    pub fn new(settings: &Settings) -> Self {
+        Self {
+            supply_v: settings.get(Param::SupplyVoltage).into(),
+            load_torque_nm: 0.0,
+            rotor_blocked: false,
+            encoder_unplugged: false,
+            current_pinned_v: None,
+            current_noise_v: 0.0,
+        }
+    }
 }
 
 /// A motor under the core.
 pub struct Trial<P> {
     /// The motor.
     pub plant: P,
-    /// Torque against positive rotation.
-    pub load_torque_nm: f64,
+    /// What acts on motor and sensors.
+    pub surroundings: Surroundings,
+    noise: ChaCha8Rng,
     control: ControlLoop,
     settings: Settings,
     edges: Edges,
@@ -85,16 +119,14 @@ impl<P: Plant> Trial<P> {
     pub fn new(plant: P, settings: Settings) -> Result<Self, BuildError> {
         let edges = Edges::at_rest(0);
         let get = |param| f64::from(settings.get(param));
-        let scales = Scales {
-            counts_per_rad: get(Param::CountsPerRev) / TAU,
-            supply_v: get(Param::SupplyVoltage),
-            current_v_per_a: 1e-3 * get(Param::CurrentGain),
-        };
+        let scales =
+            Scales { counts_per_rad: get(Param::CountsPerRev) / TAU, current_v_per_a: 1e-3 * get(Param::CurrentGain) };
         Ok(Self {
             position: plant.angle_rad() * scales.counts_per_rad + 0.5,
             scales,
             plant,
-            load_torque_nm: 0.0,
+            surroundings: Surroundings::new(&settings),
+            noise: ChaCha8Rng::seed_from_u64(0),
             control: ControlLoop::new(LoopConfig::build(&settings)?, edges),
             settings,
             edges,
@@ -103,6 +135,11 @@ impl<P: Plant> Trial<P> {
             drive: Drive::default(),
             sums: [0, BLOCK as u16 * 512, 2 * BLOCK as u16 * 512],
         })
+    }
+
+    /// Begins the sensors' noise anew: the same seed gives the same run.
+    pub fn seed(&mut self, seed: u64) {
+        self.noise = ChaCha8Rng::seed_from_u64(seed);
     }
 
     /// Arms, and enters a mode.
@@ -114,6 +151,14 @@ impl<P: Plant> Trial<P> {
     /// The request for a reference (rad/s, rad or V) in the present mode.
     pub fn reference(&self, reference: f64) -> Request {
         Request::Reference(self.bits(self.sample().state.mode(), reference))
+    }
+
+    /// The request for a sequence of the core's own, amplitude and offset in the unit of the present mode.
+    pub fn sequence(&self, kind: Kind, [amplitude, offset]: [f64; 2], period_s: f64, count: u16, seed: u16) -> Request {
+        let mode = self.sample().state.mode();
+        let bits = |value| self.bits(mode, value).clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+        let period = (period_s / self.period_s()).round() as u16;
+        Request::Play(Sequence::new(kind, bits(amplitude), bits(offset), period, count, seed))
     }
 
     /// Follows a reference (rad/s, rad or V) for some time.
@@ -147,12 +192,19 @@ impl<P: Plant> Trial<P> {
     }
 
     fn inputs(&self) -> Inputs {
-        let supply_bits = self.settings.get(Param::SupplyVoltage) * VOLT;
+        // The main loop keeps the scale of the last sample's supply.
+        let supply_bits = match self.sample().supply {
+            0 => (self.settings.get(Param::SupplyVoltage) * VOLT) as i16,
+            measured => measured,
+        };
+        let divider = f64::from(self.settings.get(Param::SupplyDivider));
+        let supply = if divider > 0.0 { self.surroundings.supply_v / divider * STEPS_PER_VOLT } else { 0.0 };
         Inputs {
             edges: self.edges,
             tick_coarse: (self.cycles() >> 6) as u8,
             current_sum: self.sums[2],
-            duty_scale: duty_scale(supply_bits as i16),
+            supply: supply.clamp(0.0, 1023.0) as u16,
+            duty_scale: duty_scale(supply_bits),
             flags: Inputs::MAIN_LOOP_ALIVE,
             ..Inputs::default()
         }
@@ -212,9 +264,9 @@ impl<P: Plant> Trial<P> {
         };
         let mut inputs = PlantInputs {
             bridge: on,
-            supply_v: self.scales.supply_v,
-            load_torque_nm: self.load_torque_nm,
-            ..PlantInputs::default()
+            supply_v: self.surroundings.supply_v,
+            load_torque_nm: self.surroundings.load_torque_nm,
+            blocked: self.surroundings.rotor_blocked,
         };
         if on_s > 0.0 {
             self.plant.advance(on_s, &inputs);
@@ -244,6 +296,9 @@ impl<P: Plant> Trial<P> {
         let forward = within > 0.0;
         let moved = if forward { within as i32 } else { (within as i32) - 1 };
         self.count += f64::from(moved);
+        if self.surroundings.encoder_unplugged {
+            return;
+        }
         // The last edge lies at the lower end of the count when going up, at the upper when going down.
         let edge = if forward { self.count } else { self.count + 1.0 };
         let part = ((edge - from) / (to - from)).clamp(0.0, 1.0);
@@ -262,7 +317,12 @@ impl<P: Plant> Trial<P> {
         }
         let block = conversion / SLOTS_PER_BLOCK;
         let dither = f64::from(2 * (slot - 1) + block % 2) / f64::from(2 * BLOCK);
-        let steps = (ZERO_V + self.scales.current_v_per_a * self.plant.current_a()) * STEPS_PER_VOLT + dither;
+        let mut output_v = ZERO_V + self.scales.current_v_per_a * self.plant.current_a();
+        if self.surroundings.current_noise_v > 0.0 {
+            let noise: f64 = self.noise.sample(StandardNormal);
+            output_v += self.surroundings.current_noise_v * noise;
+        }
+        let steps = self.surroundings.current_pinned_v.unwrap_or(output_v) * STEPS_PER_VOLT + dither;
         self.sums[0] += steps.clamp(0.0, 1023.0) as i32 as u16;
         if slot == BLOCK {
             self.sums = [0, self.sums[0], self.sums[0] + self.sums[1]];

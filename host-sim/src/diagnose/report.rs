@@ -130,34 +130,6 @@ fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     low - margin..high + margin
 }
 
-/// Series of equal length over time, the first in black.
-pub fn time_plot(name: &str, interval_s: f64, series: &[&[f64]]) -> String {
-    let length = series.first().map_or(0, |values| values.len());
-    let step = (length / MOST_POINTS).max(1);
-    let vertical = range(series.iter().flat_map(|values| values.iter().copied()));
-    drawn(|area| {
-        area.fill(&WHITE)?;
-        let mut chart = ChartBuilder::on(area)
-            .margin(8)
-            .x_label_area_size(50)
-            .y_label_area_size(84)
-            .build_cartesian_2d(0.0..length as f64 * interval_s, vertical)?;
-        chart
-            .configure_mesh()
-            .x_desc("time, s")
-            .y_desc(name)
-            .label_style(LABELS)
-            .axis_desc_style(LABELS)
-            .light_line_style(WHITE)
-            .draw()?;
-        for (values, colour) in series.iter().zip([MEASURED, AFTER, BEFORE]) {
-            let points = (0..length).step_by(step).map(|index| (index as f64 * interval_s, values[index]));
-            chart.draw_series(LineSeries::new(points, colour))?;
-        }
-        Ok(())
-    })
-}
-
 fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
     let data = &diagnosis.data;
     let measured = &data.measured[output];

@@ -1,0 +1,291 @@
+//! Scenarios: the core in closed loop with a motor on this computer, as a file. The keys are in `docs/scenarios.md`.
+//!
+//! ```toml
+//! duration_s = 2.0
+//! mode = "speed"              # open, speed, position, lqr_speed, lqr_position
+//! model = "model.toml"        # or the tables [motor] and [effects.…] of a model file in here
+//! [settings]                  # the firmware's settings by name; the others keep their defaults
+//! speed_kp = 0.07
+//! [[reference]]               # V (open), rad/s or rad, from this time on
+//! time_s = 0.1
+//! value = 100.0
+//! [[load]]                    # torque against positive rotation, from this time on
+//! time_s = 1.0
+//! torque_Nm = 0.01
+//! [[fault]]
+//! time_s = 1.5
+//! kind = "encoder_unplugged"
+//! ```
+
+mod file;
+pub mod reference;
+
+use crate::design::trial::{Point, Surroundings, Trial};
+use crate::figures::{Figures, step_figures, tracking_figures};
+use crate::model::{Model, ModelError};
+use crate::plant::ModelPlant;
+use crate::recording::Recording;
+use crate::telemetry;
+use motorbench_core::message::{Mode, Request, Sample, Trip};
+use motorbench_core::settings::{Param, Settings};
+use reference::{Course, Reference};
+use serde::Deserialize;
+use std::path::Path;
+
+/// What works on the shaft from a time on.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Load {
+    /// From when.
+    pub time_s: f64,
+    /// Against positive rotation.
+    #[serde(rename = "torque_Nm")]
+    pub torque_nm: f64,
+}
+
+/// What breaks, and for how long.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fault {
+    /// From when.
+    pub time_s: f64,
+    /// Until when; infinite: until the end.
+    pub until_s: f64,
+    /// What.
+    pub kind: FaultKind,
+}
+
+/// What breaks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FaultKind {
+    /// No edges of the encoder arrive.
+    EncoderUnplugged,
+    /// The current sensor's output stays at a voltage.
+    CurrentPinned {
+        /// From 0 to 5 V.
+        voltage_v: f64,
+    },
+    /// The motor supply is another.
+    Supply {
+        /// Not negative.
+        voltage_v: f64,
+    },
+    /// The rotor is held fast.
+    RotorBlocked,
+    /// Frames of the telemetry do not arrive: their samples are missing from the recording.
+    FramesLost,
+}
+
+/// Noise of the sensors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Noise {
+    /// Standard deviation of one conversion of the current.
+    #[serde(rename = "current_A")]
+    pub current_a: f64,
+    /// The same seed gives the same run.
+    pub seed: u64,
+}
+
+/// A scenario that can be run.
+#[derive(Debug)]
+pub struct Scenario {
+    /// Length.
+    pub duration_s: f64,
+    /// Who sets the voltage.
+    pub mode: Mode,
+    /// The motor.
+    pub model: Model,
+    /// The firmware's settings.
+    pub settings: Settings,
+    /// In the order of time.
+    pub references: Vec<Reference>,
+    /// In the order of time.
+    pub loads: Vec<Load>,
+    /// What breaks.
+    pub faults: Vec<Fault>,
+    /// Noise of the sensors.
+    pub noise: Noise,
+    /// The trip that is to come, [`Trip::None`] for none.
+    pub expected_trip: Trip,
+}
+
+/// Why a scenario cannot be run.
+#[derive(Debug, thiserror::Error)]
+pub enum ScenarioError {
+    /// A file cannot be read.
+    #[error("{path}: {source}")]
+    Read {
+        /// Which.
+        path: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not a scenario: the message has line and key.
+    #[error("{path}: {source}")]
+    Syntax {
+        /// Which.
+        path: String,
+        /// Where and why.
+        source: Box<toml::de::Error>,
+    },
+    /// The motor is not usable.
+    #[error("{path}: {source}")]
+    Model {
+        /// Which file.
+        path: String,
+        /// Why.
+        source: Box<ModelError>,
+    },
+    /// A value that means nothing.
+    #[error("{path}: {what}")]
+    Value {
+        /// Which file.
+        path: String,
+        /// What and what was expected.
+        what: String,
+    },
+}
+
+/// What came of a scenario.
+pub struct Outcome {
+    /// As the firmware would have sent it.
+    pub recording: Recording,
+    /// As it was.
+    pub points: Vec<Point>,
+    /// Figures of each reference.
+    pub figures: Vec<Figures>,
+    /// Why the drive switched itself off, if it did.
+    pub trip: Trip,
+    /// When it did.
+    pub trip_s: Option<f64>,
+}
+
+impl Scenario {
+    /// Reads a scenario; a model file is looked for beside it.
+    ///
+    /// # Errors
+    /// [`ScenarioError`], which says file, line or key, and what was expected.
+    pub fn read(path: &Path) -> Result<Self, ScenarioError> {
+        file::read(path)
+    }
+
+    /// Runs it.
+    ///
+    /// # Errors
+    /// [`ScenarioError::Value`] for a setting that the core's formats cannot hold.
+    pub fn run(&self) -> Result<Outcome, ScenarioError> {
+        let refused = |error| ScenarioError::Value {
+            path: "settings".into(),
+            what: format!("the core's fixed-point formats refuse: {error:?}"),
+        };
+        let mut trial = Trial::new(ModelPlant::new(self.model.clone()), self.settings).map_err(refused)?;
+        trial.seed(self.noise.seed);
+        trial.enter(self.mode);
+        let (mut points, mut samples): (Vec<Point>, Vec<Sample>) = (Vec::new(), Vec::new());
+        let mut asked = Asked::default();
+        let mut trip_s = None;
+        for tick in 0..(self.duration_s / trial.period_s()) as usize {
+            let now_s = tick as f64 * trial.period_s();
+            trial.surroundings = self.surroundings(now_s);
+            let request = asked.request(&self.references, now_s, &trial);
+            points.push(trial.tick(request));
+            if !self.active(now_s).any(|kind| kind == FaultKind::FramesLost) {
+                samples.push(*trial.sample());
+            }
+            if trip_s.is_none() && trial.sample().trip != Trip::None {
+                trip_s = Some(now_s);
+            }
+        }
+        Ok(Outcome {
+            recording: telemetry::recording("scenario", &samples, &self.settings),
+            figures: self.figures(&points),
+            points,
+            trip: trial.sample().trip,
+            trip_s,
+        })
+    }
+
+    fn active(&self, now_s: f64) -> impl Iterator<Item = FaultKind> {
+        let active = move |fault: &&Fault| fault.time_s <= now_s && now_s < fault.until_s;
+        self.faults.iter().filter(active).map(|fault| fault.kind)
+    }
+
+    fn surroundings(&self, now_s: f64) -> Surroundings {
+        let mut now = Surroundings::new(&self.settings);
+        now.current_noise_v = self.noise.current_a * 1e-3 * f64::from(self.settings.get(Param::CurrentGain));
+        if let Some(load) = self.loads.iter().rfind(|load| load.time_s <= now_s) {
+            now.load_torque_nm = load.torque_nm;
+        }
+        for kind in self.active(now_s) {
+            match kind {
+                FaultKind::EncoderUnplugged => now.encoder_unplugged = true,
+                FaultKind::CurrentPinned { voltage_v } => now.current_pinned_v = Some(voltage_v),
+                FaultKind::Supply { voltage_v } => now.supply_v = voltage_v,
+                FaultKind::RotorBlocked => now.rotor_blocked = true,
+                FaultKind::FramesLost => {}
+            }
+        }
+        now
+    }
+
+    /// The true quantity that the mode controls; in open loop the speed.
+    pub fn controlled(&self, point: &Point) -> f64 {
+        if self.mode.is_position() { point.theta_rad } else { point.omega_rad_per_s }
+    }
+
+    /// Figures of the stretches between one reference and the next. In open loop a reference is a voltage, and there is
+    /// nothing to be compared with it.
+    fn figures(&self, points: &[Point]) -> Vec<Figures> {
+        if self.mode == Mode::OpenLoop {
+            return Vec::new();
+        }
+        let first_s = points.first().map_or(0.0, |point| point.t_s);
+        let start = |reference: &Reference| points.partition_point(|point| point.t_s - first_s < reference.time_s);
+        let ends = self.references.iter().skip(1).map(start).chain([points.len()]);
+        let stretches = self.references.iter().zip(ends).map(|(reference, end)| (reference, start(reference)..end));
+        stretches
+            .filter(|(_, range)| range.len() > 1)
+            .map(|(reference, range)| {
+                let (stretch, of) = (&points[range], |point: &Point| self.controlled(point));
+                match reference.course {
+                    Course::Step { value } => step_figures(stretch, of, value),
+                    _ => tracking_figures(stretch, of, reference.course.name()),
+                }
+            })
+            .collect()
+    }
+}
+
+/// Where the references are.
+#[derive(Default)]
+struct Asked {
+    /// How many have begun.
+    begun: usize,
+    /// Value at which the last one ended, and the one that was asked for last.
+    before: f64,
+    last: f64,
+}
+
+impl Asked {
+    /// What to ask of the core at this tick.
+    fn request(&mut self, references: &[Reference], now_s: f64, trial: &Trial<ModelPlant>) -> Option<Request> {
+        let begun = references.iter().take_while(|reference| reference.time_s <= now_s).count();
+        let begins = begun > self.begun;
+        if begins {
+            (self.begun, self.before) = (begun, self.last);
+        }
+        let reference = &references[self.begun.checked_sub(1)?];
+        let Some(value) = reference.course.value(now_s - reference.time_s, self.before) else {
+            return begins.then(|| sequence(&reference.course, trial)).flatten();
+        };
+        let changed = begins || value != self.last;
+        self.last = value;
+        changed.then(|| trial.reference(value))
+    }
+}
+
+/// The request for what the core plays by itself.
+fn sequence(course: &Course, trial: &Trial<ModelPlant>) -> Option<Request> {
+    let Course::Sequence { kind, amplitude, offset, period_ms, count, seed } = *course else { return None };
+    Some(trial.sequence(kind, [amplitude, offset], f64::from(period_ms) * 1e-3, count, seed))
+}
