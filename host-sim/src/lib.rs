@@ -10,11 +10,13 @@
 //! | [`diagnose`], [`steady_state`] | what a simulation gets wrong, by what cause, and what naming it gains |
 //! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
 //! | [`scenario`], [`figures`] | the core in closed loop on this computer, and its figures of merit |
+//! | [`board`], [`thesis`] | a board, real or simulated; identification, design and both loops on it as one experiment |
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
 //! | [`panels`] | plots over time, one under the other |
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
+pub mod board;
 pub mod catalogue;
 #[cfg(feature = "chip")]
 pub mod chip;
@@ -35,3 +37,4 @@ pub mod rig;
 pub mod scenario;
 pub mod steady_state;
 pub mod telemetry;
+pub mod thesis;

@@ -25,6 +25,7 @@
 mod adc;
 mod bench;
 mod board;
+mod console;
 mod core;
 mod eeprom;
 mod encoder;
@@ -45,6 +46,7 @@ mod world;
 
 pub use self::core::{Chip, Crash, ResetCause};
 pub use bench::Bench;
+pub use console::ChipBoard;
 pub use encoder::EncoderFault;
 pub use meter::{HandlerRun, Marker, Meter, Sample, Spread};
 pub use program::{Program, ProgramError, assemble, avr_elf, firmware_elf};

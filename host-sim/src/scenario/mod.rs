@@ -150,6 +150,8 @@ pub enum ScenarioError {
 pub struct Outcome {
     /// As the firmware would have sent it.
     pub recording: Recording,
+    /// What it was made from.
+    pub samples: Vec<Sample>,
     /// As it was.
     pub points: Vec<Point>,
     /// Figures of each reference.
@@ -198,6 +200,7 @@ impl Scenario {
         }
         Ok(Outcome {
             recording: telemetry::recording("scenario", &samples, &self.settings),
+            samples,
             figures: self.figures(&points),
             points,
             trip: trial.sample().trip,

@@ -1,0 +1,44 @@
+//! A board with the firmware, as far as an experiment needs it: real, or the simulated chip.
+
+use motorbench_core::message::{Sample, Trip};
+
+/// Something that runs the firmware, with its binary stream on.
+pub trait Board {
+    /// Sends a line of the console and waits for its `ok`.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    fn command(&mut self, line: &str) -> Result<(), BoardError>;
+
+    /// Lets `duration_s` pass; the samples of the telemetry that have come since the last call, those that came while a
+    /// command was answered included.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError>;
+}
+
+/// Why the board did not do what it was told.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BoardError {
+    /// The firmware refuses.
+    #[error("the board refuses `{line}`: {reply}")]
+    Refused {
+        /// What was sent.
+        line: String,
+        /// What came back.
+        reply: String,
+    },
+    /// No answer.
+    #[error("no answer to `{line}`: check port, baud rate and that the firmware runs")]
+    Silent {
+        /// What was sent.
+        line: String,
+    },
+    /// The drive switched itself off.
+    #[error("the trip {0:?} came: clear its cause, then `clear` and `arm`")]
+    Tripped(Trip),
+    /// The firmware or the connection failed.
+    #[error("{0}")]
+    Failed(String),
+}
