@@ -42,3 +42,14 @@ pub enum BoardError {
     #[error("{0}")]
     Failed(String),
 }
+
+/// The samples, if the drive did not switch itself off within them.
+///
+/// # Errors
+/// [`BoardError::Tripped`].
+pub fn untripped(samples: Vec<Sample>) -> Result<Vec<Sample>, BoardError> {
+    match samples.iter().map(|sample| sample.trip).find(|trip| *trip != Trip::None) {
+        Some(trip) => Err(BoardError::Tripped(trip)),
+        None => Ok(samples),
+    }
+}

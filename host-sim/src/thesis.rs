@@ -1,7 +1,7 @@
 //! The classic thesis on a DC motor as one experiment: identify it on the board, design PID and LQR from the model that was
 //! found, run both in the firmware, and lay the simulation over what was measured.
 
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, untripped};
 use crate::dataset::DatasetError;
 use crate::design::compensation::{Losses, OutOfRange, compensation};
 use crate::design::fixed_point::SettingList;
@@ -140,13 +140,6 @@ fn prepare(board: &mut impl Board, list: &SettingList) -> Result<(), BoardError>
     board.command("disarm")?;
     board.command("defaults")?;
     list.commands().iter().try_for_each(|line| board.command(line))
-}
-
-fn untripped(samples: Vec<Sample>) -> Result<Vec<Sample>, BoardError> {
-    match samples.iter().map(|sample| sample.trip).find(|trip| *trip != Trip::None) {
-        Some(trip) => Err(BoardError::Tripped(trip)),
-        None => Ok(samples),
-    }
 }
 
 /// Designs one law, runs it on the board and in simulation.

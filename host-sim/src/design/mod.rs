@@ -15,6 +15,7 @@
 //! | [`trial`] | the core in closed loop with a simulated motor |
 //! | [`observer`] | a Kalman filter where a state is not measured |
 //! | [`relay`], [`step_tuning`] | gains from an experiment, without a model |
+//! | [`on_board`] | these experiments on a board |
 //! | [`report`] | one page on a design |
 //! | [`compensation`] | voltage against friction and the bridge's drop |
 
@@ -22,6 +23,7 @@ pub mod compensation;
 pub mod fixed_point;
 pub mod law;
 pub mod observer;
+pub mod on_board;
 pub mod optimum;
 pub mod relay;
 pub mod report;

@@ -69,7 +69,9 @@ pub enum RelayError {
         amplitude_rad_per_s: f64,
     },
     /// The motor stopped on the way, where friction is not constant.
-    #[error("the motor stands still within the cycle: raise the reference, or lower the relay's amplitude")]
+    #[error(
+        "the motor nearly stands still within the cycle, so that it is friction that cycles and not the loop: raise the reference, or lower the relay's amplitude"
+    )]
     Standstill,
     /// The core switched off.
     #[error("the trip {0:?} came: lower the relay's amplitude or the reference")]
@@ -81,6 +83,10 @@ const CYCLES: usize = 12;
 const EVALUATED: usize = 4;
 /// Part of the imbalance of the halves by which the bias is corrected.
 const BIAS_STEP: f64 = 0.5;
+
+/// Part of the reference below which the speed must not fall: near standstill friction is not constant, the measured
+/// speed follows a stop only as fast as edges fail to come, and a cycle in which the motor sticks says nothing of the loop.
+const SLOWEST_PART: f64 = 0.25;
 
 /// What happened between two rising switches.
 #[derive(Clone, Copy)]
@@ -95,6 +101,55 @@ impl Cycle {
     const NEW: Self = Self { high_ticks: 0, low_ticks: 0, highest: f64::NEG_INFINITY, lowest: f64::INFINITY };
 }
 
+/// The relay at work: speeds in, voltages out, wherever the motor is.
+pub struct Switching {
+    relay: Relay,
+    bias_v: f64,
+    high: bool,
+    cycle: Cycle,
+    cycles: Vec<Cycle>,
+}
+
+impl Switching {
+    /// Begins high.
+    pub fn new(relay: &Relay) -> Self {
+        Self { relay: *relay, bias_v: relay.bias_v, high: true, cycle: Cycle::NEW, cycles: Vec::new() }
+    }
+
+    /// Voltage at present.
+    pub fn voltage_v(&self) -> f64 {
+        if self.high { self.bias_v + self.relay.amplitude_v } else { self.bias_v - self.relay.amplitude_v }
+    }
+
+    /// Takes the speed that was measured, `ticks` after the one before. Whether the voltage is another now.
+    pub fn observe(&mut self, speed_rad_per_s: f64, ticks: u32) -> bool {
+        let cycle = &mut self.cycle;
+        cycle.highest = cycle.highest.max(speed_rad_per_s);
+        cycle.lowest = cycle.lowest.min(speed_rad_per_s);
+        *(if self.high { &mut cycle.high_ticks } else { &mut cycle.low_ticks }) += ticks;
+        let error = self.relay.reference_rad_per_s - speed_rad_per_s;
+        if self.high && error < -self.relay.hysteresis_rad_per_s {
+            self.high = false;
+            return true;
+        }
+        if !self.high && error > self.relay.hysteresis_rad_per_s {
+            self.high = true;
+            let (up, down) = (f64::from(cycle.high_ticks), f64::from(cycle.low_ticks));
+            // Longer up than down: it takes more voltage to stay there.
+            self.bias_v += BIAS_STEP * self.relay.amplitude_v * (up - down) / (up + down);
+            self.cycles.push(std::mem::replace(&mut self.cycle, Cycle::NEW));
+            return true;
+        }
+        false
+    }
+
+    /// The limit cycle, once there have been enough; ticks of `tick_s`.
+    pub fn found(&self, tick_s: f64) -> Option<Result<LimitCycle, RelayError>> {
+        let enough = self.cycles.len() >= CYCLES;
+        enough.then(|| evaluate(&self.cycles[CYCLES - EVALUATED..], &self.relay, self.bias_v, tick_s))
+    }
+}
+
 /// Runs the experiment on the core in open loop.
 ///
 /// # Errors
@@ -102,39 +157,36 @@ impl Cycle {
 pub fn experiment<P: Plant>(trial: &mut Trial<P>, relay: &Relay) -> Result<LimitCycle, RelayError> {
     trial.enter(Mode::OpenLoop);
     let period_s = trial.period_s();
-    let (mut bias_v, mut high, mut cycle) = (relay.bias_v, true, Cycle::NEW);
-    let mut cycles = Vec::new();
-    let none = RelayError::NoCycle { reference_rad_per_s: relay.reference_rad_per_s, timeout_s: relay.timeout_s };
+    let mut switching = Switching::new(relay);
     for _ in 0..(relay.timeout_s / period_s) as u32 {
-        let voltage_v = if high { bias_v + relay.amplitude_v } else { bias_v - relay.amplitude_v };
-        let point = trial.tick(Some(Request::Reference((voltage_v * f64::from(VOLT)).round() as i32)));
+        let voltage_bits = (switching.voltage_v() * f64::from(VOLT)).round() as i32;
+        let point = trial.tick(Some(Request::Reference(voltage_bits)));
         if trial.sample().trip != Trip::None {
             return Err(RelayError::Tripped(trial.sample().trip));
         }
-        let speed = point.measured_rad_per_s;
-        cycle.highest = cycle.highest.max(speed);
-        cycle.lowest = cycle.lowest.min(speed);
-        *(if high { &mut cycle.high_ticks } else { &mut cycle.low_ticks }) += 1;
-        let error = relay.reference_rad_per_s - speed;
-        if high && error < -relay.hysteresis_rad_per_s {
-            high = false;
-        } else if !high && error > relay.hysteresis_rad_per_s {
-            high = true;
-            let (up, down) = (f64::from(cycle.high_ticks), f64::from(cycle.low_ticks));
-            // Longer up than down: it takes more voltage to stay there.
-            bias_v += BIAS_STEP * relay.amplitude_v * (up - down) / (up + down);
-            cycles.push(std::mem::replace(&mut cycle, Cycle::NEW));
-            if cycles.len() == CYCLES {
-                return evaluate(&cycles[CYCLES - EVALUATED..], relay, bias_v, period_s);
-            }
+        switching.observe(point.measured_rad_per_s, 1);
+        if let Some(result) = switching.found(period_s) {
+            return result;
         }
     }
-    Err(none)
+    Err(relay.no_cycle())
+}
+
+impl Relay {
+    /// The error of one that does not cycle.
+    pub fn no_cycle(&self) -> RelayError {
+        RelayError::NoCycle { reference_rad_per_s: self.reference_rad_per_s, timeout_s: self.timeout_s }
+    }
 }
 
 fn evaluate(cycles: &[Cycle], relay: &Relay, bias_v: f64, tick_s: f64) -> Result<LimitCycle, RelayError> {
     let mean = |of: fn(&Cycle) -> f64| cycles.iter().map(of).sum::<f64>() / cycles.len() as f64;
-    if cycles.iter().any(|cycle| cycle.lowest <= 0.0 && relay.reference_rad_per_s > 0.0) {
+    let slowest = SLOWEST_PART * relay.reference_rad_per_s.abs();
+    let sticks = |cycle: &Cycle| match relay.reference_rad_per_s >= 0.0 {
+        true => cycle.lowest <= slowest,
+        false => cycle.highest >= -slowest,
+    };
+    if cycles.iter().any(sticks) {
         return Err(RelayError::Standstill);
     }
     let amplitude_rad_per_s = mean(|cycle| 0.5 * (cycle.highest - cycle.lowest));
