@@ -2,9 +2,9 @@
 
 use super::analyse::motor_of;
 use super::{Failure, write};
-use crate::design::compensation::{Losses, compensation};
+use crate::design::compensation::{Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
-use crate::design::law::ControlLaw;
+use crate::design::law::{ControlLaw, setting_name};
 use crate::design::specification::{Specification, Speed};
 use crate::design::{Bench, Design, design, report};
 use crate::model::Model;
@@ -86,20 +86,29 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let mut settings = SettingList::default();
     designs.iter().for_each(|design| settings.merge(&design.settings));
+    let mut standstill = Vec::new();
     if arguments.compensate {
         let losses = arguments.losses(&rig)?;
         let found = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
         for setting in found.map_err(Failure::input)? {
             settings.set(setting.param, setting.value).map_err(Failure::input)?;
         }
+        let model = losses.model(&motor);
+        for design in &designs {
+            standstill.push(near_standstill(&model, &settings.all, design.law).map_err(|error| {
+                Failure::input(format!("{}: the core's formats refuse it: {:?}", setting_name(error.param), error.rule))
+            })?);
+        }
     }
     let commands = settings.commands();
     let json_to_output = arguments.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if !json_to_output {
-        print!("{}", page(&designs, &commands));
+        print!("{}", page(&designs, &standstill, &commands));
     }
     if let Some(path) = &arguments.json {
-        let result = serde_json::json!({ "motor": motor, "designs": designs, "commands": commands });
+        let result = serde_json::json!({
+            "motor": motor, "designs": designs, "near_standstill": standstill, "commands": commands
+        });
         let text = serde_json::to_string_pretty(&result).map_err(Failure::machine)?;
         if json_to_output {
             println!("{text}");
@@ -170,8 +179,12 @@ impl Arguments {
 }
 
 /// Half a page.
-fn page(designs: &[Design], commands: &[String]) -> String {
+fn page(designs: &[Design], standstill: &[Standstill], commands: &[String]) -> String {
     let mut text: String = designs.iter().map(report::summary).collect();
+    if !standstill.is_empty() {
+        text += "\nnear standstill, simulated:\n";
+    }
+    text.extend(standstill.iter().map(|found| format!("  {}", found.text())));
     text += "\npaste into the console, then `save`:\n";
     for command in commands {
         text += &format!("  {command}\n");
