@@ -20,7 +20,9 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 
 /// PWM periods from the tick to the first that has the new duty.
-const LATE_PERIODS: u32 = (DRIVE_DELAY_S * PWM_HZ as f64) as u32;
+const LATE_PERIODS: usize = (DRIVE_DELAY_S * PWM_HZ as f64) as usize;
+/// PWM periods of a tick at the slower control rate.
+const MOST_PERIODS: usize = PWM_HZ as usize / 1000;
 /// Conversions of the ADC: one each second PWM period, ten slots a round, four of the current in a row, twice.
 const PERIODS_PER_CONVERSION: u32 = 2;
 const BLOCK: u32 = 4;
@@ -53,10 +55,12 @@ pub struct Point {
     pub limited: bool,
 }
 
-/// What the settings say of the sensors.
+/// What the settings say of sensors and timing.
 struct Scales {
     counts_per_rad: f64,
     current_v_per_a: f64,
+    /// PWM periods of a tick.
+    periods: usize,
 }
 
 /// What acts on motor and sensors from outside; may be changed between two ticks.
@@ -119,8 +123,11 @@ impl<P: Plant> Trial<P> {
     pub fn new(plant: P, settings: Settings) -> Result<Self, BuildError> {
         let edges = Edges::at_rest(0);
         let get = |param| f64::from(settings.get(param));
-        let scales =
-            Scales { counts_per_rad: get(Param::CountsPerRev) / TAU, current_v_per_a: 1e-3 * get(Param::CurrentGain) };
+        let scales = Scales {
+            counts_per_rad: get(Param::CountsPerRev) / TAU,
+            current_v_per_a: 1e-3 * get(Param::CurrentGain),
+            periods: (f64::from(PWM_HZ) / get(Param::TickRate)) as usize,
+        };
         Ok(Self {
             position: plant.angle_rad() * scales.counts_per_rad + 0.5,
             scales,
@@ -180,14 +187,21 @@ impl<P: Plant> Trial<P> {
 
     /// One tick, and the time until the next.
     pub fn tick(&mut self, request: Option<Request>) -> Point {
-        let before = self.drive;
-        let now = self.control.tick(request, &self.inputs());
+        let before = pwm_parts(&self.drive);
+        self.drive = self.control.tick(request, &self.inputs());
+        let now = pwm_parts(&self.drive);
         let point = self.point();
-        let periods = PWM_HZ / self.settings.get(Param::TickRate) as u32;
-        for period in 0..periods {
-            self.drive = if period < LATE_PERIODS { before } else { now };
-            self.pwm_period();
+        let inputs = PlantInputs {
+            bridge: Bridge::default(),
+            supply_v: self.surroundings.supply_v,
+            load_torque_nm: self.surroundings.load_torque_nm,
+            blocked: self.surroundings.rotor_blocked,
+        };
+        let (first, mut positions) = (self.periods, [self.position; MOST_PERIODS + 1]);
+        for (period, position) in positions.iter_mut().enumerate().take(self.scales.periods + 1).skip(1) {
+            *position = self.pwm_period(if period <= LATE_PERIODS { before } else { now }, &inputs);
         }
+        self.count_edges(first, &positions[..=self.scales.periods]);
         point
     }
 
@@ -253,56 +267,37 @@ impl<P: Plant> Trial<P> {
         bits.round() as i32
     }
 
-    /// One PWM period: on for the duty, braking for the rest (slow decay).
-    fn pwm_period(&mut self) {
-        let duty = usize::from(self.drive.duty.unsigned_abs());
-        let on_s = PERIOD_S * (duty as f64 / f64::from(PWM_STEPS));
-        let on = if self.drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward };
-        let off = match self.drive.bridge {
-            excitation::Bridge::Coast => Bridge::Coast,
-            excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
-        };
-        let mut inputs = PlantInputs {
-            bridge: on,
-            supply_v: self.surroundings.supply_v,
-            load_torque_nm: self.surroundings.load_torque_nm,
-            blocked: self.surroundings.rotor_blocked,
-        };
-        if on_s > 0.0 {
-            self.plant.advance(on_s, &inputs);
-        }
-        if on_s < PERIOD_S {
-            inputs.bridge = off;
-            self.plant.advance(PERIOD_S - on_s, &inputs);
-        }
-        self.count_edges();
+    /// One PWM period. Returns the position after it.
+    fn pwm_period(&mut self, parts: [(Bridge, f64); 2], inputs: &PlantInputs) -> f64 {
+        self.plant.advance_switched(parts, inputs);
         self.periods += 1;
         if self.periods.is_multiple_of(PERIODS_PER_CONVERSION) {
             self.convert(self.periods / PERIODS_PER_CONVERSION);
         }
+        self.plant.angle_rad() * self.scales.counts_per_rad + 0.5
     }
 
-    /// Encoder edges of the PWM period that has just passed. Within it the speed is as good as constant.
-    #[inline]
-    fn count_edges(&mut self) {
-        let from = self.position;
-        let to = self.plant.angle_rad() * self.scales.counts_per_rad + 0.5;
+    /// Encoder edges of the tick that has just passed, from the positions before and after each of its PWM periods.
+    /// Within a period the speed is as good as constant.
+    fn count_edges(&mut self, first_period: u32, positions: &[f64]) {
+        let to = positions[positions.len() - 1];
         self.position = to;
         // A count n reaches from n to n + 1.
-        let within = to - self.count;
-        if (0.0..1.0).contains(&within) {
-            return;
-        }
-        let forward = within > 0.0;
-        let moved = if forward { within as i32 } else { (within as i32) - 1 };
-        self.count += f64::from(moved);
-        if self.surroundings.encoder_unplugged {
-            return;
-        }
-        // The last edge lies at the lower end of the count when going up, at the upper when going down.
-        let edge = if forward { self.count } else { self.count + 1.0 };
+        let end = to.floor();
+        let moved = (end - self.count) as i32;
+        self.count = end;
+        // The last edge is where the count's reach was entered for good.
+        let last = positions.iter().rposition(|position| !(0.0..1.0).contains(&(position - end)));
+        let Some(period) = last.filter(|_| !self.surroundings.encoder_unplugged) else { return };
+        let (from, to) = (positions[period], positions[period + 1]);
+        let forward = from < end;
+        // At the lower end of the count when going up, at the upper when going down.
+        let edge = if forward { end } else { end + 1.0 };
         let part = ((edge - from) / (to - from)).clamp(0.0, 1.0);
-        let cycles = self.cycles() + (part * f64::from(CPU_HZ / PWM_HZ)) as u32;
+        let cycles_a_period = CPU_HZ / PWM_HZ;
+        // Modulo 2^32: the timers keep the low 14 bits.
+        let start = (first_period + period as u32).wrapping_mul(cycles_a_period);
+        let cycles = start.wrapping_add((part * f64::from(cycles_a_period)) as u32);
         self.edges.count = self.edges.count.wrapping_add(moved as u8);
         self.edges.step = if forward { 1 } else { 3 };
         self.edges.coarse = (cycles >> 6) as u8;
@@ -328,6 +323,17 @@ impl<P: Plant> Trial<P> {
             self.sums = [0, self.sums[0], self.sums[0] + self.sums[1]];
         }
     }
+}
+
+/// The parts of a PWM period: on for the duty, braking or coasting for the rest.
+fn pwm_parts(drive: &Drive) -> [(Bridge, f64); 2] {
+    let on_s = PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(PWM_STEPS);
+    let on = if drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward };
+    let off = match drive.bridge {
+        excitation::Bridge::Coast => Bridge::Coast,
+        excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
+    };
+    [(on, on_s), (off, PERIOD_S - on_s)]
 }
 
 #[cfg(test)]

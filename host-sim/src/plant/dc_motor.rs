@@ -49,12 +49,13 @@ impl BridgeLosses {
     pub const IDEAL: Self = Self { drive_v: 0.0, brake_v: 0.0, diode_v: 0.0 };
 
     /// The source `e` and the drop `d` of the circuit equation.
-    fn source_and_drop_v(&self, inputs: &Inputs) -> (f64, f64) {
-        match inputs.bridge {
-            Bridge::Forward => (inputs.supply_v, self.drive_v),
-            Bridge::Reverse => (-inputs.supply_v, self.drive_v),
+    #[inline]
+    fn source_and_drop_v(&self, bridge: Bridge, supply_v: f64) -> (f64, f64) {
+        match bridge {
+            Bridge::Forward => (supply_v, self.drive_v),
+            Bridge::Reverse => (-supply_v, self.drive_v),
             Bridge::Brake => (0.0, self.brake_v),
-            Bridge::Coast => (0.0, inputs.supply_v + 2.0 * self.diode_v),
+            Bridge::Coast => (0.0, supply_v + 2.0 * self.diode_v),
         }
     }
 }
@@ -201,33 +202,43 @@ impl DcMotor {
         (mode.margin(p, &later) - mode.margin(p, state)) / STEP_S
     }
 
-    /// Takes a stretch in which shaft and current keep their signs, if it is one.
-    #[inline]
-    fn undisturbed(&mut self, t: f64, inputs: &Inputs) -> bool {
-        let (w, i, p) = (self.state.speed_rad_per_s, self.state.current_a, &self.parameters);
+    /// The end of a stretch in which shaft and current keep their signs, if it is one.
+    #[inline(always)]
+    fn undisturbed(&mut self, start: State, t: f64, bridge: Bridge, inputs: &Inputs) -> Option<State> {
+        let (w, i, p) = (start.speed_rad_per_s, start.current_a, &self.parameters);
         if inputs.blocked || t > LONGEST_STEP_S || w == 0.0 {
-            return false;
+            return None;
         }
-        let (source_v, drop_v) = p.bridge.source_and_drop_v(inputs);
+        let (source_v, drop_v) = p.bridge.source_and_drop_v(bridge, inputs.supply_v);
         let friction_nm = p.coulomb_friction_nm.copysign(w);
         // From zero the current flows as it is driven, if it is driven at all.
         let drive_v = source_v - p.torque_constant_nm_per_a * w;
         let flow = if i != 0.0 { i } else { drive_v };
         if i == 0.0 && drive_v.abs() <= drop_v {
-            return false;
+            return None;
         }
         let u = [
             (-inputs.load_torque_nm - friction_nm) * self.moving.per_inertia,
             (source_v - drop_v.copysign(flow)) * self.moving.per_inductance,
         ];
         let transition = self.transition(t);
-        let end = self.transitions[transition].apply(&u, &self.state);
+        let end = self.transitions[transition].apply(&u, &start);
         let keeps = |before: f64, after: f64, term: f64| term == 0.0 || before * after > 0.0;
         let undisturbed = keeps(flow, end.current_a, drop_v) && keeps(w, end.speed_rad_per_s, friction_nm);
-        if undisturbed {
-            self.state = end;
+        undisturbed.then_some(end)
+    }
+
+    /// Advances from event to event.
+    #[inline(never)]
+    fn eventful(&mut self, dt_s: f64, inputs: &Inputs) {
+        if inputs.blocked {
+            self.state.speed_rad_per_s = 0.0;
         }
-        undisturbed
+        let mut left_s = dt_s;
+        while left_s > 0.0 {
+            self.stretch(left_s.min(LONGEST_STEP_S), inputs);
+            left_s -= LONGEST_STEP_S;
+        }
     }
 
     /// The state at the end of a stretch if the mode does not change.
@@ -292,17 +303,27 @@ impl Default for DcMotor {
 impl Plant for DcMotor {
     fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
         self.supply_v = inputs.supply_v;
-        if self.undisturbed(dt_s, inputs) {
-            return;
+        match self.undisturbed(self.state, dt_s, inputs.bridge, inputs) {
+            Some(end) => self.state = end,
+            None => self.eventful(dt_s, inputs),
         }
-        if inputs.blocked {
-            self.state.speed_rad_per_s = 0.0;
+    }
+
+    fn advance_switched(&mut self, parts: [(Bridge, f64); 2], inputs: &Inputs) {
+        self.supply_v = inputs.supply_v;
+        // The state stays in registers as long as nothing happens.
+        let mut state = self.state;
+        for (bridge, dt_s) in parts.into_iter().filter(|(_, dt_s)| *dt_s > 0.0) {
+            state = match self.undisturbed(state, dt_s, bridge, inputs) {
+                Some(end) => end,
+                None => {
+                    self.state = state;
+                    self.eventful(dt_s, &Inputs { bridge, ..*inputs });
+                    self.state
+                }
+            };
         }
-        let mut left_s = dt_s;
-        while left_s > 0.0 {
-            self.stretch(left_s.min(LONGEST_STEP_S), inputs);
-            left_s -= LONGEST_STEP_S;
-        }
+        self.state = state;
     }
 
     fn angle_rad(&self) -> f64 {
@@ -336,7 +357,7 @@ struct Mode {
 
 impl Mode {
     fn of(p: &DcMotorParameters, state: &State, inputs: &Inputs) -> Self {
-        let (source_v, drop_v) = p.bridge.source_and_drop_v(inputs);
+        let (source_v, drop_v) = p.bridge.source_and_drop_v(inputs.bridge, inputs.supply_v);
         let open_v = source_v - p.torque_constant_nm_per_a * state.speed_rad_per_s;
         let free_nm = p.torque_constant_nm_per_a * state.current_a - inputs.load_torque_nm;
         let speed = match inputs.blocked {
@@ -510,6 +531,7 @@ struct Transition {
 }
 
 impl Transition {
+    #[inline(always)]
     fn apply(&self, u: &[f64; 2], start: &State) -> State {
         let (w, i) = (start.speed_rad_per_s, start.current_a);
         let next = |row: usize| {

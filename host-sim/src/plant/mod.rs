@@ -52,6 +52,13 @@ impl Default for Inputs {
 pub trait Plant {
     /// Lets `dt_s` seconds (not negative) pass under constant inputs.
     fn advance(&mut self, dt_s: f64, inputs: &Inputs);
+    /// Lets a PWM period pass: its parts one after the other, each with its state of the bridge in place of that of the
+    /// inputs. Parts of no length are left out.
+    fn advance_switched(&mut self, parts: [(Bridge, f64); 2], inputs: &Inputs) {
+        for (bridge, dt_s) in parts.into_iter().filter(|(_, dt_s)| *dt_s > 0.0) {
+            self.advance(dt_s, &Inputs { bridge, ..*inputs });
+        }
+    }
     /// Angle of the motor's shaft since the start, in radians, unlimited.
     fn angle_rad(&self) -> f64;
     /// Speed of the motor's shaft.

@@ -152,6 +152,18 @@ impl Plant for ModelPlant {
         }
     }
 
+    #[inline]
+    fn advance_switched(&mut self, parts: [(Bridge, f64); 2], inputs: &Inputs) {
+        match &mut self.0 {
+            Solver::Exact(motor) => motor.advance_switched(parts, inputs),
+            Solver::Stepwise(motor) => {
+                for (bridge, dt_s) in parts {
+                    motor.advance(dt_s, &Inputs { bridge, ..*inputs });
+                }
+            }
+        }
+    }
+
     fn angle_rad(&self) -> f64 {
         match &self.0 {
             Solver::Exact(motor) => motor.angle_rad(),
