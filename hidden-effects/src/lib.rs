@@ -5,10 +5,12 @@
 //! diagnosis gets [`Trial::csv`] and [`Trial::rig_toml`] and nothing else.
 
 mod drive;
+mod live;
 mod rig;
 mod sensors;
 
 pub use drive::Excitation;
+pub use live::{LiveBench, Switch};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

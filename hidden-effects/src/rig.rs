@@ -1,6 +1,7 @@
 //! The bench: differential equations stepped finely, friction that really sticks, a bridge that is really switched where
 //! that matters.
 
+use crate::live::Switch;
 use crate::{Effect, Motor, Recipe, log_uniform};
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
@@ -9,6 +10,8 @@ const STEP_S: f64 = 20e-6;
 const SWITCHED_STEP_S: f64 = 2.5e-6;
 const PWM_PERIOD_S: f64 = 50e-6;
 const DIODE_V: f64 = 1.0;
+/// The supply's capacitor evens out the pulses.
+const SUPPLY_SMOOTHING_S: f64 = 0.5e-3;
 /// Copper and its surroundings: share of resistance a kelvin.
 const COPPER_PER_K: f64 = 0.00393;
 
@@ -80,8 +83,12 @@ pub struct Bench {
     friction: Friction,
     pub time_s: f64,
     pub current_a: f64,
-    /// Current as the sensor's own filter gives it: without the ripple of the PWM.
+    /// Current as it is read: without the ripple of the PWM.
     pub smooth_a: f64,
+    summed_as: f64,
+    summed_s: f64,
+    /// Current drawn from the supply behind its capacitor.
+    drawn_a: f64,
     pub speed: f64,
     pub angle: f64,
     bristle: f64,
@@ -126,6 +133,9 @@ impl Bench {
             time_s: 0.0,
             current_a: 0.0,
             smooth_a: 0.0,
+            summed_as: 0.0,
+            summed_s: 0.0,
+            drawn_a: 0.0,
             speed: 0.0,
             angle: 0.0,
             bristle: 0.0,
@@ -314,19 +324,38 @@ impl Bench {
 
     /// Lets time pass under one duty.
     pub fn run(&mut self, duty: f64, duration_s: f64) {
-        let step_s = if self.hidden.coasts { SWITCHED_STEP_S } else { STEP_S };
+        let step_s = if self.switches() { SWITCHED_STEP_S } else { STEP_S };
         let steps = (duration_s / step_s).round().max(1.0);
         for _ in 0..steps as usize {
             self.step(duty, duration_s / steps);
         }
     }
 
+    /// Where switching the supply is not the same as its mean: with diodes and with a drop, which the current's swing
+    /// within each period smooths.
+    fn switches(&self) -> bool {
+        self.hidden.coasts || self.hidden.drop_v > 0.0
+    }
+
     fn step(&mut self, duty: f64, dt: f64) {
         self.electrical(duty, dt);
         self.mechanical(dt);
         self.time_s += dt;
-        let keep = if self.hidden.coasts { (-dt / PWM_PERIOD_S).exp() } else { 0.0 };
-        self.smooth_a = keep * self.smooth_a + (1.0 - keep) * self.current_a;
+        if self.switches() {
+            self.oversample(dt);
+        } else {
+            self.smooth_a = self.current_a;
+        }
+    }
+
+    /// The reading is the mean of the last whole PWM period.
+    fn oversample(&mut self, dt: f64) {
+        self.summed_as += dt * self.current_a;
+        self.summed_s += dt;
+        if self.summed_s > PWM_PERIOD_S - 0.5 * dt {
+            self.smooth_a = self.summed_as / self.summed_s;
+            (self.summed_as, self.summed_s) = (0.0, 0.0);
+        }
     }
 
     /// Torque constant at the present current, and the one of the back-EMF with it.
@@ -335,12 +364,38 @@ impl Bench {
         self.motor.torque_constant_nm_per_a * (1.0 - self.hidden.saturation * (self.current_a / peak_a).abs().min(1.0))
     }
 
+    /// A step under a bridge that someone else switches.
+    pub(crate) fn switched_step(&mut self, switch: Switch, dt: f64) {
+        let (source_v, drop_v) = match switch {
+            Switch::Forward => (self.supply_v - self.hidden.sag_ohm * self.drawn_a, self.hidden.drop_v),
+            Switch::Reverse => (self.hidden.sag_ohm * self.drawn_a - self.supply_v, self.hidden.drop_v),
+            Switch::Short => (0.0, self.hidden.drop_v),
+            Switch::Off => (0.0, self.supply_v + 2.0 * DIODE_V),
+        };
+        self.armature(source_v, drop_v, dt);
+        self.mechanical(dt);
+        self.time_s += dt;
+        let draw_a = match switch {
+            Switch::Forward => self.current_a,
+            Switch::Reverse => -self.current_a,
+            Switch::Short | Switch::Off => 0.0,
+        };
+        self.drawn_a += dt / SUPPLY_SMOOTHING_S * (draw_a - self.drawn_a);
+    }
+
     fn electrical(&mut self, duty: f64, dt: f64) {
+        let (source_v, drop_v) = self.bridge(duty, self.supply_under(duty), dt);
+        self.armature(source_v, drop_v, dt);
+    }
+
+    /// Supply voltage while it drives with this duty.
+    fn supply_under(&self, duty: f64) -> f64 {
+        if self.dropped_out() { 0.0 } else { self.supply_v - self.hidden.sag_ohm * duty * self.current_a }
+    }
+
+    fn armature(&mut self, source_v: f64, drop_v: f64, dt: f64) {
         let resistance_ohm = self.motor.resistance_ohm * (1.0 + COPPER_PER_K * self.heat_k);
-        let supply_v =
-            if self.dropped_out() { 0.0 } else { self.supply_v - self.hidden.sag_ohm * duty * self.current_a };
         let emf_v = self.torque_constant() * self.speed;
-        let (source_v, drop_v) = self.bridge(duty, supply_v, dt);
         let free_a =
             self.current_a + dt / self.motor.inductance_h * (source_v - resistance_ohm * self.current_a - emf_v);
         // The drop works against the current and cannot turn it round.
@@ -354,13 +409,13 @@ impl Bench {
 
     /// Source and drop of the circuit.
     fn bridge(&self, duty: f64, supply_v: f64, dt: f64) -> (f64, f64) {
-        if !self.hidden.coasts {
-            return (duty * supply_v, self.hidden.drop_v);
+        if !self.switches() {
+            return (duty * supply_v, 0.0);
         }
         // The switching instant lies within one of the steps. Half a step's grace for the rounding of the time.
         let phase = (self.time_s / PWM_PERIOD_S + 0.5 * dt / PWM_PERIOD_S).fract() - 0.5 * dt / PWM_PERIOD_S;
         let on = ((duty.abs() - phase) * PWM_PERIOD_S / dt).clamp(0.0, 1.0);
-        let off_v = supply_v + 2.0 * DIODE_V;
+        let off_v = if self.hidden.coasts { supply_v + 2.0 * DIODE_V } else { self.hidden.drop_v };
         (on * supply_v * duty.signum(), on * self.hidden.drop_v + (1.0 - on) * off_v)
     }
 

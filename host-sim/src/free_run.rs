@@ -18,12 +18,19 @@ const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 pub type Prediction = Vec<Vec<f64>>;
 
 /// How finely time is cut.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Steps {
     /// For what is compared with the data.
     Fine,
     /// Twice as long: for differences between two simulations, in which the error of the steps cancels.
     Coarse,
+    /// At most so many seconds.
+    AtMost(f64),
+}
+
+/// Longest step that the terms of a model bear.
+pub fn longest_step_s(model: &Model) -> f64 {
+    model.terms.iter().map(|term| term.effect.longest_step_s()).fold(f64::INFINITY, f64::min)
 }
 
 /// Simulates every stretch of the data.
@@ -152,7 +159,7 @@ impl LinearStep {
         let free_a = dot(&self.current_of);
         let gain = self.current_of[2];
         let dry_a = gain * terms.dry_drop_v.max(0.0);
-        let flowing_a = if free_a > dry_a { free_a - dry_a } else { (free_a + dry_a).min(0.0) };
+        let flowing_a = against_drop(free_a, dry_a, terms.ripple_a);
         // Quotients as products: they do not wait for what they scale.
         let current_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
         let lost_v = (free_a - current_a) * self.inverse_gains[0];
@@ -160,6 +167,20 @@ impl LinearStep {
         let speed = oppose_motion(free, self.speed_of[3], terms);
         let lost_nm = (free - speed) * self.inverse_gains[1];
         (current_a - self.current_of[3] * lost_nm, speed)
+    }
+}
+
+/// What a dry drop leaves of a current. A mean current below half its swing within a PWM period reverses in each: then
+/// the drop acts the more evenly both ways the smaller the mean is.
+#[inline]
+fn against_drop(free_a: f64, dry_a: f64, ripple_a: f64) -> f64 {
+    let both = dry_a + ripple_a;
+    if free_a > both {
+        free_a - dry_a
+    } else if free_a < -both {
+        free_a + dry_a
+    } else {
+        free_a * ripple_a / both.max(f64::MIN_POSITIVE)
     }
 }
 
@@ -197,6 +218,8 @@ struct Run<'a> {
     losing: Vec<&'a Term>,
     /// Means of current and speed since the sample before.
     means: (f64, f64),
+    /// By how much the current where it is sampled differs from its mean over the PWM period.
+    ripple_a: f64,
 }
 
 impl<'a> Run<'a> {
@@ -209,7 +232,11 @@ impl<'a> Run<'a> {
         let motion = data.motion();
         let speed_rad_per_s = first(&motion.values);
         let usual_step_s = (0.1 * data.interval_s).clamp(LONGEST_STEPS_S[0], LONGEST_STEPS_S[1]);
-        let usual_step_s = if steps == Steps::Coarse { 2.0 * usual_step_s } else { usual_step_s };
+        let usual_step_s = match steps {
+            Steps::Fine => usual_step_s,
+            Steps::Coarse => 2.0 * usual_step_s,
+            Steps::AtMost(step_s) => step_s.min(usual_step_s),
+        };
         let still = speed_rad_per_s.abs() < 5.0 * motion.noise;
         let acting = terms.iter().filter(|term| term.effect.acts_on_motor()).map(|term| Acting {
             effect: term.effect,
@@ -221,7 +248,7 @@ impl<'a> Run<'a> {
             data,
             delay_s: terms.iter().map(|term| term.effect.delay_s(&term.values)).sum::<f64>()
                 + data.timing.command_delay_s.unwrap_or(0.0),
-            longest_step_s: terms.iter().map(|term| term.effect.longest_step_s()).fold(usual_step_s, f64::min),
+            longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: model.motor.inertia_kg_m2 * share.max(0.01),
             step: LinearStep::default(),
             acting: acting.collect(),
@@ -231,6 +258,7 @@ impl<'a> Run<'a> {
             lost_rad: 0.0,
             losing: terms.iter().filter(|term| !term.effect.acts_on_motor() && term.effect.changes_motion()).collect(),
             means: (0.0, 0.0),
+            ripple_a: 0.0,
             range,
         }
     }
@@ -242,7 +270,7 @@ impl<'a> Run<'a> {
                 true => self.means,
                 false => (self.current_a, self.speed_rad_per_s),
             };
-            motion.current_a.push(current_a);
+            motion.current_a.push(current_a + self.ripple_a);
             motion.speed_rad_per_s.push(speed_rad_per_s);
             motion.angle_rad.push(self.angle_rad);
             motion.shaft_rad.push(self.data.angle_rad[index] + self.lost_rad);
@@ -263,10 +291,12 @@ impl<'a> Run<'a> {
             self.step = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
         }
         let (mut current_sum, angle_before_rad) = (0.0, self.angle_rad);
+        let mut last_duty = 0.0;
         for part in 0..steps as usize {
             // The middle of the step stands for it.
             let share = (part as f64 + 0.5) / steps;
             let (voltage_v, duty) = self.command(index, part as f64 * step_s - self.delay_s, step_s);
+            last_duty = duty;
             let mut at = Instant {
                 time_s: data.time_s[index] + share * interval_s,
                 voltage_v,
@@ -283,6 +313,10 @@ impl<'a> Run<'a> {
             self.advance(&mut at, data.open[index], data.load_nm[index]);
             current_sum += 0.5 * (before_a + self.current_a);
         }
+        if let Some(at) = data.timing.current_sampled_at {
+            let share = if data.open[index] { 0.0 } else { last_duty };
+            self.ripple_a = self.ripple_a(share, data.supply_v[index], at);
+        }
         for term in &self.losing {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
         }
@@ -291,7 +325,8 @@ impl<'a> Run<'a> {
 
     fn advance(&mut self, at: &mut Instant, open: bool, load_nm: f64) {
         let motor = &self.model.motor;
-        let mut terms = Balance { torque_nm: -load_nm, ..Balance::default() };
+        let ripple_a = if open { 0.0 } else { 0.5 * self.swing_a(at.duty, at.supply_v) };
+        let mut terms = Balance { torque_nm: -load_nm, ripple_a, ..Balance::default() };
         for Acting { effect, values, state } in &self.acting {
             effect.contribute(values, motor, at, state, &mut terms);
         }
@@ -305,6 +340,20 @@ impl<'a> Run<'a> {
                 effect.advance(values, motor, at, state);
             }
         }
+    }
+
+    /// By how much the current swings within a PWM period whose off phase brakes: it rises through the pulse and falls
+    /// through the rest in straight lines.
+    fn swing_a(&self, duty: f64, supply_v: f64) -> f64 {
+        let pulse = duty.abs().min(1.0);
+        supply_v * pulse * (1.0 - pulse) / (self.model.motor.inductance_h * self.data.pwm_hz)
+    }
+
+    /// What that adds to the mean current at the share `at` of the period.
+    fn ripple_a(&self, duty: f64, supply_v: f64, at: f64) -> f64 {
+        let pulse = duty.abs().min(1.0);
+        let risen = if at < pulse { at / pulse } else { (1.0 - at) / (1.0 - pulse).max(f64::MIN_POSITIVE) };
+        duty.signum() * self.swing_a(duty, supply_v) * (risen - 0.5)
     }
 
     /// Means of voltage and duty, held from sample to sample, over `length_s` from `offset_s` after sample `index`.

@@ -22,6 +22,7 @@
 //! ```
 
 use crate::motor::MotorParameters;
+use motorbench_core::pins::{CURRENT_SAMPLING_STEP, PWM_STEPS};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -133,12 +134,20 @@ pub struct Timing {
     /// What speed and current of a sample are.
     #[serde(skip_serializing_if = "is_default")]
     pub readings: Readings,
+    /// Where in the PWM period, from 0 at the start of a pulse to 1, the current is sampled; without it the reading is
+    /// the mean.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub current_sampled_at: Option<f64>,
 }
 
 impl Timing {
     /// Of this project's firmware: the bridge follows a fifth of a tick after the sample; speed and current are means
-    /// over the tick before it.
-    pub const FIRMWARE: Self = Self { command_delay_s: Some(0.2e-3), readings: Readings::Mean };
+    /// over the tick before it, that of the current of readings at the end of the off phase.
+    pub const FIRMWARE: Self = Self {
+        command_delay_s: Some(0.2e-3),
+        readings: Readings::Mean,
+        current_sampled_at: Some(CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64),
+    };
 }
 
 /// What a reading is.

@@ -2,13 +2,13 @@
 #![allow(dead_code, reason = "each test uses its part")]
 
 use host_sim::chip::{Bench, Rig, firmware_elf};
-use host_sim::plant::{DcMotor, DcMotorParameters};
+use host_sim::plant::{DcMotor, DcMotorParameters, Plant};
 use motorbench_core::message::Sample;
 use motorbench_core::protocol::{Frame, StreamDecoder};
 
 /// The chip with its motor, and the samples that came over the line.
-pub struct Uno {
-    pub bench: Bench<DcMotor>,
+pub struct Uno<P: Plant = DcMotor> {
+    pub bench: Bench<P>,
     pub decoder: StreamDecoder,
     pub samples: Vec<Sample>,
     pub replies: String,
@@ -17,11 +17,9 @@ pub struct Uno {
 impl Uno {
     /// Powered on, nothing said yet.
     pub fn power_on() -> Self {
-        let elf = firmware_elf().expect("firmware");
         // The test stand's motor with the friction its no-load current of 0.3 A shows.
         let motor = DcMotorParameters { coulomb_friction_nm: 0.02, ..DcMotorParameters::PIVT6 };
-        let bench = Bench::new(elf, Rig::default(), DcMotor::new(motor)).expect("bench");
-        Self { bench, decoder: StreamDecoder::default(), samples: Vec::new(), replies: String::new() }
+        Self::with(Rig::default(), DcMotor::new(motor))
     }
 
     /// Powered on, with the zero of the current taken and the binary stream on.
@@ -29,6 +27,14 @@ impl Uno {
         let mut uno = Self::power_on();
         uno.listen();
         uno
+    }
+}
+
+impl<P: Plant> Uno<P> {
+    /// Powered on in other surroundings, nothing said yet.
+    pub fn with(rig: Rig, plant: P) -> Self {
+        let bench = Bench::new(firmware_elf().expect("firmware"), rig, plant).expect("bench");
+        Self { bench, decoder: StreamDecoder::default(), samples: Vec::new(), replies: String::new() }
     }
 
     /// Waits for the greeting and the zero of the current, which takes 256 ticks; then everything comes in frames.

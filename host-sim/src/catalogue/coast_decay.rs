@@ -47,6 +47,8 @@ impl Effect for CoastDecay {
     }
 
     fn contribute(&self, values: &[f64], motor: &MotorParameters, at: &Instant, _state: &[f64], balance: &mut Balance) {
+        // The diodes end a pulse; nothing reverses.
+        balance.ripple_a = 0.0;
         let duty = at.duty.abs();
         let sense = if at.duty < 0.0 { -1.0 } else { 1.0 };
         let emf_v = sense * motor.torque_constant_nm_per_a * at.speed_rad_per_s;

@@ -198,6 +198,8 @@ pub struct Balance {
     pub voltage_v: f64,
     /// Resistance in series, in ohms.
     pub resistance_ohm: f64,
+    /// Half the swing of the current within a PWM period: while it reverses in each, the dry drop acts both ways.
+    pub ripple_a: f64,
     /// Voltage that works against the current, whichever way it flows, and lets none start below it.
     pub dry_drop_v: f64,
     /// Torque that drives the shaft, in newton metres.

@@ -4,6 +4,7 @@
 use super::judge::{Gain, NOT_NOISE, above_floor, gain};
 use crate::catalogue::{CATALOGUE, effect};
 use crate::dataset::Dataset;
+use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Prior, Promise, fit, scales};
 use crate::model::{Model, Term};
 use rayon::prelude::*;
@@ -92,6 +93,20 @@ struct Chooser<'a> {
 }
 
 impl Chooser<'_> {
+    /// What one fit gains over another. An effect whose term needs finer steps gains nothing by the steps themselves: the
+    /// other one is simulated with the same.
+    fn gain(&self, before: &Fit, after: &Fit) -> Gain {
+        let step_s = [longest_step_s(&before.model), longest_step_s(&after.model)];
+        let at = |fit: &Fit, own_s: f64| {
+            let least_s = step_s[0].min(step_s[1]);
+            (least_s < own_s)
+                .then(|| read(&fit.model, self.data, &drive(&fit.model, self.data, Steps::AtMost(least_s))))
+        };
+        let finer = [at(before, step_s[0]), at(after, step_s[1])];
+        let prediction = |fit: usize, own| finer[fit].as_ref().unwrap_or(own);
+        gain(self.data, prediction(0, &before.prediction), prediction(1, &after.prediction))
+    }
+
     fn promises(&self, from: &Fit) -> Vec<Promise> {
         let scales = scales(&from.model.motor, self.data);
         let mut promises = from.promises(self.data, &scales, self.excluded);
@@ -147,10 +162,7 @@ impl Chooser<'_> {
             if steps.is_empty() && !promises.is_empty() {
                 fits.extend(self.fresh(&current.model));
             }
-            let mut fits: Vec<_> = fits
-                .into_iter()
-                .map(|(id, fit)| (id, gain(self.data, &current.prediction, &fit.prediction), fit))
-                .collect();
+            let mut fits: Vec<_> = fits.into_iter().map(|(id, fit)| (id, self.gain(&current, &fit), fit)).collect();
             fits.sort_by(|a, b| a.2.cost.total_cmp(&b.2.cost));
             if fits.iter().any(|(_, gain, _)| earns_its_place(gain)) {
                 fits.retain(|(_, gain, _)| earns_its_place(gain));
@@ -180,7 +192,7 @@ impl Chooser<'_> {
             for id in ids {
                 (self.progress)(&format!("checking {id}"));
                 let without = fit(&current.model.without(id), self.data, self.prior, Effort::TRIAL);
-                let own = gain(self.data, &without.prediction, &current.prediction);
+                let own = self.gain(&without, &current);
                 rounds = rounds.saturating_sub(1);
                 if !earns_its_place(&own) && rounds > 0 {
                     current = without;
@@ -201,11 +213,11 @@ impl Chooser<'_> {
 
     /// Whether a rival is to take the place of `id`: it explains more, or as much with fewer constants or more plausibly.
     fn is_better(&self, current: &Fit, id: &str, (rival_id, rival): &(&'static str, Fit)) -> bool {
-        let over = gain(self.data, &current.prediction, &rival.prediction);
+        let over = self.gain(current, rival);
         if rival.cost < current.cost && over.sigmas > SAME_SIGMAS && over.share > SAME_SHARE {
             return true;
         }
-        let under = gain(self.data, &rival.prediction, &current.prediction);
+        let under = self.gain(rival, current);
         let term = current.model.terms.iter().find(|term| term.id() == id).expect("one of its own terms");
         let fitted = |term: &Term| term.effect.about().parameters.iter().filter(|parameter| parameter.fitted).count();
         let rival_term = rival.model.terms.last().expect("it was added to the model");
@@ -224,8 +236,7 @@ impl Chooser<'_> {
     }
 
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {
-        let mut over: Vec<_> =
-            rivals.iter().map(|(rival, fit)| (*rival, gain(self.data, &fit.prediction, &current.prediction))).collect();
+        let mut over: Vec<_> = rivals.iter().map(|(rival, fit)| (*rival, self.gain(fit, current))).collect();
         over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
         let same = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
         Standing { id, gain: own, rival: over.into_iter().next(), same }
