@@ -11,6 +11,7 @@
 //! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
 //! | [`scenario`], [`figures`] | the core in closed loop on this computer, and its figures of merit |
 //! | [`board`], [`thesis`] | a board, real or simulated; identification, design and both loops on it as one experiment |
+//! | [`link`] | a board on a serial port: console, telemetry, recording |
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
 //! | [`panels`] | plots over time, one under the other |
 //! | [`commands`] | the program `motorbench` |
@@ -28,6 +29,7 @@ pub mod figures;
 pub mod free_run;
 pub mod identify;
 pub mod linear;
+pub mod link;
 pub mod model;
 pub mod motor;
 pub mod panels;

@@ -71,6 +71,9 @@ pub struct Arguments {
     /// Writes the designs as JSON; `-` to the standard output, instead of the text.
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
+    /// Writes the lines for the board's console, for `motorbench send`.
+    #[arg(long, value_name = "FILE.txt")]
+    console: Option<PathBuf>,
     /// Writes a page with step responses, margins and roots.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
@@ -115,6 +118,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         } else {
             write(path, &text)?;
         }
+    }
+    if let Some(path) = &arguments.console {
+        write(path, &(commands.join("\n") + "\n"))?;
     }
     if let Some(path) = &arguments.report {
         write(path, &report::html(&motor, &designs, &commands))?;

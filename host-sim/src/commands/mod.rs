@@ -4,10 +4,12 @@
 //! line was wrong · 3 something the program needs is missing or not permitted on this machine.
 
 mod analyse;
+mod board;
 mod demo;
 mod design;
 mod diagnose;
 mod simulate;
+mod virtual_board;
 
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -34,6 +36,11 @@ enum Command {
     Design(design::Arguments),
     Diagnose(diagnose::Arguments),
     Simulate(simulate::Arguments),
+    Virtual(virtual_board::Arguments),
+    Ports(board::PortsArguments),
+    Connect(board::ConnectArguments),
+    Record(board::RecordArguments),
+    Send(board::SendArguments),
     /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
     Completions {
         /// Which shell.
@@ -82,6 +89,11 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Analyse(arguments) => analyse::run(&arguments),
         Command::Design(arguments) => design::run(&arguments),
         Command::Diagnose(args) => diagnose::run(&args),
+        Command::Virtual(arguments) => virtual_board::run(&arguments),
+        Command::Ports(arguments) => board::list(&arguments),
+        Command::Connect(arguments) => board::connect(&arguments),
+        Command::Record(arguments) => board::run_record(&arguments),
+        Command::Send(arguments) => board::run_send(&arguments),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut std::io::stdout());
             Ok(())
@@ -102,5 +114,12 @@ fn spinner() -> ProgressBar {
     let bar = ProgressBar::new_spinner();
     bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {msg}").expect("a constant that is right"));
     bar.enable_steady_tick(TICK);
+    bar
+}
+
+/// How much of a known amount is done; it shows itself on a terminal only.
+fn bar(length: u64) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    bar.set_style(ProgressStyle::with_template("{bar:40} {percent} % {elapsed}").expect("a constant that is right"));
     bar
 }

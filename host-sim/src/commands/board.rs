@@ -1,0 +1,336 @@
+//! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`: the commands that talk to a board.
+
+use super::{Failure, bar, write};
+use crate::board::{Board, BoardError};
+use crate::link::port::{Port, only_board, open, ports};
+use crate::link::record::{Ended, Record, duration_ticks, record};
+use crate::link::{self, Link, VERSION};
+use crate::rig::{NominalMotor, Rig};
+use crate::telemetry;
+use clap::{Args, ValueEnum};
+use motorbench_core::excitation::Kind;
+use motorbench_core::settings::{Param, Settings, find};
+use std::io::{BufRead, IsTerminal, stdin};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+impl From<BoardError> for Failure {
+    fn from(error: BoardError) -> Self {
+        match error {
+            BoardError::Failed(_) | BoardError::Silent { .. } => Self::machine(error),
+            BoardError::Refused { .. } | BoardError::Tripped(_) => Self::input(error),
+        }
+    }
+}
+
+/// Which port.
+#[derive(Args)]
+pub struct PortArguments {
+    /// The board's port, for instance /dev/ttyACM0, COM3, or the link that `motorbench virtual` makes; without it the only
+    /// board that is plugged in.
+    #[arg(long)]
+    port: Option<String>,
+}
+
+impl PortArguments {
+    fn open(&self) -> Result<(Link<Port>, String), Failure> {
+        let name = match &self.port {
+            Some(name) => name.clone(),
+            None => only_board().map_err(Failure::machine)?,
+        };
+        Ok((open(&name)?, name))
+    }
+}
+
+/// Lists the serial ports and says which are boards.
+#[derive(Args)]
+#[command(after_help = "Example:
+  motorbench ports --json")]
+pub struct PortsArguments {
+    /// One JSON list for programs.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs `ports`.
+///
+/// # Errors
+/// When the system does not tell.
+pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
+    let found = ports().map_err(Failure::machine)?;
+    if arguments.json {
+        println!("{}", serde_json::to_string_pretty(&found).map_err(Failure::machine)?);
+        return Ok(());
+    }
+    if found.is_empty() {
+        println!("no serial port here; without a board: motorbench virtual");
+    }
+    for port in found {
+        println!("{:24} {}{}", port.port, if port.board { "board: " } else { "" }, port.what);
+    }
+    Ok(())
+}
+
+/// Talks to a board's console: what is given, or line by line from the terminal.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench connect                         (line by line; an empty line stops the motor, Ctrl-D ends)
+  motorbench connect --port /dev/ttyACM0 status 'show speed_kp'")]
+pub struct ConnectArguments {
+    #[command(flatten)]
+    port: PortArguments,
+    /// Lines of the console.
+    lines: Vec<String>,
+}
+
+/// Runs `connect`.
+///
+/// # Errors
+/// [`Failure`] when the board does not answer or refuses.
+pub fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
+    let (mut link, name) = arguments.port.open()?;
+    for line in &arguments.lines {
+        link.ask(line)?.iter().for_each(|reply| println!("{reply}"));
+    }
+    if !arguments.lines.is_empty() {
+        return Ok(());
+    }
+    println!("{} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor", link.firmware);
+    for line in stdin().lock().lines() {
+        let line = line.map_err(Failure::machine)?;
+        match link.ask(if line.is_empty() { "stop" } else { &line }) {
+            Ok(replies) => replies.iter().for_each(|reply| println!("{reply}")),
+            Err(BoardError::Refused { reply, .. }) => println!("{reply}"),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    Ok(())
+}
+
+/// Excitations, by the console's names.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum Excitation {
+    Steps,
+    Ramp,
+    Stairs,
+    Prbs,
+    Levels,
+    Chirp,
+    Coast,
+    Identify,
+}
+
+impl Excitation {
+    fn kind(self) -> Kind {
+        Kind::from_number(self as u8).expect("in the order of the core's own list")
+    }
+}
+
+/// Plays an excitation on a board and records it at full rate, with rig file and side file.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench record --out run.csv                                 (20 s of the sequence that tells most apart)
+  motorbench record --sequence steps --amplitude 6 --period 800 --count 4 --out steps.csv
+  motorbench record --mode speed --sequence levels --amplitude 80 --out loop.csv
+
+Beside run.csv it writes run.rig.toml, for motorbench diagnose, and run.json: firmware, settings, what was lost.
+Ctrl-C stops the motor and keeps what has come.")]
+pub struct RecordArguments {
+    #[command(flatten)]
+    port: PortArguments,
+    /// What to play.
+    #[arg(long, value_enum, default_value = "identify")]
+    sequence: Excitation,
+    /// In the unit of the mode; without it eight tenths of the supply.
+    #[arg(long)]
+    amplitude: Option<f64>,
+    /// Added to it.
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    offset: f64,
+    /// How long one part lasts, in ms.
+    #[arg(long, default_value_t = 500)]
+    period: u16,
+    /// How often.
+    #[arg(long, default_value_t = 1)]
+    count: u16,
+    /// Of random excitations.
+    #[arg(long, default_value_t = 1)]
+    seed: u16,
+    /// Who sets the voltage: open, speed, position, lqr_speed, lqr_position.
+    #[arg(long, default_value = "open")]
+    mode: String,
+    /// Settings to change for this recording: NAME=VALUE.
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    set: Vec<String>,
+    /// A rig file whose nominal constants of the motor go into the new one.
+    #[arg(long, value_name = "RIG.toml")]
+    motor: Option<PathBuf>,
+    /// Where to.
+    #[arg(long, default_value = "run.csv")]
+    out: PathBuf,
+}
+
+/// Runs `record`.
+///
+/// # Errors
+/// [`Failure`] when nothing could be recorded, or when the recording ended before its time; what has come is written.
+pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
+    let nominal = match &arguments.motor {
+        Some(path) => Rig::read(path).map_err(Failure::input)?.motor,
+        None => NominalMotor::default(),
+    };
+    // Before the motor turns: a full disk or a wrong folder shall not cost a recording.
+    write(&arguments.out, "")?;
+    let stopped = on_interrupt()?;
+    let (mut link, _) = arguments.port.open()?;
+    let (settings, order) = prepare(&mut link, arguments)?;
+    let kind = arguments.sequence.kind();
+    let ticks = duration_ticks(kind, arguments.period, arguments.count, &settings);
+    let bar = bar(1000);
+    let done = record(&mut link, settings, &order, ticks, &|| stopped.load(Ordering::Relaxed), &|share| {
+        bar.set_position((1000.0 * share.min(1.0)) as u64);
+    });
+    bar.finish_and_clear();
+    write_all(arguments, &done, &link.firmware, &order, nominal)?;
+    report(arguments, &done)
+}
+
+/// Ctrl-C and a closed terminal no longer end the program; they set this.
+pub(super) fn on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
+    let stopped = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stopped);
+    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Failure::machine)?;
+    Ok(stopped)
+}
+
+/// Settings, mode, armed; the settings as the board then has them and the order to play.
+fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settings, String), Failure> {
+    link.command("disarm")?;
+    for pair in &arguments.set {
+        let (name, value) = pair.split_once('=').ok_or_else(|| {
+            Failure::input(format!("--set {pair}: expected NAME=VALUE, for instance current_limit=0"))
+        })?;
+        link.command(&format!("set {name} {value}"))?;
+    }
+    let settings = link.settings()?;
+    let amplitude =
+        arguments.amplitude.unwrap_or_else(|| (8.0 * f64::from(settings.get(Param::SupplyVoltage))).round() / 10.0);
+    let name = arguments.sequence.to_possible_value().expect("none is skipped").get_name().to_owned();
+    link.command("arm")?;
+    link.command(&format!("mode {}", arguments.mode))?;
+    let RecordArguments { offset, period, count, seed, .. } = arguments;
+    Ok((settings, format!("sequence {name} {amplitude} {offset} {period} {count} {seed}")))
+}
+
+fn beside(out: &Path, extension: &str) -> PathBuf {
+    out.with_extension(extension)
+}
+
+fn write_all(
+    arguments: &RecordArguments,
+    done: &Record,
+    firmware: &str,
+    order: &str,
+    nominal: NominalMotor,
+) -> Result<(), Failure> {
+    let recording = telemetry::recording("record", &done.samples, &done.settings);
+    write(&arguments.out, &recording.to_csv())?;
+    let rig = toml::to_string(&telemetry::rig(&done.settings, nominal)).map_err(Failure::machine)?;
+    write(&beside(&arguments.out, "rig.toml"), &rig)?;
+    let side = serde_json::to_string_pretty(&done.side_file(firmware, order)).map_err(Failure::machine)?;
+    write(&beside(&arguments.out, "json"), &(side + "\n"))
+}
+
+fn report(arguments: &RecordArguments, done: &Record) -> Result<(), Failure> {
+    let out = arguments.out.display();
+    let rate_hz = f64::from(done.settings.get(Param::TickRate));
+    let seconds = done.samples.len() as f64 / rate_hz;
+    let missing = done.missing_ticks();
+    println!("{out}: {} samples, {seconds:.2} s, {missing} missing", done.samples.len());
+    if done.losses != link::Losses::default() {
+        println!(
+            "on the line {} frames were lost and {} damaged: use a shorter cable or another USB port",
+            done.losses.lost_frames, done.losses.damaged_frames
+        );
+    }
+    let rig = beside(&arguments.out, "rig.toml");
+    match &done.ended {
+        Ended::Complete => {
+            println!("next: motorbench diagnose {out} --rig {}", rig.display());
+            Ok(())
+        }
+        Ended::Interrupted => Err(Failure::input(format!("stopped by hand; {out} holds what had come"))),
+        Ended::Tripped(trip) => Err(Failure::input(format!(
+            "the drive tripped ({trip}); {out} holds what had come. Clear the cause, then `clear`; for a recording limits can be raised with --set, for instance --set current_limit=0 --set trip_peak=2"
+        ))),
+        Ended::Failed(why) => Err(Failure::machine(format!("{why}; {out} holds what had come"))),
+    }
+}
+
+/// Sends a file of console lines, as `motorbench design` writes them, and reads back what the board made of it.
+#[derive(Args)]
+#[command(after_help = "Example:
+  motorbench design --rig rig.toml --model model.toml --speed --bandwidth-Hz 10 --console gains.txt
+  motorbench send gains.txt --save")]
+pub struct SendArguments {
+    #[command(flatten)]
+    port: PortArguments,
+    /// Lines of the console; empty lines and those that begin with # are left out. - reads the terminal.
+    file: PathBuf,
+    /// Keeps the settings in the board's EEPROM.
+    #[arg(long)]
+    save: bool,
+}
+
+/// Runs `send`.
+///
+/// # Errors
+/// [`Failure`] at the first line the board refuses, or when a setting does not read back as it was sent.
+pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
+    let text = if arguments.file == Path::new("-") {
+        std::io::read_to_string(stdin().lock()).map_err(Failure::machine)?
+    } else {
+        std::fs::read_to_string(&arguments.file)
+            .map_err(|error| Failure::input(format!("{}: {error}", arguments.file.display())))?
+    };
+    let (mut link, name) = arguments.port.open()?;
+    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    let mut sent = 0;
+    for (number, line) in lines.enumerate() {
+        link.command(line)
+            .map_err(|error| Failure::input(format!("{}, line {}: {error}", arguments.file.display(), number + 1)))?;
+        sent += 1;
+    }
+    let checked = read_back(&mut link, &text)?;
+    if arguments.save {
+        link.save()?;
+    }
+    println!(
+        "{sent} lines sent to {name}, {checked} settings read back{}",
+        if arguments.save { ", saved" } else { "" }
+    );
+    if !stdin().is_terminal() || arguments.save {
+        return Ok(());
+    }
+    println!("they are lost at the next reset: --save keeps them");
+    Ok(())
+}
+
+/// Compares every setting that was sent with what the board shows, to the three digits it prints.
+fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
+    let settings = link.settings()?;
+    let mut checked = 0;
+    for line in text.lines().filter_map(|line| line.trim().strip_prefix("set ")) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        for pair in words.chunks_exact(2) {
+            let (Some(param), Ok(sent)) = (find(pair[0].as_bytes()), pair[1].parse::<f32>()) else { continue };
+            let shown = settings.get(param);
+            if (shown - sent).abs() > 2e-3 * sent.abs().max(1e-3) {
+                return Err(Failure::input(format!("{} reads back as {shown} instead of {sent}", pair[0])));
+            }
+            checked += 1;
+        }
+    }
+    Ok(checked)
+}

@@ -1,0 +1,108 @@
+//! Serial ports: which may be a board, and opening one for this program alone.
+
+use super::Link;
+use crate::board::BoardError;
+use motorbench_core::pins::BAUD;
+use serialport::{SerialPort, SerialPortType};
+use std::fs::File;
+use std::io;
+use std::time::Duration;
+
+/// A read waits this long.
+const WAIT: Duration = Duration::from_millis(5);
+/// USB vendor and product of boards and of the chips that clones use.
+const BOARDS: [(u16, u16, &str); 9] = [
+    (0x2341, 0x0043, "Arduino Uno R3"),
+    (0x2341, 0x0001, "Arduino Uno"),
+    (0x2341, 0x0243, "Arduino Uno R3"),
+    (0x2A03, 0x0043, "Arduino Uno R3"),
+    (0x1A86, 0x7523, "CH340, as on many clones"),
+    (0x1A86, 0x5523, "CH341, as on many clones"),
+    (0x0403, 0x6001, "FT232, as on older boards"),
+    (0x0403, 0x6015, "FT231X, as on clones"),
+    (0x10C4, 0xEA60, "CP2102, as on clones"),
+];
+
+/// A port on this computer.
+#[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
+pub struct Found {
+    /// Its name, for `--port`.
+    pub port: String,
+    /// What is known of it.
+    pub what: String,
+    /// It is probably a board.
+    pub board: bool,
+}
+
+/// The ports of this computer, boards first.
+///
+/// # Errors
+/// When the operating system does not tell.
+pub fn ports() -> Result<Vec<Found>, String> {
+    let ports = serialport::available_ports().map_err(|error| format!("the serial ports cannot be listed: {error}"))?;
+    let mut found: Vec<Found> = ports.into_iter().map(|port| describe(port.port_name, &port.port_type)).collect();
+    found.sort_by_key(|port| !port.board);
+    Ok(found)
+}
+
+fn describe(port: String, kind: &SerialPortType) -> Found {
+    let SerialPortType::UsbPort(usb) = kind else {
+        return Found { port, what: "not USB".into(), board: false };
+    };
+    let known = BOARDS.iter().find(|(vendor, product, _)| (*vendor, *product) == (usb.vid, usb.pid));
+    let what = known.map_or_else(
+        || usb.product.clone().unwrap_or_else(|| format!("USB {:04x}:{:04x}", usb.vid, usb.pid)),
+        |(.., name)| (*name).to_string(),
+    );
+    Found { port, what, board: known.is_some() }
+}
+
+/// The port that is meant when none is named: the only board there is.
+///
+/// # Errors
+/// When there is none, or more than one.
+pub fn only_board() -> Result<String, String> {
+    let boards: Vec<Found> = ports()?.into_iter().filter(|port| port.board).collect();
+    match &boards[..] {
+        [board] => Ok(board.port.clone()),
+        [] => Err("no board found: plug it in, or name its port with --port (`motorbench ports` lists all; without a board: `motorbench virtual`)".into()),
+        many => {
+            let names: Vec<&str> = many.iter().map(|board| board.port.as_str()).collect();
+            Err(format!("several boards: choose one with --port {}", names.join(" or ")))
+        }
+    }
+}
+
+/// A serial port, for this program alone.
+pub type Port = Box<dyn SerialPort>;
+
+/// Opens a port and starts talking to the firmware there.
+///
+/// # Errors
+/// [`BoardError::Failed`] with what to do: missing, busy, not permitted; else as [`Link::start`].
+pub fn open(name: &str) -> Result<Link<Port>, BoardError> {
+    // The operating system's own words are better than those that the library makes of them.
+    File::options().read(true).write(true).open(name).map_err(|error| BoardError::Failed(cannot_open(name, &error)))?;
+    let port = serialport::new(name, BAUD).timeout(WAIT).open().map_err(|error| {
+        BoardError::Failed(match error.kind() {
+            serialport::ErrorKind::NoDevice => busy(name),
+            _ => format!("{name}: {error}; is it a serial port? `motorbench ports` lists them"),
+        })
+    })?;
+    Link::start(port)
+}
+
+fn busy(name: &str) -> String {
+    format!("{name} is in use by another program: close its serial monitor, ravedude or motorbench")
+}
+
+fn cannot_open(name: &str, error: &io::Error) -> String {
+    match error.kind() {
+        io::ErrorKind::NotFound => format!("{name} does not exist: `motorbench ports` lists what there is"),
+        io::ErrorKind::PermissionDenied => format!(
+            "{name}: not permitted. Linux: `sudo usermod -aG dialout $USER`, then log in again. macOS: use the /dev/cu. name. Windows: close the program that holds the port"
+        ),
+        io::ErrorKind::ResourceBusy => busy(name),
+        _ => format!("{name}: {error}; is it a serial port? `motorbench ports` lists them"),
+    }
+}

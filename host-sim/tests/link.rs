@@ -1,0 +1,233 @@
+//! The link to a board, against a scripted one: half frames, flipped bytes, a reset, an unplugged cable, a version that is
+//! not ours. The firmware itself is behind `tests/virtual_board.rs`.
+
+use host_sim::board::{Board, BoardError};
+use host_sim::link::record::{Ended, record};
+use host_sim::link::{Line, Link, VERSION};
+use motorbench_core::message::{Mode, Sample, State, Trip};
+use motorbench_core::protocol::{FRAME, Framer, SAMPLE, TEXT, TEXT_CHUNK, pack};
+use motorbench_core::settings::Settings;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::collections::VecDeque;
+use std::io;
+use std::sync::{Arc, Mutex};
+
+/// What goes wrong.
+#[derive(Clone, Copy, PartialEq)]
+enum Fault {
+    None,
+    /// The cable is pulled after so many samples.
+    UnpluggedAfter(u32),
+    /// The board begins anew after so many samples.
+    ResetAfter(u32),
+    /// The drive trips after so many samples.
+    TripAfter(u32),
+    /// One byte in a hundred is another.
+    Noise,
+    /// The telemetry stops after so many samples.
+    SilentAfter(u32),
+}
+
+/// A board that answers `ok`, and sends samples while a sequence of 500 ticks plays.
+struct Fake {
+    version: &'static str,
+    fault: Fault,
+    binary: bool,
+    framer: Framer,
+    tick: u32,
+    /// Ticks of the sequence still to come.
+    playing: u32,
+    played: u32,
+    out: VecDeque<u8>,
+    heard: Arc<Mutex<String>>,
+    random: ChaCha8Rng,
+}
+
+const TICKS: u32 = 500;
+
+impl Fake {
+    fn new(fault: Fault) -> (Self, Arc<Mutex<String>>) {
+        let heard = Arc::new(Mutex::new(String::new()));
+        let fake = Self {
+            version: VERSION,
+            fault,
+            binary: false,
+            framer: Framer::default(),
+            tick: 1000,
+            playing: 0,
+            played: 0,
+            out: VecDeque::new(),
+            heard: Arc::clone(&heard),
+            random: ChaCha8Rng::seed_from_u64(1),
+        };
+        (fake, heard)
+    }
+
+    fn frame(&mut self, kind: u8, payload: &[u8]) {
+        let mut frame = [0; FRAME];
+        let length = self.framer.frame(kind, payload, &mut frame);
+        for &byte in &frame[..length] {
+            let flipped = self.fault == Fault::Noise && kind == SAMPLE && self.random.random_bool(0.01);
+            self.out.push_back(if flipped { byte ^ 0x55 } else { byte });
+        }
+    }
+
+    fn say(&mut self, text: &str) {
+        if self.binary {
+            let chunks: Vec<Vec<u8>> = text.as_bytes().chunks(TEXT_CHUNK).map(<[u8]>::to_vec).collect();
+            chunks.iter().for_each(|chunk| self.frame(TEXT, chunk));
+        } else {
+            self.out.extend(text.as_bytes());
+        }
+    }
+
+    fn tick(&mut self) {
+        self.tick += 1;
+        let mut state = Mode::OpenLoop as u8 | State::ARMED | State::ENABLED;
+        if self.playing > 0 {
+            self.playing -= 1;
+            self.played += 1;
+            state |= State::PLAYING;
+        }
+        let trip = match self.fault {
+            Fault::TripAfter(after) if self.played > after => Trip::Stall,
+            _ => Trip::None,
+        };
+        if self.fault == Fault::ResetAfter(self.played) {
+            self.tick = 0;
+        }
+        let sample = Sample { tick: self.tick, state: State(state), trip, ..Sample::default() };
+        self.frame(SAMPLE, pack(&sample));
+    }
+
+    fn obey(&mut self, line: &str) {
+        match line.trim() {
+            "" => {}
+            "version" => self.say(&format!("# motorbench {}, settings 118\r\nok\r\n", self.version)),
+            "stream binary" => {
+                self.binary = true;
+                self.say("ok\r\n");
+            }
+            line if line.starts_with("sequence") => {
+                self.playing = TICKS;
+                self.say("ok\r\n");
+            }
+            "nonsense" => self.say("error: unknown command, see help\r\n"),
+            _ => self.say("ok\r\n"),
+        }
+    }
+}
+
+impl Line for Fake {
+    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if matches!(self.fault, Fault::UnpluggedAfter(after) if self.played > after) {
+            return Err(io::ErrorKind::BrokenPipe.into());
+        }
+        let silent = matches!(self.fault, Fault::SilentAfter(after) if self.played > after);
+        if self.binary && !silent {
+            (0..5).for_each(|_| self.tick());
+        }
+        // Pieces of any length, so that frames come in halves.
+        let count = buffer.len().min(self.out.len()).min(self.random.random_range(1..200));
+        std::thread::sleep(std::time::Duration::from_millis(1));
+        for (place, byte) in buffer.iter_mut().zip(self.out.drain(..count)) {
+            *place = byte;
+        }
+        Ok(count)
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let text = String::from_utf8_lossy(bytes).into_owned();
+        self.heard.lock().unwrap().push_str(&text);
+        text.lines().for_each(|line| self.obey(line));
+        Ok(())
+    }
+}
+
+fn recorded(fault: Fault) -> (host_sim::link::record::Record, Arc<Mutex<String>>) {
+    let (fake, heard) = Fake::new(fault);
+    let mut link = Link::start(fake).unwrap();
+    let record = record(&mut link, Settings::defaults(), "sequence steps 1", TICKS, &|| false, &|_| ());
+    (record, heard)
+}
+
+#[test]
+fn a_whole_sequence_is_recorded_and_the_drive_disarmed() {
+    let (record, heard) = recorded(Fault::None);
+    assert_eq!(record.ended, Ended::Complete);
+    assert_eq!((record.samples.len(), record.missing_ticks()), (TICKS as usize, 0));
+    assert_eq!(record.losses, host_sim::link::Losses::default());
+    assert!(heard.lock().unwrap().contains("disarm"));
+}
+
+#[test]
+fn an_unplugged_cable_ends_the_recording_and_keeps_it() {
+    let (record, _) = recorded(Fault::UnpluggedAfter(200));
+    assert!(matches!(&record.ended, Ended::Failed(why) if why.contains("connection is gone")), "{:?}", record.ended);
+    assert!(record.samples.len() > 100, "{}", record.samples.len());
+}
+
+#[test]
+fn a_reset_is_seen_by_its_ticks() {
+    let (record, _) = recorded(Fault::ResetAfter(200));
+    assert!(matches!(&record.ended, Ended::Failed(why) if why.contains("reset")), "{:?}", record.ended);
+    assert!(record.samples.len() > 100, "{}", record.samples.len());
+}
+
+#[test]
+fn a_trip_ends_the_recording_and_is_in_it() {
+    let (record, heard) = recorded(Fault::TripAfter(200));
+    assert_eq!(record.ended, Ended::Tripped("Stall".into()));
+    assert_eq!(record.samples.last().unwrap().trip, Trip::Stall);
+    assert!(heard.lock().unwrap().contains("disarm"));
+}
+
+/// Every frame that a flipped byte destroys is counted, and its tick is seen to be missing.
+#[test]
+fn flipped_bytes_are_counted() {
+    let (record, _) = recorded(Fault::Noise);
+    assert_eq!(record.ended, Ended::Complete);
+    assert!(record.losses.damaged_frames > 50, "{:?}", record.losses);
+    assert!(record.missing_ticks() > 50);
+    assert!(record.samples.windows(2).all(|pair| pair[1].tick > pair[0].tick));
+}
+
+#[test]
+fn a_telemetry_that_stops_is_an_error_and_not_a_wait() {
+    let (record, _) = recorded(Fault::SilentAfter(200));
+    assert!(matches!(&record.ended, Ended::Failed(why) if why.contains("telemetry stopped")), "{:?}", record.ended);
+}
+
+#[test]
+fn the_person_ends_it() {
+    let (fake, heard) = Fake::new(Fault::None);
+    let mut link = Link::start(fake).unwrap();
+    let record = record(&mut link, Settings::defaults(), "sequence steps 1", TICKS, &|| true, &|_| ());
+    assert_eq!(record.ended, Ended::Interrupted);
+    let heard = heard.lock().unwrap();
+    assert!(heard.find("stop").unwrap() < heard.rfind("disarm").unwrap());
+}
+
+#[test]
+fn a_firmware_of_another_version_is_refused() {
+    let (mut fake, _) = Fake::new(Fault::None);
+    fake.version = "0.0.1";
+    let Err(BoardError::Failed(why)) = Link::start(fake) else { panic!("it was taken") };
+    assert!(why.contains("0.0.1") && why.contains(VERSION) && why.contains("flash"), "{why}");
+}
+
+#[test]
+fn a_refusal_says_what_the_board_said() {
+    let (fake, _) = Fake::new(Fault::None);
+    let mut link = Link::start(fake).unwrap();
+    let Err(BoardError::Refused { line, reply }) = link.command("nonsense") else { panic!("it was taken") };
+    assert_eq!((line.as_str(), reply.as_str()), ("nonsense", "error: unknown command, see help"));
+}
+
+#[test]
+fn dropping_the_link_disarms() {
+    let (fake, heard) = Fake::new(Fault::None);
+    drop(Link::start(fake).unwrap());
+    assert!(heard.lock().unwrap().ends_with("disarm\nstream off\necho on\n"));
+}

@@ -1,0 +1,175 @@
+//! The commands for a board, as a person types them, against the real firmware behind `motorbench virtual`.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+const MOTORBENCH: &str = env!("CARGO_BIN_EXE_motorbench");
+
+/// A virtual board in a folder of its own.
+struct Board {
+    process: Child,
+    folder: PathBuf,
+}
+
+impl Board {
+    fn new(name: &str) -> Self {
+        host_sim::chip::firmware_elf().expect("firmware");
+        let folder = std::env::temp_dir().join(format!("motorbench-{name}-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let process = Command::new(MOTORBENCH)
+            .args(["virtual", "--seconds", "120", "--link"])
+            .arg(folder.join("board"))
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .unwrap();
+        let board = Self { process, folder };
+        let begun = Instant::now();
+        while !board.port().exists() {
+            assert!(begun.elapsed() < Duration::from_secs(60), "no port");
+            sleep(Duration::from_millis(50));
+        }
+        board
+    }
+
+    fn port(&self) -> PathBuf {
+        self.folder.join("board")
+    }
+
+    fn change(&mut self, order: &str) {
+        writeln!(self.process.stdin.as_mut().unwrap(), "{order}").unwrap();
+    }
+
+    fn command(&self, name: &str, arguments: &[&str]) -> Command {
+        let mut command = Command::new(MOTORBENCH);
+        command.arg(name).arg("--port").arg(self.port()).args(arguments).current_dir(&self.folder);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+
+    fn run(&self, name: &str, arguments: &[&str]) -> Output {
+        self.command(name, arguments).output().unwrap()
+    }
+
+    fn side_file(&self) -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(self.folder.join("run.json")).unwrap()).unwrap()
+    }
+}
+
+impl Drop for Board {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+fn rows(path: &Path) -> usize {
+    std::fs::read_to_string(path).unwrap().lines().count() - 1
+}
+
+const STEPS: [&str; 8] = ["--sequence", "steps", "--amplitude", "5", "--period", "400", "--count", "2"];
+
+#[test]
+fn a_recording_is_whole_and_read_by_the_diagnosis() {
+    let board = Board::new("record");
+    let done = board.run("record", &STEPS);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let side = board.side_file();
+    assert_eq!((&side["ended"], side["missing_ticks"].as_u64()), (&"complete".into(), Some(0)), "{side}");
+    assert_eq!(side["samples"].as_u64().unwrap() as usize, rows(&board.folder.join("run.csv")));
+    assert_eq!(side["settings"]["counts_per_rev"], 2000.0);
+    let files = [board.folder.join("run.csv"), board.folder.join("run.rig.toml")];
+    let rig = host_sim::rig::Rig::read(&files[1]).unwrap();
+    assert!(rig.ignored.is_empty(), "{:?}", rig.ignored);
+    let recording = host_sim::recording::Recording::read(&files[0], &[]).unwrap();
+    host_sim::dataset::Dataset::new(&[recording], &rig).unwrap();
+}
+
+#[test]
+fn what_is_sent_is_read_back_and_what_is_wrong_is_named() {
+    let board = Board::new("send");
+    let gains = board.folder.join("gains.txt");
+    std::fs::write(&gains, "# from a design\nset speed_kp 0.0661 speed_ki 3.96\n\nset speed_tf 2.28\n").unwrap();
+    let done = board.run("send", &["gains.txt", "--save"]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    assert!(text(&done.stdout).contains("3 settings read back, saved"), "{}", text(&done.stdout));
+    let shown = board.run("connect", &["show speed_ki"]);
+    assert!(text(&shown.stdout).starts_with("speed_ki 3.96 "), "{}", text(&shown.stdout));
+    std::fs::write(&gains, "set speed_kp 0.05\nset speed_kp 99999\n").unwrap();
+    let refused = board.run("send", &["gains.txt"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(text(&refused.stderr).contains("gains.txt, line 2"), "{}", text(&refused.stderr));
+}
+
+#[test]
+fn a_blocked_rotor_trips_and_what_had_come_is_kept() {
+    let mut board = Board::new("trip");
+    let recording = board.command("record", &["--amplitude", "8"]).spawn().unwrap();
+    sleep(Duration::from_millis(3000));
+    board.change("block on");
+    let done = recording.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("tripped"), "{}", text(&done.stderr));
+    assert!(rows(&board.folder.join("run.csv")) > 500);
+    assert!(text(&board.run("connect", &["status"]).stdout).contains("mode off armed 0"));
+}
+
+#[test]
+fn an_unplugged_board_ends_the_recording_and_keeps_it() {
+    let mut board = Board::new("unplug");
+    let recording = board.command("record", &[]).spawn().unwrap();
+    sleep(Duration::from_millis(4000));
+    board.change("quit");
+    let done = recording.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("connection is gone"), "{}", text(&done.stderr));
+    assert!(rows(&board.folder.join("run.csv")) > 500);
+}
+
+#[test]
+fn ctrl_c_stops_the_motor_first() {
+    let board = Board::new("interrupt");
+    let recording = board.command("record", &[]).spawn().unwrap();
+    sleep(Duration::from_millis(4000));
+    let interrupted = Command::new("kill").args(["-INT", &recording.id().to_string()]).status().unwrap();
+    assert!(interrupted.success());
+    let done = recording.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
+    assert_eq!(board.side_file()["ended"], "interrupted");
+    assert!(text(&board.run("connect", &["status"]).stdout).contains("mode off armed 0"));
+}
+
+#[test]
+fn a_reset_in_the_middle_is_named() {
+    let mut board = Board::new("reset");
+    let recording = board.command("record", &[]).spawn().unwrap();
+    sleep(Duration::from_millis(4000));
+    board.change("reset");
+    let done = recording.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    assert!(rows(&board.folder.join("run.csv")) > 500);
+}
+
+#[test]
+fn busy_and_missing_ports_and_full_disks_are_named() {
+    let board = Board::new("busy");
+    let recording = board.command("record", &STEPS).spawn().unwrap();
+    sleep(Duration::from_millis(1500));
+    let second = board.run("connect", &["status"]);
+    assert_eq!(second.status.code(), Some(3));
+    assert!(text(&second.stderr).contains("in use by another program"), "{}", text(&second.stderr));
+    assert_eq!(recording.wait_with_output().unwrap().status.code(), Some(0));
+    let missing = Command::new(MOTORBENCH).args(["connect", "--port", "/dev/none", "status"]).output().unwrap();
+    assert_eq!(missing.status.code(), Some(3));
+    assert!(text(&missing.stderr).contains("motorbench ports"), "{}", text(&missing.stderr));
+    let full = board.run("record", &["--out", "/proc/none.csv"]);
+    assert_eq!(full.status.code(), Some(3), "{}", text(&full.stderr));
+}
