@@ -221,6 +221,7 @@ mod tests {
             compensate: false,
             coulomb_nm: 0.0,
             json: None,
+            console: None,
             report: None,
         }
     }
