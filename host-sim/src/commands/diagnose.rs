@@ -6,6 +6,7 @@ use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::steady_state;
 use clap::Args;
+use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 
 /// Shows what a simulation gets wrong, names the cause, extends the model and measures the gain.
@@ -14,7 +15,8 @@ use std::path::{Path, PathBuf};
   motorbench diagnose run.csv --rig rig.toml
   motorbench diagnose a.csv b.csv --rig rig.toml --report diagnosis.html --model model.toml
   motorbench diagnose log.csv --column time=t_s --column speed=omega_rad_per_s --json -
-  motorbench diagnose no_load_table.csv --rig rig.toml      (steady states, without t_s)")]
+  motorbench diagnose no_load_table.csv --rig rig.toml      (steady states, without t_s)
+  motorbench diagnose --batch runs/ --rig rig.toml > results.jsonl   (each file alone, one line each)")]
 pub struct Arguments {
     /// Recordings of one rig: CSV with units in the column names (t_s with duty or u_V and omega_rad_per_s, rpm,
     /// theta_rad or counts, and i_A), or one table of steady states without t_s.
@@ -26,6 +28,10 @@ pub struct Arguments {
     /// A column of the file that has another name: FILE_NAME=PROJECT_NAME.
     #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
     columns: Vec<(String, String)>,
+    /// Diagnoses each recording alone, on all cores, and prints one JSON object a line: file, and outcome or error. A folder
+    /// stands for the .csv files in it.
+    #[arg(long, conflicts_with_all = ["json", "report", "model"])]
+    batch: bool,
     /// Writes the result as JSON into a file, - for the terminal.
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
@@ -54,6 +60,9 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     for key in &rig.ignored {
         eprintln!("motorbench: the rig file's {key} has no meaning here and is ignored");
     }
+    if args.batch {
+        return batch(args, &rig);
+    }
     let read = |path: &PathBuf| Recording::read(path, &args.columns).map_err(Failure::input);
     let recordings = args.recordings.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     if let [table] = &recordings[..]
@@ -73,6 +82,62 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
         write(path, &report::report(&diagnosis, &names))?;
     }
     finish(args, &diagnosis.outcome, || page::page(&diagnosis))
+}
+
+/// One line for each file, in no order; a bad one does not stop the others.
+fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
+    let files = expanded(&args.recordings)?;
+    let bar = super::bar(files.len() as u64);
+    let failed = files
+        .par_iter()
+        .filter(|path| {
+            let result = alone(path, args, rig);
+            let failed = result.is_err();
+            let line = match result {
+                Ok(outcome) => serde_json::json!({ "file": path, "outcome": outcome }),
+                Err(error) => serde_json::json!({ "file": path, "error": error }),
+            };
+            println!("{line}");
+            bar.inc(1);
+            failed
+        })
+        .count();
+    bar.finish_and_clear();
+    match failed {
+        0 => Ok(()),
+        failed => Err(Failure::input(format!("{failed} of {} recordings could not be diagnosed", files.len()))),
+    }
+}
+
+fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, String> {
+    let recording = Recording::read(path, &args.columns).map_err(|error| error.to_string())?;
+    let outcome = if recording.time_s().is_none() {
+        serde_json::to_value(steady_state::study(&recording, rig).map_err(|error| error.to_string())?)
+    } else {
+        serde_json::to_value(diagnose(&[recording], rig, &|_| ()).map_err(|error| error.to_string())?.outcome)
+    };
+    outcome.map_err(|error| error.to_string())
+}
+
+/// Folders replaced by the recordings in them, in the order of their names.
+fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = Vec::new();
+    for path in paths {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let entries =
+            std::fs::read_dir(path).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
+        let mut inside: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        inside.retain(|file| file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")));
+        inside.sort();
+        if inside.is_empty() {
+            return Err(Failure::input(format!("{}: no .csv file in this folder", path.display())));
+        }
+        files.append(&mut inside);
+    }
+    Ok(files)
 }
 
 fn run_table(args: &Arguments, table: &Recording, rig: &Rig) -> Result<(), Failure> {

@@ -1,0 +1,31 @@
+//! `motorbench diagnose --batch`: many recordings, one line each, a bad one among them.
+
+use hidden_effects::{Effect, Recipe, draw};
+use std::process::Command;
+
+#[test]
+fn each_file_has_its_line_and_a_bad_one_stops_nothing() {
+    let folder = std::env::temp_dir().join(format!("motorbench-batch-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let trial = draw(11, &Recipe::of(&[Effect::VoltageDrop]));
+    std::fs::write(folder.join("good.csv"), &trial.csv).unwrap();
+    std::fs::write(folder.join("bad.csv"), "t_s,u_V\n0,zero\n").unwrap();
+    let rig = folder.join("rig.toml");
+    std::fs::write(&rig, &trial.rig_toml).unwrap();
+    let done = Command::new(env!("CARGO_BIN_EXE_motorbench"))
+        .args(["diagnose", "--batch"])
+        .arg(&folder)
+        .arg("--rig")
+        .arg(&rig)
+        .output()
+        .unwrap();
+    std::fs::remove_dir_all(&folder).unwrap();
+    let text = String::from_utf8(done.stdout).unwrap();
+    let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let of = |name: &str| lines.iter().find(|line| line["file"].as_str().unwrap().ends_with(name)).unwrap();
+    assert_eq!(lines.len(), 2, "{text}");
+    assert_eq!(of("good.csv")["outcome"]["causes"][0]["effect"], "voltage_drop");
+    let error = of("bad.csv")["error"].as_str().unwrap();
+    assert!(error.contains("bad.csv") && error.contains('2'), "{error}");
+    assert_eq!(done.status.code(), Some(1));
+}
