@@ -122,6 +122,22 @@ fn a_blocked_rotor_trips_and_what_had_come_is_kept() {
     assert!(text(&board.run("connect", &["status"]).stdout).contains("mode off armed 0"));
 }
 
+/// A drive that trips without its host is kept alive through a recording, and no longer than that.
+#[test]
+fn a_lost_host_is_not_mistaken_for_a_busy_one() {
+    let board = Board::new("alive");
+    let done = board.run("record", &[&STEPS[..], &["--set", "trip_host=500"]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    board.run("connect", &["arm", "mode open", "ref 2"]);
+    let mut killed = board.command("record", &["--set", "trip_host=500"]).spawn().unwrap();
+    sleep(Duration::from_millis(3000));
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    sleep(Duration::from_millis(1000));
+    let status = text(&board.run("connect", &["status"]).stdout);
+    assert!(status.contains("armed 0") && status.contains("host silent"), "{status}");
+}
+
 #[test]
 fn an_unplugged_board_ends_the_recording_and_keeps_it() {
     let mut board = Board::new("unplug");

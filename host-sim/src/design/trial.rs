@@ -311,7 +311,8 @@ impl<P: Plant> Trial<P> {
             return;
         }
         let block = conversion / SLOTS_PER_BLOCK;
-        let dither = f64::from(2 * (slot - 1) + block % 2) / f64::from(2 * BLOCK);
+        // In the middle of each eighth, so that on average nothing is cut off.
+        let dither = (f64::from(2 * (slot - 1) + block % 2) + 0.5) / f64::from(2 * BLOCK);
         let mut output_v = ZERO_V + self.scales.current_v_per_a * self.plant.current_a();
         if self.surroundings.current_noise_v > 0.0 {
             let noise: f64 = self.noise.sample(StandardNormal);

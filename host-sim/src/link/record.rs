@@ -13,6 +13,8 @@ const SLICE_S: f64 = 0.02;
 const BEGINNING: Duration = Duration::from_secs(2);
 /// The telemetry may pause this long, no longer.
 const PAUSE: Duration = Duration::from_secs(1);
+/// How often a board that trips without its host hears of it.
+const KEEP_ALIVE: Duration = Duration::from_millis(100);
 
 /// How a recording ended.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -78,7 +80,8 @@ pub fn record<L: Line>(
     progress: &dyn Fn(f64),
 ) -> Record {
     let mut samples = Vec::new();
-    let ended = match play(link, order, ticks, &mut samples, stop, progress) {
+    let alive = settings.get(Param::TripHost) > 0.0;
+    let ended = match play(link, order, ticks, alive, &mut samples, stop, progress) {
         Ok(ended) => ended,
         Err(BoardError::Tripped(trip)) => Ended::Tripped(format!("{trip:?}")),
         Err(error) => Ended::Failed(error.to_string()),
@@ -95,6 +98,7 @@ fn play<L: Line>(
     link: &mut Link<L>,
     order: &str,
     ticks: u32,
+    alive: bool,
     samples: &mut Vec<Sample>,
     stop: &dyn Fn() -> bool,
     progress: &dyn Fn(f64),
@@ -103,7 +107,12 @@ fn play<L: Line>(
     link.command(order)?;
     let mut heard = Instant::now();
     let begun = heard;
+    let mut spoke = heard;
     loop {
+        if alive && spoke.elapsed() > KEEP_ALIVE {
+            link.command("alive")?;
+            spoke = Instant::now();
+        }
         let came = link.samples(SLICE_S)?;
         if came.is_empty() && heard.elapsed() > PAUSE {
             return Err(BoardError::Failed(
