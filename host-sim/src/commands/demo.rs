@@ -1,6 +1,8 @@
 //! `motorbench demo`
 
 use super::Failure;
+#[cfg(feature = "chip")]
+use crate::board::{Board, BoardError, untripped};
 use crate::catalogue::{Effect, Scales, effect};
 use crate::design::compensation::{Losses, compensation};
 use crate::design::law::ControlLaw;
@@ -16,6 +18,8 @@ use crate::rig::NominalMotor;
 use crate::telemetry;
 use clap::Args;
 use motorbench_core::excitation::{Kind, Sequence};
+#[cfg(feature = "chip")]
+use motorbench_core::message::State;
 use motorbench_core::message::{Mode, Request, Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
@@ -39,12 +43,15 @@ const HIDDEN: [&str; 8] = [
 const LEVEL_V: f64 = 10.0;
 const STEP_TICKS: u16 = 500;
 const SUPPLY_V: f64 = 12.0;
+/// Until the sequence is over, and a little more.
+#[cfg(feature = "chip")]
+const DURATION_S: f64 = 20.1;
 /// Speed loop that is asked for, and the references it is tried with, each for so long.
 const BANDWIDTH_HZ: f64 = 5.0;
 const REFERENCES_RAD_PER_S: [f64; 6] = [5.0, -5.0, 5.0, 60.0, -60.0, 0.0];
 const HOLD_S: f64 = 0.8;
 
-/// Without any hardware: a motor with an effect drawn at random is recorded by the core, understood, and controlled.
+/// Without any hardware: a motor with an effect drawn at random is recorded by the firmware, understood, and controlled.
 #[derive(Args)]
 #[command(after_help = "Example:
   motorbench demo --report demo.html")]
@@ -68,9 +75,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let clock = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let seed = arguments.seed.unwrap_or(clock);
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    println!(
-        "A motor with something hidden in it (seed {seed}), driven by the firmware's control core on this computer."
-    );
+    println!("A motor with something hidden in it (seed {seed}).");
     let truth = draw(&mut random);
     let nominal = wrong(&truth.motor, &mut random);
     let settings = recording_settings();
@@ -80,7 +85,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.csv {
         super::write(path, &recording.to_csv())?;
     }
-    println!("   {} samples, none lost.\n\n2. Diagnosis ...\n", samples.len());
+    let missing: u32 = samples.windows(2).map(|pair| pair[1].tick - pair[0].tick - 1).sum();
+    println!("   {} samples, {missing} missing.\n\n2. Diagnosis ...\n", samples.len());
     let diagnosis = diagnosed(recording, &settings, nominal)?;
     print!("{}", page::page(&diagnosis));
     if let Some(path) = &arguments.report {
@@ -165,7 +171,51 @@ fn recording_settings() -> Settings {
     settings
 }
 
+/// By the firmware on the simulated chip; where that cannot be, by its control core on this computer.
+#[cfg(feature = "chip")]
 fn record(truth: &Model, settings: Settings) -> Result<Vec<Sample>, Failure> {
+    match crate::chip::firmware_elf() {
+        Ok(elf) => {
+            println!("   by the firmware on a simulated ATmega328P, over its serial port");
+            Ok(record_on_chip(&elf, truth, &settings)?)
+        }
+        Err(error) => {
+            println!("   (no firmware for the simulated chip: {error})");
+            record_on_host(truth, settings)
+        }
+    }
+}
+
+/// By the firmware's control core on this computer.
+#[cfg(not(feature = "chip"))]
+fn record(truth: &Model, settings: Settings) -> Result<Vec<Sample>, Failure> {
+    println!("   (built without the simulated chip: `scripts/setup chip` installs what it needs)");
+    record_on_host(truth, settings)
+}
+
+#[cfg(feature = "chip")]
+fn record_on_chip(elf: &std::path::Path, truth: &Model, settings: &Settings) -> Result<Vec<Sample>, BoardError> {
+    let failed = |error: &dyn std::fmt::Display| BoardError::Failed(error.to_string());
+    let circuit = crate::chip::Rig { supply_v: SUPPLY_V, ..crate::chip::Rig::default() };
+    let plant = ModelPlant::new(truth.clone());
+    let bench = crate::chip::Bench::new(elf, circuit, plant).map_err(|error| failed(&error))?;
+    let mut board = crate::chip::ChipBoard::start(bench)?;
+    let defaults = Settings::defaults();
+    for param in Param::ALL.iter().copied().filter(|param| settings.get(*param) != defaults.get(*param)) {
+        board.command(&format!("set {} {}", crate::link::name(param), settings.get(param)))?;
+    }
+    board.command("arm")?;
+    board.command("mode open")?;
+    board.samples(0.0)?;
+    board.command(&format!("sequence identify {LEVEL_V} 0 {STEP_TICKS}"))?;
+    let mut samples = untripped(board.samples(DURATION_S)?)?;
+    board.command("disarm")?;
+    samples.retain(|sample| sample.state.has(State::PLAYING));
+    Ok(samples)
+}
+
+fn record_on_host(truth: &Model, settings: Settings) -> Result<Vec<Sample>, Failure> {
+    println!("   by the firmware's control core on this computer");
     let refused = |error| Failure::input(format!("the core refuses its settings: {error:?}"));
     let mut trial = Trial::new(ModelPlant::new(truth.clone()), settings).map_err(refused)?;
     trial.enter(Mode::OpenLoop);
