@@ -3,6 +3,7 @@
 //! | module | what it is |
 //! |---|---|
 //! | [`recording`], [`rig`] | what was measured, and on what |
+//! | [`convert`] | recordings to and from the formats of other tools |
 //! | [`motor`], [`linear`] | the linear motor: constants, transfer functions, responses, margins, discrete forms |
 //! | [`catalogue`] | the effects that the linear motor lacks, one file each |
 //! | [`model`], [`free_run`] | the motor with effects, as a file and simulated over a recording |
@@ -22,6 +23,7 @@ pub mod catalogue;
 #[cfg(feature = "chip")]
 pub mod chip;
 pub mod commands;
+pub mod convert;
 pub mod dataset;
 pub mod design;
 pub mod diagnose;

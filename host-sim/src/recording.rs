@@ -243,7 +243,7 @@ impl Recording {
         Ok(channels)
     }
 
-    fn check(&self) -> Result<(), RecordingError> {
+    pub(crate) fn check(&self) -> Result<(), RecordingError> {
         let error = |message: String| RecordingError::Table { name: self.name.clone(), message };
         if self.is_empty() {
             return Err(error("no samples after the header line".into()));

@@ -1,6 +1,6 @@
 //! `motorbench diagnose`
 
-use super::{Failure, spinner, write};
+use super::{Failure, mapping, spinner, write};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -41,11 +41,6 @@ pub struct Arguments {
     /// Writes the extended model.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
-}
-
-fn mapping(text: &str) -> Result<(String, String), String> {
-    let (from, to) = text.split_once('=').ok_or("expected FROM=TO, for instance speed=omega_rad_per_s")?;
-    Ok((from.into(), to.into()))
 }
 
 /// Runs it.

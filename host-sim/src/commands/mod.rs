@@ -5,9 +5,11 @@
 
 mod analyse;
 mod board;
+mod convert;
 mod demo;
 mod design;
 mod diagnose;
+mod identify;
 mod simulate;
 mod virtual_board;
 
@@ -33,8 +35,10 @@ struct Program {
 enum Command {
     Demo(demo::Arguments),
     Analyse(analyse::Arguments),
+    Convert(convert::Arguments),
     Design(design::Arguments),
     Diagnose(diagnose::Arguments),
+    Identify(identify::Arguments),
     Simulate(simulate::Arguments),
     Virtual(virtual_board::Arguments),
     Ports(board::PortsArguments),
@@ -86,8 +90,10 @@ fn run(program: Program) -> Result<(), Failure> {
     match program.command {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
         Command::Analyse(arguments) => analyse::run(&arguments),
         Command::Design(arguments) => design::run(&arguments),
+        Command::Identify(arguments) => identify::run(&arguments),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Virtual(arguments) => virtual_board::run(&arguments),
         Command::Ports(arguments) => board::list(&arguments),
@@ -102,6 +108,12 @@ fn run(program: Program) -> Result<(), Failure> {
             clap_mangen::Man::new(Program::command()).render(&mut std::io::stdout()).map_err(Failure::machine)
         }
     }
+}
+
+/// A column of a file under another name: `speed=omega_rad_per_s`.
+fn mapping(text: &str) -> Result<(String, String), String> {
+    let (from, to) = text.split_once('=').ok_or("expected FROM=TO, for instance speed=omega_rad_per_s")?;
+    Ok((from.into(), to.into()))
 }
 
 /// Writes a file.

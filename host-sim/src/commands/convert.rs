@@ -1,0 +1,97 @@
+//! `motorbench convert`
+
+use super::Failure;
+use crate::convert::{self, Dialect, Format, Mapping, Names};
+use crate::recording::Channel;
+use clap::Args;
+use std::path::{Path, PathBuf};
+
+/// Converts recordings from and to CSV of other kinds, PlotJuggler, WPILib SysId and WPILOG, MATLAB and NumPy.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench convert log.wpilog run.csv --map velocity=omega_rad_per_s*6.2832 --map volts=u_V
+  motorbench convert scope.csv run.csv --decimal-comma --map Zeit=t_s --map Drehzahl=rpm
+  motorbench convert run.csv run.mat
+  motorbench convert run.csv jug.csv --to plotjuggler
+  motorbench convert sysid.json run.csv        (docs/formats.md says what each format holds)")]
+pub struct Arguments {
+    /// What is there; its ending says the format.
+    source: PathBuf,
+    /// What is to be written; its ending says the format.
+    target: PathBuf,
+    /// Format of the source, whatever its ending says.
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<Format>,
+    /// Format of the target, whatever its ending says.
+    #[arg(long, value_name = "FORMAT")]
+    to: Option<Format>,
+    /// A name of the source and what it is, with a factor for other units: velocity=omega_rad_per_s*6.2832.
+    #[arg(long = "map", value_name = "NAME=CHANNEL")]
+    names: Vec<Mapping>,
+    /// Another name in the target: omega_rad_per_s=speed.
+    #[arg(long = "rename", value_name = "CHANNEL=NAME", value_parser = renaming)]
+    renamed: Vec<(Channel, String)>,
+    /// What stands between the values of a CSV source; left out: what its header has most of.
+    #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
+    delimiter: Option<u8>,
+    /// The CSV source writes 1,5 for 1.5.
+    #[arg(long)]
+    decimal_comma: bool,
+    /// What stands between the values of a CSV target.
+    #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
+    to_delimiter: Option<u8>,
+    /// The CSV target writes 1,5 for 1.5, with semicolons between values.
+    #[arg(long)]
+    to_decimal_comma: bool,
+    /// Prints what was converted as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+fn renaming(text: &str) -> Result<(Channel, String), String> {
+    let (column, name) = text.split_once('=').ok_or("expected CHANNEL=NAME, for instance omega_rad_per_s=speed")?;
+    let channel = Channel::of_column(column).ok_or_else(|| {
+        format!("no channel is called \"{column}\"; there are {}", Channel::ALL.map(Channel::column).join(", "))
+    })?;
+    Ok((channel, name.into()))
+}
+
+fn delimiter(text: &str) -> Result<u8, String> {
+    match text.as_bytes() {
+        _ if text == "tab" || text == "\\t" => Ok(b'\t'),
+        [byte] if byte.is_ascii() => Ok(*byte),
+        _ => Err("expected one character, or tab".into()),
+    }
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] with file, place and what to do.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let format =
+        |said: Option<Format>, path: &Path| said.map_or_else(|| Format::of_path(path), Ok).map_err(Failure::input);
+    let (from, to) = (format(arguments.from, &arguments.source)?, format(arguments.to, &arguments.target)?);
+    let name = arguments.source.display().to_string();
+    let bytes = std::fs::read(&arguments.source).map_err(|error| Failure::input(format!("{name}: {error}")))?;
+    let dialect = Dialect { delimiter: arguments.delimiter, decimal_comma: arguments.decimal_comma };
+    let converted =
+        convert::read(&name, &bytes, from, &Names(arguments.names.clone()), dialect).map_err(Failure::input)?;
+    let dialect = Dialect { delimiter: arguments.to_delimiter, decimal_comma: arguments.to_decimal_comma };
+    let recording = &converted.recording;
+    let written = convert::write(recording, to, &arguments.renamed, dialect).map_err(Failure::input)?;
+    let target = &arguments.target;
+    std::fs::write(target, written).map_err(|error| Failure::machine(format!("{}: {error}", target.display())))?;
+    let channels: Vec<&str> = recording.channels().map(Channel::column).collect();
+    if arguments.json {
+        let summary =
+            serde_json::json!({ "samples": recording.len(), "channels": channels, "ignored": converted.ignored });
+        println!("{summary}");
+        return Ok(());
+    }
+    println!("{}: {} samples of {}", target.display(), recording.len(), channels.join(", "));
+    if !converted.ignored.is_empty() {
+        println!("not used, for they are no channel (--map NAME=CHANNEL): {}", converted.ignored.join(", "));
+    }
+    Ok(())
+}

@@ -1,0 +1,136 @@
+//! `motorbench identify`
+
+use super::{Failure, mapping, spinner, write};
+use crate::dataset::Dataset;
+use crate::diagnose::judge;
+use crate::diagnose::page::short;
+use crate::free_run::free_run;
+use crate::identify::{Effort, Place, Prior, fit};
+use crate::model::Model;
+use crate::motor::MotorParameters;
+use crate::recording::Recording;
+use crate::rig::{NominalMotor, Rig};
+use clap::Args;
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Finds the five constants of the linear motor, with their uncertainty and with the fit on data that no fit has seen.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench identify run.csv --rig rig.toml --model motor.toml
+  motorbench identify a.csv b.csv --json -
+What the linear motor lacks is said by motorbench diagnose.")]
+pub struct Arguments {
+    /// Recordings of one rig, as for motorbench diagnose.
+    #[arg(required = true)]
+    recordings: Vec<PathBuf>,
+    /// What is known of the rig (TOML).
+    #[arg(long)]
+    rig: Option<PathBuf>,
+    /// A column of the file that has another name: FILE_NAME=PROJECT_NAME.
+    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
+    columns: Vec<(String, String)>,
+    /// Writes the motor as a model file.
+    #[arg(long, value_name = "OUT.toml")]
+    model: Option<PathBuf>,
+    /// Writes the result as JSON into a file, - for the terminal.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+/// What was found. Units are in the names or beside the values.
+#[derive(Serialize)]
+struct Identified {
+    parameters: BTreeMap<&'static str, Constant>,
+    fit: BTreeMap<&'static str, Fitted>,
+}
+
+#[derive(Serialize)]
+struct Constant {
+    value: f64,
+    ci95: [f64; 2],
+}
+
+/// A free-running simulation against data kept back from the fit.
+#[derive(Serialize)]
+struct Fitted {
+    rmse: f64,
+    unit: &'static str,
+    fit_percent: f64,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] with what is wrong with the input, and where.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), Rig::read).map_err(Failure::input)?;
+    let read = |path: &PathBuf| Recording::read(path, &arguments.columns).map_err(Failure::input);
+    let recordings = arguments.recordings.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    let data = Dataset::new(&recordings, &rig).map_err(Failure::input)?;
+    let bar = spinner();
+    let (model, identified) = identify(&data, &rig.motor, &|text| bar.set_message(text.to_string()));
+    bar.finish_and_clear();
+    if let Some(path) = &arguments.model {
+        write(path, &model.to_toml())?;
+    }
+    let json = serde_json::to_string_pretty(&identified).map_err(Failure::machine)? + "\n";
+    match &arguments.json {
+        Some(path) if path == Path::new("-") => print!("{json}"),
+        Some(path) => {
+            write(path, &json)?;
+            print!("{}", page(&identified));
+        }
+        None => print!("{}", page(&identified)),
+    }
+    Ok(())
+}
+
+/// Fits without the data kept back, measures on it, and fits again to everything for the constants.
+fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> (Model, Identified) {
+    let prior = Prior::new(nominal, data);
+    progress("fit to two thirds of the data");
+    let seen = fit(&Model::linear(prior.motor), data, &prior, Effort::FULL);
+    let prediction = free_run(&seen.model, data);
+    let quality = data.measured.iter().enumerate().map(|(output, measured)| {
+        let rmse = judge::rmse(data, &prediction, output);
+        let fit_percent = judge::fit_percent(data, &prediction, output);
+        (measured.output.channel(), Fitted { rmse, unit: measured.output.unit(), fit_percent })
+    });
+    let quality: BTreeMap<_, _> = quality.collect();
+    let reached: Vec<String> =
+        quality.iter().map(|(channel, fitted)| format!("{channel} {:.1} %", fitted.fit_percent)).collect();
+    progress(&format!("fit on the rest: {}; now to all of it", reached.join(", ")));
+    let mut everything = data.clone();
+    everything.kept_back.fill(false);
+    let last = fit(&seen.model, &everything, &prior, Effort::FULL);
+    let intervals = last.intervals(&everything);
+    let constant = |(index, (name, value)): (usize, (&'static str, f64))| {
+        let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
+        (name, Constant { value, ci95: interval.map_or([value, value], |interval| interval.ci95) })
+    };
+    let parameters = last.model.motor.named().into_iter().enumerate().map(constant).collect();
+    (last.model, Identified { parameters, fit: quality })
+}
+
+fn page(identified: &Identified) -> String {
+    let mut text = String::from("The linear motor, with 95 % intervals\n");
+    for (name, _) in MotorParameters::PIVT6.named() {
+        let Constant { value, ci95: [low, high] } = identified.parameters[name];
+        let _ = writeln!(text, "  {name:<26} {:>10}  [{}, {}]", short(value), short(low), short(high));
+    }
+    text += "Free-running simulation against data that no fit has seen\n";
+    for (channel, fitted) in &identified.fit {
+        let Fitted { rmse, unit, fit_percent } = fitted;
+        let _ = writeln!(text, "  {channel:<26} {:>10} {unit} rms, fit {fit_percent:.1} %", short(*rmse));
+    }
+    if identified.fit.values().any(|fitted| fitted.fit_percent < WELL_FITTED_PERCENT) {
+        text += "The linear motor leaves much: motorbench diagnose says what it lacks.\n";
+    }
+    text
+}
+
+/// Below this a reader should look further.
+const WELL_FITTED_PERCENT: f64 = 90.0;

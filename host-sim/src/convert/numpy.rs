@@ -1,0 +1,167 @@
+//! `NumPy`: a structured array whose fields are the columns (.npy), or an archive with an array for each column (.npz).
+
+use super::{Column, Fault, Names};
+use npyz::{DType, Endianness, NpyHeader, TypeChar, TypeStr};
+use std::io::{Cursor, Read, Write};
+use zip::write::SimpleFileOptions;
+use zip::{CompressionMethod, ZipArchive, ZipWriter};
+
+/// The header begins with so many bytes before its text; text and these together end on a multiple of [`ALIGNMENT`].
+const BEFORE_TEXT: usize = 10;
+const ALIGNMENT: usize = 64;
+
+fn header(bytes: &[u8]) -> Result<(NpyHeader, &[u8]), Fault> {
+    let mut rest = Cursor::new(bytes);
+    let header = NpyHeader::from_reader(&mut rest)
+        .map_err(|error| Fault::at_byte(0, format!("no header of a NumPy array: {error}")))?;
+    Ok((header, &bytes[rest.position() as usize..]))
+}
+
+/// Every field of a structured array with one dimension.
+pub fn read_npy(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
+    let (header, data) = header(bytes)?;
+    let DType::Record(fields) = header.dtype() else {
+        return Err(Fault::whole(
+            "an array without names: save a structured array, or one array for each channel with numpy.savez",
+        ));
+    };
+    let row_bytes = header.dtype().num_bytes().unwrap_or(0);
+    let rows = one_dimension(&header)?;
+    let start = bytes.len() - data.len();
+    whole(data, rows * row_bytes, start)?;
+    let mut columns = Vec::new();
+    let mut offset = 0;
+    for field in fields {
+        let DType::Plain(kind) = &field.dtype else {
+            return Err(Fault::at(
+                format_args!("field {}", field.name),
+                "an array within an array: give each column a field",
+            ));
+        };
+        let size = field.dtype.num_bytes().unwrap_or(0);
+        let cells = (0..rows).map(|row| &data[row * row_bytes + offset..][..size]);
+        let values = cells.map(|cell| number(kind, cell)).collect::<Option<_>>();
+        columns.push(Column { name: field.name.clone(), values: values.ok_or_else(|| no_numbers(&field.name, kind))? });
+        offset += size;
+    }
+    Ok(columns)
+}
+
+/// Arrays that are channels, and the names of the others.
+pub fn read_npz(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), Fault> {
+    let damaged = |error: zip::result::ZipError| Fault::whole(format!("not an archive of NumPy arrays: {error}"));
+    let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
+    let (mut columns, mut ignored) = (Vec::new(), Vec::new());
+    for index in 0..archive.len() {
+        let mut file = archive.by_index(index).map_err(damaged)?;
+        let name = file.name().map_err(damaged)?.trim_end_matches(".npy").to_string();
+        if names.channel(&name).is_none() {
+            ignored.push(name);
+            continue;
+        }
+        let mut array = Vec::new();
+        let in_array = |fault: Fault| Fault::at(format_args!("array {name}"), fault.to_string());
+        file.read_to_end(&mut array).map_err(|error| in_array(Fault::whole(error.to_string())))?;
+        let values = vector(&array, &name).map_err(in_array)?;
+        columns.push(Column { name, values });
+    }
+    Ok((columns, ignored))
+}
+
+fn vector(bytes: &[u8], name: &str) -> Result<Vec<f64>, Fault> {
+    let (header, data) = header(bytes)?;
+    let DType::Plain(kind) = header.dtype() else { return Err(Fault::whole("a structured array: save it as .npy")) };
+    let (rows, size) = (one_dimension(&header)?, kind.num_bytes().unwrap_or(0));
+    whole(data, rows * size, bytes.len() - data.len())?;
+    if size == 0 {
+        return Err(no_numbers(name, &kind));
+    }
+    data.chunks_exact(size)
+        .map(|cell| number(&kind, cell))
+        .collect::<Option<_>>()
+        .ok_or_else(|| no_numbers(name, &kind))
+}
+
+fn one_dimension(header: &NpyHeader) -> Result<usize, Fault> {
+    match header.shape() {
+        shape if shape.iter().filter(|size| **size != 1).count() <= 1 => Ok(shape.iter().product::<u64>() as usize),
+        shape => {
+            Err(Fault::whole(format!("an array of shape {shape:?}: expected one dimension; give each column a name")))
+        }
+    }
+}
+
+fn whole(data: &[u8], expected: usize, start: usize) -> Result<(), Fault> {
+    if data.len() == expected {
+        return Ok(());
+    }
+    Err(Fault::at_byte(
+        start,
+        format!("{expected} bytes of numbers expected, {} there: the file was cut short; save it again", data.len()),
+    ))
+}
+
+fn no_numbers(name: &str, kind: &TypeStr) -> Fault {
+    Fault::at(format_args!("{name}, of type {kind}"), "expected real numbers: convert it with .astype(float)")
+}
+
+fn number(kind: &TypeStr, cell: &[u8]) -> Option<f64> {
+    let mut bytes = cell.to_vec();
+    if kind.endianness() == Endianness::Big {
+        bytes.reverse();
+    }
+    macro_rules! as_f64 {
+        ($type:ty) => {
+            Some(<$type>::from_le_bytes(bytes.try_into().ok()?) as f64)
+        };
+    }
+    match (kind.type_char(), cell.len()) {
+        (TypeChar::Float, 8) => as_f64!(f64),
+        (TypeChar::Float, 4) => as_f64!(f32),
+        (TypeChar::Int, 8) => as_f64!(i64),
+        (TypeChar::Int, 4) => as_f64!(i32),
+        (TypeChar::Int, 2) => as_f64!(i16),
+        (TypeChar::Int, 1) => as_f64!(i8),
+        (TypeChar::Uint, 8) => as_f64!(u64),
+        (TypeChar::Uint, 4) => as_f64!(u32),
+        (TypeChar::Uint, 2) => as_f64!(u16),
+        (TypeChar::Uint | TypeChar::Bool, 1) => as_f64!(u8),
+        _ => None,
+    }
+}
+
+/// A structured array of doubles.
+pub fn write_npy(columns: &[Column]) -> Vec<u8> {
+    let quoted = |name: &str| name.replace('\\', "\\\\").replace('\'', "\\'");
+    let fields: String = columns.iter().map(|column| format!("('{}', '<f8'), ", quoted(&column.name))).collect();
+    let rows = columns.first().map_or(0, |column| column.values.len());
+    let mut file = with_header(&format!("[{}]", fields.trim_end()), rows);
+    for row in 0..rows {
+        file.extend(columns.iter().flat_map(|column| column.values[row].to_le_bytes()));
+    }
+    file
+}
+
+fn with_header(descr: &str, rows: usize) -> Vec<u8> {
+    let mut text = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': ({rows},), }}");
+    let length = (BEFORE_TEXT + text.len() + 1).next_multiple_of(ALIGNMENT) - BEFORE_TEXT;
+    text = format!("{text:<width$}\n", width = length - 1);
+    let mut file = b"\x93NUMPY\x01\x00".to_vec();
+    file.extend((length as u16).to_le_bytes());
+    file.extend(text.as_bytes());
+    file
+}
+
+/// An archive of vectors of doubles, compressed.
+pub fn write_npz(columns: &[Column]) -> Result<Vec<u8>, Fault> {
+    let failed = |error: zip::result::ZipError| Fault::whole(error.to_string());
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+    let options = SimpleFileOptions::default().compression_method(CompressionMethod::Deflated);
+    for column in columns {
+        archive.start_file(format!("{}.npy", column.name), options).map_err(failed)?;
+        let mut array = with_header("'<f8'", column.values.len());
+        array.extend(column.values.iter().flat_map(|value| value.to_le_bytes()));
+        archive.write_all(&array).map_err(|error| Fault::whole(error.to_string()))?;
+    }
+    Ok(archive.finish().map_err(failed)?.into_inner())
+}

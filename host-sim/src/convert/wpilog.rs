@@ -1,0 +1,183 @@
+//! `WPILib` data log, version 1.0: records of entries, each with a time in microseconds; what an entry is called and of what
+//! type stands in a control record.
+
+use super::series::{Series, joined};
+use super::{Column, Fault, Names, times};
+use crate::recording::{Channel, Recording};
+use std::collections::BTreeMap;
+
+const MAGIC: &[u8] = b"WPILOG";
+const VERSION: u16 = 0x0100;
+const START: u8 = 0;
+const FINISH: u8 = 1;
+
+/// Types of one number.
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Double,
+    Float,
+    Int64,
+    Other,
+}
+
+/// Where reading stands.
+struct Cursor<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Cursor<'a> {
+    fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
+        let end = self.at.checked_add(count).filter(|end| *end <= self.bytes.len());
+        let end = end.ok_or_else(|| {
+            Fault::at_byte(
+                self.at,
+                format!(
+                    "{count} bytes expected, {} left: the log was cut short; copy it again",
+                    self.bytes.len() - self.at
+                ),
+            )
+        })?;
+        let taken = &self.bytes[self.at..end];
+        self.at = end;
+        Ok(taken)
+    }
+
+    fn number(&mut self, count: usize) -> Result<u64, Fault> {
+        Ok(self.take(count)?.iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte)))
+    }
+
+    fn text(&mut self) -> Result<String, Fault> {
+        let (length, at) = (self.number(4)? as usize, self.at);
+        let text = std::str::from_utf8(self.take(length)?);
+        Ok(text.map_err(|_| Fault::at_byte(at, "a name that is not UTF-8"))?.to_string())
+    }
+}
+
+/// Entries of numbers that are channels, and the names of the others.
+pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), Fault> {
+    let mut cursor = Cursor { bytes, at: 0 };
+    if cursor.take(MAGIC.len()).ok() != Some(MAGIC) {
+        return Err(Fault::at_byte(0, "it does not begin with WPILOG: not a WPILib data log"));
+    }
+    let version = cursor.number(2)?;
+    if version >> 8 != u64::from(VERSION >> 8) {
+        return Err(Fault::at_byte(6, format!("version {}.{}; only 1.x is known", version >> 8, version & 0xff)));
+    }
+    let extra = cursor.number(4)? as usize;
+    cursor.take(extra)?;
+    let mut open: BTreeMap<u64, (String, Kind)> = BTreeMap::new();
+    let mut found: BTreeMap<String, Series> = BTreeMap::new();
+    while cursor.at < bytes.len() {
+        let at = cursor.at;
+        let lengths = cursor.number(1)?;
+        let entry = cursor.number((lengths & 3) as usize + 1)?;
+        let size = cursor.number((lengths >> 2 & 3) as usize + 1)? as usize;
+        let stamp_us = cursor.number((lengths >> 4 & 7) as usize + 1)?;
+        let payload_at = cursor.at;
+        cursor.take(size)?;
+        // A record's fields end with the record.
+        let mut record = Cursor { bytes: &bytes[..cursor.at], at: payload_at };
+        if entry == 0 {
+            control(&mut record, &mut open, &mut found)?;
+            continue;
+        }
+        let (name, kind) =
+            open.get(&entry).ok_or_else(|| Fault::at_byte(at, format!("entry {entry} was never started")))?;
+        if let Some(value) = value(*kind, record.take(size)?) {
+            let series = found.get_mut(name).expect("it was put there when it started");
+            series.time_s.push(stamp_us as f64 * 1e-6);
+            series.values.push(value.map_err(|expected| {
+                Fault::at_byte(at, format!("{name}: {expected} bytes expected for its type, {size} found"))
+            })?);
+        }
+    }
+    for series in found.values() {
+        if names.channel(&series.name).is_some() && series.time_s.windows(2).any(|pair| pair[1] < pair[0]) {
+            return Err(Fault::at(&series.name, "its times go back: the log holds two runs; split it"));
+        }
+    }
+    joined(found.into_values().collect(), names)
+}
+
+fn control(
+    record: &mut Cursor<'_>,
+    open: &mut BTreeMap<u64, (String, Kind)>,
+    found: &mut BTreeMap<String, Series>,
+) -> Result<(), Fault> {
+    let what = record.number(1)? as u8;
+    let entry = record.number(4)?;
+    match what {
+        START => {
+            let (name, kind) = (record.text()?, record.text()?);
+            let kind = match kind.as_str() {
+                "double" => Kind::Double,
+                "float" => Kind::Float,
+                "int64" => Kind::Int64,
+                _ => Kind::Other,
+            };
+            found.entry(name.clone()).or_insert_with(|| Series {
+                name: name.clone(),
+                time_s: Vec::new(),
+                values: Vec::new(),
+            });
+            open.insert(entry, (name, kind));
+        }
+        FINISH => {
+            open.remove(&entry);
+        }
+        // Metadata, and what later versions may add.
+        _ => {}
+    }
+    Ok(())
+}
+
+/// The number of a record, nothing for other types, the expected size where it is another.
+fn value(kind: Kind, payload: &[u8]) -> Option<Result<f64, usize>> {
+    match kind {
+        Kind::Double => Some(payload.try_into().map(f64::from_le_bytes).map_err(|_| 8)),
+        Kind::Float => Some(payload.try_into().map(|bytes| f64::from(f32::from_le_bytes(bytes))).map_err(|_| 4)),
+        Kind::Int64 => Some(payload.try_into().map(|bytes| i64::from_le_bytes(bytes) as f64).map_err(|_| 8)),
+        Kind::Other => None,
+    }
+}
+
+/// A log with an entry `double` for each channel. Its times are whole microseconds; a missing sample is NaN.
+pub fn write(recording: &Recording, columns: &[Column]) -> Result<Vec<u8>, Fault> {
+    let time_s = times(recording)?;
+    let mut log = MAGIC.to_vec();
+    log.extend(VERSION.to_le_bytes());
+    log.extend(0_u32.to_le_bytes());
+    let others: Vec<&Column> = recording
+        .channels()
+        .zip(columns)
+        .filter(|(channel, _)| *channel != Channel::Time)
+        .map(|(_, column)| column)
+        .collect();
+    let start_s = time_s[0];
+    for (index, column) in others.iter().enumerate() {
+        let mut payload = vec![START];
+        payload.extend((index as u32 + 1).to_le_bytes());
+        for text in [column.name.as_str(), "double", ""] {
+            payload.extend((text.len() as u32).to_le_bytes());
+            payload.extend(text.as_bytes());
+        }
+        append(&mut log, 0, 0, &payload);
+    }
+    for (row, t_s) in time_s.iter().enumerate() {
+        let stamp_us = ((t_s - start_s) * 1e6).round() as u64;
+        for (index, column) in others.iter().enumerate() {
+            append(&mut log, index as u32 + 1, stamp_us, &column.values[row].to_le_bytes());
+        }
+    }
+    Ok(log)
+}
+
+/// A record with fields of full length.
+fn append(log: &mut Vec<u8>, entry: u32, stamp_us: u64, payload: &[u8]) {
+    log.push(0b0111_1111);
+    log.extend(entry.to_le_bytes());
+    log.extend((payload.len() as u32).to_le_bytes());
+    log.extend(stamp_us.to_le_bytes());
+    log.extend(payload);
+}
