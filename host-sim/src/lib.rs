@@ -10,6 +10,8 @@
 //! | [`dataset`], [`identify`] | recordings made ready; constants fitted to them |
 //! | [`diagnose`], [`steady_state`] | what a simulation gets wrong, by what cause, and what naming it gains |
 //! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
+//! | [`compare`] | two recordings on common times, the delay taken off |
+//! | [`live`] | samples to PlotJuggler and Teleplot while they come |
 //! | [`scenario`], [`figures`] | the core in closed loop on this computer, and its figures of merit |
 //! | [`board`], [`thesis`] | a board, real or simulated; identification, design and both loops on it as one experiment |
 //! | [`link`] | a board on a serial port: console, telemetry, recording |
@@ -23,6 +25,7 @@ pub mod catalogue;
 #[cfg(feature = "chip")]
 pub mod chip;
 pub mod commands;
+pub mod compare;
 pub mod convert;
 pub mod dataset;
 pub mod design;
@@ -32,6 +35,7 @@ pub mod free_run;
 pub mod identify;
 pub mod linear;
 pub mod link;
+pub mod live;
 pub mod model;
 pub mod motor;
 pub mod panels;

@@ -86,3 +86,185 @@ fn identify_writes_a_model_that_others_read() {
     motorbench(&["analyse", "--model", path(&model)]).success();
     assert!(host_sim::model::Model::parse(&std::fs::read_to_string(&bench.model).unwrap()).is_ok());
 }
+
+#[test]
+fn compare_finds_the_delay_between_two_recordings() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let (late, plot) = (directory.path().join("late.csv"), directory.path().join("both.svg"));
+    // The same course, of which the first 50 samples are missing.
+    let text = std::fs::read_to_string(&bench.run).unwrap();
+    let lines: Vec<&str> = text.lines().enumerate().filter(|(line, _)| !(1..=50).contains(line)).map(|l| l.1).collect();
+    std::fs::write(&late, lines.join("\n")).unwrap();
+    let (run, late) = (path(&bench.run), path(&late));
+    let compared = json_of(&["compare", run, late, "--plot", path(&plot), "--json", "-"]);
+    let interval_s = 10.0 / (text.lines().count() - 1) as f64;
+    let delay_s = compared["delay_s"].as_f64().unwrap();
+    assert!((delay_s + 50.0 * interval_s).abs() < 0.1 * interval_s, "{delay_s} s");
+    for channel in compared["channels"].as_array().unwrap() {
+        assert!(channel["fit_percent"].as_f64() > Some(95.0), "{channel}");
+    }
+    let svg = std::fs::read_to_string(plot).unwrap();
+    assert!(svg.contains("omega_rad_per_s") && svg.contains("</svg>"));
+}
+
+#[test]
+fn compare_tells_models_and_their_constants_apart() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let other = directory.path().join("other.toml");
+    std::fs::write(&other, MOTOR.replace("5.84", "7.3") + "[effects.coulomb_friction]\ntorque_Nm = 0.005\n").unwrap();
+    let models = json_of(&["compare", path(&bench.model), path(&other), "--voltage", "12", "--json", "-"]);
+    assert!((models["parameters"][0]["change_percent"].as_f64().unwrap() - 25.0).abs() < 1e-9);
+    let step = |which: &str| models["step"][which].as_f64().unwrap();
+    // At rest from all change: w = (U - R (T + b w) / k) / k.
+    let (k, b) = (0.072, 5e-6);
+    let speed = |r: f64, torque: f64| (12.0 - r * torque / k) / (k + r * b / k);
+    assert!((step("first_rad_per_s") / speed(5.84, 0.0) - 1.0).abs() < 2e-3, "{}", models["step"]);
+    assert!((step("second_rad_per_s") / speed(7.3, 0.005) - 1.0).abs() < 2e-3, "{}", models["step"]);
+    // Low frequencies: 1 / (k + R b / k).
+    let low = 20.0 * (1.0 / (k + 5.84 * b / k)).log10();
+    assert!((models["magnitudes"][0]["first_dB"].as_f64().unwrap() - low).abs() < 0.1);
+
+    let good = json_of(&["compare", path(&bench.run), path(&bench.model), "--rig", path(&bench.rig), "--json", "-"]);
+    let bad = json_of(&["compare", path(&bench.run), path(&other), "--rig", path(&bench.rig), "--json", "-"]);
+    let fit = |result: &Value| {
+        let channels = result["channels"].as_array().unwrap();
+        channels.iter().find(|channel| channel["channel"] == "omega_rad_per_s").unwrap()["fit_percent"]
+            .as_f64()
+            .unwrap()
+    };
+    assert!(fit(&good) > 97.0 && fit(&bad) < 90.0, "{} and {}", fit(&good), fit(&bad));
+
+    let constants = |name: &str, resistance: f64| {
+        let file = directory.path().join(name);
+        let ci95 = [resistance - 0.196, resistance + 0.196];
+        let text = serde_json::json!({ "parameters": { "resistance_ohm": { "value": resistance, "ci95": ci95 } } });
+        std::fs::write(&file, text.to_string()).unwrap();
+        file
+    };
+    let (a, b) = (constants("a.json", 5.0), constants("b.json", 5.3));
+    let sigmas = json_of(&["compare", path(&a), path(&b), "--json", "-"])["parameters"][0]["sigmas"].as_f64().unwrap();
+    // Each is known to 0.1, their difference to 0.1 times the root of 2.
+    assert!((sigmas - 3.0 / 2.0_f64.sqrt()).abs() < 1e-9, "{sigmas}");
+}
+
+/// A loop measured on a motor with friction, simulated with one that has it and with one that has not.
+#[test]
+fn validate_sees_what_the_model_lacks() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let friction = format!("{MOTOR}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
+    std::fs::write(at("true.toml"), &friction).unwrap();
+    std::fs::write(at("linear.toml"), MOTOR).unwrap();
+    let steps = [60, 20, -50, 40, -20, 70, 10, -60]
+        .iter()
+        .enumerate()
+        .map(|(index, value)| format!("[[reference]]\ntime_s = {}\nvalue = {value}\n", 0.1 + 0.7 * index as f64));
+    let scenario = format!(
+        "duration_s = 5.7\nmode = \"speed\"\nmodel = \"true.toml\"\n[settings]\nspeed_kp = 0.07\nspeed_ki = 1.5\n[noise]\ncurrent_A = 0.01\n{}",
+        steps.collect::<String>()
+    );
+    std::fs::write(at("loop.toml"), scenario).unwrap();
+    motorbench(&["simulate", path(&at("loop.toml")), "--csv", path(&at("measured.csv"))]).success();
+    let validate = |model: &str| {
+        let (measured, scenario, model) = (at("measured.csv"), at("loop.toml"), at(model));
+        let rig = path(&bench.rig);
+        json_of(&[
+            "validate",
+            path(&measured),
+            "--scenario",
+            path(&scenario),
+            "--model",
+            path(&model),
+            "--rig",
+            rig,
+            "--json",
+            "-",
+        ])
+    };
+    let fit = |result: &Value, channel: &str| {
+        let channels = result["comparison"]["channels"].as_array().unwrap();
+        channels.iter().find(|entry| entry["channel"] == channel).unwrap()["fit_percent"].as_f64().unwrap()
+    };
+    let (good, bad) = (validate("true.toml"), validate("linear.toml"));
+    assert!(fit(&good, "i_A") > fit(&bad, "i_A") + 20.0, "{} and {}", fit(&good, "i_A"), fit(&bad, "i_A"));
+    assert!(bad["remaining"][0].as_str().unwrap().contains("coulomb_friction"), "{}", bad["remaining"]);
+    assert!(!good["remaining"][0].as_str().unwrap().contains("coulomb_friction"), "{}", good["remaining"]);
+    let rise = |which: &str| good["figures"][which][0]["rise_s"].as_f64().unwrap();
+    assert!((rise("measured") / rise("simulated") - 1.0).abs() < 0.1, "{} and {}", rise("measured"), rise("simulated"));
+}
+
+#[test]
+fn live_replays_with_the_times_of_the_recording() {
+    let plotter = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    plotter.set_read_timeout(Some(std::time::Duration::from_secs(5))).unwrap();
+    let directory = TempDir::new().unwrap();
+    let run = directory.path().join("run.csv");
+    std::fs::write(&run, "t_s,u_V,omega_rad_per_s\n0,1,2\n0.01,,3\n0.02,4,5\n").unwrap();
+    let address = plotter.local_addr().unwrap().to_string();
+    motorbench(&["live", path(&run), "--udp", &address, "--speed", "10"])
+        .success()
+        .stdout(format!("3 samples sent to {address}\n"));
+    let mut buffer = [0; 1024];
+    let mut next = || {
+        let length = plotter.recv(&mut buffer).unwrap();
+        serde_json::from_slice::<Value>(&buffer[..length]).unwrap()
+    };
+    assert_eq!(next(), serde_json::json!({ "timestamp": 0.0, "u_V": 1.0, "omega_rad_per_s": 2.0 }));
+    assert_eq!(next(), serde_json::json!({ "timestamp": 0.01, "omega_rad_per_s": 3.0 }));
+    assert_eq!(next()["timestamp"], 0.02);
+}
+
+/// Every command is in docs/commands.md with an example, and shows examples itself.
+#[test]
+fn every_command_is_documented() {
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/commands.md")).unwrap();
+    let help = String::from_utf8(motorbench(&["--help"]).success().get_output().stdout.clone()).unwrap();
+    let commands: Vec<&str> = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "))
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|command| *command != "help")
+        .collect();
+    assert!(commands.len() > 10, "{help}");
+    for command in commands {
+        assert!(page.contains(&format!("\n## {command}\n")), "docs/commands.md has no section {command}");
+        assert!(page.contains(&format!("motorbench {command}")), "docs/commands.md has no example of {command}");
+        let help = String::from_utf8(motorbench(&[command, "--help"]).success().get_output().stdout.clone()).unwrap();
+        assert!(help.contains(&format!("motorbench {command}")), "motorbench {command} --help has no example:\n{help}");
+    }
+}
+
+#[test]
+fn the_terminal_is_left_alone_when_piped() {
+    let bench = bench();
+    let run = [path(&bench.run), "--rig", path(&bench.rig)];
+    let identify = [&["identify"], &run[..]].concat();
+    for arguments in
+        [identify, vec!["compare", run[0], run[0]], vec!["compare", path(&bench.model), path(&bench.model)]]
+    {
+        let output = motorbench(&arguments).success().stderr("").get_output().stdout.clone();
+        let text = String::from_utf8(output).unwrap();
+        assert!(!text.is_empty() && !text.contains('\u{1b}'), "{text}");
+        assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    }
+}
+
+#[test]
+fn exit_codes_are_those_of_the_page() {
+    motorbench(&["compare", "no.csv", "no.csv"]).code(1).stderr(predicate::str::contains("no.csv"));
+    motorbench(&["compare", "a.xls", "b.csv"]).code(1).stderr(predicate::str::contains("expected .csv (recording)"));
+    motorbench(&["compare"]).code(2);
+    let nowhere = ["convert", path(&bench().run), "/nonexistent/a.csv"].map(String::from);
+    Command::cargo_bin("motorbench")
+        .unwrap()
+        .args(nowhere)
+        .assert()
+        .code(3)
+        .stderr(predicate::str::contains("/nonexistent/a.csv"));
+}

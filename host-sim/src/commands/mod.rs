@@ -5,12 +5,15 @@
 
 mod analyse;
 mod board;
+mod compare;
 mod convert;
 mod demo;
 mod design;
 mod diagnose;
 mod identify;
+mod live;
 mod simulate;
+mod validate;
 mod virtual_board;
 
 use clap::{CommandFactory, Parser, Subcommand};
@@ -35,11 +38,14 @@ struct Program {
 enum Command {
     Demo(demo::Arguments),
     Analyse(analyse::Arguments),
+    Compare(compare::Arguments),
     Convert(convert::Arguments),
     Design(design::Arguments),
     Diagnose(diagnose::Arguments),
     Identify(identify::Arguments),
+    Live(live::Arguments),
     Simulate(simulate::Arguments),
+    Validate(validate::Arguments),
     Virtual(virtual_board::Arguments),
     Ports(board::PortsArguments),
     Connect(board::ConnectArguments),
@@ -90,6 +96,9 @@ fn run(program: Program) -> Result<(), Failure> {
     match program.command {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
+        Command::Live(arguments) => live::run(&arguments),
+        Command::Validate(arguments) => validate::run(&arguments),
         Command::Convert(arguments) => convert::run(&arguments),
         Command::Analyse(arguments) => analyse::run(&arguments),
         Command::Design(arguments) => design::run(&arguments),

@@ -238,7 +238,7 @@ impl Scenario {
 
     /// Figures of the stretches between one reference and the next. In open loop a reference is a voltage, and there is
     /// nothing to be compared with it.
-    fn figures(&self, points: &[Point]) -> Vec<Figures> {
+    pub fn figures(&self, points: &[Point]) -> Vec<Figures> {
         if self.mode == Mode::OpenLoop {
             return Vec::new();
         }

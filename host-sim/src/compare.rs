@@ -1,0 +1,200 @@
+//! Two recordings of one course, brought to common times: how late the second is, and how far they are apart.
+
+use crate::dataset::median;
+use crate::recording::{Channel, Recording};
+use serde::Serialize;
+
+/// By so much the second may be early or late, as a share of the first.
+const LARGEST_DELAY: f64 = 0.25;
+/// Shifts that are tried on either side at most, before the best is refined.
+const SHIFTS: usize = 400;
+/// Samples that a shift is judged by at most.
+const JUDGED: usize = 2000;
+/// Channels that tell the delay, best first.
+const TELLING: [Channel; 7] =
+    [Channel::Speed, Channel::Rpm, Channel::Angle, Channel::Counts, Channel::Current, Channel::Voltage, Channel::Duty];
+
+/// One channel of both.
+#[derive(Clone, Debug, Serialize)]
+pub struct Difference {
+    /// Column name, with its unit.
+    pub channel: &'static str,
+    /// Root mean square of the difference.
+    pub rms: f64,
+    /// 100 (1 - |a - b| / |a - mean a|).
+    pub fit_percent: f64,
+    /// Values of the first.
+    #[serde(skip)]
+    pub first: Vec<f64>,
+    /// Values of the second at the same times, its delay taken off.
+    #[serde(skip)]
+    pub second: Vec<f64>,
+}
+
+/// Two recordings beside each other.
+#[derive(Clone, Debug, Serialize)]
+pub struct Comparison {
+    /// By how much the second is later than the first.
+    pub delay_s: f64,
+    /// Length that both have.
+    pub duration_s: f64,
+    /// Time between the samples of the first.
+    #[serde(skip)]
+    pub interval_s: f64,
+    /// Channels that both have.
+    pub channels: Vec<Difference>,
+}
+
+/// Why two recordings cannot be compared.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CompareError {
+    /// A table of steady states.
+    #[error("{0}: no column t_s: two recordings over time are compared")]
+    NoTime(String),
+    /// Nothing in common.
+    #[error("{0} and {1} have no channel in common besides t_s")]
+    NothingShared(String, String),
+    /// Too little in common.
+    #[error("{0} and {1} have less than {least} samples at the same time", least = FEWEST)]
+    NoOverlap(String, String),
+}
+
+/// Fewer common samples say nothing.
+const FEWEST: usize = 10;
+
+/// Brings both to the times of the first. `delay_s`: how much later the second is, found where it is not given.
+///
+/// # Errors
+/// [`CompareError`].
+pub fn compare(first: &Recording, second: &Recording, delay_s: Option<f64>) -> Result<Comparison, CompareError> {
+    let time_of = |recording: &Recording| -> Result<Vec<f64>, CompareError> {
+        let time_s = recording.time_s().ok_or_else(|| CompareError::NoTime(recording.name.clone()))?;
+        Ok(time_s.iter().map(|t_s| t_s - time_s[0]).collect())
+    };
+    let (a_s, b_s) = (time_of(first)?, time_of(second)?);
+    let shared: Vec<Channel> =
+        first.channels().filter(|channel| *channel != Channel::Time && second.get(*channel).is_some()).collect();
+    let names = || (first.name.clone(), second.name.clone());
+    let Some(telling) = TELLING.into_iter().find(|channel| shared.contains(channel)).or(shared.first().copied()) else {
+        let (a, b) = names();
+        return Err(CompareError::NothingShared(a, b));
+    };
+    let values = |recording: &Recording, channel| recording.get(channel).expect("both have it").to_vec();
+    let delay_s = delay_s.unwrap_or_else(|| {
+        let (a, b) = (values(first, telling), values(second, telling));
+        found_delay_s((&a_s, &a), (&b_s, &b))
+    });
+    let common: Vec<usize> =
+        (0..a_s.len()).filter(|index| (b_s[0]..=b_s[b_s.len() - 1]).contains(&(a_s[*index] + delay_s))).collect();
+    if common.len() < FEWEST {
+        let (a, b) = names();
+        return Err(CompareError::NoOverlap(a, b));
+    }
+    let channels = shared.into_iter().map(|channel| {
+        let (a, b) = (values(first, channel), values(second, channel));
+        let first: Vec<f64> = common.iter().map(|index| a[*index]).collect();
+        let second: Vec<f64> = common.iter().map(|index| at(&b_s, &b, a_s[*index] + delay_s)).collect();
+        let (rms, fit_percent) = distance(&first, &second);
+        Difference { channel: channel.column(), rms, fit_percent, first, second }
+    });
+    Ok(Comparison {
+        delay_s,
+        duration_s: a_s[common[common.len() - 1]] - a_s[common[0]],
+        interval_s: median(a_s.windows(2).map(|pair| pair[1] - pair[0])),
+        channels: channels.collect(),
+    })
+}
+
+/// Root mean square of the difference, and fit in percent, where neither is missing.
+fn distance(first: &[f64], second: &[f64]) -> (f64, f64) {
+    let pairs = || first.iter().zip(second).filter(|(a, b)| a.is_finite() && b.is_finite());
+    let count = pairs().count().max(1) as f64;
+    let mean = pairs().map(|(a, _)| a).sum::<f64>() / count;
+    let rms = (pairs().map(|(a, b)| (a - b).powi(2)).sum::<f64>() / count).sqrt();
+    let spread = (pairs().map(|(a, _)| (a - mean).powi(2)).sum::<f64>() / count).sqrt();
+    (rms, 100.0 * (1.0 - rms / spread.max(f64::MIN_POSITIVE)))
+}
+
+/// Value at a time, straight between samples; outside it is missing.
+fn at(time_s: &[f64], values: &[f64], t_s: f64) -> f64 {
+    let next = time_s.partition_point(|sample_s| *sample_s < t_s);
+    match (next.checked_sub(1), next) {
+        (None, 0) if time_s[0] == t_s => values[0],
+        (Some(before), after) if after < time_s.len() => {
+            let part = (t_s - time_s[before]) / (time_s[after] - time_s[before]);
+            values[before] + part * (values[after] - values[before])
+        }
+        _ => f64::NAN,
+    }
+}
+
+/// The shift with the least mean square difference: first on a grid, then by a parabola through the three best.
+fn found_delay_s(first: (&[f64], &[f64]), second: (&[f64], &[f64])) -> f64 {
+    let (time_s, values) = first;
+    let every = (time_s.len() / JUDGED).max(1);
+    let range_s = LARGEST_DELAY * time_s[time_s.len() - 1];
+    let cost = |delay_s: f64| {
+        let squares = (0..time_s.len())
+            .step_by(every)
+            .map(|index| (values[index] - at(second.0, second.1, time_s[index] + delay_s)).powi(2))
+            .filter(|square| square.is_finite());
+        let (sum, count) = squares.fold((0.0, 0_usize), |(sum, count), square| (sum + square, count + 1));
+        // A short overlap may agree by chance.
+        if 2 * count * every < time_s.len() { f64::INFINITY } else { sum / count as f64 }
+    };
+    let mut step_s = range_s / SHIFTS as f64;
+    let mut best_s = 0.0;
+    let mut least = cost(0.0);
+    for shift in -(SHIFTS as i32)..=SHIFTS as i32 {
+        let delay_s = f64::from(shift) * step_s;
+        let here = cost(delay_s);
+        if here < least {
+            (best_s, least) = (delay_s, here);
+        }
+    }
+    let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
+    while step_s > 0.01 * interval_s {
+        step_s *= 0.5;
+        for delay_s in [best_s - step_s, best_s + step_s] {
+            let here = cost(delay_s);
+            if here < least {
+                (best_s, least) = (delay_s, here);
+            }
+        }
+    }
+    best_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recording(name: &str, interval_s: f64, late_s: f64, scale: f64) -> Recording {
+        let mut recording = Recording::new(name);
+        let time_s: Vec<f64> = (0..(4.0 / interval_s) as usize).map(|index| index as f64 * interval_s).collect();
+        let course = |t_s: f64| if t_s < 1.0 { 0.0 } else { 50.0 * (1.0 - (-(t_s - 1.0) / 0.1).exp()) };
+        recording.set(Channel::Speed, time_s.iter().map(|t_s| scale * course(t_s - late_s)).collect());
+        recording.set(Channel::Time, time_s);
+        recording
+    }
+
+    #[test]
+    fn a_delay_is_found_across_rates_and_taken_off() {
+        let compared = compare(&recording("a", 1e-3, 0.0, 1.0), &recording("b", 1.3e-3, 0.137, 1.0), None).unwrap();
+        assert!((compared.delay_s - 0.137).abs() < 2e-4, "{}", compared.delay_s);
+        assert!(compared.channels[0].fit_percent > 99.0, "{}", compared.channels[0].fit_percent);
+        let scaled = compare(&recording("a", 1e-3, 0.0, 1.0), &recording("b", 1e-3, 0.0, 0.9), Some(0.0)).unwrap();
+        // A tenth of the root mean square of the course itself.
+        let values = &scaled.channels[0].first;
+        let rms = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
+        assert!((scaled.channels[0].rms - 0.1 * rms).abs() < 1e-9);
+    }
+
+    #[test]
+    fn errors_name_both() {
+        let mut other = Recording::new("b");
+        other.set(Channel::Time, vec![0.0, 1.0]);
+        let message = compare(&recording("a", 1e-3, 0.0, 1.0), &other, None).unwrap_err().to_string();
+        assert_eq!(message, "a and b have no channel in common besides t_s");
+    }
+}
