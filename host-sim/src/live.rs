@@ -102,7 +102,7 @@ mod tests {
         let plotter = UdpSocket::bind("127.0.0.1:0").unwrap();
         plotter.set_read_timeout(Some(std::time::Duration::from_secs(5))).unwrap();
         let address = plotter.local_addr().unwrap();
-        let settings = Settings::default();
+        let settings = Settings::defaults();
         let sample = |tick| Sample { tick, counts: 7, state: State::default(), ..Sample::default() };
         Live::new(Some(address), Some(address))
             .unwrap()
