@@ -9,6 +9,7 @@
 //! | [`model`], [`free_run`] | the motor with effects, as a file and simulated over a recording |
 //! | [`dataset`], [`identify`] | recordings made ready; constants fitted to them |
 //! | [`diagnose`], [`steady_state`] | what a simulation gets wrong, by what cause, and what naming it gains |
+//! | [`stand`] | losses, condition and efficiency of a motor from a table of steady states |
 //! | [`design`] | controllers for a motor: PID and LQR, checked on the fixed-point core |
 //! | [`compare`] | two recordings on common times, the delay taken off |
 //! | [`live`] | samples to PlotJuggler and Teleplot while they come |
@@ -43,6 +44,7 @@ pub mod plant;
 pub mod recording;
 pub mod rig;
 pub mod scenario;
+pub mod stand;
 pub mod steady_state;
 pub mod telemetry;
 pub mod thesis;

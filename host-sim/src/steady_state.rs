@@ -56,9 +56,16 @@ pub struct Level {
     /// What the nominal resistance and back-EMF leave of the voltage.
     pub missing_V: f64,
     #[serde(skip)]
-    current_error: f64,
+    pub(crate) current_error: f64,
     #[serde(skip)]
     speed_error: f64,
+}
+
+impl Level {
+    /// Standard error of the voltage that resistance and back-EMF leave.
+    pub(crate) fn voltage_error(&self, r: f64, k: f64) -> f64 {
+        (r * self.current_error).hypot(k * self.speed_error)
+    }
 }
 
 /// An explanation of the missing voltage.
@@ -122,7 +129,8 @@ pub fn study(table: &Recording, rig: &Rig) -> Result<Study, StudyError> {
     Ok(Study { outcome, levels, explanations })
 }
 
-fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
+/// Means of the readings at each voltage, with what follows from the nominal constants.
+pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
     let missing = || StudyError::Columns(table.name.clone());
     let voltage = table.get(Channel::Voltage).ok_or_else(missing)?;
     let current = table.get(Channel::Current).ok_or_else(missing)?;
@@ -179,14 +187,14 @@ fn mean(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
 }
 
 /// A straight fit of few terms by weighted least squares.
-struct Line {
+pub(crate) struct Line {
     values: DVector<f64>,
     covariance: DMatrix<f64>,
     chi2: f64,
     left_out_rmse: f64,
 }
 
-fn line(columns: &[Vec<f64>], target: &[f64], errors: &[f64]) -> Option<Line> {
+pub(crate) fn line(columns: &[Vec<f64>], target: &[f64], errors: &[f64]) -> Option<Line> {
     let solve = |kept: &dyn Fn(usize) -> bool| -> Option<(DVector<f64>, DMatrix<f64>)> {
         let size = columns.len();
         let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
@@ -215,7 +223,7 @@ fn line(columns: &[Vec<f64>], target: &[f64], errors: &[f64]) -> Option<Line> {
 }
 
 /// Interval of Student's distribution around a fitted value; errors are scaled up when the scatter is greater than they say.
-fn interval(line: &Line, index: usize, dof: usize) -> Estimate {
+pub(crate) fn interval(line: &Line, index: usize, dof: usize) -> Estimate {
     let value = line.values[index];
     let scale = (line.chi2 / dof.max(1) as f64).max(1.0).sqrt();
     let error = line.covariance[(index, index)].sqrt() * scale;
@@ -237,7 +245,7 @@ fn voltage_terms(levels: &[Level], r: f64, k: f64) -> [(&'static str, &'static s
 fn explanations(levels: &[Level], r: f64, k: f64) -> Vec<Explanation> {
     let terms = voltage_terms(levels, r, k);
     let target: Vec<f64> = levels.iter().map(|level| level.missing_V).collect();
-    let errors: Vec<f64> = levels.iter().map(|level| (r * level.current_error).hypot(k * level.speed_error)).collect();
+    let errors: Vec<f64> = levels.iter().map(|level| level.voltage_error(r, k)).collect();
     let mut found = vec![Explanation {
         terms: Vec::new(),
         constants: BTreeMap::new(),

@@ -277,3 +277,72 @@ fn exit_codes_are_those_of_the_page() {
         .code(3)
         .stderr(predicate::str::contains("/nonexistent/a.csv"));
 }
+
+/// A table of a motor whose constants are known, with readings that scatter.
+fn stand_table(brush_drop_v: f64, coulomb_nm: f64) -> String {
+    let (r, k, viscous) = (5.84, 0.072, 5e-6);
+    let mut table = String::from("u_V,i_A,omega_rad_per_s\n");
+    for u in [10.0, 15.0, 20.0, 25.0, 30.0] {
+        let omega = (u - brush_drop_v - r * coulomb_nm / k) / (k + r * viscous / k);
+        let i = (coulomb_nm + viscous * omega) / k;
+        for scatter in [-1.0, 0.5, 1.0, -0.5] {
+            table += &format!("{u},{},{}\n", i + 0.003 * scatter, omega - 0.4 * scatter);
+        }
+    }
+    table
+}
+
+#[test]
+fn stand_finds_where_the_power_goes_and_what_has_worn() {
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::write(at("rig.toml"), "[motor]\nresistance_ohm = 5.84\ntorque_constant_Nm_per_A = 0.072\n").unwrap();
+    std::fs::write(at("new.csv"), stand_table(2.0, 0.015)).unwrap();
+    // Held at three positions: 12 V over 4, 6 and 8 ohm.
+    let held = "12,3,0\n12,2,0\n12,1.5,0\n";
+    std::fs::write(at("worn.csv"), stand_table(3.0, 0.015) + held).unwrap();
+    let (rig, new, worn, map) = (at("rig.toml"), at("new.csv"), at("worn.csv"), at("map.svg"));
+    let arguments = ["stand", path(&worn), "--earlier", path(&new), "--rig", path(&rig), "--map", path(&map)];
+    let stand = json_of(&[&arguments[..], &["--json", "-"]].concat());
+    let number = |value: &Value| value.as_f64().unwrap();
+    assert!((number(&stand["winding"]["mean_ohm"]) - 6.0).abs() < 1e-9);
+    assert_eq!(stand["levels"].as_array().unwrap().len(), 5, "rows at rest are no level");
+    for losses in stand["losses"].as_array().unwrap() {
+        let (drop, rest) = (number(&losses["drop_W"]), number(&losses["rest_W"]));
+        assert!(drop > 0.5 && rest.abs() < 0.1 * drop, "{losses}");
+    }
+    let condition = |index: usize| &stand["condition"][index];
+    assert!((number(&condition(0)["now"]["value"]) - number(&condition(0)["before"]["value"]) - 1.0).abs() < 0.1);
+    assert!(condition(0)["verdict"].as_str().unwrap().contains("brushes or commutator worn"), "{}", condition(0));
+    for index in 1..4 {
+        assert_eq!(condition(index)["verdict"], "unchanged within the errors", "{}", condition(index));
+    }
+    // The best efficiency lies between no load and stall, and the map shows no better one.
+    let best = stand["most_efficient"].as_array().unwrap().last().unwrap();
+    assert!(number(&best["efficiency"]) > 0.3 && number(&best["efficiency"]) < 0.9, "{best}");
+    assert!(std::fs::read_to_string(&map).unwrap().contains("efficiency; best"));
+    motorbench(&arguments).success().stderr("").stdout(predicate::function(|text: &str| {
+        text.lines().all(|line| line.chars().count() <= 80 || line.contains("->") || line.contains(" = "))
+    }));
+    std::fs::write(at("bad.csv"), "position,ohm\n1,4\n").unwrap();
+    motorbench(&["stand", path(&new), "--rig", path(&rig), "--resistance", path(&at("bad.csv"))])
+        .code(1)
+        .stderr(predicate::str::contains("a column resistance_ohm is expected"));
+}
+
+/// The published table: its dynamic resistances come out, and the constants found account for the power.
+#[test]
+fn stand_of_the_published_study() {
+    let data = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pivt6").join(name);
+    let (table, rig, winding) = (data("table2_no_load.csv"), data("rig.toml"), data("table3_winding_resistance.csv"));
+    let arguments = ["stand", path(&table), "--rig", path(&rig), "--resistance", path(&winding), "--json", "-"];
+    let stand = json_of(&arguments);
+    for (level, published) in stand["levels"].as_array().unwrap().iter().zip([16.76, 18.96, 20.41, 21.96, 24.87]) {
+        assert!((level["dynamic_resistance_ohm"].as_f64().unwrap() - published).abs() < 0.02, "{level}");
+    }
+    for (losses, level) in stand["losses"].as_array().unwrap().iter().zip(stand["levels"].as_array().unwrap()) {
+        let share = losses["rest_W"].as_f64().unwrap() / level["p_in_W"].as_f64().unwrap();
+        assert!(share.abs() < 0.03, "{losses}");
+    }
+    assert_eq!(stand["winding"]["resistances_ohm"].as_array().unwrap().len(), 18);
+}

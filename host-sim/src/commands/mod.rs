@@ -13,6 +13,7 @@ mod diagnose;
 mod identify;
 mod live;
 mod simulate;
+mod stand;
 mod validate;
 mod virtual_board;
 
@@ -45,6 +46,7 @@ enum Command {
     Identify(identify::Arguments),
     Live(live::Arguments),
     Simulate(simulate::Arguments),
+    Stand(stand::Arguments),
     Validate(validate::Arguments),
     Virtual(virtual_board::Arguments),
     Ports(board::PortsArguments),
@@ -96,6 +98,7 @@ fn run(program: Program) -> Result<(), Failure> {
     match program.command {
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Stand(arguments) => stand::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
         Command::Live(arguments) => live::run(&arguments),
         Command::Validate(arguments) => validate::run(&arguments),

@@ -1,0 +1,195 @@
+//! `motorbench stand`
+
+use super::{Failure, mapping, write};
+use crate::diagnose::page::{estimate, short};
+use crate::recording::Recording;
+use crate::rig::Rig;
+use crate::stand::{EfficiencyMap, OperatingPoint, Stand, Winding, evaluate};
+use clap::Args;
+use plotters::prelude::*;
+use serde::Deserialize;
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Evaluates a table of steady states as a test stand does: powers, efficiency, losses, condition, best operating points.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench stand no_load.csv --rig rig.toml --resistance positions.csv
+  motorbench stand now.csv --earlier last_year.csv --rig rig.toml --map efficiency.svg")]
+pub struct Arguments {
+    /// Table with u_V, i_A and omega_rad_per_s or rpm; rows with the rotor held tell the winding's resistance.
+    table: PathBuf,
+    /// Nominal resistance_ohm and torque_constant_Nm_per_A under [motor] (TOML).
+    #[arg(long)]
+    rig: PathBuf,
+    /// A column of the table that has another name: FILE_NAME=PROJECT_NAME.
+    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
+    columns: Vec<(String, String)>,
+    /// Resistances by a meter at several rotor positions: a table with a column resistance_ohm.
+    #[arg(long, value_name = "POSITIONS.csv")]
+    resistance: Option<PathBuf>,
+    /// A table of the same motor from an earlier test.
+    #[arg(long, value_name = "TABLE.csv")]
+    earlier: Option<PathBuf>,
+    /// Draws the efficiency over voltage and torque that the constants found foretell.
+    #[arg(long, value_name = "FILE.svg")]
+    map: Option<PathBuf>,
+    /// Writes the result as JSON into a file, - for the terminal.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+/// A row of a table of positions.
+#[derive(Deserialize)]
+struct Position {
+    resistance_ohm: f64,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] with file and what to do.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let rig = Rig::read(&arguments.rig).map_err(Failure::input)?;
+    let read = |path: &PathBuf| Recording::read(path, &arguments.columns).map_err(Failure::input);
+    let (table, earlier) = (read(&arguments.table)?, arguments.earlier.as_ref().map(read).transpose()?);
+    let mut stand = evaluate(&table, earlier.as_ref(), &rig).map_err(Failure::input)?;
+    if let Some(path) = &arguments.resistance {
+        stand.winding = Winding::of(resistances(path)?);
+    }
+    if let Some(path) = &arguments.map {
+        let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
+        write(path, &map(&stand.constants.map(greatest_v)).map_err(Failure::machine)?)?;
+    }
+    let json = serde_json::to_string_pretty(&stand).map_err(Failure::machine)? + "\n";
+    match &arguments.json {
+        Some(path) if path == Path::new("-") => {
+            print!("{json}");
+            return Ok(());
+        }
+        Some(path) => write(path, &json)?,
+        None => {}
+    }
+    print!("{}", page(&stand, rig.motor.resistance_ohm));
+    Ok(())
+}
+
+fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
+    let failed =
+        |error: csv::Error| Failure::input(format!("{}: {error}; a column resistance_ohm is expected", path.display()));
+    let mut reader =
+        csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_path(path).map_err(failed)?;
+    reader.deserialize().map(|row| row.map(|row: Position| row.resistance_ohm).map_err(failed)).collect()
+}
+
+fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
+    let mut text = String::from(
+        "Derived with the nominal constants, as stands do\n     u_V    emf_V     rpm   P_in_W  P_out_W   eff  torque_Nm   k_mot   R_dyn_ohm\n",
+    );
+    for level in &stand.study.levels {
+        let _ = writeln!(
+            text,
+            "  {:6.2} {:8.2} {:7.1} {:8.2} {:8.2} {:5.2} {:10.4} {:7.2} {:11.2}",
+            level.u_V,
+            level.emf_V,
+            level.rpm,
+            level.p_in_W,
+            level.p_out_W,
+            level.efficiency,
+            level.torque_Nm,
+            level.k_mot_rad_per_s_per_V,
+            level.dynamic_resistance_ohm
+        );
+    }
+    text += "\nWhere the power goes by the constants found, W\n     u_V  winding     drop  dry fr.  viscous     rest\n";
+    for losses in &stand.losses {
+        let _ = writeln!(
+            text,
+            "  {:6.2} {:8.3} {:8.3} {:8.3} {:8.3} {:8.3}",
+            losses.u_V, losses.winding_W, losses.drop_W, losses.coulomb_W, losses.viscous_W, losses.rest_W
+        );
+    }
+    text += "\nCauses\n";
+    for cause in &stand.study.outcome.causes {
+        let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
+        let _ = writeln!(text, "  {}: {}", cause.effect, constants.collect::<Vec<_>>().join(", "));
+    }
+    if let Some(winding) = &stand.winding {
+        let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = winding.resistances_ohm.iter().copied().fold(0.0, f64::max);
+        let _ = writeln!(
+            text,
+            "\nWinding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
+            winding.resistances_ohm.len(),
+            short(winding.mean_ohm),
+            short(winding.spread_ohm),
+            short(least),
+            short(most),
+            nominal_ohm.map_or("unknown".into(), short)
+        );
+    }
+    condition(&mut text, stand);
+    text += "\nMost efficient load at each voltage, foretold: no point of the table was loaded\n";
+    text += "     u_V  torque_Nm     rpm    i_A    eff\n";
+    for point in &stand.most_efficient {
+        let OperatingPoint { u_V, torque_Nm, omega_rad_per_s, i_A, efficiency } = point;
+        let rpm = omega_rad_per_s * 60.0 / std::f64::consts::TAU;
+        let _ = writeln!(text, "  {u_V:6.2} {torque_Nm:10.4} {rpm:7.0} {i_A:6.2} {efficiency:6.2}");
+    }
+    text
+}
+
+fn condition(text: &mut String, stand: &Stand) {
+    if stand.condition.is_empty() {
+        return;
+    }
+    text.push_str("\nAgainst the earlier test\n");
+    for condition in &stand.condition {
+        let (before, now) = (estimate(&condition.before), estimate(&condition.now));
+        let _ = writeln!(text, "  {}: {}", condition.part, condition.verdict);
+        let _ = writeln!(text, "    {}: {before} -> {now} ({:+.1} sigmas)", condition.quantity, condition.sigmas);
+    }
+}
+
+/// Efficiency over voltage and torque: the darker the more, the point is the best.
+fn map(map: &EfficiencyMap) -> Result<String, Box<dyn Error>> {
+    let EfficiencyMap { step_v, step_nm, points } = map;
+    let best = points.iter().max_by(|a, b| a.efficiency.total_cmp(&b.efficiency));
+    let best = best.ok_or("the motor turns nowhere on the map")?;
+    let greatest_v = points.iter().map(|point| point.u_V).fold(0.0, f64::max) + 0.5 * step_v;
+    let greatest_nm = points.iter().map(|point| point.torque_Nm).fold(0.0, f64::max) + 0.5 * step_nm;
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (760, 480)).into_drawing_area();
+        root.fill(&WHITE)?;
+        let caption = format!(
+            "efficiency; best {:.0} % at {} V and {} Nm",
+            100.0 * best.efficiency,
+            short(best.u_V),
+            short(best.torque_Nm)
+        );
+        let mut chart = ChartBuilder::on(&root)
+            .margin(8)
+            .caption(caption, ("sans-serif", 20))
+            .x_label_area_size(44)
+            .y_label_area_size(84)
+            .build_cartesian_2d(0.0..greatest_v, 0.0..greatest_nm)?;
+        chart
+            .configure_mesh()
+            .disable_mesh()
+            .x_desc("voltage, V")
+            .y_desc("torque at the shaft, Nm")
+            .label_style(("sans-serif", 16))
+            .draw()?;
+        chart.draw_series(points.iter().map(|point| {
+            let (u, torque) = (point.u_V, point.torque_Nm);
+            let corners = [(u - 0.5 * step_v, torque - 0.5 * step_nm), (u + 0.5 * step_v, torque + 0.5 * step_nm)];
+            let shade = (point.efficiency / best.efficiency).clamp(0.0, 1.0);
+            Rectangle::new(corners, RGBColor(0, 114, 178).mix(shade).filled())
+        }))?;
+        chart.draw_series([Circle::new((best.u_V, best.torque_Nm), 5, BLACK.filled())])?;
+        root.present()?;
+    }
+    Ok(svg)
+}

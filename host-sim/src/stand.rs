@@ -1,0 +1,303 @@
+//! The test stand from a table of steady states: where the electrical power goes by the constants found, the winding's
+//! resistance from rows at rest, the motor's condition against an earlier test, and where it is most efficient.
+
+use crate::diagnose::outcome::Estimate;
+use crate::recording::{Channel, Recording};
+use crate::rig::Rig;
+use crate::steady_state::{Level, Study, StudyError, interval, levels, line, study};
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// Rows whose back-EMF is less than this share of the voltage tell the resistance: the rotor is held or hardly turns.
+const NEARLY_AT_REST: f64 = 0.05;
+/// A change of the motor's condition is one from so many standard errors on.
+const CHANGED_SIGMAS: f64 = 3.0;
+/// Voltages and torques of the efficiency map.
+const MAP_SIZE: usize = 40;
+
+/// Resistance of the winding over rotor positions.
+#[derive(Clone, Debug, Serialize)]
+pub struct Winding {
+    /// One a position or row.
+    #[serde(rename = "resistances_ohm")]
+    pub resistances_ohm: Vec<f64>,
+    /// Their mean.
+    pub mean_ohm: f64,
+    /// Their standard deviation.
+    pub spread_ohm: f64,
+}
+
+impl Winding {
+    /// Nothing of no readings.
+    pub fn of(resistances_ohm: Vec<f64>) -> Option<Self> {
+        let count = resistances_ohm.len() as f64;
+        let mean_ohm = resistances_ohm.iter().sum::<f64>() / count;
+        let squares = resistances_ohm.iter().map(|value| (value - mean_ohm).powi(2)).sum::<f64>();
+        let spread_ohm = (squares / (count - 1.0).max(1.0)).sqrt();
+        (!resistances_ohm.is_empty()).then_some(Self { resistances_ohm, mean_ohm, spread_ohm })
+    }
+}
+
+/// Constants of the motor at rest from all change.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(non_snake_case, reason = "names of the contract, with their units")]
+pub struct Constants {
+    /// Resistance.
+    pub resistance_ohm: f64,
+    /// Back-EMF and torque constant.
+    pub torque_constant_Nm_per_A: f64,
+    /// Voltage that brushes and bridge take whatever the current.
+    pub drop_V: f64,
+    /// Torque of dry friction.
+    pub coulomb_Nm: f64,
+    /// Torque of viscous friction per speed.
+    pub viscous_Nm_s: f64,
+}
+
+/// Where the electrical power of a level goes.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(non_snake_case, reason = "names of the contract, with their units")]
+pub struct Losses {
+    /// Voltage.
+    pub u_V: f64,
+    /// I^2 R.
+    pub winding_W: f64,
+    /// I times the voltage drop.
+    pub drop_W: f64,
+    /// Dry friction times speed.
+    pub coulomb_W: f64,
+    /// Viscous friction times speed.
+    pub viscous_W: f64,
+    /// What none of these explains.
+    pub rest_W: f64,
+}
+
+/// A part of the motor against an earlier test.
+#[derive(Clone, Debug, Serialize)]
+pub struct Condition {
+    /// Brushes, magnets, bearings.
+    pub part: &'static str,
+    /// What is compared, with its unit.
+    pub quantity: &'static str,
+    /// In the earlier test.
+    pub before: Estimate,
+    /// Now.
+    pub now: Estimate,
+    /// Difference in standard errors.
+    pub sigmas: f64,
+    /// What that means.
+    pub verdict: &'static str,
+}
+
+/// A steady state under load.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(non_snake_case, reason = "names of the contract, with their units")]
+pub struct OperatingPoint {
+    /// Voltage.
+    pub u_V: f64,
+    /// Torque at the shaft.
+    pub torque_Nm: f64,
+    /// Speed.
+    pub omega_rad_per_s: f64,
+    /// Current.
+    pub i_A: f64,
+    /// Mechanical over electrical power.
+    pub efficiency: f64,
+}
+
+/// Operating points in the middles of a grid's cells; none where the motor does not turn.
+#[derive(Clone, Debug)]
+pub struct EfficiencyMap {
+    /// Width of a cell, in volts.
+    pub step_v: f64,
+    /// Height of a cell.
+    pub step_nm: f64,
+    /// One a cell.
+    pub points: Vec<OperatingPoint>,
+}
+
+/// Everything a table says.
+#[derive(Clone, Debug, Serialize)]
+pub struct Stand {
+    /// The derived table, explanations and causes.
+    #[serde(flatten)]
+    pub study: Study,
+    /// From rows with the rotor held or hardly turning, if there are any.
+    pub winding: Option<Winding>,
+    /// What the losses are computed with.
+    pub constants: Constants,
+    /// One a level.
+    pub losses: Vec<Losses>,
+    /// Against the earlier test.
+    pub condition: Vec<Condition>,
+    /// The most efficient load at each voltage of the table, by the constants: not measured under load.
+    pub most_efficient: Vec<OperatingPoint>,
+}
+
+/// Evaluates a table. `earlier`: a table of the same motor.
+///
+/// # Errors
+/// [`StudyError`].
+pub fn evaluate(table: &Recording, earlier: Option<&Recording>, rig: &Rig) -> Result<Stand, StudyError> {
+    let (running, resistances_ohm) = split(table, rig);
+    let study = study(&running, rig)?;
+    let constants = Constants::of(&study, rig).ok_or(StudyError::NoNominal)?;
+    let losses = study.levels.iter().map(|level| constants.losses(level)).collect();
+    let condition = match earlier {
+        Some(earlier) => condition(&split(earlier, rig).0, &running, rig)?,
+        None => Vec::new(),
+    };
+    let most_efficient = study.levels.iter().filter_map(|level| constants.most_efficient(level.u_V)).collect();
+    Ok(Stand { winding: Winding::of(resistances_ohm), constants, losses, condition, most_efficient, study })
+}
+
+/// The rows of a running motor, and the resistances of those nearly at rest.
+fn split(table: &Recording, rig: &Rig) -> (Recording, Vec<f64>) {
+    let column = |channel: Channel| table.get(channel).map(<[f64]>::to_vec);
+    let rpm = || column(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect());
+    let k = rig.motor.torque_constant_nm_per_a.unwrap_or(0.0);
+    let (Some(u), Some(i), Some(w)) =
+        (column(Channel::Voltage), column(Channel::Current), column(Channel::Speed).or_else(rpm))
+    else {
+        return (table.clone(), Vec::new());
+    };
+    let at_rest = |row: usize| i[row] != 0.0 && (k * w[row]).abs() < NEARLY_AT_REST * u[row].abs();
+    let (rest, running): (Vec<usize>, Vec<usize>) = (0..u.len()).partition(|row| at_rest(*row));
+    let mut kept = Recording::new(table.name.clone());
+    for (channel, values) in [(Channel::Voltage, &u), (Channel::Speed, &w), (Channel::Current, &i)] {
+        kept.set(channel, running.iter().map(|row| values[*row]).collect());
+    }
+    (kept, rest.into_iter().map(|row| (u[row] - k * w[row]) / i[row]).collect())
+}
+
+impl Constants {
+    /// The best explanation's, nominal ones where it has none.
+    fn of(study: &Study, rig: &Rig) -> Option<Self> {
+        let found = |name: &str| study.explanations.first()?.constants.get(name).map(|constant| constant.value);
+        let cause = |effect: &str, name: &str| {
+            let cause = study.outcome.causes.iter().find(|cause| cause.effect == effect)?;
+            cause.parameters.get(name).map(|constant| constant.value)
+        };
+        let viscous = study.outcome.parameters.get("viscous_friction_Nm_s").map(|parameter| parameter.value);
+        let nominal_k = rig.motor.torque_constant_nm_per_a?;
+        let k = found("back_emf_constant_V_s").unwrap_or(nominal_k);
+        // Friction was found as current times the nominal constant.
+        let torque = k / nominal_k;
+        Some(Self {
+            resistance_ohm: found("resistance_ohm").or(rig.motor.resistance_ohm)?,
+            torque_constant_Nm_per_A: k,
+            drop_V: found("drop_V").unwrap_or(0.0),
+            coulomb_Nm: torque * cause("coulomb_friction", "torque_Nm").unwrap_or(0.0),
+            viscous_Nm_s: torque * viscous.unwrap_or(0.0).max(0.0),
+        })
+    }
+
+    fn losses(&self, level: &Level) -> Losses {
+        let (i, w) = (level.i_A, level.omega_rad_per_s);
+        let winding = i * i * self.resistance_ohm;
+        let (drop, coulomb, viscous) = (i * self.drop_V, self.coulomb_Nm * w, self.viscous_Nm_s * w * w);
+        let rest = level.p_in_W - winding - drop - coulomb - viscous;
+        Losses {
+            u_V: level.u_V,
+            winding_W: winding,
+            drop_W: drop,
+            coulomb_W: coulomb,
+            viscous_W: viscous,
+            rest_W: rest,
+        }
+    }
+
+    /// The steady state at a voltage under a load; nothing where the motor does not turn.
+    pub fn operating_point(&self, u: f64, torque: f64) -> Option<OperatingPoint> {
+        let Self { resistance_ohm: r, torque_constant_Nm_per_A: k, .. } = *self;
+        let dry = torque + self.coulomb_Nm;
+        let w = (u - self.drop_V - r * dry / k) / (k + r * self.viscous_Nm_s / k);
+        let i = (dry + self.viscous_Nm_s * w) / k;
+        let point =
+            OperatingPoint { u_V: u, torque_Nm: torque, omega_rad_per_s: w, i_A: i, efficiency: torque * w / (u * i) };
+        (w > 0.0 && i > 0.0).then_some(point)
+    }
+
+    /// Torque that stalls the motor.
+    fn stall_nm(&self, u: f64) -> f64 {
+        (u - self.drop_V) * self.torque_constant_Nm_per_A / self.resistance_ohm - self.coulomb_Nm
+    }
+
+    /// The load at which the efficiency is greatest.
+    pub fn most_efficient(&self, u: f64) -> Option<OperatingPoint> {
+        let stall_nm = self.stall_nm(u);
+        (1..1000)
+            .filter_map(|step| self.operating_point(u, stall_nm * f64::from(step) / 1000.0))
+            .max_by(|a, b| a.efficiency.total_cmp(&b.efficiency))
+    }
+
+    /// Operating points over voltage and torque, up to a voltage.
+    pub fn map(&self, greatest_v: f64) -> EfficiencyMap {
+        // Half the stall torque: beyond it the motor is less efficient and only warms.
+        let step_v = greatest_v / MAP_SIZE as f64;
+        let step_nm = 0.5 * self.stall_nm(greatest_v) / MAP_SIZE as f64;
+        let middles = |step: f64| (0..MAP_SIZE).map(move |index| (index as f64 + 0.5) * step);
+        let points =
+            middles(step_v).flat_map(|u| middles(step_nm).filter_map(move |torque| self.operating_point(u, torque)));
+        EfficiencyMap { step_v, step_nm, points: points.collect() }
+    }
+}
+
+/// The same two lines through both tests: the voltage that nominal resistance and back-EMF leave, over speed, and the
+/// torque over speed.
+fn condition(earlier: &Recording, now: &Recording, rig: &Rig) -> Result<Vec<Condition>, StudyError> {
+    let (Some(r), Some(k)) = (rig.motor.resistance_ohm, rig.motor.torque_constant_nm_per_a) else {
+        return Err(StudyError::NoNominal);
+    };
+    let tests = [levels(earlier, r, k)?, levels(now, r, k)?];
+    let estimates = |test: &Vec<Level>| -> Option<[Estimate; 4]> {
+        let speed: Vec<f64> = test.iter().map(|level| level.omega_rad_per_s).collect();
+        let columns = [vec![1.0; speed.len()], speed];
+        let voltage: Vec<f64> = test.iter().map(|level| level.missing_V).collect();
+        let torque: Vec<f64> = test.iter().map(|level| level.torque_Nm).collect();
+        let voltage =
+            line(&columns, &voltage, &test.iter().map(|level| level.voltage_error(r, k)).collect::<Vec<_>>())?;
+        let torque = line(&columns, &torque, &test.iter().map(|level| k * level.current_error).collect::<Vec<_>>())?;
+        let dof = test.len() - 2;
+        let mut emf = interval(&voltage, 1, dof);
+        emf = Estimate { value: k + emf.value, ci95: emf.ci95.map(|ci95| ci95.map(|end| k + end)) };
+        Some([interval(&voltage, 0, dof), emf, interval(&torque, 0, dof), interval(&torque, 1, dof)])
+    };
+    let (Some(before), Some(now)) = (estimates(&tests[0]), estimates(&tests[1])) else { return Ok(Vec::new()) };
+    let parts = [
+        (
+            "brushes",
+            "voltage lost at standstill, V",
+            "more voltage is lost: brushes or commutator worn or dirty",
+            "less voltage is lost: run in",
+        ),
+        (
+            "magnets",
+            "back-EMF constant, V s/rad",
+            "the back-EMF constant has grown: check the speed's scale",
+            "the back-EMF constant has fallen: magnets weakened or hot",
+        ),
+        ("bearings", "dry friction, Nm", "more dry friction: bearings or brush pressure", "less dry friction: run in"),
+        (
+            "bearings",
+            "viscous friction, Nm s",
+            "more viscous friction: grease or cold",
+            "less viscous friction: run in or warm",
+        ),
+    ];
+    Ok(parts
+        .into_iter()
+        .zip(before.into_iter().zip(now))
+        .map(|((part, quantity, more, less), (before, now))| {
+            // Both intervals are of one width of Student's distribution, nearly two standard errors a side.
+            let half = |estimate: &Estimate| estimate.ci95.map_or(0.0, |ci95| 0.5 * (ci95[1] - ci95[0]));
+            let sigmas = 1.96 * (now.value - before.value) / half(&before).hypot(half(&now)).max(f64::MIN_POSITIVE);
+            let verdict = match sigmas {
+                sigmas if sigmas > CHANGED_SIGMAS => more,
+                sigmas if sigmas < -CHANGED_SIGMAS => less,
+                _ => "unchanged within the errors",
+            };
+            Condition { part, quantity, before, now, sigmas, verdict }
+        })
+        .collect())
+}
