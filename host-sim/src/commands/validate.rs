@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         scenario.figures(&points(&measured, &rig, compared.delay_s)),
     ];
     let bar = spinner();
-    let remaining = remaining(&[measured], &rig, &scenario.model, &|text| bar.set_message(text.to_string()));
+    let remaining = remaining(&[measured], &rig, &scenario, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
     if let Some(path) = &arguments.plot {
         write(path, &plot(&compared, ["simulated", "measured"]))?;
@@ -118,18 +118,20 @@ fn points(recording: &Recording, rig: &Rig, late_s: f64) -> Vec<Point> {
         .collect()
 }
 
-/// What a diagnosis of the measured loop names that the scenario's model lacks, or why it says nothing.
+/// What a diagnosis of the measured loop names that the scenario lacks, or why it says nothing.
 fn remaining(
     measured: &[Recording],
     rig: &Rig,
-    model: &Model,
+    scenario: &Scenario,
     progress: crate::diagnose::select::Progress,
 ) -> Vec<String> {
     match diagnose(measured, rig, progress) {
         Err(error) => vec![format!("no diagnosis of what remains: {error}")],
         Ok(diagnosis) => {
             let causes = &diagnosis.outcome.causes;
-            let new: Vec<&str> = causes.iter().map(|cause| cause.effect.as_str()).filter(|id| !model.has(id)).collect();
+            // The scenario's own loads are no news.
+            let known = |id: &str| scenario.model.has(id) || id == "load_step" && !scenario.loads.is_empty();
+            let new: Vec<&str> = causes.iter().map(|cause| cause.effect.as_str()).filter(|id| !known(id)).collect();
             let lacks = match new.is_empty() {
                 true => "the model has every effect that the measured loop shows".to_string(),
                 false => format!("the measured loop shows what the model lacks: {}", new.join(", ")),
