@@ -16,6 +16,7 @@
 //! | [`scenario`], [`figures`] | the core in closed loop on this computer, and its figures of merit |
 //! | [`board`], [`thesis`] | a board, real or simulated; identification, design and both loops on it as one experiment |
 //! | [`link`] | a board on a serial port: console, telemetry, recording |
+//! | [`tune`] | the tuning console in the terminal |
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
 //! | [`panels`] | plots over time, one under the other |
 //! | [`commands`] | the program `motorbench` |
@@ -48,3 +49,4 @@ pub mod stand;
 pub mod steady_state;
 pub mod telemetry;
 pub mod thesis;
+pub mod tune;

@@ -189,3 +189,86 @@ fn busy_and_missing_ports_and_full_disks_are_named() {
     let full = board.run("record", &["--out", "/proc/none.csv"]);
     assert_eq!(full.status.code(), Some(3), "{}", text(&full.stderr));
 }
+
+/// A terminal of tmux, with a program in it.
+struct Terminal(String);
+
+impl Terminal {
+    fn new(board: &Board) -> Option<Self> {
+        Command::new("tmux").arg("-V").output().ok()?;
+        let name = format!("motorbench-{}", std::process::id());
+        let command =
+            format!("{MOTORBENCH} tune --port {} --reference 30; echo exit $?; sleep 60", board.port().display());
+        let terminal = Self(name);
+        terminal.tmux(&["new-session", "-d", "-x", "80", "-y", "30", "-s", &terminal.0, &command]);
+        Some(terminal)
+    }
+
+    fn tmux(&self, arguments: &[&str]) -> String {
+        // A server of its own, so that nobody's sessions are touched.
+        text(&Command::new("tmux").args(["-L", &self.0]).args(arguments).output().unwrap().stdout)
+    }
+
+    fn press(&self, key: &str) {
+        self.tmux(&["send-keys", "-t", &self.0, key]);
+    }
+
+    /// Waits until the screen shows a text.
+    fn shows(&self, wanted: &str) {
+        let begun = Instant::now();
+        loop {
+            let screen = self.tmux(&["capture-pane", "-p", "-t", &self.0]);
+            if screen.contains(wanted) {
+                return;
+            }
+            assert!(begun.elapsed() < Duration::from_secs(15), "{wanted} is not on the screen:\n{screen}");
+            sleep(Duration::from_millis(100));
+        }
+    }
+}
+
+impl Drop for Terminal {
+    fn drop(&mut self) {
+        self.tmux(&["kill-server"]);
+    }
+}
+
+/// At 80 columns: arms, tests a step, changes a gain, takes it back, changes to the LQR, quits; and dies without leaving
+/// the motor driven.
+#[test]
+fn the_tuning_console_in_a_terminal() {
+    let board = Board::new("tune");
+    let Some(terminal) = Terminal::new(&board) else {
+        println!("skipped: the tuning console is tested in tmux, which is not installed");
+        return;
+    };
+    terminal.shows("speed off to 30");
+    terminal.press("s");
+    terminal.shows("a arms first");
+    terminal.press("a");
+    terminal.shows("ARMED");
+    terminal.press("s");
+    terminal.shows("step test done");
+    terminal.shows("speed            0.");
+    terminal.press("Right");
+    terminal.shows("> speed_kp         0.05500");
+    terminal.press("u");
+    terminal.shows("> speed_kp         0.05000");
+    terminal.press("Tab");
+    terminal.shows("lqr_speed ARMED");
+    terminal.press("q");
+    terminal.shows("exit 0");
+    assert!(text(&board.run("connect", &["status"]).stdout).contains("mode off armed 0"));
+    drop(terminal);
+
+    let terminal = Terminal::new(&board).unwrap();
+    terminal.shows("speed off to 30");
+    terminal.press("a");
+    terminal.shows("ARMED");
+    drop(terminal);
+    let own = format!("tune --port {}", board.port().display());
+    assert!(Command::new("pkill").args(["-KILL", "-f", &own]).status().is_ok());
+    sleep(Duration::from_secs(1));
+    let status = text(&board.run("connect", &["status"]).stdout);
+    assert!(status.contains("mode off armed 0"), "{status}");
+}

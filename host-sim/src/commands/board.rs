@@ -1,4 +1,4 @@
-//! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`: the commands that talk to a board.
+//! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`, `motorbench tune`: the commands that talk to a board.
 
 use super::{Failure, bar, write};
 use crate::board::{Board, BoardError};
@@ -7,6 +7,7 @@ use crate::link::record::{Ended, Record, duration_ticks, record};
 use crate::link::{self, Link, VERSION};
 use crate::rig::{NominalMotor, Rig};
 use crate::telemetry;
+use crate::tune::{Session, screen};
 use clap::{Args, ValueEnum};
 use motorbench_core::excitation::Kind;
 use motorbench_core::settings::{Param, Settings, find};
@@ -333,4 +334,34 @@ fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
         }
     }
     Ok(checked)
+}
+
+/// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
+#[derive(Args)]
+#[command(after_help = "Keys: a arm, space stop, s step test, up/down choose a gain, left/right 10 % less or more,
+-/+ reference, tab PID or LQR, u undo, w save on the board, q quit. Without this program the drive stops
+by itself after half a second.
+
+Example:
+  motorbench tune --reference 60")]
+pub struct TuneArguments {
+    #[command(flatten)]
+    port: PortArguments,
+    /// Speed that a step test goes to, in rad/s.
+    #[arg(long, default_value_t = 40.0, allow_negative_numbers = true)]
+    reference: f64,
+}
+
+/// Runs `tune`.
+///
+/// # Errors
+/// [`Failure`] when the board is gone, or when there is no terminal.
+pub fn run_tune(arguments: &TuneArguments) -> Result<(), Failure> {
+    if !std::io::stdout().is_terminal() {
+        return Err(Failure::machine("tune needs a terminal; for programs: `motorbench connect`, `send` and `record`"));
+    }
+    let stopped = on_interrupt()?;
+    let (link, _) = arguments.port.open()?;
+    let session = Session::new(link, arguments.reference)?;
+    screen::run(session, &|| stopped.load(Ordering::Relaxed)).map_err(Failure::from)
 }

@@ -53,6 +53,7 @@ enum Command {
     Connect(board::ConnectArguments),
     Record(board::RecordArguments),
     Send(board::SendArguments),
+    Tune(board::TuneArguments),
     /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
     Completions {
         /// Which shell.
@@ -112,6 +113,7 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Connect(arguments) => board::connect(&arguments),
         Command::Record(arguments) => board::run_record(&arguments),
         Command::Send(arguments) => board::run_send(&arguments),
+        Command::Tune(arguments) => board::run_tune(&arguments),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut std::io::stdout());
             Ok(())

@@ -1,0 +1,154 @@
+//! The tuning console's screen: traces above, gains, figures and keys below. Black and white serve as well as colours.
+
+use super::{Key, LOOPS, SHOWN_S, Session, name};
+use crate::board::BoardError;
+use crate::figures::Figures;
+use crate::link::Line;
+use ratatui::Frame;
+use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols::Marker;
+use ratatui::text::Line as TextLine;
+use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+use std::time::Duration;
+
+/// Points drawn of a trace.
+const POINTS: usize = 400;
+/// Least range of an axis.
+const LEAST: f64 = 0.1;
+
+/// Runs until the person quits, `stop` says so, or the board is gone; the terminal is then as it was.
+///
+/// # Errors
+/// [`BoardError`], when the board or the terminal is gone.
+pub fn run<L: Line>(mut session: Session<L>, stop: &dyn Fn() -> bool) -> Result<(), BoardError> {
+    let mut terminal = ratatui::init();
+    let ended = until_quit(&mut terminal, &mut session, stop);
+    ratatui::restore();
+    ended?;
+    session.leave()
+}
+
+fn until_quit<L: Line>(
+    terminal: &mut ratatui::DefaultTerminal,
+    session: &mut Session<L>,
+    stop: &dyn Fn() -> bool,
+) -> Result<(), BoardError> {
+    let failed = |error: std::io::Error| BoardError::Failed(format!("the terminal: {error}"));
+    while !stop() {
+        session.poll()?;
+        terminal.draw(|frame| draw(frame, session)).map_err(failed)?;
+        while poll(Duration::ZERO).map_err(failed)? {
+            let Event::Key(event) = read().map_err(failed)? else { continue };
+            let control_c = event.modifiers.contains(KeyModifiers::CONTROL) && event.code == KeyCode::Char('c');
+            if event.kind == KeyEventKind::Press && (control_c || event.code == KeyCode::Char('q')) {
+                return Ok(());
+            }
+            if let Some(key) = key(event.code).filter(|_| event.kind == KeyEventKind::Press) {
+                session.press(key)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn key(code: KeyCode) -> Option<Key> {
+    Some(match code {
+        KeyCode::Up => Key::Up,
+        KeyCode::Down => Key::Down,
+        KeyCode::Left => Key::Less,
+        KeyCode::Right => Key::More,
+        KeyCode::Char('-') => Key::Lower,
+        KeyCode::Char('+' | '=') => Key::Higher,
+        KeyCode::Char('a') => Key::Arm,
+        KeyCode::Char(' ') => Key::Stop,
+        KeyCode::Char('s') => Key::Step,
+        KeyCode::Tab => Key::Switch,
+        KeyCode::Char('u') => Key::Undo,
+        KeyCode::Char('w') => Key::Save,
+        _ => return None,
+    })
+}
+
+fn draw<L: Line>(frame: &mut Frame, session: &Session<L>) {
+    let [speed, drive, below, message] =
+        Layout::vertical([Constraint::Min(8), Constraint::Min(6), Constraint::Length(9), Constraint::Length(2)])
+            .areas(frame.area());
+    let [gains, figures] = Layout::horizontal([Constraint::Length(30), Constraint::Min(40)]).areas(below);
+    draw_traces(frame, session, speed, drive);
+    frame.render_widget(gain_list(session), gains);
+    frame.render_widget(figure_table(session), figures);
+    let keys = "a arm  space stop  s step  arrows gain  -/+ reference  tab PID/LQR  u undo  w save  q quit";
+    let lines = vec![TextLine::from(session.message.as_str()), TextLine::from(keys)];
+    frame.render_widget(Paragraph::new(lines), message);
+}
+
+fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, speed: Rect, drive: Rect) {
+    let every = (session.traces.len() / POINTS).max(1);
+    let points: Vec<_> = session.traces.iter().step_by(every).map(|sample| session.point(sample)).collect();
+    let end_s = points.last().map_or(0.0, |point| point.t_s);
+    let trace = |of: &dyn Fn(&crate::design::trial::Point) -> f64| {
+        points.iter().map(|point| (point.t_s - end_s, of(point))).collect::<Vec<_>>()
+    };
+    let (reference, measured) = (trace(&|point| point.reference), trace(&|point| point.measured_rad_per_s));
+    let (current, voltage) = (trace(&|point| point.i_a), trace(&|point| point.u_v / 10.0));
+    let title = |text: &str, last: &[(f64, f64)], unit: &str| {
+        format!("{text} {:.2} {unit}", last.last().map_or(0.0, |(_, value)| *value))
+    };
+    let first =
+        [(title("reference", &reference, "rad/s"), &reference), (title("speed", &measured, "rad/s"), &measured)];
+    frame.render_widget(chart(&first), speed);
+    let second = [(title("current", &current, "A"), &current), (title("voltage / 10", &voltage, "V"), &voltage)];
+    frame.render_widget(chart(&second), drive);
+}
+
+fn chart<'a>(traces: &'a [(String, &'a Vec<(f64, f64)>); 2]) -> Chart<'a> {
+    let values = || traces.iter().flat_map(|(_, trace)| trace.iter().map(|(_, value)| *value));
+    let low = values().fold(-LEAST, f64::min);
+    let high = values().fold(LEAST, f64::max);
+    let datasets = traces.iter().zip([Color::Reset, Color::Cyan]).map(|((_, trace), color)| {
+        Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).style(Style::new().fg(color)).data(trace)
+    });
+    Chart::new(datasets.collect())
+        .block(Block::bordered().title(format!("{} | {}", traces[0].0, traces[1].0)))
+        .x_axis(Axis::default().bounds([-SHOWN_S, 0.0]))
+        .y_axis(Axis::default().bounds([low, high]).labels([format!("{low:.1}"), format!("{high:.1}")]))
+}
+
+fn gain_list<L: Line>(session: &Session<L>) -> Paragraph<'_> {
+    let lines = session.tuned().gains.iter().enumerate().map(|(index, param)| {
+        let chosen = index == session.selected;
+        let text =
+            format!("{} {:16} {:.5}", if chosen { ">" } else { " " }, name(*param), session.settings.get(*param));
+        let style = if chosen { Style::new().add_modifier(Modifier::BOLD) } else { Style::new() };
+        TextLine::styled(text, style)
+    });
+    let title =
+        format!("{} {} to {:.0}", session.tuned().mode, if session.armed { "ARMED" } else { "off" }, session.reference);
+    Paragraph::new(lines.collect::<Vec<_>>()).block(Block::bordered().title(title))
+}
+
+fn figure_table<L: Line>(session: &Session<L>) -> Paragraph<'_> {
+    let mut lines = vec![TextLine::from("               rise s  settle s  over %  error  peak A")];
+    for (tuned, own) in LOOPS.iter().zip(&session.figures) {
+        for (when, figures) in ["", "before"].iter().zip(own) {
+            if let Some(figures) = figures {
+                lines.push(TextLine::from(figure_line(&format!("{} {when}", tuned.mode), figures)));
+            }
+        }
+    }
+    Paragraph::new(lines).block(Block::bordered().title("step tests"))
+}
+
+fn figure_line(what: &str, figures: &Figures) -> String {
+    let number = |value: Option<f64>, digits: usize| value.map_or("-".into(), |value| format!("{value:.digits$}"));
+    format!(
+        "{what:16} {:>5} {:>8} {:>7} {:>6} {:>6.2}",
+        number(figures.rise_s, 3),
+        number(figures.settling_s, 3),
+        number(figures.overshoot_percent, 1),
+        number(figures.steady_error, 2),
+        figures.peak_a
+    )
+}
