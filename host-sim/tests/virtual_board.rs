@@ -190,6 +190,21 @@ fn busy_and_missing_ports_and_full_disks_are_named() {
     assert_eq!(full.status.code(), Some(3), "{}", text(&full.stderr));
 }
 
+/// The motor has friction and a bridge that loses voltage: gains come from where it turns, and not from where it sticks.
+#[test]
+fn gains_without_a_model_pass_their_test_or_are_refused() {
+    let board = Board::new("autotune");
+    let done = board.run("autotune", &["--console", "gains.txt"]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    assert!(text(&done.stdout).contains("accepted"), "{}", text(&done.stdout));
+    let gains = std::fs::read_to_string(board.folder.join("gains.txt")).unwrap();
+    assert!(gains.starts_with("set speed_kp 0."), "{gains}");
+    let stuck = board.run("autotune", &["--from", "1", "--to", "8", "--hold", "0.3"]);
+    assert_eq!(stuck.status.code(), Some(1));
+    assert!(text(&stuck.stderr).contains("friction"), "{}", text(&stuck.stderr));
+    assert!(text(&board.run("connect", &["status"]).stdout).contains("mode off armed 0"));
+}
+
 /// A terminal of tmux, with a program in it.
 struct Terminal(String);
 

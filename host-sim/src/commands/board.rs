@@ -35,7 +35,7 @@ pub struct PortArguments {
 }
 
 impl PortArguments {
-    fn open(&self) -> Result<(Link<Port>, String), Failure> {
+    pub(super) fn open(&self) -> Result<(Link<Port>, String), Failure> {
         let name = match &self.port {
             Some(name) => name.clone(),
             None => only_board().map_err(Failure::machine)?,

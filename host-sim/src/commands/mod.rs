@@ -4,6 +4,7 @@
 //! line was wrong · 3 something the program needs is missing or not permitted on this machine.
 
 mod analyse;
+mod autotune;
 mod board;
 mod compare;
 mod convert;
@@ -54,6 +55,7 @@ enum Command {
     Record(board::RecordArguments),
     Send(board::SendArguments),
     Tune(board::TuneArguments),
+    Autotune(autotune::Arguments),
     /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
     Completions {
         /// Which shell.
@@ -114,6 +116,7 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Record(arguments) => board::run_record(&arguments),
         Command::Send(arguments) => board::run_send(&arguments),
         Command::Tune(arguments) => board::run_tune(&arguments),
+        Command::Autotune(arguments) => autotune::run(&arguments),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut std::io::stdout());
             Ok(())

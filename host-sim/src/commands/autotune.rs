@@ -1,0 +1,150 @@
+//! `motorbench autotune`
+
+use super::board::{PortArguments, on_interrupt};
+use super::{Failure, write};
+use crate::board::{Board, untripped};
+use crate::design::on_board::{self, TuningError};
+use crate::design::relay::{Relay, tyreus_luyben};
+use crate::design::step_tuning::simc;
+use crate::link::Link;
+use crate::link::port::Port;
+use clap::Args;
+use motorbench_core::message::Sample;
+use motorbench_core::settings::{Param, Settings};
+use motorbench_core::units::FULL_RANGE;
+use std::path::PathBuf;
+
+/// The acceptance test: a second on the reference, of which the last quarter counts.
+const TEST_S: f64 = 1.0;
+const LAST_PART: f64 = 0.25;
+/// What it demands.
+const MOST_OVERSHOOT_PERCENT: f64 = 35.0;
+const MOST_ERROR_SHARE: f64 = 0.03;
+
+/// Gains of the speed PID without a model, by an experiment on the board, with an acceptance test.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench autotune --from 6 --to 8
+  motorbench autotune --relay 1 --bias 7 --reference 60 --console gains.txt
+
+A motor that sticks is told so: friction is no loop to tune.")]
+pub struct Arguments {
+    #[command(flatten)]
+    port: PortArguments,
+    /// Voltage before the step, at which the motor turns.
+    #[arg(long, value_name = "V", default_value_t = 6.0)]
+    from: f64,
+    /// Voltage after the step.
+    #[arg(long, value_name = "V", default_value_t = 8.0)]
+    to: f64,
+    /// How long each is held.
+    #[arg(long, value_name = "S", default_value_t = 0.5)]
+    hold: f64,
+    /// Time constant that the closed loop shall have, in ms.
+    #[arg(long, value_name = "MS", default_value_t = 10.0)]
+    closed_loop: f64,
+    /// A relay experiment instead, with this swing of the voltage.
+    #[arg(long, value_name = "V")]
+    relay: Option<f64>,
+    /// First guess of the voltage that the relay's reference needs.
+    #[arg(long, value_name = "V", default_value_t = 7.0)]
+    bias: f64,
+    /// Speed of the relay experiment and of the acceptance test, in rad/s.
+    #[arg(long, default_value_t = 60.0)]
+    reference: f64,
+    /// Writes the gains as console lines, for `motorbench send`.
+    #[arg(long, value_name = "FILE.txt")]
+    console: Option<PathBuf>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`]: the board, an experiment that says nothing, or gains that do not pass.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    // Ctrl-C waits for the end of the experiment, which lasts seconds and disarms.
+    let _stopped = on_interrupt()?;
+    let (mut link, _) = arguments.port.open()?;
+    let settings = link.settings()?;
+    let gains = experiment(&mut link, &settings, arguments)?;
+    let line = gains.iter().fold("set".to_string(), |line, (name, value)| format!("{line} {name} {value:.6}"));
+    println!("gains: {line}");
+    let before: Vec<String> = gains.iter().map(|(name, _)| shown(&settings, name)).collect();
+    link.command(&line)?;
+    let (overshoot_percent, error) = acceptance(&mut link, &settings, arguments.reference)?;
+    println!(
+        "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s",
+        arguments.reference
+    );
+    if overshoot_percent > MOST_OVERSHOOT_PERCENT || error > MOST_ERROR_SHARE * arguments.reference.abs() {
+        link.command(&format!("set {}", before.join(" ")))?;
+        return Err(Failure::input(format!(
+            "not accepted: at most {MOST_OVERSHOOT_PERCENT} % and {:.1} rad/s are; the board has its old gains again. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely",
+            MOST_ERROR_SHARE * arguments.reference.abs()
+        )));
+    }
+    if let Some(path) = &arguments.console {
+        write(path, &(line + "\n"))?;
+    }
+    println!("accepted; the board has them until its next reset: `motorbench connect save` keeps them");
+    Ok(())
+}
+
+fn experiment(
+    link: &mut Link<Port>,
+    settings: &Settings,
+    arguments: &Arguments,
+) -> Result<Vec<(String, f64)>, Failure> {
+    let failed = |error: TuningError| match error {
+        TuningError::Board(error) => Failure::from(error),
+        other => Failure::input(other),
+    };
+    let Some(amplitude_v) = arguments.relay else {
+        let volts = [arguments.from, arguments.to];
+        let model = on_board::step(link, settings, volts, arguments.hold).map_err(failed)?;
+        println!(
+            "step: {:.2} rad/s per volt, time constant {:.1} ms, dead time {:.1} ms",
+            model.gain_rad_per_s_per_v,
+            1e3 * model.time_constant_s,
+            1e3 * model.dead_time_s
+        );
+        return Ok(simc(&model, 1e-3 * arguments.closed_loop));
+    };
+    let relay = Relay {
+        reference_rad_per_s: arguments.reference,
+        bias_v: arguments.bias,
+        amplitude_v,
+        hysteresis_rad_per_s: 0.5,
+        timeout_s: 10.0,
+    };
+    let found = on_board::relay(link, settings, &relay).map_err(failed)?;
+    println!(
+        "relay: period {:.1} ms, ultimate gain {:.3} V s/rad, of it {:.1} ms the way to the computer and back",
+        1e3 * found.cycle.period_s,
+        found.cycle.ultimate_gain_v_s_per_rad,
+        1e3 * found.delay_s
+    );
+    Ok(tyreus_luyben(&found.cycle))
+}
+
+/// A setting as `NAME VALUE`.
+fn shown(settings: &Settings, name: &str) -> String {
+    let value = motorbench_core::settings::find(name.as_bytes()).map_or(0.0, |param| settings.get(param));
+    format!("{name} {value}")
+}
+
+/// Goes to the reference; overshoot in percent, and mean error at the end.
+fn acceptance(link: &mut Link<Port>, settings: &Settings, reference: f64) -> Result<(f64, f64), Failure> {
+    link.command("arm")?;
+    link.command("mode speed")?;
+    link.samples(0.0)?;
+    link.command(&format!("ref {reference}"))?;
+    let samples = link.samples(TEST_S).and_then(untripped);
+    link.command("disarm")?;
+    let unit = f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE);
+    let share = |sample: &Sample| f64::from(sample.speed) * unit / reference;
+    let shares: Vec<f64> = samples?.iter().map(share).collect();
+    let last = &shares[shares.len() - (LAST_PART * shares.len() as f64) as usize..];
+    let error = last.iter().map(|share| (share - 1.0) * reference).sum::<f64>() / last.len().max(1) as f64;
+    Ok((100.0 * (shares.iter().copied().fold(1.0, f64::max) - 1.0), error.abs()))
+}
