@@ -170,6 +170,22 @@ impl LinearStep {
     }
 }
 
+/// By how much the current swings within a PWM period whose off phase brakes: it rises through the pulse and falls
+/// through the rest in straight lines.
+#[inline]
+pub(crate) fn swing_a(duty: f64, supply_v: f64, inductance_h: f64, pwm_hz: f64) -> f64 {
+    let pulse = duty.abs().min(1.0);
+    supply_v * pulse * (1.0 - pulse) / (inductance_h * pwm_hz)
+}
+
+/// What that adds to the mean current at the share `at` of the period.
+#[inline]
+pub(crate) fn ripple_a(duty: f64, swing_a: f64, at: f64) -> f64 {
+    let pulse = duty.abs().min(1.0);
+    let risen = if at < pulse { at / pulse } else { (1.0 - at) / (1.0 - pulse).max(f64::MIN_POSITIVE) };
+    duty.signum() * swing_a * (risen - 0.5)
+}
+
 /// What a dry drop leaves of a current. A mean current below half its swing within a PWM period reverses in each: then
 /// the drop acts the more evenly both ways the smaller the mean is.
 #[inline]
@@ -315,7 +331,7 @@ impl<'a> Run<'a> {
         }
         if let Some(at) = data.timing.current_sampled_at {
             let share = if data.open[index] { 0.0 } else { last_duty };
-            self.ripple_a = self.ripple_a(share, data.supply_v[index], at);
+            self.ripple_a = ripple_a(share, self.swing_a(share, data.supply_v[index]), at);
         }
         for term in &self.losing {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
@@ -342,18 +358,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// By how much the current swings within a PWM period whose off phase brakes: it rises through the pulse and falls
-    /// through the rest in straight lines.
     fn swing_a(&self, duty: f64, supply_v: f64) -> f64 {
-        let pulse = duty.abs().min(1.0);
-        supply_v * pulse * (1.0 - pulse) / (self.model.motor.inductance_h * self.data.pwm_hz)
-    }
-
-    /// What that adds to the mean current at the share `at` of the period.
-    fn ripple_a(&self, duty: f64, supply_v: f64, at: f64) -> f64 {
-        let pulse = duty.abs().min(1.0);
-        let risen = if at < pulse { at / pulse } else { (1.0 - at) / (1.0 - pulse).max(f64::MIN_POSITIVE) };
-        duty.signum() * self.swing_a(duty, supply_v) * (risen - 0.5)
+        swing_a(duty, supply_v, self.model.motor.inductance_h, self.data.pwm_hz)
     }
 
     /// Means of voltage and duty, held from sample to sample, over `length_s` from `offset_s` after sample `index`.

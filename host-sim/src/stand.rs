@@ -1,10 +1,13 @@
 //! The test stand from a table of steady states: where the electrical power goes by the constants found, the winding's
 //! resistance from rows at rest, the motor's condition against an earlier test, and where it is most efficient.
 
+pub mod drive;
+
+use crate::dataset::greatest;
 use crate::diagnose::outcome::Estimate;
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
-use crate::steady_state::{Level, Study, StudyError, interval, levels, line, study};
+use crate::steady_state::{Level, Study, StudyError, interval, levels, line, same_level, study};
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -36,6 +39,27 @@ impl Winding {
         let spread_ohm = (squares / (count - 1.0).max(1.0)).sqrt();
         (!resistances_ohm.is_empty()).then_some(Self { resistances_ohm, mean_ohm, spread_ohm })
     }
+}
+
+/// Whether a back-EMF says that the rotor is held or hardly turns.
+fn hardly_turns(u_v: f64, emf_v: f64) -> bool {
+    emf_v.abs() < NEARLY_AT_REST * u_v.abs()
+}
+
+/// The two directions at one voltage.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(non_snake_case, reason = "names of the contract, with their units")]
+pub struct Directions {
+    /// Voltage, either way.
+    pub u_V: f64,
+    /// Mean current forwards.
+    pub forward_A: f64,
+    /// Magnitude of the mean current backwards.
+    pub reverse_A: f64,
+    /// Mean speed forwards.
+    pub forward_rad_per_s: f64,
+    /// Magnitude of the mean speed backwards.
+    pub reverse_rad_per_s: f64,
 }
 
 /// Constants of the motor at rest from all change.
@@ -128,6 +152,8 @@ pub struct Stand {
     pub constants: Constants,
     /// One a level.
     pub losses: Vec<Losses>,
+    /// At every voltage that was run both ways.
+    pub directions: Vec<Directions>,
     /// Against the earlier test.
     pub condition: Vec<Condition>,
     /// The most efficient load at each voltage of the table, by the constants: not measured under load.
@@ -148,7 +174,27 @@ pub fn evaluate(table: &Recording, earlier: Option<&Recording>, rig: &Rig) -> Re
         None => Vec::new(),
     };
     let most_efficient = study.levels.iter().filter_map(|level| constants.most_efficient(level.u_V)).collect();
-    Ok(Stand { winding: Winding::of(resistances_ohm), constants, losses, condition, most_efficient, study })
+    let directions = study.levels.iter().filter_map(|level| directions(&running, level.u_V)).collect();
+    Ok(Stand { winding: Winding::of(resistances_ohm), constants, losses, directions, condition, most_efficient, study })
+}
+
+/// Means of both directions at a voltage; nothing where one of them is missing.
+fn directions(table: &Recording, u_v: f64) -> Option<Directions> {
+    let [u, i, w] = [Channel::Voltage, Channel::Current, Channel::Speed].map(|channel| table.get(channel));
+    let (u, i, w) = (u?, i?, w?);
+    let greatest_v = greatest(u);
+    let mean = |sign: f64, values: &[f64]| {
+        let rows = (0..u.len()).filter(|row| same_level(sign * u[*row], u_v, greatest_v));
+        let (count, sum) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + sign * values[row]));
+        (count > 0).then(|| sum / f64::from(count))
+    };
+    Some(Directions {
+        u_V: u_v,
+        forward_A: mean(1.0, i)?,
+        reverse_A: mean(-1.0, i)?,
+        forward_rad_per_s: mean(1.0, w)?,
+        reverse_rad_per_s: mean(-1.0, w)?,
+    })
 }
 
 /// The rows of a running motor, and the resistances of those nearly at rest.
@@ -161,7 +207,7 @@ fn split(table: &Recording, rig: &Rig) -> (Recording, Vec<f64>) {
     else {
         return (table.clone(), Vec::new());
     };
-    let at_rest = |row: usize| i[row] != 0.0 && (k * w[row]).abs() < NEARLY_AT_REST * u[row].abs();
+    let at_rest = |row: usize| i[row] != 0.0 && hardly_turns(u[row], k * w[row]);
     let (rest, running): (Vec<usize>, Vec<usize>) = (0..u.len()).partition(|row| at_rest(*row));
     let mut kept = Recording::new(table.name.clone());
     for (channel, values) in [(Channel::Voltage, &u), (Channel::Speed, &w), (Channel::Current, &i)] {

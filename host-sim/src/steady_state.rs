@@ -129,7 +129,8 @@ pub fn study(table: &Recording, rig: &Rig) -> Result<Study, StudyError> {
     Ok(Study { outcome, levels, explanations })
 }
 
-/// Means of the readings at each voltage, with what follows from the nominal constants.
+/// Means of the readings at each voltage, with what follows from the nominal constants. Both directions count as one:
+/// what differs between them, an offset of the current or friction, is scatter of their mean.
 pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
     let missing = || StudyError::Columns(table.name.clone());
     let voltage = table.get(Channel::Voltage).ok_or_else(missing)?;
@@ -142,9 +143,10 @@ pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, St
         if u.is_nan() || i.is_nan() || w.is_nan() {
             continue;
         }
-        match groups.iter_mut().find(|(level, _)| (level - u).abs() < SAME_LEVEL * greatest) {
-            Some((_, readings)) => readings.push((*i, *w)),
-            None => groups.push((*u, vec![(*i, *w)])),
+        let (u, i, w) = (u.abs(), i * u.signum(), w * u.signum());
+        match groups.iter_mut().find(|(level, _)| same_level(*level, u, greatest)) {
+            Some((_, readings)) => readings.push((i, w)),
+            None => groups.push((u, vec![(i, w)])),
         }
     }
     if groups.len() < FEWEST_LEVELS {
@@ -152,6 +154,11 @@ pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, St
     }
     groups.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(groups.iter().map(|(u, readings)| level(*u, readings, r, k)).collect())
+}
+
+/// Whether two voltages are one level of a table.
+pub(crate) fn same_level(a_v: f64, b_v: f64, greatest_v: f64) -> bool {
+    (a_v - b_v).abs() < SAME_LEVEL * greatest_v
 }
 
 fn level(u: f64, readings: &[(f64, f64)], r: f64, k: f64) -> Level {

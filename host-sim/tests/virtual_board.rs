@@ -1,6 +1,6 @@
 //! The commands for a board, as a person types them, against the real firmware behind `motorbench virtual`.
 
-use std::io::Write;
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
@@ -52,6 +52,11 @@ impl Board {
 
     fn run(&self, name: &str, arguments: &[&str]) -> Output {
         self.command(name, arguments).output().unwrap()
+    }
+
+    /// A command that needs no board, in its folder.
+    fn run_alone(&self, arguments: &[&str]) -> Output {
+        Command::new(MOTORBENCH).args(arguments).current_dir(&self.folder).output().unwrap()
     }
 
     fn side_file(&self) -> serde_json::Value {
@@ -203,6 +208,74 @@ fn gains_without_a_model_pass_their_test_or_are_refused() {
     assert_eq!(stuck.status.code(), Some(1));
     assert!(text(&stuck.stderr).contains("friction"), "{}", text(&stuck.stderr));
     assert!(text(&board.run("connect", &["status"]).stdout).contains("mode off armed 0"));
+}
+
+const STAND_RIG: &str = "[motor]\nresistance_ohm = 5.84\ninductance_H = 11.7e-3\ntorque_constant_Nm_per_A = 0.072\n";
+
+/// As a person with hands runs it: levels, then the rotor held where it is asked for; the figures are those of the
+/// simulated motor (0.012 Nm of friction, 2.5 to 2.6 V dropped).
+#[test]
+fn the_stand_measures_the_simulated_motor() {
+    let mut board = Board::new("stand");
+    std::fs::write(board.folder.join("rig.toml"), STAND_RIG).unwrap();
+    let mut stand = board
+        .command("stand", &["--rig", "rig.toml", "--voltages", "6,9,12", "--positions", "2", "--json", "-"])
+        .stdin(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut fingers = stand.stdin.take().unwrap();
+    for line in BufReader::new(stand.stderr.take().unwrap()).lines() {
+        if line.unwrap().contains("hold it, press Enter") {
+            board.change("turn 25");
+            sleep(Duration::from_millis(500));
+            writeln!(fingers).unwrap();
+        }
+    }
+    let done = stand.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stdout));
+    let found: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    let near = |pointer: &str, truth: f64, share: f64| {
+        let value = found.pointer(pointer).and_then(serde_json::Value::as_f64).unwrap_or(f64::NAN);
+        assert!((value / truth - 1.0).abs() < share, "{pointer}: {value} instead of {truth}");
+    };
+    near("/constants/coulomb_Nm", 0.012, 0.03);
+    near("/constants/drop_V", 2.55, 0.04);
+    near("/winding/mean_ohm", 5.84, 0.03);
+    // R i + k w + drop = u at 12 V, and k i = c + b w.
+    near("/levels/2/omega_rad_per_s", 116.4, 0.01);
+    assert_eq!(found["winding"]["resistances_ohm"].as_array().unwrap().len(), 2);
+    let again = board.run_alone(&["stand", "stand.csv", "--rig", "rig.toml", "--resistance", "stand.positions.csv"]);
+    assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
+    assert!(text(&again.stdout).contains("Winding at 2 positions"), "{}", text(&again.stdout));
+}
+
+#[test]
+fn a_stand_that_is_stopped_or_unplugged_keeps_its_table() {
+    let mut board = Board::new("stand-stop");
+    std::fs::write(board.folder.join("rig.toml"), STAND_RIG).unwrap();
+    let levels = ["--rig", "rig.toml", "--voltages", "6,7,8,9,10,11", "--readings", "2"];
+    let first_levels = |stand: &mut Child| {
+        let lines = BufReader::new(stand.stderr.take().unwrap()).lines();
+        lines.map_while(Result::ok).filter(|line| line.contains("rad/s")).nth(3).expect("four levels");
+    };
+    let mut stand = board.command("stand", &levels).spawn().unwrap();
+    first_levels(&mut stand);
+    assert!(Command::new("kill").args(["-INT", &stand.id().to_string()]).status().unwrap().success());
+    let done = stand.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(1));
+    assert!(text(&done.stdout).contains("Where the power goes"), "what had come is evaluated");
+    assert!((8..12).contains(&rows(&board.folder.join("stand.csv"))));
+    assert!(text(&board.run("connect", &["status"]).stdout).contains("mode off armed 0"));
+
+    let mut stand = board.command("stand", &levels).spawn().unwrap();
+    first_levels(&mut stand);
+    board.change("quit");
+    let done = stand.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(3));
+    assert!((8..12).contains(&rows(&board.folder.join("stand.csv"))));
+    let side: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(board.folder.join("stand.json")).unwrap()).unwrap();
+    assert!(side["ended"]["failed"].as_str().unwrap().contains("connection is gone"), "{side}");
 }
 
 /// A terminal of tmux, with a program in it.

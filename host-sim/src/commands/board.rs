@@ -224,7 +224,7 @@ fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settin
     Ok((settings, format!("sequence {name} {amplitude} {offset} {period} {count} {seed}")))
 }
 
-fn beside(out: &Path, extension: &str) -> PathBuf {
+pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
     out.with_extension(extension)
 }
 
@@ -255,12 +255,16 @@ fn report(arguments: &RecordArguments, done: &Record) -> Result<(), Failure> {
             done.losses.lost_frames, done.losses.damaged_frames
         );
     }
-    let rig = beside(&arguments.out, "rig.toml");
-    match &done.ended {
-        Ended::Complete => {
-            println!("next: motorbench diagnose {out} --rig {}", rig.display());
-            Ok(())
-        }
+    ended(&done.ended, &arguments.out)?;
+    println!("next: motorbench diagnose {out} --rig {}", beside(&arguments.out, "rig.toml").display());
+    Ok(())
+}
+
+/// An end before its time is a failure, with what was kept.
+pub(super) fn ended(ended: &Ended, out: &Path) -> Result<(), Failure> {
+    let out = out.display();
+    match ended {
+        Ended::Complete => Ok(()),
         Ended::Interrupted => Err(Failure::input(format!("stopped by hand; {out} holds what had come"))),
         Ended::Tripped(trip) => Err(Failure::input(format!(
             "the drive tripped ({trip}); {out} holds what had come. Clear the cause, then `clear`; for a recording limits can be raised with --set, for instance --set current_limit=0 --set trip_peak=2"

@@ -21,6 +21,7 @@ mod virtual_board;
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Display;
+use std::io::Write as _;
 use std::path::Path;
 use std::process::ExitCode;
 use std::time::Duration;
@@ -91,7 +92,8 @@ pub fn main() -> ExitCode {
     match run(Program::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("motorbench: {}", failure.message);
+            // The exit code says it as well, to who has closed the terminal.
+            let _ = writeln!(std::io::stderr(), "motorbench: {}", failure.message);
             ExitCode::from(failure.code)
         }
     }

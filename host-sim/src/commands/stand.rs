@@ -1,10 +1,12 @@
 //! `motorbench stand`
 
+mod board;
+
 use super::{Failure, mapping, write};
 use crate::diagnose::page::{estimate, short};
 use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::stand::{EfficiencyMap, OperatingPoint, Stand, Winding, evaluate};
+use crate::stand::{Directions, EfficiencyMap, OperatingPoint, Stand, Winding, evaluate};
 use clap::Args;
 use plotters::prelude::*;
 use serde::Deserialize;
@@ -12,14 +14,21 @@ use std::error::Error;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Evaluates a table of steady states as a test stand does: powers, efficiency, losses, condition, best operating points.
+/// A test stand: drives a board through voltages, or reads a table; powers, efficiency, losses, condition, best operating
+/// points.
 #[derive(Args)]
 #[command(after_help = "Examples:
+  motorbench stand --rig rig.toml --both-directions --positions 6 --save today.csv
+  motorbench stand --port /tmp/motorbench --rig rig.toml --voltages 6,8,10,12
   motorbench stand no_load.csv --rig rig.toml --resistance positions.csv
-  motorbench stand now.csv --earlier last_year.csv --rig rig.toml --map efficiency.svg")]
+  motorbench stand now.csv --earlier last_year.csv --rig rig.toml --map efficiency.svg
+
+Without a table the motor on the board is driven, without load. Ctrl-C stops it and keeps what has come.")]
 pub struct Arguments {
     /// Table with u_V, i_A and omega_rad_per_s or rpm; rows with the rotor held tell the winding's resistance.
-    table: PathBuf,
+    table: Option<PathBuf>,
+    #[command(flatten)]
+    board: board::BoardArguments,
     /// Nominal resistance_ohm and torque_constant_Nm_per_A under [motor] (TOML).
     #[arg(long)]
     rig: PathBuf,
@@ -53,10 +62,27 @@ struct Position {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rig = Rig::read(&arguments.rig).map_err(Failure::input)?;
     let read = |path: &PathBuf| Recording::read(path, &arguments.columns).map_err(Failure::input);
-    let (table, earlier) = (read(&arguments.table)?, arguments.earlier.as_ref().map(read).transpose()?);
-    let mut stand = evaluate(&table, earlier.as_ref(), &rig).map_err(Failure::input)?;
-    if let Some(path) = &arguments.resistance {
-        stand.winding = Winding::of(resistances(path)?);
+    let earlier = arguments.earlier.as_ref().map(read).transpose()?;
+    let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
+    match &arguments.table {
+        Some(path) => report(arguments, &read(path)?, earlier.as_ref(), winding, &rig),
+        None => arguments.board.run(&rig, |table, held| {
+            report(arguments, table, earlier.as_ref(), Some(held).filter(|held| !held.is_empty()).or(winding), &rig)
+        }),
+    }
+}
+
+/// Evaluates a table and prints or writes what was asked for. `resistances_ohm`: of the winding, where measured apart.
+fn report(
+    arguments: &Arguments,
+    table: &Recording,
+    earlier: Option<&Recording>,
+    resistances_ohm: Option<Vec<f64>>,
+    rig: &Rig,
+) -> Result<(), Failure> {
+    let mut stand = evaluate(table, earlier, rig).map_err(Failure::input)?;
+    if let Some(resistances_ohm) = resistances_ohm {
+        stand.winding = Winding::of(resistances_ohm);
     }
     if let Some(path) = &arguments.map {
         let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
@@ -129,6 +155,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             nominal_ohm.map_or("unknown".into(), short)
         );
     }
+    directions(&mut text, stand);
     condition(&mut text, stand);
     text += "\nMost efficient load at each voltage, foretold: no point of the table was loaded\n";
     text += "     u_V  torque_Nm     rpm    i_A    eff\n";
@@ -138,6 +165,22 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
         let _ = writeln!(text, "  {u_V:6.2} {torque_Nm:10.4} {rpm:7.0} {i_A:6.2} {efficiency:6.2}");
     }
     text
+}
+
+fn directions(text: &mut String, stand: &Stand) {
+    if stand.directions.is_empty() {
+        return;
+    }
+    text.push_str("\nForwards and backwards\n     u_V  i_A fwd  i_A rev  rpm fwd  rpm rev\n");
+    let rpm = 60.0 / std::f64::consts::TAU;
+    for Directions { u_V, forward_A, reverse_A, forward_rad_per_s, reverse_rad_per_s } in &stand.directions {
+        let _ = writeln!(
+            text,
+            "  {u_V:6.2} {forward_A:8.4} {reverse_A:8.4} {:8.1} {:8.1}",
+            forward_rad_per_s * rpm,
+            reverse_rad_per_s * rpm
+        );
+    }
 }
 
 fn condition(text: &mut String, stand: &Stand) {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
   motorbench record --port /tmp/motorbench --out run.csv
   motorbench virtual --rig rig.toml --model model.toml --link /tmp/mine
 
-While it runs it takes lines: load NM, supply V, block on|off, encoder ok|unplugged|swapped,
+While it runs it takes lines: load NM, supply V, block on|off, turn DEGREES (and hold), encoder ok|unplugged|swapped,
 current ok|open|high|low, stop on|off (the emergency stop), reset, quit.")]
 pub struct Arguments {
     /// Motor and supply from a rig file; without it the test stand's motor with friction and an L293D.
@@ -64,6 +64,8 @@ mod with_chip {
     /// Behind by more than this the clock is set anew: the computer was busy.
     const LATEST: Duration = Duration::from_millis(200);
     const COUNTS_PER_REV: f64 = 2000.0;
+    /// By how much a hand that turns the rotor pushes harder in each slice.
+    const PUSH_NM: f64 = 1e-3;
 
     /// Runs it until it is told to end.
     ///
@@ -127,6 +129,28 @@ mod with_chip {
         }
     }
 
+    /// What hands do at the shaft.
+    #[derive(Default)]
+    struct Hands {
+        load_nm: f64,
+        /// Angle to which the rotor is turned, to be held there, and with which torque by now.
+        turning: Option<(f64, f64)>,
+    }
+
+    impl Hands {
+        /// Pushes harder until the rotor is there.
+        fn push<P: Plant>(&mut self, bench: &mut Bench<P>) {
+            let Some((until_rad, torque_nm)) = &mut self.turning else { return };
+            let there = bench.now().angle_rad >= *until_rad;
+            *torque_nm += PUSH_NM;
+            bench.set_load_torque_nm(if there { self.load_nm } else { self.load_nm - *torque_nm });
+            if there {
+                bench.block_rotor(true);
+                self.turning = None;
+            }
+        }
+    }
+
     fn serve<P: Plant>(arguments: &Arguments, mut bench: Bench<P>) -> Result<(), Failure> {
         let (mut board, port) = TTYPort::pair().map_err(Failure::machine)?;
         board.set_timeout(Duration::from_millis(1)).map_err(Failure::machine)?;
@@ -136,10 +160,10 @@ mod with_chip {
         drop(port);
         let named = NamedPort::new(&arguments.link, &name)?;
         println!(
-            "virtual board at {} ({name}); lines change it: load, supply, block, encoder, current, stop, reset, quit",
+            "virtual board at {} ({name}); lines change it: load, supply, block, turn, encoder, current, stop, reset, quit",
             named.0.display()
         );
-        let orders = orders();
+        let (orders, mut hands) = (orders(), Hands::default());
         let (begun, ended) = (Instant::now(), super::super::board::on_interrupt()?);
         let mut clock = (Instant::now(), 0.0);
         while !ended.load(std::sync::atomic::Ordering::Relaxed)
@@ -149,11 +173,12 @@ mod with_chip {
                 if order.trim() == "quit" {
                     return Ok(());
                 }
-                if let Err(why) = obey(&mut bench, &order) {
+                if let Err(why) = obey(&mut bench, &mut hands, &order) {
                     println!("{why}");
                 }
             }
             exchange(&mut bench, &mut board)?;
+            hands.push(&mut bench);
             bench.run_s(SLICE_S).map_err(Failure::machine)?;
             clock.1 += SLICE_S;
             keep_time(&mut clock);
@@ -198,14 +223,21 @@ mod with_chip {
     }
 
     /// Changes the surroundings of the chip.
-    fn obey<P: Plant>(bench: &mut Bench<P>, order: &str) -> Result<(), String> {
+    fn obey<P: Plant>(bench: &mut Bench<P>, hands: &mut Hands, order: &str) -> Result<(), String> {
         let words: Vec<&str> = order.split_whitespace().collect();
         let number = |text: &str| {
             text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{text}: expected a number"))
         };
         match words[..] {
             [] => {}
-            ["load", torque_nm] => bench.set_load_torque_nm(number(torque_nm)?),
+            ["load", torque_nm] => {
+                hands.load_nm = number(torque_nm)?;
+                bench.set_load_torque_nm(hands.load_nm);
+            }
+            ["turn", degrees] => {
+                bench.block_rotor(false);
+                hands.turning = Some((bench.now().angle_rad + number(degrees)?.max(0.0).to_radians(), 0.0));
+            }
             ["supply", supply_v] => bench.set_supply_v(number(supply_v)?.clamp(0.0, 40.0)),
             ["block", on @ ("on" | "off")] => bench.block_rotor(on == "on"),
             ["stop", on @ ("on" | "off")] => bench.press_emergency_stop(on == "on"),
@@ -219,7 +251,7 @@ mod with_chip {
             ["reset"] => bench.reset(ResetCause::External),
             _ => {
                 return Err(format!(
-                    "{order}: expected load NM, supply V, block on|off, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset or quit"
+                    "{order}: expected load NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset or quit"
                 ));
             }
         }

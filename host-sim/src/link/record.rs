@@ -30,6 +30,15 @@ pub enum Ended {
     Failed(String),
 }
 
+impl From<BoardError> for Ended {
+    fn from(error: BoardError) -> Self {
+        match error {
+            BoardError::Tripped(trip) => Self::Tripped(format!("{trip:?}")),
+            error => Self::Failed(error.to_string()),
+        }
+    }
+}
+
 /// A recording and how it came about.
 #[derive(Clone, Debug)]
 pub struct Record {
@@ -51,8 +60,6 @@ impl Record {
 
     /// What a recording's side file says.
     pub fn side_file(&self, firmware: &str, sequence: &str) -> serde_json::Value {
-        let settings: serde_json::Map<String, serde_json::Value> =
-            Param::ALL.iter().map(|param| (super::name(*param), self.settings.get(*param).into())).collect();
         serde_json::json!({
             "program": format!("motorbench {}", super::VERSION),
             "firmware": firmware,
@@ -62,9 +69,14 @@ impl Record {
             "missing_ticks": self.missing_ticks(),
             "losses": self.losses,
             "ended": self.ended,
-            "settings": settings,
+            "settings": by_name(&self.settings),
         })
     }
+}
+
+/// Settings by their names on the console.
+pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value> {
+    Param::ALL.iter().map(|param| (super::name(*param), settings.get(*param).into())).collect()
 }
 
 /// Plays `order`, a `sequence` line of the console, in the present mode of an armed drive, and records it; disarms at the
@@ -83,8 +95,7 @@ pub fn record<L: Line>(
     let alive = settings.get(Param::TripHost) > 0.0;
     let ended = match play(link, order, ticks, alive, &mut samples, stop, progress) {
         Ok(ended) => ended,
-        Err(BoardError::Tripped(trip)) => Ended::Tripped(format!("{trip:?}")),
-        Err(error) => Ended::Failed(error.to_string()),
+        Err(error) => error.into(),
     };
     let off = link.command("disarm");
     let ended = match (ended, off) {

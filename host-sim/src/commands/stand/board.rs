@@ -1,0 +1,172 @@
+//! A board as the test stand of `motorbench stand`.
+
+use crate::commands::board::{PortArguments, beside, ended, on_interrupt};
+use crate::commands::{Failure, write};
+use crate::link::port::Port;
+use crate::link::record::by_name;
+use crate::link::{Link, VERSION};
+use crate::recording::Recording;
+use crate::rig::Rig;
+use crate::stand::drive::{Findings, HeldPosition, Person, Plan, drive};
+use clap::Args;
+use motorbench_core::settings::{Param, Settings};
+use std::fmt::Write as _;
+use std::io::{Write as _, stderr, stdin};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+
+/// Levels unless others are given: eighths of the largest voltage, from where most motors turn.
+const LEVELS: std::ops::RangeInclusive<u8> = 3..=8;
+const PARTS: f64 = 8.0;
+/// Two statements of the encoder may differ by this share.
+const SAME_COUNTS: f64 = 1e-3;
+
+/// How the board is driven.
+#[derive(Args)]
+pub(super) struct BoardArguments {
+    #[command(flatten)]
+    port: PortArguments,
+    /// Voltages to go to; without it 3/8 to 8/8 of the board's voltage_limit.
+    #[arg(long, value_name = "V,V,...", value_delimiter = ',', conflicts_with = "table")]
+    voltages: Vec<f64>,
+    /// The same voltages backwards as well.
+    #[arg(long, conflicts_with = "table")]
+    both_directions: bool,
+    /// Averages at each voltage, each of 0.2 s or a whole revolution.
+    #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..), conflicts_with = "table")]
+    readings: u16,
+    /// Measures the winding at so many positions, at which you are asked to hold the rotor.
+    #[arg(long, value_name = "COUNT", default_value_t = 0, conflicts_with = "table")]
+    positions: u16,
+    /// Where the table goes; beside it the positions (.positions.csv) and firmware, settings and losses (.json).
+    #[arg(long, value_name = "TABLE.csv", default_value = "stand.csv", conflicts_with = "table")]
+    save: PathBuf,
+}
+
+impl BoardArguments {
+    /// Drives the board, writes what came, and has the table and the held resistances evaluated.
+    pub(super) fn run(
+        &self,
+        rig: &Rig,
+        evaluate: impl FnOnce(&Recording, Vec<f64>) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        // Before the motor turns: a full disk or a wrong folder shall not cost a test.
+        write(&self.save, "")?;
+        let mut person = Terminal { stopped: on_interrupt()?, lines: None };
+        let (mut link, _) = self.port.open()?;
+        let settings = link.settings()?;
+        same_encoder(rig, &settings)?;
+        let plan = self.plan(&settings)?;
+        if rig.motor.inductance_h.is_none() {
+            eprintln!(
+                "without inductance_H in the rig file the current is that at the end of the PWM period, a little less than its mean"
+            );
+        }
+        let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person);
+        let table = findings.table(&self.save.display().to_string());
+        self.save(&findings, &table, &link, &settings)?;
+        drop(link);
+        let held = findings.positions.iter().map(|position| position.resistance_ohm.value).collect();
+        let evaluated = evaluate(&table, held);
+        ended(&findings.ended, &self.save)?;
+        evaluated
+    }
+
+    fn plan(&self, settings: &Settings) -> Result<Plan, Failure> {
+        let limit_v = f64::from(settings.get(Param::VoltageLimit));
+        let mut voltages_v = match &self.voltages[..] {
+            [] => LEVELS.map(|part| f64::from(part) / PARTS * limit_v).collect(),
+            given => given.to_vec(),
+        };
+        if let Some(wrong) = voltages_v.iter().find(|voltage| !(voltage.abs() <= limit_v && **voltage != 0.0)) {
+            return Err(Failure::input(format!(
+                "--voltages {wrong}: expected 0 to {limit_v} V, the board's voltage_limit; `motorbench connect 'set voltage_limit V'` changes it"
+            )));
+        }
+        if self.both_directions {
+            voltages_v.extend(voltages_v.clone().iter().map(|voltage| -voltage));
+        }
+        Ok(Plan { voltages_v, readings: self.readings.into(), positions: self.positions.into() })
+    }
+
+    fn save(
+        &self,
+        findings: &Findings,
+        table: &Recording,
+        link: &Link<Port>,
+        settings: &Settings,
+    ) -> Result<(), Failure> {
+        write(&self.save, &table.to_csv())?;
+        if !findings.positions.is_empty() {
+            write(&beside(&self.save, "positions.csv"), &positions(&findings.positions))?;
+        }
+        let side = serde_json::json!({
+            "program": format!("motorbench {VERSION}"),
+            "firmware": link.firmware,
+            "ended": findings.ended,
+            "losses": link.losses(),
+            "positions": findings.positions,
+            "settings": by_name(settings),
+        });
+        let side = serde_json::to_string_pretty(&side).map_err(Failure::machine)?;
+        write(&beside(&self.save, "json"), &(side + "\n"))
+    }
+}
+
+/// Speeds come from the board's count; the rig file's must not be another.
+fn same_encoder(rig: &Rig, settings: &Settings) -> Result<(), Failure> {
+    let board = f64::from(settings.get(Param::CountsPerRev));
+    match rig.encoder.counts_per_rev {
+        Some(rig) if (rig / board - 1.0).abs() > SAME_COUNTS => Err(Failure::input(format!(
+            "the rig file says {rig} counts a turn, the board {board}: mend the rig file, or `motorbench connect 'set counts_per_rev {rig}' save`"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+fn positions(positions: &[HeldPosition]) -> String {
+    let mut text = String::from("angle_deg,resistance_ohm,drop_V\n");
+    for position in positions {
+        let _ = writeln!(text, "{:.1},{},{}", position.angle_deg, position.resistance_ohm.value, position.drop_V);
+    }
+    text
+}
+
+/// The person at this terminal.
+struct Terminal {
+    stopped: Arc<AtomicBool>,
+    /// Lines that are typed, once something was asked.
+    lines: Option<Receiver<String>>,
+}
+
+impl Person for Terminal {
+    fn stops(&mut self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    fn hears(&mut self, line: &str) {
+        // A terminal that was closed shall not cost the table.
+        let _ = writeln!(stderr(), "{line}");
+    }
+
+    fn is_asked(&mut self, request: &str) {
+        self.hears(request);
+        self.lines.get_or_insert_with(|| {
+            let (sender, receiver) = channel();
+            // Reading blocks, and Ctrl-C shall be heard meanwhile.
+            std::thread::spawn(move || stdin().lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
+            receiver
+        });
+    }
+
+    fn answers(&mut self) -> Option<bool> {
+        match self.lines.as_ref()?.try_recv() {
+            Ok(_) => Some(true),
+            Err(TryRecvError::Empty) => None,
+            // Nobody is there.
+            Err(TryRecvError::Disconnected) => Some(false),
+        }
+    }
+}
