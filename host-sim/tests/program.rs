@@ -64,20 +64,14 @@ fn identify_finds_the_constants_that_made_the_recording() {
     let found = json_of(&["identify", path(&bench.run), "--rig", path(&bench.rig), "--json", "-"]);
     let truth = MotorParameters { inertia_kg_m2: 2.22e-5, ..MotorParameters::PIVT6 };
     let ends = |name: &str| [0, 1].map(|end| found["parameters"][name]["ci95"][end].as_f64().unwrap());
+    // The interval of viscous friction knows nothing of what falsifies it by a fiftieth: eight conversions stand for the
+    // mean over a tick, which in the tick of a step is 12 mA more.
     for (name, value) in &truth.named()[..4] {
         let [low, high] = ends(name);
         assert!((low..high).contains(value), "{name} = {value}: [{low}, {high}]");
     }
-    // Viscous friction is a torque: what the current reading cuts off, less than its step at the greatest speed, falsifies
-    // it, and the interval knows nothing of that.
-    let rig = host_sim::rig::Rig::read(&bench.rig).unwrap();
-    let greatest_rad_per_s = 8.0 / truth.torque_constant_nm_per_a;
-    let step_nm_s = rig.current_sensor.resolution_a.unwrap() * truth.torque_constant_nm_per_a / greatest_rad_per_s;
-    let [low, high] = ends("viscous_friction_Nm_s");
-    let viscous = truth.viscous_friction_nm_s;
-    assert!(low - step_nm_s < viscous && viscous < high + step_nm_s, "{viscous}: [{low}, {high}] and {step_nm_s}");
-    for (name, value) in &truth.named()[..4] {
-        let off = found["parameters"][name]["value"].as_f64().unwrap() / value - 1.0;
+    for (name, value) in &truth.named() {
+        let off = found["parameters"][*name]["value"].as_f64().unwrap() / value - 1.0;
         assert!(off.abs() < 0.03, "{name} is off by {:.1} %", 100.0 * off);
     }
     assert!(found["fit"]["omega_rad_per_s"]["fit_percent"].as_f64() > Some(97.0), "{}", found["fit"]);

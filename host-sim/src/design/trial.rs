@@ -1,7 +1,7 @@
 //! The core in closed loop with a simulated motor: what a design does once it is fixed point.
 //!
 //! The tick sees what it sees on the chip: encoder edges with their time stamps, sums of conversions of the current
-//! taken at the end of PWM periods. The bridge is switched as the PWM does, and takes a new duty
+//! sampled at [`CURRENT_SAMPLING_STEP`] of PWM periods. The bridge is switched as the PWM does, and takes a new duty
 //! [`DRIVE_DELAY_S`] after the tick.
 
 use super::sampled_loop::DRIVE_DELAY_S;
@@ -10,7 +10,7 @@ use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty
 use motorbench_core::encoder::Edges;
 use motorbench_core::excitation::{self, Kind, Sequence};
 use motorbench_core::message::{Mode, Request, Sample, State};
-use motorbench_core::pins::{CPU_HZ, PWM_HZ, PWM_STEPS};
+use motorbench_core::pins::{CPU_HZ, CURRENT_SAMPLING_STEP, PWM_HZ, PWM_STEPS};
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::units::{FULL_RANGE, VOLT};
 use rand::{RngExt, SeedableRng};
@@ -28,6 +28,8 @@ const PERIODS_PER_CONVERSION: u32 = 2;
 const BLOCK: u32 = 4;
 const SLOTS_PER_BLOCK: u32 = 5;
 const PERIOD_S: f64 = 1.0 / PWM_HZ as f64;
+/// From the start of a PWM period to the sample of its conversion.
+const SAMPLED_S: f64 = PERIOD_S * CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64;
 /// Steps of a conversion in a volt, and the sensor's output at zero current.
 const STEPS_PER_VOLT: f64 = 1024.0 / 5.0;
 const ZERO_V: f64 = 2.5;
@@ -187,9 +189,9 @@ impl<P: Plant> Trial<P> {
 
     /// One tick, and the time until the next.
     pub fn tick(&mut self, request: Option<Request>) -> Point {
-        let before = pwm_parts(&self.drive);
+        let before = Switching::of(&self.drive);
         self.drive = self.control.tick(request, &self.inputs());
-        let now = pwm_parts(&self.drive);
+        let now = Switching::of(&self.drive);
         let point = self.point();
         let inputs = PlantInputs {
             bridge: Bridge::default(),
@@ -199,7 +201,7 @@ impl<P: Plant> Trial<P> {
         };
         let (first, mut positions) = (self.periods, [self.position; MOST_PERIODS + 1]);
         for (period, position) in positions.iter_mut().enumerate().take(self.scales.periods + 1).skip(1) {
-            *position = self.pwm_period(if period <= LATE_PERIODS { before } else { now }, &inputs);
+            *position = self.pwm_period(if period <= LATE_PERIODS { &before } else { &now }, &inputs);
         }
         self.count_edges(first, &positions[..=self.scales.periods]);
         point
@@ -268,11 +270,14 @@ impl<P: Plant> Trial<P> {
     }
 
     /// One PWM period. Returns the position after it.
-    fn pwm_period(&mut self, parts: [(Bridge, f64); 2], inputs: &PlantInputs) -> f64 {
-        self.plant.advance_switched(parts, inputs);
+    fn pwm_period(&mut self, switching: &Switching, inputs: &PlantInputs) -> f64 {
         self.periods += 1;
         if self.periods.is_multiple_of(PERIODS_PER_CONVERSION) {
+            self.plant.advance_switched(switching.until_sampled, inputs);
             self.convert(self.periods / PERIODS_PER_CONVERSION);
+            self.plant.advance_switched(switching.after_sampled, inputs);
+        } else {
+            self.plant.advance_switched(switching.whole, inputs);
         }
         self.plant.angle_rad() * self.scales.counts_per_rad + 0.5
     }
@@ -326,15 +331,32 @@ impl<P: Plant> Trial<P> {
     }
 }
 
-/// The parts of a PWM period: on for the duty, braking or coasting for the rest.
-fn pwm_parts(drive: &Drive) -> [(Bridge, f64); 2] {
-    let on_s = PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(PWM_STEPS);
-    let on = if drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward };
-    let off = match drive.bridge {
-        excitation::Bridge::Coast => Bridge::Coast,
-        excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
-    };
-    [(on, on_s), (off, PERIOD_S - on_s)]
+/// A PWM period as the bridge switches it, in parts: on for the duty, braking or coasting for the rest.
+struct Switching {
+    whole: [(Bridge, f64); 2],
+    /// The same up to the sample of a conversion, and from there.
+    until_sampled: [(Bridge, f64); 2],
+    after_sampled: [(Bridge, f64); 2],
+}
+
+impl Switching {
+    fn of(drive: &Drive) -> Self {
+        let on_s = PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(PWM_STEPS);
+        let on = if drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward };
+        let off = match drive.bridge {
+            excitation::Bridge::Coast => Bridge::Coast,
+            excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
+        };
+        let between = |from_s: f64, to_s: f64| {
+            let switched_s = on_s.clamp(from_s, to_s);
+            [(on, switched_s - from_s), (off, to_s - switched_s)]
+        };
+        Self {
+            whole: between(0.0, PERIOD_S),
+            until_sampled: between(0.0, SAMPLED_S),
+            after_sampled: between(SAMPLED_S, PERIOD_S),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -357,6 +379,41 @@ mod tests {
             let seen_a = f64::from(trial.sample().current) / f64::from(motorbench_core::units::AMPERE);
             assert!((seen_a - points[499].i_a).abs() < 0.04, "{seen_a} {:?}", points[499]);
             assert_eq!(trial.sample().counts, (points[499].theta_rad * 2000.0 / TAU + 0.5).floor() as i32);
+        }
+    }
+
+    /// A plant whose current is the share of the PWM period that has passed.
+    struct Clock(f64);
+
+    impl Plant for Clock {
+        fn advance(&mut self, dt_s: f64, _: &PlantInputs) {
+            self.0 += dt_s;
+        }
+        fn angle_rad(&self) -> f64 {
+            0.0
+        }
+        fn speed_rad_per_s(&self) -> f64 {
+            0.0
+        }
+        fn current_a(&self) -> f64 {
+            (self.0 / PERIOD_S).fract()
+        }
+        fn supply_v(&self) -> f64 {
+            12.0
+        }
+    }
+
+    /// At any duty, also where the pulse is longer than that.
+    #[test]
+    fn the_current_is_sampled_where_the_firmware_samples_it() {
+        for voltage_v in [0.0, 3.0, 11.9] {
+            let mut trial = Trial::new(Clock(0.0), Settings::defaults()).unwrap();
+            trial.enter(Mode::OpenLoop);
+            trial.follow(voltage_v, 0.1);
+            let seen_a = f64::from(trial.sample().current) / f64::from(motorbench_core::units::AMPERE);
+            let sampled_a = f64::from(CURRENT_SAMPLING_STEP) / f64::from(PWM_STEPS);
+            // An eighth of a step of the converter.
+            assert!((seen_a - sampled_a).abs() < 0.004, "{voltage_v} V: {seen_a} A");
         }
     }
 }

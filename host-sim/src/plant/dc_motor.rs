@@ -97,8 +97,8 @@ impl DcMotorParameters {
 pub struct DcMotor {
     parameters: DcMotorParameters,
     moving: Moving,
-    /// For the lengths of the two parts of a PWM period, used in turn.
-    transitions: [Transition; 2],
+    /// For the lengths of the parts of PWM periods with and without a sample in them, used in turn.
+    transitions: [Transition; 4],
     state: State,
     supply_v: f64,
 }
@@ -127,7 +127,7 @@ impl DcMotor {
             assert!(value > 0.0, "{name} must be positive, not {value}");
         }
         let moving = Moving::new(&parameters);
-        Self { parameters, moving, transitions: [moving.transition(0.0); 2], state: State::default(), supply_v: 0.0 }
+        Self { parameters, moving, transitions: [moving.transition(0.0); 4], state: State::default(), supply_v: 0.0 }
     }
 
     /// The constants it was made with.
@@ -257,7 +257,7 @@ impl DcMotor {
         [torque_nm * self.moving.per_inertia, voltage_v * self.moving.per_inductance]
     }
 
-    /// Where the transition of this length is kept: the two lengths of a PWM period's parts come again and again.
+    /// Where the transition of this length is kept: the lengths of a PWM period's parts come again and again.
     #[inline]
     fn transition(&mut self, t: f64) -> usize {
         match self.transitions.iter().position(|kept| kept.t == t) {
@@ -268,7 +268,7 @@ impl DcMotor {
 
     #[cold]
     fn new_transition(&mut self, t: f64) -> usize {
-        self.transitions.swap(0, 1);
+        self.transitions.rotate_right(1);
         self.transitions[0] = self.moving.transition(t);
         0
     }

@@ -30,8 +30,8 @@ enum Solver {
 struct Stepwise {
     model: Model,
     inertia_kg_m2: f64,
-    /// The two lengths of a PWM period's parts, used in turn.
-    steps: [LinearStep; 2],
+    /// The lengths of the parts of PWM periods with and without a sample in them, used in turn.
+    steps: [LinearStep; 4],
     states: Vec<Vec<f64>>,
     time_s: f64,
     angle_rad: f64,
@@ -70,7 +70,7 @@ impl Stepwise {
         let share: f64 = model.terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
         Self {
             inertia_kg_m2: model.motor.inertia_kg_m2 * share,
-            steps: [LinearStep::default(); 2],
+            steps: [LinearStep::default(); 4],
             states: model.terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),
             model,
             time_s: 0.0,
@@ -81,15 +81,16 @@ impl Stepwise {
         }
     }
 
-    /// The step of this length, computed if it is neither of the last two.
+    /// The step of this length, computed if it is none of the last.
     fn linear_step(&mut self, step_s: f64) -> LinearStep {
-        if (self.steps[0].step_s() - step_s).abs() > 1e-12 {
-            self.steps.swap(0, 1);
+        match self.steps.iter().find(|kept| (kept.step_s() - step_s).abs() <= 1e-12) {
+            Some(kept) => *kept,
+            None => {
+                self.steps.rotate_right(1);
+                self.steps[0] = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
+                self.steps[0]
+            }
         }
-        if (self.steps[0].step_s() - step_s).abs() > 1e-12 {
-            self.steps[0] = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
-        }
-        self.steps[0]
     }
 
     fn step(&mut self, step_s: f64, inputs: &Inputs) {
