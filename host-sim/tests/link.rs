@@ -3,14 +3,17 @@
 
 use host_sim::board::{Board, BoardError};
 use host_sim::link::record::{Ended, record};
-use host_sim::link::{Line, Link, VERSION};
+use host_sim::link::{Line, Link, VERSION, name};
+use host_sim::live::Live;
+use host_sim::tune::Session;
 use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::protocol::{FRAME, Framer, SAMPLE, TEXT, TEXT_CHUNK, pack};
-use motorbench_core::settings::Settings;
+use motorbench_core::settings::{Param, Settings};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::VecDeque;
 use std::io;
+use std::net::UdpSocket;
 use std::sync::{Arc, Mutex};
 
 /// What goes wrong.
@@ -113,6 +116,12 @@ impl Fake {
                 self.playing = TICKS;
                 self.say("ok\r\n");
             }
+            "show" => {
+                let settings = Settings::defaults();
+                let line = |param: &Param| format!("# {} {} unit\r\n", name(*param), settings.get(*param));
+                let lines: String = Param::ALL.iter().map(line).collect();
+                self.say(&(lines + "ok\r\n"));
+            }
             "nonsense" => self.say("error: unknown command, see help\r\n"),
             _ => self.say("ok\r\n"),
         }
@@ -148,7 +157,7 @@ impl Line for Fake {
 fn recorded(fault: Fault) -> (host_sim::link::record::Record, Arc<Mutex<String>>) {
     let (fake, heard) = Fake::new(fault);
     let mut link = Link::start(fake).unwrap();
-    let record = record(&mut link, Settings::defaults(), "sequence steps 1", TICKS, &|| false, &|_| ());
+    let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| false, &mut |_| ());
     (record, heard)
 }
 
@@ -203,7 +212,7 @@ fn a_telemetry_that_stops_is_an_error_and_not_a_wait() {
 fn the_person_ends_it() {
     let (fake, heard) = Fake::new(Fault::None);
     let mut link = Link::start(fake).unwrap();
-    let record = record(&mut link, Settings::defaults(), "sequence steps 1", TICKS, &|| true, &|_| ());
+    let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| true, &mut |_| ());
     assert_eq!(record.ended, Ended::Interrupted);
     let heard = heard.lock().unwrap();
     assert!(heard.find("stop").unwrap() < heard.rfind("disarm").unwrap());
@@ -230,4 +239,22 @@ fn dropping_the_link_disarms() {
     let (fake, heard) = Fake::new(Fault::None);
     drop(Link::start(fake).unwrap());
     assert!(heard.lock().unwrap().ends_with("disarm\nstream off\necho on\n"));
+}
+
+/// What the tuning console shows a plotter gets as well, at the times of the board's ticks, none left out.
+#[test]
+fn tuning_is_sent_to_a_plotter() {
+    let plotter = UdpSocket::bind("127.0.0.1:0").unwrap();
+    plotter.set_read_timeout(Some(std::time::Duration::from_secs(5))).unwrap();
+    let live = Live::new(plotter.local_addr().ok(), None).unwrap();
+    let (fake, _) = Fake::new(Fault::None);
+    let mut session = Session::new(Link::start(fake).unwrap(), 30.0, Some(live)).unwrap();
+    session.poll().unwrap();
+    let (mut buffer, mut ticks) = ([0; 1024], Vec::new());
+    while ticks.len() < 20 {
+        let length = plotter.recv(&mut buffer).unwrap();
+        let object: serde_json::Value = serde_json::from_slice(&buffer[..length]).unwrap();
+        ticks.push((object["timestamp"].as_f64().unwrap() * 1000.0).round() as u32);
+    }
+    assert!(ticks[0] > 1000 && ticks.windows(2).all(|pair| pair[1] == pair[0] + 1), "{ticks:?}");
 }

@@ -1,6 +1,8 @@
 //! The commands for a board, as a person types them, against the real firmware behind `motorbench virtual`.
 
+use host_sim::recording::Channel;
 use std::io::{BufRead, BufReader, Write};
+use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
@@ -96,6 +98,58 @@ fn a_recording_is_whole_and_read_by_the_diagnosis() {
     assert!(rig.ignored.is_empty(), "{:?}", rig.ignored);
     let recording = host_sim::recording::Recording::read(&files[0], &[]).unwrap();
     host_sim::dataset::Dataset::new(&[recording], &rig).unwrap();
+}
+
+/// What a plotter gets is the recording, at the board's times. UDP may lose some when the computer is busy.
+#[test]
+fn plotters_get_the_recording_while_it_is_made() {
+    let board = Board::new("live");
+    let plotter = || {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_read_timeout(Some(Duration::from_secs(8))).unwrap();
+        let place = socket.local_addr().unwrap();
+        let hear = std::thread::spawn(move || {
+            let mut buffer = [0; 1024];
+            std::iter::from_fn(|| socket.recv(&mut buffer).ok().map(|length| text(&buffer[..length])))
+                .collect::<Vec<String>>()
+        });
+        (place, hear)
+    };
+    let ((json, plotjuggler), (lines, teleplot)) = (plotter(), plotter());
+    let to = [format!("--live=plotjuggler={json}"), format!("--live=teleplot={lines}")];
+    let done = board.run("record", &[&STEPS[..], &[&to[0], &to[1]]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let recording = host_sim::recording::Recording::read(&board.folder.join("run.csv"), &[]).unwrap();
+    let (time_s, current_a) = (recording.time_s().unwrap(), recording.get(Channel::Current).unwrap());
+
+    let sent: Vec<(f64, f64)> = plotjuggler
+        .join()
+        .unwrap()
+        .iter()
+        .map(|packet| {
+            let object: serde_json::Value = serde_json::from_str(packet).unwrap();
+            (object["timestamp"].as_f64().unwrap(), object["i_A"].as_f64().unwrap())
+        })
+        .collect();
+    assert!(sent.len() > time_s.len() * 9 / 10 && sent.len() <= time_s.len(), "{} of {}", sent.len(), time_s.len());
+    // The recording begins at zero, the board's clock at its start.
+    let begun_s = sent[0].0;
+    for (at_s, value) in &sent {
+        let row = (1000.0 * (at_s - begun_s)).round() as usize;
+        assert!((at_s - begun_s - time_s[row]).abs() < 1e-9 && (value - current_a[row]).abs() < 1e-6, "{at_s} {value}");
+    }
+    let packets = teleplot.join().unwrap();
+    assert!(packets.len() > time_s.len() * 9 / 10);
+    let field = |packet: &String| {
+        let line = packet.lines().find(|line| line.starts_with("i_A:")).unwrap().to_owned();
+        let words: Vec<f64> =
+            line.trim_end_matches("§A").split(':').skip(1).map(|word| word.parse().unwrap()).collect();
+        (1e-3 * words[0], words[1])
+    };
+    for (at_s, value) in packets.iter().map(field) {
+        let row = (1000.0 * (at_s - begun_s)).round() as usize;
+        assert!((value - current_a[row]).abs() < 1e-6, "{at_s} {value}");
+    }
 }
 
 #[test]

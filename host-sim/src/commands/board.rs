@@ -1,15 +1,18 @@
 //! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`, `motorbench tune`: the commands that talk to a board.
 
+use super::live::LiveArguments;
 use super::{Failure, bar, write};
 use crate::board::{Board, BoardError};
 use crate::link::port::{Port, only_board, open, ports};
 use crate::link::record::{Ended, Record, duration_ticks, record};
 use crate::link::{self, Link, VERSION};
+use crate::live::Live;
 use crate::rig::{NominalMotor, Rig};
 use crate::telemetry;
 use crate::tune::{Session, screen};
 use clap::{Args, ValueEnum};
 use motorbench_core::excitation::Kind;
+use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings, find};
 use std::io::{BufRead, IsTerminal, stdin};
 use std::path::{Path, PathBuf};
@@ -134,6 +137,7 @@ impl Excitation {
   motorbench record --out run.csv                                 (20 s of the sequence that tells most apart)
   motorbench record --sequence steps --amplitude 6 --period 800 --count 4 --out steps.csv
   motorbench record --mode speed --sequence levels --amplitude 80 --out loop.csv
+  motorbench record --live plotjuggler --live teleplot=192.168.1.20:47269
 
 Beside run.csv it writes run.rig.toml, for motorbench diagnose, and run.json: firmware, settings, what was lost.
 Ctrl-C stops the motor and keeps what has come.")]
@@ -170,6 +174,8 @@ pub struct RecordArguments {
     /// Where to.
     #[arg(long, default_value = "run.csv")]
     out: PathBuf,
+    #[command(flatten)]
+    live: LiveArguments,
 }
 
 /// Runs `record`.
@@ -184,17 +190,27 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     // Before the motor turns: a full disk or a wrong folder shall not cost a recording.
     write(&arguments.out, "")?;
     let stopped = on_interrupt()?;
+    let mut live = arguments.live.open()?;
     let (mut link, _) = arguments.port.open()?;
     let (settings, order) = prepare(&mut link, arguments)?;
     let kind = arguments.sequence.kind();
     let ticks = duration_ticks(kind, arguments.period, arguments.count, &settings);
-    let bar = bar(1000);
-    let done = record(&mut link, settings, &order, ticks, &|| stopped.load(Ordering::Relaxed), &|share| {
-        bar.set_position((1000.0 * share.min(1.0)) as u64);
+    let bar = bar(ticks.into());
+    let done = record(&mut link, settings, &order, &|| stopped.load(Ordering::Relaxed), &mut |came| {
+        bar.inc(came.len() as u64);
+        send(&mut live, came, &settings);
     });
     bar.finish_and_clear();
     write_all(arguments, &done, &link.firmware, &order, nominal)?;
     report(arguments, &done)
+}
+
+/// Sends samples on to plotters, and no more of them once that fails: a plotter shall not cost a recording.
+fn send(live: &mut Option<Live>, samples: &[Sample], settings: &Settings) {
+    if let Some(Err(error)) = live.as_ref().map(|live| live.send_samples(samples, settings)) {
+        eprintln!("nothing more is sent to the plotter: {error}");
+        *live = None;
+    }
 }
 
 /// Ctrl-C and a closed terminal no longer end the program; they set this.
@@ -354,6 +370,8 @@ pub struct TuneArguments {
     /// Speed that a step test goes to, in rad/s.
     #[arg(long, default_value_t = 40.0, allow_negative_numbers = true)]
     reference: f64,
+    #[command(flatten)]
+    live: LiveArguments,
 }
 
 /// Runs `tune`.
@@ -365,7 +383,8 @@ pub fn run_tune(arguments: &TuneArguments) -> Result<(), Failure> {
         return Err(Failure::machine("tune needs a terminal; for programs: `motorbench connect`, `send` and `record`"));
     }
     let stopped = on_interrupt()?;
+    let live = arguments.live.open()?;
     let (link, _) = arguments.port.open()?;
-    let session = Session::new(link, arguments.reference)?;
+    let session = Session::new(link, arguments.reference, live)?;
     screen::run(session, &|| stopped.load(Ordering::Relaxed)).map_err(Failure::from)
 }

@@ -65,6 +65,35 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// Where a command for a board sends its samples while they come.
+#[derive(Args)]
+pub(super) struct LiveArguments {
+    /// Sends what comes to PlotJuggler or Teleplot over UDP, with the board's time; on this computer or at HOST:PORT.
+    #[arg(long, value_name = "plotjuggler|teleplot[=HOST:PORT]")]
+    live: Vec<String>,
+}
+
+impl LiveArguments {
+    /// Ready to send, if that is wanted.
+    pub(super) fn open(&self) -> Result<Option<Live>, Failure> {
+        let (mut plotjuggler, mut teleplot) = (None, None);
+        for given in &self.live {
+            let (plotter, place) = given.split_once('=').map_or((&given[..], None), |(name, at)| (name, Some(at)));
+            match plotter {
+                "plotjuggler" => plotjuggler = Some(address(place.unwrap_or(PLOTJUGGLER))?),
+                "teleplot" => teleplot = Some(address(place.unwrap_or(TELEPLOT))?),
+                _ => {
+                    return Err(Failure::input(format!(
+                        "--live {given}: expected plotjuggler or teleplot, with =HOST:PORT when it is on another computer"
+                    )));
+                }
+            }
+        }
+        let wanted = plotjuggler.is_some() || teleplot.is_some();
+        wanted.then(|| Live::new(plotjuggler, teleplot).map_err(Failure::machine)).transpose()
+    }
+}
+
 fn address(text: &str) -> Result<SocketAddr, Failure> {
     let failed = |why: String| Failure::input(format!("{text}: {why}; expected HOST:PORT, for instance {PLOTJUGGLER}"));
     let mut found = text.to_socket_addrs().map_err(|error| failed(error.to_string()))?;

@@ -80,23 +80,19 @@ pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value
 }
 
 /// Plays `order`, a `sequence` line of the console, in the present mode of an armed drive, and records it; disarms at the
-/// end. `stop` is asked again and again whether the person wants to; `progress` hears the share that is done.
+/// end. `stop` is asked again and again whether the person wants to; `hears` gets the samples of the sequence as they come.
 ///
 /// What has come is never thrown away: whatever goes wrong is in [`Record::ended`].
 pub fn record<L: Line>(
     link: &mut Link<L>,
     settings: Settings,
     order: &str,
-    ticks: u32,
     stop: &dyn Fn() -> bool,
-    progress: &dyn Fn(f64),
+    hears: &mut dyn FnMut(&[Sample]),
 ) -> Record {
     let mut samples = Vec::new();
     let alive = settings.get(Param::TripHost) > 0.0;
-    let ended = match play(link, order, ticks, alive, &mut samples, stop, progress) {
-        Ok(ended) => ended,
-        Err(error) => error.into(),
-    };
+    let ended = play(link, order, alive, &mut samples, stop, hears).unwrap_or_else(Ended::from);
     let off = link.command("disarm");
     let ended = match (ended, off) {
         (Ended::Complete, Err(error)) => Ended::Failed(error.to_string()),
@@ -108,11 +104,10 @@ pub fn record<L: Line>(
 fn play<L: Line>(
     link: &mut Link<L>,
     order: &str,
-    ticks: u32,
     alive: bool,
     samples: &mut Vec<Sample>,
     stop: &dyn Fn() -> bool,
-    progress: &dyn Fn(f64),
+    hears: &mut dyn FnMut(&[Sample]),
 ) -> Result<Ended, BoardError> {
     link.samples(0.0)?;
     link.command(order)?;
@@ -133,29 +128,38 @@ fn play<L: Line>(
         if !came.is_empty() {
             heard = Instant::now();
         }
-        for sample in came {
-            let playing = sample.state.has(State::PLAYING);
-            if sample.trip != Trip::None {
-                samples.push(sample);
-                return Err(BoardError::Tripped(sample.trip));
-            }
-            if playing {
-                samples.push(sample);
-            } else if !samples.is_empty() {
-                return Ok(Ended::Complete);
-            }
+        let before = samples.len();
+        let ended = keep(&came, samples);
+        hears(&samples[before..]);
+        if let Some(ended) = ended? {
+            return Ok(ended);
         }
         if samples.is_empty() && begun.elapsed() > BEGINNING {
             return Err(BoardError::Failed(
                 "the sequence does not begin: is the drive armed and in the right mode?".into(),
             ));
         }
-        progress(samples.len() as f64 / f64::from(ticks.max(1)));
         if stop() {
             link.command("stop")?;
             return Ok(Ended::Interrupted);
         }
     }
+}
+
+/// Keeps the samples of the sequence, and says when it is over.
+fn keep(came: &[Sample], samples: &mut Vec<Sample>) -> Result<Option<Ended>, BoardError> {
+    for sample in came {
+        if sample.trip != Trip::None {
+            samples.push(*sample);
+            return Err(BoardError::Tripped(sample.trip));
+        }
+        if sample.state.has(State::PLAYING) {
+            samples.push(*sample);
+        } else if !samples.is_empty() {
+            return Ok(Some(Ended::Complete));
+        }
+    }
+    Ok(None)
 }
 
 /// How many ticks a sequence takes.

@@ -8,6 +8,7 @@ use crate::board::{Board, BoardError};
 use crate::design::trial::Point;
 use crate::figures::{Figures, step_figures};
 use crate::link::{Line, Link, name};
+use crate::live::Live;
 use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
@@ -57,6 +58,7 @@ struct Change {
 pub struct Session<L: Line> {
     link: Link<L>,
     settings: Settings,
+    live: Option<Live>,
     /// What the board's own `trip_host` was.
     trip_host: f32,
     loop_index: usize,
@@ -73,11 +75,11 @@ pub struct Session<L: Line> {
 }
 
 impl<L: Line> Session<L> {
-    /// With the settings as the board has them. `reference` in rad/s.
+    /// With the settings as the board has them. `reference` in rad/s; `live` gets every sample.
     ///
     /// # Errors
     /// [`BoardError`].
-    pub fn new(mut link: Link<L>, reference: f64) -> Result<Self, BoardError> {
+    pub fn new(mut link: Link<L>, reference: f64, live: Option<Live>) -> Result<Self, BoardError> {
         link.command("disarm")?;
         let settings = link.settings()?;
         let trip_host = settings.get(Param::TripHost);
@@ -85,6 +87,7 @@ impl<L: Line> Session<L> {
         Ok(Self {
             link,
             settings,
+            live,
             trip_host,
             loop_index: 0,
             selected: 0,
@@ -123,6 +126,10 @@ impl<L: Line> Session<L> {
         }
         if let Some(step) = &mut self.step {
             step.extend(came.iter().copied());
+        }
+        if let Some(Err(error)) = self.live.as_ref().map(|live| live.send_samples(&came, &self.settings)) {
+            self.live = None;
+            self.message = format!("nothing more is sent to the plotter: {error}");
         }
         self.traces.extend(came);
         let rate_hz = f64::from(self.settings.get(Param::TickRate));
