@@ -93,6 +93,12 @@ fn a_recording_is_whole_and_read_by_the_diagnosis() {
     assert_eq!((&side["ended"], side["missing_ticks"].as_u64()), (&"complete".into(), Some(0)), "{side}");
     assert_eq!(side["samples"].as_u64().unwrap() as usize, rows(&board.folder.join("run.csv")));
     assert_eq!(side["settings"]["counts_per_rev"], 2000.0);
+    assert_eq!((&side["settings"]["tick_rate"], &side["rate_Hz"]), (&1000.0.into(), &1000.0.into()));
+    assert!((side["settings"]["speed_kp"].as_f64().unwrap() - 0.05).abs() < 1e-6);
+    assert!(side["firmware"].as_str().unwrap().starts_with("motorbench "), "{side}");
+    assert_eq!(side["losses"], serde_json::json!({ "lost_frames": 0, "damaged_frames": 0 }));
+    assert_eq!(side["coverage"]["lacks"], serde_json::json!([]), "steps go both ways");
+    assert!(text(&done.stdout).contains("enough to identify"), "{}", text(&done.stdout));
     let files = [board.folder.join("run.csv"), board.folder.join("run.rig.toml")];
     let rig = host_sim::rig::Rig::read(&files[1]).unwrap();
     assert!(rig.ignored.is_empty(), "{:?}", rig.ignored);
@@ -150,6 +156,15 @@ fn plotters_get_the_recording_while_it_is_made() {
         let row = (1000.0 * (at_s - begun_s)).round() as usize;
         assert!((value - current_a[row]).abs() < 1e-6, "{at_s} {value}");
     }
+}
+
+#[test]
+fn a_recording_that_does_not_suffice_says_what_it_lacks() {
+    let board = Board::new("lacks");
+    let done = board.run("record", &["--sequence", "stairs", "--amplitude", "2", "--period", "200", "--count", "3"]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    // Two volts do not turn a motor behind a bridge that drops two and a half.
+    assert!(text(&done.stdout).contains("lacks motion: it mostly stood"), "{}", text(&done.stdout));
 }
 
 #[test]

@@ -3,6 +3,7 @@
 use super::live::LiveArguments;
 use super::{Failure, bar, write};
 use crate::board::{Board, BoardError};
+use crate::link::coverage::{Coverage, Lack};
 use crate::link::port::{Port, only_board, open, ports};
 use crate::link::record::{Ended, Record, duration_ticks, record};
 use crate::link::{self, Link, VERSION};
@@ -11,6 +12,7 @@ use crate::rig::{NominalMotor, Rig};
 use crate::telemetry;
 use crate::tune::{Session, screen};
 use clap::{Args, ValueEnum};
+use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings, find};
@@ -195,9 +197,15 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let (settings, order) = prepare(&mut link, arguments)?;
     let kind = arguments.sequence.kind();
     let ticks = duration_ticks(kind, arguments.period, arguments.count, &settings);
+    let mut coverage = Coverage::new(&settings);
     let bar = bar(ticks.into());
+    bar.set_style(
+        ProgressStyle::with_template("{bar:40} {percent} % {elapsed}\n{msg}").expect("a constant that is right"),
+    );
     let done = record(&mut link, settings, &order, &|| stopped.load(Ordering::Relaxed), &mut |came| {
         bar.inc(came.len() as u64);
+        coverage.add(came);
+        bar.set_message(coverage.covered().to_string());
         send(&mut live, came, &settings);
     });
     bar.finish_and_clear();
@@ -271,6 +279,9 @@ fn report(arguments: &RecordArguments, done: &Record) -> Result<(), Failure> {
             done.losses.lost_frames, done.losses.damaged_frames
         );
     }
+    let covered = done.coverage();
+    println!("{covered}");
+    covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
     ended(&done.ended, &arguments.out)?;
     println!("next: motorbench diagnose {out} --rig {}", beside(&arguments.out, "rig.toml").display());
     Ok(())

@@ -3,6 +3,7 @@
 //! [`Link`] speaks the console's lines inside the binary stream of [`motorbench_core::protocol`]: telemetry goes on while a
 //! command is answered, and what is lost or damaged on the way is counted. When it is dropped it disarms the drive.
 
+pub mod coverage;
 pub mod port;
 pub mod record;
 

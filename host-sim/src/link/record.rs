@@ -1,5 +1,6 @@
 //! Recording an excitation that the firmware plays: everything that came, whatever ended it.
 
+use super::coverage::{Coverage, Covered};
 use super::{Line, Link, Losses};
 use crate::board::{Board, BoardError};
 use motorbench_core::excitation::{Kind, Sequence};
@@ -58,6 +59,13 @@ impl Record {
         self.samples.windows(2).map(|pair| pair[1].tick.wrapping_sub(pair[0].tick).saturating_sub(1)).sum()
     }
 
+    /// What it has covered of what an identification needs.
+    pub fn coverage(&self) -> Covered {
+        let mut coverage = Coverage::new(&self.settings);
+        coverage.add(&self.samples);
+        coverage.covered()
+    }
+
     /// What a recording's side file says.
     pub fn side_file(&self, firmware: &str, sequence: &str) -> serde_json::Value {
         serde_json::json!({
@@ -68,6 +76,7 @@ impl Record {
             "samples": self.samples.len(),
             "missing_ticks": self.missing_ticks(),
             "losses": self.losses,
+            "coverage": self.coverage(),
             "ended": self.ended,
             "settings": by_name(&self.settings),
         })
