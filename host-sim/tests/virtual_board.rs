@@ -18,12 +18,17 @@ struct Board {
 
 impl Board {
     fn new(name: &str) -> Self {
+        Self::with(name, &[])
+    }
+
+    fn with(name: &str, arguments: &[&str]) -> Self {
         host_sim::chip::firmware_elf().expect("firmware");
         let folder = std::env::temp_dir().join(format!("motorbench-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let process = Command::new(MOTORBENCH)
             .args(["virtual", "--seconds", "120", "--link"])
             .arg(folder.join("board"))
+            .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .spawn()
@@ -262,6 +267,55 @@ fn busy_and_missing_ports_and_full_disks_are_named() {
     assert!(text(&missing.stderr).contains("motorbench ports"), "{}", text(&missing.stderr));
     let full = board.run("record", &["--out", "/proc/none.csv"]);
     assert_eq!(full.status.code(), Some(3), "{}", text(&full.stderr));
+}
+
+#[test]
+fn the_eeprom_is_kept_between_runs() {
+    let file = std::env::temp_dir().join(format!("motorbench-eeprom-{}.bin", std::process::id()));
+    let arguments = ["--eeprom", file.to_str().unwrap()];
+    let mut board = Board::with("eeprom", &arguments);
+    assert_eq!(board.run("connect", &["set speed_kp 0.07"]).status.code(), Some(0));
+    std::fs::write(board.folder.join("saved.txt"), "set speed_kp 0.08\n").unwrap();
+    assert_eq!(board.run("send", &["saved.txt", "--save"]).status.code(), Some(0));
+    // What is set and not saved is lost.
+    assert_eq!(board.run("connect", &["set speed_ki 9"]).status.code(), Some(0));
+    board.change("quit");
+    assert!(board.process.wait().unwrap().success());
+    drop(board);
+    let board = Board::with("eeprom", &arguments);
+    let shown = text(&board.run("connect", &["show speed_kp", "show speed_ki"]).stdout);
+    assert!(shown.starts_with("speed_kp 0.08 ") && !shown.contains("speed_ki 9"), "{shown}");
+    drop(board);
+    std::fs::write(&file, "short").unwrap();
+    let refused = Command::new(MOTORBENCH).arg("virtual").args(arguments).output().unwrap();
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(text(&refused.stderr).contains("has 5 bytes, an EEPROM 1024"), "{}", text(&refused.stderr));
+    std::fs::remove_file(&file).unwrap();
+}
+
+/// A turning motor becomes another; its speed in open loop is what the equations say of each.
+#[test]
+fn motor_and_effects_change_while_it_runs() {
+    let mut board = Board::with("change", &["--with", "effect coulomb_friction torque_Nm=0.01"]);
+    // At 9 V the L293D drops 2.575 V in the mean.
+    let speed = |k: f64, friction_nm: f64| (9.0 - 2.575 - 5.84 * friction_nm / k) / (k + 5.84 * 5e-6 / k);
+    let mut check = |order: &str, expected: f64| {
+        board.change(order);
+        let done = board.run("record", &["--sequence", "stairs", "--amplitude", "9", "--period", "400"]);
+        assert_eq!(done.status.code(), Some(0), "{order}: {}", text(&done.stderr));
+        let recording = host_sim::recording::Recording::read(&board.folder.join("run.csv"), &[]).unwrap();
+        let voltage_v = recording.get(Channel::Voltage).unwrap();
+        let settled = voltage_v.iter().rposition(|voltage_v| *voltage_v > 8.9).expect("the highest stair");
+        let speed = recording.get(Channel::Speed).unwrap()[settled];
+        assert!((speed / expected - 1.0).abs() < 0.01, "{order}: {speed} instead of {expected}");
+    };
+    check("", speed(0.072, 0.01));
+    check("effect coulomb_friction torque_Nm=0.02", speed(0.072, 0.02));
+    check("motor torque_constant_Nm_per_A=0.1", speed(0.1, 0.02));
+    check("effect voltage_drop drop_V=1", speed(0.1, 0.02) - 1.0 / (0.1 + 5.84 * 5e-6 / 0.1));
+    check("effect voltage_drop off", speed(0.1, 0.02));
+    // What is refused changes nothing.
+    check("effect rust x=1", speed(0.1, 0.02));
 }
 
 /// The motor has friction and a bridge that loses voltage: gains come from where it turns, and not from where it sticks.

@@ -52,6 +52,7 @@ pub use meter::{HandlerRun, Marker, Meter, Sample, Spread};
 pub use program::{Program, ProgramError, assemble, avr_elf, firmware_elf};
 pub use pwm::PwmSetting;
 pub use recorder::{Recording, Row};
+pub use registers::EEPROM_BYTES;
 pub use rig::{Rig, Wiring};
 pub use sensors::{Acs712, SensorFault, SupplyDivider, Tachogenerator};
 pub use serial::Serial;

@@ -1,5 +1,8 @@
 //! `motorbench virtual`: a board without hardware.
 
+#[cfg(all(feature = "chip", unix))]
+mod surroundings;
+
 use super::Failure;
 use clap::Args;
 use std::path::PathBuf;
@@ -10,9 +13,15 @@ use std::path::PathBuf;
   motorbench virtual &
   motorbench record --port /tmp/motorbench --out run.csv
   motorbench virtual --rig rig.toml --model model.toml --link /tmp/mine
+  motorbench virtual --eeprom board.bin --with 'effect cogging cosine_Nm=0.002 sine_Nm=0 periods_per_rev=7'
 
-While it runs it takes lines: load NM, supply V, block on|off, turn DEGREES (and hold), encoder ok|unplugged|swapped,
-current ok|open|high|low, stop on|off (the emergency stop), reset, quit.")]
+While it runs it takes lines, as --with does for its start:
+  motor resistance_ohm=7            constants of the motor, by their names in a model file
+  effect coulomb_friction torque_Nm=0.02    an effect of the catalogue, or other constants of it
+  effect coulomb_friction off       without it
+  model FILE.toml                   another motor with its effects; the shaft turns on
+  load NM, supply V, block on|off, turn DEGREES (and hold)
+  encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off (the emergency stop), reset, quit")]
 pub struct Arguments {
     /// Motor and supply from a rig file; without it the test stand's motor with friction and an L293D.
     #[arg(long)]
@@ -23,6 +32,12 @@ pub struct Arguments {
     /// Where the port is to be found.
     #[arg(long, default_value = "/tmp/motorbench")]
     link: PathBuf,
+    /// Keeps the board's EEPROM between runs, 1024 bytes; it is made when it is not there.
+    #[arg(long, value_name = "FILE")]
+    eeprom: Option<PathBuf>,
+    /// A line as while it runs, for its start.
+    #[arg(long = "with", value_name = "LINE")]
+    with: Vec<String>,
     /// Firmware to run, as ELF file; without it this program's own is built.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
@@ -37,7 +52,7 @@ pub struct Arguments {
 /// Always.
 #[cfg(not(all(feature = "chip", unix)))]
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { rig: _, model: _, link: _, firmware: _, seconds: _ } = arguments;
+    let Arguments { rig: _, model: _, link: _, eeprom: _, with: _, firmware: _, seconds: _ } = arguments;
     Err(Failure::machine(
         "this program was built without the simulated chip: run `scripts/setup chip`, then `cargo run --release -p host-sim --features chip -- virtual` (Linux, macOS)",
     ))
@@ -48,13 +63,13 @@ pub use with_chip::run;
 
 #[cfg(all(feature = "chip", unix))]
 mod with_chip {
+    use super::surroundings::{ORDERS, Surroundings};
     use super::{Arguments, Failure};
-    use crate::chip::{Bench, EncoderFault, ResetCause, Rig as Circuit, SensorFault, firmware_elf};
-    use crate::model::Model;
-    use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters, ModelPlant, Plant};
+    use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, firmware_elf};
+    use crate::plant::ModelPlant;
     use crate::rig::Rig;
     use serialport::{SerialPort, TTYPort};
-    use std::io::{BufRead, Read, Write};
+    use std::io::{BufRead, ErrorKind, Read, Write};
     use std::path::{Path, PathBuf};
     use std::sync::mpsc::{Receiver, channel};
     use std::time::{Duration, Instant};
@@ -64,8 +79,8 @@ mod with_chip {
     /// Behind by more than this the clock is set anew: the computer was busy.
     const LATEST: Duration = Duration::from_millis(200);
     const COUNTS_PER_REV: f64 = 2000.0;
-    /// By how much a hand that turns the rotor pushes harder in each slice.
-    const PUSH_NM: f64 = 1e-3;
+    /// The EEPROM is kept when nothing was written to it for so many slices.
+    const EEPROM_QUIET_SLICES: u32 = 50;
 
     /// Runs it until it is told to end.
     ///
@@ -73,22 +88,21 @@ mod with_chip {
     /// [`Failure`] with what is missing or wrong.
     pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let rig = arguments.rig.as_ref().map(|path| Rig::read(path).map_err(Failure::input)).transpose()?;
-        let circuit = circuit(rig.as_ref());
+        let mut surroundings = Surroundings::new(arguments.model.as_deref(), rig.as_ref())?;
         let elf = match &arguments.firmware {
             Some(path) => path.clone(),
             None => firmware_elf().map_err(Failure::machine)?,
         };
-        match model(arguments, rig.as_ref())? {
-            Some(model) => serve(arguments, Bench::new(elf, circuit, ModelPlant::new(model)).map_err(Failure::input)?),
-            None => {
-                let motor = DcMotorParameters {
-                    coulomb_friction_nm: 0.012,
-                    bridge: BridgeLosses::L293D,
-                    ..DcMotorParameters::PIVT6
-                };
-                serve(arguments, Bench::new(elf, circuit, DcMotor::new(motor)).map_err(Failure::input)?)
-            }
+        let mut bench = Bench::new(elf, circuit(rig.as_ref()), surroundings.plant()).map_err(Failure::input)?;
+        for order in &arguments.with {
+            surroundings.obey(&mut bench, order).map_err(|why| Failure::input(format!("--with {why}")))?;
         }
+        let mut eeprom = arguments.eeprom.clone().map(Eeprom).map(|eeprom| eeprom.load(&mut bench)).transpose()?;
+        let ended = serve(arguments, &mut bench, surroundings, &mut eeprom);
+        if let Some(eeprom) = &mut eeprom {
+            eeprom.keep(&bench)?;
+        }
+        ended
     }
 
     fn circuit(rig: Option<&Rig>) -> Circuit {
@@ -100,13 +114,58 @@ mod with_chip {
         }
     }
 
-    fn model(arguments: &Arguments, rig: Option<&Rig>) -> Result<Option<Model>, Failure> {
-        let Some(path) = &arguments.model else {
-            return rig.map(|rig| rig.motor.parameters().map(Model::linear).map_err(Failure::input)).transpose();
-        };
-        let failure = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|error| failure(&error))?;
-        Model::parse(&text).map(Some).map_err(|error| failure(&error))
+    /// A file that holds the EEPROM's content.
+    struct Eeprom(PathBuf);
+
+    impl Eeprom {
+        /// Puts the file's content into the chip, which has not begun; a chip without file is as from the factory.
+        fn load(self, bench: &mut Bench<ModelPlant>) -> Result<KeptEeprom, Failure> {
+            let name = self.0.display();
+            match std::fs::read(&self.0) {
+                Ok(image) if image.len() == EEPROM_BYTES => bench.chip_mut().set_eeprom(&image),
+                Ok(image) => {
+                    return Err(Failure::input(format!(
+                        "{name} has {} bytes, an EEPROM {EEPROM_BYTES}: is it another file?",
+                        image.len()
+                    )));
+                }
+                Err(error) if error.kind() == ErrorKind::NotFound => {}
+                Err(error) => return Err(Failure::machine(format!("{name}: {error}"))),
+            }
+            Ok(KeptEeprom { path: self.0, written: 0, kept: 0, quiet: 0 })
+        }
+    }
+
+    /// Watches for writes and keeps what they leave.
+    struct KeptEeprom {
+        path: PathBuf,
+        written: u64,
+        kept: u64,
+        quiet: u32,
+    }
+
+    impl KeptEeprom {
+        /// After each slice: keeps the content when a save is over.
+        fn watch(&mut self, bench: &Bench<ModelPlant>) -> Result<(), Failure> {
+            let written = bench.chip().eeprom_writes().0;
+            self.quiet = if written == self.written { self.quiet + 1 } else { 0 };
+            self.written = written;
+            if self.quiet == EEPROM_QUIET_SLICES { self.keep(bench) } else { Ok(()) }
+        }
+
+        /// Writes the file whole or not at all, if anything has changed.
+        fn keep(&mut self, bench: &Bench<ModelPlant>) -> Result<(), Failure> {
+            let written = bench.chip().eeprom_writes().0;
+            if written == self.kept {
+                return Ok(());
+            }
+            let beside = self.path.with_added_extension("part");
+            std::fs::write(&beside, bench.chip().eeprom())
+                .and_then(|()| std::fs::rename(&beside, &self.path))
+                .map_err(|error| Failure::machine(format!("{}: {error}", self.path.display())))?;
+            self.kept = written;
+            Ok(())
+        }
     }
 
     /// A name that stays the same for the port that the system numbers; gone when this is dropped.
@@ -129,29 +188,12 @@ mod with_chip {
         }
     }
 
-    /// What hands do at the shaft.
-    #[derive(Default)]
-    struct Hands {
-        load_nm: f64,
-        /// Angle to which the rotor is turned, to be held there, and with which torque by now.
-        turning: Option<(f64, f64)>,
-    }
-
-    impl Hands {
-        /// Pushes harder until the rotor is there.
-        fn push<P: Plant>(&mut self, bench: &mut Bench<P>) {
-            let Some((until_rad, torque_nm)) = &mut self.turning else { return };
-            let there = bench.now().angle_rad >= *until_rad;
-            *torque_nm += PUSH_NM;
-            bench.set_load_torque_nm(if there { self.load_nm } else { self.load_nm - *torque_nm });
-            if there {
-                bench.block_rotor(true);
-                self.turning = None;
-            }
-        }
-    }
-
-    fn serve<P: Plant>(arguments: &Arguments, mut bench: Bench<P>) -> Result<(), Failure> {
+    fn serve(
+        arguments: &Arguments,
+        bench: &mut Bench<ModelPlant>,
+        mut surroundings: Surroundings,
+        eeprom: &mut Option<KeptEeprom>,
+    ) -> Result<(), Failure> {
         let (mut board, port) = TTYPort::pair().map_err(Failure::machine)?;
         board.set_timeout(Duration::from_millis(1)).map_err(Failure::machine)?;
         let name = port.name().ok_or_else(|| Failure::machine("the pseudo-terminal has no name"))?;
@@ -159,11 +201,8 @@ mod with_chip {
         let _open = std::fs::File::options().read(true).write(true).open(&name).map_err(Failure::machine)?;
         drop(port);
         let named = NamedPort::new(&arguments.link, &name)?;
-        println!(
-            "virtual board at {} ({name}); lines change it: load, supply, block, turn, encoder, current, stop, reset, quit",
-            named.0.display()
-        );
-        let (orders, mut hands) = (orders(), Hands::default());
+        println!("virtual board at {} ({name}); lines change it: {ORDERS}", named.0.display());
+        let orders = orders();
         let (begun, ended) = (Instant::now(), super::super::board::on_interrupt()?);
         let mut clock = (Instant::now(), 0.0);
         while !ended.load(std::sync::atomic::Ordering::Relaxed)
@@ -173,13 +212,16 @@ mod with_chip {
                 if order.trim() == "quit" {
                     return Ok(());
                 }
-                if let Err(why) = obey(&mut bench, &mut hands, &order) {
+                if let Err(why) = surroundings.obey(bench, &order) {
                     println!("{why}");
                 }
             }
-            exchange(&mut bench, &mut board)?;
-            hands.push(&mut bench);
+            exchange(bench, &mut board)?;
+            surroundings.push(bench);
             bench.run_s(SLICE_S).map_err(Failure::machine)?;
+            if let Some(eeprom) = eeprom {
+                eeprom.watch(bench)?;
+            }
             clock.1 += SLICE_S;
             keep_time(&mut clock);
         }
@@ -187,7 +229,7 @@ mod with_chip {
     }
 
     /// Bytes both ways. What nobody fetches is lost, as on the wire.
-    fn exchange<P: Plant>(bench: &mut Bench<P>, board: &mut TTYPort) -> Result<(), Failure> {
+    fn exchange(bench: &mut Bench<ModelPlant>, board: &mut TTYPort) -> Result<(), Failure> {
         let mut buffer = [0; 512];
         let waiting = board.bytes_to_read().map_err(Failure::machine)?;
         if waiting > 0 {
@@ -220,41 +262,5 @@ mod with_chip {
             }
         });
         receiver
-    }
-
-    /// Changes the surroundings of the chip.
-    fn obey<P: Plant>(bench: &mut Bench<P>, hands: &mut Hands, order: &str) -> Result<(), String> {
-        let words: Vec<&str> = order.split_whitespace().collect();
-        let number = |text: &str| {
-            text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or(format!("{text}: expected a number"))
-        };
-        match words[..] {
-            [] => {}
-            ["load", torque_nm] => {
-                hands.load_nm = number(torque_nm)?;
-                bench.set_load_torque_nm(hands.load_nm);
-            }
-            ["turn", degrees] => {
-                bench.block_rotor(false);
-                hands.turning = Some((bench.now().angle_rad + number(degrees)?.max(0.0).to_radians(), 0.0));
-            }
-            ["supply", supply_v] => bench.set_supply_v(number(supply_v)?.clamp(0.0, 40.0)),
-            ["block", on @ ("on" | "off")] => bench.block_rotor(on == "on"),
-            ["stop", on @ ("on" | "off")] => bench.press_emergency_stop(on == "on"),
-            ["encoder", "ok"] => bench.set_encoder_fault(None),
-            ["encoder", "unplugged"] => bench.set_encoder_fault(Some(EncoderFault::Unplugged)),
-            ["encoder", "swapped"] => bench.set_encoder_fault(Some(EncoderFault::Swapped)),
-            ["current", "ok"] => bench.set_current_sensor_fault(None),
-            ["current", "open"] => bench.set_current_sensor_fault(Some(SensorFault::Open)),
-            ["current", "high"] => bench.set_current_sensor_fault(Some(SensorFault::PinnedV(5.0))),
-            ["current", "low"] => bench.set_current_sensor_fault(Some(SensorFault::PinnedV(0.0))),
-            ["reset"] => bench.reset(ResetCause::External),
-            _ => {
-                return Err(format!(
-                    "{order}: expected load NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset or quit"
-                ));
-            }
-        }
-        Ok(())
     }
 }

@@ -8,7 +8,7 @@
 //! direction, friction keeps the shaft from moving. Between the instants where one of them lets go or takes hold the
 //! equations are linear with constant input and are solved exactly, so a short electrical time constant costs nothing.
 
-use super::{Bridge, Inputs, Plant};
+use super::{Bridge, Inputs, Motion, Plant};
 
 /// Longest stretch solved at once. Events inside it are found by the sign of what changed at its end, and within this
 /// time nothing on a real motor changes its sign twice.
@@ -43,6 +43,8 @@ pub struct BridgeLosses {
 }
 
 impl BridgeLosses {
+    /// Of a bridge whose transistors are counted to the motor, or lose nothing: the diodes are left.
+    pub const DIODES: Self = Self { drive_v: 0.0, brake_v: 0.0, diode_v: 1.3 };
     /// L293D at 0.6 A, from its data sheet: V_CEsat 1.4 V above and 1.2 V below, diodes 1.3 V.
     pub const L293D: Self = Self { drive_v: 2.6, brake_v: 2.5, diode_v: 1.3 };
     /// A bridge without losses, for comparison with textbook formulas.
@@ -138,6 +140,11 @@ impl DcMotor {
     /// Sets the shaft turning, as an outside drive would.
     pub fn set_speed_rad_per_s(&mut self, speed_rad_per_s: f64) {
         self.state.speed_rad_per_s = speed_rad_per_s;
+    }
+
+    /// Sets it moving.
+    pub fn set_motion(&mut self, Motion { angle_rad, speed_rad_per_s, current_a }: Motion) {
+        self.state = State { speed_rad_per_s, current_a, angle_rad };
     }
 
     /// Advances through one stretch, from event to event.

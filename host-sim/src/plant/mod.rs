@@ -45,6 +45,17 @@ impl Default for Inputs {
     }
 }
 
+/// How a motor moves at an instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Angle of the shaft since the start.
+    pub angle_rad: f64,
+    /// Speed of the shaft.
+    pub speed_rad_per_s: f64,
+    /// Armature current.
+    pub current_a: f64,
+}
+
 /// A motor with its load and its supply.
 ///
 /// The chip harness calls [`advance`](Plant::advance) with steps between one processor cycle and one PWM period, some

@@ -1,14 +1,12 @@
 //! The extended model as a plant: what a diagnosis has found, to run a loop against.
 
-use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Plant};
-use crate::catalogue::{Balance, Instant};
+use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, Plant};
+use crate::catalogue::{Balance, Effect, Instant};
 use crate::free_run::LinearStep;
 use crate::model::Model;
 
 /// Longest step; shorter ones are taken as they come.
 const LONGEST_STEP_S: f64 = 50e-6;
-/// One free-wheeling diode of the bridge.
-const DIODE_V: f64 = 1.3;
 /// Effects that a switched bridge brings about by itself, or that are not the motor's.
 const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
 
@@ -29,6 +27,7 @@ enum Solver {
 #[derive(Clone, Debug)]
 struct Stepwise {
     model: Model,
+    bridge: BridgeLosses,
     inertia_kg_m2: f64,
     /// The lengths of the parts of PWM periods with and without a sample in them, used in turn.
     steps: [LinearStep; 4],
@@ -41,16 +40,48 @@ struct Stepwise {
 }
 
 impl ModelPlant {
-    /// At rest.
-    pub fn new(mut model: Model) -> Self {
-        model.terms.retain(|term| term.effect.acts_on_motor() && !NOT_THE_MOTORS.contains(&term.id()));
+    /// At rest, behind a bridge that loses what the model says.
+    pub fn new(model: Model) -> Self {
+        Self::behind(BridgeLosses::DIODES, model)
+    }
+
+    /// At rest, behind a bridge with losses of its own.
+    pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
+        model.terms.retain(|term| Self::simulates(term.effect));
         let exact = model.terms.iter().all(|term| EXACT.contains(&term.id()));
-        Self(if exact { Solver::Exact(event_exact(&model)) } else { Solver::Stepwise(Stepwise::new(model)) })
+        Self(if exact {
+            Solver::Exact(event_exact(bridge, &model))
+        } else {
+            Solver::Stepwise(Stepwise::new(bridge, model))
+        })
+    }
+
+    /// Whether an effect is part of it.
+    pub fn simulates(effect: &dyn Effect) -> bool {
+        effect.acts_on_motor() && !NOT_THE_MOTORS.contains(&effect.about().id)
+    }
+
+    /// Becomes another motor while it turns: angle, speed and current stay, what effects remember is forgotten.
+    pub fn replace(&mut self, bridge: BridgeLosses, model: Model) {
+        let motion = Motion {
+            angle_rad: self.angle_rad(),
+            speed_rad_per_s: self.speed_rad_per_s(),
+            current_a: self.current_a(),
+        };
+        *self = Self::behind(bridge, model);
+        match &mut self.0 {
+            Solver::Exact(motor) => motor.set_motion(motion),
+            Solver::Stepwise(motor) => {
+                motor.angle_rad = motion.angle_rad;
+                motor.speed_rad_per_s = motion.speed_rad_per_s;
+                motor.current_a = motion.current_a;
+            }
+        }
     }
 }
 
 /// The motor of a model that has no other effects than [`EXACT`].
-fn event_exact(model: &Model) -> DcMotor {
+fn event_exact(bridge: BridgeLosses, model: &Model) -> DcMotor {
     let sum = |id: &str| model.terms.iter().filter(|term| term.id() == id).map(|term| term.values[0]).sum::<f64>();
     let drop_v = sum("voltage_drop");
     DcMotor::new(DcMotorParameters {
@@ -61,18 +92,23 @@ fn event_exact(model: &Model) -> DcMotor {
         viscous_friction_nms_per_rad: model.motor.viscous_friction_nm_s,
         coulomb_friction_nm: sum("coulomb_friction"),
         // The drop is there whatever the bridge does; a coasting current flows through two diodes besides.
-        bridge: BridgeLosses { drive_v: drop_v, brake_v: drop_v, diode_v: DIODE_V + 0.5 * drop_v },
+        bridge: BridgeLosses {
+            drive_v: bridge.drive_v + drop_v,
+            brake_v: bridge.brake_v + drop_v,
+            diode_v: bridge.diode_v + 0.5 * drop_v,
+        },
     })
 }
 
 impl Stepwise {
-    fn new(model: Model) -> Self {
+    fn new(bridge: BridgeLosses, model: Model) -> Self {
         let share: f64 = model.terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
         Self {
             inertia_kg_m2: model.motor.inertia_kg_m2 * share,
             steps: [LinearStep::default(); 4],
             states: model.terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),
             model,
+            bridge,
             time_s: 0.0,
             angle_rad: 0.0,
             speed_rad_per_s: 0.0,
@@ -96,15 +132,14 @@ impl Stepwise {
     fn step(&mut self, step_s: f64, inputs: &Inputs) {
         let linear = self.linear_step(step_s);
         let mut terms = Balance { torque_nm: -inputs.load_torque_nm, ..Balance::default() };
-        let duty = match inputs.bridge {
-            Bridge::Forward => 1.0,
-            Bridge::Reverse => -1.0,
-            Bridge::Brake | Bridge::Coast => 0.0,
-        };
-        if inputs.bridge == Bridge::Coast {
+        let (duty, drop_v) = match inputs.bridge {
+            Bridge::Forward => (1.0, self.bridge.drive_v),
+            Bridge::Reverse => (-1.0, self.bridge.drive_v),
+            Bridge::Brake => (0.0, self.bridge.brake_v),
             // The current flows on against the supply, through two diodes, until it is nothing.
-            terms.dry_drop_v = inputs.supply_v + 2.0 * DIODE_V;
-        }
+            Bridge::Coast => (0.0, inputs.supply_v + 2.0 * self.bridge.diode_v),
+        };
+        terms.dry_drop_v = drop_v;
         let mut at = Instant {
             time_s: self.time_s,
             voltage_v: duty * inputs.supply_v,
@@ -206,7 +241,8 @@ mod tests {
         let model = Model::linear(MotorParameters::PIVT6)
             .with(effect("coulomb_friction").unwrap(), vec![0.01])
             .with(effect("voltage_drop").unwrap(), vec![2.0]);
-        let (mut exact, mut plant) = (event_exact(&model), Stepwise::new(model));
+        let bridge = BridgeLosses { drive_v: 0.3, brake_v: 0.2, ..BridgeLosses::DIODES };
+        let (mut exact, mut plant) = (event_exact(bridge, &model), Stepwise::new(bridge, model));
         for period in 0..20_000 {
             let duty = [0.6, -0.4, 0.25, 0.0][period / 5_000];
             let on_s = 50e-6 * f64::abs(duty);
@@ -219,5 +255,27 @@ mod tests {
             assert!((exact.speed_rad_per_s() - plant.speed_rad_per_s).abs() < 0.05, "period {period}");
             assert!((exact.current_a() - plant.current_a).abs() < 0.01, "period {period}");
         }
+    }
+
+    /// From one solver to the other and back: nothing jumps, and the new constants act.
+    #[test]
+    fn becomes_another_motor_while_it_turns() {
+        let free = Model::linear(MotorParameters::PIVT6);
+        let cogging = free.with(effect("cogging").unwrap(), vec![1e-4, 0.0, 7.0]);
+        let heavy = free.with(effect("coulomb_friction").unwrap(), vec![0.02]);
+        let mut plant = ModelPlant::new(free);
+        let inputs = Inputs { bridge: Bridge::Forward, ..Inputs::default() };
+        let run = |plant: &mut ModelPlant| (0..20_000).for_each(|_| plant.advance(50e-6, &inputs));
+        run(&mut plant);
+        let free_rad_per_s = plant.speed_rad_per_s();
+        for model in [cogging, heavy] {
+            let before = (plant.angle_rad(), plant.speed_rad_per_s(), plant.current_a());
+            plant.replace(BridgeLosses::DIODES, model);
+            assert_eq!(before, (plant.angle_rad(), plant.speed_rad_per_s(), plant.current_a()));
+            run(&mut plant);
+        }
+        // Friction takes R c / k^2 of the speed.
+        let expected = free_rad_per_s - 5.84 * 0.02 / (0.072 * 0.072 + 5.84 * 5e-6);
+        assert!((plant.speed_rad_per_s() - expected).abs() < 0.01, "{} {expected}", plant.speed_rad_per_s());
     }
 }

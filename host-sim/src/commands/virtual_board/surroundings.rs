@@ -1,0 +1,146 @@
+//! What a person changes around the virtual board while it runs: motor, effects, load, supply, faults.
+
+use super::Failure;
+use crate::catalogue::effect;
+use crate::chip::{Bench, EncoderFault, ResetCause, SensorFault};
+use crate::model::Model;
+use crate::motor::MotorParameters;
+use crate::plant::{BridgeLosses, ModelPlant};
+use crate::rig::Rig;
+use std::path::Path;
+use toml::{Table, Value};
+
+/// By how much a hand that turns the rotor pushes harder in each slice.
+const PUSH_NM: f64 = 1e-3;
+/// Dry friction of the motor when none is given.
+const COULOMB_NM: f64 = 0.012;
+/// The lines' first words.
+pub(super) const ORDERS: &str = "motor, effect, model, load, supply, block, turn, encoder, current, stop, reset, quit";
+const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset or quit";
+
+/// The motor, and what hands do at its shaft.
+pub(super) struct Surroundings {
+    model: Model,
+    bridge: BridgeLosses,
+    load_nm: f64,
+    /// Angle to which the rotor is turned, to be held there, and with which torque by now.
+    turning: Option<(f64, f64)>,
+}
+
+impl Surroundings {
+    /// The motor of a model file, else that of the rig file, else the test stand's behind an L293D.
+    pub(super) fn new(model: Option<&Path>, rig: Option<&Rig>) -> Result<Self, Failure> {
+        let (model, bridge) = match (model, rig) {
+            (Some(path), _) => (read(path).map_err(Failure::input)?, BridgeLosses::DIODES),
+            (None, Some(rig)) => (Model::linear(rig.motor.parameters().map_err(Failure::input)?), BridgeLosses::DIODES),
+            (None, None) => {
+                let friction = effect("coulomb_friction").expect("an effect of the catalogue");
+                (Model::linear(MotorParameters::PIVT6).with(friction, vec![COULOMB_NM]), BridgeLosses::L293D)
+            }
+        };
+        Ok(Self { model, bridge, load_nm: 0.0, turning: None })
+    }
+
+    /// The motor at rest.
+    pub(super) fn plant(&self) -> ModelPlant {
+        ModelPlant::behind(self.bridge, self.model.clone())
+    }
+
+    /// Does what a line says.
+    pub(super) fn obey(&mut self, bench: &mut Bench<ModelPlant>, order: &str) -> Result<(), String> {
+        let words: Vec<&str> = order.split_whitespace().collect();
+        match words[..] {
+            [] => {}
+            ["motor", ref pairs @ ..] if !pairs.is_empty() => self.become_motor(bench, self.with_motor(pairs)?),
+            ["effect", id, "off"] if self.model.has(id) => self.become_motor(bench, self.model.without(id)),
+            ["effect", id, ref pairs @ ..] => self.become_motor(bench, self.with_effect(id, pairs)?),
+            ["model", path] => {
+                self.bridge = BridgeLosses::DIODES;
+                self.become_motor(bench, read(Path::new(path))?);
+            }
+            ["load", torque_nm] => {
+                self.load_nm = number(torque_nm)?;
+                bench.set_load_torque_nm(self.load_nm);
+            }
+            ["turn", degrees] => {
+                bench.block_rotor(false);
+                self.turning = Some((bench.now().angle_rad + number(degrees)?.max(0.0).to_radians(), 0.0));
+            }
+            ["supply", supply_v] => bench.set_supply_v(number(supply_v)?.clamp(0.0, 40.0)),
+            ["block", on @ ("on" | "off")] => bench.block_rotor(on == "on"),
+            ["stop", on @ ("on" | "off")] => bench.press_emergency_stop(on == "on"),
+            ["encoder", "ok"] => bench.set_encoder_fault(None),
+            ["encoder", "unplugged"] => bench.set_encoder_fault(Some(EncoderFault::Unplugged)),
+            ["encoder", "swapped"] => bench.set_encoder_fault(Some(EncoderFault::Swapped)),
+            ["current", "ok"] => bench.set_current_sensor_fault(None),
+            ["current", "open"] => bench.set_current_sensor_fault(Some(SensorFault::Open)),
+            ["current", "high"] => bench.set_current_sensor_fault(Some(SensorFault::PinnedV(5.0))),
+            ["current", "low"] => bench.set_current_sensor_fault(Some(SensorFault::PinnedV(0.0))),
+            ["reset"] => bench.reset(ResetCause::External),
+            _ => return Err(format!("{order}: {EXPECTED}")),
+        }
+        Ok(())
+    }
+
+    /// A hand that turns the rotor pushes harder until it is there, and holds it.
+    pub(super) fn push(&mut self, bench: &mut Bench<ModelPlant>) {
+        let Some((until_rad, torque_nm)) = &mut self.turning else { return };
+        let there = bench.now().angle_rad >= *until_rad;
+        *torque_nm += PUSH_NM;
+        bench.set_load_torque_nm(if there { self.load_nm } else { self.load_nm - *torque_nm });
+        if there {
+            bench.block_rotor(true);
+            self.turning = None;
+        }
+    }
+
+    fn become_motor(&mut self, bench: &mut Bench<ModelPlant>, model: Model) {
+        self.model = model;
+        bench.change_plant(|plant| plant.replace(self.bridge, self.model.clone()));
+    }
+
+    fn with_motor(&self, pairs: &[&str]) -> Result<Model, String> {
+        self.changed(|file| set(file, "motor", pairs))
+    }
+
+    /// With other constants of an effect; those that are not given stay.
+    fn with_effect(&self, id: &str, pairs: &[&str]) -> Result<Model, String> {
+        if effect(id).is_some_and(|effect| !ModelPlant::simulates(effect)) {
+            return Err(format!(
+                "effect {id}: it is not the motor's; the virtual board's sensors and timing are the chip's own"
+            ));
+        }
+        self.changed(|file| {
+            let effects = file.entry("effects").or_insert_with(|| Value::Table(Table::new()));
+            set(effects.as_table_mut().expect("a model file's effects are a table"), id, pairs)
+        })
+    }
+
+    /// The model with a change in its file.
+    fn changed(&self, change: impl FnOnce(&mut Table) -> Result<(), String>) -> Result<Model, String> {
+        let mut file: Table = self.model.to_toml().parse().expect("what was written as TOML");
+        change(&mut file)?;
+        Model::parse(&file.to_string()).map_err(|error| error.to_string().trim_end().to_owned())
+    }
+}
+
+/// Puts `NAME=VALUE` pairs into a section.
+fn set(file: &mut Table, section: &str, pairs: &[&str]) -> Result<(), String> {
+    let section = file.entry(section).or_insert_with(|| Value::Table(Table::new()));
+    let section = section.as_table_mut().expect("a model file's sections are tables");
+    for pair in pairs {
+        let (name, value) = pair.split_once('=').ok_or_else(|| format!("{pair}: expected NAME=VALUE"))?;
+        section.insert(name.into(), number(value)?.into());
+    }
+    Ok(())
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| format!("{text}: expected a number"))
+}
+
+fn read(path: &Path) -> Result<Model, String> {
+    let failure = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    let text = std::fs::read_to_string(path).map_err(|error| failure(&error))?;
+    Model::parse(&text).map_err(|error| failure(&error))
+}
