@@ -119,13 +119,60 @@ pub fn call_saturate_i16(value: i32) -> i16 {
     saturate_i16(value)
 }
 
-/// `sum + a * b`: exact as long as the sum stays within 32 bits, which the caller has to see to.
+/// One product of [`dot`]: the next factor in r19:r18, the signal in r21:r20.
+#[cfg(target_arch = "avr")]
+macro_rules! dot_term {
+    ($signal:literal, $high:literal, $low:literal) => {
+        concat!(
+            "ld r18, Z+\nld r19, Z+\nmovw r20, {",
+            $signal,
+            "}\nmuls r19, r21\n",
+            $high,
+            "\nmul r18, r20\n",
+            $low,
+            "\n",
+            add_middle!(signed "r19" "r20"),
+            "\n",
+            add_middle!(signed "r21" "r18")
+        )
+    };
+}
+
+/// The sum of three products, modulo 2^32; exact if it stays within 32 bits, which the caller has to see to.
 #[inline(always)]
-pub fn multiply_add(sum: i32, a: i16, b: i16) -> i32 {
+pub fn dot(factors: &[i16; 3], signals: [i16; 3]) -> i32 {
     #[cfg(target_arch = "avr")]
-    return product!(sum, "muls", signed a, signed b);
+    {
+        let (low, high): (u16, u16);
+        // SAFETY: reads the three factors; else register arithmetic. r1, which the compiler holds at zero, is zero
+        // again at the end.
+        unsafe {
+            asm!(
+                "clr r26",
+                dot_term!("first", "movw r24, r0", "movw r22, r0"),
+                dot_term!("second", "add r24, r0\nadc r25, r1",
+                    "add r22, r0\nadc r23, r1\nadc r24, r26\nadc r25, r26"),
+                dot_term!("third", "add r24, r0\nadc r25, r1",
+                    "add r22, r0\nadc r23, r1\nadc r24, r26\nadc r25, r26"),
+                "clr r1",
+                first = in(reg_pair) signals[0],
+                second = in(reg_pair) signals[1],
+                third = in(reg_pair) signals[2],
+                inout("Z") factors.as_ptr() => _,
+                out("r19r18") _,
+                out("r21r20") _,
+                out("r23r22") low,
+                out("r25r24") high,
+                out("r26") _,
+                options(pure, readonly, nostack)
+            );
+        }
+        from_halves(low, high)
+    }
     #[cfg(not(target_arch = "avr"))]
-    return sum + a as i32 * b as i32;
+    {
+        factors.iter().zip(signals).fold(0, |sum: i32, (&a, b)| sum.wrapping_add(a as i32 * b as i32))
+    }
 }
 
 /// `sum + a * b` for an unsigned `b`; the caller sees to it that it stays within 32 bits.
@@ -345,7 +392,7 @@ pub mod digests {
                 mul_i16(a, b) as u32,
                 mul_u16(a as u16, b as u16),
                 mul_i16_u16(a, b as u16) as u32,
-                multiply_add(c >> 2, a, b) as u32,
+                dot(&[a, b, c as i16], [b, !a, a >> 2]) as u32,
                 multiply_add_u16(c >> 2, a >> 1, b as u16) as u32,
                 saturating_add_i32(c, d) as u32,
                 saturating_sub_i16(a, b) as u32 ^ (saturating_add_i16(a, b) as u32) << 5,
@@ -374,7 +421,8 @@ mod tests {
 
         #[test]
         fn sums_are_exact_or_saturate(sum in -1_000_000_000i32..1_000_000_000, a: i16, b: i16, c: i32, d: i32) {
-            prop_assert_eq!(multiply_add(sum, a, b) as i64, sum as i64 + a as i64 * b as i64);
+            let exact: i64 = [(a, b), (c as i16, a / 2), (d as i16, b / 4)].iter().map(|&(x, y)| x as i64 * y as i64).sum();
+            prop_assert_eq!(dot(&[a, c as i16, d as i16], [b, a / 2, b / 4]), exact as i32);
             let sum = sum / 2;
             let exact = sum as i64 + (a / 2) as i64 * b as u16 as i64;
             prop_assert_eq!(multiply_add_u16(sum, a / 2, b as u16) as i64, exact);

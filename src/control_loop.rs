@@ -176,6 +176,16 @@ enum Profile {
     Position(PositionProfile),
 }
 
+impl Profile {
+    #[inline(always)]
+    fn moving(&self) -> bool {
+        match self {
+            Self::Speed(profile) => profile.moving(),
+            Self::Position(profile) => profile.moving(),
+        }
+    }
+}
+
 /// What the controllers follow in this tick.
 struct Reference {
     /// In the unit of the mode, as it is recorded.
@@ -223,10 +233,16 @@ impl ControlLoop {
         (self.current.zeroing(), self.current.zero_ok())
     }
 
-    /// Takes a new configuration, as a whole, between two ticks; bumpless.
+    /// Takes a new configuration, as a whole, between two ticks; bumpless. A move under way whose profile changes begins
+    /// anew where its reference stands, from rest.
     pub fn configure(&mut self, config: &LoopConfig) {
+        let goes_on = config.trajectory.moves_like(&self.config.trajectory);
         self.config = *config;
         self.align = true;
+        if !goes_on && !self.playing && self.mode != Mode::OpenLoop {
+            self.restart();
+            self.retarget();
+        }
     }
 
     /// One tick.
@@ -251,8 +267,7 @@ impl ControlLoop {
     /// Position, speed, current and supply.
     #[inline(always)]
     fn measure(&mut self, inputs: &Inputs) -> Observation {
-        let before = self.motion.counts;
-        self.motion.step(&self.config.speed, inputs.edges, inputs.tick_coarse);
+        let moved = self.motion.step(&self.config.speed, &inputs.edges, inputs.tick_coarse);
         let reading = self.current.step(&self.config.current, inputs.current_sum);
         let sample = &mut self.sample;
         sample.tick = sample.tick.wrapping_add(1);
@@ -263,7 +278,7 @@ impl ControlLoop {
             sample.speed != 0
         } else {
             sample.speed = self.filter.step(&self.config.filter, self.motion.speed);
-            self.motion.counts != before
+            moved
         };
         let supply = self.config.supply_scale != 0;
         sample.supply = if supply {
@@ -279,9 +294,7 @@ impl ControlLoop {
             supply: supply.then_some(sample.supply),
             moved,
             sensor_at_rail: reading.saturated,
-            emergency_stop: inputs.flags & Inputs::EMERGENCY_STOP != 0,
-            host_spoke: inputs.flags & Inputs::HOST_SPOKE != 0,
-            main_loop_alive: inputs.flags & Inputs::MAIN_LOOP_ALIVE != 0,
+            flags: inputs.flags,
         }
     }
 
@@ -321,7 +334,11 @@ impl ControlLoop {
             Request::Stop => self.off(self.armed),
             Request::Mode(mode) => self.enter(mode),
             Request::Reference(target) => {
-                self.playing = false;
+                if self.playing {
+                    // The profile stands where it was before the sequence.
+                    self.playing = false;
+                    self.restart();
+                }
                 self.target = target;
                 self.retarget();
             }
@@ -356,14 +373,28 @@ impl ControlLoop {
         self.mode = mode;
         self.playing = false;
         self.align = true;
-        if mode.is_position() {
-            self.target = self.sample.counts;
-            self.profile = Profile::Position(PositionProfile::start(self.sample.counts));
+        self.sample.reference = if mode.is_position() {
+            self.sample.counts
         } else if mode.is_speed() {
-            self.target = self.sample.speed as i32;
-            self.profile = Profile::Speed(SpeedProfile::start(self.sample.speed));
+            self.sample.speed as i32
         } else {
-            self.target = 0;
+            0
+        };
+        self.target = self.sample.reference;
+        self.restart();
+    }
+
+    /// Begins the profile of the mode at the present reference, at rest.
+    #[inline(never)]
+    fn restart(&mut self) {
+        let reference = self.sample.reference;
+        self.profile = Profile::Speed(SpeedProfile::default());
+        if self.mode.is_position() {
+            self.profile = Profile::Position(PositionProfile::default());
+        }
+        match &mut self.profile {
+            Profile::Speed(profile) => profile.begin(call_saturate_i16(reference)),
+            Profile::Position(profile) => profile.begin(reference),
         }
     }
 
@@ -483,7 +514,7 @@ impl ControlLoop {
                 (config.position_lqr.law(), LqrConfig::position_terms(reference.error, speed_error, current))
             }
             Mode::OpenLoop | Mode::Off => {
-                self.voltage = value.clamp(low, high);
+                self.voltage = value.min(high).max(low);
                 self.limited = self.voltage == low || self.voltage == high;
                 return self.voltage;
             }
@@ -492,7 +523,8 @@ impl ControlLoop {
         self.voltage = voltage;
         self.limited = voltage == low || voltage == high;
         let driven = saturating_add_i16(saturating_add_i16(voltage, config.compensation.drop(voltage)), friction);
-        driven.clamp(-config.limits.voltage, config.limits.voltage)
+        // Not `clamp`, which becomes a call.
+        driven.min(config.limits.voltage).max(-config.limits.voltage)
     }
 
     /// PWM steps for a voltage, rounded to the nearest.
@@ -507,20 +539,17 @@ impl ControlLoop {
     #[inline(always)]
     fn record(&mut self, drive: &Drive) {
         let mut state = self.mode as u8;
-        let moving = match &self.profile {
-            Profile::Speed(profile) => profile.moving(),
-            Profile::Position(profile) => profile.moving(),
-        };
-        for (set, bit) in [
-            (self.armed, State::ARMED),
-            (drive.bridge != Bridge::Coast, State::ENABLED),
-            (self.playing, State::PLAYING),
-            (self.limited && self.mode != Mode::Off, State::LIMITED),
-            (moving && self.mode != Mode::Off, State::MOVING),
-        ] {
+        let mut add = |set: bool, bit: u8| {
             if set {
                 state |= bit;
             }
+        };
+        add(self.armed, State::ARMED);
+        add(drive.bridge != Bridge::Coast, State::ENABLED);
+        if self.mode != Mode::Off {
+            add(self.playing, State::PLAYING);
+            add(self.limited, State::LIMITED);
+            add(self.mode != Mode::OpenLoop && self.profile.moving(), State::MOVING);
         }
         self.sample.state = State(state);
         self.sample.duty = drive.duty;

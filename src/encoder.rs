@@ -81,21 +81,6 @@ impl Edges {
         self.coarse = coarse;
         self.fine = fine;
     }
-
-    /// Direction of the last step, +1 or -1.
-    #[inline(always)]
-    fn direction(&self) -> i16 {
-        if self.step & BACKWARD == 0 { 1 } else { -1 }
-    }
-
-    /// Time of the last step in cycles, modulo 2^14.
-    #[inline(always)]
-    fn time(&self) -> u16 {
-        let coarse = (self.coarse as u16) << 6;
-        // Ideally 0..=63; read as -96..=159 it forgives a misalignment of the timers.
-        let ahead = self.fine.wrapping_sub(coarse as u8).wrapping_add(96) as u16;
-        coarse.wrapping_add(ahead).wrapping_sub(96)
-    }
 }
 
 /// The scale of the speed: speed bits = half counts x `mantissa` x 2^(15 - `shift`) / cycles.
@@ -153,12 +138,55 @@ pub struct SpeedState {
     pub illegal: u16,
     /// The last edges seen.
     edges: Edges,
-    /// Cycles from the last edge to the present tick; saturates at [`LONGEST`].
-    elapsed: i32,
+    /// Cycles from the last edge to the present tick, and [`LATE`] more; saturates at [`LONGEST`].
+    elapsed: Cycles,
 }
 
-/// After this many cycles (1.05 s) without an edge the shaft stands still.
-const LONGEST: i32 = 0x00ff_ffff;
+/// A time of up to 24 bits. In two parts, because the usual one, of a tick or two, needs the lower part only.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+struct Cycles {
+    low: u16,
+    high: u8,
+}
+
+/// After this long (1.05 s) without an edge the shaft stands still.
+const LONGEST: Cycles = Cycles { low: 0, high: 0xff };
+/// An edge may come between the tick's instant and its handler, which must therefore take the edges within 256 cycles,
+/// less the misalignment of the timers. Times since an edge are kept with this much more, so that none is negative.
+const LATE: u16 = 256;
+
+impl Cycles {
+    /// A tick later.
+    #[inline(always)]
+    fn later(self, cycles: u16) -> Self {
+        let low = self.low.wrapping_add(cycles);
+        let high = if low < cycles { self.high + 1 } else { self.high };
+        if high == LONGEST.high { LONGEST } else { Self { low, high } }
+    }
+
+    /// Mantissa in 2^15..2^16 and exponent of this time less `cycles`, which is not longer.
+    #[inline(always)]
+    fn normalised_less(self, cycles: u16) -> (u16, i8) {
+        if self.high == 0 { normalise(self.low.saturating_sub(cycles)) } else { self.long_less(cycles) }
+    }
+
+    #[inline(never)]
+    fn long_less(self, cycles: u16) -> (u16, i8) {
+        let high = self.high - (self.low < cycles) as u8;
+        let mut low = self.low.wrapping_sub(cycles);
+        if high == 0 {
+            return normalise(low);
+        }
+        let (mut mantissa, mut exponent) = ((high as u16) << 8 | low >> 8, 8);
+        low <<= 8;
+        while mantissa & 0x8000 == 0 {
+            mantissa = mantissa << 1 | low >> 15;
+            low <<= 1;
+            exponent -= 1;
+        }
+        (mantissa, exponent)
+    }
+}
 
 impl SpeedState {
     /// Standing still, with the lines as the handler found them.
@@ -175,68 +203,65 @@ impl SpeedState {
         self.elapsed = LONGEST;
     }
 
-    /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick.
+    /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick. Returns
+    /// whether the shaft has moved.
     #[inline(always)]
-    pub fn step(&mut self, config: &SpeedConfig, edges: Edges, tick_coarse: u8) {
-        self.elapsed = (self.elapsed + config.tick_cycles as i32).min(LONGEST);
-        let delta = edges.count.wrapping_sub(self.edges.count) as i8;
-        if edges.illegal != self.edges.illegal {
-            self.illegal = self.illegal.saturating_add(edges.illegal.wrapping_sub(self.edges.illegal) as u16);
+    pub fn step(&mut self, config: &SpeedConfig, edges: &Edges, tick_coarse: u8) -> bool {
+        let before = self.edges;
+        let elapsed = self.elapsed.later(config.tick_cycles);
+        self.elapsed = elapsed;
+        if edges.illegal != before.illegal {
+            self.illegal = self.illegal.saturating_add(edges.illegal.wrapping_sub(before.illegal) as u16);
+            self.edges.illegal = edges.illegal;
         }
-        let moved = edges.coarse != self.edges.coarse || edges.fine != self.edges.fine || delta != 0;
-        let (half_counts, cycles) = if moved {
+        let delta = edges.count.wrapping_sub(before.count) as i8;
+        let moved = delta != 0 || edges.coarse != before.coarse || edges.fine != before.fine;
+        let (half_counts, less) = if moved {
+            self.edges = *edges;
             self.counts = self.counts.wrapping_add(delta as i32);
-            let half_counts = 2 * delta as i16 - edges.direction() + self.edges.direction();
-            let age = age(tick_coarse, &edges) as i32;
-            (half_counts, core::mem::replace(&mut self.elapsed, age) - age)
-        } else if self.speed == 0 || self.elapsed >= LONGEST {
+            let age = age(tick_coarse, edges);
+            self.elapsed = Cycles { low: age, high: 0 };
+            // Between the last edges of both ticks: an edge up to a count stands half a count below, one down above it.
+            (2 * delta as i16 + (edges.step & BACKWARD) as i16 - (before.step & BACKWARD) as i16, age)
+        } else if self.speed == 0 || elapsed == LONGEST {
             self.speed = 0;
-            return;
+            return false;
         } else {
             // The speed can be no more than one count over the time since the last edge.
-            (if self.speed > 0 { 2 } else { -2 }, self.elapsed)
+            (if self.speed > 0 { 2 } else { -2 }, LATE)
         };
-        self.edges = edges;
-        let speed = speed(config, half_counts, cycles);
+        let speed = speed(config, half_counts, elapsed.normalised_less(less));
         let falls = if self.speed > 0 { speed < self.speed } else { speed > self.speed };
         if moved || falls {
             self.speed = speed;
         }
+        delta != 0
     }
 }
 
-/// Cycles from the last edge to the tick: -256..=16,127. An edge may come between the tick's instant and its handler,
-/// which must therefore take the edges within 256 cycles, less the misalignment of the timers.
+/// Cycles from the last edge to the tick, and [`LATE`] more: 0..2^14.
 #[inline(always)]
-fn age(tick_coarse: u8, edges: &Edges) -> i16 {
-    let age = ((tick_coarse as u16) << 6).wrapping_sub(edges.time()) & 0x3fff;
-    if age >= 0x4000 - 256 { age as i16 - 0x4000 } else { age as i16 }
+fn age(tick_coarse: u8, edges: &Edges) -> u16 {
+    let coarse = (tick_coarse.wrapping_sub(edges.coarse) as u16) << 6;
+    // Timer2 runs ahead of Timer0's count by 0..=63 ideally; read as -96..=159 it forgives a misalignment of the timers.
+    let ahead = edges.fine.wrapping_sub(edges.coarse << 6).wrapping_add(96) as u16;
+    coarse.wrapping_add(LATE + 96).wrapping_sub(ahead) & 0x3fff
 }
 
-/// Half counts over cycles, in bits of speed. Within 2^-13 of the quotient and one bit, saturating.
+/// Half counts over a time, in bits of speed. Within 2^-13 of the quotient and one bit, saturating.
 #[inline(always)]
-fn speed(config: &SpeedConfig, half_counts: i16, cycles: i32) -> i16 {
-    // Closer than 64 cycles no two edges are told apart.
-    let (mantissa, exponent) = normalise(cycles.clamp(64, LONGEST) as u32);
+fn speed(config: &SpeedConfig, half_counts: i16, (mantissa, exponent): (u16, i8)) -> i16 {
     let quotient = (mul_u16(config.mantissa, reciprocal(mantissa)) >> 16) as u16;
     let scaled = mul_i16_u16(half_counts, quotient);
     round_shift(scaled, config.shift + exponent)
 }
 
-/// `value` = mantissa x 2^exponent with the mantissa in 2^15..2^16; `value` below 2^24.
+/// `cycles` = mantissa x 2^exponent with the mantissa in 2^15..2^16. Closer than 64 cycles no two edges are told apart.
 #[inline(always)]
-fn normalise(value: u32) -> (u16, i8) {
-    let mut mantissa = value as u16;
-    let mut exponent = 0;
-    let mut below = 0u8;
-    if value >> 16 != 0 {
-        mantissa = (value >> 8) as u16;
-        below = value as u8;
-        exponent = 8;
-    }
+fn normalise(cycles: u16) -> (u16, i8) {
+    let (mut mantissa, mut exponent) = (cycles.max(64), 0);
     while mantissa & 0x8000 == 0 {
-        mantissa = mantissa << 1 | (below >> 7) as u16;
-        below <<= 1;
+        mantissa <<= 1;
         exponent -= 1;
     }
     (mantissa, exponent)
@@ -246,12 +271,12 @@ fn normalise(value: u32) -> (u16, i8) {
 const SEGMENTS: usize = 64;
 
 progmem! {
-    // 2^31 / m at the borders of 64 equal segments of 2^15..=2^16, less half the bow of the chord.
-    static progmem RECIPROCALS: [u16; SEGMENTS + 1] = reciprocals();
+    // 2^31 / m at the borders of 64 equal segments of 2^15..=2^16, less half the bow of the chord; low byte first.
+    static progmem RECIPROCALS: [u8; 2 * SEGMENTS + 2] = reciprocals();
 }
 
-const fn reciprocals() -> [u16; SEGMENTS + 1] {
-    let mut table = [0; SEGMENTS + 1];
+const fn reciprocals() -> [u8; 2 * SEGMENTS + 2] {
+    let mut table = [0; 2 * SEGMENTS + 2];
     let mut i = 0;
     while i <= SEGMENTS {
         let m = 32768 + 512 * i as u64;
@@ -259,7 +284,8 @@ const fn reciprocals() -> [u16; SEGMENTS + 1] {
         // The chord over a segment lies above the curve by at most (512)^2 / 4 / m^2 of the value; half of it.
         let bow = exact * 512 * 512 / (8 * m * m);
         let value = exact - bow;
-        table[i] = if value > 65535 { 65535 } else { value as u16 };
+        let value = if value > 65535 { 65535 } else { value as u16 };
+        [table[2 * i], table[2 * i + 1]] = value.to_le_bytes();
         i += 1;
     }
     table
@@ -268,10 +294,40 @@ const fn reciprocals() -> [u16; SEGMENTS + 1] {
 /// 2^31 / `m` for `m` in 2^15..2^16, within 6e-5 of the value.
 #[inline(always)]
 fn reciprocal(m: u16) -> u16 {
-    let segment = ((m >> 9) & 63) as usize;
-    let (left, right) = (RECIPROCALS.load_at(segment), RECIPROCALS.load_at(segment + 1));
-    let fraction = m << 7;
-    left - (mul_u16(left - right, fraction) >> 16) as u16
+    // Bits 9..=14 are the segment, of two bytes.
+    let (left, right) = segment((m >> 8) as u8 & 0x7e);
+    left - (mul_u16(left - right, m << 7) >> 16) as u16
+}
+
+/// Both borders of the segment at `place` in the table; [`progmem!`]'s own reading of more than a byte is a loop.
+#[inline(always)]
+fn segment(place: u8) -> (u16, u16) {
+    debug_assert!(place <= 2 * SEGMENTS as u8 - 2);
+    let address = RECIPROCALS.as_ptr().cast::<u8>().wrapping_add(place as usize);
+    #[cfg(target_arch = "avr")]
+    {
+        let (left, right);
+        // SAFETY: four bytes from `place` on are within the table, which stands in the flash.
+        unsafe {
+            core::arch::asm!(
+                "lpm {left:l}, Z+",
+                "lpm {left:h}, Z+",
+                "lpm {right:l}, Z+",
+                "lpm {right:h}, Z+",
+                left = out(reg_pair) left,
+                right = out(reg_pair) right,
+                inout("Z") address => _,
+                options(pure, readonly, nostack)
+            );
+        }
+        (left, right)
+    }
+    #[cfg(not(target_arch = "avr"))]
+    {
+        // SAFETY: four bytes from `place` on are within the table.
+        let [a, b, c, d] = unsafe { address.cast::<[u8; 4]>().read() };
+        (u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]))
+    }
 }
 
 /// `value / 2^shift`, rounded to the nearest, saturating; `shift` of any sign.
@@ -343,7 +399,7 @@ mod tests {
             for cycle in self.looked + 1..=end + latency {
                 self.look(position, cycle);
             }
-            self.state.step(&self.config, self.edges, (end >> 6) as u8);
+            self.state.step(&self.config, &self.edges, (end >> 6) as u8);
             self.looked = end + latency;
             self.now = end;
         }

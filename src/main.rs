@@ -13,6 +13,7 @@ mod board;
 mod firmware {
     use super::board::{self, eeprom::ChipEeprom, serial, tick, watchdog};
     use motorbench_core::console::{Console, Counters, Machine, ResetCause};
+    use motorbench_core::control_loop::duty_scale;
     use motorbench_core::message::{Request, Sample};
     use motorbench_core::settings::{BuildError, Settings};
 
@@ -22,6 +23,9 @@ mod firmware {
         sample: Sample,
         reset_cause: ResetCause,
         host_spoke: bool,
+        /// The supply the scale was worked out for, and the scale: a division for each change, not for each round.
+        scaled_supply: i16,
+        duty_scale: u16,
     }
 
     impl Uno {
@@ -34,7 +38,11 @@ mod firmware {
 
         /// Shows the tick that the main loop goes round.
         fn keep_alive(&mut self) {
-            tick::keep_alive(core::mem::take(&mut self.host_spoke), self.sample.supply);
+            if self.sample.supply != self.scaled_supply {
+                self.scaled_supply = self.sample.supply;
+                self.duty_scale = duty_scale(self.sample.supply);
+            }
+            tick::keep_alive(core::mem::take(&mut self.host_spoke), self.duty_scale);
         }
     }
 
@@ -90,6 +98,8 @@ mod firmware {
             sample: Sample::default(),
             reset_cause,
             host_spoke: false,
+            scaled_supply: 0,
+            duty_scale: u16::MAX,
         };
         board::start(&peripherals);
         avr_device::asm::wdr();

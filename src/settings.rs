@@ -86,18 +86,18 @@ settings! {
     SpeedFilter "speed_filter" ["ms"] Own = 0.0 in 0.0..=100.0, "time constant of the speed filter";
     TachoGain "tacho_gain" ["V/krpm"] Own = 3.0 in 0.1..=100.0, "tachogenerator, before the divider by two";
     Wiring "wiring" ["0|1"] Own = 0.0 in 0.0..=1.0, "0 PWM on IN1 (brakes), 1 PWM on EN (coasts)";
-    SupplyVoltage "supply" ["V"] Volt = 12.0 in 3.0..=32.0, "motor supply";
+    SupplyVoltage "supply" ["V"] Volt = 12.0 in 3.0..=31.0, "motor supply";
     SupplyDivider "supply_divider" ["ratio"] Own = 0.0 in 0.0..=20.0, "divider on A2, 0 not wired";
     CurrentGain "current_gain" ["mV/A"] Own = 185.0 in 20.0..=1000.0, "current sensor";
     Resistance "resistance" ["ohm"] Own = 5.84 in 0.05..=500.0, "armature, tells a stall from a dead encoder";
     TickRate "tick_rate" ["Hz"] Own = 1000.0 in 1000.0..=2000.0, "control rate, 1000 or 2000";
     // Limits the controllers work within.
-    VoltageLimit "voltage_limit" ["V"] Volt = 12.0 in 0.0..=32.0, "largest voltage commanded";
+    VoltageLimit "voltage_limit" ["V"] Volt = 12.0 in 0.0..=31.0, "largest voltage commanded";
     SlewLimit "slew_limit" ["V/s"] Slew = 500.0 in 1.0..=30000.0, "fastest change of the voltage";
-    CurrentLimit "current_limit" ["A"] Ampere = 1.0 in 0.0..=8.0, "voltage folds back above, 0 off";
+    CurrentLimit "current_limit" ["A"] Ampere = 1.0 in 0.0..=7.999, "voltage folds back above, 0 off";
     // Trips.
-    TripPeak "trip_peak" ["A"] Ampere = 1.2 in 0.05..=8.0, "over-current, for 5 ms";
-    TripContinuous "trip_continuous" ["A"] Ampere = 0.6 in 0.05..=8.0, "over-current, thermal";
+    TripPeak "trip_peak" ["A"] Ampere = 1.2 in 0.05..=7.999, "over-current, for 5 ms";
+    TripContinuous "trip_continuous" ["A"] Ampere = 0.6 in 0.05..=7.999, "over-current, thermal";
     TripThermalTime "trip_thermal_time" ["s"] Own = 2.0 in 0.3..=60.0, "time constant of the thermal trip";
     TripStall "trip_stall" ["ms"] Ticks = 500.0 in 0.0..=10000.0, "driven and not turning, 0 off";
     TripEncoder "trip_encoder" ["ms"] Ticks = 200.0 in 0.0..=10000.0, "driven, no counts, no stall current, 0 off";
@@ -248,6 +248,7 @@ impl Rule {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::quantiser::Quantiser;
 
     #[test]
     fn every_setting_has_a_name_a_unit_a_help_and_a_default_within_its_range() {
@@ -263,6 +264,22 @@ mod tests {
         }
         let name: Vec<u8> = text(Param::SpeedKp, Text::Name).collect();
         assert_eq!(name, b"speed_kp");
+    }
+
+    /// Where the range alone decides, both its ends fit the format.
+    #[test]
+    fn a_value_within_its_range_fits() {
+        for &param in Param::ALL {
+            if ![Format::Volt, Format::Ampere, Format::Slew, Format::Ticks].contains(&param.format()) {
+                continue;
+            }
+            for end in [param.range().0, param.range().1] {
+                let mut settings = Settings::defaults();
+                settings.set(param, end).unwrap();
+                let built = Quantiser::build(&settings, |q| q.bits(param));
+                assert!(built.is_ok(), "{param:?} = {end}: {built:?}");
+            }
+        }
     }
 
     #[test]

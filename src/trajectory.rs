@@ -26,12 +26,16 @@ const POSITION_FRACTION: u32 = 12;
 /// Longest way to stop: leaves room for sums within 32 bits.
 const LONGEST_STOP: f32 = 1e9;
 
+/// Places in [`TrajectoryConfig`].
+const SPEED: usize = 0;
+const POSITION: usize = 1;
+
 /// Steps and limits of both profiles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct TrajectoryConfig {
-    speed: RampConfig,
-    position: RampConfig,
-    /// Power of two of ticks over which positions are averaged.
+    /// Of the speed profile and of the position profile.
+    ramps: [RampConfig; 2],
+    /// Power of two of ticks over which positions are averaged: 0..=8.
     average: u8,
     /// Speed bits of 2^-8 counts a tick, times 2^8 or, with `fine`, 2^16.
     speed_scale: u16,
@@ -43,15 +47,15 @@ impl TrajectoryConfig {
     /// slow for the formats is blamed on what makes it slow, a way too long on what makes it long.
     #[inline(always)]
     pub fn quantise(&mut self, q: &mut Quantiser) {
-        const SPEED: f32 = FULL_RANGE * (1u32 << SPEED_FRACTION) as f32;
+        const SPEED_BITS: f32 = FULL_RANGE * (1u32 << SPEED_FRACTION) as f32;
         const COUNTS: f32 = (1u32 << POSITION_FRACTION) as f32 / core::f32::consts::TAU;
         let jerk_ticks = q.scale(Format::Ticks).times(Param::JerkTime).value();
         let slow = if jerk_ticks > 1.0 { Param::JerkTime } else { Param::Acceleration };
-        q.of(SPEED).times(Param::Acceleration).over(Param::TickRate).over(Param::SpeedRange);
-        self.speed.quantise(q, jerk_ticks, Param::JerkTime, slow);
+        q.of(SPEED_BITS).times(Param::Acceleration).over(Param::TickRate).over(Param::SpeedRange);
+        self.ramps[SPEED].quantise(q, jerk_ticks, Param::JerkTime, slow);
         let cruise_ticks = q.of(1.0).times(Param::CruiseSpeed).over(Param::Acceleration).times(Param::TickRate).value();
         q.of(COUNTS).times(Param::CountsPerRev).times(Param::CruiseSpeed).over(Param::TickRate);
-        self.position.quantise(q, cruise_ticks, Param::CruiseSpeed, Param::Acceleration);
+        self.ramps[POSITION].quantise(q, cruise_ticks, Param::CruiseSpeed, Param::Acceleration);
         q.of(core::f32::consts::TAU * FULL_RANGE).times(Param::TickRate).over(Param::CountsPerRev);
         let fine = q.over(Param::SpeedRange).value() < 255.0;
         if fine {
@@ -60,6 +64,12 @@ impl TrajectoryConfig {
         self.speed_scale = q.round(Param::SpeedRange, u16::MAX);
         self.average = power_of_two(jerk_ticks);
         self.fine = fine;
+    }
+
+    /// Whether a move that is under way can go on with the other: its rate is a whole number of steps, within the limit.
+    #[inline(always)]
+    pub fn moves_like(&self, other: &Self) -> bool {
+        self.average == other.average && self.ramps == other.ramps
     }
 
     /// The same, on its own.
@@ -88,12 +98,10 @@ fn round_up(value: f32) -> i32 {
     if (below as f32) < value { below + 1 } else { below }
 }
 
-/// How fast a rate may change, and how far it may go.
+/// How fast a rate may change (its step a tick), and how far it may go. One array, which the chip compares in a sixth of
+/// the flash that two numbers take.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-struct RampConfig {
-    step: i32,
-    limit: i32,
-}
+struct RampConfig([i32; 2]);
 
 impl RampConfig {
     /// The formula's value reached in `steps` steps, rounded up; `far` is to blame for a way too long, `slow` for a step of nothing.
@@ -110,8 +118,7 @@ impl RampConfig {
         if step == 0 {
             q.refuse(slow, Rule::RoundsToZero);
         }
-        self.step = step;
-        self.limit = step * steps;
+        self.0 = [step, step * steps];
     }
 }
 
@@ -134,16 +141,17 @@ impl Ramp {
             self.backward = distance < 0;
         }
         let ahead = if self.backward { -distance } else { distance };
-        let faster = self.rate + config.step;
+        let [step, limit] = config.0;
+        let faster = self.rate + step;
         // What is left after a tick at a rate must be enough to stop from it.
-        if faster <= config.limit && ahead - faster >= self.stop + self.rate {
+        if faster <= limit && ahead - faster >= self.stop + self.rate {
             self.stop += self.rate;
             self.rate = faster;
         } else if ahead - self.rate < self.stop {
             if self.rate == 0 {
                 return distance;
             }
-            self.rate -= config.step;
+            self.rate -= step;
             self.stop -= self.rate;
         } else if self.rate == 0 {
             // Less than one step is left: the last tick takes it.
@@ -160,33 +168,55 @@ pub struct SpeedProfile {
     /// Speed bits, with fraction.
     value: i32,
     target: i32,
+    /// Speed bits.
+    speed: i16,
+    /// The target is still ahead: kept, because to compare takes longer than all else of a tick at the target.
+    moving: bool,
 }
 
 impl SpeedProfile {
     /// At `speed`, in bits, without acceleration.
-    pub fn start(speed: i16) -> Self {
-        let value = (speed as i32) << SPEED_FRACTION;
-        Self { ramp: Ramp::default(), value, target: value }
+    #[cfg(test)]
+    fn start(speed: i16) -> Self {
+        let mut profile = Self::default();
+        profile.begin(speed);
+        profile
+    }
+
+    /// Puts one that is at rest at zero to `speed`, in bits, without acceleration.
+    #[inline(always)]
+    pub fn begin(&mut self, speed: i16) {
+        self.value = (speed as i32) << SPEED_FRACTION;
+        self.target = self.value;
+        self.speed = speed;
     }
 
     /// Another target, in bits.
     pub fn retarget(&mut self, speed: i16) {
         self.target = (speed as i32) << SPEED_FRACTION;
+        self.moving = true;
     }
 
     /// Whether the target is still ahead.
     pub fn moving(&self) -> bool {
-        self.value != self.target || self.ramp.rate != 0
+        self.moving
     }
 
     /// One tick: the reference, in bits.
     #[inline(always)]
     pub fn step(&mut self, config: &TrajectoryConfig) -> i16 {
-        // Two speeds are less than 2^30 apart.
-        if self.moving() {
-            self.value += self.ramp.next(&config.speed, self.target - self.value);
+        if self.moving {
+            self.advance(config);
         }
-        (self.value >> SPEED_FRACTION) as i16
+        self.speed
+    }
+
+    #[inline(never)]
+    fn advance(&mut self, config: &TrajectoryConfig) {
+        // Two speeds are less than 2^30 apart.
+        self.value += self.ramp.next(&config.ramps[SPEED], self.target - self.value);
+        self.speed = (self.value >> SPEED_FRACTION) as i16;
+        self.moving = self.value != self.target || self.ramp.rate != 0;
     }
 }
 
@@ -234,32 +264,53 @@ pub struct PositionProfile {
     /// Lead minus follower, 2^-12 counts.
     gap: i32,
     counts: i32,
-    /// 0..2^(12 + average) of a count.
-    fraction: i32,
+    /// 0..2^12 of a count.
+    fraction: i16,
+    /// 0..2^average of 2^-12 counts.
+    remainder: u8,
+    /// The target is still ahead.
+    moving: bool,
 }
 
 impl PositionProfile {
     /// At rest at `counts`.
-    pub fn start(counts: i32) -> Self {
-        let rest = Trapezoid { counts, target: counts, ..Trapezoid::default() };
-        Self { lead: rest, follow: rest, target: counts, counts, ..Self::default() }
+    #[cfg(test)]
+    fn start(counts: i32) -> Self {
+        let mut profile = Self::default();
+        profile.begin(counts);
+        profile
+    }
+
+    /// Puts one that is at rest at zero to `counts`.
+    #[inline(never)]
+    pub fn begin(&mut self, counts: i32) {
+        for place in [&mut self.lead.counts, &mut self.lead.target, &mut self.follow.counts, &mut self.follow.target] {
+            *place = counts;
+        }
+        self.target = counts;
+        self.counts = counts;
     }
 
     /// Another target, in counts. With an S-curve it is taken up when the one before has reached the follower, at most
     /// `jerk_time` later.
     pub fn retarget(&mut self, counts: i32) {
         self.target = counts;
+        self.moving = true;
     }
 
     /// Whether the target is still ahead.
     pub fn moving(&self) -> bool {
-        self.lead.target != self.target || self.due != 0 || self.lead.moving() || self.follow.moving()
+        self.moving
     }
 
     /// One tick: the reference in counts, and its speed in bits.
     #[inline(never)]
     pub fn step(&mut self, config: &TrajectoryConfig) -> (i32, i16) {
-        if !self.moving() {
+        if !self.moving {
+            return (self.counts, 0);
+        }
+        self.moving = self.lead.target != self.target || self.due != 0 || self.lead.moving() || self.follow.moving();
+        if !self.moving {
             return (self.counts, 0);
         }
         if self.due == 0 && self.lead.target != self.target {
@@ -267,7 +318,7 @@ impl PositionProfile {
             // Without an average the copy that follows is due at once: it is never asked to move.
             self.due = if config.average == 0 { 0 } else { 1 << config.average };
         }
-        let moved = self.lead.step(&config.position);
+        let moved = self.lead.step(&config.ramps[POSITION]);
         if config.average == 0 {
             return self.advance(config, moved);
         }
@@ -279,20 +330,27 @@ impl PositionProfile {
             }
         }
         let gap = self.gap;
-        self.gap -= self.follow.step(&config.position);
+        self.gap -= self.follow.step(&config.ramps[POSITION]);
         self.advance(config, gap)
     }
 
     /// Moves the average on by `gap / 2^average`.
     #[inline(always)]
     fn advance(&mut self, config: &TrajectoryConfig, gap: i32) -> (i32, i16) {
-        let shift = POSITION_FRACTION as u8 + config.average;
-        let position = self.fraction + gap;
-        self.counts = self.counts.wrapping_add(position >> shift);
-        self.fraction = position & ((1i32 << shift) - 1);
+        let gap = gap + self.remainder as i32;
+        let mut moved = gap;
+        // The chip shifts by one place at a time; the whole gap at once would take 20.
+        let mut mask = 0;
+        for _ in 0..config.average {
+            moved >>= 1;
+            mask = mask << 1 | 1;
+        }
+        self.remainder = gap as u8 & mask;
+        let position = moved + self.fraction as i32;
+        self.counts = self.counts.wrapping_add((position >> 8) >> 4);
+        self.fraction = (position & ((1 << POSITION_FRACTION) - 1)) as i16;
         // Counts a tick with 8 fractional bits.
-        let speed = call_saturate_i16(gap >> (config.average + 4));
-        let bits = call_mul_i16_u16(speed, config.speed_scale);
+        let bits = call_mul_i16_u16(call_saturate_i16(moved >> 4), config.speed_scale);
         (self.counts, call_saturate_i16(if config.fine { bits >> 16 } else { bits >> 8 }))
     }
 }
@@ -360,7 +418,7 @@ mod tests {
             let (change, limit, ramp) = (target as f64, acceleration as f64 * 0.064, (jerk_ms as f64).max(1.0));
             let exact = if change > limit * ramp { change / limit + ramp } else { 2.0 * (change * ramp / limit).sqrt() };
             // The rounding of the step shows in long moves.
-            let tolerance = 4.0 + ramp + exact * (1.0 / config.speed.step as f64);
+            let tolerance = 4.0 + ramp + exact * (1.0 / config.ramps[SPEED].0[0] as f64);
             prop_assert!((ticks as f64 - exact).abs() <= tolerance, "{ticks} for {exact}");
         }
 
@@ -375,11 +433,13 @@ mod tests {
             let counts = 2000.0 / std::f64::consts::TAU;
             let fastest = cruise as f64 * counts / 1000.0;
             let mut profile = PositionProfile::start(start);
-            let scale = (1i64 << (POSITION_FRACTION + config.average as u32)) as f64;
-            let position = |profile: &PositionProfile| profile.counts as f64 + profile.fraction as f64 / scale;
+            let scale = (1i64 << config.average) as f64;
+            let position = |profile: &PositionProfile| {
+                profile.counts as f64 + (profile.fraction as f64 + profile.remainder as f64 / scale) / 4096.0
+            };
             let (mut before, mut rate_before) = (position(&profile), 0.0);
             let last = targets.len() - 1;
-            let step = config.position.step as f64 / 4096.0;
+            let step = config.ramps[POSITION].0[0] as f64 / 4096.0;
             for (i, (target, ticks)) in targets.into_iter().enumerate() {
                 profile.retarget(start + target);
                 let mut left = if i == last { 1_000_000 } else { ticks };
@@ -396,7 +456,7 @@ mod tests {
                 }
             }
             prop_assert!(!profile.moving());
-            prop_assert_eq!((profile.counts, profile.fraction), (profile.target, 0));
+            prop_assert_eq!((profile.counts, profile.fraction, profile.remainder), (profile.target, 0, 0));
         }
     }
 

@@ -20,6 +20,7 @@
 //! L293D's own drop (2.6 V) may leave nothing to brake with.
 
 use crate::arith::{call_mul_i16, call_mul_i16_u16, mul_i16, mul_i16_u16, saturating_sub_i16};
+use crate::control_loop::Inputs;
 use crate::message::Trip;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
@@ -109,12 +110,8 @@ pub struct Observation {
     pub moved: bool,
     /// The current signal is at a rail.
     pub sensor_at_rail: bool,
-    /// The emergency stop is pressed.
-    pub emergency_stop: bool,
-    /// The host has said something valid since the last tick.
-    pub host_spoke: bool,
-    /// The main loop has gone round since the last tick.
-    pub main_loop_alive: bool,
+    /// As in [`Inputs::flags`].
+    pub flags: u8,
 }
 
 /// Counters of how long each condition has held.
@@ -156,10 +153,10 @@ impl TripsState {
     #[inline(always)]
     fn always(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
         self.heat_up(config, current);
-        if seen.emergency_stop {
+        if seen.flags & Inputs::EMERGENCY_STOP != 0 {
             return Trip::EmergencyStop;
         }
-        if for_ticks(&mut self.hung, !seen.main_loop_alive, config.hung_ticks) {
+        if for_ticks(&mut self.hung, seen.flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_ticks) {
             return Trip::MainLoopHung;
         }
         if for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
@@ -179,7 +176,7 @@ impl TripsState {
     #[inline(always)]
     fn while_armed(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
         if config.host_ticks != 0 {
-            self.host = if seen.host_spoke { 0 } else { self.host.saturating_add(1) };
+            self.host = if seen.flags & Inputs::HOST_SPOKE != 0 { 0 } else { self.host.saturating_add(1) };
             if self.host >= config.host_ticks {
                 return Trip::HostLost;
             }
@@ -277,8 +274,7 @@ mod tests {
             current: 400,
             speed: 6000,
             moved: true,
-            main_loop_alive: true,
-            host_spoke: true,
+            flags: Inputs::MAIN_LOOP_ALIVE | Inputs::HOST_SPOKE,
             ..Observation::default()
         }
     }
@@ -323,10 +319,14 @@ mod tests {
         check("sensor", (Trip::SensorRange, 3), one(Observation { sensor_at_rail: true, ..healthy() }));
         let supply = one(Observation { supply: Some((4.0 * VOLT) as i16), ..healthy() });
         check("supply", (Trip::SupplyRange, 10), supply);
-        check("stop", (Trip::EmergencyStop, 1), one(Observation { emergency_stop: true, ..healthy() }));
-        check("hung", (Trip::MainLoopHung, 100), one(Observation { main_loop_alive: false, ..healthy() }));
+        check(
+            "stop",
+            (Trip::EmergencyStop, 1),
+            one(Observation { flags: healthy().flags | Inputs::EMERGENCY_STOP, ..healthy() }),
+        );
+        check("hung", (Trip::MainLoopHung, 100), one(Observation { flags: Inputs::HOST_SPOKE, ..healthy() }));
         let host = with(&[(Param::TripHost, 250.0)]);
-        let lost = trips_after(&host, |_| Observation { host_spoke: false, ..healthy() });
+        let lost = trips_after(&host, |_| Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
         check("host", (Trip::HostLost, 250), lost);
     }
 
@@ -340,7 +340,7 @@ mod tests {
         quiet(Observation { voltage: 1000, speed: 0, moved: false, current: amps(0.17), ..healthy() });
         quiet(Observation { voltage: 3000, speed: 0, moved: false, current: amps(0.5), ..healthy() });
         // Nobody asked for a host.
-        quiet(Observation { host_spoke: false, ..healthy() });
+        quiet(Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
         // Braking by reverse voltage: 300 ms from full speed to rest, again and again.
         let braking = |tick: u32| Observation {
             voltage: if tick % 300 < 290 { -6144 } else { 6144 },
@@ -383,7 +383,7 @@ mod tests {
             for (voltage, current, speed, flags) in values {
                 let supply = (flags & 1 != 0).then_some(voltage);
                 let moved = flags & 2 != 0;
-                state.step(&config, &Observation { voltage, current, speed, supply, moved, main_loop_alive: true,
+                state.step(&config, &Observation { voltage, current, speed, supply, moved, flags: Inputs::MAIN_LOOP_ALIVE,
                     ..Observation::default() }, flags & 4 != 0);
             }
         }

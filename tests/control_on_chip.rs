@@ -48,7 +48,7 @@ fn holds_a_speed_from_rest_through_reversal_and_a_load_step() {
                 sample.speed as f64 / 64.0,
             );
             assert_eq!(sample.trip, Trip::None);
-            assert!(step.rise_s < 0.4 && step.overshoot < 0.35 && step.error.abs() < 0.5);
+            assert!(step.rise_s < 0.4 && step.overshoot < 0.02 && step.error.abs() < 0.1);
             assert!((truth.speed_rad_per_s - target).abs() < 0.5, "{truth:?}");
             assert!((sample.speed as f64 / 64.0 - truth.speed_rad_per_s).abs() < 0.5);
             from = target;
@@ -67,6 +67,8 @@ fn holds_a_speed_from_rest_through_reversal_and_a_load_step() {
 fn holds_a_position() {
     for mode in ["position", "lqr_position"] {
         let mut uno = Uno::start();
+        // The integral carries the last of the friction within the two seconds that are looked at.
+        uno.order("set position_ki 5 lqr_position_ki 20");
         uno.order("arm");
         uno.order(&format!("mode {mode}"));
         uno.order("ref 12.566");
@@ -81,8 +83,8 @@ fn holds_a_position() {
         );
         assert_eq!(sample.trip, Trip::None);
         assert_eq!(sample.counts as i64, truth.encoder_count);
-        assert!((sample.counts - 4000).abs() < 150, "{}", sample.counts);
-        assert!(step.rise_s < 1.0 && step.overshoot < 0.2);
+        assert!(step.error.abs() < 20.0, "{}", step.error);
+        assert!(step.rise_s < 0.2 && step.overshoot < 0.1);
     }
 }
 
@@ -114,91 +116,4 @@ fn the_emergency_stop_stops() {
     uno.bench.press_emergency_stop(false);
     uno.run_s(0.5);
     assert_eq!(uno.last().trip, Trip::EmergencyStop);
-}
-
-#[test]
-fn what_the_interrupts_cost() {
-    use host_sim::chip::registers::vector;
-    let mut uno = Uno::start();
-    for order in ["arm", "mode speed", "ref 47"] {
-        uno.order(order);
-    }
-    uno.run_s(0.05);
-    uno.bench.chip_mut().measure(None);
-    uno.run_s(0.2);
-    let chip = uno.bench.chip();
-    for (name, number) in [
-        ("INT0", vector::INT0),
-        ("TIMER0_COMPA", vector::TIMER0_COMPA),
-        ("ADC", vector::ADC),
-        ("USART_RX", vector::USART_RX),
-        ("USART_UDRE", vector::USART_UDRE),
-    ] {
-        println!("{name}: {:?}", chip.meter().handler_cycles(number));
-    }
-    println!("jitter {:?}", chip.meter().entry_jitter_cycles(vector::TIMER0_COMPA, 16_000));
-    println!("adc {:?}", chip.meter().sample_jitter_cycles(0, 800));
-}
-
-/// The wide count must follow an encoder at 100,000 edges/s with the loop and full telemetry running. At 16 MHz that
-/// leaves 160 cycles an edge, of which the handler takes 46.
-#[test]
-fn no_count_is_lost_at_the_fastest_edges() {
-    for edges_per_ms in [20, 50, 100] {
-        let mut uno = Uno::start();
-        uno.order("arm");
-        uno.order("mode open");
-        uno.bench.set_edge_train_per_s(Some(edges_per_ms as f64 * 1000.0));
-        uno.run_s(0.05);
-        uno.samples.clear();
-        uno.run_s(1.0);
-        let (first, last) = (uno.samples[0], uno.last());
-        let ticks = last.tick - first.tick;
-        let missing = ticks as usize + 1 - uno.samples.len();
-        println!(
-            "{edges_per_ms} edges/ms: {} counts in {ticks} ticks, {missing} samples missing",
-            last.counts - first.counts
-        );
-        // The edges are exactly periodic, and so are the ticks.
-        assert!((last.counts - first.counts - ticks as i32 * edges_per_ms).abs() <= 1);
-        assert!(ticks > 980 && missing == 0);
-        assert_eq!((uno.decoder.lost, uno.decoder.damaged), (0, 0));
-    }
-}
-
-#[test]
-fn the_stack_has_room() {
-    let mut uno = Uno::start();
-    // Static variables end here; the start-up code has written below.
-    let first_free = uno.bench.program().variable("_end").expect("_end");
-    uno.bench.chip_mut().paint_stack(first_free);
-    for order in [
-        "arm",
-        "mode lqr_position",
-        "ref 9",
-        "mode lqr_speed",
-        "ref 47",
-        "set speed_kp 0.06 speed_ki 1.1",
-        "save",
-        "load",
-        "sequence identify 64 0 100",
-    ] {
-        uno.ask(order);
-        uno.run_s(0.2);
-    }
-    uno.ask("help");
-    uno.ask("show");
-    let free = uno.bench.chip().stack_free_bytes(first_free);
-    println!("{} bytes of static RAM, {free} bytes of stack never used", first_free - 0x100);
-    assert!(free >= 200, "{free}");
-}
-
-/// What a bootloader of 512 bytes leaves of the flash, and the goal for static RAM.
-#[test]
-fn it_fits_the_uno() {
-    let uno = Uno::start();
-    let program = uno.bench.program();
-    let ram = program.variable("_end").expect("_end") - 0x100;
-    println!("{} bytes of flash, {ram} bytes of static RAM", program.flash_bytes());
-    assert!(program.flash_bytes() <= 32_256 && ram <= 1024);
 }

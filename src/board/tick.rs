@@ -14,7 +14,7 @@ use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{Ordering, compiler_fence};
-use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig, duty_scale};
+use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig};
 use motorbench_core::message::{Request, Sample, Trip};
 use motorbench_core::pins;
 use motorbench_core::settings::{BuildError, Param, Settings};
@@ -174,14 +174,14 @@ pub fn dropped() -> u16 {
     avr_device::interrupt::free(|_| shared!(dropped))
 }
 
-/// Tells the tick that the main loop goes round, and whether the host has spoken; and the scale of the supply.
-pub fn keep_alive(host_spoke: bool, supply: i16) {
-    // The black box keeps the division out of the critical section, into which the compiler would move it.
-    let scale = core::hint::black_box(duty_scale(supply));
+/// Tells the tick that the main loop goes round, and whether the host has spoken; and the [`duty_scale`] of the supply.
+///
+/// [`duty_scale`]: motorbench_core::control_loop::duty_scale
+pub fn keep_alive(host_spoke: bool, duty_scale: u16) {
     let flags = Inputs::MAIN_LOOP_ALIVE | if host_spoke { Inputs::HOST_SPOKE } else { 0 };
     avr_device::interrupt::free(|_| {
         shared!(flags = shared!(flags) | flags);
-        shared!(duty_scale = scale);
+        shared!(duty_scale = duty_scale);
     });
 }
 
@@ -260,8 +260,28 @@ fn put(sample: &Sample) {
         return;
     }
     // SAFETY: the reader is not at this place.
-    unsafe { (*(&raw mut SAMPLES))[written as usize % RING].write(*sample) };
+    let place = unsafe { (*(&raw mut SAMPLES))[written as usize % RING].as_mut_ptr() };
+    copy(sample, place);
     shared!(written = written.wrapping_add(1));
+}
+
+/// Copies a sample: in half the time of a call of memcpy, which counts the bytes.
+#[inline(always)]
+fn copy(from: &Sample, to: *mut Sample) {
+    // SAFETY: reads and writes as many bytes as a sample has.
+    unsafe {
+        core::arch::asm!(
+            ".rept {bytes}",
+            "ld {byte}, X+",
+            "st Z+, {byte}",
+            ".endr",
+            bytes = const size_of::<Sample>(),
+            byte = out(reg) _,
+            inout("X") from => _,
+            inout("Z") to => _,
+            options(nostack)
+        );
+    }
 }
 
 /// Feeds the watchdog as long as the main loop lives; a hang is reported after the reset that follows.

@@ -1,6 +1,8 @@
 //! An Uno with the firmware and a motor, for the tests on the simulated chip.
 #![allow(dead_code, reason = "each test uses its part")]
 
+pub mod figures;
+
 use host_sim::chip::{Bench, Rig, firmware_elf};
 use host_sim::plant::{DcMotor, DcMotorParameters, Plant};
 use motorbench_core::message::Sample;

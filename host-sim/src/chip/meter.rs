@@ -31,6 +31,8 @@ pub struct HandlerRun {
     pub entry_cycle: u64,
     /// Cycles from there to the end of the RETI: the response, the jump in the vector table and the handler.
     pub cycles: u64,
+    /// How many of them other handlers took that interrupted this one.
+    pub interrupted_cycles: u64,
 }
 
 /// A write to the marker register.
@@ -59,7 +61,8 @@ pub struct Meter {
     pub(super) on: bool,
     pub(super) marker_register: Option<u16>,
     handlers: [Vec<HandlerRun>; VECTORS],
-    open: Vec<(u8, u64)>,
+    /// Handlers under way: vector, entry, cycles taken by others meanwhile.
+    open: Vec<(u8, u64, u64)>,
     markers: Vec<Marker>,
     samples: Vec<Sample>,
 }
@@ -74,14 +77,17 @@ impl Meter {
 
     pub(super) fn entered(&mut self, vector: u8, cycle: u64) {
         if self.on {
-            self.open.push((vector, cycle));
+            self.open.push((vector, cycle, 0));
         }
     }
 
     pub(super) fn returned(&mut self, vector: u8, cycle: u64) {
-        if let Some(index) = self.open.iter().rposition(|(v, _)| *v == vector) {
-            let (_, entry_cycle) = self.open.remove(index);
-            let run = HandlerRun { entry_cycle, cycles: cycle + RETI_CYCLES - entry_cycle };
+        if let Some(index) = self.open.iter().rposition(|(v, _, _)| *v == vector) {
+            let (_, entry_cycle, interrupted_cycles) = self.open.remove(index);
+            let run = HandlerRun { entry_cycle, cycles: cycle + RETI_CYCLES - entry_cycle, interrupted_cycles };
+            if let Some((_, _, interrupted)) = self.open.last_mut() {
+                *interrupted += run.cycles;
+            }
             self.handlers[usize::from(vector)].push(run);
         }
     }
@@ -106,6 +112,11 @@ impl Meter {
     /// Cycles that the handler of `vector` takes, the chip's response included; `None` if it did not run.
     pub fn handler_cycles(&self, vector: u8) -> Option<Spread> {
         Spread::of(self.handler_runs(vector).iter().map(|run| run.cycles).collect())
+    }
+
+    /// The same without what other handlers took meanwhile.
+    pub fn own_cycles(&self, vector: u8) -> Option<Spread> {
+        Spread::of(self.handler_runs(vector).iter().map(|run| run.cycles - run.interrupted_cycles).collect())
     }
 
     /// By how many cycles the entries of a periodic handler stray from an exact period; `None` if it did not run.
