@@ -198,3 +198,44 @@ proptest! {
         prop_assert!(host.requests.is_empty());
     }
 }
+
+/// A move whose profile changes on the way ends exactly at its target, and the reference never jumps.
+#[test]
+fn a_profile_may_change_on_its_way() {
+    for change in ["jerk_time 64", "jerk_time 0", "acceleration 150", "cruise_speed 7"] {
+        let (mut console, mut host) = board();
+        for line in ["set trip_encoder 0 jerk_time 20", "arm", "mode position", "ref 30"] {
+            assert_eq!(say(&mut console, &mut host, line), "ok\n", "{line}");
+        }
+        let mut references = Vec::new();
+        for tick in 0..20_000 {
+            if tick == 100 {
+                assert_eq!(say(&mut console, &mut host, &format!("set {change}")), "ok\n");
+            }
+            host.tick(None);
+            references.push(host.control.sample().reference);
+        }
+        let sample = host.control.sample();
+        assert!(sample.trip == Trip::None && !sample.state.has(State::MOVING), "{sample:?}");
+        // 30 rad at 2000 counts a turn; 100 rad/s are 32 counts a tick, and the `set` took one of its own.
+        assert_eq!(references.last(), Some(&9549));
+        assert!(references.windows(2).all(|pair| (0..=64).contains(&(pair[1] - pair[0]))), "{change}");
+    }
+}
+
+#[test]
+fn a_reference_in_a_sequence_goes_on_from_where_the_sequence_stands() {
+    let (mut console, mut host) = board();
+    for line in ["set trip_encoder 0", "arm", "mode speed", "ref 5", "sequence steps 100 0 1000"] {
+        assert_eq!(say(&mut console, &mut host, line), "ok\n", "{line}");
+    }
+    (0..100).for_each(|_| host.tick(None));
+    let before = host.control.sample().reference;
+    assert!(before.abs() > 50 * 64, "{before}");
+    assert_eq!(say(&mut console, &mut host, "ref 20"), "ok\n");
+    // 2000 rad/s2 are 2 rad/s a tick.
+    let after = host.control.sample().reference;
+    assert!((after - before).abs() <= 4 * 128, "{before} {after}");
+    (0..1000).for_each(|_| host.tick(None));
+    assert_eq!(host.control.sample().reference, 20 * 64);
+}
