@@ -1,5 +1,5 @@
 //! Files of other tools, read by `motorbench convert`, and its own files by them. `tests/data/formats/make.py` made them
-//! with SciPy and NumPy; the WPILOG and the SysId file follow the published formats.
+//! with SciPy and NumPy, `make_wpilib.py` one with WPILib's own logger; the others follow the published formats.
 
 use assert_cmd::Command;
 use host_sim::recording::{Channel, Recording};
@@ -59,6 +59,88 @@ fn the_four_tests_of_sysid() {
     let (voltage, speed) = (recording.get(Channel::Voltage).unwrap(), recording.get(Channel::Speed).unwrap());
     assert!((voltage[58] - 1.18).abs() < 1e-9 && (voltage[59] + 0.02).abs() < 1e-9);
     assert!((speed[130] - 10.0 * std::f64::consts::TAU).abs() < 1e-6);
+}
+
+/// `SysIdRoutineLog` of WPILib wrote it: a motor's entries are known by their names and units.
+#[test]
+fn a_routine_logged_by_wpilib() {
+    let recording = read("routine.wpilog", &[]);
+    let [time_s, voltage, angle, speed] = [Channel::Time, Channel::Voltage, Channel::Angle, Channel::Speed]
+        .map(|channel| recording.get(channel).unwrap());
+    assert_eq!(recording.len(), 280);
+    // The wheel of make_wpilib.py, in its own arithmetic; 2 s between tests.
+    let (mut row, mut t_s, mut turns, mut rate) = (0, 0.0, 0.0, 0.0);
+    let step = |turns: &mut f64, rate: &mut f64, volts: f64| {
+        *rate += (volts / 0.12 - *rate) * 0.02 / 0.1;
+        *turns += *rate * 0.02;
+    };
+    let tests: [(&dyn Fn(f64) -> f64, usize); 4] =
+        [(&|k| 0.02 * (k + 1.0), 100), (&|k| -0.02 * (k + 1.0), 100), (&|_| 7.0, 40), (&|_| -7.0, 40)];
+    for (volts, periods) in tests {
+        for k in 0..periods {
+            let volts = volts(k as f64);
+            assert!((time_s[row] - t_s).abs() < 1e-6 && (voltage[row] - volts).abs() < 1e-9, "row {row}");
+            let tau = std::f64::consts::TAU;
+            assert!((angle[row] - tau * turns).abs() < 1e-6 && (speed[row] - tau * rate).abs() < 1e-6, "row {row}");
+            step(&mut turns, &mut rate, volts);
+            (row, t_s) = (row + 1, t_s + 0.02);
+        }
+        (0..100).for_each(|_| step(&mut turns, &mut rate, 0.0));
+        t_s += 2.0;
+    }
+    // The four tests are found, also for SysId's own format.
+    let directory = TempDir::new().unwrap();
+    convert(&data("routine.wpilog"), &directory.path().join("tests.json"), &[]).success();
+}
+
+/// Positions are rotations, whatever unit SysId is to show.
+#[test]
+fn sysids_unit_is_for_its_display() {
+    let directory = TempDir::new().unwrap();
+    let text = std::fs::read_to_string(data("sysid.json")).unwrap();
+    let degrees = directory.path().join("degrees.json");
+    let shown = text
+        .replace("\"Rotations\"", "\"Degrees\"")
+        .replace("\"unitsPerRotation\": 1.0", "\"unitsPerRotation\": 360.0");
+    assert_ne!(shown, text);
+    std::fs::write(&degrees, shown).unwrap();
+    let target = directory.path().join("run.csv");
+    convert(&degrees, &target, &[]).success();
+    assert_eq!(Recording::read(&target, &[]).unwrap().get(Channel::Speed), read("sysid.json", &[]).get(Channel::Speed));
+    std::fs::write(&degrees, text.replace("\"Simple\"", "\"Drivetrain\"")).unwrap();
+    convert(&degrees, &target, &[]).code(1).stderr(predicate::str::contains("a drivetrain has two motors"));
+}
+
+/// Read back by WPILib where it is installed.
+#[test]
+fn wpilib_reads_what_is_written() {
+    let script = "
+import sys
+from wpiutil.log import DataLogReader
+reader = DataLogReader(sys.argv[1])
+assert reader.isValid() and reader.getVersion() == 0x0100
+names, values = {}, {}
+for record in reader:
+    if record.isStart():
+        start = record.getStartData()
+        names[start.entry] = (start.name, start.type)
+    elif not record.isControl():
+        name, kind = names[record.getEntry()]
+        assert kind == 'double'
+        values.setdefault(name, []).append((record.getTimestamp(), record.getDouble()))
+assert set(values) == {'u_V', 'omega_rad_per_s', 'i_A'}, set(values)
+assert [stamp for stamp, _ in values['u_V']] == [10000 * k for k in range(20)]
+assert [value for _, value in values['u_V']] == [0.0] * 5 + [6.0] * 15
+";
+    let there = std::process::Command::new("python3").args(["-c", "import wpiutil.log"]).output();
+    if !there.is_ok_and(|output| output.status.success()) {
+        println!("WPILib (pip install robotpy-wpiutil) is not installed: what it makes of the file is not checked");
+        return;
+    }
+    let directory = TempDir::new().unwrap();
+    let target = directory.path().join("a.wpilog");
+    convert(&data("plain.mat"), &target, &[]).success();
+    Command::new("python3").arg("-c").arg(script).arg(&target).assert().success();
 }
 
 #[test]

@@ -4,12 +4,15 @@
 use super::series::{Series, joined};
 use super::{Column, Fault, Names, times};
 use crate::recording::{Channel, Recording};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::{PI, TAU};
 
 const MAGIC: &[u8] = b"WPILOG";
 const VERSION: u16 = 0x0100;
 const START: u8 = 0;
 const FINISH: u8 = 1;
+/// What `SysIdRoutineLog` calls the entry that says which test runs; the mechanism's name follows.
+const TEST_STATE: &str = "sysid-test-state-";
 
 /// Types of one number.
 #[derive(Clone, Copy, Debug)]
@@ -68,6 +71,7 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
     cursor.take(extra)?;
     let mut open: BTreeMap<u64, (String, Kind)> = BTreeMap::new();
     let mut found: BTreeMap<String, Series> = BTreeMap::new();
+    let mut units: BTreeMap<String, String> = BTreeMap::new();
     while cursor.at < bytes.len() {
         let at = cursor.at;
         let lengths = cursor.number(1)?;
@@ -79,7 +83,7 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
         // A record's fields end with the record.
         let mut record = Cursor { bytes: &bytes[..cursor.at], at: payload_at };
         if entry == 0 {
-            control(&mut record, &mut open, &mut found)?;
+            control(&mut record, &mut open, &mut found, &mut units)?;
             continue;
         }
         let (name, kind) =
@@ -92,24 +96,70 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
             })?);
         }
     }
-    for series in found.values() {
+    let mut found: Vec<Series> = found.into_values().collect();
+    if names.0.is_empty() {
+        name_routine(&mut found, &units);
+    }
+    for series in &found {
         if names.channel(&series.name).is_some() && series.time_s.windows(2).any(|pair| pair[1] < pair[0]) {
             return Err(Fault::at(&series.name, "its times go back: the log holds two runs; split it"));
         }
     }
-    joined(found.into_values().collect(), names)
+    joined(found, names)
+}
+
+/// Gives what a `SysIdRoutineLog` logged of its only motor the names and units of channels. Of several motors none is meant
+/// more than another.
+fn name_routine(found: &mut [Series], units: &BTreeMap<String, String>) {
+    let Some(mechanism) = found.iter().find_map(|series| series.name.strip_prefix(TEST_STATE)).map(str::to_owned)
+    else {
+        return;
+    };
+    let is_of = |name: &str| {
+        let (what, whose) = name.split_once('-')?;
+        let motor = whose.strip_suffix(&mechanism)?.strip_suffix('-')?;
+        let (channel, factor) = routine_channel(what, units.get(name)?)?;
+        Some((motor.to_owned(), channel, factor))
+    };
+    let motors: BTreeSet<String> = found.iter().filter_map(|series| Some(is_of(&series.name)?.0)).collect();
+    if motors.len() != 1 {
+        return;
+    }
+    for series in found {
+        if let Some((_, channel, factor)) = is_of(&series.name) {
+            series.name = channel.column().into();
+            series.values.iter_mut().for_each(|value| *value *= factor);
+        }
+    }
+}
+
+/// Channel and factor of what is logged in a unit; nothing for a mechanism that moves in metres.
+fn routine_channel(what: &str, unit: &str) -> Option<(Channel, f64)> {
+    // C++ and Python write `turns_per_second`, Java `Rotation per Second`.
+    let unit = unit.to_lowercase();
+    let angle = [("turn", TAU), ("rotation", TAU), ("revolution", TAU), ("rad", 1.0), ("deg", PI / 180.0)];
+    let factor = angle.into_iter().find(|(name, _)| unit.starts_with(name)).map(|(_, factor)| factor);
+    match what {
+        "voltage" => Some((Channel::Voltage, 1.0)),
+        "current" => Some((Channel::Current, 1.0)),
+        "position" => Some((Channel::Angle, factor?)),
+        "velocity" => Some((Channel::Speed, factor?)),
+        _ => None,
+    }
 }
 
 fn control(
     record: &mut Cursor<'_>,
     open: &mut BTreeMap<u64, (String, Kind)>,
     found: &mut BTreeMap<String, Series>,
+    units: &mut BTreeMap<String, String>,
 ) -> Result<(), Fault> {
     let what = record.number(1)? as u8;
     let entry = record.number(4)?;
     match what {
         START => {
-            let (name, kind) = (record.text()?, record.text()?);
+            let (name, kind, metadata) = (record.text()?, record.text()?, record.text()?);
+            units.insert(name.clone(), metadata);
             let kind = match kind.as_str() {
                 "double" => Kind::Double,
                 "float" => Kind::Float,
