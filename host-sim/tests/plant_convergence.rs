@@ -7,7 +7,7 @@
 use host_sim::catalogue::effect;
 use host_sim::model::Model;
 use host_sim::motor::MotorParameters;
-use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
+use host_sim::plant::{Bridge, Inputs, ModelPlant, PeriodEnd, Plant, Pwm};
 
 const MOTOR: MotorParameters = MotorParameters::PIVT6;
 const PERIOD_S: f64 = 50e-6;
@@ -47,13 +47,17 @@ fn distance(a: &Course, b: &Course) -> [f64; 2] {
     [largest(0), largest(1)]
 }
 
-/// Coulomb friction and a drop, by Runge and Kutta with bisection.
+/// Coulomb friction, a drop and cogging, by Runge and Kutta with bisection.
 struct Reference {
     motor: MotorParameters,
     friction_nm: f64,
     drop_v: f64,
-    x: [f64; 2],
+    cogging_nm: f64,
+    /// Speed, current, angle.
+    x: [f64; 3],
 }
+
+const COGGING_PERIODS: f64 = 14.0;
 
 /// Sign in which a quantity moves; 0: held at zero.
 fn sign(value: f64, drive: f64, hold: f64) -> f64 {
@@ -74,28 +78,36 @@ fn runge_kutta<const N: usize>(x: [f64; N], h: f64, rates: impl Fn(&[f64; N]) ->
 }
 
 impl Reference {
-    fn signs(&self, x: &[f64; 2], source_v: f64, drop_v: f64) -> [f64; 2] {
-        let k = self.motor.torque_constant_nm_per_a;
-        [sign(x[0], k * x[1], self.friction_nm), sign(x[1], source_v - k * x[0], drop_v)]
+    fn at_rest(friction_nm: f64, drop_v: f64, cogging_nm: f64) -> Self {
+        Self { motor: MOTOR, friction_nm, drop_v, cogging_nm, x: [0.0; 3] }
     }
 
-    fn after(&self, h: f64, signs: [f64; 2], source_v: f64, drop_v: f64) -> [f64; 2] {
+    /// Torque of current and cogging.
+    fn free_nm(&self, x: &[f64; 3]) -> f64 {
+        self.motor.torque_constant_nm_per_a * x[1] - self.cogging_nm * (COGGING_PERIODS * x[2]).sin()
+    }
+
+    fn signs(&self, x: &[f64; 3], source_v: f64, drop_v: f64) -> [f64; 2] {
+        let k = self.motor.torque_constant_nm_per_a;
+        [sign(x[0], self.free_nm(x), self.friction_nm), sign(x[1], source_v - k * x[0], drop_v)]
+    }
+
+    fn after(&self, h: f64, signs: [f64; 2], source_v: f64, drop_v: f64) -> [f64; 3] {
         let m = &self.motor;
         runge_kutta(self.x, h, |x| {
-            let torque_nm =
-                m.torque_constant_nm_per_a * x[1] - m.viscous_friction_nm_s * x[0] - signs[0] * self.friction_nm;
+            let torque_nm = self.free_nm(x) - m.viscous_friction_nm_s * x[0] - signs[0] * self.friction_nm;
             let voltage_v = source_v - m.resistance_ohm * x[1] - m.torque_constant_nm_per_a * x[0] - signs[1] * drop_v;
-            [signs[0].abs() * torque_nm / m.inertia_kg_m2, signs[1].abs() * voltage_v / m.inductance_h]
+            [signs[0].abs() * torque_nm / m.inertia_kg_m2, signs[1].abs() * voltage_v / m.inductance_h, x[0]]
         })
     }
 
     /// Whether the state still belongs to the signs.
-    fn holds(&self, x: &[f64; 2], signs: [f64; 2], source_v: f64, drop_v: f64) -> bool {
+    fn holds(&self, x: &[f64; 3], signs: [f64; 2], source_v: f64, drop_v: f64) -> bool {
         let k = self.motor.torque_constant_nm_per_a;
         let stays = |sign: f64, value: f64, drive: f64, hold: f64| {
             if sign == 0.0 { drive.abs() <= hold } else { hold == 0.0 || sign * value >= 0.0 }
         };
-        stays(signs[0], x[0], k * x[1], self.friction_nm) && stays(signs[1], x[1], source_v - k * x[0], drop_v)
+        stays(signs[0], x[0], self.free_nm(x), self.friction_nm) && stays(signs[1], x[1], source_v - k * x[0], drop_v)
     }
 
     fn phase(&mut self, (bridge, dt_s): Phase, step_s: f64) -> [f64; 2] {
@@ -121,12 +133,14 @@ impl Reference {
                 h = beyond;
                 next = self.after(h, signs, source_v, drop_v);
                 // What has just crossed zero is put there, for the next signs to hold it.
-                next = std::array::from_fn(|at| if signs[at] * next[at] < 0.0 { 0.0 } else { next[at] });
+                for (x, sign) in next.iter_mut().zip(signs) {
+                    *x = if sign * *x < 0.0 { 0.0 } else { *x };
+                }
             }
             self.x = next;
             left_s -= h;
         }
-        self.x
+        [self.x[0], self.x[1]]
     }
 
     fn course(mut self, phases: &[Phase], step_s: f64) -> Course {
@@ -138,9 +152,10 @@ fn with(model: &Model, id: &str, values: Vec<f64>) -> Model {
     model.with(effect(id).expect("an effect of the catalogue"), values)
 }
 
-/// The same model, but stepped by terms: drag is not among what is solved event by event.
+/// The same model, but stepped by terms: what has a memory of its own is not solved event by event. The winding does not
+/// warm up.
 fn stepwise(model: &Model) -> Model {
-    with(model, "quadratic_drag", vec![0.0])
+    with(model, "winding_heating", vec![0.0, 100.0])
 }
 
 /// Errors with phases in 1, 2, 4, 8, 16 steps: the first within `bound`, the last smaller at the first order.
@@ -167,7 +182,7 @@ fn to_and_fro() -> Vec<Phase> {
 fn an_armature_far_faster_than_the_step() {
     let stiff = MotorParameters { inductance_h: 5.84e-6, ..MOTOR };
     let phases = pwm((0..20).map(|ms| if ms < 10 { 0.7 } else { -0.3 }));
-    let reference = Reference { motor: stiff, friction_nm: 0.0, drop_v: 0.0, x: [0.0; 2] }.course(&phases, 0.1e-6);
+    let reference = Reference { motor: stiff, ..Reference::at_rest(0.0, 0.0, 0.0) }.course(&phases, 0.1e-6);
     // A microsecond against steps of up to 35: linear, so exact at any step.
     for (name, model) in [("events", Model::linear(stiff)), ("terms", stepwise(&Model::linear(stiff)))] {
         for parts in [1, 4] {
@@ -183,7 +198,7 @@ fn sticking_and_breaking_away() {
     let (friction_nm, drop_v) = (0.012, 1.8);
     let model = with(&with(&Model::linear(MOTOR), "coulomb_friction", vec![friction_nm]), "voltage_drop", vec![drop_v]);
     let phases = to_and_fro();
-    let reference = Reference { motor: MOTOR, friction_nm, drop_v, x: [0.0; 2] }.course(&phases, 2e-6);
+    let reference = Reference::at_rest(friction_nm, drop_v, 0.0).course(&phases, 2e-6);
     let moved = reference.iter().filter(|x| x[0] != 0.0).count();
     let stuck = reference.iter().filter(|x| x[0] == 0.0 && x[1] != 0.0).count();
     assert!(moved > 1000 && stuck > 100, "{moved} {stuck}");
@@ -205,7 +220,7 @@ fn coasting_until_the_diodes_block() {
         })
         .collect();
     let model = with(&with(&Model::linear(MOTOR), "voltage_drop", vec![1.8]), "coulomb_friction", vec![0.004]);
-    let reference = Reference { motor: MOTOR, friction_nm: 0.004, drop_v: 1.8, x: [0.0; 2] }.course(&phases, 2e-6);
+    let reference = Reference::at_rest(0.004, 1.8, 0.0).course(&phases, 2e-6);
     assert!(reference.iter().filter(|x| x[1] == 0.0).count() >= 40);
     let error = distance(&plant(&model, &phases, 1), &reference);
     println!("coasting, by events: {:.1e} rad/s, {:.1e} A", error[0], error[1]);
@@ -257,4 +272,59 @@ fn contact_through_backlash() {
     let finer = backlash_course(0.05, 0.4, &phases, 0.1e-6);
     println!("contact, reference against half its step: {:?}", distance(&reference, &finer));
     converges("contact, by terms", &model, &phases, &finer, [0.3, 1.5e-3]);
+}
+
+/// Held torques: of second order where the shaft turns, of first where it sticks and breaks away.
+#[test]
+fn cogging_beside_friction_and_drop() {
+    let (friction_nm, drop_v, cogging_nm) = (0.006, 1.8, 0.004);
+    let model = with(&with(&Model::linear(MOTOR), "coulomb_friction", vec![friction_nm]), "voltage_drop", vec![drop_v]);
+    let model = with(&model, "cogging", vec![0.0, cogging_nm, COGGING_PERIODS]);
+    let turning = pwm((0..200).map(|ms| 0.6 * (f64::from(ms) / 20.0).min(1.0)));
+    for (name, phases, bound) in
+        [("cogging, turning", turning, [2e-5, 2e-7]), ("cogging, to and fro", to_and_fro(), [2e-5, 2e-7])]
+    {
+        let reference = Reference::at_rest(friction_nm, drop_v, cogging_nm).course(&phases, 2e-6);
+        converges(name, &model, &phases, &reference, bound);
+    }
+}
+
+/// PWM periods taken at once as maps, and the same switched by hand: braking and coasting, both directions, through
+/// standstill, the sample within the rest and within the pulse.
+#[test]
+fn whole_periods_are_their_parts() {
+    let friction = with(&with(&Model::linear(MOTOR), "coulomb_friction", vec![0.006]), "voltage_drop", vec![1.8]);
+    let cogging = with(&friction, "cogging", vec![0.0, 0.004, COGGING_PERIODS]);
+    let linear = Model::linear(MOTOR);
+    // Cogging is held for a period in the one, for a part of it in the other.
+    for (name, model, bound) in
+        [("linear", &linear, 1e-9), ("friction and drop", &friction, 1e-6), ("cogging", &cogging, 1e-4)]
+    {
+        let (mut at_once, mut by_hand) = (ModelPlant::new(model.clone()), ModelPlant::new(model.clone()));
+        let mut largest = [0.0_f64; 3];
+        for tick in 0..400 {
+            let duty = 0.98 * (f64::from(tick) * 0.03).sin();
+            let pwm = Pwm {
+                pulse: if duty < 0.0 { Bridge::Reverse } else { Bridge::Forward },
+                rest: if tick % 100 < 70 { Bridge::Brake } else { Bridge::Coast },
+                pulse_s: PERIOD_S * duty.abs(),
+                period_s: PERIOD_S,
+                sampled_s: 0.965 * PERIOD_S,
+            };
+            let mut ends = [PeriodEnd::default(); 20];
+            at_once.advance_pwm(&pwm, &Inputs::default(), &mut ends);
+            for end in ends {
+                let expected = by_hand.advance_period(&pwm, &Inputs::default());
+                largest[0] = largest[0].max((end.angle_rad - expected.angle_rad).abs());
+                largest[1] = largest[1].max((end.sampled_a - expected.sampled_a).abs());
+            }
+            largest[2] = largest[2].max((at_once.speed_rad_per_s() - by_hand.speed_rad_per_s()).abs());
+        }
+        println!(
+            "{name}: angle {:.1e} rad, sampled current {:.1e} A, speed {:.1e} rad/s",
+            largest[0], largest[1], largest[2]
+        );
+        assert!(largest.iter().all(|error| *error < bound), "{name}: {largest:?}");
+        assert!(by_hand.angle_rad().abs() > 1.0, "{name} did not turn");
+    }
 }

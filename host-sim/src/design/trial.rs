@@ -5,7 +5,7 @@
 //! [`DRIVE_DELAY_S`] after the tick.
 
 use super::sampled_loop::DRIVE_DELAY_S;
-use crate::plant::{Bridge, Inputs as PlantInputs, Plant};
+use crate::plant::{Bridge, Inputs as PlantInputs, PeriodEnd, Plant, Pwm};
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
 use motorbench_core::encoder::Edges;
 use motorbench_core::excitation::{self, Kind, Sequence};
@@ -189,9 +189,9 @@ impl<P: Plant> Trial<P> {
 
     /// One tick, and the time until the next.
     pub fn tick(&mut self, request: Option<Request>) -> Point {
-        let before = Switching::of(&self.drive);
+        let before = pwm(&self.drive);
         self.drive = self.control.tick(request, &self.inputs());
-        let now = Switching::of(&self.drive);
+        let now = pwm(&self.drive);
         let point = self.point();
         let inputs = PlantInputs {
             bridge: Bridge::default(),
@@ -199,11 +199,14 @@ impl<P: Plant> Trial<P> {
             load_torque_nm: self.surroundings.load_torque_nm,
             blocked: self.surroundings.rotor_blocked,
         };
-        let (first, mut positions) = (self.periods, [self.position; MOST_PERIODS + 1]);
-        for (period, position) in positions.iter_mut().enumerate().take(self.scales.periods + 1).skip(1) {
-            *position = self.pwm_period(if period <= LATE_PERIODS { &before } else { &now }, &inputs);
-        }
-        self.count_edges(first, &positions[..=self.scales.periods]);
+        let mut ends = [PeriodEnd::default(); MOST_PERIODS];
+        let ends = &mut ends[..self.scales.periods];
+        let (late, prompt) = ends.split_at_mut(LATE_PERIODS);
+        self.plant.advance_pwm(&before, &inputs, late);
+        self.plant.advance_pwm(&now, &inputs, prompt);
+        self.convert_sampled(ends);
+        self.count_edges(ends);
+        self.periods += ends.len() as u32;
         point
     }
 
@@ -269,23 +272,23 @@ impl<P: Plant> Trial<P> {
         bits.round() as i32
     }
 
-    /// One PWM period. Returns the position after it.
-    fn pwm_period(&mut self, switching: &Switching, inputs: &PlantInputs) -> f64 {
-        self.periods += 1;
-        if self.periods.is_multiple_of(PERIODS_PER_CONVERSION) {
-            self.plant.advance_switched(switching.until_sampled, inputs);
-            self.convert(self.periods / PERIODS_PER_CONVERSION);
-            self.plant.advance_switched(switching.after_sampled, inputs);
-        } else {
-            self.plant.advance_switched(switching.whole, inputs);
+    /// The conversions of the tick that has just passed.
+    fn convert_sampled(&mut self, ends: &[PeriodEnd]) {
+        for (period, end) in (self.periods + 1..).zip(ends) {
+            if period.is_multiple_of(PERIODS_PER_CONVERSION) {
+                self.convert(period / PERIODS_PER_CONVERSION, end.sampled_a);
+            }
         }
-        self.plant.angle_rad() * self.scales.counts_per_rad + 0.5
     }
 
-    /// Encoder edges of the tick that has just passed, from the positions before and after each of its PWM periods.
-    /// Within a period the speed is as good as constant.
-    fn count_edges(&mut self, first_period: u32, positions: &[f64]) {
-        let to = positions[positions.len() - 1];
+    /// Encoder edges of the tick that has just passed. Within a period the speed is as good as constant.
+    fn count_edges(&mut self, ends: &[PeriodEnd]) {
+        let mut positions = [self.position; MOST_PERIODS + 1];
+        for (position, end) in positions[1..].iter_mut().zip(ends) {
+            *position = end.angle_rad * self.scales.counts_per_rad + 0.5;
+        }
+        let positions = &positions[..=ends.len()];
+        let to = positions[ends.len()];
         self.position = to;
         // A count n reaches from n to n + 1.
         let end = to.floor();
@@ -301,7 +304,7 @@ impl<P: Plant> Trial<P> {
         let part = ((edge - from) / (to - from)).clamp(0.0, 1.0);
         let cycles_a_period = CPU_HZ / PWM_HZ;
         // Modulo 2^32: the timers keep the low 14 bits.
-        let start = (first_period + period as u32).wrapping_mul(cycles_a_period);
+        let start = (self.periods + period as u32).wrapping_mul(cycles_a_period);
         let cycles = start.wrapping_add((part * f64::from(cycles_a_period)) as u32);
         self.edges.count = self.edges.count.wrapping_add(moved as u8);
         self.edges.step = if forward { 1 } else { 3 };
@@ -310,7 +313,7 @@ impl<P: Plant> Trial<P> {
     }
 
     /// A conversion of the current. The eighths of a step that noise makes real on the chip are dithered evenly here.
-    fn convert(&mut self, conversion: u32) {
+    fn convert(&mut self, conversion: u32, sampled_a: f64) {
         let slot = conversion % SLOTS_PER_BLOCK;
         if slot == 0 {
             return;
@@ -318,7 +321,7 @@ impl<P: Plant> Trial<P> {
         let block = conversion / SLOTS_PER_BLOCK;
         // In the middle of each eighth, so that on average nothing is cut off.
         let dither = (f64::from(2 * (slot - 1) + block % 2) + 0.5) / f64::from(2 * BLOCK);
-        let mut output_v = ZERO_V + self.scales.current_v_per_a * self.plant.current_a();
+        let mut output_v = ZERO_V + self.scales.current_v_per_a * sampled_a;
         if self.surroundings.current_noise_v > 0.0 {
             let noise: f64 = self.noise.sample(StandardNormal);
             output_v += self.surroundings.current_noise_v * noise;
@@ -331,31 +334,18 @@ impl<P: Plant> Trial<P> {
     }
 }
 
-/// A PWM period as the bridge switches it, in parts: on for the duty, braking or coasting for the rest.
-struct Switching {
-    whole: [(Bridge, f64); 2],
-    /// The same up to the sample of a conversion, and from there.
-    until_sampled: [(Bridge, f64); 2],
-    after_sampled: [(Bridge, f64); 2],
-}
-
-impl Switching {
-    fn of(drive: &Drive) -> Self {
-        let on_s = PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(PWM_STEPS);
-        let on = if drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward };
-        let off = match drive.bridge {
-            excitation::Bridge::Coast => Bridge::Coast,
-            excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
-        };
-        let between = |from_s: f64, to_s: f64| {
-            let switched_s = on_s.clamp(from_s, to_s);
-            [(on, switched_s - from_s), (off, to_s - switched_s)]
-        };
-        Self {
-            whole: between(0.0, PERIOD_S),
-            until_sampled: between(0.0, SAMPLED_S),
-            after_sampled: between(SAMPLED_S, PERIOD_S),
-        }
+/// How a drive switches the bridge: on for the duty, braking or coasting for the rest.
+fn pwm(drive: &Drive) -> Pwm {
+    let rest = match drive.bridge {
+        excitation::Bridge::Coast => Bridge::Coast,
+        excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
+    };
+    Pwm {
+        pulse: if drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward },
+        rest,
+        pulse_s: PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(PWM_STEPS),
+        period_s: PERIOD_S,
+        sampled_s: SAMPLED_S,
     }
 }
 

@@ -7,8 +7,12 @@
 //! Both sign terms hold their quantity at zero as long as they can: the diodes keep a current from starting in the wrong
 //! direction, friction keeps the shaft from moving. Between the instants where one of them lets go or takes hold the
 //! equations are linear with constant input and are solved exactly, so a short electrical time constant costs nothing.
+//!
+//! PWM periods in which neither sign changes are steps of one linear map ([`Steady`]); only the others are searched for
+//! events.
 
-use super::{Bridge, Inputs, Motion, Plant};
+use super::closed_form::{Family, Matrix, Vector, apply, combine, dot, product, row_times};
+use super::{Bridge, Inputs, Motion, PeriodEnd, Plant, Pwm};
 
 /// Longest stretch solved at once. Events inside it are found by the sign of what changed at its end, and within this
 /// time nothing on a real motor changes its sign twice.
@@ -19,17 +23,6 @@ const MAX_EVENTS: usize = 64;
 const EVENT_TOLERANCE_S: f64 = 6e-10;
 /// Bound on the steps for it.
 const ROOT_STEPS: usize = 60;
-
-/// Largest product of eigenvalue and time for the series below, and its terms' divisors: what follows is below 1e-16.
-const SHORT: f64 = 0.05;
-const SERIES: [(f64, f64); 6] = [
-    (1.0 / 2.0, 1.0 / 3.0),
-    (1.0 / 3.0, 1.0 / 4.0),
-    (1.0 / 4.0, 1.0 / 5.0),
-    (1.0 / 5.0, 1.0 / 6.0),
-    (1.0 / 6.0, 1.0 / 7.0),
-    (1.0 / 7.0, 1.0 / 8.0),
-];
 
 /// Voltages lost in the bridge, taken as constant while current flows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -99,17 +92,19 @@ impl DcMotorParameters {
 pub struct DcMotor {
     parameters: DcMotorParameters,
     moving: Moving,
-    /// For the lengths of the parts of PWM periods with and without a sample in them, used in turn.
-    transitions: [Transition; 4],
-    state: State,
+    /// The last two: a tick ends the old and begins a new.
+    periods: [Period; 2],
+    state: Motion,
     supply_v: f64,
 }
 
-#[derive(Clone, Copy, Debug, Default)]
-struct State {
-    speed_rad_per_s: f64,
-    current_a: f64,
-    angle_rad: f64,
+/// What acts on the shaft besides the motor, constant for a while.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Torques {
+    /// Against positive rotation, whichever way the shaft turns.
+    pub load_nm: f64,
+    /// Against the motion; also what it takes to break loose.
+    pub friction_nm: f64,
 }
 
 impl DcMotor {
@@ -129,7 +124,13 @@ impl DcMotor {
             assert!(value > 0.0, "{name} must be positive, not {value}");
         }
         let moving = Moving::new(&parameters);
-        Self { parameters, moving, transitions: [moving.transition(0.0); 4], state: State::default(), supply_v: 0.0 }
+        Self {
+            periods: [Period::new(&moving, [0.0; 3]); 2],
+            parameters,
+            moving,
+            state: Motion::default(),
+            supply_v: 0.0,
+        }
     }
 
     /// The constants it was made with.
@@ -143,101 +144,18 @@ impl DcMotor {
     }
 
     /// Sets it moving.
-    pub fn set_motion(&mut self, Motion { angle_rad, speed_rad_per_s, current_a }: Motion) {
-        self.state = State { speed_rad_per_s, current_a, angle_rad };
+    pub fn set_motion(&mut self, motion: Motion) {
+        self.state = motion;
     }
 
-    /// Advances through one stretch, from event to event.
-    fn stretch(&mut self, dt_s: f64, inputs: &Inputs) {
-        let mut left_s = dt_s;
-        for _ in 0..MAX_EVENTS {
-            let mode = Mode::of(&self.parameters, &self.state, inputs);
-            let end = self.solve_whole(&mode, left_s);
-            let margin = mode.margin(&self.parameters, &end);
-            if margin >= 0.0 {
-                self.state = end;
-                return;
-            }
-            let event_s = self.event_s(&mode, left_s, margin);
-            self.state = mode.hold(self.solve(&mode, event_s));
-            left_s -= event_s;
-        }
-    }
-
-    /// When the margin becomes negative, given that it is `end_margin` after `end_s`; the returned instant is just
-    /// beyond. Newton's method, kept within the bracket.
-    fn event_s(&self, mode: &Mode, end_s: f64, end_margin: f64) -> f64 {
-        let start_margin = mode.margin(&self.parameters, &self.state).max(0.0);
-        let (mut inside_s, mut beyond_s) = (0.0, end_s);
-        let mut t = end_s * start_margin / (start_margin - end_margin);
-        for _ in 0..ROOT_STEPS {
-            // Away from either end, so that a root close to one end is enclosed at once.
-            t = t.clamp(inside_s + 0.5 * EVENT_TOLERANCE_S, beyond_s - 0.5 * EVENT_TOLERANCE_S);
-            let state = self.solve(mode, t);
-            let margin = mode.margin(&self.parameters, &state);
-            if margin >= 0.0 {
-                inside_s = t;
-            } else {
-                beyond_s = t;
-            }
-            if beyond_s - inside_s < EVENT_TOLERANCE_S {
-                break;
-            }
-            let slope = self.margin_slope(mode, &state);
-            let newton_s = t - margin / slope;
-            let enclosed = newton_s > inside_s && newton_s < beyond_s;
-            // Just beyond the root, and then just inside it.
-            let aside_s = if margin >= 0.0 { 0.4 * EVENT_TOLERANCE_S } else { -0.4 * EVENT_TOLERANCE_S };
-            t = if enclosed { newton_s + aside_s } else { 0.5 * (inside_s + beyond_s) };
-        }
-        beyond_s
-    }
-
-    /// Rate of the margin: the negative one where both change.
-    fn margin_slope(&self, mode: &Mode, state: &State) -> f64 {
-        const STEP_S: f64 = 1e-9;
-        let (p, u) = (&self.parameters, self.rates(mode));
-        let a = &self.moving.a;
-        let x = [state.speed_rad_per_s, state.current_a];
-        let rate =
-            |row: usize, moves: f64| if moves == 0.0 { 0.0 } else { a[row][0] * x[0] + a[row][1] * x[1] + u[row] };
-        let later = State {
-            speed_rad_per_s: x[0] + STEP_S * rate(0, mode.speed),
-            current_a: x[1] + STEP_S * rate(1, mode.current),
-            ..*state
-        };
-        (mode.margin(p, &later) - mode.margin(p, state)) / STEP_S
-    }
-
-    /// The end of a stretch in which shaft and current keep their signs, if it is one.
-    #[inline(always)]
-    fn undisturbed(&mut self, start: State, t: f64, bridge: Bridge, inputs: &Inputs) -> Option<State> {
-        let (w, i, p) = (start.speed_rad_per_s, start.current_a, &self.parameters);
-        if inputs.blocked || t > LONGEST_STEP_S || w == 0.0 {
-            return None;
-        }
-        let (source_v, drop_v) = p.bridge.source_and_drop_v(bridge, inputs.supply_v);
-        let friction_nm = p.coulomb_friction_nm.copysign(w);
-        // From zero the current flows as it is driven, if it is driven at all.
-        let drive_v = source_v - p.torque_constant_nm_per_a * w;
-        let flow = if i != 0.0 { i } else { drive_v };
-        if i == 0.0 && drive_v.abs() <= drop_v {
-            return None;
-        }
-        let u = [
-            (-inputs.load_torque_nm - friction_nm) * self.moving.per_inertia,
-            (source_v - drop_v.copysign(flow)) * self.moving.per_inductance,
-        ];
-        let transition = self.transition(t);
-        let end = self.transitions[transition].apply(&u, &start);
-        let keeps = |before: f64, after: f64, term: f64| term == 0.0 || before * after > 0.0;
-        let undisturbed = keeps(flow, end.current_a, drop_v) && keeps(w, end.speed_rad_per_s, friction_nm);
-        undisturbed.then_some(end)
+    /// How it moves.
+    pub fn motion(&self) -> &Motion {
+        &self.state
     }
 
     /// Advances from event to event.
-    #[inline(never)]
     fn eventful(&mut self, dt_s: f64, inputs: &Inputs) {
+        self.supply_v = inputs.supply_v;
         if inputs.blocked {
             self.state.speed_rad_per_s = 0.0;
         }
@@ -248,55 +166,144 @@ impl DcMotor {
         }
     }
 
-    /// The state at the end of a stretch if the mode does not change.
-    fn solve_whole(&mut self, mode: &Mode, t: f64) -> State {
-        // Other lengths than those of whole parts of a PWM period do not come again.
-        match self.transitions.iter().find(|kept| kept.t == t) {
-            Some(kept) if mode.speed != 0.0 && mode.current != 0.0 => kept.apply(&self.rates(mode), &self.state),
-            _ => self.solve(mode, t),
+    /// Advances through one stretch.
+    fn stretch(&mut self, dt_s: f64, inputs: &Inputs) {
+        let mut left_s = dt_s;
+        for _ in 0..MAX_EVENTS {
+            let mode = Mode::of(&self.parameters, &self.state, inputs);
+            let course = Course::new(&self.moving, &mode, self.state, self.rates(&mode));
+            let (end, _) = course.at(left_s);
+            let margin = mode.margin(&self.parameters, &end);
+            if margin >= 0.0 {
+                self.state = end;
+                return;
+            }
+            let (event_s, state) = self.event(&mode, &course, (left_s, end));
+            self.state = mode.hold(state);
+            left_s -= event_s;
         }
     }
 
+    /// When the margin becomes negative, and the state then, given an instant and a state beyond; the instant is just
+    /// beyond. Newton's method from the root of a parabola, kept within the bracket.
+    fn event(&self, mode: &Mode, course: &Course, mut beyond: (f64, Motion)) -> (f64, Motion) {
+        let p = &self.parameters;
+        let (end_s, end_margin) = (beyond.0, mode.margin(p, &beyond.1));
+        if end_s <= EVENT_TOLERANCE_S {
+            return beyond;
+        }
+        let start_margin = mode.margin(p, &course.start).max(0.0);
+        let start_slope = mode.margin_slope(p, &course.start, course.rate);
+        let mut t = parabola_root(start_margin, start_slope, end_s, end_margin);
+        let mut inside_s = 0.0;
+        for _ in 0..ROOT_STEPS {
+            // Away from either end, so that a root close to one end is enclosed at once.
+            t = t.clamp(inside_s + 0.5 * EVENT_TOLERANCE_S, beyond.0 - 0.5 * EVENT_TOLERANCE_S);
+            let (state, rate) = course.at(t);
+            let margin = mode.margin(p, &state);
+            let newton_s = t - margin / mode.margin_slope(p, &state, rate);
+            if margin >= 0.0 {
+                inside_s = t;
+            } else {
+                beyond = (t, state);
+                // The margin is as good as straight over so short a time.
+                inside_s = if (0.0..EVENT_TOLERANCE_S).contains(&(t - newton_s)) { newton_s } else { inside_s };
+            }
+            if beyond.0 - inside_s < EVENT_TOLERANCE_S {
+                break;
+            }
+            let enclosed = newton_s > inside_s && newton_s < beyond.0;
+            t = if enclosed { newton_s + 0.4 * EVENT_TOLERANCE_S } else { 0.5 * (inside_s + beyond.0) };
+        }
+        beyond
+    }
+
     /// Constant part of the rates of speed and current.
-    fn rates(&self, mode: &Mode) -> [f64; 2] {
+    fn rates(&self, mode: &Mode) -> Vector {
         let voltage_v = mode.source_v - mode.current * mode.drop_v;
         let torque_nm = -mode.load_torque_nm - mode.speed * self.parameters.coulomb_friction_nm;
         [torque_nm * self.moving.per_inertia, voltage_v * self.moving.per_inductance]
     }
 
-    /// Where the transition of this length is kept: the lengths of a PWM period's parts come again and again.
-    #[inline]
-    fn transition(&mut self, t: f64) -> usize {
-        match self.transitions.iter().position(|kept| kept.t == t) {
-            Some(index) => index,
-            None => self.new_transition(t),
+    /// The maps of a PWM period of these lengths, computed if it is neither of the last two.
+    fn period(&mut self, pwm: &Pwm) -> Period {
+        let lengths_s = [pwm.pulse_s, pwm.sampled_s, pwm.period_s];
+        if self.periods[0].lengths_s != lengths_s {
+            self.periods.swap(0, 1);
         }
+        if self.periods[0].lengths_s != lengths_s {
+            self.periods[0] = Period::new(&self.moving, lengths_s);
+        }
+        self.periods[0]
     }
 
-    #[cold]
-    fn new_transition(&mut self, t: f64) -> usize {
-        self.transitions.rotate_right(1);
-        self.transitions[0] = self.moving.transition(t);
-        0
+    /// The map of a PWM period from the present state on, if shaft and current can keep their signs through one.
+    fn steady(&self, period: &Period, pwm: &Pwm, inputs: &Inputs, rubs: bool) -> Option<Steady> {
+        let (w, i, p) = (self.state.speed_rad_per_s, self.state.current_a, &self.parameters);
+        let (pulse_v, pulse_drop_v) = p.bridge.source_and_drop_v(pwm.pulse, inputs.supply_v);
+        let (rest_v, rest_drop_v) = p.bridge.source_and_drop_v(pwm.rest, inputs.supply_v);
+        let drops = pulse_drop_v > 0.0 || rest_drop_v > 0.0;
+        if inputs.blocked || pwm.period_s > LONGEST_STEP_S || (rubs && w == 0.0) || (drops && i == 0.0) {
+            return None;
+        }
+        let signs = [if rubs { w.signum() } else { 0.0 }, if drops { i.signum() } else { 0.0 }];
+        let voltages = [pulse_v - signs[1] * pulse_drop_v, rest_v - signs[1] * rest_drop_v];
+        Some(Steady::new(period, voltages, signs))
     }
 
-    /// The state `t` seconds later if the mode does not change.
-    fn solve(&self, mode: &Mode, t: f64) -> State {
-        let (p, start, u) = (&self.parameters, &self.state, self.rates(mode));
-        match (mode.speed != 0.0, mode.current != 0.0) {
-            (true, true) if self.moving.is_short(t) => self.moving.series(&u, start, t),
-            (true, true) => self.moving.transition(t).apply(&u, start),
-            (true, false) => {
-                let decay = p.viscous_friction_nms_per_rad * self.moving.per_inertia;
-                let (speed_rad_per_s, turned_rad) = first_order(decay, u[0], start.speed_rad_per_s, t);
-                State { angle_rad: start.angle_rad + turned_rad, speed_rad_per_s, current_a: 0.0 }
+    /// Takes whole PWM periods, from the one numbered `first` on, as long as nothing changes its sign. Returns how many.
+    #[inline(always)]
+    fn undisturbed(
+        &mut self,
+        period: &Period,
+        (pwm, inputs): (&Pwm, &Inputs),
+        (first, ends): (usize, &mut [PeriodEnd]),
+        torques: &impl Fn(usize, &Motion) -> Torques,
+    ) -> usize {
+        let rubs = torques(first, &self.state).friction_nm > 0.0;
+        let Some(steady) = self.steady(period, pwm, inputs, rubs) else { return 0 };
+        // The state stays in registers as long as nothing happens.
+        let mut state = self.state;
+        for (done, end) in ends.iter_mut().enumerate() {
+            let Torques { load_nm, friction_nm } = torques(first + done, &state);
+            let Some((next, sampled_a)) = steady.next(&state, -load_nm - steady.signs[0] * friction_nm) else {
+                self.state = state;
+                return done;
+            };
+            state = next;
+            *end = PeriodEnd { angle_rad: state.angle_rad, sampled_a };
+        }
+        self.state = state;
+        ends.len()
+    }
+
+    /// [`Plant::advance`] under other torques than those of inputs and parameters.
+    pub(super) fn advance_under(&mut self, dt_s: f64, inputs: &Inputs, torques: Torques) {
+        self.parameters.coulomb_friction_nm = torques.friction_nm;
+        self.eventful(dt_s, &Inputs { load_torque_nm: torques.load_nm, ..*inputs });
+    }
+
+    /// [`Plant::advance_pwm`] under torques that change from period to period: given the number of a period, from 0, and
+    /// the state at its start.
+    #[inline(always)]
+    pub(super) fn advance_pwm_under(
+        &mut self,
+        pwm: &Pwm,
+        inputs: &Inputs,
+        ends: &mut [PeriodEnd],
+        torques: impl Fn(usize, &Motion) -> Torques,
+    ) {
+        self.supply_v = inputs.supply_v;
+        let period = self.period(pwm);
+        let mut done = 0;
+        while done < ends.len() {
+            done += self.undisturbed(&period, (pwm, inputs), (done, &mut ends[done..]), &torques);
+            if let Some(end) = ends.get_mut(done) {
+                let Torques { load_nm, friction_nm } = torques(done, &self.state);
+                self.parameters.coulomb_friction_nm = friction_nm;
+                *end = self.advance_period(pwm, &Inputs { load_torque_nm: load_nm, ..*inputs });
+                done += 1;
             }
-            (false, true) => {
-                let (current_a, _) =
-                    first_order(p.resistance_ohm * self.moving.per_inductance, u[1], start.current_a, t);
-                State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a }
-            }
-            (false, false) => State { angle_rad: start.angle_rad, speed_rad_per_s: 0.0, current_a: 0.0 },
         }
     }
 }
@@ -309,28 +316,12 @@ impl Default for DcMotor {
 
 impl Plant for DcMotor {
     fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
-        self.supply_v = inputs.supply_v;
-        match self.undisturbed(self.state, dt_s, inputs.bridge, inputs) {
-            Some(end) => self.state = end,
-            None => self.eventful(dt_s, inputs),
-        }
+        self.eventful(dt_s, inputs);
     }
 
-    fn advance_switched(&mut self, parts: [(Bridge, f64); 2], inputs: &Inputs) {
-        self.supply_v = inputs.supply_v;
-        // The state stays in registers as long as nothing happens.
-        let mut state = self.state;
-        for (bridge, dt_s) in parts.into_iter().filter(|(_, dt_s)| *dt_s > 0.0) {
-            state = match self.undisturbed(state, dt_s, bridge, inputs) {
-                Some(end) => end,
-                None => {
-                    self.state = state;
-                    self.eventful(dt_s, &Inputs { bridge, ..*inputs });
-                    self.state
-                }
-            };
-        }
-        self.state = state;
+    fn advance_pwm(&mut self, pwm: &Pwm, inputs: &Inputs, ends: &mut [PeriodEnd]) {
+        let torques = Torques { load_nm: inputs.load_torque_nm, friction_nm: self.parameters.coulomb_friction_nm };
+        self.advance_pwm_under(pwm, inputs, ends, |_, _| torques);
     }
 
     fn angle_rad(&self) -> f64 {
@@ -363,7 +354,7 @@ struct Mode {
 }
 
 impl Mode {
-    fn of(p: &DcMotorParameters, state: &State, inputs: &Inputs) -> Self {
+    fn of(p: &DcMotorParameters, state: &Motion, inputs: &Inputs) -> Self {
         let (source_v, drop_v) = p.bridge.source_and_drop_v(inputs.bridge, inputs.supply_v);
         let open_v = source_v - p.torque_constant_nm_per_a * state.speed_rad_per_s;
         let free_nm = p.torque_constant_nm_per_a * state.current_a - inputs.load_torque_nm;
@@ -382,7 +373,13 @@ impl Mode {
     }
 
     /// Not negative as long as the state still belongs to this mode.
-    fn margin(&self, p: &DcMotorParameters, state: &State) -> f64 {
+    fn margin(&self, p: &DcMotorParameters, state: &Motion) -> f64 {
+        let [current, speed] = self.margins(p, state);
+        current.min(speed)
+    }
+
+    /// Margin of the current, margin of the speed.
+    fn margins(&self, p: &DcMotorParameters, state: &Motion) -> [f64; 2] {
         let current = if self.current != 0.0 {
             if self.drop_v > 0.0 { self.current * state.current_a } else { f64::INFINITY }
         } else {
@@ -395,11 +392,24 @@ impl Mode {
         } else {
             p.coulomb_friction_nm - (p.torque_constant_nm_per_a * state.current_a - self.load_torque_nm).abs()
         };
-        current.min(speed)
+        [current, speed]
+    }
+
+    /// Rate of the margin, with the rates of speed and current: of the lesser one.
+    fn margin_slope(&self, p: &DcMotorParameters, state: &Motion, rate: Vector) -> f64 {
+        let [current, speed] = self.margins(p, state);
+        let k = p.torque_constant_nm_per_a;
+        if current <= speed {
+            let open_v = self.source_v - k * state.speed_rad_per_s;
+            if self.current != 0.0 { self.current * rate[1] } else { open_v.signum() * k * rate[0] }
+        } else {
+            let free_nm = k * state.current_a - self.load_torque_nm;
+            if self.speed != 0.0 { self.speed * rate[0] } else { -free_nm.signum() * k * rate[1] }
+        }
     }
 
     /// Puts what has just crossed zero exactly there, so that the next mode can hold it.
-    fn hold(&self, mut state: State) -> State {
+    fn hold(&self, mut state: Motion) -> Motion {
         if self.current * state.current_a < 0.0 {
             state.current_a = 0.0;
         }
@@ -421,141 +431,208 @@ fn direction(value: f64, drive: f64, hold: f64) -> f64 {
     }
 }
 
-/// `x' = u - a x`: the value after `t` and its integral.
-fn first_order(a: f64, u: f64, x: f64, t: f64) -> (f64, f64) {
-    let (z, slope) = (-a * t, u - a * x);
-    let phi1 = if z.abs() < 1e-8 { 1.0 + z / 2.0 } else { z.exp_m1() / z };
-    // The quotient loses digits for small arguments, where the series has long converged.
-    let phi2 = if z.abs() < 1e-4 { 0.5 + z / 6.0 + z * z / 24.0 } else { (phi1 - 1.0) / z };
-    (x + slope * t * phi1, x * t + slope * t * t * phi2)
+/// The first root of a margin between 0 and `end_s`: of the parabola with its value and slope at the start and its value,
+/// which is negative, at the end.
+fn parabola_root(start: f64, slope: f64, end_s: f64, end: f64) -> f64 {
+    let bend = (end - start - slope * end_s) / (end_s * end_s);
+    let root = (slope * slope - 4.0 * bend * start).max(0.0).sqrt();
+    if slope > 0.0 { -0.5 * (slope + root) / bend } else { 2.0 * start / (root - slope).max(f64::MIN_POSITIVE) }
 }
 
-type Matrix = [[f64; 2]; 2];
-
-/// `x' = A x + u` with `x` = (speed, current), by the exponential of the 2x2 matrix.
+/// `x' = A x + u` with `x` = (speed, current).
 #[derive(Clone, Copy, Debug)]
 struct Moving {
     per_inertia: f64,
     per_inductance: f64,
     a: Matrix,
-    inverse: Matrix,
-    /// Mean of the eigenvalues.
-    mean: f64,
-    /// Half their distance: real if `oscillating` is false, otherwise imaginary.
-    half_distance: f64,
-    oscillating: bool,
+    /// Both move; the current is held at zero; the shaft is held.
+    both: Family,
+    speed_alone: Family,
+    current_alone: Family,
 }
 
 impl Moving {
     fn new(p: &DcMotorParameters) -> Self {
         let (l, j, k) = (p.inductance_h, p.inertia_kg_m2, p.torque_constant_nm_per_a);
         let a = [[-p.viscous_friction_nms_per_rad / j, k / j], [-k / l, -p.resistance_ohm / l]];
-        let determinant = a[0][0] * a[1][1] - a[0][1] * a[1][0];
-        let mean = 0.5 * (a[0][0] + a[1][1]);
-        let discriminant = mean * mean - determinant;
         Self {
             per_inertia: j.recip(),
             per_inductance: l.recip(),
             a,
-            inverse: [[a[1][1] / determinant, -a[0][1] / determinant], [-a[1][0] / determinant, a[0][0] / determinant]],
-            mean,
-            half_distance: discriminant.abs().sqrt(),
-            oscillating: discriminant < 0.0,
+            both: Family::new(a[0][0] + a[1][1], a[0][0] * a[1][1] - a[0][1] * a[1][0]),
+            speed_alone: Family::new(a[0][0], 0.0),
+            current_alone: Family::new(a[1][1], 0.0),
         }
-    }
-
-    /// Whether [`series`](Self::series) is exact to the last digits.
-    fn is_short(&self, t: f64) -> bool {
-        (self.half_distance - self.mean) * t < SHORT
-    }
-
-    /// The state after a short time by Taylor's series, which for a single state is cheaper than the exponential.
-    fn series(&self, u: &[f64; 2], start: &State, t: f64) -> State {
-        let (a, x) = (&self.a, [start.speed_rad_per_s, start.current_a]);
-        let mut term = [(a[0][0] * x[0] + a[0][1] * x[1] + u[0]) * t, (a[1][0] * x[0] + a[1][1] * x[1] + u[1]) * t];
-        let mut end = State {
-            speed_rad_per_s: x[0] + term[0],
-            current_a: x[1] + term[1],
-            angle_rad: start.angle_rad + t * (x[0] + 0.5 * term[0]),
-        };
-        for (over, over_next) in SERIES {
-            let step = t * over;
-            term = [(a[0][0] * term[0] + a[0][1] * term[1]) * step, (a[1][0] * term[0] + a[1][1] * term[1]) * step];
-            end.speed_rad_per_s += term[0];
-            end.current_a += term[1];
-            end.angle_rad += t * over_next * term[0];
-        }
-        end
-    }
-
-    fn transition(&self, t: f64) -> Transition {
-        let e = self.exponential(t);
-        let once = times(&self.inverse, &[[e[0][0] - 1.0, e[0][1]], [e[1][0], e[1][1] - 1.0]]);
-        let twice = times(&self.inverse, &[[once[0][0] - t, once[0][1]], [once[1][0], once[1][1] - t]]);
-        let column = |of: &Matrix, index: usize| [of[0][index], of[1][index]];
-        Transition {
-            t,
-            of_speed: column(&e, 0),
-            of_current: column(&e, 1),
-            of_u: [column(&once, 0), column(&once, 1)],
-            turned_of_current: once[0][1],
-            turned_of_u: twice[0],
-        }
-    }
-
-    /// `exp(A t)` for real, double or complex eigenvalues.
-    fn exponential(&self, t: f64) -> Matrix {
-        let (m, s, a) = (self.mean, self.half_distance, &self.a);
-        let (cosine, sine_over_s) = if s * t < 1e-6 {
-            let scale = (m * t).exp();
-            (scale, scale * t)
-        } else if self.oscillating {
-            let (scale, (sine, cosine)) = ((m * t).exp(), (s * t).sin_cos());
-            (scale * cosine, scale * sine / s)
-        } else {
-            let (slow, fast) = (((m + s) * t).exp(), ((m - s) * t).exp());
-            (0.5 * (slow + fast), 0.5 * (slow - fast) / s)
-        };
-        [
-            [cosine + sine_over_s * (a[0][0] - m), sine_over_s * a[0][1]],
-            [sine_over_s * a[1][0], cosine + sine_over_s * (a[1][1] - m)],
-        ]
     }
 }
 
-/// What becomes of a state and of constant inputs in `t` seconds.
+/// The way from a state on as long as its mode does not change.
+struct Course<'a> {
+    start: Motion,
+    /// Rates of speed and current at the start, and what A makes of them.
+    rate: Vector,
+    bend: Vector,
+    family: &'a Family,
+}
+
+impl<'a> Course<'a> {
+    fn new(moving: &'a Moving, mode: &Mode, start: Motion, u: Vector) -> Self {
+        let (speed, current) = (mode.speed != 0.0, mode.current != 0.0);
+        // What is held is zero, and so is its rate.
+        let start = Motion {
+            speed_rad_per_s: if speed { start.speed_rad_per_s } else { 0.0 },
+            current_a: if current { start.current_a } else { 0.0 },
+            ..start
+        };
+        let masked = |x: Vector| [if speed { x[0] } else { 0.0 }, if current { x[1] } else { 0.0 }];
+        let of_state = apply(&moving.a, [start.speed_rad_per_s, start.current_a]);
+        let rate = masked([of_state[0] + u[0], of_state[1] + u[1]]);
+        let family = match (speed, current) {
+            (true, true) => &moving.both,
+            (true, false) => &moving.speed_alone,
+            (false, _) => &moving.current_alone,
+        };
+        Self { start, rate, bend: masked(apply(&moving.a, rate)), family }
+    }
+
+    /// The state after `t`, and the rates of speed and current then.
+    #[inline]
+    fn at(&self, t: f64) -> (Motion, Vector) {
+        let weights = self.family.weights(t);
+        let of = |weights: Vector, index: usize| weights[0] * self.rate[index] + weights[1] * self.bend[index];
+        let state = Motion {
+            speed_rad_per_s: self.start.speed_rad_per_s + of(weights.integral, 0),
+            current_a: self.start.current_a + of(weights.integral, 1),
+            angle_rad: self.start.angle_rad + (self.start.speed_rad_per_s * t + of(weights.second, 0)),
+        };
+        (state, [of(weights.exponential, 0), of(weights.exponential, 1)])
+    }
+}
+
+/// What becomes of a state and of constant inputs in some time while both move.
 #[derive(Clone, Copy, Debug)]
 struct Transition {
-    t: f64,
-    /// Columns of the exponential, what speed and current at the start become.
-    of_speed: [f64; 2],
-    of_current: [f64; 2],
-    /// Columns of its integral, what the constant inputs become; its first row is the angle turned.
+    of_state: Matrix,
     of_u: Matrix,
-    turned_of_current: f64,
-    /// First row of the integral of that, for the angle.
-    turned_of_u: [f64; 2],
+    /// What the constant inputs add to the angle; what the state adds is the first row of `of_u`.
+    turned_of_u: Vector,
 }
 
 impl Transition {
-    #[inline(always)]
-    fn apply(&self, u: &[f64; 2], start: &State) -> State {
-        let (w, i) = (start.speed_rad_per_s, start.current_a);
-        let next = |row: usize| {
-            self.of_speed[row] * w + self.of_current[row] * i + (self.of_u[0][row] * u[0] + self.of_u[1][row] * u[1])
-        };
-        let turned = self.of_u[0][0] * w + self.turned_of_current * i;
-        State {
-            speed_rad_per_s: next(0),
-            current_a: next(1),
-            angle_rad: start.angle_rad + (turned + (self.turned_of_u[0] * u[0] + self.turned_of_u[1] * u[1])),
+    fn new(moving: &Moving, t: f64) -> Self {
+        let weights = moving.both.weights(t);
+        Self {
+            of_state: combine(weights.exponential, &moving.a),
+            of_u: combine(weights.integral, &moving.a),
+            turned_of_u: combine(weights.second, &moving.a)[0],
         }
     }
 }
 
-fn times(a: &Matrix, b: &Matrix) -> Matrix {
-    let cell = |r: usize, c: usize| a[r][0] * b[0][c] + a[r][1] * b[1][c];
-    [[cell(0, 0), cell(0, 1)], [cell(1, 0), cell(1, 1)]]
+/// What a PWM period makes of a state and of inputs while both move. Each in three parts: speed and current at the end of
+/// the pulse; at the end of the period; the angle turned and the sampled current.
+#[derive(Clone, Copy, Debug)]
+struct Period {
+    /// Pulse, start to sample, whole period.
+    lengths_s: [f64; 3],
+    of_state: [Matrix; 3],
+    of_torque: [Vector; 3],
+    /// Of a voltage during the pulse, and during the rest.
+    of_voltages: [[Vector; 3]; 2],
+}
+
+impl Period {
+    fn new(moving: &Moving, lengths_s: [f64; 3]) -> Self {
+        let [pulse_s, sampled_s, period_s] = lengths_s;
+        let in_pulse = sampled_s < pulse_s;
+        // To the sample from the last switching before it.
+        let since_s = if in_pulse { sampled_s } else { sampled_s - pulse_s };
+        let [pulse, rest, sampled] = [pulse_s, period_s - pulse_s, since_s].map(|t| Transition::new(moving, t));
+        let of_inputs = |u_pulse: Vector, u_rest: Vector| {
+            let middle = apply(&pulse.of_u, u_pulse);
+            let end = [0, 1].map(|row| dot(rest.of_state[row], middle) + dot(rest.of_u[row], u_rest));
+            let turned = dot(pulse.turned_of_u, u_pulse) + dot(rest.of_u[0], middle) + dot(rest.turned_of_u, u_rest);
+            let sampled = if in_pulse {
+                dot(sampled.of_u[1], u_pulse)
+            } else {
+                dot(sampled.of_state[1], middle) + dot(sampled.of_u[1], u_rest)
+            };
+            [middle, end, [turned, sampled]]
+        };
+        let turned_in_rest = row_times(rest.of_u[0], &pulse.of_state);
+        let turned = [0, 1].map(|of| pulse.of_u[0][of] + turned_in_rest[of]);
+        let at_sample = sampled.of_state[1];
+        let at_sample = if in_pulse { at_sample } else { row_times(at_sample, &pulse.of_state) };
+        let (torque, voltage) = ([moving.per_inertia, 0.0], [0.0, moving.per_inductance]);
+        Self {
+            lengths_s,
+            of_state: [pulse.of_state, product(&rest.of_state, &pulse.of_state), [turned, at_sample]],
+            of_torque: of_inputs(torque, torque),
+            of_voltages: [of_inputs(voltage, [0.0; 2]), of_inputs([0.0; 2], voltage)],
+        }
+    }
+}
+
+/// A quantity after a part of a PWM period: factors of speed and current at its start and of the torque, and a constant.
+#[derive(Clone, Copy, Debug)]
+struct Row {
+    of_state: Vector,
+    of_torque: f64,
+    constant: f64,
+}
+
+impl Row {
+    #[inline(always)]
+    fn of(&self, state: &Motion, torque_nm: f64) -> f64 {
+        let constant = self.constant + self.of_torque * torque_nm;
+        self.of_state[0] * state.speed_rad_per_s + (self.of_state[1] * state.current_a + constant)
+    }
+}
+
+/// A PWM period in which shaft and current keep their signs, as one linear map of the state at its start.
+struct Steady {
+    /// Speed and current at the end of the pulse and of the period.
+    pulse: [Row; 2],
+    end: [Row; 2],
+    /// Angle turned.
+    turned: Row,
+    /// Current where it is sampled.
+    sampled: Row,
+    /// Signs that speed and current must keep; 0 where it does not matter.
+    signs: Vector,
+}
+
+impl Steady {
+    /// `voltages`: in the pulse, in the rest.
+    fn new(period: &Period, voltages: [f64; 2], signs: Vector) -> Self {
+        let row = |part: usize, row: usize| Row {
+            of_state: period.of_state[part][row],
+            of_torque: period.of_torque[part][row],
+            constant: period.of_voltages[0][part][row] * voltages[0] + period.of_voltages[1][part][row] * voltages[1],
+        };
+        Self {
+            pulse: [row(0, 0), row(0, 1)],
+            end: [row(1, 0), row(1, 1)],
+            turned: row(2, 0),
+            sampled: row(2, 1),
+            signs,
+        }
+    }
+
+    /// The state a period later and the sampled current, if the signs are kept.
+    #[inline(always)]
+    fn next(&self, state: &Motion, torque_nm: f64) -> Option<(Motion, f64)> {
+        let end = self.end.map(|row| row.of(state, torque_nm));
+        let pulse = self.pulse.map(|row| row.of(state, torque_nm));
+        let kept =
+            |of: usize| self.signs[of] == 0.0 || (self.signs[of] * pulse[of] > 0.0 && self.signs[of] * end[of] > 0.0);
+        let next = Motion {
+            speed_rad_per_s: end[0],
+            current_a: end[1],
+            angle_rad: state.angle_rad + self.turned.of(state, torque_nm),
+        };
+        (kept(0) && kept(1)).then(|| (next, self.sampled.of(state, torque_nm)))
+    }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@
 //! own sense: positive speed is what a positive voltage between IN1 and IN2 brings about, and positive current is what
 //! drives it.
 
+mod closed_form;
 mod dc_motor;
 mod model_plant;
 
@@ -56,6 +57,38 @@ pub struct Motion {
     pub current_a: f64,
 }
 
+/// PWM periods switched alike: a pulse, and the rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pwm {
+    /// State of the bridge during the pulse.
+    pub pulse: Bridge,
+    /// State of the bridge after it.
+    pub rest: Bridge,
+    /// Length of the pulse, from 0 to that of the period.
+    pub pulse_s: f64,
+    /// Length of a period.
+    pub period_s: f64,
+    /// From the start of a period to the sample of the current.
+    pub sampled_s: f64,
+}
+
+impl Pwm {
+    /// The states of the bridge from one time of the period to another, and how long they last.
+    fn parts(&self, from_s: f64, to_s: f64) -> [(Bridge, f64); 2] {
+        let switched_s = self.pulse_s.clamp(from_s, to_s);
+        [(self.pulse, switched_s - from_s), (self.rest, to_s - switched_s)]
+    }
+}
+
+/// What is seen of a PWM period.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PeriodEnd {
+    /// Angle at its end.
+    pub angle_rad: f64,
+    /// Current at its [`Pwm::sampled_s`].
+    pub sampled_a: f64,
+}
+
 /// A motor with its load and its supply.
 ///
 /// The chip harness calls [`advance`](Plant::advance) with steps between one processor cycle and one PWM period, some
@@ -63,11 +96,22 @@ pub struct Motion {
 pub trait Plant {
     /// Lets `dt_s` seconds (not negative) pass under constant inputs.
     fn advance(&mut self, dt_s: f64, inputs: &Inputs);
-    /// Lets a PWM period pass: its parts one after the other, each with its state of the bridge in place of that of the
-    /// inputs. Parts of no length are left out.
-    fn advance_switched(&mut self, parts: [(Bridge, f64); 2], inputs: &Inputs) {
-        for (bridge, dt_s) in parts.into_iter().filter(|(_, dt_s)| *dt_s > 0.0) {
-            self.advance(dt_s, &Inputs { bridge, ..*inputs });
+    /// Lets a PWM period pass. Its `pwm` takes the place of the inputs' bridge.
+    fn advance_period(&mut self, pwm: &Pwm, inputs: &Inputs) -> PeriodEnd {
+        let mut pass = |parts: [(Bridge, f64); 2]| {
+            for (bridge, dt_s) in parts.into_iter().filter(|(_, dt_s)| *dt_s > 0.0) {
+                self.advance(dt_s, &Inputs { bridge, ..*inputs });
+            }
+            self.current_a()
+        };
+        let sampled_a = pass(pwm.parts(0.0, pwm.sampled_s));
+        pass(pwm.parts(pwm.sampled_s, pwm.period_s));
+        PeriodEnd { angle_rad: self.angle_rad(), sampled_a }
+    }
+    /// Lets a PWM period pass for each of the `ends`, which it fills in.
+    fn advance_pwm(&mut self, pwm: &Pwm, inputs: &Inputs, ends: &mut [PeriodEnd]) {
+        for end in ends {
+            *end = self.advance_period(pwm, inputs);
         }
     }
     /// Angle of the motor's shaft since the start, in radians, unlimited.

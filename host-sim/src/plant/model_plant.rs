@@ -1,9 +1,10 @@
 //! The extended model as a plant: what a diagnosis has found, to run a loop against.
 
-use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, Plant};
-use crate::catalogue::{Balance, Effect, Instant};
+use super::dc_motor::Torques;
+use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, PeriodEnd, Plant, Pwm};
+use crate::catalogue::{ActsOn, Balance, Effect, Instant};
 use crate::free_run::LinearStep;
-use crate::model::Model;
+use crate::model::{Model, Term};
 
 /// Longest step; shorter ones are taken as they come.
 const LONGEST_STEP_S: f64 = 50e-6;
@@ -13,14 +14,16 @@ const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
 /// Effects that the event-exact motor has as well.
 const EXACT: [&str; 2] = ["coulomb_friction", "voltage_drop"];
 
-/// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop alone are solved event
-/// by event ([`DcMotor`]), others step by step. What the model says of sensors and of timing is not part of it.
+/// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop are solved event by event
+/// ([`DcMotor`]), also under other torques that need no memory of their own ([`Held`]); everything else step by step. What
+/// the model says of sensors and of timing is not part of it.
 #[derive(Clone, Debug)]
 pub struct ModelPlant(Solver);
 
 #[derive(Clone, Debug)]
 enum Solver {
     Exact(DcMotor),
+    Held(Held),
     Stepwise(Stepwise),
 }
 
@@ -48,9 +51,12 @@ impl ModelPlant {
     /// At rest, behind a bridge with losses of its own.
     pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
         model.terms.retain(|term| Self::simulates(term.effect));
-        let exact = model.terms.iter().all(|term| EXACT.contains(&term.id()));
-        Self(if exact {
+        let exact = |term: &Term| EXACT.contains(&term.id());
+        let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque && term.effect.states() == 0;
+        Self(if model.terms.iter().all(exact) {
             Solver::Exact(event_exact(bridge, &model))
+        } else if model.terms.iter().all(|term| exact(term) || held(term)) {
+            Solver::Held(Held::new(bridge, model))
         } else {
             Solver::Stepwise(Stepwise::new(bridge, model))
         })
@@ -71,6 +77,7 @@ impl ModelPlant {
         *self = Self::behind(bridge, model);
         match &mut self.0 {
             Solver::Exact(motor) => motor.set_motion(motion),
+            Solver::Held(held) => held.motor.set_motion(motion),
             Solver::Stepwise(motor) => {
                 motor.angle_rad = motion.angle_rad;
                 motor.speed_rad_per_s = motion.speed_rad_per_s;
@@ -80,17 +87,119 @@ impl ModelPlant {
     }
 }
 
-/// The motor of a model that has no other effects than [`EXACT`].
+/// The event-exact motor under further torques, which are held for a PWM period, at most for [`LONGEST_STEP_S`].
+#[derive(Clone, Debug)]
+struct Held {
+    motor: DcMotor,
+    torques: FurtherTorques,
+    time_s: f64,
+}
+
+impl Held {
+    fn new(bridge: BridgeLosses, model: Model) -> Self {
+        Self { motor: event_exact(bridge, &model), torques: FurtherTorques::of(model), time_s: 0.0 }
+    }
+}
+
+/// Torques of effects that need no memory of their own.
+#[derive(Clone, Debug)]
+struct FurtherTorques {
+    model: Model,
+    /// Coulomb friction, to which they add.
+    friction_nm: f64,
+}
+
+impl FurtherTorques {
+    fn of(mut model: Model) -> Self {
+        let friction_nm = sum(&model, "coulomb_friction");
+        model.terms.retain(|term| !EXACT.contains(&term.id()));
+        Self { model, friction_nm }
+    }
+
+    /// Of a step from this state and time on, with the angle in its middle.
+    #[inline(always)]
+    fn over(&self, step_s: f64, time_s: f64, state: &Motion, inputs: &Inputs) -> Torques {
+        let at = Instant {
+            time_s,
+            // No torque knows of the bridge.
+            voltage_v: 0.0,
+            duty: 0.0,
+            supply_v: inputs.supply_v,
+            current_a: state.current_a,
+            speed_rad_per_s: state.speed_rad_per_s,
+            angle_rad: state.angle_rad + 0.5 * step_s * state.speed_rad_per_s,
+            step_s,
+        };
+        let mut terms = Balance {
+            torque_nm: -inputs.load_torque_nm,
+            dry_forward_nm: self.friction_nm,
+            dry_backward_nm: self.friction_nm,
+            ..Balance::default()
+        };
+        for term in &self.model.terms {
+            term.effect.contribute(&term.values, &self.model.motor, &at, &[], &mut terms);
+        }
+        // Friction that differs by direction is the same in both, and a load.
+        let asymmetry_nm = 0.5 * (terms.dry_forward_nm - terms.dry_backward_nm);
+        Torques {
+            load_nm: asymmetry_nm + terms.viscous_nm_s * state.speed_rad_per_s - terms.torque_nm,
+            friction_nm: (0.5 * (terms.dry_forward_nm + terms.dry_backward_nm)).max(0.0),
+        }
+    }
+}
+
+impl Plant for Held {
+    fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
+        let steps = (dt_s / LONGEST_STEP_S - 1e-9).ceil().max(1.0);
+        let step_s = dt_s / steps;
+        for _ in 0..steps as usize {
+            let torques = self.torques.over(step_s, self.time_s, self.motor.motion(), inputs);
+            self.motor.advance_under(step_s, inputs, torques);
+            self.time_s += step_s;
+        }
+    }
+
+    fn advance_pwm(&mut self, pwm: &Pwm, inputs: &Inputs, ends: &mut [PeriodEnd]) {
+        let (torques, from_s) = (&self.torques, self.time_s);
+        let at_s = |period: usize| from_s + period as f64 * pwm.period_s;
+        self.motor.advance_pwm_under(pwm, inputs, ends, |period, state| {
+            torques.over(pwm.period_s, at_s(period), state, inputs)
+        });
+        self.time_s = at_s(ends.len());
+    }
+
+    fn angle_rad(&self) -> f64 {
+        self.motor.angle_rad()
+    }
+
+    fn speed_rad_per_s(&self) -> f64 {
+        self.motor.speed_rad_per_s()
+    }
+
+    fn current_a(&self) -> f64 {
+        self.motor.current_a()
+    }
+
+    fn supply_v(&self) -> f64 {
+        self.motor.supply_v()
+    }
+}
+
+/// The first constants of all terms of an effect.
+fn sum(model: &Model, id: &str) -> f64 {
+    model.terms.iter().filter(|term| term.id() == id).map(|term| term.values[0]).sum()
+}
+
+/// The motor of a model, without other effects than [`EXACT`].
 fn event_exact(bridge: BridgeLosses, model: &Model) -> DcMotor {
-    let sum = |id: &str| model.terms.iter().filter(|term| term.id() == id).map(|term| term.values[0]).sum::<f64>();
-    let drop_v = sum("voltage_drop");
+    let drop_v = sum(model, "voltage_drop");
     DcMotor::new(DcMotorParameters {
         resistance_ohm: model.motor.resistance_ohm,
         inductance_h: model.motor.inductance_h,
         torque_constant_nm_per_a: model.motor.torque_constant_nm_per_a,
         inertia_kg_m2: model.motor.inertia_kg_m2,
         viscous_friction_nms_per_rad: model.motor.viscous_friction_nm_s,
-        coulomb_friction_nm: sum("coulomb_friction"),
+        coulomb_friction_nm: sum(model, "coulomb_friction"),
         // The drop is there whatever the bridge does; a coasting current flows through two diodes besides.
         bridge: BridgeLosses {
             drive_v: bridge.drive_v + drop_v,
@@ -166,7 +275,9 @@ impl Stepwise {
             term.effect.advance(&term.values, &self.model.motor, &at, state);
         }
     }
+}
 
+impl Plant for Stepwise {
     fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
         self.supply_v = inputs.supply_v;
         if dt_s <= 0.0 {
@@ -177,55 +288,65 @@ impl Stepwise {
             self.step(dt_s / steps, inputs);
         }
     }
-}
-
-impl Plant for ModelPlant {
-    #[inline]
-    fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
-        match &mut self.0 {
-            Solver::Exact(motor) => motor.advance(dt_s, inputs),
-            Solver::Stepwise(motor) => motor.advance(dt_s, inputs),
-        }
-    }
-
-    #[inline]
-    fn advance_switched(&mut self, parts: [(Bridge, f64); 2], inputs: &Inputs) {
-        match &mut self.0 {
-            Solver::Exact(motor) => motor.advance_switched(parts, inputs),
-            Solver::Stepwise(motor) => {
-                for (bridge, dt_s) in parts {
-                    motor.advance(dt_s, &Inputs { bridge, ..*inputs });
-                }
-            }
-        }
-    }
 
     fn angle_rad(&self) -> f64 {
-        match &self.0 {
-            Solver::Exact(motor) => motor.angle_rad(),
-            Solver::Stepwise(motor) => motor.angle_rad,
-        }
+        self.angle_rad
     }
 
     fn speed_rad_per_s(&self) -> f64 {
-        match &self.0 {
-            Solver::Exact(motor) => motor.speed_rad_per_s(),
-            Solver::Stepwise(motor) => motor.speed_rad_per_s,
-        }
+        self.speed_rad_per_s
     }
 
     fn current_a(&self) -> f64 {
-        match &self.0 {
-            Solver::Exact(motor) => motor.current_a(),
-            Solver::Stepwise(motor) => motor.current_a,
-        }
+        self.current_a
     }
 
     fn supply_v(&self) -> f64 {
+        self.supply_v
+    }
+}
+
+impl ModelPlant {
+    fn plant(&self) -> &dyn Plant {
         match &self.0 {
-            Solver::Exact(motor) => motor.supply_v(),
-            Solver::Stepwise(motor) => motor.supply_v,
+            Solver::Exact(motor) => motor,
+            Solver::Held(motor) => motor,
+            Solver::Stepwise(motor) => motor,
         }
+    }
+
+    fn plant_mut(&mut self) -> &mut dyn Plant {
+        match &mut self.0 {
+            Solver::Exact(motor) => motor,
+            Solver::Held(motor) => motor,
+            Solver::Stepwise(motor) => motor,
+        }
+    }
+}
+
+impl Plant for ModelPlant {
+    fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
+        self.plant_mut().advance(dt_s, inputs);
+    }
+
+    fn advance_pwm(&mut self, pwm: &Pwm, inputs: &Inputs, ends: &mut [PeriodEnd]) {
+        self.plant_mut().advance_pwm(pwm, inputs, ends);
+    }
+
+    fn angle_rad(&self) -> f64 {
+        self.plant().angle_rad()
+    }
+
+    fn speed_rad_per_s(&self) -> f64 {
+        self.plant().speed_rad_per_s()
+    }
+
+    fn current_a(&self) -> f64 {
+        self.plant().current_a()
+    }
+
+    fn supply_v(&self) -> f64 {
+        self.plant().supply_v()
     }
 }
 
