@@ -18,7 +18,7 @@
 //! | [`link`] | a board on a serial port: console, telemetry, recording |
 //! | [`tune`] | the tuning console in the terminal |
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
-//! | [`panels`] | plots over time, one under the other |
+//! | [`panels`], [`picture`] | plots over time, one under the other; plots as SVG and PNG files |
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
@@ -41,6 +41,7 @@ pub mod live;
 pub mod model;
 pub mod motor;
 pub mod panels;
+pub mod picture;
 pub mod plant;
 pub mod recording;
 pub mod rig;

@@ -1,5 +1,7 @@
-//! Plots over time, one under the other, as SVG.
+//! Plots over time or frequency, one under the other, as SVG.
 
+use plotters::coord::Shift;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use std::error::Error;
 use std::ops::Range;
@@ -16,13 +18,19 @@ const LABELS: (&str, i32) = ("sans-serif", 16);
 /// Quantities of one unit.
 pub struct Panel {
     title: String,
+    frequencies_hz: Option<Vec<f64>>,
     lines: Vec<(String, Vec<f64>)>,
 }
 
 impl Panel {
-    /// Without lines yet; the title says quantity and unit.
+    /// Over time, without lines yet; the title says quantity and unit.
     pub fn new(title: &str) -> Self {
-        Self { title: title.into(), lines: Vec::new() }
+        Self { title: title.into(), frequencies_hz: None, lines: Vec::new() }
+    }
+
+    /// The same over these frequencies, positive and rising, on a logarithmic axis.
+    pub fn over_frequencies(title: &str, frequencies_hz: Vec<f64>) -> Self {
+        Self { frequencies_hz: Some(frequencies_hz), ..Self::new(title) }
     }
 
     /// With one line more: its name, its values.
@@ -33,7 +41,7 @@ impl Panel {
     }
 }
 
-/// The panels over a common time, with a sample each `interval_s`. A picture that cannot be drawn says why.
+/// The panels; those over time have a sample each `interval_s`. A picture that cannot be drawn says why.
 pub fn panels(interval_s: f64, panels: &[Panel]) -> String {
     let mut svg = String::new();
     match draw(&mut svg, interval_s, panels) {
@@ -49,35 +57,58 @@ fn draw(svg: &mut String, interval_s: f64, panels: &[Panel]) -> Result<(), Box<d
     let root = SVGBackend::with_string(svg, (WIDTH, height)).into_drawing_area();
     root.fill(&WHITE)?;
     for (area, panel) in root.split_evenly((panels.len(), 1)).iter().zip(panels) {
-        let longest = panel.lines.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
-        let mut chart = ChartBuilder::on(area)
-            .margin(8)
-            .x_label_area_size(36)
-            .y_label_area_size(70)
-            .build_cartesian_2d(0.0..longest.max(1) as f64 * interval_s, span(&panel.lines))?;
-        chart
-            .configure_mesh()
-            .x_desc("time, s")
-            .y_desc(&panel.title)
-            .y_labels(6)
-            .label_style(LABELS)
-            .axis_desc_style(LABELS)
-            .light_line_style(WHITE)
-            .draw()?;
-        let step = longest.div_ceil(MOST_POINTS).max(1);
-        for ((name, values), colour) in panel.lines.iter().zip(COLOURS) {
-            let points = values.iter().enumerate().step_by(step).filter(|(_, value)| value.is_finite());
-            chart
-                .draw_series(LineSeries::new(points.map(|(index, value)| (index as f64 * interval_s, *value)), colour))?
-                .label(name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
-        }
-        if panel.lines.len() > 1 {
-            let labels = &mut chart.configure_series_labels();
-            labels.border_style(BLACK).background_style(WHITE).label_font(LABELS).draw()?;
+        match panel.frequencies_hz.as_deref() {
+            None => {
+                let longest = panel.lines.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
+                let axis = 0.0..longest.max(1) as f64 * interval_s;
+                draw_panel(area, panel, "time, s", axis, |index| index as f64 * interval_s)?;
+            }
+            Some(at @ [first, .., last]) => {
+                draw_panel(area, panel, "frequency, Hz", (*first..*last).log_scale(), |index| at[index])?;
+            }
+            Some(_) => return Err("fewer than two frequencies".into()),
         }
     }
     root.present()?;
+    Ok(())
+}
+
+fn draw_panel<X: AsRangedCoord<Value = f64>>(
+    area: &DrawingArea<SVGBackend, Shift>,
+    panel: &Panel,
+    x_title: &str,
+    axis: X,
+    x_of: impl Fn(usize) -> f64,
+) -> Result<(), Box<dyn Error>>
+where
+    X::CoordDescType: ValueFormatter<f64>,
+{
+    let mut chart = ChartBuilder::on(area)
+        .margin(8)
+        .x_label_area_size(36)
+        .y_label_area_size(70)
+        .build_cartesian_2d(axis, span(&panel.lines))?;
+    chart
+        .configure_mesh()
+        .x_desc(x_title)
+        .y_desc(&panel.title)
+        .y_labels(6)
+        .label_style(LABELS)
+        .axis_desc_style(LABELS)
+        .light_line_style(WHITE)
+        .draw()?;
+    for ((name, values), colour) in panel.lines.iter().zip(COLOURS) {
+        let step = values.len().div_ceil(MOST_POINTS).max(1);
+        let points = values.iter().enumerate().step_by(step).filter(|(_, value)| value.is_finite());
+        chart
+            .draw_series(LineSeries::new(points.map(|(index, value)| (x_of(index), *value)), colour))?
+            .label(name)
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
+    }
+    if panel.lines.len() > 1 {
+        let labels = &mut chart.configure_series_labels();
+        labels.border_style(BLACK).background_style(WHITE).label_font(LABELS).draw()?;
+    }
     Ok(())
 }
 
@@ -105,5 +136,22 @@ mod tests {
         assert!(svg.starts_with("<svg") && svg.contains("speed, rad/s") && svg.contains("i, A"));
         assert_eq!(svg.matches("NaN").count(), 0);
         assert!(svg.contains("#0072B2") && svg.len() < 100_000);
+    }
+
+    #[test]
+    fn a_frequency_response_stands_over_decades() {
+        let at: Vec<f64> = (0..=40).map(|k| 0.05 * 10f64.powf(f64::from(k) / 10.0)).collect();
+        let gain = at.iter().map(|f| -10.0 * (1.0 + f * f).log10()).collect();
+        let svg = panels(1e-3, &[Panel::over_frequencies("gain, dB", at).line("a", gain)]);
+        let places: Vec<f64> = ["0.1", "1.0", "10.0", "100.0"].map(|label| x_of_label(&svg, label)).to_vec();
+        let apart: Vec<f64> = places.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        assert!(apart.iter().all(|by| *by > 100.0 && (by - apart[0]).abs() < 3.0), "{places:?}");
+    }
+
+    /// Where a label of the axis stands: the `x` of the text element before it.
+    fn x_of_label(svg: &str, label: &str) -> f64 {
+        let end = svg.find(&format!(">\n{label}\n<")).unwrap_or_else(|| panic!("no label {label} in {svg}"));
+        let start = svg[..end].rfind(" x=\"").expect("a place") + 4;
+        svg[start..].split('"').next().and_then(|x| x.parse().ok()).expect("a number")
     }
 }

@@ -111,6 +111,34 @@ fn compare_finds_the_delay_between_two_recordings() {
     assert!(svg.contains("omega_rad_per_s") && svg.contains("</svg>"));
 }
 
+/// Every command that draws; what a PNG shows is tested where it is made.
+#[test]
+fn plots_are_png_where_the_name_says_so() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let (table, scenario) = (at("table.csv"), at("scenario.toml"));
+    std::fs::write(&table, stand_table(0.5, 0.005)).unwrap();
+    std::fs::write(&scenario, format!("duration_s = 0.2\nmode = \"open\"\n{MOTOR}")).unwrap();
+    let (run, model, rig, plot) = (path(&bench.run), path(&bench.model), path(&bench.rig), at("plot.png"));
+    let stand_rig = at("rig.toml");
+    std::fs::write(&stand_rig, STAND_RIG).unwrap();
+    for drawing in [
+        &["simulate", path(&scenario), "--plot"][..],
+        &["compare", run, run, "--plot"],
+        &["compare", model, model, "--plot"],
+        &["compare", run, model, "--rig", rig, "--plot"],
+        &["stand", path(&table), "--rig", path(&stand_rig), "--map"],
+    ] {
+        motorbench(&[drawing, &[path(&plot)]].concat()).success();
+        let bytes = std::fs::read(&plot).unwrap();
+        assert!(bytes.starts_with(b"\x89PNG") && bytes.len() > 5_000, "{drawing:?}: {} bytes", bytes.len());
+        std::fs::remove_file(&plot).unwrap();
+        let other = at("plot.jpg");
+        motorbench(&[drawing, &[path(&other)]].concat()).code(2).stderr(predicate::str::contains(".svg or .png"));
+    }
+}
+
 #[test]
 fn compare_tells_models_and_their_constants_apart() {
     let bench = bench();
@@ -125,6 +153,10 @@ fn compare_tells_models_and_their_constants_apart() {
     let speed = |r: f64, torque: f64| (12.0 - r * torque / k) / (k + r * b / k);
     assert!((step("first_rad_per_s") / speed(5.84, 0.0) - 1.0).abs() < 2e-3, "{}", models["step"]);
     assert!((step("second_rad_per_s") / speed(7.3, 0.005) - 1.0).abs() < 2e-3, "{}", models["step"]);
+    let plot = directory.path().join("models.svg");
+    motorbench(&["compare", path(&bench.model), path(&other), "--plot", path(&plot)]).success();
+    let svg = std::fs::read_to_string(&plot).unwrap();
+    assert!(["speed after the step", "dB re 1", "phase, degrees"].iter().all(|panel| svg.contains(panel)), "{svg}");
     // Low frequencies: 1 / (k + R b / k).
     let low = 20.0 * (1.0 / (k + 5.84 * b / k)).log10();
     assert!((models["magnitudes"][0]["first_dB"].as_f64().unwrap() - low).abs() < 0.1);
@@ -148,6 +180,9 @@ fn compare_tells_models_and_their_constants_apart() {
     };
     let (a, b) = (constants("a.json", 5.0), constants("b.json", 5.3));
     let sigmas = json_of(&["compare", path(&a), path(&b), "--json", "-"])["parameters"][0]["sigmas"].as_f64().unwrap();
+    motorbench(&["compare", path(&a), path(&b), "--plot", path(&plot)])
+        .code(1)
+        .stderr(predicate::str::contains("leave --plot out"));
     // Each is known to 0.1, their difference to 0.1 times the root of 2.
     assert!((sigmas - 3.0 / 2.0_f64.sqrt()).abs() < 1e-9, "{sigmas}");
 }
@@ -272,6 +307,8 @@ fn exit_codes_are_those_of_the_page() {
         .stderr(predicate::str::contains("/nonexistent/a.csv"));
 }
 
+const STAND_RIG: &str = "[motor]\nresistance_ohm = 5.84\ntorque_constant_Nm_per_A = 0.072\n";
+
 /// A table of a motor whose constants are known, with readings that scatter.
 fn stand_table(brush_drop_v: f64, coulomb_nm: f64) -> String {
     let (r, k, viscous) = (5.84, 0.072, 5e-6);
@@ -290,7 +327,7 @@ fn stand_table(brush_drop_v: f64, coulomb_nm: f64) -> String {
 fn stand_finds_where_the_power_goes_and_what_has_worn() {
     let directory = TempDir::new().unwrap();
     let at = |name: &str| directory.path().join(name);
-    std::fs::write(at("rig.toml"), "[motor]\nresistance_ohm = 5.84\ntorque_constant_Nm_per_A = 0.072\n").unwrap();
+    std::fs::write(at("rig.toml"), STAND_RIG).unwrap();
     std::fs::write(at("new.csv"), stand_table(2.0, 0.015)).unwrap();
     // Held at three positions: 12 V over 4, 6 and 8 ohm.
     let held = "12,3,0\n12,2,0\n12,1.5,0\n";

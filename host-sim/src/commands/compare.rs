@@ -1,6 +1,6 @@
 //! `motorbench compare`
 
-use super::{Failure, mapping, write};
+use super::{Failure, mapping, plot_file, write, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
@@ -42,8 +42,8 @@ pub struct Arguments {
     /// Voltage of the step that two models answer.
     #[arg(long, default_value_t = 6.0, value_name = "VOLTS")]
     voltage: f64,
-    /// Draws both.
-    #[arg(long, value_name = "FILE.svg")]
+    /// Draws both: over time; of models the step and the frequency response.
+    #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
     #[arg(long, value_name = "FILE|-")]
@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 fn finish(arguments: &Arguments, result: &Value, text: &str, plot: impl FnOnce() -> String) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
-        write(path, &plot())?;
+        write_plot(path, &plot())?;
     }
     let json = serde_json::to_string_pretty(result).map_err(Failure::machine)? + "\n";
     match &arguments.json {
@@ -163,6 +163,9 @@ const STEP_LENGTH: f64 = 8.0;
 const STEP_SAMPLES: usize = 400;
 /// Frequencies of the magnitudes, around the motor's own.
 const RELATIVE_FREQUENCIES: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
+/// Points of the frequency responses that are drawn, and decades to either side of the motor's own frequency.
+const BODE_POINTS: usize = 120;
+const BODE_DECADES: f64 = 2.0;
 
 fn models(arguments: &Arguments) -> Result<(), Failure> {
     let models = [read_model(&arguments.first)?, read_model(&arguments.second)?];
@@ -199,7 +202,7 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
         magnitudes.push(json!({ "frequency_Hz": omega / TAU, "first_dB": a, "second_dB": b }));
     }
     let interval_s = STEP_LENGTH / corner_rad_per_s / STEP_SAMPLES as f64;
-    let steps = models.map(|model| step(model, arguments.voltage, interval_s));
+    let steps = models.each_ref().map(|model| step(model.clone(), arguments.voltage, interval_s));
     let end = |step: &[f64]| step.last().copied().unwrap_or(0.0);
     let (a, b) = (end(&steps[0]), end(&steps[1]));
     text += &format!(
@@ -213,8 +216,28 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
         "step": { "voltage_V": arguments.voltage, "first_rad_per_s": a, "second_rad_per_s": b },
     });
     let [a, b] = steps;
-    let drawn = Panel::new("speed after the step, rad/s").line("first", a).line("second", b);
-    finish(arguments, &result, &text, || panels(interval_s, &[drawn]))
+    let step = Panel::new("speed after the step, rad/s").line("first", a).line("second", b);
+    let [gain, phase] = bode(&models, corner_rad_per_s);
+    finish(arguments, &result, &text, || panels(interval_s, &[step, gain, phase]))
+}
+
+/// Gain and phase of the linear parts, around the motor's own frequency.
+fn bode(models: &[Model; 2], corner_rad_per_s: f64) -> [Panel; 2] {
+    let omegas: Vec<f64> = (0..=BODE_POINTS)
+        .map(|point| corner_rad_per_s * 10f64.powf(BODE_DECADES * (2.0 * point as f64 / BODE_POINTS as f64 - 1.0)))
+        .collect();
+    let frequencies_hz: Vec<f64> = omegas.iter().map(|omega| omega / TAU).collect();
+    let panel = |title: &str, of: fn(Complex<f64>) -> f64| {
+        let line =
+            |model: &Model| omegas.iter().map(|omega| of(speed(&model.motor).at(Complex::new(0.0, *omega)))).collect();
+        Panel::over_frequencies(title, frequencies_hz.clone())
+            .line("first", line(&models[0]))
+            .line("second", line(&models[1]))
+    };
+    [
+        panel("gain, dB re 1 rad/s/V", |response| 20.0 * response.norm().log10()),
+        panel("phase, degrees", |response| response.arg().to_degrees()),
+    ]
 }
 
 /// k^2 / (J R): the electromechanical corner.
@@ -236,6 +259,12 @@ fn step(model: Model, voltage_v: f64, interval_s: f64) -> Vec<f64> {
 
 /// Constants with intervals: how many standard deviations they are apart.
 fn constants(arguments: &Arguments) -> Result<(), Failure> {
+    if let Some(path) = &arguments.plot {
+        let path = path.display();
+        return Err(Failure::input(format!(
+            "{path}: constants have no plot; compare recordings or models, or leave --plot out"
+        )));
+    }
     let read = |path: &Path| -> Result<Value, Failure> {
         let failed = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
         let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
@@ -257,5 +286,5 @@ fn constants(arguments: &Arguments) -> Result<(), Failure> {
         text += &format!("  {name:<28} {:>12} {:>12} {sigmas:>8.1}\n", short(a), short(b));
         rows.push(json!({ "name": name, "first": a, "second": b, "sigmas": sigmas }));
     }
-    finish(arguments, &json!({ "parameters": rows }), &text, || panels(1.0, &[]))
+    finish(arguments, &json!({ "parameters": rows }), &text, String::new)
 }

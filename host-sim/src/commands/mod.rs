@@ -18,11 +18,12 @@ mod stand;
 mod validate;
 mod virtual_board;
 
+use crate::picture::{self, Format};
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Display;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -135,9 +136,25 @@ fn mapping(text: &str) -> Result<(String, String), String> {
     Ok((from.into(), to.into()))
 }
 
+/// A file for a plot: another ending is refused before any work is done.
+fn plot_file(text: &str) -> Result<PathBuf, picture::WrongEnding> {
+    let path = PathBuf::from(text);
+    picture::Format::of(&path).map(|_| path)
+}
+
+/// Writes a plot, as SVG or PNG by the file's ending.
+fn write_plot(path: &Path, svg: &str) -> Result<(), Failure> {
+    match picture::Format::of(path).map_err(Failure::input)? {
+        Format::Svg => write(path, svg),
+        Format::Png => {
+            write(path, picture::png(svg).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?)
+        }
+    }
+}
+
 /// Writes a file.
-fn write(path: &Path, text: &str) -> Result<(), Failure> {
-    std::fs::write(path, text).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
+fn write(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure> {
+    std::fs::write(path, contents).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
 }
 
 /// What is being done and for how long; it shows itself on a terminal only.

@@ -1,6 +1,6 @@
 //! `motorbench simulate`
 
-use super::{Failure, write};
+use super::{Failure, plot_file, write, write_plot};
 use crate::design::trial::Point;
 use crate::diagnose::page::short;
 use crate::figures::Figures;
@@ -22,7 +22,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
     /// Draws reference, true and measured quantity, current and voltage.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
     /// Writes the figures as JSON, - for the terminal instead of the table.
     #[arg(long, value_name = "FILE|-")]
@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write(path, &outcome.recording.to_csv())?;
     }
     if let Some(path) = &arguments.plot {
-        write(path, &plot(&scenario, &outcome))?;
+        write_plot(path, &plot(&scenario, &outcome))?;
     }
     let trip = (outcome.trip != Trip::None).then(|| format!("{:?}", outcome.trip));
     let result = serde_json::json!({ "figures": outcome.figures, "trip": trip, "trip_s": outcome.trip_s });

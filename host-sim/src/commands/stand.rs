@@ -2,7 +2,7 @@
 
 mod board;
 
-use super::{Failure, mapping, write};
+use super::{Failure, mapping, plot_file, write, write_plot};
 use crate::diagnose::page::{estimate, short};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -42,7 +42,7 @@ pub struct Arguments {
     #[arg(long, value_name = "TABLE.csv")]
     earlier: Option<PathBuf>,
     /// Draws the efficiency over voltage and torque that the constants found foretell.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     map: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
     #[arg(long, value_name = "FILE|-")]
@@ -86,7 +86,7 @@ fn report(
     }
     if let Some(path) = &arguments.map {
         let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
-        write(path, &map(&stand.constants.map(greatest_v)).map_err(Failure::machine)?)?;
+        write_plot(path, &map(&stand.constants.map(greatest_v)).map_err(Failure::machine)?)?;
     }
     let json = serde_json::to_string_pretty(&stand).map_err(Failure::machine)? + "\n";
     match &arguments.json {

@@ -1,7 +1,7 @@
 //! `motorbench validate`
 
 use super::compare::{plot, table};
-use super::{Failure, mapping, spinner, write};
+use super::{Failure, mapping, plot_file, spinner, write, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::design::trial::Point;
 use crate::diagnose::diagnose;
@@ -37,7 +37,7 @@ pub struct Arguments {
     #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
     columns: Vec<(String, String)>,
     /// Draws both.
-    #[arg(long, value_name = "FILE.svg")]
+    #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
     #[arg(long, value_name = "FILE|-")]
@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let remaining = remaining(&[measured], &rig, &scenario, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
     if let Some(path) = &arguments.plot {
-        write(path, &plot(&compared, ["simulated", "measured"]))?;
+        write_plot(path, &plot(&compared, ["simulated", "measured"]))?;
     }
     let result = json!({
         "comparison": compared,
