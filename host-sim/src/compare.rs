@@ -90,10 +90,16 @@ pub fn compare(first: &Recording, second: &Recording, delay_s: Option<f64>) -> R
         let (a, b) = names();
         return Err(CompareError::NoOverlap(a, b));
     }
+    // Without a reference for it, where an angle is zero says nothing.
+    let anywhere = !shared.contains(&Channel::AngleReference);
     let channels = shared.into_iter().map(|channel| {
         let (a, b) = (values(first, channel), values(second, channel));
-        let first: Vec<f64> = common.iter().map(|index| a[*index]).collect();
-        let second: Vec<f64> = common.iter().map(|index| at(&b_s, &b, a_s[*index] + delay_s)).collect();
+        let mut first: Vec<f64> = common.iter().map(|index| a[*index]).collect();
+        let mut second: Vec<f64> = common.iter().map(|index| at(&b_s, &b, a_s[*index] + delay_s)).collect();
+        if anywhere && matches!(channel, Channel::Counts | Channel::Angle) {
+            from_start(&mut first);
+            from_start(&mut second);
+        }
         let (rms, fit_percent) = distance(&first, &second);
         Difference { channel: channel.column(), rms, fit_percent, first, second }
     });
@@ -103,6 +109,12 @@ pub fn compare(first: &Recording, second: &Recording, delay_s: Option<f64>) -> R
         interval_s: median(a_s.windows(2).map(|pair| pair[1] - pair[0])),
         channels: channels.collect(),
     })
+}
+
+/// Takes off the first value that is there.
+fn from_start(values: &mut [f64]) {
+    let start = values.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
+    values.iter_mut().for_each(|value| *value -= start);
 }
 
 /// Root mean square of the difference, and fit in percent, where neither is missing.
@@ -188,6 +200,24 @@ mod tests {
         let values = &scaled.channels[0].first;
         let rms = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
         assert!((scaled.channels[0].rms - 0.1 * rms).abs() < 1e-9);
+    }
+
+    #[test]
+    fn an_angle_is_compared_from_its_start_unless_it_was_asked_for() {
+        let with = |name: &str, start: f64, reference: bool| {
+            let mut recording = recording(name, 1e-3, 0.0, 1.0);
+            let angle: Vec<f64> = recording.get(Channel::Speed).unwrap().iter().map(|speed| start + speed).collect();
+            if reference {
+                recording.set(Channel::AngleReference, angle.clone());
+            }
+            recording.set(Channel::Angle, angle);
+            recording
+        };
+        let fit = |reference: bool| {
+            let both = compare(&with("a", 0.0, reference), &with("b", 20.0, reference), Some(0.0)).unwrap();
+            both.channels.iter().find(|channel| channel.channel == "theta_rad").unwrap().fit_percent
+        };
+        assert!(fit(false) > 99.9 && fit(true) < 50.0, "{} {}", fit(false), fit(true));
     }
 
     #[test]

@@ -163,6 +163,32 @@ fn plotters_get_the_recording_while_it_is_made() {
     }
 }
 
+/// A loop that was recorded is simulated from the scenario beside it, with the motor and the bridge that it had.
+#[test]
+fn a_recorded_loop_is_validated_with_the_scenario_beside_it() {
+    let board = Board::new("validate");
+    let loop_ = ["--mode", "speed", "--sequence", "levels", "--amplitude", "60", "--period", "300", "--count", "4"];
+    let done = board.run("record", &[&loop_[..], &["--set", "speed_kp=0.0661", "--json"]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let side: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert_eq!(side, board.side_file());
+    let scenario = std::fs::read_to_string(board.folder.join("run.scenario.toml")).unwrap();
+    assert!(scenario.contains("speed_kp = 0.0661\n"), "{scenario}");
+    let model = "[motor]\nresistance_ohm = 5.84\ninductance_H = 11.7e-3\ntorque_constant_Nm_per_A = 0.072\n\
+        inertia_kg_m2 = 2.22e-5\nviscous_friction_Nm_s = 5e-6\n\
+        [effects.coulomb_friction]\ntorque_Nm = 0.012\n[effects.voltage_drop]\ndrop_V = 2.53\n";
+    std::fs::write(board.folder.join("model.toml"), model).unwrap();
+    let beside = ["validate", "run.csv", "--scenario", "run.scenario.toml", "--rig", "run.rig.toml"];
+    let validated = board.run_alone(&[&beside[..], &["--model", "model.toml", "--json", "-"]].concat());
+    assert_eq!(validated.status.code(), Some(0), "{}", text(&validated.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&validated.stdout).unwrap();
+    let channels = found["comparison"]["channels"].as_array().unwrap();
+    let speed = channels.iter().find(|channel| channel["channel"] == "omega_rad_per_s").expect("the speed");
+    assert!(speed["fit_percent"].as_f64().unwrap() > 95.0, "{found}");
+    let without = board.run_alone(&beside);
+    assert!(text(&without.stderr).contains("it has no motor"), "{}", text(&without.stderr));
+}
+
 #[test]
 fn a_recording_that_does_not_suffice_says_what_it_lacks() {
     let board = Board::new("lacks");
@@ -180,8 +206,13 @@ fn what_is_sent_is_read_back_and_what_is_wrong_is_named() {
     let done = board.run("send", &["gains.txt", "--save"]);
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
     assert!(text(&done.stdout).contains("3 settings read back, saved"), "{}", text(&done.stdout));
+    let sent: serde_json::Value = serde_json::from_slice(&board.run("send", &["gains.txt", "--json"]).stdout).unwrap();
+    assert_eq!((&sent["settings_read_back"], &sent["saved"]), (&3.into(), &false.into()));
     let shown = board.run("connect", &["show speed_ki"]);
     assert!(text(&shown.stdout).starts_with("speed_ki 3.96 "), "{}", text(&shown.stdout));
+    let shown: serde_json::Value =
+        serde_json::from_slice(&board.run("connect", &["--json", "show speed_ki"]).stdout).unwrap();
+    assert!(shown["reply"][0].as_str().unwrap().starts_with("speed_ki 3.96 "), "{shown}");
     std::fs::write(&gains, "set speed_kp 0.05\nset speed_kp 99999\n").unwrap();
     let refused = board.run("send", &["gains.txt"]);
     assert_eq!(refused.status.code(), Some(1));
@@ -322,9 +353,15 @@ fn motor_and_effects_change_while_it_runs() {
 #[test]
 fn gains_without_a_model_pass_their_test_or_are_refused() {
     let board = Board::new("autotune");
-    let done = board.run("autotune", &["--console", "gains.txt"]);
+    let done = board.run("autotune", &["--console", "gains.txt", "--json"]);
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
-    assert!(text(&done.stdout).contains("accepted"), "{}", text(&done.stdout));
+    let found: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
+    assert_eq!(found["accepted"], true);
+    // 1/k rad/s per volt, and J R / k^2.
+    assert!(
+        (found["experiment"]["model"]["gain_rad_per_s_per_V"].as_f64().unwrap() / 13.8 - 1.0).abs() < 0.05,
+        "{found}"
+    );
     let gains = std::fs::read_to_string(board.folder.join("gains.txt")).unwrap();
     assert!(gains.starts_with("set speed_kp 0."), "{gains}");
     let stuck = board.run("autotune", &["--from", "1", "--to", "8", "--hold", "0.3"]);

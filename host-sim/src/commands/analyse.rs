@@ -8,6 +8,7 @@ use crate::motor::MotorParameters;
 use crate::rig::Rig;
 use clap::Args;
 use nalgebra::Complex;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
 /// Prints transfer functions, poles, time constants and gains: motorbench analyse --rig rig.toml
@@ -16,12 +17,19 @@ pub struct Arguments {
     /// Rig or model file with the table [motor].
     #[arg(long, alias = "model", value_name = "FILE")]
     rig: PathBuf,
+    /// Prints poles, zeros, gains and time constants as JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (motor, _) = motor_of(&arguments.rig)?;
-    print!("{}", analysis(&motor));
+    if arguments.json {
+        println!("{:#}", figures(&motor));
+    } else {
+        print!("{}", analysis(&motor));
+    }
     Ok(())
 }
 
@@ -32,6 +40,23 @@ pub fn motor_of(path: &Path) -> Result<(MotorParameters, Rig), Failure> {
     let motor = rig.motor.parameters().map_err(|error| Failure::input(format!("{name}: {error}")))?;
     motor.check().map_err(|error| Failure::input(format!("{name}: motor.{error}")))?;
     Ok((motor, rig))
+}
+
+/// Poles and zeros as pairs of real and imaginary part.
+fn figures(motor: &MotorParameters) -> Value {
+    let constants = TimeConstants::of(motor);
+    let (speed, current) = (speed(motor), current(motor));
+    let pairs = |values: &[Complex<f64>]| values.iter().map(|value| [value.re, value.im]).collect::<Vec<_>>();
+    json!({
+        "motor": motor,
+        "electromechanical_time_constant_s": constants.electromechanical_s,
+        "electromagnetic_time_constant_s": constants.electromagnetic_s,
+        "poles_rad_per_s": pairs(&speed.poles()),
+        "current_zeros_rad_per_s": pairs(&current.zeros()),
+        "speed_gain_rad_per_s_per_V": speed.dc_gain(),
+        "current_gain_A_per_V": current.dc_gain(),
+        "step": step(&speed.state_space(), speed.dc_gain(), &speed.poles()),
+    })
 }
 
 fn analysis(motor: &MotorParameters) -> String {
@@ -79,5 +104,10 @@ mod tests {
         for expected in ["25.0000 ms", "2.0000 ms", "-44.094, -456.131", "rise 50.", "settling 91.0", "s^2"] {
             assert!(text.contains(expected), "{expected}\n{text}");
         }
+        let figures = figures(&MotorParameters::PIVT6);
+        let slow = figures["poles_rad_per_s"][0][0].as_f64().unwrap();
+        let fast = figures["poles_rad_per_s"][1][0].as_f64().unwrap();
+        assert!((slow.max(fast) + 44.094).abs() < 1e-3 && (slow.min(fast) + 456.131).abs() < 1e-3, "{figures}");
+        assert!((figures["electromechanical_time_constant_s"].as_f64().unwrap() - 0.025).abs() < 1e-6);
     }
 }

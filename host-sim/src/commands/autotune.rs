@@ -12,6 +12,8 @@ use clap::Args;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::FULL_RANGE;
+use serde_json::{Value, json};
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// The acceptance test: a second on the reference, of which the last quarter counts.
@@ -55,6 +57,9 @@ pub struct Arguments {
     /// Writes the gains as console lines, for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
     console: Option<PathBuf>,
+    /// Prints experiment, gains and test as JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs it.
@@ -66,35 +71,58 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let _stopped = on_interrupt()?;
     let (mut link, _) = arguments.port.open()?;
     let settings = link.settings()?;
-    let gains = experiment(&mut link, &settings, arguments)?;
+    let (found, gains) = experiment(&mut link, &settings, arguments)?;
     let line = gains.iter().fold("set".to_string(), |line, (name, value)| format!("{line} {name} {value:.6}"));
-    println!("gains: {line}");
     let before: Vec<String> = gains.iter().map(|(name, _)| shown(&settings, name)).collect();
     link.command(&line)?;
     let (overshoot_percent, error) = acceptance(&mut link, &settings, arguments.reference)?;
-    println!(
-        "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s",
-        arguments.reference
-    );
-    if overshoot_percent > MOST_OVERSHOOT_PERCENT || error > MOST_ERROR_SHARE * arguments.reference.abs() {
+    let most_error = MOST_ERROR_SHARE * arguments.reference.abs();
+    let accepted = overshoot_percent <= MOST_OVERSHOOT_PERCENT && error <= most_error;
+    if arguments.json {
+        let result = json!({
+            "experiment": found.json,
+            "gains": gains.iter().cloned().collect::<BTreeMap<_, _>>(),
+            "test": {
+                "reference_rad_per_s": arguments.reference,
+                "overshoot_percent": overshoot_percent,
+                "steady_error_rad_per_s": error,
+            },
+            "accepted": accepted,
+        });
+        println!("{result:#}");
+    } else {
+        println!("{}\ngains: {line}", found.text);
+        println!(
+            "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s",
+            arguments.reference
+        );
+    }
+    if !accepted {
         link.command(&format!("set {}", before.join(" ")))?;
         return Err(Failure::input(format!(
-            "not accepted: at most {MOST_OVERSHOOT_PERCENT} % and {:.1} rad/s are; the board has its old gains again. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely",
-            MOST_ERROR_SHARE * arguments.reference.abs()
+            "not accepted: at most {MOST_OVERSHOOT_PERCENT} % and {most_error:.1} rad/s are; the board has its old gains again. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely"
         )));
     }
     if let Some(path) = &arguments.console {
         write(path, &(line + "\n"))?;
     }
-    println!("accepted; the board has them until its next reset: `motorbench connect save` keeps them");
+    if !arguments.json {
+        println!("accepted; the board has them until its next reset: `motorbench connect save` keeps them");
+    }
     Ok(())
+}
+
+/// What an experiment found, for a person and for a program.
+struct Found {
+    text: String,
+    json: Value,
 }
 
 fn experiment(
     link: &mut Link<Port>,
     settings: &Settings,
     arguments: &Arguments,
-) -> Result<Vec<(String, f64)>, Failure> {
+) -> Result<(Found, Vec<(String, f64)>), Failure> {
     let failed = |error: TuningError| match error {
         TuningError::Board(error) => Failure::from(error),
         other => Failure::input(other),
@@ -102,13 +130,14 @@ fn experiment(
     let Some(amplitude_v) = arguments.relay else {
         let volts = [arguments.from, arguments.to];
         let model = on_board::step(link, settings, volts, arguments.hold).map_err(failed)?;
-        println!(
+        let text = format!(
             "step: {:.2} rad/s per volt, time constant {:.1} ms, dead time {:.1} ms",
             model.gain_rad_per_s_per_v,
             1e3 * model.time_constant_s,
             1e3 * model.dead_time_s
         );
-        return Ok(simc(&model, 1e-3 * arguments.closed_loop));
+        let found = Found { text, json: json!({ "kind": "step", "model": model }) };
+        return Ok((found, simc(&model, 1e-3 * arguments.closed_loop)));
     };
     let relay = Relay {
         reference_rad_per_s: arguments.reference,
@@ -118,13 +147,14 @@ fn experiment(
         timeout_s: 10.0,
     };
     let found = on_board::relay(link, settings, &relay).map_err(failed)?;
-    println!(
+    let text = format!(
         "relay: period {:.1} ms, ultimate gain {:.3} V s/rad, of it {:.1} ms the way to the computer and back",
         1e3 * found.cycle.period_s,
         found.cycle.ultimate_gain_v_s_per_rad,
         1e3 * found.delay_s
     );
-    Ok(tyreus_luyben(&found.cycle))
+    let json = json!({ "kind": "relay", "cycle": found.cycle, "delay_s": found.delay_s });
+    Ok((Found { text, json }, tyreus_luyben(&found.cycle)))
 }
 
 /// A setting as `NAME VALUE`.

@@ -16,6 +16,7 @@ use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings, find};
+use std::collections::BTreeMap;
 use std::io::{BufRead, IsTerminal, stdin};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -88,6 +89,9 @@ pub struct ConnectArguments {
     port: PortArguments,
     /// Lines of the console.
     lines: Vec<String>,
+    /// One line of JSON for each line of the console, for programs.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs `connect`.
@@ -97,21 +101,34 @@ pub struct ConnectArguments {
 pub fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
     let (mut link, name) = arguments.port.open()?;
     for line in &arguments.lines {
-        link.ask(line)?.iter().for_each(|reply| println!("{reply}"));
+        say(arguments.json, line, &link.ask(line)?);
     }
     if !arguments.lines.is_empty() {
         return Ok(());
     }
-    println!("{} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor", link.firmware);
+    if !arguments.json {
+        println!(
+            "{} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor",
+            link.firmware
+        );
+    }
     for line in stdin().lock().lines() {
         let line = line.map_err(Failure::machine)?;
         match link.ask(if line.is_empty() { "stop" } else { &line }) {
-            Ok(replies) => replies.iter().for_each(|reply| println!("{reply}")),
-            Err(BoardError::Refused { reply, .. }) => println!("{reply}"),
+            Ok(replies) => say(arguments.json, &line, &replies),
+            Err(BoardError::Refused { reply, .. }) => say(arguments.json, &line, &[reply]),
             Err(error) => return Err(error.into()),
         }
     }
     Ok(())
+}
+
+fn say(json: bool, line: &str, replies: &[String]) {
+    if json {
+        println!("{}", serde_json::json!({ "line": line, "reply": replies }));
+    } else {
+        replies.iter().for_each(|reply| println!("{reply}"));
+    }
 }
 
 /// Excitations, by the console's names.
@@ -141,7 +158,8 @@ impl Excitation {
   motorbench record --mode speed --sequence levels --amplitude 80 --out loop.csv
   motorbench record --live plotjuggler --live teleplot=192.168.1.20:47269
 
-Beside run.csv it writes run.rig.toml, for motorbench diagnose, and run.json: firmware, settings, what was lost.
+Beside run.csv it writes run.rig.toml, for motorbench diagnose, run.scenario.toml, for validate, and run.json: firmware,
+settings, what was lost.
 Ctrl-C stops the motor and keeps what has come.")]
 pub struct RecordArguments {
     #[command(flatten)]
@@ -178,6 +196,9 @@ pub struct RecordArguments {
     out: PathBuf,
     #[command(flatten)]
     live: LiveArguments,
+    /// Prints the side file instead of text.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs `record`.
@@ -194,7 +215,7 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let stopped = on_interrupt()?;
     let mut live = arguments.live.open()?;
     let (mut link, _) = arguments.port.open()?;
-    let (settings, order) = prepare(&mut link, arguments)?;
+    let (settings, played) = prepare(&mut link, arguments)?;
     let kind = arguments.sequence.kind();
     let ticks = duration_ticks(kind, arguments.period, arguments.count, &settings);
     let mut coverage = Coverage::new(&settings);
@@ -202,14 +223,18 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     bar.set_style(
         ProgressStyle::with_template("{bar:40} {percent} % {elapsed}\n{msg}").expect("a constant that is right"),
     );
-    let done = record(&mut link, settings, &order, &|| stopped.load(Ordering::Relaxed), &mut |came| {
+    let done = record(&mut link, settings, &played.order(), &|| stopped.load(Ordering::Relaxed), &mut |came| {
         bar.inc(came.len() as u64);
         coverage.add(came);
         bar.set_message(coverage.covered().to_string());
         send(&mut live, came, &settings);
     });
     bar.finish_and_clear();
-    write_all(arguments, &done, &link.firmware, &order, nominal)?;
+    let side = write_all(arguments, &done, &link.firmware, &played, nominal)?;
+    if arguments.json {
+        print!("{side}");
+        return ended(&done.ended, &arguments.out);
+    }
     report(arguments, &done)
 }
 
@@ -229,8 +254,56 @@ pub(super) fn on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
     Ok(stopped)
 }
 
-/// Settings, mode, armed; the settings as the board then has them and the order to play.
-fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settings, String), Failure> {
+/// A sequence as the board plays it.
+#[derive(serde::Serialize)]
+struct Played {
+    time_s: f64,
+    kind: &'static str,
+    sequence: String,
+    amplitude: f64,
+    offset: f64,
+    period_ms: u16,
+    count: u16,
+    seed: u16,
+}
+
+impl Played {
+    /// For the console.
+    fn order(&self) -> String {
+        let Self { sequence, amplitude, offset, period_ms, count, seed, .. } = self;
+        format!("sequence {sequence} {amplitude} {offset} {period_ms} {count} {seed}")
+    }
+
+    /// The recording as a scenario, without a motor: mode, what the settings have of their own, and this as its reference.
+    fn scenario(&self, mode: &str, done: &Record) -> Result<String, Failure> {
+        let defaults = Settings::defaults();
+        let own = Param::ALL.iter().filter(|param| done.settings.get(**param) != defaults.get(**param));
+        // The shortest decimals that say the number.
+        let value = |param: &Param| done.settings.get(*param).to_string().parse::<f64>().map_err(Failure::machine);
+        let settings =
+            own.map(|param| Ok((link::name(*param), value(param)?))).collect::<Result<BTreeMap<_, _>, Failure>>()?;
+        let ticks = done.samples.len() as f64 + f64::from(done.missing_ticks());
+        let scenario = Course {
+            duration_s: ticks / f64::from(done.settings.get(Param::TickRate)),
+            mode,
+            settings,
+            reference: [self],
+        };
+        toml::to_string(&scenario).map_err(Failure::machine)
+    }
+}
+
+/// What a scenario file has of a recording.
+#[derive(serde::Serialize)]
+struct Course<'a> {
+    duration_s: f64,
+    mode: &'a str,
+    settings: BTreeMap<String, f64>,
+    reference: [&'a Played; 1],
+}
+
+/// Settings, mode, armed; the settings as the board then has them and what to play.
+fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settings, Played), Failure> {
     link.command("disarm")?;
     for pair in &arguments.set {
         let (name, value) = pair.split_once('=').ok_or_else(|| {
@@ -241,30 +314,36 @@ fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settin
     let settings = link.settings()?;
     let amplitude =
         arguments.amplitude.unwrap_or_else(|| (8.0 * f64::from(settings.get(Param::SupplyVoltage))).round() / 10.0);
-    let name = arguments.sequence.to_possible_value().expect("none is skipped").get_name().to_owned();
+    let sequence = arguments.sequence.to_possible_value().expect("none is skipped").get_name().to_owned();
     link.command("arm")?;
     link.command(&format!("mode {}", arguments.mode))?;
-    let RecordArguments { offset, period, count, seed, .. } = arguments;
-    Ok((settings, format!("sequence {name} {amplitude} {offset} {period} {count} {seed}")))
+    let RecordArguments { offset, period: period_ms, count, seed, .. } = *arguments;
+    Ok((settings, Played { time_s: 0.0, kind: "sequence", sequence, amplitude, offset, period_ms, count, seed }))
 }
 
 pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
     out.with_extension(extension)
 }
 
+/// Writes the recording and what belongs beside it; the side file's text.
 fn write_all(
     arguments: &RecordArguments,
     done: &Record,
     firmware: &str,
-    order: &str,
+    played: &Played,
     nominal: NominalMotor,
-) -> Result<(), Failure> {
+) -> Result<String, Failure> {
     let recording = telemetry::recording("record", &done.samples, &done.settings);
     write(&arguments.out, &recording.to_csv())?;
     let rig = toml::to_string(&telemetry::rig(&done.settings, nominal)).map_err(Failure::machine)?;
     write(&beside(&arguments.out, "rig.toml"), &rig)?;
-    let side = serde_json::to_string_pretty(&done.side_file(firmware, order)).map_err(Failure::machine)?;
-    write(&beside(&arguments.out, "json"), &(side + "\n"))
+    if !done.samples.is_empty() {
+        write(&beside(&arguments.out, "scenario.toml"), &played.scenario(&arguments.mode, done)?)?;
+    }
+    let side = done.side_file(firmware, &played.order());
+    let side = serde_json::to_string_pretty(&side).map_err(Failure::machine)? + "\n";
+    write(&beside(&arguments.out, "json"), &side)?;
+    Ok(side)
 }
 
 fn report(arguments: &RecordArguments, done: &Record) -> Result<(), Failure> {
@@ -283,7 +362,14 @@ fn report(arguments: &RecordArguments, done: &Record) -> Result<(), Failure> {
     println!("{covered}");
     covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
     ended(&done.ended, &arguments.out)?;
-    println!("next: motorbench diagnose {out} --rig {}", beside(&arguments.out, "rig.toml").display());
+    let rig = beside(&arguments.out, "rig.toml");
+    let (rig, scenario) = (rig.display(), beside(&arguments.out, "scenario.toml"));
+    match arguments.mode.as_str() {
+        "open" => println!("next: motorbench diagnose {out} --rig {rig}"),
+        _ => {
+            println!("next: motorbench validate {out} --scenario {} --rig {rig} --model MODEL.toml", scenario.display())
+        }
+    }
     Ok(())
 }
 
@@ -313,6 +399,9 @@ pub struct SendArguments {
     /// Keeps the settings in the board's EEPROM.
     #[arg(long)]
     save: bool,
+    /// Prints what was sent as JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Runs `send`.
@@ -337,6 +426,13 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     let checked = read_back(&mut link, &text)?;
     if arguments.save {
         link.save()?;
+    }
+    if arguments.json {
+        let sent = serde_json::json!({
+            "port": name, "lines": sent, "settings_read_back": checked, "saved": arguments.save
+        });
+        println!("{sent}");
+        return Ok(());
     }
     println!(
         "{sent} lines sent to {name}, {checked} settings read back{}",

@@ -19,8 +19,8 @@ use std::path::{Path, PathBuf};
 /// Puts a measured closed loop beside the simulated one: one plot, fit per channel, figures of both, and what remains.
 #[derive(Args)]
 #[command(after_help = "Example:
-  motorbench validate measured.csv --scenario loop.toml --model found.toml --rig rig.toml --plot both.svg
-The scenario has the references and settings that were recorded: docs/scenarios.md")]
+  motorbench validate loop.csv --scenario loop.scenario.toml --model found.toml --rig loop.rig.toml --plot both.svg
+A scenario has the references and settings that were recorded; motorbench record writes it: docs/scenarios.md")]
 pub struct Arguments {
     /// The recording of the loop, from the start of the scenario or from up to a quarter of its length before.
     measured: PathBuf,
@@ -51,12 +51,15 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), Rig::read).map_err(Failure::input)?;
     let measured = Recording::read(&arguments.measured, &arguments.columns).map_err(Failure::input)?;
-    let mut scenario = Scenario::read(&arguments.scenario).map_err(Failure::input)?;
-    if let Some(path) = &arguments.model {
-        let failed = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
-        scenario.model = Model::parse(&text).map_err(|error| failed(&error))?;
-    }
+    let scenario = match &arguments.model {
+        None => Scenario::read(&arguments.scenario).map_err(Failure::input)?,
+        Some(path) => {
+            let failed = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
+            let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
+            let model = Model::parse(&text).map_err(|error| failed(&error))?;
+            Scenario::read_for(&arguments.scenario, model).map_err(Failure::input)?
+        }
+    };
     let simulated = scenario.run().map_err(Failure::input)?.recording;
     // The simulation first: its times are those of the scenario.
     let compared = compare(&simulated, &measured, None).map_err(Failure::input)?;

@@ -67,13 +67,16 @@ struct FileFault {
     voltage_v: Option<f64>,
 }
 
-/// Reads a scenario; a model file is looked for beside it.
-pub fn read(path: &Path) -> Result<Scenario, ScenarioError> {
+/// Reads a scenario, for another model than its own if there is one; its model file is looked for beside it.
+pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError> {
     let name = path.display().to_string();
     let file: File = toml::from_str(&text_of(path)?)
         .map_err(|source| ScenarioError::Syntax { path: name.clone(), source: Box::new(source) })?;
-    let model = Model::parse(&file.model_text(path)?)
-        .map_err(|source| ScenarioError::Model { path: name.clone(), source: Box::new(source) })?;
+    let own = || {
+        Model::parse(&file.model_text(path)?)
+            .map_err(|source| ScenarioError::Model { path: name.clone(), source: Box::new(source) })
+    };
+    let model = model.map_or_else(own, Ok)?;
     file.scenario(model).map_err(|what| ScenarioError::Value { path: name, what })
 }
 
@@ -89,6 +92,11 @@ impl File {
                 return Err(ScenarioError::Value { path: path.display().to_string(), what });
             }
             return text_of(&path.with_file_name(model));
+        }
+        if self.motor.is_none() {
+            let what =
+                "it has no motor: give it [motor], model = \"FILE.toml\", or --model to `motorbench validate`".into();
+            return Err(ScenarioError::Value { path: path.display().to_string(), what });
         }
         let mut table = toml::Table::new();
         for (key, value) in [("motor", &self.motor), ("effects", &self.effects)] {

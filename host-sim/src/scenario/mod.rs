@@ -168,7 +168,15 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError`], which says file, line or key, and what was expected.
     pub fn read(path: &Path) -> Result<Self, ScenarioError> {
-        file::read(path)
+        file::read(path, None)
+    }
+
+    /// Reads a scenario for another model than its own, which it need not have.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn read_for(path: &Path, model: Model) -> Result<Self, ScenarioError> {
+        file::read(path, Some(model))
     }
 
     /// Runs it.
