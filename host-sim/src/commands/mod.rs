@@ -147,13 +147,13 @@ fn write_plot(path: &Path, svg: &str) -> Result<(), Failure> {
     match picture::Format::of(path).map_err(Failure::input)? {
         Format::Svg => write(path, svg),
         Format::Png => {
-            write(path, picture::png(svg).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?)
+            write(path, &picture::png(svg).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?)
         }
     }
 }
 
 /// Writes a file.
-fn write(path: &Path, contents: impl AsRef<[u8]>) -> Result<(), Failure> {
+fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Failure> {
     std::fs::write(path, contents).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
 }
 
