@@ -30,7 +30,9 @@ pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recordi
         column(&|sample| f64::from(sample.speed) * get(Param::SpeedRange) / f64::from(FULL_RANGE)),
     );
     recording.set(Channel::Current, column(&|sample| f64::from(sample.current) / f64::from(AMPERE)));
-    let mode = samples.last().map_or(Mode::Off, |sample| sample.state.mode());
+    // A trip or a stop at the end leaves no mode, and takes no reference away.
+    let mode = samples.iter().rev().map(|sample| sample.state.mode()).find(|mode| *mode != Mode::Off);
+    let mode = mode.unwrap_or(Mode::Off);
     if mode.is_speed() {
         let unit = get(Param::SpeedRange) / f64::from(FULL_RANGE);
         recording.set(Channel::SpeedReference, column(&|sample| f64::from(sample.reference) * unit));

@@ -2,10 +2,10 @@
 //! not ours. The firmware itself is behind `tests/virtual_board.rs`.
 
 use host_sim::board::{Board, BoardError};
-use host_sim::link::record::{Ended, record};
+use host_sim::link::record::{Ended, Record, record};
 use host_sim::link::{Line, Link, VERSION, name};
 use host_sim::live::Live;
-use host_sim::tune::Session;
+use host_sim::tune::{Keeper, Key, Session};
 use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::protocol::{FRAME, Framer, SAMPLE, TEXT, TEXT_CHUNK, pack};
 use motorbench_core::settings::{Param, Settings};
@@ -154,7 +154,7 @@ impl Line for Fake {
     }
 }
 
-fn recorded(fault: Fault) -> (host_sim::link::record::Record, Arc<Mutex<String>>) {
+fn recorded(fault: Fault) -> (Record, Arc<Mutex<String>>) {
     let (fake, heard) = Fake::new(fault);
     let mut link = Link::start(fake).unwrap();
     let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| false, &mut |_| ());
@@ -248,7 +248,7 @@ fn tuning_is_sent_to_a_plotter() {
     plotter.set_read_timeout(Some(std::time::Duration::from_secs(5))).unwrap();
     let live = Live::new(plotter.local_addr().ok(), None).unwrap();
     let (fake, _) = Fake::new(Fault::None);
-    let mut session = Session::new(Link::start(fake).unwrap(), 30.0, Some(live)).unwrap();
+    let mut session = Session::new(Link::start(fake).unwrap(), 30.0, Some(live), Box::new(Shared::default())).unwrap();
     session.poll().unwrap();
     let (mut buffer, mut ticks) = ([0; 1024], Vec::new());
     while ticks.len() < 20 {
@@ -257,4 +257,39 @@ fn tuning_is_sent_to_a_plotter() {
         ticks.push((object["timestamp"].as_f64().unwrap() * 1000.0).round() as u32);
     }
     assert!(ticks[0] > 1000 && ticks.windows(2).all(|pair| pair[1] == pair[0] + 1), "{ticks:?}");
+}
+
+/// Recordings of a session.
+#[derive(Clone, Default)]
+struct Shared(Arc<Mutex<Vec<(Record, Settings)>>>);
+
+impl Keeper for Shared {
+    fn keep(&mut self, record: &Record, before: &Settings, _firmware: &str) -> String {
+        self.0.lock().unwrap().push((record.clone(), *before));
+        "kept".into()
+    }
+}
+
+/// Every tick is in it, whatever is typed meanwhile, and the gains before and after; a board that goes ends it and loses
+/// nothing.
+#[test]
+fn a_recording_out_of_the_tuning_console() {
+    let (kept, (fake, _)) = (Shared::default(), Fake::new(Fault::None));
+    let mut session = Session::new(Link::start(fake).unwrap(), 30.0, None, Box::new(kept.clone())).unwrap();
+    let mut press = |key| {
+        session.poll().unwrap();
+        session.press(key).unwrap();
+    };
+    [Key::Record, Key::Arm, Key::More, Key::Record, Key::Stop].into_iter().for_each(&mut press);
+    session.press(Key::Record).unwrap();
+    session.poll().unwrap();
+    let gone = BoardError::Failed("the cable".into());
+    assert_eq!(session.end_recording(Some(&gone)).as_deref(), Some("kept"));
+    assert!(session.end_recording(None).is_none(), "it is kept once");
+    let kept = kept.0.lock().unwrap();
+    let [(first, before), (second, _)] = &kept[..] else { panic!("two recordings") };
+    assert!(first.samples.len() > 20 && first.samples.windows(2).all(|pair| pair[1].tick == pair[0].tick + 1));
+    assert_eq!((first.missing_ticks(), &first.ended), (0, &Ended::Complete));
+    assert!(first.settings.get(Param::SpeedKp) > before.get(Param::SpeedKp));
+    assert_eq!(second.ended, Ended::Failed("the cable".into()));
 }

@@ -445,8 +445,11 @@ impl Terminal {
     fn new(board: &Board) -> Option<Self> {
         Command::new("tmux").arg("-V").output().ok()?;
         let name = format!("motorbench-{}", std::process::id());
-        let command =
-            format!("{MOTORBENCH} tune --port {} --reference 30; echo exit $?; sleep 60", board.port().display());
+        let command = format!(
+            "cd {}; {MOTORBENCH} tune --port {} --reference 30; echo exit $?; sleep 60",
+            board.folder.display(),
+            board.port().display()
+        );
         let terminal = Self(name);
         terminal.tmux(&["new-session", "-d", "-x", "80", "-y", "30", "-s", &terminal.0, &command]);
         Some(terminal)
@@ -497,15 +500,29 @@ fn the_tuning_console_in_a_terminal() {
     terminal.shows("ARMED");
     terminal.press("s");
     terminal.shows("step test done");
-    terminal.shows("speed            0.");
+    terminal.shows("error peak A");
+    terminal.shows("│speed       0.");
+    terminal.press("r");
+    terminal.shows("recording; r ends it");
     terminal.press("Right");
     terminal.shows("> speed_kp         0.05500");
     terminal.press("u");
     terminal.shows("> speed_kp         0.05000");
     terminal.press("Tab");
     terminal.shows("lqr_speed ARMED");
+    terminal.press("r");
+    terminal.shows("tune.csv: ");
     terminal.press("q");
     terminal.shows("exit 0");
+    let side: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(board.folder.join("tune.json")).unwrap()).unwrap();
+    assert_eq!(side["samples"].as_u64().unwrap() as usize, rows(&board.folder.join("tune.csv")));
+    // While it takes a gain the firmware may drop samples; that is counted, and the times are those of its ticks.
+    let recording = host_sim::recording::Recording::read(&board.folder.join("tune.csv"), &[]).unwrap();
+    let ticks = 1 + (1000.0 * recording.time_s().unwrap().last().unwrap()).round() as u64;
+    assert_eq!(ticks, side["samples"].as_u64().unwrap() + side["missing_ticks"].as_u64().unwrap());
+    assert!(side["missing_ticks"].as_u64().unwrap() < ticks / 10, "{side}");
+    assert!(side["settings_before"]["speed_kp"].as_f64().is_some(), "{side}");
     assert!(text(&board.run("connect", &["status"]).stdout).contains("mode off armed 0"));
     drop(terminal);
 

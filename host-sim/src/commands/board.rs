@@ -5,12 +5,12 @@ use super::{Failure, bar, write};
 use crate::board::{Board, BoardError};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::port::{Port, only_board, open, ports};
-use crate::link::record::{Ended, Record, duration_ticks, record};
+use crate::link::record::{Ended, Record, by_name, duration_ticks, record};
 use crate::link::{self, Link, VERSION};
 use crate::live::Live;
 use crate::rig::{NominalMotor, Rig};
 use crate::telemetry;
-use crate::tune::{Session, screen};
+use crate::tune::{Keeper, Session, screen};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
@@ -333,16 +333,25 @@ fn write_all(
     played: &Played,
     nominal: NominalMotor,
 ) -> Result<String, Failure> {
-    let recording = telemetry::recording("record", &done.samples, &done.settings);
-    write(&arguments.out, &recording.to_csv())?;
-    let rig = toml::to_string(&telemetry::rig(&done.settings, nominal)).map_err(Failure::machine)?;
-    write(&beside(&arguments.out, "rig.toml"), &rig)?;
+    let side = write_recording(&arguments.out, done, nominal, &done.side_file(firmware, &played.order()))?;
     if !done.samples.is_empty() {
         write(&beside(&arguments.out, "scenario.toml"), &played.scenario(&arguments.mode, done)?)?;
     }
-    let side = done.side_file(firmware, &played.order());
-    let side = serde_json::to_string_pretty(&side).map_err(Failure::machine)? + "\n";
-    write(&beside(&arguments.out, "json"), &side)?;
+    Ok(side)
+}
+
+/// Writes a recording, rig and side file; the latter's text.
+fn write_recording(
+    out: &Path,
+    done: &Record,
+    nominal: NominalMotor,
+    side: &serde_json::Value,
+) -> Result<String, Failure> {
+    write(out, &telemetry::recording("record", &done.samples, &done.settings).to_csv())?;
+    let rig = toml::to_string(&telemetry::rig(&done.settings, nominal)).map_err(Failure::machine)?;
+    write(&beside(out, "rig.toml"), &rig)?;
+    let side = serde_json::to_string_pretty(side).map_err(Failure::machine)? + "\n";
+    write(&beside(out, "json"), &side)?;
     Ok(side)
 }
 
@@ -466,8 +475,8 @@ fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
 /// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
 #[derive(Args)]
 #[command(after_help = "Keys: a arm, space stop, s step test, up/down choose a gain, left/right 10 % less or more,
--/+ reference, tab PID or LQR, u undo, w save on the board, q quit. Without this program the drive stops
-by itself after half a second.
+-/+ reference, tab PID or LQR, u undo, w save on the board, r begin and end a recording (every sample at the
+board's time), q quit. Without this program the drive stops by itself after half a second.
 
 Example:
   motorbench tune --reference 60")]
@@ -477,8 +486,33 @@ pub struct TuneArguments {
     /// Speed that a step test goes to, in rad/s.
     #[arg(long, default_value_t = 40.0, allow_negative_numbers = true)]
     reference: f64,
+    /// Where recordings go, with rig and side file; those after the first get a number.
+    #[arg(long, default_value = "tune.csv")]
+    out: PathBuf,
     #[command(flatten)]
     live: LiveArguments,
+}
+
+/// Numbered recordings of a tuning session.
+struct Numbered {
+    out: PathBuf,
+    kept: u32,
+}
+
+impl Keeper for Numbered {
+    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> String {
+        self.kept += 1;
+        let out = match self.kept {
+            1 => self.out.clone(),
+            number => beside(&self.out, &format!("{number}.csv")),
+        };
+        let mut side = record.side_file(firmware, "by hand, in motorbench tune");
+        side["settings_before"] = by_name(before).into();
+        match write_recording(&out, record, NominalMotor::default(), &side) {
+            Ok(_) => format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks()),
+            Err(failure) => format!("not kept: {}", failure.message),
+        }
+    }
 }
 
 /// Runs `tune`.
@@ -492,6 +526,7 @@ pub fn run_tune(arguments: &TuneArguments) -> Result<(), Failure> {
     let stopped = on_interrupt()?;
     let live = arguments.live.open()?;
     let (link, _) = arguments.port.open()?;
-    let session = Session::new(link, arguments.reference, live)?;
+    let keeper = Numbered { out: arguments.out.clone(), kept: 0 };
+    let session = Session::new(link, arguments.reference, live, Box::new(keeper))?;
     screen::run(session, &|| stopped.load(Ordering::Relaxed)).map_err(Failure::from)
 }

@@ -7,7 +7,8 @@ pub mod screen;
 use crate::board::{Board, BoardError};
 use crate::design::trial::Point;
 use crate::figures::{Figures, step_figures};
-use crate::link::{Line, Link, name};
+use crate::link::record::{Ended, Record};
+use crate::link::{Line, Link, Losses, name};
 use crate::live::Live;
 use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::pins::PWM_STEPS;
@@ -54,11 +55,28 @@ struct Change {
     before: f32,
 }
 
+/// A recording under way.
+struct Recorded {
+    samples: Vec<Sample>,
+    /// What had been lost on the line before.
+    losses: Losses,
+    /// The gains it began with.
+    settings: Settings,
+}
+
+/// Where recordings go.
+pub trait Keeper {
+    /// Keeps one, made with the gains of `before` at first; what to tell the person.
+    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> String;
+}
+
 /// The board and what the person does with it.
 pub struct Session<L: Line> {
     link: Link<L>,
     settings: Settings,
     live: Option<Live>,
+    keeper: Box<dyn Keeper>,
+    recording: Option<Recorded>,
     /// What the board's own `trip_host` was.
     trip_host: f32,
     loop_index: usize,
@@ -75,11 +93,16 @@ pub struct Session<L: Line> {
 }
 
 impl<L: Line> Session<L> {
-    /// With the settings as the board has them. `reference` in rad/s; `live` gets every sample.
+    /// With the settings as the board has them. `reference` in rad/s; `live` gets every sample, `keeper` recordings.
     ///
     /// # Errors
     /// [`BoardError`].
-    pub fn new(mut link: Link<L>, reference: f64, live: Option<Live>) -> Result<Self, BoardError> {
+    pub fn new(
+        mut link: Link<L>,
+        reference: f64,
+        live: Option<Live>,
+        keeper: Box<dyn Keeper>,
+    ) -> Result<Self, BoardError> {
         link.command("disarm")?;
         let settings = link.settings()?;
         let trip_host = settings.get(Param::TripHost);
@@ -88,6 +111,8 @@ impl<L: Line> Session<L> {
             link,
             settings,
             live,
+            keeper,
+            recording: None,
             trip_host,
             loop_index: 0,
             selected: 0,
@@ -131,6 +156,9 @@ impl<L: Line> Session<L> {
             self.live = None;
             self.message = format!("nothing more is sent to the plotter: {error}");
         }
+        if let Some(recording) = &mut self.recording {
+            recording.samples.extend(came.iter().copied());
+        }
         self.traces.extend(came);
         let rate_hz = f64::from(self.settings.get(Param::TickRate));
         let kept = (SHOWN_S * rate_hz) as usize;
@@ -159,6 +187,7 @@ impl<L: Line> Session<L> {
             Key::Switch => self.switch(),
             Key::Undo => self.undo(),
             Key::Save => self.save(),
+            Key::Record => self.record(),
         };
         match done {
             Err(BoardError::Refused { reply, .. }) => {
@@ -255,6 +284,34 @@ impl<L: Line> Session<L> {
         self.link.command("ref 0")
     }
 
+    fn record(&mut self) -> Result<(), BoardError> {
+        self.message = match self.end_recording(None) {
+            Some(kept) => kept,
+            None => {
+                let begun = Recorded { samples: Vec::new(), losses: self.link.losses(), settings: self.settings };
+                self.recording = Some(begun);
+                "recording; r ends it".into()
+            }
+        };
+        Ok(())
+    }
+
+    /// Keeps the recording under way, if there is one; what became of it. `failed`: why it could not go on.
+    pub fn end_recording(&mut self, failed: Option<&BoardError>) -> Option<String> {
+        let Recorded { samples, losses: before, settings } = self.recording.take()?;
+        let now = self.link.losses();
+        let record = Record {
+            samples,
+            settings: self.settings,
+            ended: failed.map_or(Ended::Complete, |error| Ended::Failed(error.to_string())),
+            losses: Losses {
+                lost_frames: now.lost_frames - before.lost_frames,
+                damaged_frames: now.damaged_frames - before.damaged_frames,
+            },
+        };
+        Some(self.keeper.keep(&record, &settings, &self.link.firmware))
+    }
+
     fn save(&mut self) -> Result<(), BoardError> {
         // The board keeps the host trip it came with.
         self.link.command("disarm")?;
@@ -321,4 +378,6 @@ pub enum Key {
     Undo,
     /// Keep the gains on the board.
     Save,
+    /// Begin a recording, or end it.
+    Record,
 }

@@ -26,6 +26,9 @@ pub fn run<L: Line>(mut session: Session<L>, stop: &dyn Fn() -> bool) -> Result<
     let mut terminal = ratatui::init();
     let ended = until_quit(&mut terminal, &mut session, stop);
     ratatui::restore();
+    if let Some(kept) = session.end_recording(ended.as_ref().err()) {
+        eprintln!("{kept}");
+    }
     ended?;
     session.leave()
 }
@@ -67,20 +70,24 @@ fn key(code: KeyCode) -> Option<Key> {
         KeyCode::Tab => Key::Switch,
         KeyCode::Char('u') => Key::Undo,
         KeyCode::Char('w') => Key::Save,
+        KeyCode::Char('r') => Key::Record,
         _ => return None,
     })
 }
 
 fn draw<L: Line>(frame: &mut Frame, session: &Session<L>) {
     let [speed, drive, below, message] =
-        Layout::vertical([Constraint::Min(8), Constraint::Min(6), Constraint::Length(9), Constraint::Length(2)])
+        Layout::vertical([Constraint::Min(8), Constraint::Min(6), Constraint::Length(9), Constraint::Length(3)])
             .areas(frame.area());
     let [gains, figures] = Layout::horizontal([Constraint::Length(30), Constraint::Min(40)]).areas(below);
     draw_traces(frame, session, speed, drive);
     frame.render_widget(gain_list(session), gains);
     frame.render_widget(figure_table(session), figures);
-    let keys = "a arm  space stop  s step  arrows gain  -/+ reference  tab PID/LQR  u undo  w save  q quit";
-    let lines = vec![TextLine::from(session.message.as_str()), TextLine::from(keys)];
+    let keys = [
+        "a arm  space stop  s step test  r record  q quit",
+        "arrows gain  -/+ reference  tab PID/LQR  u undo  w save on the board",
+    ];
+    let lines: Vec<TextLine> = [session.message.as_str()].into_iter().chain(keys).map(TextLine::from).collect();
     frame.render_widget(Paragraph::new(lines), message);
 }
 
@@ -124,17 +131,23 @@ fn gain_list<L: Line>(session: &Session<L>) -> Paragraph<'_> {
         let style = if chosen { Style::new().add_modifier(Modifier::BOLD) } else { Style::new() };
         TextLine::styled(text, style)
     });
-    let title =
-        format!("{} {} to {:.0}", session.tuned().mode, if session.armed { "ARMED" } else { "off" }, session.reference);
+    let title = format!(
+        "{} {} to {:.0}{}",
+        session.tuned().mode,
+        if session.armed { "ARMED" } else { "off" },
+        session.reference,
+        if session.recording.is_some() { " REC" } else { "" }
+    );
     Paragraph::new(lines.collect::<Vec<_>>()).block(Block::bordered().title(title))
 }
 
 fn figure_table<L: Line>(session: &Session<L>) -> Paragraph<'_> {
-    let mut lines = vec![TextLine::from("               rise s  settle s  over %  error  peak A")];
+    let header = ["rise s", "settle s", "over %", "error", "peak A"];
+    let mut lines = vec![TextLine::from(row("", header.map(String::from)))];
     for (tuned, own) in LOOPS.iter().zip(&session.figures) {
-        for (when, figures) in ["", "before"].iter().zip(own) {
+        for (which, figures) in [tuned.mode, "  before"].iter().zip(own) {
             if let Some(figures) = figures {
-                lines.push(TextLine::from(figure_line(&format!("{} {when}", tuned.mode), figures)));
+                lines.push(TextLine::from(figure_line(which, figures)));
             }
         }
     }
@@ -143,12 +156,20 @@ fn figure_table<L: Line>(session: &Session<L>) -> Paragraph<'_> {
 
 fn figure_line(what: &str, figures: &Figures) -> String {
     let number = |value: Option<f64>, digits: usize| value.map_or("-".into(), |value| format!("{value:.digits$}"));
-    format!(
-        "{what:16} {:>5} {:>8} {:>7} {:>6} {:>6.2}",
-        number(figures.rise_s, 3),
-        number(figures.settling_s, 3),
-        number(figures.overshoot_percent, 1),
-        number(figures.steady_error, 2),
-        figures.peak_a
+    let peak_a = format!("{:.2}", figures.peak_a);
+    row(
+        what,
+        [
+            number(figures.rise_s, 3),
+            number(figures.settling_s, 3),
+            number(figures.overshoot_percent, 1),
+            number(figures.steady_error, 2),
+            peak_a,
+        ],
     )
+}
+
+/// As wide as a terminal of 80 columns leaves.
+fn row(what: &str, [rise, settling, overshoot, error, peak]: [String; 5]) -> String {
+    format!("{what:10} {rise:>6} {settling:>8} {overshoot:>6} {error:>6} {peak:>6}")
 }
