@@ -29,8 +29,8 @@ fn experiment() -> Thesis {
 /// What the simulation said and what the firmware did.
 fn agrees(done: &Loop) {
     let law = done.design.law.title();
-    assert!(done.speed.fit_percent > 98.0 && done.speed.rms < 1.0, "{law}: {:?}", done.speed);
-    assert!(done.current.fit_percent > 90.0, "{law}: {:?}", done.current);
+    assert!(done.speed.fit_percent > 99.5 && done.speed.rms < 0.2, "{law}: {:?}", done.speed);
+    assert!(done.current.fit_percent > 94.0, "{law}: {:?}", done.current);
     for [measured, simulated] in &done.figures {
         let close = |of: fn(&host_sim::figures::Figures) -> Option<f64>, by: f64| {
             (of(measured).expect("a step that is followed") - of(simulated).expect("the same")).abs() < by

@@ -163,7 +163,7 @@ fn closed_loop(
     let steps: Vec<(f64, f64)> =
         ticks.iter().zip(&references).map(|(&tick, &value)| (f64::from(tick) / rate_hz, value)).collect();
     let simulated = in_simulation(diagnosis, &list, law, &steps)?;
-    let of = |samples: &[Sample]| telemetry::recording(law.title(), from_first_reference(samples), &list.all);
+    let of = |samples: &[Sample]| telemetry::recording(law.title(), samples, &list.all);
     let (measured, simulated) = (of(&measured), of(&simulated));
     let pairs = figures(&measured, &steps).into_iter().zip(figures(&simulated, &steps));
     Ok(Loop {
@@ -176,7 +176,7 @@ fn closed_loop(
     })
 }
 
-/// The samples, and the tick at which each reference took effect, counted from the first.
+/// The samples from the tick at which the first reference took effect, and the ticks at which all did, counted from that.
 fn on_board(
     board: &mut impl Board,
     list: &SettingList,
@@ -200,11 +200,12 @@ fn on_board(
         starts.push(asked[moved].tick);
     }
     board.command("disarm")?;
-    let first = starts[0];
-    Ok((samples, starts.iter().map(|tick| tick.wrapping_sub(first)).collect()))
+    let since_first = |tick: u32| tick.wrapping_sub(starts[0]);
+    samples.retain(|sample| since_first(sample.tick) < u32::MAX / 2);
+    Ok((samples, starts.iter().map(|tick| since_first(*tick)).collect()))
 }
 
-/// The same in the host's core with the model: references after times.
+/// The same in the host's core with the model: references after times, samples from the first on.
 fn in_simulation(
     diagnosis: &Diagnosis,
     list: &SettingList,
@@ -226,13 +227,9 @@ fn in_simulation(
         noise: Noise::default(),
         expected_trip: Trip::None,
     };
-    Ok(scenario.run()?.samples)
-}
-
-/// The samples from the tick at which the first reference takes effect.
-fn from_first_reference(samples: &[Sample]) -> &[Sample] {
-    let first = samples.iter().position(|sample| sample.reference != 0).unwrap_or(0);
-    &samples[first..]
+    let mut samples = scenario.run()?.samples;
+    samples.drain(..(BEFORE_S * f64::from(list.all.get(Param::TickRate))).round() as usize);
+    Ok(samples)
 }
 
 fn agreement(measured: &Recording, simulated: &Recording, channel: Channel) -> Agreement {

@@ -1,6 +1,7 @@
 //! The scenarios of the repository, and what is wrong with wrong ones.
 
 use host_sim::scenario::Scenario;
+use host_sim::scenario::reference::{Course, Reference};
 use motorbench_core::message::Trip;
 use std::path::{Path, PathBuf};
 
@@ -198,4 +199,17 @@ fn a_wrong_scenario_says_where() {
         assert!(found.contains("wrong.toml") && found.contains(expected), "{found}");
     }
     std::fs::remove_dir_all(directory).unwrap();
+}
+
+/// 0.05 + 0.802 is a little more than 0.852.
+#[test]
+fn what_is_due_at_a_tick_comes_at_that_tick() {
+    let mut scenario = Scenario::read(&repository("speed_step.toml")).unwrap();
+    (scenario.loads, scenario.duration_s) = (Vec::new(), 0.9);
+    for after_s in [0.8, 0.801, 0.802, 0.803, 0.804] {
+        scenario.references = vec![Reference { time_s: 0.05 + after_s, course: Course::Step { value: 20.0 } }];
+        let samples = scenario.run().unwrap().samples;
+        let moved = samples.iter().position(|sample| sample.reference != 0);
+        assert_eq!((samples.len(), moved), (900, Some((1e3 * (0.05 + after_s)).round() as usize)), "{after_s}");
+    }
 }

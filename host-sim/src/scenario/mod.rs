@@ -32,6 +32,9 @@ use reference::{Course, Reference};
 use serde::Deserialize;
 use std::path::Path;
 
+/// By how much a sum of times may be beyond the tick it means: without it, rounding would put off what is due by a tick.
+const ROUNDING_S: f64 = 1e-9;
+
 /// What works on the shaft from a time on.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -194,12 +197,12 @@ impl Scenario {
         let (mut points, mut samples): (Vec<Point>, Vec<Sample>) = (Vec::new(), Vec::new());
         let mut asked = Asked::default();
         let mut trip_s = None;
-        for tick in 0..(self.duration_s / trial.period_s()) as usize {
+        for tick in 0..((self.duration_s + ROUNDING_S) / trial.period_s()) as usize {
             let now_s = tick as f64 * trial.period_s();
-            trial.surroundings = self.surroundings(now_s);
-            let request = asked.request(&self.references, now_s, &trial);
+            trial.surroundings = self.surroundings(now_s + ROUNDING_S);
+            let request = asked.request(&self.references, now_s + ROUNDING_S, &trial);
             points.push(trial.tick(request));
-            if !self.active(now_s).any(|kind| kind == FaultKind::FramesLost) {
+            if !self.active(now_s + ROUNDING_S).any(|kind| kind == FaultKind::FramesLost) {
                 samples.push(*trial.sample());
             }
             if trip_s.is_none() && trial.sample().trip != Trip::None {
@@ -251,7 +254,8 @@ impl Scenario {
             return Vec::new();
         }
         let first_s = points.first().map_or(0.0, |point| point.t_s);
-        let start = |reference: &Reference| points.partition_point(|point| point.t_s - first_s < reference.time_s);
+        let start =
+            |reference: &Reference| points.partition_point(|point| point.t_s - first_s + ROUNDING_S < reference.time_s);
         let ends = self.references.iter().skip(1).map(start).chain([points.len()]);
         let stretches = self.references.iter().zip(ends).map(|(reference, end)| (reference, start(reference)..end));
         stretches
