@@ -377,3 +377,28 @@ fn stand_of_the_published_study() {
     }
     assert_eq!(stand["winding"]["resistances_ohm"].as_array().unwrap().len(), 18);
 }
+
+/// The main job: what was hidden is named, the loop that knows it follows better, and one page shows all of it.
+#[test]
+fn the_demonstration_names_what_it_hid() {
+    let directory = TempDir::new().unwrap();
+    let page = directory.path().join("demo.html");
+    let shown = json_of(&["demo", "--seed", "7", "--report", path(&page), "--json"]);
+    assert_eq!(shown["missing"], 0);
+    let named: Vec<&str> = shown["diagnosis"]["causes"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|cause| cause["effect"].as_str().unwrap())
+        .collect();
+    let hidden = shown["hidden"].as_object().unwrap();
+    assert_eq!(hidden.len(), 3);
+    assert!(hidden.keys().all(|effect| named.contains(&effect.as_str())) && named.len() == 3, "{named:?} {hidden:?}");
+    let rms = |index: usize| shown["loops"][index]["standstill_rms_rad_per_s"].as_f64().unwrap();
+    assert!(rms(2) < 0.9 * rms(0), "{}", shown["loops"]);
+    let page = std::fs::read_to_string(&page).unwrap();
+    for heading in ["The speed loop before and after", "What was hidden", "What to do"] {
+        assert!(page.contains(heading), "{heading}");
+    }
+    assert!(page.matches("<svg").count() >= 4 && page.ends_with("</body></html>\n"));
+}

@@ -12,6 +12,7 @@ use crate::design::{Bench, Design, design};
 use crate::diagnose::{Diagnosis, diagnose, page, report};
 use crate::model::Model;
 use crate::motor::MotorParameters;
+use crate::panels::{Panel, panels};
 use crate::plant::ModelPlant;
 use crate::recording::Recording;
 use crate::rig::NominalMotor;
@@ -25,6 +26,7 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -50,6 +52,8 @@ const DURATION_S: f64 = 20.1;
 const BANDWIDTH_HZ: f64 = 5.0;
 const REFERENCES_RAD_PER_S: [f64; 6] = [5.0, -5.0, 5.0, 60.0, -60.0, 0.0];
 const HOLD_S: f64 = 0.8;
+/// The first of them are slow.
+const SLOW: usize = 3;
 
 /// Without any hardware: a motor with an effect drawn at random is recorded by the firmware, understood, and controlled.
 #[derive(Args)]
@@ -59,9 +63,12 @@ pub struct Arguments {
     /// Draws the same motor again.
     #[arg(long)]
     seed: Option<u64>,
-    /// Writes the diagnosis as a page with plots.
+    /// Writes diagnosis, loops and what was hidden as a page with plots.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+    /// Prints the result as JSON instead of text.
+    #[arg(long)]
+    json: bool,
     /// Writes the recording, for the other commands.
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
@@ -74,30 +81,52 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let clock = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let seed = arguments.seed.unwrap_or(clock);
+    let say = |text: &str| {
+        if !arguments.json {
+            println!("{text}");
+        }
+    };
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    println!("A motor with something hidden in it (seed {seed}).");
+    say(&format!("A motor with something hidden in it (seed {seed})."));
     let truth = draw(&mut random);
     let nominal = wrong(&truth.motor, &mut random);
     let settings = recording_settings();
-    println!("\n1. Recording 20 s of the sequence `identify` at 1 kHz ...");
-    let samples = record(&truth, settings)?;
+    say("\n1. Recording 20 s of the sequence `identify` at 1 kHz ...");
+    let samples = record(&truth, settings, &say)?;
     let recording = telemetry::recording("demo", &samples, &settings);
     if let Some(path) = &arguments.csv {
         super::write(path, &recording.to_csv())?;
     }
     let missing: u32 = samples.windows(2).map(|pair| pair[1].tick - pair[0].tick - 1).sum();
-    println!("   {} samples, {missing} missing.\n\n2. Diagnosis ...\n", samples.len());
+    say(&format!("   {} samples, {missing} missing.\n\n2. Diagnosis ...\n", samples.len()));
     let diagnosis = diagnosed(recording, &settings, nominal)?;
-    print!("{}", page::page(&diagnosis));
-    if let Some(path) = &arguments.report {
-        super::write(path, &report::report(&diagnosis, &["demo".into()]))?;
-        println!("\n   The page with plots: {}", path.display());
-    }
-    println!(
+    say(page::page(&diagnosis).trim_end());
+    say(&format!(
         "\n3. A speed loop of {BANDWIDTH_HZ} Hz, from the data sheet and from what was found, on the motor as it is\n"
-    );
-    compare(&truth, &nominal, &diagnosis)?;
-    reveal(&truth);
+    ));
+    let loops = Loops::compared(&truth, &nominal, &diagnosis)?;
+    say(&loops.table());
+    let hidden = hidden(&truth);
+    say(&format!("\nWhat was hidden\n{hidden}"));
+    if let Some(path) = &arguments.report {
+        super::write(path, &report::report_with(&diagnosis, &["demo".into()], &loops.section(&hidden)))?;
+        say(&format!("\nThe page with plots: {}", path.display()));
+    }
+    if arguments.json {
+        let result = serde_json::json!({
+            "seed": seed,
+            "samples": samples.len(),
+            "missing": missing,
+            "diagnosis": diagnosis.outcome,
+            "loops": loops.attempts.iter().map(Attempt::json).collect::<Vec<_>>(),
+            "commands": loops.commands,
+            "hidden": truth.terms.iter().map(|term| {
+                (term.id(), term.named().collect::<BTreeMap<_, _>>())
+            }).collect::<BTreeMap<_, _>>(),
+            "motor": truth.motor,
+        });
+        println!("{result:#}");
+    }
     Ok(())
 }
 
@@ -173,24 +202,24 @@ fn recording_settings() -> Settings {
 
 /// By the firmware on the simulated chip; where that cannot be, by its control core on this computer.
 #[cfg(feature = "chip")]
-fn record(truth: &Model, settings: Settings) -> Result<Vec<Sample>, Failure> {
+fn record(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Result<Vec<Sample>, Failure> {
     match crate::chip::firmware_elf() {
         Ok(elf) => {
-            println!("   by the firmware on a simulated ATmega328P, over its serial port");
+            say("   by the firmware on a simulated ATmega328P, over its serial port");
             Ok(record_on_chip(&elf, truth, &settings)?)
         }
         Err(error) => {
-            println!("   (no firmware for the simulated chip: {error})");
-            record_on_host(truth, settings)
+            say(&format!("   (no firmware for the simulated chip: {error})"));
+            record_on_host(truth, settings, say)
         }
     }
 }
 
 /// By the firmware's control core on this computer.
 #[cfg(not(feature = "chip"))]
-fn record(truth: &Model, settings: Settings) -> Result<Vec<Sample>, Failure> {
-    println!("   (built without the simulated chip: `scripts/setup chip` installs what it needs)");
-    record_on_host(truth, settings)
+fn record(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Result<Vec<Sample>, Failure> {
+    say("   (built without the simulated chip: `scripts/setup chip` installs what it needs)");
+    record_on_host(truth, settings, say)
 }
 
 #[cfg(feature = "chip")]
@@ -214,8 +243,8 @@ fn record_on_chip(elf: &std::path::Path, truth: &Model, settings: &Settings) -> 
     Ok(samples)
 }
 
-fn record_on_host(truth: &Model, settings: Settings) -> Result<Vec<Sample>, Failure> {
-    println!("   by the firmware's control core on this computer");
+fn record_on_host(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Result<Vec<Sample>, Failure> {
+    say("   by the firmware's control core on this computer");
     let refused = |error| Failure::input(format!("the core refuses its settings: {error:?}"));
     let mut trial = Trial::new(ModelPlant::new(truth.clone()), settings).map_err(refused)?;
     trial.enter(Mode::OpenLoop);
@@ -240,29 +269,88 @@ fn diagnosed(recording: Recording, settings: &Settings, nominal: MotorParameters
     result.map_err(Failure::input)
 }
 
-/// The loop designed from the data sheet, from the linear motor found, and with the friction and the drop made up for.
-fn compare(truth: &Model, nominal: &MotorParameters, diagnosis: &Diagnosis) -> Result<(), Failure> {
-    let found = &diagnosis.model;
-    let before = designed(nominal)?.settings.all;
-    let mut list = designed(&found.motor)?.settings;
-    let without = list.all;
-    let motor = &found.motor;
-    let losses = compensation(&Losses::of(found), motor.resistance_ohm, motor.torque_constant_nm_per_a);
-    for setting in losses.map_err(Failure::input)? {
-        list.set(setting.param, setting.value).map_err(Failure::input)?;
+/// A loop and how it followed.
+struct Attempt {
+    name: &'static str,
+    /// Root mean square errors of the true speed: of the slow references, and of all.
+    slow_rms: f64,
+    all_rms: f64,
+    points: Vec<Point>,
+}
+
+impl Attempt {
+    fn json(&self) -> serde_json::Value {
+        let Self { name, slow_rms, all_rms, .. } = self;
+        serde_json::json!({
+            "design": name, "standstill_rms_rad_per_s": slow_rms, "all_rms_rad_per_s": all_rms
+        })
     }
-    println!("   {:44} {:>22} {:>16}", "speed error, rms", "about standstill", "in all");
-    for (name, settings) in
-        [("designed from the data sheet", before), ("from what was found", without), ("and compensated", list.all)]
-    {
-        let (slow, all) = tracking(truth, settings)?;
-        println!("   {name:44} {:>16} rad/s {:>10} rad/s", page::short(slow), page::short(all));
+}
+
+/// Loops on the motor as it is, and what the board's console takes of the last.
+struct Loops {
+    attempts: Vec<Attempt>,
+    commands: Vec<String>,
+}
+
+impl Loops {
+    /// Designed from the data sheet, from the linear motor found, and with the friction and the drop made up for.
+    fn compared(truth: &Model, nominal: &MotorParameters, diagnosis: &Diagnosis) -> Result<Self, Failure> {
+        let found = &diagnosis.model;
+        let before = designed(nominal)?.settings.all;
+        let mut list = designed(&found.motor)?.settings;
+        let without = list.all;
+        let motor = &found.motor;
+        let losses = compensation(&Losses::of(found), motor.resistance_ohm, motor.torque_constant_nm_per_a);
+        for setting in losses.map_err(Failure::input)? {
+            list.set(setting.param, setting.value).map_err(Failure::input)?;
+        }
+        let attempts =
+            [("designed from the data sheet", before), ("from what was found", without), ("and compensated", list.all)];
+        let attempts = attempts.into_iter().map(|(name, settings)| tracking(name, truth, settings));
+        Ok(Self { attempts: attempts.collect::<Result<_, _>>()?, commands: list.commands() })
     }
-    println!("\n   For the board's console:");
-    for command in list.commands() {
-        println!("     {command}");
+
+    fn table(&self) -> String {
+        let mut text = format!("   {:44} {:>22} {:>16}\n", "speed error, rms", "about standstill", "in all");
+        for Attempt { name, slow_rms, all_rms, .. } in &self.attempts {
+            text += &format!("   {name:44} {:>16} rad/s {:>10} rad/s\n", page::short(*slow_rms), page::short(*all_rms));
+        }
+        text += "\n   For the board's console:";
+        self.commands.iter().for_each(|command| text += &format!("\n     {command}"));
+        text
     }
-    Ok(())
+
+    /// For the page: all speeds on one plot, the slow part larger, the table, and what was hidden.
+    fn section(&self, hidden: &str) -> String {
+        let panel = |title: &str, count: usize| {
+            let first = &self.attempts[0].points[..count];
+            let reference = Panel::new(title).line("reference", first.iter().map(|point| point.reference).collect());
+            self.attempts.iter().fold(reference, |panel, attempt| {
+                let speeds = attempt.points[..count].iter().map(|point| point.omega_rad_per_s);
+                panel.line(attempt.name, speeds.collect())
+            })
+        };
+        let all = self.attempts[0].points.len();
+        let slow = all * SLOW / REFERENCES_RAD_PER_S.len();
+        let interval_s = HOLD_S * REFERENCES_RAD_PER_S.len() as f64 / all as f64;
+        let plots = [panel("speed, rad/s", all), panel("speed about standstill, rad/s", slow)]
+            .map(|panel| panels(interval_s, &[panel]));
+        let rows: String = self
+            .attempts
+            .iter()
+            .map(|Attempt { name, slow_rms, all_rms, .. }| {
+                let (slow_rms, all_rms) = (page::short(*slow_rms), page::short(*all_rms));
+                format!("<tr><td>{name}</td><td>{slow_rms} rad/s</td><td>{all_rms} rad/s</td></tr>")
+            })
+            .collect();
+        format!(
+            "<h2>The speed loop before and after</h2><p>{BANDWIDTH_HZ} Hz, on the motor as it is.</p>{}\
+             <table><tr><th>speed error, rms</th><th>about standstill</th><th>in all</th></tr>{rows}</table>\
+             <h2>What was hidden</h2><pre style=\"white-space:pre-wrap\">{hidden}</pre>",
+            plots.concat()
+        )
+    }
 }
 
 fn designed(motor: &MotorParameters) -> Result<Design, Failure> {
@@ -271,8 +359,7 @@ fn designed(motor: &MotorParameters) -> Result<Design, Failure> {
     design(motor, &Bench::default(), ControlLaw::SpeedPid, &specification).map_err(Failure::input)
 }
 
-/// Root mean square errors of the true speed: of the slow references, and of all.
-fn tracking(truth: &Model, settings: Settings) -> Result<(f64, f64), Failure> {
+fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Attempt, Failure> {
     let refused = |error| Failure::input(format!("the core refuses the designed settings: {error:?}"));
     let mut trial = Trial::new(ModelPlant::new(truth.clone()), settings).map_err(refused)?;
     trial.enter(Mode::SpeedPid);
@@ -281,18 +368,18 @@ fn tracking(truth: &Model, settings: Settings) -> Result<(f64, f64), Failure> {
         let squares = points.iter().flatten().map(|point| (point.omega_rad_per_s - point.reference).powi(2));
         (squares.sum::<f64>() / points.iter().flatten().count() as f64).sqrt()
     };
-    Ok((rms(&points[..3]), rms(&points)))
+    Ok(Attempt { name, slow_rms: rms(&points[..SLOW]), all_rms: rms(&points), points: points.concat() })
 }
 
-fn reveal(truth: &Model) {
-    println!("\nWhat was hidden");
+fn hidden(truth: &Model) -> String {
+    let mut text = String::new();
     for term in &truth.terms {
         let constants: Vec<String> =
             term.named().map(|(name, value)| format!("{name} = {}", page::short(value))).collect();
-        println!("  {}: {}", term.id(), constants.join(", "));
+        text += &format!("  {}: {}\n", term.id(), constants.join(", "));
     }
     let motor = truth.motor.named().map(|(name, value)| format!("{name} = {}", page::short(value)));
-    println!("  the motor: {}", motor.join(", "));
+    text + &format!("  the motor: {}", motor.join(", "))
 }
 
 #[cfg(test)]

@@ -27,6 +27,11 @@ table{border-collapse:collapse;width:100%;font-size:.9rem}td,th{border-bottom:1p
 
 /// The file's text.
 pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
+    report_with(diagnosis, names, "")
+}
+
+/// The same with a section of HTML at its end.
+pub fn report_with(diagnosis: &Diagnosis, names: &[String], section: &str) -> String {
     let outcome = &diagnosis.outcome;
     let mut html = format!(
         "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
@@ -53,7 +58,7 @@ pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
     for advice in &outcome.advice {
         let _ = write!(html, "<li>{}</li>", escaped(advice));
     }
-    html.push_str("</ul></body></html>\n");
+    let _ = writeln!(html, "</ul>{section}</body></html>");
     html
 }
 
