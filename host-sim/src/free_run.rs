@@ -259,6 +259,8 @@ impl<'a> Run<'a> {
             values: &term.values,
             state: vec![0.0; term.effect.states()],
         });
+        let mut acting: Vec<_> = acting.collect();
+        acting.sort_by_key(|acting| acting.effect.acts_last());
         Self {
             model,
             data,
@@ -267,7 +269,7 @@ impl<'a> Run<'a> {
             longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: model.motor.inertia_kg_m2 * share.max(0.01),
             step: LinearStep::default(),
-            acting: acting.collect(),
+            acting,
             current_a: if still { 0.0 } else { current_a },
             speed_rad_per_s: if still { 0.0 } else { speed_rad_per_s },
             angle_rad: 0.0,

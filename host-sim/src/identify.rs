@@ -22,9 +22,10 @@ const GUESS_SPREAD: f64 = 1.5;
 const FRICTION_SPREAD: f64 = 1.0;
 /// Residuals further apart than this count as independent.
 const BLOCK_S: f64 = 0.2;
-/// Relative error (one standard deviation) of every constant that comes from the model's own simplifications other than
-/// its steps (averaged bridge, readings at an instant): measured on benches with known constants.
-const SYSTEMATIC: f64 = 5e-4;
+/// Relative error (one standard deviation) of the motor's constants that comes from the model's own simplifications other
+/// than its steps (averaged bridge, readings at an instant), measured on benches with known constants. Effects add
+/// theirs, see [`crate::catalogue::Simplification`].
+const SYSTEMATIC: f64 = 7e-4;
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
@@ -93,6 +94,10 @@ pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
         pwm_hz: data.pwm_hz,
     }
 }
+
+/// Places of [`motor_values`].
+const INERTIA: usize = 3;
+const VISCOUS_FRICTION: usize = 4;
 
 /// Where a fitted number lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -653,6 +658,17 @@ impl Fit {
         &self.inverse * DVector::from_iterator(self.columns.len(), gradient)
     }
 
+    /// Relative error of a constant that comes from what the model leaves out.
+    fn simplified(&self, place: Place) -> f64 {
+        let terms = self.model.terms.iter().map(|term| term.effect.simplification());
+        match place {
+            Place::Motor(INERTIA) => terms.map(|law| law.inertia).fold(SYSTEMATIC, f64::hypot),
+            Place::Motor(VISCOUS_FRICTION) => terms.map(|law| law.viscous_friction).fold(SYSTEMATIC, f64::hypot),
+            Place::Motor(_) => SYSTEMATIC,
+            Place::Term(term, _) => self.model.terms[term].effect.simplification().own,
+        }
+    }
+
     /// Value, and 95 % interval, of every fitted constant: statistics, steps, and what else the model simplifies.
     pub fn intervals(&self, data: &Dataset) -> Vec<Interval> {
         let covariance = self.covariance(data);
@@ -662,7 +678,7 @@ impl Fit {
             .enumerate()
             .map(|(index, unknown)| {
                 let here = unknown.get(&self.model);
-                let systematic = SYSTEMATIC * if unknown.logarithmic { 1.0 } else { here };
+                let systematic = self.simplified(unknown.place) * if unknown.logarithmic { 1.0 } else { here };
                 let half = 1.96 * covariance[(index, index)].max(0.0).sqrt().hypot(shift[index]).hypot(systematic);
                 let value =
                     |coordinate: f64| if unknown.logarithmic { coordinate.exp() } else { coordinate * unknown.size };

@@ -1,6 +1,6 @@
 //! Backlash: the load hangs behind a gap in a gear or a coupling; the sensor sees the motor.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// Natural frequency of the contact: high enough to be a blow.
@@ -46,6 +46,11 @@ static ABOUT: About = About {
 impl Effect for Backlash {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    /// The flanks are elastic: the blow is softer, and the gap at rest wider than it is in motion.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 3e-2, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {

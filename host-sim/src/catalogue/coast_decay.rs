@@ -8,12 +8,12 @@ const DIODE_V: f64 = 1.0;
 /// PWM period of the firmware.
 const PERIOD_S: f64 = 50e-6;
 
-/// Mean current of separate pulses: they rise through the on phase and fall against the supply within the off phase.
-fn single_pulses_a(motor: &MotorParameters, duty: f64, supply_v: f64, emf_v: f64) -> f64 {
-    let rise_v = (supply_v - emf_v).max(0.0);
-    let fall_v = (supply_v + 2.0 * DIODE_V + emf_v).max(0.1 * supply_v);
+/// Mean current of separate pulses: they rise by `rise_v` through the on phase and fall by `fall_v` within the off phase.
+fn single_pulses_a(motor: &MotorParameters, duty: f64, rise_v: f64, fall_v: f64) -> f64 {
+    let rise_v = rise_v.max(0.0);
     let peak_a = rise_v * duty * PERIOD_S / motor.inductance_h;
-    0.5 * peak_a * duty * (1.0 + rise_v / fall_v)
+    // A motor that is turned against its drive faster than the supply drives it has no pulses that end.
+    0.5 * peak_a * duty * (1.0 + rise_v / fall_v.max(rise_v))
 }
 
 /// See the module.
@@ -46,6 +46,11 @@ impl Effect for CoastDecay {
         true
     }
 
+    /// The bridge drops its voltage in the on phase only, so that drop is part of the mean.
+    fn acts_last(&self) -> bool {
+        true
+    }
+
     fn contribute(&self, values: &[f64], motor: &MotorParameters, at: &Instant, _state: &[f64], balance: &mut Balance) {
         // The diodes end a pulse; nothing reverses.
         balance.ripple_a = 0.0;
@@ -53,12 +58,14 @@ impl Effect for CoastDecay {
         let sense = if at.duty < 0.0 { -1.0 } else { 1.0 };
         let emf_v = sense * motor.torque_constant_nm_per_a * at.speed_rad_per_s;
         let recovered_v = at.supply_v + 2.0 * DIODE_V;
-        let continuous_v = duty * at.supply_v - (1.0 - duty) * recovered_v;
+        let driving_v = at.supply_v - balance.dry_drop_v;
+        let continuous_v = duty * driving_v - (1.0 - duty) * recovered_v;
         // Single pulses begin at zero, so their mean is there after one period, whatever flowed before.
-        let pulses_a = single_pulses_a(motor, duty, at.supply_v, emf_v);
+        let pulses_a = single_pulses_a(motor, duty, driving_v - emf_v, recovered_v + emf_v);
         let change_a = pulses_a - sense * at.current_a;
         let pulses_v = emf_v + motor.resistance_ohm * pulses_a + motor.inductance_h * change_a / at.step_s;
         let mean_v = continuous_v.max(pulses_v).min(recovered_v);
         balance.voltage_v += values[0] * (sense * mean_v - at.voltage_v);
+        balance.dry_drop_v *= (1.0 - values[0]).max(0.0);
     }
 }

@@ -1,6 +1,6 @@
 //! Coulomb friction: bearings and brushes resist with a constant torque, and hold the shaft below it.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -23,6 +23,11 @@ static ABOUT: About = About {
 impl Effect for CoulombFriction {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    /// Real contacts bend by some milliradians before they slip, and spring back when they stop.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 1.5e-3, inertia: 1.5e-3, viscous_friction: 5e-3 }
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {

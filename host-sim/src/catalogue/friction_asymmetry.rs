@@ -1,6 +1,6 @@
 //! Friction asymmetry: brushes set at an angle and preloaded bearings rub more in one direction.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -23,6 +23,11 @@ static ABOUT: About = About {
 impl Effect for FrictionAsymmetry {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    /// A small difference of two frictions, each of which bends before it slips.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 5e-3, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {

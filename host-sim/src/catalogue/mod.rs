@@ -232,6 +232,18 @@ pub struct Readings {
     pub angle_rad: f64,
 }
 
+/// What a law leaves out of the physics, as relative errors of the constants that are found with it: one standard
+/// deviation, measured on benches with known constants, whose physics is another formulation.
+#[derive(Clone, Copy, Debug)]
+pub struct Simplification {
+    /// Of its own constants.
+    pub own: f64,
+    /// Of the motor's moment of inertia.
+    pub inertia: f64,
+    /// Of the motor's viscous friction.
+    pub viscous_friction: f64,
+}
+
 /// One effect. `values` are its parameters in the order of [`About::parameters`], `state` its own memory.
 pub trait Effect: Sync {
     /// What is known of it.
@@ -252,6 +264,16 @@ pub trait Effect: Sync {
 
     /// Whether a rival that explains the data as well is the more plausible name. `others`: the rest of the model.
     fn yields_to(&self, _values: &[f64], _rival: &str, _others: &[Term]) -> bool {
+        false
+    }
+
+    /// What its law leaves out.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 1e-3, inertia: 0.0, viscous_friction: 0.0 }
+    }
+
+    /// Whether it acts on what the others contribute, and so after them.
+    fn acts_last(&self) -> bool {
         false
     }
 
