@@ -29,7 +29,7 @@ pub fn verdict(outcome: &Outcome) -> String {
     let names: Vec<String> = outcome.causes.iter().map(|cause| title(&cause.effect)).collect();
     let names = names.join(", ");
     match outcome.verdict {
-        Verdict::Sufficient => "The linear motor is sufficient: what it leaves is the sensors' noise.".into(),
+        Verdict::Sufficient => "The linear motor is sufficient: it leaves the sensors' noise, or less than 1 %.".into(),
         Verdict::Explained => {
             wrapped(&format!("The linear motor is not enough. The cause: {names}."), "", "").trim_end().into()
         }

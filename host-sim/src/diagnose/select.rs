@@ -78,7 +78,15 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     progress("linear motor");
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
-    let (mut last, steps) = chooser.forward(base.clone());
+    let (mut last, mut steps) = chooser.forward(base.clone(), Vec::new());
+    if above_floor(data, &last) > NOT_NOISE
+        && let Some((anew, step)) = chooser.anew(&base, &last)
+    {
+        let (other, other_steps) = chooser.forward(anew, vec![step]);
+        if other.cost < last.cost {
+            (last, steps) = (other, other_steps);
+        }
+    }
     progress("to the end");
     last = fit(&last.model, data, prior, Effort::FULL);
     let (last, standings) = chooser.backward(last);
@@ -148,9 +156,31 @@ impl Chooser<'_> {
             .collect()
     }
 
-    fn forward(&self, base: Fit) -> (Fit, Vec<Step>) {
-        let mut current = base;
-        let mut steps = Vec::new();
+    /// Where the way from the linear fit has led to a dead end, another: from the nominal motor, each effect together with
+    /// the two that hardly any bench is without. The best, if it explains what `last` does not.
+    fn anew(&self, base: &Fit, last: &Fit) -> Option<(Fit, Step)> {
+        (self.progress)("other ways");
+        let scales = scales(&self.prior.motor, self.data);
+        let allowed = |id: &str| !self.excluded.contains(&id);
+        let usual = USUAL.into_iter().filter(|id| allowed(id));
+        let from = usual.filter_map(effect).fold(Model::linear(self.prior.motor), |model, effect| {
+            model.with(effect, effect.starts(&scales).swap_remove(0))
+        });
+        let besides: Vec<_> =
+            CATALOGUE.iter().filter(|effect| !from.has(effect.about().id) && allowed(effect.about().id)).collect();
+        let fits: Vec<_> = besides
+            .into_par_iter()
+            .map(|effect| {
+                let model = from.with(*effect, effect.starts(&scales).swap_remove(0));
+                (effect.about().id, fit(&model, self.data, self.prior, Effort::TRIAL))
+            })
+            .collect();
+        let (id, best) = fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
+        let step = Step { id, gain: self.gain(base, &best), runner_up: None };
+        (best.cost < LEAST_AHEAD * last.cost).then_some((best, step))
+    }
+
+    fn forward(&self, mut current: Fit, mut steps: Vec<Step>) -> (Fit, Vec<Step>) {
         let mut ahead = 0;
         while steps.len() < MOST_EFFECTS {
             let mut promises = self.promises(&current);
