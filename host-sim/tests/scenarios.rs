@@ -188,6 +188,7 @@ fn a_wrong_scenario_says_where() {
             "voltage_V = 6: expected 0 to 5",
         ),
         ("[motor]", "[noise]\ncurrent_A = -1\n[motor]", "[noise] current_A = -1: expected a standard deviation"),
+        ("[motor]", "[noise]\ntacho_ripple = 2\n[motor]", "[noise] tacho_ripple = 2: expected a share of 0 to 1"),
         (
             "duration_s = 2.0",
             "duration_s = 2.0\nexpected_trip = \"Fire\"",

@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::AVCC_V;
+use crate::design::trial::TACHO_RIPPLES_PER_TURN;
 
 /// Current sensor: half the supply at no current.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +45,7 @@ pub struct Tachogenerator {
 
 impl Default for Tachogenerator {
     fn default() -> Self {
-        Self { v_per_1000_rpm: 3.0, divider: 0.5, ripple: 0.05, ripples_per_turn: 22.0 }
+        Self { v_per_1000_rpm: 3.0, divider: 0.5, ripple: 0.05, ripples_per_turn: TACHO_RIPPLES_PER_TURN }
     }
 }
 

@@ -1,7 +1,7 @@
 //! `motorbench design`: gains for a specification.
 
 use super::analyse::motor_of;
-use super::{Failure, write};
+use super::{Failure, spinner, write};
 use crate::design::compensation::{Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::{ControlLaw, setting_name};
@@ -83,10 +83,17 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (motor, bench, rig) = arguments.problem()?;
     let specification = arguments.specification();
-    let mut designs = Vec::new();
-    for law in arguments.laws() {
-        designs.push(design(&motor, &bench, law, &specification).map_err(Failure::input)?);
-    }
+    let busy = spinner();
+    let designs: Result<Vec<_>, _> = arguments
+        .laws()
+        .into_iter()
+        .map(|law| {
+            busy.set_message(format!("{}: weights, margins, 30 % off in everything, on the core", law.title()));
+            design(&motor, &bench, law, &specification)
+        })
+        .collect();
+    busy.finish_and_clear();
+    let designs = designs.map_err(Failure::input)?;
     let mut settings = SettingList::default();
     designs.iter().for_each(|design| settings.merge(&design.settings));
     let mut standstill = Vec::new();

@@ -1,6 +1,6 @@
 //! `motorbench simulate`
 
-use super::{Failure, plot_file, write, write_plot};
+use super::{Failure, plot_file, spinner, write, write_plot};
 use crate::design::trial::Point;
 use crate::diagnose::page::short;
 use crate::figures::Figures;
@@ -35,7 +35,11 @@ pub struct Arguments {
 /// [`Failure`] with what is wrong with the scenario, or when the drive tripped.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let scenario = Scenario::read(&arguments.scenario).map_err(Failure::input)?;
-    let outcome = scenario.run().map_err(Failure::input)?;
+    let busy = spinner();
+    busy.set_message(format!("{} s in closed loop", scenario.duration_s));
+    let outcome = scenario.run();
+    busy.finish_and_clear();
+    let outcome = outcome.map_err(Failure::input)?;
     if let Some(path) = &arguments.csv {
         write(path, &outcome.recording.to_csv())?;
     }

@@ -1,7 +1,7 @@
 //! The core in closed loop with a simulated motor: what a design does once it is fixed point.
 //!
 //! The tick sees what it sees on the chip: encoder edges with their time stamps, sums of conversions of the current
-//! sampled at [`CURRENT_SAMPLING_STEP`] of PWM periods. The bridge is switched as the PWM does, and takes a new duty
+//! sampled at [`CURRENT_SAMPLING_STEP`] of PWM periods, one conversion of the tachogenerator each millisecond. The bridge is switched as the PWM does, and takes a new duty
 //! [`DRIVE_DELAY_S`] after the tick.
 
 use super::sampled_loop::DRIVE_DELAY_S;
@@ -30,6 +30,10 @@ const SLOTS_PER_BLOCK: u32 = 5;
 const PERIOD_S: f64 = 1.0 / PWM_HZ as f64;
 /// From the start of a PWM period to the sample of its conversion.
 const SAMPLED_S: f64 = PERIOD_S * CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64;
+/// Periods of the tachogenerator's ripple in a turn: its commutator has 22 segments.
+pub const TACHO_RIPPLES_PER_TURN: f64 = 22.0;
+/// What the divider behind the tachogenerator leaves.
+const TACHO_DIVIDER: f64 = 0.5;
 /// Steps of a conversion in a volt, and the sensor's output at zero current.
 const STEPS_PER_VOLT: f64 = 1024.0 / 5.0;
 const ZERO_V: f64 = 2.5;
@@ -61,6 +65,7 @@ pub struct Point {
 struct Scales {
     counts_per_rad: f64,
     current_v_per_a: f64,
+    tacho_v_s_per_rad: f64,
     /// PWM periods of a tick.
     periods: usize,
 }
@@ -80,6 +85,8 @@ pub struct Surroundings {
     pub current_pinned_v: Option<f64>,
     /// Standard deviation of the current sensor's output, in volts.
     pub current_noise_v: f64,
+    /// Amplitude of the tachogenerator's ripple relative to the mean.
+    pub tacho_ripple: f64,
 }
 
 impl Surroundings {
@@ -92,6 +99,7 @@ impl Surroundings {
             encoder_unplugged: false,
             current_pinned_v: None,
             current_noise_v: 0.0,
+            tacho_ripple: 0.0,
         }
     }
 }
@@ -115,6 +123,8 @@ pub struct Trial<P> {
     drive: Drive,
     /// Sum of the block of conversions under way, of the last complete block, and of the last two.
     sums: [u16; 3],
+    /// Last conversion of the tachogenerator.
+    tacho: u16,
 }
 
 impl<P: Plant> Trial<P> {
@@ -128,6 +138,7 @@ impl<P: Plant> Trial<P> {
         let scales = Scales {
             counts_per_rad: get(Param::CountsPerRev) / TAU,
             current_v_per_a: 1e-3 * get(Param::CurrentGain),
+            tacho_v_s_per_rad: TACHO_DIVIDER * 1e-3 * 60.0 / TAU * get(Param::TachoGain),
             periods: (f64::from(PWM_HZ) / get(Param::TickRate)) as usize,
         };
         Ok(Self {
@@ -143,6 +154,7 @@ impl<P: Plant> Trial<P> {
             periods: 0,
             drive: Drive::default(),
             sums: [0, BLOCK as u16 * 512, 2 * BLOCK as u16 * 512],
+            tacho: 0,
         })
     }
 
@@ -222,10 +234,10 @@ impl<P: Plant> Trial<P> {
             edges: self.edges,
             tick_coarse: (self.cycles() >> 6) as u8,
             current_sum: self.sums[2],
+            tacho: self.tacho,
             supply: supply.clamp(0.0, 1023.0) as u16,
             duty_scale: duty_scale(supply_bits),
             flags: Inputs::MAIN_LOOP_ALIVE,
-            ..Inputs::default()
         }
     }
 
@@ -272,13 +284,25 @@ impl<P: Plant> Trial<P> {
         bits.round() as i32
     }
 
-    /// The conversions of the tick that has just passed.
+    /// The conversions of the tick that has just passed. Its first period has none.
     fn convert_sampled(&mut self, ends: &[PeriodEnd]) {
-        for (period, end) in (self.periods + 1..).zip(ends) {
-            if period.is_multiple_of(PERIODS_PER_CONVERSION) {
-                self.convert(period / PERIODS_PER_CONVERSION, end.sampled_a);
+        for (period, pair) in (self.periods + 2..).zip(ends.windows(2)) {
+            let conversion = period / PERIODS_PER_CONVERSION;
+            match (period % PERIODS_PER_CONVERSION, conversion % (2 * SLOTS_PER_BLOCK)) {
+                (0, SLOTS_PER_BLOCK) => self.convert_tacho(pair),
+                // The supply is read with every tick.
+                (0, 0) | (1.., _) => (),
+                (0, _) => self.convert(conversion, pair[1].sampled_a),
             }
         }
+    }
+
+    /// A conversion of the tachogenerator, of which the converter sees the magnitude.
+    fn convert_tacho(&mut self, ends: &[PeriodEnd]) {
+        let [before_rad, angle_rad] = [ends[0].angle_rad, ends[1].angle_rad];
+        let ripple = 1.0 + self.surroundings.tacho_ripple * (TACHO_RIPPLES_PER_TURN * angle_rad).sin();
+        let output_v = self.scales.tacho_v_s_per_rad * ((angle_rad - before_rad) / PERIOD_S).abs() * ripple;
+        self.tacho = (output_v * STEPS_PER_VOLT).clamp(0.0, 1023.0) as u16;
     }
 
     /// Encoder edges of the tick that has just passed. Within a period the speed is as good as constant.
@@ -315,9 +339,6 @@ impl<P: Plant> Trial<P> {
     /// A conversion of the current. The eighths of a step that noise makes real on the chip are dithered evenly here.
     fn convert(&mut self, conversion: u32, sampled_a: f64) {
         let slot = conversion % SLOTS_PER_BLOCK;
-        if slot == 0 {
-            return;
-        }
         let block = conversion / SLOTS_PER_BLOCK;
         // In the middle of each eighth, so that on average nothing is cut off.
         let dither = (f64::from(2 * (slot - 1) + block % 2) + 0.5) / f64::from(2 * BLOCK);
@@ -369,6 +390,24 @@ mod tests {
             let seen_a = f64::from(trial.sample().current) / f64::from(motorbench_core::units::AMPERE);
             assert!((seen_a - points[499].i_a).abs() < 0.04, "{seen_a} {:?}", points[499]);
             assert_eq!(trial.sample().counts, (points[499].theta_rad * 2000.0 / TAU + 0.5).floor() as i32);
+        }
+    }
+
+    /// Both directions, to a step of the converter; the ripple comes through the filter as far as it is slow enough.
+    #[test]
+    fn the_tachogenerator_tells_the_speed() {
+        for (ripple, within) in [(0.0, 0.01), (0.05, 0.06)] {
+            let mut settings = Settings::defaults();
+            settings.set(Param::SpeedSensor, 1.0).unwrap();
+            let mut trial = Trial::new(DcMotor::default(), settings).unwrap();
+            trial.surroundings.tacho_ripple = ripple;
+            trial.enter(Mode::OpenLoop);
+            for voltage_v in [9.0, -7.0] {
+                let points = trial.follow(voltage_v, 0.8);
+                let off = points[600..].iter().map(|point| point.measured_rad_per_s / point.omega_rad_per_s - 1.0);
+                let [least, most] = off.fold([0.0, 0.0], |[low, high]: [f64; 2], off| [low.min(off), high.max(off)]);
+                assert!(-within < least && most < within && most - least >= 0.2 * ripple, "{least} {most}");
+            }
         }
     }
 

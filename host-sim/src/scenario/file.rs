@@ -298,6 +298,9 @@ fn check_noise(noise: &Noise) -> Result<(), String> {
     if !(0.0..=10.0).contains(&noise.current_a) {
         return Err(format!("[noise] current_A = {}: expected a standard deviation of 0 to 10", noise.current_a));
     }
+    if !(0.0..=1.0).contains(&noise.tacho_ripple) {
+        return Err(format!("[noise] tacho_ripple = {}: expected a share of 0 to 1", noise.tacho_ripple));
+    }
     Ok(())
 }
 

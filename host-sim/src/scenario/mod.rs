@@ -85,6 +85,8 @@ pub struct Noise {
     /// Standard deviation of one conversion of the current.
     #[serde(rename = "current_A")]
     pub current_a: f64,
+    /// Amplitude of the tachogenerator's ripple relative to the mean, 0 to 1.
+    pub tacho_ripple: f64,
     /// The same seed gives the same run.
     pub seed: u64,
 }
@@ -227,6 +229,7 @@ impl Scenario {
     fn surroundings(&self, now_s: f64) -> Surroundings {
         let mut now = Surroundings::new(&self.settings);
         now.current_noise_v = self.noise.current_a * 1e-3 * f64::from(self.settings.get(Param::CurrentGain));
+        now.tacho_ripple = self.noise.tacho_ripple;
         if let Some(load) = self.loads.iter().rfind(|load| load.time_s <= now_s) {
             now.load_torque_nm = load.torque_nm;
         }
