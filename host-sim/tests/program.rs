@@ -402,3 +402,19 @@ fn the_demonstration_names_what_it_hid() {
     }
     assert!(page.matches("<svg").count() >= 4 && page.ends_with("</body></html>\n"));
 }
+
+/// As `motorbench man | head` does it.
+#[test]
+fn a_reader_who_has_had_enough_is_no_error() {
+    for arguments in [&["man"][..], &["completions", "bash"]] {
+        let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_motorbench"))
+            .args(arguments)
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(program.stdout.take());
+        let done = program.wait_with_output().unwrap();
+        assert_eq!((done.status.code(), &done.stderr[..]), (Some(0), &b""[..]), "{arguments:?}");
+    }
+}

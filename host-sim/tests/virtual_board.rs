@@ -404,6 +404,9 @@ fn the_stand_measures_the_simulated_motor() {
     // R i + k w + drop = u at 12 V, and k i = c + b w.
     near("/levels/2/omega_rad_per_s", 116.4, 0.01);
     assert_eq!(found["winding"]["resistances_ohm"].as_array().unwrap().len(), 2);
+    std::fs::write(board.folder.join("empty.toml"), "[motor]\n").unwrap();
+    let refused = board.run("stand", &["--rig", "empty.toml"]);
+    assert!(text(&refused.stderr).contains("needs [motor] resistance_ohm"), "{}", text(&refused.stderr));
     let again = board.run_alone(&["stand", "stand.csv", "--rig", "rig.toml", "--resistance", "stand.positions.csv"]);
     assert_eq!(again.status.code(), Some(0), "{}", text(&again.stderr));
     assert!(text(&again.stdout).contains("Winding at 2 positions"), "{}", text(&again.stdout));

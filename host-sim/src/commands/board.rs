@@ -367,9 +367,11 @@ fn report(arguments: &RecordArguments, done: &Record) -> Result<(), Failure> {
             done.losses.lost_frames, done.losses.damaged_frames
         );
     }
-    let covered = done.coverage();
-    println!("{covered}");
-    covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
+    if !done.samples.is_empty() {
+        let covered = done.coverage();
+        println!("{covered}");
+        covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
+    }
     ended(&done.ended, &arguments.out)?;
     let rig = beside(&arguments.out, "rig.toml");
     let (rig, scenario) = (rig.display(), beside(&arguments.out, "scenario.toml"));

@@ -21,8 +21,10 @@ mod virtual_board;
 use crate::picture::{self, Format};
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
+use std::any::Any;
 use std::fmt::Display;
 use std::io::Write as _;
+use std::panic;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
@@ -90,14 +92,27 @@ impl Failure {
 
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
-    match run(Program::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |information| {
+        if !is_closed_pipe(information.payload()) {
+            usual(information);
+        }
+    }));
+    match panic::catch_unwind(|| run(Program::parse())) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(failure)) => {
             // The exit code says it as well, to who has closed the terminal.
             let _ = writeln!(std::io::stderr(), "motorbench: {}", failure.message);
             ExitCode::from(failure.code)
         }
+        Err(payload) if is_closed_pipe(&*payload) => ExitCode::SUCCESS,
+        Err(payload) => panic::resume_unwind(payload),
     }
+}
+
+/// Whether `println!` gave up because the reader has had enough, as `head` has. Unwinding, unlike the signal, stops a motor.
+fn is_closed_pipe(payload: &(dyn Any + Send)) -> bool {
+    payload.downcast_ref::<String>().is_some_and(|text| text.contains("Broken pipe"))
 }
 
 fn run(program: Program) -> Result<(), Failure> {
@@ -121,11 +136,16 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Tune(arguments) => board::run_tune(&arguments),
         Command::Autotune(arguments) => autotune::run(&arguments),
         Command::Completions { shell } => {
-            clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut std::io::stdout());
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut script);
+            print!("{}", String::from_utf8_lossy(&script));
             Ok(())
         }
         Command::Man => {
-            clap_mangen::Man::new(Program::command()).render(&mut std::io::stdout()).map_err(Failure::machine)
+            let mut page = Vec::new();
+            clap_mangen::Man::new(Program::command()).render(&mut page).map_err(Failure::machine)?;
+            print!("{}", String::from_utf8_lossy(&page));
+            Ok(())
         }
     }
 }

@@ -217,7 +217,10 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         for index in 0..plan.positions {
             let request =
                 format!("position {} of {}: turn the rotor on, hold it, press Enter", index + 1, plan.positions);
-            let Some(position) = self.position(&request)? else { break };
+            let Some(position) = self.position(&request)? else {
+                self.person.hears("nobody answers: the other positions are left out");
+                break;
+            };
             findings.positions.push(position);
         }
         Ok(())

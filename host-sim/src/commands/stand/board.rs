@@ -8,6 +8,7 @@ use crate::link::{Link, VERSION};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::stand::drive::{Findings, HeldPosition, Person, Plan, drive};
+use crate::steady_state::StudyError;
 use clap::Args;
 use motorbench_core::settings::{Param, Settings};
 use std::fmt::Write as _;
@@ -52,7 +53,10 @@ impl BoardArguments {
         rig: &Rig,
         evaluate: impl FnOnce(&Recording, Vec<f64>) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
-        // Before the motor turns: a full disk or a wrong folder shall not cost a test.
+        // Before the motor turns: a file that says too little, a full disk or a wrong folder shall not cost a test.
+        if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
+            return Err(Failure::input(StudyError::NoNominal));
+        }
         write(&self.save, "")?;
         let mut person = Terminal { stopped: on_interrupt()?, lines: None };
         let (mut link, _) = self.port.open()?;
