@@ -64,27 +64,36 @@ fn holds_a_speed_from_rest_through_reversal_and_a_load_step() {
 }
 
 #[test]
-fn holds_a_position() {
+fn holds_a_position_from_rest_through_reversal_and_a_load_step() {
     for mode in ["position", "lqr_position"] {
         let mut uno = Uno::start();
         // So fast that it has carried the friction within the two seconds that are looked at.
         uno.order("set lqr_position_ki 30");
         uno.order("arm");
         uno.order(&format!("mode {mode}"));
-        uno.order("ref 12.566");
-        let counts = |uno: &mut Uno| uno.bench.now().encoder_count as f64;
-        let step = answer(&mut uno, 0.0, 4000.0, 2.0, counts);
-        let (sample, truth) = (uno.last(), uno.bench.now());
-        println!(
-            "{mode}: 0 to 4000 counts: rise {:.0} ms, overshoot {:.1} %, error {:.0} counts",
-            step.rise_s * 1e3,
-            step.overshoot * 100.0,
-            step.error
-        );
-        assert_eq!(sample.trip, Trip::None);
-        assert_eq!(sample.counts as i64, truth.encoder_count);
-        assert!(step.error.abs() < 30.0, "{}", step.error);
-        assert!(step.rise_s < 0.2 && step.overshoot < 0.1);
+        let mut from = 0.0;
+        for target in [4000.0, -2000.0] {
+            uno.order(&format!("ref {}", target / 2000.0 * std::f64::consts::TAU));
+            let counts = |uno: &mut Uno| uno.bench.now().encoder_count as f64;
+            let step = answer(&mut uno, from, target, 2.0, counts);
+            let (sample, truth) = (uno.last(), uno.bench.now());
+            println!(
+                "{mode}: {from} to {target} counts: rise {:.0} ms, overshoot {:.1} %, error {:.0} counts",
+                step.rise_s * 1e3,
+                step.overshoot * 100.0,
+                step.error
+            );
+            assert_eq!(sample.trip, Trip::None);
+            assert_eq!(sample.counts as i64, truth.encoder_count);
+            assert!(step.error.abs() < 30.0, "{}", step.error);
+            assert!(step.rise_s < 0.2 && step.overshoot < 0.1);
+            from = target;
+        }
+        uno.bench.set_load_torque_nm(0.01);
+        uno.run_s(2.0);
+        let error = uno.bench.now().encoder_count as f64 - from;
+        println!("{mode}: under a load of 0.01 Nm: error {error:.0} counts");
+        assert!(error.abs() < 30.0, "{error}");
     }
 }
 
