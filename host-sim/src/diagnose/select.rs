@@ -7,6 +7,7 @@ use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Prior, Promise, fit, scales};
 use crate::model::{Model, Term};
+use crate::motor::MotorParameters;
 use rayon::prelude::*;
 
 /// Effects fitted at each step, of those that promise most.
@@ -31,6 +32,8 @@ const TRIED_SHARE: f64 = 0.2;
 const MOST_AHEAD: usize = 3;
 /// They have to lower the cost to this share.
 const LEAST_AHEAD: f64 = 0.9;
+/// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains.
+const STRANGE: f64 = 25.0;
 /// A promise below this, in units of noise, is not worth a fit.
 const LEAST_PROMISE: f64 = 20.0;
 
@@ -79,8 +82,8 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
     let (mut last, mut steps) = chooser.forward(base.clone(), Vec::new());
-    if above_floor(data, &last) > NOT_NOISE
-        && let Some((anew, step)) = chooser.anew(&base, &last)
+    if (above_floor(data, &last) > NOT_NOISE || chooser.is_strange(&last))
+        && let Some((anew, step)) = chooser.anew(&base)
     {
         let (other, other_steps) = chooser.forward(anew, vec![step]);
         if other.cost < last.cost {
@@ -156,9 +159,19 @@ impl Chooser<'_> {
             .collect()
     }
 
-    /// Where the way from the linear fit has led to a dead end, another: from the nominal motor, each effect together with
-    /// the two that hardly any bench is without. The best, if it explains what `last` does not.
-    fn anew(&self, base: &Fit, last: &Fit) -> Option<(Fit, Step)> {
+    /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
+    fn is_strange(&self, fit: &Fit) -> bool {
+        let values =
+            |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
+        let spread = [self.prior.spread[0], self.prior.spread[2], self.prior.spread[3]];
+        let off = values(&fit.model.motor).into_iter().zip(values(&self.prior.motor)).zip(spread);
+        off.map(|((found, nominal), spread)| ((found / nominal).ln() / spread).powi(2)).sum::<f64>() > STRANGE
+    }
+
+    /// Where the way from the linear fit has led to a dead end or to a strange motor, another: from the nominal motor, each
+    /// effect together with the two that hardly any bench is without. The best, of those with a motor that is not strange
+    /// if there are any.
+    fn anew(&self, base: &Fit) -> Option<(Fit, Step)> {
         (self.progress)("other ways");
         let scales = scales(&self.prior.motor, self.data);
         let allowed = |id: &str| !self.excluded.contains(&id);
@@ -166,18 +179,20 @@ impl Chooser<'_> {
         let from = usual.filter_map(effect).fold(Model::linear(self.prior.motor), |model, effect| {
             model.with(effect, effect.starts(&scales).swap_remove(0))
         });
-        let besides: Vec<_> =
-            CATALOGUE.iter().filter(|effect| !from.has(effect.about().id) && allowed(effect.about().id)).collect();
-        let fits: Vec<_> = besides
+        let others = CATALOGUE.iter().filter(|effect| !from.has(effect.about().id) && allowed(effect.about().id));
+        let fits: Vec<_> = others
+            .collect::<Vec<_>>()
             .into_par_iter()
             .map(|effect| {
                 let model = from.with(*effect, effect.starts(&scales).swap_remove(0));
                 (effect.about().id, fit(&model, self.data, self.prior, Effort::TRIAL))
             })
             .collect();
-        let (id, best) = fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost))?;
+        let key = |fit: &Fit| (self.is_strange(fit), fit.cost);
+        let (id, best) =
+            fits.into_iter().min_by(|a, b| key(&a.1).partial_cmp(&key(&b.1)).expect("costs are finite"))?;
         let step = Step { id, gain: self.gain(base, &best), runner_up: None };
-        (best.cost < LEAST_AHEAD * last.cost).then_some((best, step))
+        Some((best, step))
     }
 
     fn forward(&self, mut current: Fit, mut steps: Vec<Step>) -> (Fit, Vec<Step>) {
