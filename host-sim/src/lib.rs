@@ -19,6 +19,7 @@
 //! | [`tune`] | the tuning console in the terminal |
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
 //! | [`panels`], [`picture`] | plots over time, one under the other; plots as SVG and PNG files |
+//! | [`web_page`] | pages for a browser |
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
@@ -51,3 +52,4 @@ pub mod steady_state;
 pub mod telemetry;
 pub mod thesis;
 pub mod tune;
+pub mod web_page;

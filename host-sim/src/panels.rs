@@ -1,19 +1,27 @@
 //! Plots over time or frequency, one under the other, as SVG.
 
+use crate::web_page::{PLOT_LETTERS, PLOT_SIZE};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use std::error::Error;
 use std::ops::Range;
 
-/// Width of the picture, and height of a panel.
-const WIDTH: u32 = 900;
-const HEIGHT: u32 = 240;
+/// Sizes of a picture: its width, the height of a panel, the letters.
+struct Sizes {
+    width: u32,
+    height: u32,
+    letters: (&'static str, i32),
+}
+
+/// A file of its own, for a screen.
+const FILE: Sizes = Sizes { width: 900, height: 240, letters: ("sans-serif", 16) };
+/// Part of a page, as all plots of pages.
+const PAGE: Sizes = Sizes { width: PLOT_SIZE.0, height: PLOT_SIZE.1, letters: PLOT_LETTERS };
 /// Samples that a line shows at most.
 const MOST_POINTS: usize = 800;
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
 const COLOURS: [RGBColor; 4] = [RGBColor(0, 0, 0), RGBColor(0, 114, 178), RGBColor(230, 159, 0), RGBColor(0, 158, 115)];
-const LABELS: (&str, i32) = ("sans-serif", 16);
 
 /// Quantities of one unit.
 pub struct Panel {
@@ -43,8 +51,17 @@ impl Panel {
 
 /// The panels; those over time have a sample each `interval_s`. A picture that cannot be drawn says why.
 pub fn panels(interval_s: f64, panels: &[Panel]) -> String {
+    sized(&FILE, interval_s, panels)
+}
+
+/// The same as part of a page.
+pub fn panels_in_page(interval_s: f64, panels: &[Panel]) -> String {
+    sized(&PAGE, interval_s, panels)
+}
+
+fn sized(sizes: &Sizes, interval_s: f64, panels: &[Panel]) -> String {
     let mut svg = String::new();
-    match draw(&mut svg, interval_s, panels) {
+    match draw(&mut svg, sizes, interval_s, panels) {
         Ok(()) => svg,
         Err(error) => format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\"><text y=\"20\">This plot could not be drawn: {error}</text></svg>"
@@ -52,19 +69,21 @@ pub fn panels(interval_s: f64, panels: &[Panel]) -> String {
     }
 }
 
-fn draw(svg: &mut String, interval_s: f64, panels: &[Panel]) -> Result<(), Box<dyn Error>> {
-    let height = HEIGHT * panels.len() as u32;
-    let root = SVGBackend::with_string(svg, (WIDTH, height)).into_drawing_area();
+fn draw(svg: &mut String, sizes: &Sizes, interval_s: f64, panels: &[Panel]) -> Result<(), Box<dyn Error>> {
+    let height = sizes.height * panels.len() as u32;
+    let root = SVGBackend::with_string(svg, (sizes.width, height)).into_drawing_area();
     root.fill(&WHITE)?;
     for (area, panel) in root.split_evenly((panels.len(), 1)).iter().zip(panels) {
         match panel.frequencies_hz.as_deref() {
             None => {
                 let longest = panel.lines.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
                 let axis = 0.0..longest.max(1) as f64 * interval_s;
-                draw_panel(area, panel, "time, s", axis, |index| index as f64 * interval_s)?;
+                draw_panel(area, sizes.letters, panel, "time, s", axis, |index| index as f64 * interval_s)?;
             }
             Some(at @ [first, .., last]) => {
-                draw_panel(area, panel, "frequency, Hz", (*first..*last).log_scale(), |index| at[index])?;
+                draw_panel(area, sizes.letters, panel, "frequency, Hz", (*first..*last).log_scale(), |index| {
+                    at[index]
+                })?;
             }
             Some(_) => return Err("fewer than two frequencies".into()),
         }
@@ -75,6 +94,7 @@ fn draw(svg: &mut String, interval_s: f64, panels: &[Panel]) -> Result<(), Box<d
 
 fn draw_panel<X: AsRangedCoord<Value = f64>>(
     area: &DrawingArea<SVGBackend, Shift>,
+    letters: (&str, i32),
     panel: &Panel,
     x_title: &str,
     axis: X,
@@ -85,7 +105,7 @@ where
 {
     let mut chart = ChartBuilder::on(area)
         .margin(8)
-        .x_label_area_size(36)
+        .x_label_area_size(44)
         .y_label_area_size(70)
         .build_cartesian_2d(axis, span(&panel.lines))?;
     chart
@@ -93,8 +113,8 @@ where
         .x_desc(x_title)
         .y_desc(&panel.title)
         .y_labels(6)
-        .label_style(LABELS)
-        .axis_desc_style(LABELS)
+        .label_style(letters)
+        .axis_desc_style(letters)
         .light_line_style(WHITE)
         .draw()?;
     for ((name, values), colour) in panel.lines.iter().zip(COLOURS) {
@@ -107,7 +127,7 @@ where
     }
     if panel.lines.len() > 1 {
         let labels = &mut chart.configure_series_labels();
-        labels.border_style(BLACK).background_style(WHITE).label_font(LABELS).draw()?;
+        labels.border_style(BLACK).background_style(WHITE).label_font(letters).draw()?;
     }
     Ok(())
 }

@@ -12,7 +12,7 @@ use crate::design::{Bench, Design, design};
 use crate::diagnose::{Diagnosis, diagnose, page, report};
 use crate::model::Model;
 use crate::motor::MotorParameters;
-use crate::panels::{Panel, panels};
+use crate::panels::{Panel, panels_in_page};
 use crate::plant::ModelPlant;
 use crate::recording::Recording;
 use crate::rig::NominalMotor;
@@ -335,7 +335,7 @@ impl Loops {
         let slow = all * SLOW / REFERENCES_RAD_PER_S.len();
         let interval_s = HOLD_S * REFERENCES_RAD_PER_S.len() as f64 / all as f64;
         let plots = [panel("speed, rad/s", all), panel("speed about standstill, rad/s", slow)]
-            .map(|panel| panels(interval_s, &[panel]));
+            .map(|panel| panels_in_page(interval_s, &[panel]));
         let rows: String = self
             .attempts
             .iter()

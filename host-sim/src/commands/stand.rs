@@ -214,8 +214,9 @@ fn map(map: &EfficiencyMap) -> Result<String, Box<dyn Error>> {
         );
         let mut chart = ChartBuilder::on(&root)
             .margin(8)
+            .margin_right(24)
             .caption(caption, ("sans-serif", 20))
-            .x_label_area_size(44)
+            .x_label_area_size(48)
             .y_label_area_size(84)
             .build_cartesian_2d(0.0..greatest_v, 0.0..greatest_nm)?;
         chart

@@ -9,13 +9,12 @@ use super::trial::Point;
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
+use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, document, escaped};
 use nalgebra::Complex;
 use plotters::prelude::*;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Size of a plot.
-const SIZE: (u32, u32) = (560, 320);
 /// Most points of a line.
 const MAX_POINTS: usize = 800;
 
@@ -73,22 +72,17 @@ fn unit(law: ControlLaw) -> &'static str {
 
 /// A page with the plots of all designs.
 pub fn html(motor: &MotorParameters, designs: &[Design], commands: &[String]) -> String {
-    let mut body = String::new();
+    let mut body = String::from("<h1>Design</h1>\n");
     for design in designs {
-        body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n<div>", design.law.title(), summary(design));
+        body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n", design.law.title(), escaped(&summary(design)));
         for plot in [step_plot(motor, design), effort_plot(design), loop_plot(motor, design), root_plot(motor, design)]
         {
             // A plot is drawn into memory: nothing can fail but the plot's own logic.
-            body += &plot.unwrap_or_else(|error| format!("<p>{error}</p>"));
+            body += &plot.unwrap_or_else(|error| format!("<p>{}</p>", escaped(&error.to_string())));
         }
-        body += "</div>\n";
     }
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><title>motorbench design</title>\n\
-         <style>body{{font-family:sans-serif;max-width:1160px;margin:2em auto}}pre{{background:#f4f4f4;padding:1em}}</style>\n\
-         </head><body>\n<h1>Design</h1>\n{body}<h2>For the console</h2>\n<pre>{}</pre>\n</body></html>\n",
-        commands.join("\n")
-    )
+    body += &format!("<h2>For the console</h2>\n<pre>{}</pre>\n", escaped(&commands.join("\n")));
+    document("motorbench design", &body)
 }
 
 type Plot = Result<String, Box<dyn std::error::Error>>;
@@ -114,15 +108,22 @@ fn lines(title: &str, x_title: &str, y_title: &str, lines: &[Line]) -> Plot {
     let (x, y) = (span(all().map(|point| point.0), 0.0), span(all().map(|point| point.1), 0.05));
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let root = SVGBackend::with_string(&mut svg, PLOT_SIZE).into_drawing_area();
         root.fill(&WHITE)?;
         let mut chart = ChartBuilder::on(&root)
-            .caption(title, ("sans-serif", 16))
+            .caption(title, PLOT_LETTERS)
             .margin(8)
-            .x_label_area_size(36)
-            .y_label_area_size(56)
+            .x_label_area_size(44)
+            .y_label_area_size(72)
             .build_cartesian_2d(x, y)?;
-        chart.configure_mesh().x_desc(x_title).y_desc(y_title).light_line_style(WHITE).draw()?;
+        chart
+            .configure_mesh()
+            .x_desc(x_title)
+            .y_desc(y_title)
+            .label_style(PLOT_LETTERS)
+            .axis_desc_style(PLOT_LETTERS)
+            .light_line_style(WHITE)
+            .draw()?;
         for line in lines {
             let colour = line.colour;
             chart
@@ -130,7 +131,8 @@ fn lines(title: &str, x_title: &str, y_title: &str, lines: &[Line]) -> Plot {
                 .label(line.label)
                 .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
         }
-        chart.configure_series_labels().border_style(BLACK).background_style(WHITE).draw()?;
+        let labels = &mut chart.configure_series_labels();
+        labels.border_style(BLACK).background_style(WHITE).label_font(PLOT_LETTERS).draw()?;
         root.present()?;
     }
     Ok(svg)
@@ -204,15 +206,22 @@ fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
     let place = |root: &Complex<f64>| (root.re, root.im);
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let root = SVGBackend::with_string(&mut svg, PLOT_SIZE).into_drawing_area();
         root.fill(&WHITE)?;
         let mut chart = ChartBuilder::on(&root)
-            .caption("Roots of the sampled loop: red with parameters +-30 %", ("sans-serif", 16))
+            .caption("Roots of the sampled loop: red with parameters +-30 %", PLOT_LETTERS)
             .margin(8)
-            .x_label_area_size(36)
-            .y_label_area_size(56)
+            .x_label_area_size(44)
+            .y_label_area_size(72)
             .build_cartesian_2d(-2.1..2.1, -1.2..1.2)?;
-        chart.configure_mesh().x_desc("real").y_desc("imaginary").light_line_style(WHITE).draw()?;
+        chart
+            .configure_mesh()
+            .x_desc("real")
+            .y_desc("imaginary")
+            .label_style(PLOT_LETTERS)
+            .axis_desc_style(PLOT_LETTERS)
+            .light_line_style(WHITE)
+            .draw()?;
         let circle = (0..=200).map(|i| (TAU * f64::from(i) / 200.0).sin_cos());
         chart.draw_series(LineSeries::new(circle, &BLACK))?;
         let others = corners(motor).flat_map(|corner| roots(&corner)).collect::<Vec<_>>();

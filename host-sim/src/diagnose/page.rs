@@ -167,8 +167,8 @@ fn parameters(outcome: &Outcome) -> String {
     text
 }
 
-/// Breaks a text into lines of 80 columns.
-fn wrapped(text: &str, first: &str, other: &str) -> String {
+/// Breaks a text into lines of 80 columns, the first after `first`, the others after `other`; the last ends its line.
+pub fn wrapped(text: &str, first: &str, other: &str) -> String {
     let mut lines = String::from(first);
     let mut width = first.len();
     let mut fresh = true;

@@ -6,24 +6,16 @@ use super::outcome::Outcome;
 use super::page::{estimate, short, title, verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::{ActsOn, effect};
+use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, document, escaped, list, table};
 use plotters::prelude::*;
 use std::fmt::Write as _;
 
-/// Size of a plot in its own units; the page scales it.
-const SIZE: (u32, u32) = (760, 320);
-/// Letters that a phone still shows.
-const LABELS: (&str, i32) = ("sans-serif", 19);
 /// Samples that a plot over time shows at most.
 const MOST_POINTS: usize = 1500;
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
 const MEASURED: RGBColor = RGBColor(0, 0, 0);
 const BEFORE: RGBColor = RGBColor(230, 159, 0);
 const AFTER: RGBColor = RGBColor(0, 114, 178);
-
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:820px;margin:0 auto;padding:1rem;color:#111}\
-h1{font-size:1.4rem}h2{font-size:1.15rem;margin-top:2rem}svg{max-width:100%;height:auto;display:block}\
-table{border-collapse:collapse;width:100%;font-size:.9rem}td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}\
-.wide{overflow-x:auto}code{font-size:.9em}@media print{h2{break-after:avoid}svg,table{break-inside:avoid}}";
 
 /// The file's text.
 pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
@@ -33,12 +25,7 @@ pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
 /// The same with a section of HTML at its end.
 pub fn report_with(diagnosis: &Diagnosis, names: &[String], section: &str) -> String {
     let outcome = &diagnosis.outcome;
-    let mut html = format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <title>motorbench diagnosis</title><link rel=\"icon\" href=\"data:,\"><style>{STYLE}</style></head><body>\n<h1>{}</h1>\n<p>{}</p>\n",
-        escaped(&verdict(outcome)),
-        escaped(&names.join(", "))
-    );
+    let mut html = format!("<h1>{}</h1>\n<p>{}</p>\n", escaped(&verdict(outcome)), escaped(&names.join(", ")));
     causes(&mut html, outcome);
     html.push_str("<h2>Measured and simulated</h2><p>Black: measured. Orange: the linear motor. Blue: the extended model. Grey bands: data that no fit has seen.</p>");
     for output in 0..diagnosis.data.measured.len() {
@@ -54,16 +41,10 @@ pub fn report_with(diagnosis: &Diagnosis, names: &[String], section: &str) -> St
         }
     }
     intervals(&mut html, outcome);
-    html.push_str("<h2>What to do</h2><ul>");
-    for advice in &outcome.advice {
-        let _ = write!(html, "<li>{}</li>", escaped(advice));
-    }
-    let _ = writeln!(html, "</ul>{section}</body></html>");
-    html
-}
-
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
+    html += "<h2>What to do</h2>";
+    html += &list(outcome.advice.iter().map(String::as_str));
+    html += section;
+    document("motorbench diagnosis", &html)
 }
 
 fn causes(html: &mut String, outcome: &Outcome) {
@@ -90,11 +71,8 @@ fn causes(html: &mut String, outcome: &Outcome) {
                 cause.not_separable_from.join(", ")
             );
         }
-        html.push_str("</p><table>");
-        for (name, value) in &cause.parameters {
-            let _ = write!(html, "<tr><td>{name}</td><td>{}</td></tr>", estimate(value));
-        }
-        html.push_str("</table>");
+        *html += "</p>";
+        *html += &table(&[], cause.parameters.iter().map(|(name, value)| [name.to_string(), estimate(value)]));
     }
     if let Some(unexplained) = &outcome.unexplained {
         let _ = write!(
@@ -113,7 +91,7 @@ fn drawn(
 ) -> String {
     let mut svg = String::new();
     let result = {
-        let area = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let area = SVGBackend::with_string(&mut svg, PLOT_SIZE).into_drawing_area();
         let result = draw(&area);
         result.and_then(|()| area.present().map_err(Into::into))
     };
@@ -147,15 +125,15 @@ fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
     drawn(|area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
-            .x_label_area_size(50)
-            .y_label_area_size(84)
+            .x_label_area_size(44)
+            .y_label_area_size(72)
             .build_cartesian_2d(0.0..time(data.len()), vertical.clone())?;
         chart
             .configure_mesh()
             .x_desc("time, s")
             .y_desc(measured.output.channel())
-            .label_style(LABELS)
-            .axis_desc_style(LABELS)
+            .label_style(PLOT_LETTERS)
+            .axis_desc_style(PLOT_LETTERS)
             .light_line_style(WHITE)
             .draw()?;
         let mut start = 0;
@@ -188,15 +166,15 @@ fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
     let plot = drawn(|area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
-            .x_label_area_size(50)
-            .y_label_area_size(96)
+            .x_label_area_size(44)
+            .y_label_area_size(84)
             .build_cartesian_2d(range(points.iter().map(|point| point.0)), range(points.iter().map(|point| point.1)))?;
         chart
             .configure_mesh()
             .x_desc(axis.trim_end_matches(", "))
             .y_desc(what)
-            .label_style(LABELS)
-            .axis_desc_style(LABELS)
+            .label_style(PLOT_LETTERS)
+            .axis_desc_style(PLOT_LETTERS)
             .light_line_style(WHITE)
             .draw()?;
         chart.draw_series(LineSeries::new(points.iter().copied(), AFTER))?;
@@ -207,42 +185,35 @@ fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
 }
 
 fn gains(html: &mut String, diagnosis: &Diagnosis) {
-    html.push_str("<h2>What each step gained</h2><div class=\"wide\"><table><tr><th>model</th>");
-    for measured in &diagnosis.data.measured {
-        let _ = write!(html, "<th>rms error of {}, {}</th>", measured.output.channel(), measured.output.unit());
-    }
-    html.push_str("</tr>");
-    let mut row = |name: &str, values: Vec<f64>| {
-        let _ = write!(html, "<tr><td>{name}</td>");
-        for value in values {
-            let _ = write!(html, "<td>{}</td>", short(value));
-        }
-        html.push_str("</tr>");
+    let measured = &diagnosis.data.measured;
+    let errors = measured.iter().map(|m| format!("rms error of {}, {}", m.output.channel(), m.output.unit()));
+    let header: Vec<String> = ["model".into()].into_iter().chain(errors).collect();
+    let row = |name: &str, values: &mut dyn Iterator<Item = f64>| -> Vec<String> {
+        [name.into()].into_iter().chain(values.map(short)).collect()
     };
-    let of = |which: &str| {
-        diagnosis.data.measured.iter().map(|m| diagnosis.outcome.fit[which][m.output.channel()].rmse).collect()
+    let of = |name: &str, which: &str| {
+        row(name, &mut measured.iter().map(|m| diagnosis.outcome.fit[which][m.output.channel()].rmse))
     };
-    row("linear motor", of("base"));
+    let mut rows = vec![of("linear motor", "base")];
     for step in &diagnosis.steps {
-        row(&format!("with <code>{}</code>", step.id), step.gain.rmse.iter().map(|(_, after)| *after).collect());
+        let name = format!("with <code>{}</code>", step.id);
+        rows.push(row(&name, &mut step.gain.rmse.iter().map(|(_, after)| *after)));
     }
-    row("in the end", of("extended"));
-    row("noise of the sensors", of("noise_floor"));
-    html.push_str("</table></div>");
+    rows.extend([of("in the end", "extended"), of("noise of the sensors", "noise_floor")]);
+    *html += "<h2>What each step gained</h2>";
+    *html += &table(&header.iter().map(String::as_str).collect::<Vec<_>>(), rows);
 }
 
 fn intervals(html: &mut String, outcome: &Outcome) {
-    html.push_str("<h2>The motor</h2><div class=\"wide\"><table><tr><th></th><th>nominal</th><th>found</th><th>95 % interval</th></tr>");
-    for (name, parameter) in &outcome.parameters {
-        let nominal = parameter.nominal.map_or("-".into(), short);
+    let rows = outcome.parameters.iter().map(|(name, parameter)| {
         let [low, high] = parameter.ci95;
-        let _ = write!(
-            html,
-            "<tr><td><code>{name}</code></td><td>{nominal}</td><td>{}</td><td>{} to {}</td></tr>",
+        [
+            format!("<code>{name}</code>"),
+            parameter.nominal.map_or("-".into(), short),
             short(parameter.value),
-            short(low),
-            short(high)
-        );
-    }
-    html.push_str("</table></div>");
+            format!("{} to {}", short(low), short(high)),
+        ]
+    });
+    *html += "<h2>The motor</h2>";
+    *html += &table(&["", "nominal", "found", "95 % interval"], rows);
 }

@@ -5,6 +5,8 @@
 //! so that a resistance and a constant drop are one and the same, and so are a larger back-EMF constant and a resistance
 //! that grows with the speed.
 
+mod report;
+
 use crate::diagnose::outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Verdict};
 use crate::diagnose::page;
 use crate::recording::{Channel, Recording};
@@ -14,7 +16,6 @@ use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::fmt::Write as _;
 
 /// Readings whose voltages differ by less than this share of the greatest are one level.
 const SAME_LEVEL: f64 = 0.005;
@@ -448,63 +449,4 @@ fn advice(levels: &[Level]) -> Vec<String> {
         "(P_in - P_out) / I^2 is a resistance only if nothing but a resistance takes the voltage: it contains the drop divided by the current and every error of the back-EMF constant times the speed.".into(),
     );
     advice
-}
-
-impl Study {
-    /// The page for the terminal.
-    pub fn page(&self) -> String {
-        let mut text = format!("{}\n\n", page::verdict(&self.outcome));
-        text.push_str("      u_V     i_A      rpm   emf_V  P_in_W P_out_W   eff    T_Nm  R_dyn_ohm missing_V\n");
-        for level in &self.levels {
-            let _ = writeln!(
-                text,
-                "  {:7.2} {:7.4} {:8.1} {:7.2} {:7.2} {:7.2} {:5.3} {:7.4} {:10.2} {:9.2}",
-                level.u_V,
-                level.i_A,
-                level.rpm,
-                level.emf_V,
-                level.p_in_W,
-                level.p_out_W,
-                level.efficiency,
-                level.torque_Nm,
-                level.dynamic_resistance_ohm,
-                level.missing_V
-            );
-        }
-        text.push_str("\nExplanations of the missing voltage, error at a voltage left out\n");
-        for explanation in &self.explanations {
-            let name =
-                if explanation.terms.is_empty() { "nominal values".into() } else { explanation.terms.join(" + ") };
-            let constants: Vec<String> = explanation
-                .constants
-                .iter()
-                .map(|(name, value)| format!("{name} = {}", page::estimate(value)))
-                .collect();
-            let _ =
-                writeln!(text, "  {:.3} V  {name}\n           {}", explanation.left_out_rmse_v, constants.join(", "));
-        }
-        text.push_str("\nCauses\n");
-        for cause in &self.outcome.causes {
-            let constants: Vec<String> =
-                cause.parameters.iter().map(|(name, value)| format!("{name} = {}", page::estimate(value))).collect();
-            let _ = writeln!(text, "  {}: {}", cause.effect, constants.join(", "));
-            if !cause.not_separable_from.is_empty() {
-                let _ = writeln!(text, "    not to be told from: {}", cause.not_separable_from.join(", "));
-            }
-        }
-        text.push_str("\nWhat to do\n");
-        for advice in &self.outcome.advice {
-            let _ = writeln!(text, "  - {advice}");
-        }
-        text
-    }
-
-    /// The page as an HTML file.
-    pub fn html(&self, name: &str) -> String {
-        let text = self.page().replace('&', "&amp;").replace('<', "&lt;");
-        format!(
-            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-             <link rel=\"icon\" href=\"data:,\"><title>motorbench: {name}</title></head><body><h1>{name}</h1><pre style=\"overflow-x:auto\">{text}</pre></body></html>\n"
-        )
-    }
 }

@@ -1,0 +1,102 @@
+//! What a table says, for a terminal and for a browser.
+
+use super::{Explanation, Level, Study};
+use crate::diagnose::outcome::Cause;
+use crate::diagnose::page::{estimate, verdict, wrapped};
+use crate::web_page::{document, escaped, list, table};
+use std::fmt::Write as _;
+
+const COLUMNS: [&str; 10] =
+    ["u_V", "i_A", "rpm", "emf_V", "P_in_W", "P_out_W", "eff", "T_Nm", "R_dyn_ohm", "missing_V"];
+/// Of the columns, in letters, and the digits after the point.
+const WIDTHS: [usize; 10] = [6, 6, 7, 6, 6, 7, 5, 6, 9, 9];
+const DIGITS: [usize; 10] = [2, 4, 1, 2, 2, 2, 3, 4, 2, 2];
+const EXPLANATIONS: &str = "Explanations of the missing voltage, error at a voltage left out";
+
+fn values(level: &Level) -> [f64; 10] {
+    [
+        level.u_V,
+        level.i_A,
+        level.rpm,
+        level.emf_V,
+        level.p_in_W,
+        level.p_out_W,
+        level.efficiency,
+        level.torque_Nm,
+        level.dynamic_resistance_ohm,
+        level.missing_V,
+    ]
+}
+
+fn terms(explanation: &Explanation) -> String {
+    if explanation.terms.is_empty() { "nominal values".into() } else { explanation.terms.join(" + ") }
+}
+
+fn constants(explanation: &Explanation) -> String {
+    let constants = explanation.constants.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
+    constants.collect::<Vec<_>>().join(", ")
+}
+
+fn parameters(cause: &Cause) -> String {
+    let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
+    constants.collect::<Vec<_>>().join(", ")
+}
+
+impl Study {
+    /// The page for the terminal, at most 80 columns.
+    pub fn page(&self) -> String {
+        let mut text = format!("{}\n\n ", verdict(&self.outcome));
+        for (name, width) in COLUMNS.iter().zip(WIDTHS) {
+            let _ = write!(text, " {name:>width$}");
+        }
+        for level in &self.levels {
+            text += "\n ";
+            for ((value, width), digits) in values(level).iter().zip(WIDTHS).zip(DIGITS) {
+                let _ = write!(text, " {value:width$.digits$}");
+            }
+        }
+        let _ = writeln!(text, "\n\n{EXPLANATIONS}");
+        for explanation in &self.explanations {
+            let _ = writeln!(text, "  {:.3} V  {}", explanation.left_out_rmse_v, terms(explanation));
+            text += &wrapped(&constants(explanation), "           ", "           ");
+        }
+        text += "\nCauses\n";
+        for cause in &self.outcome.causes {
+            text += &wrapped(&format!("{}: {}", cause.effect, parameters(cause)), "  ", "    ");
+            if !cause.not_separable_from.is_empty() {
+                let others = cause.not_separable_from.join(", ");
+                text += &wrapped(&format!("not to be told from: {others}"), "    ", "    ");
+            }
+        }
+        text += "\nWhat to do\n";
+        for advice in &self.outcome.advice {
+            text += &wrapped(advice, "  - ", "    ");
+        }
+        text
+    }
+
+    /// The page as an HTML file.
+    pub fn html(&self, name: &str) -> String {
+        let mut body = format!("<h1>{}</h1>\n<p>{}</p>\n", escaped(&verdict(&self.outcome)), escaped(name));
+        let level =
+            |level: &Level| values(level).into_iter().zip(DIGITS).map(|(value, digits)| format!("{value:.digits$}"));
+        body += &table(&COLUMNS, self.levels.iter().map(level));
+        body += "<h2>Causes</h2>\n";
+        body += &table(
+            &["cause", "constants", "not to be told from"],
+            self.outcome.causes.iter().map(|cause| {
+                [format!("<code>{}</code>", cause.effect), parameters(cause), cause.not_separable_from.join(", ")]
+            }),
+        );
+        let _ = writeln!(body, "<h2>{EXPLANATIONS}</h2>");
+        body += &table(
+            &["error", "explanation", "constants"],
+            self.explanations.iter().map(|explanation| {
+                [format!("{:.3} V", explanation.left_out_rmse_v), terms(explanation), constants(explanation)]
+            }),
+        );
+        body += "<h2>What to do</h2>\n";
+        body += &list(self.outcome.advice.iter().map(String::as_str));
+        document(&format!("motorbench: {name}"), &body)
+    }
+}

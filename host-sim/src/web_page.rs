@@ -1,0 +1,44 @@
+//! Pages for a browser: one file that asks nothing of any network, readable on a phone, whole in print.
+
+/// Size of a plot in its own units; the page scales it to the width there is.
+pub const PLOT_SIZE: (u32, u32) = (560, 300);
+/// Letters of a plot, of which the drawing takes 1/1.24 as the size: a phone, 390 px wide, still shows them 9.8 px high.
+pub const PLOT_LETTERS: (&str, i32) = ("sans-serif", 19);
+
+const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:820px;margin:0 auto;padding:1rem;color:#111}\
+h1{font-size:1.4rem}h2{font-size:1.15rem;margin-top:2rem}svg{max-width:100%;height:auto;display:block}\
+h1,h2,p,li,code{overflow-wrap:anywhere}table{border-collapse:collapse;width:100%;font-size:.9rem}\
+td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}.wide,pre{overflow-x:auto}\
+pre{background:#f4f4f4;padding:.6rem;font-size:.8rem}code{font-size:.9em}\
+@media print{@page{size:A4;margin:15mm}body{padding:0;max-width:none}h2{break-after:avoid}svg,tr{break-inside:avoid}\
+.wide{overflow:visible}table{font-size:8.5pt}td,th{padding:.15rem .25rem}pre{white-space:pre-wrap;overflow-wrap:anywhere}}";
+
+/// A whole page. `body` is HTML, the title is text.
+pub fn document(title: &str, body: &str) -> String {
+    format!(
+        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
+         <title>{}</title><link rel=\"icon\" href=\"data:,\"><style>{STYLE}</style></head><body>\n{body}</body></html>\n",
+        escaped(title)
+    )
+}
+
+/// A text as it stands in HTML.
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// A table: its header, and rows of cells that are HTML. It scrolls in its own frame where a screen is too narrow for it.
+pub fn table<Row: IntoIterator<Item = String>>(header: &[&str], rows: impl IntoIterator<Item = Row>) -> String {
+    let cells = |tag: &str, cells: &mut dyn Iterator<Item = String>| {
+        format!("<tr>{}</tr>", cells.map(|cell| format!("<{tag}>{cell}</{tag}>")).collect::<String>())
+    };
+    let head = cells("th", &mut header.iter().map(|name| escaped(name)));
+    let body: String = rows.into_iter().map(|row| cells("td", &mut row.into_iter())).collect();
+    format!("<div class=\"wide\"><table>{head}{body}</table></div>\n")
+}
+
+/// A list of texts.
+pub fn list<'a>(items: impl IntoIterator<Item = &'a str>) -> String {
+    let items: String = items.into_iter().map(|item| format!("<li>{}</li>", escaped(item))).collect();
+    format!("<ul>{items}</ul>\n")
+}
