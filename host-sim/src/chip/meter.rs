@@ -186,6 +186,18 @@ mod tests {
     }
 
     #[test]
+    fn what_interrupts_a_handler_is_not_its_own() {
+        let mut meter = Meter { on: true, ..Meter::default() };
+        meter.entered(14, 100);
+        meter.entered(1, 150);
+        meter.returned(1, 196);
+        meter.returned(14, 296);
+        let spread = |cycles| Some(Spread { count: 1, min: cycles, median: cycles, max: cycles });
+        assert_eq!((meter.handler_cycles(14), meter.own_cycles(14)), (spread(200), spread(150)));
+        assert_eq!(meter.own_cycles(1), spread(50));
+    }
+
+    #[test]
     fn markers_pair_up_in_order() {
         let mut meter = Meter { on: true, ..Meter::default() };
         for (cycle, value) in [(10, 1), (20, 2), (30, 2), (40, 1), (55, 2)] {

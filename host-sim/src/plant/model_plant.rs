@@ -15,7 +15,7 @@ const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
 const EXACT: [&str; 2] = ["coulomb_friction", "voltage_drop"];
 
 /// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop are solved event by event
-/// ([`DcMotor`]), also under other torques that need no memory of their own ([`Held`]); everything else step by step. What
+/// ([`DcMotor`]), also under other torques that need no memory of their own (`Held`); everything else step by step. What
 /// the model says of sensors and of timing is not part of it.
 #[derive(Clone, Debug)]
 pub struct ModelPlant(Solver);
