@@ -1,7 +1,11 @@
 //! Linear models and Riccati solver against SciPy and python-control, and against the figures that the University of
 //! Michigan's control tutorials print. `tests/data/linear_reference.py` made the results.
 
+use host_sim::design::law::ControlLaw;
 use host_sim::design::observer::Observer;
+use host_sim::design::sampled_loop::{SampledLoop, Sampling};
+use host_sim::design::search::Search;
+use host_sim::design::weights::Weights;
 use host_sim::linear::frequency_response::bode;
 use host_sim::linear::step_response::StepFigures;
 use host_sim::linear::transfer_function::TransferFunction;
@@ -18,6 +22,7 @@ struct Reference {
     michigan_position_pid: Pid,
     dare: Vec<Dare>,
     kalman: Kalman,
+    weighted: Vec<Weighted>,
 }
 
 #[derive(Deserialize)]
@@ -71,6 +76,16 @@ struct Kalman {
     measurement_noise: f64,
     gain: [f64; 2],
     poles: Vec<[f64; 2]>,
+}
+
+#[derive(Deserialize)]
+struct Weighted {
+    position: bool,
+    q: Vec<f64>,
+    r: f64,
+    crossover_rad_per_s: f64,
+    all_states: Vec<f64>,
+    measured: Vec<f64>,
 }
 
 fn reference() -> Reference {
@@ -232,4 +247,29 @@ fn kalman_filter() {
         assert_close("gain", *gain, expected, 1e-8);
     }
     assert_roots("poles", &observer.poles(), &expected.poles);
+}
+
+/// Q and R given for the PIVT-6's sampled loop: the Riccati equation's feedback of all states, and the cheapest of what
+/// the core measures, which SciPy finds as a minimum of the cost.
+#[test]
+fn given_weights() {
+    for case in reference().weighted {
+        let law = if case.position { ControlLaw::PositionLqr } else { ControlLaw::SpeedLqr };
+        let what = format!("{law:?} {:?} {}", case.q, case.r);
+        let weights = Weights::new(case.position, &case.q, case.r).unwrap();
+        let sampled = SampledLoop::new(&MotorParameters::PIVT6, law, &Sampling::new(1e-3, 0.0));
+        let (a, b) = sampled.system();
+        let full = riccati::feedback(a, b, &sampled.weights(&weights), &Matrix::identity(1, 1)).unwrap();
+        let scale = full.amax();
+        for (gain, expected) in full.iter().zip(&case.all_states) {
+            assert!((gain - expected).abs() < 1e-8 * scale, "{what}: {full} {:?}", case.all_states);
+        }
+        let used = vec![true; law.feedback().len()];
+        let search = Search { motor: &MotorParameters::PIVT6, law, period_s: 1e-3, used: &used };
+        let candidate = search.candidate(&weights, 100.0).unwrap();
+        assert_close(&what, candidate.crossover_rad_per_s, case.crossover_rad_per_s, 1e-6);
+        for (gain, expected) in candidate.gains.feedback.iter().zip(&case.measured) {
+            assert_close(&what, *gain, *expected, 1e-4);
+        }
+    }
 }

@@ -1,4 +1,4 @@
-//! `motorbench design`: gains for a specification.
+//! `motorbench design`: gains for a specification or for weights.
 
 use super::analyse::motor_of;
 use super::{Failure, spinner, write};
@@ -6,6 +6,7 @@ use crate::design::compensation::{Losses, Standstill, compensation, near_standst
 use crate::design::fixed_point::SettingList;
 use crate::design::law::{ControlLaw, setting_name};
 use crate::design::specification::{Specification, Speed};
+use crate::design::weights::{BadWeight, Weights};
 use crate::design::{Bench, Design, design, report};
 use crate::model::Model;
 use crate::motor::MotorParameters;
@@ -17,10 +18,13 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(group(ArgGroup::new("quantity").required(true)), group(ArgGroup::new("how_fast").required(true)))]
 #[command(group(ArgGroup::new("motor").required(true).multiple(true)))]
+#[command(group(ArgGroup::new("largest_voltage")))]
 #[command(after_help = "Examples:
   motorbench design --rig rig.toml --speed --bandwidth-Hz 10
   motorbench design --rig rig.toml --model model.toml --position --pid --settling-s 0.3 --report design.html
-  motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --compensate --coulomb-Nm 0.01")]
+  motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --compensate --coulomb-Nm 0.01
+  motorbench design --rig rig.toml --speed --lqr --largest 10,1,0.2 --largest-V 3
+  motorbench design --rig rig.toml --position --lqr --q 100,0.2,0,1000 --r 1")]
 pub struct Arguments {
     /// Rig file: supply, encoder, and the motor unless a model gives it.
     #[arg(long, group = "motor", value_name = "RIG.toml")]
@@ -46,6 +50,43 @@ pub struct Arguments {
     /// Time to settle within 2 % after a step, at most.
     #[arg(long = "settling-s", group = "how_fast", value_name = "S", allow_negative_numbers = true)]
     settling_s: Option<f64>,
+    /// LQ weights (diagonal of Q): speed, current, integral of a speed loop; angle, speed, current, integral of a position
+    /// loop, in 1/(rad/s)^2, 1/A^2 and so on. Instead of a bandwidth; the PID's gains are those that cost least as well.
+    #[arg(
+        long,
+        group = "how_fast",
+        requires = "r",
+        value_name = "Q1,Q2,...",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    q: Vec<f64>,
+    /// LQ weight of the voltage (R), in 1/V^2; with --q.
+    #[arg(long, requires = "q", value_name = "R", allow_negative_numbers = true)]
+    r: Option<f64>,
+    /// Weights by Bryson's rule: the largest acceptable deviation of each state, in the order of --q and in its unit
+    /// (rad/s, A, rad; rad, rad/s, A, rad s); inf where any is acceptable.
+    #[arg(
+        long,
+        group = "how_fast",
+        requires = "largest_voltage",
+        value_name = "X1,X2,...",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    largest: Vec<f64>,
+    /// Largest acceptable voltage for these deviations; with --largest.
+    #[arg(
+        long = "largest-V",
+        group = "largest_voltage",
+        requires = "largest",
+        value_name = "V",
+        allow_negative_numbers = true
+    )]
+    largest_v: Option<f64>,
+    /// The same as a part of the supply.
+    #[arg(long, group = "largest_voltage", requires = "largest", value_name = "DUTY", allow_negative_numbers = true)]
+    largest_duty: Option<f64>,
     /// Overshoot after a step, at most.
     #[arg(long = "overshoot-percent", default_value_t = 10.0, value_name = "PERCENT", allow_negative_numbers = true)]
     overshoot_percent: f64,
@@ -82,7 +123,7 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (motor, bench, rig) = arguments.problem()?;
-    let specification = arguments.specification();
+    let specification = arguments.specification(&bench)?;
     let busy = spinner();
     let designs: Result<Vec<_>, _> = arguments
         .laws()
@@ -159,13 +200,28 @@ impl Arguments {
         Ok(Losses::of(&Model::parse(&text).map_err(|error| failure(&error))?))
     }
 
-    fn specification(&self) -> Specification {
-        let settling = Speed::SettlingS(self.settling_s.unwrap_or(f64::NAN));
-        Specification {
-            speed: self.bandwidth_hz.map_or(settling, Speed::BandwidthHz),
-            overshoot_percent: self.overshoot_percent,
-            current_limit_a: self.current_limit_a,
+    fn specification(&self, bench: &Bench) -> Result<Specification, Failure> {
+        let speed = match (self.bandwidth_hz, self.settling_s) {
+            (Some(hz), _) => Speed::BandwidthHz(hz),
+            (None, Some(settling_s)) => Speed::SettlingS(settling_s),
+            (None, None) => Speed::Weights(self.weights(bench).map_err(Failure::input)?),
+        };
+        Ok(Specification { speed, overshoot_percent: self.overshoot_percent, current_limit_a: self.current_limit_a })
+    }
+
+    fn weights(&self, bench: &Bench) -> Result<Weights, BadWeight> {
+        if let Some(r) = self.r {
+            return Weights::new(self.position, &self.q, r);
         }
+        let largest_v = match self.largest_duty {
+            Some(duty) if duty > 0.0 && duty <= 1.0 => duty * bench.supply_v,
+            Some(value) => {
+                let rule = "above 0 and at most 1, the whole supply";
+                return Err(BadWeight::LargestVoltage { option: "--largest-duty", value, rule });
+            }
+            None => self.largest_v.unwrap_or(f64::NAN),
+        };
+        Weights::bryson(self.position, &self.largest, largest_v)
     }
 
     /// The motor of the model, or else of the rig; what surrounds it of the rig, or else of the model.
@@ -222,6 +278,11 @@ mod tests {
             lqr: false,
             bandwidth_hz: Some(10.0),
             settling_s: None,
+            q: Vec::new(),
+            r: None,
+            largest: Vec::new(),
+            largest_v: None,
+            largest_duty: None,
             overshoot_percent: 10.0,
             current_limit_a: 1.0,
             no_current_sensor: false,

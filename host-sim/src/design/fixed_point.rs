@@ -226,7 +226,8 @@ pub fn law_settings(
 /// Large enough for the errors that matter to a loop of the speed asked for, and fine enough to see a count. The same
 /// for every law, so that they can be changed on the fly.
 fn position_range(motor: &MotorParameters, bench: &Bench, specification: &Specification) -> f64 {
-    let at = Complex::new(0.0, specification.speed.rad_per_s());
+    let asked_rad_per_s = specification.speed.rad_per_s(motor, 1.0 / bench.tick_rate_hz);
+    let at = Complex::new(0.0, asked_rad_per_s);
     let supply_rad = bench.supply_v * motor_model::angle(motor).at(at).norm();
     let sees_a_count = f64::from(FULL_RANGE) * std::f64::consts::TAU / bench.counts_per_rev;
     let finest = power_of_two(sees_a_count) / 2.0;

@@ -9,6 +9,7 @@
 //! | [`law`] | the core's four control laws and their settings |
 //! | [`specification`] | what a loop is asked to do |
 //! | [`sampled_loop`] | motor, hold, delay and sensors as one sampled system |
+//! | [`weights`] | Q and R, given or found |
 //! | [`search`], [`optimum`] | weights for a specification, gains for weights |
 //! | [`fixed_point`] | settings, and the gains the core's formats make of them |
 //! | [`robustness`] | what a loop must withstand |
@@ -33,6 +34,7 @@ pub mod search;
 pub mod specification;
 pub mod step_tuning;
 pub mod trial;
+pub mod weights;
 
 use crate::linear::motor_model;
 use crate::motor::{MotorParameters, NonPhysical};
@@ -43,10 +45,11 @@ use motorbench_core::message::Trip;
 use motorbench_core::settings::Param;
 use robustness::{Robustness, Weakness};
 use sampled_loop::{Gains, SampledLoop, Sampling};
-use search::{Candidate, LoopFigures, Reached, Search, Shape};
+use search::{Candidate, LoopFigures, Reached, Search};
 use serde::Serialize;
 use specification::{ImpossibleSpecification, Specification, Speed};
 use trial::{Point, Trial};
+use weights::{BadWeight, Weights};
 
 /// What surrounds the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -149,6 +152,27 @@ pub enum DesignError {
         /// What it does not withstand.
         weakness: Weakness,
     },
+    /// They are no weights.
+    #[error(transparent)]
+    BadWeight(#[from] BadWeight),
+    /// Weights were given for which there are no gains.
+    #[error("the {law} with {options} has no gains with which a step settles within {within_s} s; {WEIGHTS_ADVICE}")]
+    NoGains {
+        /// Which law.
+        law: &'static str,
+        /// The weights.
+        options: String,
+        /// As long as it was looked at.
+        within_s: f64,
+    },
+    /// Weights were given, and the loop is refused for another reason.
+    #[error("with {options}, {error}; {WEIGHTS_ADVICE}")]
+    Weighed {
+        /// The weights.
+        options: String,
+        /// Why it is refused.
+        error: Box<Self>,
+    },
     /// The core in closed loop does not do what the linear loop does.
     #[error("the {law} fails in fixed point: {what}; ask for a slower loop, or raise current-limit-A")]
     Trial {
@@ -214,8 +238,8 @@ pub struct Design {
     /// The current.
     #[serde(rename = "plain_step_peak_A")]
     pub plain_step_peak_a: f64,
-    /// Shape of the weights it came from.
-    pub shape: Shape,
+    /// The weights it came from, given or found. Given by hand they are the same gains.
+    pub weights: Weights,
     /// Settings, for a simulation or the board.
     #[serde(skip)]
     pub settings: SettingList,
@@ -276,6 +300,9 @@ pub fn design(
     let used: Vec<bool> =
         law.feedback().iter().map(|(_, signal)| bench.current_measured || *signal != Signal::Current).collect();
     let search = Search { motor, law, period_s, used: &used };
+    if let Speed::Weights(weights) = specification.speed {
+        return weighed(&search, &rig, specification, &weights);
+    }
     let mut refusals = Refusals::default();
     for shape in search.shapes() {
         let candidate = match search.gentlest(shape, specification) {
@@ -295,6 +322,35 @@ pub fn design(
         }
     }
     Err(refusals.error(law, specification))
+}
+
+/// What to do about a loop by the weights that were given.
+const WEIGHTS_ADVICE: &str = "a larger r makes the loop slower, a smaller weight on the integral lets it overshoot less, a larger one on the speed damps";
+
+/// The loop of weights that were given.
+fn weighed(
+    search: &Search,
+    rig: &SettingList,
+    specification: &Specification,
+    weights: &Weights,
+) -> Result<Design, DesignError> {
+    let Search { motor, law, .. } = *search;
+    if weights.is_position() != law.is_position() {
+        return Err(BadWeight::OtherLoop { position: weights.is_position() }.into());
+    }
+    let options = weights.options();
+    let asked_percent = specification.overshoot_percent;
+    let candidate = search.candidate(weights, asked_percent).ok_or_else(|| {
+        let within_s = search::MAX_SAMPLES as f64 * search.period_s;
+        DesignError::NoGains { law: law.title(), options: options.clone(), within_s }
+    })?;
+    let found_percent = candidate.figures.step.overshoot_percent;
+    let design = if found_percent > asked_percent {
+        Err(DesignError::Overshoot { law: law.title(), found_percent, asked_percent })
+    } else {
+        checked(motor, rig, law, specification, candidate)
+    };
+    design.map_err(|error| DesignError::Weighed { options, error: Box::new(error) })
 }
 
 /// Why shapes were refused; the one that came farthest is reported.
@@ -328,6 +384,7 @@ impl Refusals {
         let reached = match specification.speed {
             Speed::BandwidthHz(_) => format!("its bandwidth reaches {:.3} Hz", reached.bandwidth_hz),
             Speed::SettlingS(_) => format!("it settles in {:.3} s", reached.settling_s),
+            Speed::Weights(weights) => format!("with {}", weights.options()),
         };
         DesignError::TooSlow { law, reached }
     }
@@ -346,9 +403,9 @@ fn checked(
     let not_robust = |weakness| DesignError::NotRobust { law: law.title(), weakness };
     let robustness = robustness::check(motor, law, &sampling, &held).map_err(not_robust)?;
     let sampled = SampledLoop::new(motor, law, &sampling);
-    let figures = search::figures(&sampled, &held, candidate.weight_rad_per_s)
+    let figures = search::figures(&sampled, &held, candidate.crossover_rad_per_s)
         .ok_or_else(|| not_robust(Weakness::Unstable { radius: robustness.spectral_radius }))?;
-    kept(law, specification, &figures)?;
+    kept(law, specification, &candidate.figures, &figures)?;
     let (trial, points) = gentle_trial(motor, law, &mut settings, specification, figures.step.settling_s)?;
     let plain = sampled.closed(&held).step_response(PLAIN_STEP_TICKS);
     let voltage = |tick: usize| plain[(1, tick)] + held.reference;
@@ -369,7 +426,7 @@ fn checked(
         plain_step_peak_v: peak_v * trial.step,
         plain_step_peak_a: plain.row(2).amax() * trial.step,
         trial,
-        shape: candidate.shape,
+        weights: candidate.weights,
         settings,
         held,
         sampling,
@@ -380,12 +437,19 @@ fn checked(
 /// Part of a figure of the specification that quantising may cost.
 const QUANTISING: f64 = 0.05;
 
-/// Whether the loop keeps the specification with the gains as the core holds them.
-fn kept(law: ControlLaw, specification: &Specification, figures: &LoopFigures) -> Result<(), DesignError> {
+/// Whether the loop keeps the specification with the gains as the core holds them; one by weights that were given, what
+/// it does with the exact gains.
+fn kept(
+    law: ControlLaw,
+    specification: &Specification,
+    exact: &LoopFigures,
+    figures: &LoopFigures,
+) -> Result<(), DesignError> {
     let overshoot = figures.step.overshoot_percent;
     let slow = match specification.speed {
         Speed::BandwidthHz(hz) => figures.bandwidth_hz < (1.0 - QUANTISING) * hz,
         Speed::SettlingS(settling_s) => figures.step.settling_s > (1.0 + QUANTISING) * settling_s,
+        Speed::Weights(_) => (figures.bandwidth_hz / exact.bandwidth_hz - 1.0).abs() > QUANTISING,
     };
     if slow || overshoot > specification.overshoot_percent + 100.0 * QUANTISING {
         return Err(DesignError::Quantised {

@@ -16,7 +16,7 @@ const MAX_ITERATIONS: usize = 80;
 /// Halvings of a step that does not lower the cost.
 const MAX_HALVINGS: usize = 12;
 /// Relative gain below which there is nothing more to be had.
-const CONVERGED: f64 = 1e-6;
+const CONVERGED: f64 = 1e-9;
 /// Part of the signals' covariance added to its diagonal: two signals that always agree share their gain.
 const RIDGE: f64 = 1e-10;
 

@@ -6,6 +6,7 @@ use super::robustness::corners;
 use super::sampled_loop::SampledLoop;
 use super::specification::Speed;
 use super::trial::Point;
+use super::weights::states;
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
@@ -23,12 +24,15 @@ pub fn summary(design: &Design) -> String {
     let asked = match design.specification.speed {
         Speed::BandwidthHz(hz) => format!("bandwidth at least {hz} Hz"),
         Speed::SettlingS(settling_s) => format!("settled in at most {settling_s} s"),
+        Speed::Weights(_) => "the weights given".into(),
     };
     let overshoot = design.specification.overshoot_percent;
     let mut text = format!("{}: {asked}, overshoot at most {overshoot} %\n", design.law.title());
     for gain in &design.gains {
         text += &format!("  {:16} {:>11} {:11} held as {:.6}\n", gain.name, gain.value, gain.unit, gain.held);
     }
+    let weighed: Vec<&str> = states(design.law.is_position()).iter().map(|(name, _)| *name).collect();
+    text += &format!("  weights          {} ({}; voltage)\n", design.weights.options(), weighed.join(", "));
     let (figures, step) = (&design.figures, &design.figures.step);
     text += &format!(
         "  linear loop      bandwidth {:.2} Hz, rise {:.1} ms, settling {:.1} ms, overshoot {:.1} %\n",

@@ -6,6 +6,7 @@
 //! the time between edges); the current is the mean of conversions spread over the tick before.
 
 use super::law::{ControlLaw, Signal};
+use super::weights::Weights;
 use crate::linear::frequency_response::{BodePoint, Margins, bandwidth_rad_per_s, bode, log_spaced};
 use crate::linear::state_space::{Discrete, StateSpace};
 use crate::linear::{Matrix, motor_model, spectral_radius};
@@ -177,15 +178,22 @@ impl SampledLoop {
         &self.signals
     }
 
-    /// A weight on the squares of the controlled quantity's integral, of itself and (position) of its speed.
-    pub fn weights(&self, integral: f64, output: f64, rate: f64) -> Matrix {
-        let mut weights = Matrix::zeros(self.states(), self.states());
-        weights[(self.places.integral, self.places.integral)] = integral;
-        weights[(self.places.output(), self.places.output())] += output;
-        if self.places.position.is_some() {
-            weights[(self.places.speed, self.places.speed)] += rate;
+    /// Weights on the squares of the states, with one on that of the voltage.
+    pub fn weights(&self, weights: &Weights) -> Matrix {
+        let [angle, speed, current, integral] = weights.relative();
+        let Places { position, .. } = self.places;
+        let mut q = Matrix::zeros(self.states(), self.states());
+        for (place, weight) in [
+            (position, angle),
+            (Some(self.places.speed), speed),
+            (Some(self.places.current), current),
+            (Some(self.places.integral), integral),
+        ] {
+            if let Some(place) = place {
+                q[(place, place)] = weight;
+            }
         }
-        weights
+        q
     }
 
     /// What the states amount to at about a volt in a loop of `speed_rad_per_s`: scales for numerical work.

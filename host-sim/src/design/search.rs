@@ -1,14 +1,16 @@
-//! Weights for a specification.
+//! Weights for a specification, and gains for weights.
 //!
 //! The cost is `sum(u^2 + (s^2 q^2 + d^2 y^2) / |G(js)|^2)` for a speed `y` with integral `q`, and
 //! `sum(u^2 + (e^2 s^2 q^2 + y^2 + d^2 y'^2 / s^2) / |G(js)|^2)` for a position. `G` is the motor's transfer function
 //! from voltage to `y`, so `s` is about the bandwidth of the loop; `d` damps; `e` is how fast the integral is within it.
-//! A shape is a pair of `d` and `e`; `s` is the smallest that is fast enough.
+//! A shape is a pair of `d` and `e`; `s` is the smallest that is fast enough. What follows from the weights follows from
+//! nothing else, so that weights that were found give the same gains when they are given by hand.
 
 use super::law::{ControlLaw, Signal};
 use super::optimum::{Optimum, optimum};
 use super::sampled_loop::{Gains, SampledLoop, Sampling};
 use super::specification::{Specification, Speed};
+use super::weights::{MOST_DAMPING, Weights};
 use crate::linear::motor_model;
 use crate::linear::step_response::StepFigures;
 use crate::motor::MotorParameters;
@@ -22,12 +24,14 @@ const BISECTIONS: usize = 14;
 const SLOWEST: f64 = 0.02;
 const FASTEST: f64 = 10.0;
 /// The law acts once a tick; beyond this part of a turn in a tick the delay governs everything.
-const LARGEST_TURN: f64 = 1.0;
+pub(super) const LARGEST_TURN: f64 = 1.0;
 /// A derivative that saves less of the cost is left out: it feeds noise through for nothing.
 const DERIVATIVE_SAVES: f64 = 0.02;
-/// Length of a step response, in times of 1/s, and in samples at most.
+/// Length of a step response, in times of 1/s at least, and in samples at most.
 const RESPONSE_LENGTH: f64 = 60.0;
-const MAX_SAMPLES: usize = 20_000;
+/// Its length in time constants of the slowest eigenvalue: what that one still moves is below 0.1 %.
+const SLOW_LENGTH: f64 = 8.0;
+pub(super) const MAX_SAMPLES: usize = 20_000;
 /// Steps in which the gain on the reference is lowered until the overshoot is as asked.
 const REFERENCE_STEPS: usize = 20;
 
@@ -43,7 +47,7 @@ pub struct LoopFigures {
 }
 
 /// Shape of the weights; see the module.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Shape {
     /// `d`.
     pub damping: f64,
@@ -60,10 +64,10 @@ pub struct Candidate {
     pub sampling: Sampling,
     /// What the loop does.
     pub figures: LoopFigures,
-    /// Shape of the weights.
-    pub shape: Shape,
-    /// `s` of the weights, rad/s.
-    pub weight_rad_per_s: f64,
+    /// The weights it is for.
+    pub weights: Weights,
+    /// About the crossover that they ask for.
+    pub crossover_rad_per_s: f64,
 }
 
 /// The search for one law on one motor.
@@ -91,7 +95,7 @@ pub struct Reached {
 impl Search<'_> {
     /// Shapes to try, the best against disturbances first.
     pub fn shapes(&self) -> Vec<Shape> {
-        let dampings = [0.0, 0.5, 1.0, 1.5, 2.5];
+        let dampings = [0.0, 0.5, 1.0, 1.5, MOST_DAMPING];
         if self.law.is_position() {
             let integrals = [0.6, 0.4, 0.25, 0.15, 0.08, 0.04, 0.02, 0.01];
             integrals.iter().flat_map(|&integral| [0.7, 1.4].map(|damping| Shape { damping, integral })).collect()
@@ -105,10 +109,11 @@ impl Search<'_> {
     /// # Errors
     /// How fast it came.
     pub fn gentlest(&self, shape: Shape, specification: &Specification) -> Result<Candidate, Reached> {
-        let asked_rad_per_s = specification.speed.rad_per_s();
+        let asked_rad_per_s = specification.speed.rad_per_s(self.motor, self.period_s);
         let fast_enough = |candidate: &Candidate| match specification.speed {
             Speed::BandwidthHz(hz) => candidate.figures.bandwidth_hz >= hz,
             Speed::SettlingS(settling_s) => candidate.figures.step.settling_s <= settling_s,
+            Speed::Weights(_) => true,
         };
         let overshoot = specification.overshoot_percent;
         let highest = (FASTEST * asked_rad_per_s).min(LARGEST_TURN / self.period_s);
@@ -117,7 +122,7 @@ impl Search<'_> {
         let mut reached = Reached { bandwidth_hz: 0.0, settling_s: f64::INFINITY };
         for _ in 0..BISECTIONS {
             let middle = 0.5 * (slow + fast);
-            match self.candidate(shape, middle.exp(), overshoot) {
+            match self.candidate(&self.weights(shape, middle.exp()), overshoot) {
                 Some(candidate) if fast_enough(&candidate) => {
                     best = Some(candidate);
                     fast = middle;
@@ -133,28 +138,34 @@ impl Search<'_> {
         best.ok_or(reached)
     }
 
-    /// The loop of a shape at `s`; `None` without stabilising gains or a step that settles.
-    fn candidate(&self, shape: Shape, s: f64, overshoot_percent: f64) -> Option<Candidate> {
+    /// The weights of a shape at `s`.
+    fn weights(&self, shape: Shape, s: f64) -> Weights {
+        let Shape { damping: d, integral: e } = shape;
+        let at = Complex::new(0.0, s);
+        if self.law.is_position() {
+            let gain = motor_model::angle(self.motor).at(at).norm_sqr();
+            Weights::found(true, 1.0 / gain, d * d / (s * s) / gain, e * e * s * s / gain)
+        } else {
+            let gain = motor_model::speed(self.motor).at(at).norm_sqr();
+            Weights::found(false, 0.0, d * d / gain, s * s / gain)
+        }
+    }
+
+    /// The loop that costs least by some weights; `None` without stabilising gains or a step that settles.
+    pub fn candidate(&self, weights: &Weights, overshoot_percent: f64) -> Option<Candidate> {
+        let s = weights.crossover_rad_per_s(self.motor, self.period_s);
         let sampling = Sampling::new(self.period_s, filter_s(self.law, s));
         let sampled = SampledLoop::new(self.motor, self.law, &sampling);
-        let feedback = self.feedback(&sampled, shape, s)?.feedback;
-        let samples = response_samples(s, self.period_s);
+        let feedback = self.feedback(&sampled, weights, s)?.feedback;
+        let samples = response_samples(&sampled, &feedback, s);
         let (gains, step) = with_reference(&sampled, self.law, feedback, samples, overshoot_percent)?;
         let bandwidth_hz = sampled.bandwidth_rad_per_s(&gains)? / TAU;
         let figures = LoopFigures { bandwidth_hz, step };
-        Some(Candidate { gains, sampling, figures, shape, weight_rad_per_s: s })
+        Some(Candidate { gains, sampling, figures, weights: *weights, crossover_rad_per_s: s })
     }
 
-    fn feedback(&self, sampled: &SampledLoop, shape: Shape, s: f64) -> Option<Optimum> {
-        let at = Complex::new(0.0, s);
-        let Shape { damping: d, integral: e } = shape;
-        let weights = if self.law.is_position() {
-            let gain = motor_model::angle(self.motor).at(at).norm_sqr();
-            sampled.weights(e * e * s * s / gain, 1.0 / gain, d * d / (s * s) / gain)
-        } else {
-            let gain = motor_model::speed(self.motor).at(at).norm_sqr();
-            sampled.weights(s * s / gain, d * d / gain, 0.0)
-        };
+    fn feedback(&self, sampled: &SampledLoop, weights: &Weights, s: f64) -> Option<Optimum> {
+        let weights = sampled.weights(weights);
         let scales: DVector<f64> = sampled.scales(self.motor, s);
         let full = optimum(sampled, &weights, &scales, self.used)?;
         let derivative = self.law.feedback().iter().position(|(_, signal)| *signal == Signal::Derivative);
@@ -167,14 +178,18 @@ impl Search<'_> {
     }
 }
 
-/// Samples of a step response of a loop with weights at `s`.
-fn response_samples(s: f64, period_s: f64) -> usize {
-    ((RESPONSE_LENGTH / s / period_s) as usize).clamp(200, MAX_SAMPLES)
+/// Samples of a step response: as a loop needs that crosses over at about `s`, and longer where a slow eigenvalue is left.
+fn response_samples(sampled: &SampledLoop, feedback: &[f64], s: f64) -> usize {
+    let own_s = RESPONSE_LENGTH / s;
+    let radius = sampled.spectral_radius(&Gains { feedback: feedback.to_vec(), reference: 0.0 });
+    let slowest_s = SLOW_LENGTH * sampled.period_s() / -radius.min(1.0).ln();
+    (own_s.max(slowest_s) / sampled.period_s()).clamp(200.0, MAX_SAMPLES as f64) as usize
 }
 
-/// Linear figures of a loop with weights at `s`; `None` if its step does not settle.
+/// Linear figures of a loop that crosses over at about `s`; `None` if its step does not settle.
 pub fn figures(sampled: &SampledLoop, gains: &Gains, s: f64) -> Option<LoopFigures> {
-    let response = sampled.closed(gains).step_response(response_samples(s, sampled.period_s()));
+    let samples = response_samples(sampled, &gains.feedback, s);
+    let response = sampled.closed(gains).step_response(samples);
     let response: Vec<f64> = response.row(0).iter().copied().collect();
     let step = StepFigures::of(&response, sampled.period_s(), 1.0)?;
     Some(LoopFigures { bandwidth_hz: sampled.bandwidth_rad_per_s(gains)? / TAU, step })

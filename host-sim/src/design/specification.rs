@@ -1,5 +1,7 @@
 //! What a loop is asked to do.
 
+use super::weights::Weights;
+use crate::motor::MotorParameters;
 use serde::Serialize;
 
 /// The largest current limit: the trip above it must still fit the core's format.
@@ -14,12 +16,15 @@ pub enum Speed {
     BandwidthHz(f64),
     /// Time after which a step of the reference has settled within 2 %, at most, in seconds.
     SettlingS(f64),
+    /// As fast as these weights make it.
+    Weights(Weights),
 }
 
 impl Speed {
     /// About the crossover frequency it takes: a loop settles in about four of its times.
-    pub fn rad_per_s(self) -> f64 {
+    pub fn rad_per_s(self, motor: &MotorParameters, period_s: f64) -> f64 {
         match self {
+            Self::Weights(weights) => weights.crossover_rad_per_s(motor, period_s),
             Self::BandwidthHz(hz) => std::f64::consts::TAU * hz,
             Self::SettlingS(settling_s) => 4.0 / settling_s,
         }
@@ -57,21 +62,24 @@ impl Specification {
     /// # Errors
     /// The first figure that is out of range, with the range.
     pub fn check(&self, period_s: f64) -> Result<(), ImpossibleSpecification> {
-        let (name, value) = match self.speed {
-            Speed::BandwidthHz(value) => ("bandwidth-Hz", value),
-            Speed::SettlingS(value) => ("settling-s", value),
-        };
         let refuse = |name, value, rule| Err(ImpossibleSpecification { name, value, rule });
-        if !(value > 0.0 && value.is_finite()) {
-            return refuse(name, value, "a positive number");
-        }
+        let positive = |value: f64| value > 0.0 && value.is_finite();
         match self.speed {
+            Speed::BandwidthHz(hz) if !positive(hz) => return refuse("bandwidth-Hz", hz, "a positive number"),
+            Speed::SettlingS(settling_s) if !positive(settling_s) => {
+                return refuse("settling-s", settling_s, "a positive number");
+            }
             Speed::BandwidthHz(hz) if hz * period_s > 0.1 => {
-                return refuse(name, value, "at most a tenth of the tick rate: the loop sees the motor once a tick");
+                return refuse(
+                    "bandwidth-Hz",
+                    hz,
+                    "at most a tenth of the tick rate: the loop sees the motor once a tick",
+                );
             }
             Speed::SettlingS(settling_s) if settling_s < 5.0 * period_s => {
-                return refuse(name, value, "at least five ticks: the loop sees the motor once a tick");
+                return refuse("settling-s", settling_s, "at least five ticks: the loop sees the motor once a tick");
             }
+            // Whoever has weights has had them checked.
             _ => {}
         }
         if !(0.0..=100.0).contains(&self.overshoot_percent) {

@@ -272,3 +272,60 @@ fn what_is_offered_is_stable_on_the_core() {
     println!("refused {} of {}: {refused:#?}", refused.len(), results.len());
     assert!(refused.len() * 20 <= results.len());
 }
+
+/// Weights that a search reports, written down and given by hand, are the same gains to the last bit: for every law, and
+/// for motors far from the paper's.
+#[test]
+fn weights_found_are_the_same_gains_when_given() {
+    let slow = MotorParameters { inertia_kg_m2: 20.0 * MotorParameters::PIVT6.inertia_kg_m2, ..MotorParameters::PIVT6 };
+    let inductive =
+        MotorParameters { inductance_h: 10.0 * MotorParameters::PIVT6.inductance_h, ..MotorParameters::PIVT6 };
+    let bench = Bench::default();
+    for (motor, hz) in [(MotorParameters::PIVT6, 10.0), (slow, 2.0), (inductive, 4.0)] {
+        for law in ControlLaw::ALL {
+            let speed = Speed::BandwidthHz(if law.is_position() { 0.5 * hz } else { hz });
+            let specification = Specification { speed, overshoot_percent: 10.0, current_limit_a: 1.0 };
+            let searched = design(&motor, &bench, law, &specification).unwrap();
+            let json = serde_json::to_value(searched.weights).unwrap();
+            let q: Vec<f64> = serde_json::from_value(json["q"].clone()).unwrap();
+            let written = Weights::new(law.is_position(), &q, json["r"].as_f64().unwrap()).unwrap();
+            let specification = Specification { speed: Speed::Weights(written), ..specification };
+            let given = design(&motor, &bench, law, &specification).unwrap();
+            let values = |design: &Design| design.gains.iter().map(|gain| gain.value).collect::<Vec<_>>();
+            assert_eq!(values(&given), values(&searched), "{law:?} {}", written.options());
+            let set = |design: &Design, param| design.settings.all.get(param);
+            for &param in searched.settings.changed.iter().filter(|param| **param != Param::PositionRange) {
+                let (given, searched) = (set(&given, param), set(&searched, param));
+                // The profile is as gentle as it must be, by steps of its own.
+                let near = if param == Param::Acceleration { 0.5 } else { 1e-6 };
+                assert!((given / searched - 1.0).abs() <= near || given == searched, "{law:?} {param:?}");
+            }
+            // Twice all weights are the same cost.
+            let twice: Vec<f64> = q.iter().map(|weight| 2.0 * weight).collect();
+            let twice = Weights::new(law.is_position(), &twice, 2.0 * written.r()).unwrap();
+            let specification = Specification { speed: Speed::Weights(twice), ..specification };
+            assert_eq!(values(&design(&motor, &bench, law, &specification).unwrap()), values(&searched), "{law:?}");
+        }
+    }
+}
+
+/// Weights that were given pass the same checks as those that were found.
+#[test]
+fn given_weights_are_checked() {
+    let motor = MotorParameters::PIVT6;
+    let refused = |law: ControlLaw, q: &[f64], r: f64, overshoot_percent: f64| {
+        let speed = Speed::Weights(Weights::new(q.len() == 4, q, r).unwrap());
+        let specification = Specification { speed, overshoot_percent, current_limit_a: 1.0 };
+        design(&motor, &Bench::default(), law, &specification).unwrap_err().to_string()
+    };
+    for (message, expected) in [
+        (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1.0], 1e-6, 10.0), "is larger than its format holds"),
+        (refused(ControlLaw::SpeedPid, &[0.0, 0.0, 1.0], 3e-4, 10.0), "would not be robust"),
+        (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1e-9], 1.0, 10.0), "no gains with which a step settles within 20 s"),
+        (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by 36.6 %"),
+        (refused(ControlLaw::PositionLqr, &[1.0, 0.0, 1.0], 1.0, 10.0), "the weights are those of a speed loop"),
+    ] {
+        println!("{message}");
+        assert!(message.contains(expected), "{message}");
+    }
+}

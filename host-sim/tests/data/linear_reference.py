@@ -13,7 +13,8 @@ import warnings
 import control
 import numpy as np
 import scipy
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
+from scipy.optimize import brentq, minimize
 
 warnings.filterwarnings("ignore")
 
@@ -137,6 +138,85 @@ def kalman():
     }
 
 
+def sampled_loop(position, filter_part):
+    """The PIVT-6 as the core samples it at 1 kHz, the voltage 0.2 ms after the tick. States: speed, current, (angle),
+    voltage on its way, mean speed, mean current, filtered mean speed, integral of speed or angle."""
+    period, delay = 1e-3, 0.2e-3
+    a2, b2 = armature(**MOTORS["pivt6"])
+    a4, b4 = np.zeros((4, 4)), np.zeros((4, 1))
+    a4[:2, :2], a4[2:, :2], b4[:2] = a2, np.eye(2), b2  # speed, current, angle, charge
+    phi, before, now = zoh(a4, b4, period, delay)
+    n = 8 if position else 7
+    angle, waiting, mean_speed, mean_current, filtered, integral = 2, n - 5, n - 4, n - 3, n - 2, n - 1
+    a, b = np.zeros((n, n)), np.zeros((n, 1))
+
+    def row(to, source, factor):
+        a[to, :2], a[to, waiting], b[to] = phi[source, :2] * factor, before[source, 0] * factor, now[source, 0] * factor
+
+    row(0, 0, 1), row(1, 1, 1), row(mean_speed, 2, 1 / period), row(mean_current, 3, 1 / period)
+    b[waiting] = 1
+    if position:
+        row(angle, 2, 1)
+        a[angle, angle] = 1
+    a[filtered, filtered], a[filtered, mean_speed] = 1 - filter_part, filter_part
+    a[integral, integral], a[integral, angle if position else mean_speed] = 1, period
+    measured = [angle, mean_speed, mean_current, integral] if position else [mean_speed, mean_current, integral]
+    weighed = [angle, 0, 1, integral] if position else [0, 1, integral]
+    return a, b, np.eye(n)[measured], weighed
+
+
+def weighted(position, q_diagonal, r):
+    """LQI of the PIVT-6: the Riccati equation's feedback of all states, and the cheapest feedback of what the core
+    measures, from deviations of each state of the size that a volt brings about at the crossover."""
+    a, b, c, weighed = sampled_loop(position, 1.0)
+    n = len(a)
+    q = np.zeros((n, n))
+    q[weighed, weighed] = np.array(q_diagonal) / r
+    p = solve_discrete_are(a, b, q, np.eye(1))
+    full = np.linalg.solve(1 + b.T @ p @ b, b.T @ p @ a)
+
+    motor = MOTORS["pivt6"]
+    plant = transfer_functions(**motor)[2 if position else 0]
+    damping = q_diagonal[1 if position else 0] / r / 2.5**2
+    terms = [(2, q_diagonal[-1] / r)] + ([(0, q_diagonal[0] / r), (-2, damping)] if position else [(0, damping)])
+
+    def root(power, weight):
+        excess = lambda x: np.log(weight * abs(plant(1j * np.exp(x))) ** 2) - power * x
+        return np.exp(brentq(excess, np.log(1e-3), np.log(1e3), xtol=1e-13)) if weight > 0 else 0.0
+
+    crossover = max(root(*term) for term in terms)
+    speed, current = 1 / motor["k"], 1 / motor["R"]
+    states = [speed, current] + ([speed / crossover] if position else []) + [1, speed, current, speed]
+    scales = np.array(states + [speed / crossover ** (2 if position else 1)])
+    start = np.diag(scales**2)
+
+    size = np.linalg.norm(c * scales, axis=1)
+
+    def cost(x):
+        k = (x / size)[None, :]
+        closed = a - b @ k @ c
+        if max(abs(np.linalg.eigvals(closed))) >= 1:
+            return np.inf, np.zeros_like(x)
+        p = solve_discrete_lyapunov(closed.T, q + c.T @ k.T @ k @ c)
+        covariance = solve_discrete_lyapunov(closed, start)
+        gradient = 2 * ((1 + b.T @ p @ b) * k @ c - b.T @ p @ a) @ covariance @ c.T
+        return np.trace(p @ start), (gradient / size).ravel()
+
+    unit = cost(full[0, np.argmax(c, axis=1)] * size)[0]
+    found = full[0, np.argmax(c, axis=1)] * size
+    for _ in range(20):
+        found = minimize(lambda x: [v / unit for v in cost(x)], found, jac=True, method="BFGS", tol=1e-13).x
+    assert max(abs(cost(found)[1])) < 1e-7 * unit, cost(found)
+    return {
+        "position": position,
+        "q": q_diagonal,
+        "r": r,
+        "crossover_rad_per_s": crossover,
+        "all_states": full.ravel().tolist(),
+        "measured": (found / size).tolist(),
+    }
+
+
 print(
     json.dumps(
         {
@@ -149,6 +229,11 @@ print(
             "michigan_position_pid": pid("michigan_position", 2, [21, 500, 0.15], 1.0),
             "dare": [dare(*case) for case in dare_cases()],
             "kalman": kalman(),
+            "weighted": [
+                weighted(False, [0.01, 0.0, 25.0], 0.1),
+                weighted(False, [0.04, 1.0, 4.0], 1 / 9),
+                weighted(True, [30.0, 0.02, 0.5, 400.0], 0.25),
+            ],
         },
         indent=1,
     )
