@@ -30,7 +30,7 @@ pub enum BoardError {
         reply: String,
     },
     /// No answer.
-    #[error("no answer to `{line}`: check port, baud rate and that the firmware runs")]
+    #[error("no answer to `{line}`: check port, baud rate, cable, and that the firmware runs")]
     Silent {
         /// What was sent.
         line: String,

@@ -264,9 +264,18 @@ impl Recording {
 
     /// The recording as CSV.
     pub fn to_csv(&self) -> String {
-        let mut text = self.columns.keys().map(|channel| channel.column()).collect::<Vec<_>>().join(",");
-        text.push('\n');
-        for row in 0..self.len() {
+        self.csv_header() + &self.csv_rows(0)
+    }
+
+    /// The first line of the CSV.
+    pub fn csv_header(&self) -> String {
+        self.columns.keys().map(|channel| channel.column()).collect::<Vec<_>>().join(",") + "\n"
+    }
+
+    /// The CSV's lines from a row on.
+    pub fn csv_rows(&self, first: usize) -> String {
+        let mut text = String::new();
+        for row in first..self.len() {
             for (index, values) in self.columns.values().enumerate() {
                 let comma = if index == 0 { "" } else { "," };
                 let value = values[row];

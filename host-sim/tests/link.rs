@@ -157,7 +157,7 @@ impl Line for Fake {
 fn recorded(fault: Fault) -> (Record, Arc<Mutex<String>>) {
     let (fake, heard) = Fake::new(fault);
     let mut link = Link::start(fake).unwrap();
-    let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| false, &mut |_| ());
+    let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| false, &mut |_| Ok(()));
     (record, heard)
 }
 
@@ -212,7 +212,7 @@ fn a_telemetry_that_stops_is_an_error_and_not_a_wait() {
 fn the_person_ends_it() {
     let (fake, heard) = Fake::new(Fault::None);
     let mut link = Link::start(fake).unwrap();
-    let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| true, &mut |_| ());
+    let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| true, &mut |_| Ok(()));
     assert_eq!(record.ended, Ended::Interrupted);
     let heard = heard.lock().unwrap();
     assert!(heard.find("stop").unwrap() < heard.rfind("disarm").unwrap());

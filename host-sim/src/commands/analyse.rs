@@ -11,8 +11,13 @@ use nalgebra::Complex;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Prints transfer functions, poles, time constants and gains: motorbench analyse --rig rig.toml
+/// Of a terminal.
+const COLUMNS: usize = 80;
+
+/// Prints transfer functions, poles, time constants and gains of a motor.
 #[derive(Args)]
+#[command(after_help = "Example:
+  motorbench analyse --rig rig.toml")]
 pub struct Arguments {
     /// Rig or model file with the table [motor].
     #[arg(long, alias = "model", value_name = "FILE")]
@@ -42,6 +47,12 @@ pub fn motor_of(path: &Path) -> Result<(MotorParameters, Rig), Failure> {
     Ok((motor, rig))
 }
 
+/// Numerator over denominator, on two lines where one is too long for a terminal.
+fn equation(name: &str, function: &str) -> String {
+    let line = format!("{name:14} {function}\n");
+    if line.len() <= COLUMNS + 1 { line } else { line.replace(" / ", &format!("\n{:14} / ", "")) }
+}
+
 /// Poles and zeros as pairs of real and imaginary part.
 fn figures(motor: &MotorParameters) -> Value {
     let constants = TimeConstants::of(motor);
@@ -62,7 +73,11 @@ fn figures(motor: &MotorParameters) -> Value {
 fn analysis(motor: &MotorParameters) -> String {
     let constants = TimeConstants::of(motor);
     let (speed, current, angle) = (speed(motor), current(motor), angle(motor));
-    let mut text = format!("w(s)/U(s)      {speed}\nI(s)/U(s)      {current}\ntheta(s)/U(s)  {angle}\n\n");
+    let mut text = String::new();
+    for (name, function) in [("w(s)/U(s)", speed.to_string()), ("I(s)/U(s)", current.to_string())] {
+        text += &equation(name, &function);
+    }
+    text += &(equation("theta(s)/U(s)", &angle.to_string()) + "\n");
     text += &format!("electromechanical time constant J R / k^2  {:.4} ms\n", 1e3 * constants.electromechanical_s);
     text += &format!("electromagnetic time constant L / R        {:.4} ms\n", 1e3 * constants.electromagnetic_s);
     text += &format!("poles   {} rad/s\n", list(&speed.poles()));

@@ -91,7 +91,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         });
         println!("{result:#}");
     } else {
-        println!("{}\ngains: {line}", found.text);
+        println!("{}\ngains", found.text);
+        gains.iter().for_each(|(name, value)| println!("  {name} {value:.6}"));
         println!(
             "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s",
             arguments.reference
@@ -107,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write(path, &(line + "\n"))?;
     }
     if !arguments.json {
-        println!("accepted; the board has them until its next reset: `motorbench connect save` keeps them");
+        println!("accepted; the board has them until its next reset:\n`motorbench connect save` keeps them");
     }
     Ok(())
 }

@@ -4,9 +4,10 @@ use super::live::LiveArguments;
 use super::{Failure, bar, write};
 use crate::board::{Board, BoardError};
 use crate::link::coverage::{Coverage, Lack};
+use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
-use crate::link::record::{Ended, Record, by_name, duration_ticks, record};
-use crate::link::{self, Link, VERSION};
+use crate::link::record::{Asked, Ended, Record, by_name, is_played, record};
+use crate::link::{self, Link, Losses, VERSION};
 use crate::live::Live;
 use crate::rig::{NominalMotor, Rig};
 use crate::telemetry;
@@ -14,7 +15,7 @@ use crate::tune::{Keeper, Session, screen};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
-use motorbench_core::message::Sample;
+use motorbench_core::message::{Mode, Sample};
 use motorbench_core::settings::{Param, Settings, find};
 use std::collections::BTreeMap;
 use std::io::{BufRead, IsTerminal, stdin};
@@ -82,8 +83,11 @@ pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
 /// Talks to a board's console: what is given, or line by line from the terminal.
 #[derive(Args)]
 #[command(after_help = "Examples:
-  motorbench connect                         (line by line; an empty line stops the motor, Ctrl-D ends)
-  motorbench connect --port /dev/ttyACM0 status 'show speed_kp'")]
+  motorbench connect
+  motorbench connect --port /dev/ttyACM0 status 'show speed_kp'
+
+Without lines it takes them from the terminal; an empty line stops the motor,
+Ctrl-D ends.")]
 pub struct ConnectArguments {
     #[command(flatten)]
     port: PortArguments,
@@ -153,14 +157,15 @@ impl Excitation {
 /// Plays an excitation on a board and records it at full rate, with rig file and side file.
 #[derive(Args)]
 #[command(after_help = "Examples:
-  motorbench record --out run.csv                                 (20 s of the sequence that tells most apart)
-  motorbench record --sequence steps --amplitude 6 --period 800 --count 4 --out steps.csv
+  motorbench record --out run.csv
+  motorbench record --sequence steps --amplitude 6 --period 800 --count 4
   motorbench record --mode speed --sequence levels --amplitude 80 --out loop.csv
   motorbench record --live plotjuggler --live teleplot=192.168.1.20:47269
 
-Beside run.csv it writes run.rig.toml, for motorbench diagnose, run.scenario.toml, for validate, and run.json: firmware,
-settings, what was lost.
-Ctrl-C stops the motor and keeps what has come.")]
+Without --sequence it plays the 20 s that tell the most causes apart. Beside
+run.csv it writes run.rig.toml, for motorbench diagnose, run.scenario.toml, for
+validate, and run.json: firmware, settings, what was lost. Ctrl-C stops the
+motor and keeps what has come.")]
 pub struct RecordArguments {
     #[command(flatten)]
     port: PortArguments,
@@ -186,8 +191,8 @@ pub struct RecordArguments {
     #[arg(long, default_value = "open")]
     mode: String,
     /// Settings to change for this recording: NAME=VALUE.
-    #[arg(long = "set", value_name = "NAME=VALUE")]
-    set: Vec<String>,
+    #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
+    set: Vec<(String, f64)>,
     /// A rig file whose nominal constants of the motor go into the new one.
     #[arg(long, value_name = "RIG.toml")]
     motor: Option<PathBuf>,
@@ -201,6 +206,11 @@ pub struct RecordArguments {
     json: bool,
 }
 
+fn assignment(text: &str) -> Result<(String, f64), String> {
+    let parts = text.split_once('=').and_then(|(name, value)| Some((name.into(), value.parse().ok()?)));
+    parts.ok_or("expected NAME=VALUE, for instance current_limit=0".into())
+}
+
 /// Runs `record`.
 ///
 /// # Errors
@@ -210,32 +220,58 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
         Some(path) => Rig::read(path).map_err(Failure::input)?.motor,
         None => NominalMotor::default(),
     };
-    // Before the motor turns: a full disk or a wrong folder shall not cost a recording.
-    write(&arguments.out, "")?;
+    // Before the motor turns: a wrong folder shall not cost a recording.
+    let out = &arguments.out;
+    let mut growing = GrowingCsv::new(out).map_err(|error| Failure::machine(format!("{}: {error}", out.display())))?;
     let stopped = on_interrupt()?;
     let mut live = arguments.live.open()?;
     let (mut link, _) = arguments.port.open()?;
     let (settings, played) = prepare(&mut link, arguments)?;
-    let kind = arguments.sequence.kind();
-    let ticks = duration_ticks(kind, arguments.period, arguments.count, &settings);
+    let ticks = played.asked(arguments.sequence).sequence(Mode::OpenLoop, &settings).duration_ticks();
     let mut coverage = Coverage::new(&settings);
     let bar = bar(ticks.into());
     bar.set_style(
         ProgressStyle::with_template("{bar:40} {percent} % {elapsed}\n{msg}").expect("a constant that is right"),
     );
-    let done = record(&mut link, settings, &played.order(), &|| stopped.load(Ordering::Relaxed), &mut |came| {
+    let mut done = record(&mut link, settings, &played.order(), &|| stopped.load(Ordering::Relaxed), &mut |came| {
         bar.inc(came.len() as u64);
         coverage.add(came);
         bar.set_message(coverage.covered().to_string());
         send(&mut live, came, &settings);
+        growing
+            .add(came, &settings)
+            .map_err(|error| format!("{}: {error}: make room on the disk, or choose another with --out", out.display()))
     });
     bar.finish_and_clear();
-    let side = write_all(arguments, &done, &link.firmware, &played, nominal)?;
-    if arguments.json {
-        print!("{side}");
-        return ended(&done.ended, &arguments.out);
+    if !played.agrees(arguments.sequence, &done) {
+        done.ended = Ended::Failed(
+            "the board has played another sequence than it was told: the line damages what it carries, use a shorter cable or another USB port".into(),
+        );
     }
-    report(arguments, &done)
+    finish(arguments, &done, &link.firmware, &played, nominal)
+}
+
+/// Writes what belongs beside the recording and says what became of it.
+fn finish(
+    arguments: &RecordArguments,
+    done: &Record,
+    firmware: &str,
+    played: &Played,
+    nominal: NominalMotor,
+) -> Result<(), Failure> {
+    let side = write_beside(arguments, done, firmware, played, nominal);
+    match &side {
+        Ok(side) if arguments.json => print!("{side}"),
+        _ if arguments.json => {}
+        _ => report(arguments, done),
+    }
+    // How it ended comes before what cannot be written any more.
+    ended(&done.ended, done.samples.len(), &arguments.out)?;
+    side?;
+    if !arguments.json {
+        next(arguments);
+    }
+    Ok(())
 }
 
 /// Sends samples on to plotters, and no more of them once that fails: a plotter shall not cost a recording.
@@ -274,6 +310,17 @@ impl Played {
         format!("sequence {sequence} {amplitude} {offset} {period_ms} {count} {seed}")
     }
 
+    fn asked(&self, excitation: Excitation) -> Asked {
+        let Self { amplitude, offset, period_ms, count, seed, .. } = *self;
+        Asked { kind: excitation.kind(), amplitude, offset, period_ms, count, seed }
+    }
+
+    /// Whether a whole recording is of this.
+    fn agrees(&self, excitation: Excitation, done: &Record) -> bool {
+        let Some(first) = done.samples.first().filter(|_| done.ended == Ended::Complete) else { return true };
+        is_played(&done.samples, &self.asked(excitation).sequence(first.state.mode(), &done.settings))
+    }
+
     /// The recording as a scenario, without a motor: mode, what the settings have of their own, and this as its reference.
     fn scenario(&self, mode: &str, done: &Record) -> Result<String, Failure> {
         let defaults = Settings::defaults();
@@ -305,13 +352,13 @@ struct Course<'a> {
 /// Settings, mode, armed; the settings as the board then has them and what to play.
 fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settings, Played), Failure> {
     link.command("disarm")?;
-    for pair in &arguments.set {
-        let (name, value) = pair.split_once('=').ok_or_else(|| {
-            Failure::input(format!("--set {pair}: expected NAME=VALUE, for instance current_limit=0"))
-        })?;
+    for (name, value) in &arguments.set {
         link.command(&format!("set {name} {value}"))?;
     }
     let settings = link.settings()?;
+    for (name, value) in &arguments.set {
+        reads_back(&settings, name, *value as f32)?;
+    }
     let amplitude =
         arguments.amplitude.unwrap_or_else(|| (8.0 * f64::from(settings.get(Param::SupplyVoltage))).round() / 10.0);
     let sequence = arguments.sequence.to_possible_value().expect("none is skipped").get_name().to_owned();
@@ -325,82 +372,93 @@ pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
     out.with_extension(extension)
 }
 
-/// Writes the recording and what belongs beside it; the side file's text.
-fn write_all(
+/// Writes what belongs beside a recording; the side file's text.
+fn write_beside(
     arguments: &RecordArguments,
     done: &Record,
     firmware: &str,
     played: &Played,
     nominal: NominalMotor,
 ) -> Result<String, Failure> {
-    let side = write_recording(&arguments.out, done, nominal, &done.side_file(firmware, &played.order()))?;
-    if !done.samples.is_empty() {
-        write(&beside(&arguments.out, "scenario.toml"), &played.scenario(&arguments.mode, done)?)?;
+    let side = done.side_file(firmware, &played.order());
+    if done.samples.is_empty() {
+        // The files of an earlier recording stay as they are.
+        return pretty(&side);
     }
-    Ok(side)
+    write(&beside(&arguments.out, "scenario.toml"), &played.scenario(&arguments.mode, done)?)?;
+    write_rig_and_side(&arguments.out, done, nominal, &side)
 }
 
-/// Writes a recording, rig and side file; the latter's text.
-fn write_recording(
+fn pretty(side: &serde_json::Value) -> Result<String, Failure> {
+    Ok(serde_json::to_string_pretty(side).map_err(Failure::machine)? + "\n")
+}
+
+/// Writes rig and side file; the latter's text.
+fn write_rig_and_side(
     out: &Path,
     done: &Record,
     nominal: NominalMotor,
     side: &serde_json::Value,
 ) -> Result<String, Failure> {
-    write(out, &telemetry::recording("record", &done.samples, &done.settings).to_csv())?;
     let rig = toml::to_string(&telemetry::rig(&done.settings, nominal)).map_err(Failure::machine)?;
     write(&beside(out, "rig.toml"), &rig)?;
-    let side = serde_json::to_string_pretty(side).map_err(Failure::machine)? + "\n";
+    let side = pretty(side)?;
     write(&beside(out, "json"), &side)?;
     Ok(side)
 }
 
-fn report(arguments: &RecordArguments, done: &Record) -> Result<(), Failure> {
+fn report(arguments: &RecordArguments, done: &Record) {
     let out = arguments.out.display();
     let rate_hz = f64::from(done.settings.get(Param::TickRate));
-    let seconds = done.samples.len() as f64 / rate_hz;
     let missing = done.missing_ticks();
+    let seconds = (done.samples.len() as f64 + f64::from(missing)) / rate_hz;
     println!("{out}: {} samples, {seconds:.2} s, {missing} missing", done.samples.len());
-    if done.losses != link::Losses::default() {
-        println!(
-            "on the line {} frames were lost and {} damaged: use a shorter cable or another USB port",
-            done.losses.lost_frames, done.losses.damaged_frames
-        );
+    if done.losses != Losses::default() {
+        let Losses { lost_frames, damaged_frames } = done.losses;
+        println!("on the line {lost_frames} frames were lost, of them {damaged_frames} damaged:");
+        println!("a shorter cable, another USB port, no hub; or a computer that was too busy");
     }
     if !done.samples.is_empty() {
         let covered = done.coverage();
         println!("{covered}");
         covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
     }
-    ended(&done.ended, &arguments.out)?;
-    let rig = beside(&arguments.out, "rig.toml");
+}
+
+/// What a person would do next.
+fn next(arguments: &RecordArguments) {
+    let (out, rig) = (arguments.out.display(), beside(&arguments.out, "rig.toml"));
     let (rig, scenario) = (rig.display(), beside(&arguments.out, "scenario.toml"));
     match arguments.mode.as_str() {
         "open" => println!("next: motorbench diagnose {out} --rig {rig}"),
-        _ => {
-            println!("next: motorbench validate {out} --scenario {} --rig {rig} --model MODEL.toml", scenario.display())
-        }
+        _ => println!(
+            "next: motorbench validate {out} --scenario {} \\\n  --rig {rig} --model MODEL.toml",
+            scenario.display()
+        ),
     }
-    Ok(())
 }
 
 /// An end before its time is a failure, with what was kept.
-pub(super) fn ended(ended: &Ended, out: &Path) -> Result<(), Failure> {
-    let out = out.display();
+pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failure> {
+    let kept = match kept {
+        0 => "nothing had come".to_string(),
+        _ => format!("{} holds what had come", out.display()),
+    };
     match ended {
         Ended::Complete => Ok(()),
-        Ended::Interrupted => Err(Failure::input(format!("stopped by hand; {out} holds what had come"))),
+        Ended::Interrupted => Err(Failure::input(format!("stopped by hand; {kept}"))),
         Ended::Tripped(trip) => Err(Failure::input(format!(
-            "the drive tripped ({trip}); {out} holds what had come. Clear the cause, then `clear`; for a recording limits can be raised with --set, for instance --set current_limit=0 --set trip_peak=2"
+            "the drive tripped ({trip}); {kept}. Clear the cause, then `clear`; for a recording limits can be raised with --set, for instance --set current_limit=0 --set trip_peak=2"
         ))),
-        Ended::Failed(why) => Err(Failure::machine(format!("{why}; {out} holds what had come"))),
+        Ended::Refused(why) => Err(Failure::input(why)),
+        Ended::Failed(why) => Err(Failure::machine(format!("{why}; {kept}"))),
     }
 }
 
 /// Sends a file of console lines, as `motorbench design` writes them, and reads back what the board made of it.
 #[derive(Args)]
 #[command(after_help = "Example:
-  motorbench design --rig rig.toml --model model.toml --speed --bandwidth-Hz 10 --console gains.txt
+  motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --console gains.txt
   motorbench send gains.txt --save")]
 pub struct SendArguments {
     #[command(flatten)]
@@ -456,6 +514,15 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// What is sent to the board has no check sum.
+fn reads_back(settings: &Settings, name: &str, sent: f32) -> Result<(), Failure> {
+    let shown = find(name.as_bytes()).map(|param| settings.get(param));
+    match shown.filter(|shown| (shown - sent).abs() > 2e-3 * sent.abs().max(1e-3)) {
+        Some(shown) => Err(Failure::input(format!("{name} reads back as {shown} instead of {sent}"))),
+        None => Ok(()),
+    }
+}
+
 /// Compares every setting that was sent with what the board shows, to the three digits it prints.
 fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
     let settings = link.settings()?;
@@ -463,11 +530,8 @@ fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
     for line in text.lines().filter_map(|line| line.trim().strip_prefix("set ")) {
         let words: Vec<&str> = line.split_whitespace().collect();
         for pair in words.chunks_exact(2) {
-            let (Some(param), Ok(sent)) = (find(pair[0].as_bytes()), pair[1].parse::<f32>()) else { continue };
-            let shown = settings.get(param);
-            if (shown - sent).abs() > 2e-3 * sent.abs().max(1e-3) {
-                return Err(Failure::input(format!("{} reads back as {shown} instead of {sent}", pair[0])));
-            }
+            let Ok(sent) = pair[1].parse::<f32>() else { continue };
+            reads_back(&settings, pair[0], sent)?;
             checked += 1;
         }
     }
@@ -476,9 +540,10 @@ fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
 
 /// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
 #[derive(Args)]
-#[command(after_help = "Keys: a arm, space stop, s step test, up/down choose a gain, left/right 10 % less or more,
--/+ reference, tab PID or LQR, u undo, w save on the board, r begin and end a recording (every sample at the
-board's time), q quit. Without this program the drive stops by itself after half a second.
+#[command(after_help = "Keys: a arm, space stop, s step test, up/down choose a gain, left/right 10 %
+less or more, -/+ reference, tab PID or LQR, u undo, w save on the board,
+r begin and end a recording (every sample at the board's time), q quit. Without
+this program the drive stops by itself after half a second.
 
 Example:
   motorbench tune --reference 60")]
@@ -510,7 +575,9 @@ impl Keeper for Numbered {
         };
         let mut side = record.side_file(firmware, "by hand, in motorbench tune");
         side["settings_before"] = by_name(before).into();
-        match write_recording(&out, record, NominalMotor::default(), &side) {
+        let csv = telemetry::recording("tune", &record.samples, &record.settings).to_csv();
+        let written = write(&out, &csv).and_then(|()| write_rig_and_side(&out, record, NominalMotor::default(), &side));
+        match written {
             Ok(_) => format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks()),
             Err(failure) => format!("not kept: {}", failure.message),
         }

@@ -23,8 +23,10 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "Examples:
   motorbench compare monday.csv friday.csv --plot both.svg
   motorbench compare linear.toml extended.toml --voltage 12
-  motorbench compare before.json after.json       (of motorbench identify --json: differences in sigmas)
-  motorbench compare run.csv model.toml --rig rig.toml")]
+  motorbench compare run.csv model.toml --rig rig.toml
+  motorbench compare before.json after.json
+
+The last are results of identify or diagnose --json: differences in sigmas.")]
 pub struct Arguments {
     /// Recording (.csv), model (.toml), or constants with intervals (.json of identify or diagnose).
     first: PathBuf,

@@ -9,11 +9,15 @@ use std::path::{Path, PathBuf};
 /// Converts recordings from and to CSV of other kinds, PlotJuggler, WPILib SysId and WPILOG, MATLAB and NumPy.
 #[derive(Args)]
 #[command(after_help = "Examples:
-  motorbench convert log.wpilog run.csv --map velocity=omega_rad_per_s*6.2832 --map volts=u_V
-  motorbench convert scope.csv run.csv --decimal-comma --map Zeit=t_s --map Drehzahl=rpm
+  motorbench convert log.wpilog run.csv --map velocity=omega_rad_per_s*6.2832 \\
+    --map volts=u_V
+  motorbench convert scope.csv run.csv --decimal-comma --map Zeit=t_s \\
+    --map Drehzahl=rpm
   motorbench convert run.csv run.mat
   motorbench convert run.csv jug.csv --to plotjuggler
-  motorbench convert sysid.json run.csv        (docs/formats.md says what each format holds)")]
+  motorbench convert sysid.json run.csv
+
+docs/formats.md says what each format holds.")]
 pub struct Arguments {
     /// What is there; its ending says the format.
     source: PathBuf,

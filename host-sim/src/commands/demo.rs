@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let diagnosis = diagnosed(recording, &settings, nominal)?;
     say(page::page(&diagnosis).trim_end());
     say(&format!(
-        "\n3. A speed loop of {BANDWIDTH_HZ} Hz, from the data sheet and from what was found, on the motor as it is\n"
+        "\n3. A speed loop of {BANDWIDTH_HZ} Hz, from the data sheet and from what was found,\n   on the motor as it is\n"
     ));
     let loops = Loops::compared(&truth, &nominal, &diagnosis)?;
     say(&loops.table());
@@ -312,9 +312,9 @@ impl Loops {
     }
 
     fn table(&self) -> String {
-        let mut text = format!("   {:44} {:>22} {:>16}\n", "speed error, rms", "about standstill", "in all");
+        let mut text = format!("   {:30} {:>22} {:>16}\n", "speed error, rms", "about standstill", "in all");
         for Attempt { name, slow_rms, all_rms, .. } in &self.attempts {
-            text += &format!("   {name:44} {:>16} rad/s {:>10} rad/s\n", page::short(*slow_rms), page::short(*all_rms));
+            text += &format!("   {name:30} {:>16} rad/s {:>10} rad/s\n", page::short(*slow_rms), page::short(*all_rms));
         }
         text += "\n   For the board's console:";
         self.commands.iter().for_each(|command| text += &format!("\n     {command}"));
@@ -376,10 +376,10 @@ fn hidden(truth: &Model) -> String {
     for term in &truth.terms {
         let constants: Vec<String> =
             term.named().map(|(name, value)| format!("{name} = {}", page::short(value))).collect();
-        text += &format!("  {}: {}\n", term.id(), constants.join(", "));
+        text += &page::wrapped(&format!("{}: {}", term.id(), constants.join(", ")), "  ", "    ");
     }
     let motor = truth.motor.named().map(|(name, value)| format!("{name} = {}", page::short(value)));
-    text + &format!("  the motor: {}", motor.join(", "))
+    text + page::wrapped(&format!("the motor: {}", motor.join(", ")), "  ", "    ").trim_end()
 }
 
 #[cfg(test)]

@@ -14,16 +14,22 @@ use crate::rig::Rig;
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
 
-/// Designs PID and LQR for a motor: motorbench design --rig rig.toml --speed --bandwidth-Hz 10
+/// Designs PID and LQR for a motor, by a specification or by weights.
 #[derive(Args)]
 #[command(group(ArgGroup::new("quantity").required(true)), group(ArgGroup::new("how_fast").required(true)))]
 #[command(group(ArgGroup::new("motor").required(true).multiple(true)))]
 #[command(group(ArgGroup::new("largest_voltage")))]
+#[command(override_usage = "motorbench design --speed|--position
+       --bandwidth-Hz HZ|--settling-s S|--q ... --r R|--largest ... --largest-V V
+       --rig RIG.toml [--model MODEL.toml] [OPTIONS]")]
 #[command(after_help = "Examples:
   motorbench design --rig rig.toml --speed --bandwidth-Hz 10
-  motorbench design --rig rig.toml --model model.toml --position --pid --settling-s 0.3 --report design.html
-  motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --compensate --coulomb-Nm 0.01
-  motorbench design --rig rig.toml --speed --lqr --largest 10,1,0.2 --largest-V 3
+  motorbench design --rig rig.toml --model model.toml --position --pid \\
+    --settling-s 0.3 --report design.html
+  motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --compensate \\
+    --coulomb-Nm 0.01
+  motorbench design --rig rig.toml --speed --lqr --largest 10,1,0.2 \\
+    --largest-V 3
   motorbench design --rig rig.toml --position --lqr --q 100,0.2,0,1000 --r 1")]
 pub struct Arguments {
     /// Rig file: supply, encoder, and the motor unless a model gives it.

@@ -13,10 +13,14 @@ use std::path::{Path, PathBuf};
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench diagnose run.csv --rig rig.toml
-  motorbench diagnose a.csv b.csv --rig rig.toml --report diagnosis.html --model model.toml
-  motorbench diagnose log.csv --column time=t_s --column speed=omega_rad_per_s --json -
-  motorbench diagnose no_load_table.csv --rig rig.toml      (steady states, without t_s)
-  motorbench diagnose --batch runs/ --rig rig.toml > results.jsonl   (each file alone, one line each)")]
+  motorbench diagnose a.csv b.csv --rig rig.toml --report diagnosis.html
+  motorbench diagnose log.csv --column time=t_s \\
+    --column speed=omega_rad_per_s --json -
+  motorbench diagnose no_load_table.csv --rig rig.toml
+  motorbench diagnose --batch runs/ --rig rig.toml > results.jsonl
+
+A table without t_s is one of steady states. --batch takes each file alone, one
+line of JSON each.")]
 pub struct Arguments {
     /// Recordings of one rig: CSV with units in the column names (t_s with duty or u_V and omega_rad_per_s, rpm,
     /// theta_rad or counts, and i_A), or one table of steady states without t_s.

@@ -34,7 +34,7 @@ const TICK: Duration = Duration::from_millis(100);
 
 /// Identify, understand and control a DC motor on an Arduino Uno.
 #[derive(Parser)]
-#[command(name = "motorbench", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(name = "motorbench", version, max_term_width = 80, arg_required_else_help = true)]
 struct Program {
     #[command(subcommand)]
     command: Command,
@@ -60,12 +60,17 @@ enum Command {
     Send(board::SendArguments),
     Tune(board::TuneArguments),
     Autotune(autotune::Arguments),
-    /// Prints a completion script for a shell: motorbench completions bash > ~/.local/share/bash-completion/completions/motorbench
+    /// Prints a completion script for a shell.
+    #[command(after_help = "Example:
+  motorbench completions bash > \\
+    ~/.local/share/bash-completion/completions/motorbench")]
     Completions {
         /// Which shell.
         shell: clap_complete::Shell,
     },
-    /// Prints the manual page: motorbench man | man -l -
+    /// Prints the manual page.
+    #[command(after_help = "Example:
+  motorbench man | man -l -")]
     Man,
 }
 
@@ -88,6 +93,11 @@ impl Failure {
     pub fn machine(message: impl Display) -> Self {
         Self { message: message.to_string(), code: 3 }
     }
+}
+
+/// The command line: every command with its options and examples.
+pub fn command() -> clap::Command {
+    Program::command()
 }
 
 /// Runs the program with the arguments of this process.
@@ -137,13 +147,13 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Autotune(arguments) => autotune::run(&arguments),
         Command::Completions { shell } => {
             let mut script = Vec::new();
-            clap_complete::generate(shell, &mut Program::command(), "motorbench", &mut script);
+            clap_complete::generate(shell, &mut command(), "motorbench", &mut script);
             print!("{}", String::from_utf8_lossy(&script));
             Ok(())
         }
         Command::Man => {
             let mut page = Vec::new();
-            clap_mangen::Man::new(Program::command()).render(&mut page).map_err(Failure::machine)?;
+            clap_mangen::Man::new(command()).render(&mut page).map_err(Failure::machine)?;
             print!("{}", String::from_utf8_lossy(&page));
             Ok(())
         }

@@ -77,14 +77,12 @@ fn judged(scenario: &Scenario, outcome: &Outcome) -> Result<(), Failure> {
 }
 
 fn table(figures: &[Figures]) -> String {
-    let mut text = String::from(
-        "   time_s   course     from       to   rise_s settle_s  over_% steady_err track_rms     IAE   rms_V  peak_A\n",
-    );
+    let mut text = String::from("   time_s   course     from       to   rise_s settle_s  over_% steady_error\n");
     let or_dash = |value: Option<f64>| value.map_or("-".into(), short);
     for row in figures {
         let _ = writeln!(
             text,
-            "  {:>7} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>10} {:>9} {:>7} {:>7} {:>7}",
+            "  {:>7} {:>8} {:>8} {:>8} {:>8} {:>8} {:>7} {:>12}",
             short(row.time_s),
             row.course,
             short(row.from),
@@ -92,7 +90,11 @@ fn table(figures: &[Figures]) -> String {
             or_dash(row.rise_s),
             or_dash(row.settling_s),
             or_dash(row.overshoot_percent),
-            or_dash(row.steady_error),
+            or_dash(row.steady_error)
+        );
+        let _ = writeln!(
+            text,
+            "          tracking error {} rms, {} summed; voltage {} V rms; peak {} A",
             short(row.tracking_rms),
             short(row.iae),
             short(row.effort_v),

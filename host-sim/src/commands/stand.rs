@@ -3,7 +3,7 @@
 mod board;
 
 use super::{Failure, mapping, plot_file, write, write_plot};
-use crate::diagnose::page::{estimate, short};
+use crate::diagnose::page::{estimate, short, wrapped};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::stand::{Directions, EfficiencyMap, OperatingPoint, Stand, Winding, evaluate};
@@ -18,12 +18,14 @@ use std::path::{Path, PathBuf};
 /// points.
 #[derive(Args)]
 #[command(after_help = "Examples:
-  motorbench stand --rig rig.toml --both-directions --positions 6 --save today.csv
+  motorbench stand --rig rig.toml --both-directions --positions 6
   motorbench stand --port /tmp/motorbench --rig rig.toml --voltages 6,8,10,12
   motorbench stand no_load.csv --rig rig.toml --resistance positions.csv
-  motorbench stand now.csv --earlier last_year.csv --rig rig.toml --map efficiency.svg
+  motorbench stand now.csv --earlier last_year.csv --rig rig.toml \\
+    --map efficiency.svg
 
-Without a table the motor on the board is driven, without load. Ctrl-C stops it and keeps what has come.")]
+Without a table the motor on the board is driven, without load. Ctrl-C stops it
+and keeps what has come.")]
 pub struct Arguments {
     /// Table with u_V, i_A and omega_rad_per_s or rpm; rows with the rotor held tell the winding's resistance.
     table: Option<PathBuf>,
@@ -139,7 +141,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     text += "\nCauses\n";
     for cause in &stand.study.outcome.causes {
         let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
-        let _ = writeln!(text, "  {}: {}", cause.effect, constants.collect::<Vec<_>>().join(", "));
+        text += &wrapped(&format!("{}: {}", cause.effect, constants.collect::<Vec<_>>().join(", ")), "  ", "    ");
     }
     if let Some(winding) = &stand.winding {
         let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
@@ -191,7 +193,7 @@ fn condition(text: &mut String, stand: &Stand) {
     for condition in &stand.condition {
         let (before, now) = (estimate(&condition.before), estimate(&condition.now));
         let _ = writeln!(text, "  {}: {}", condition.part, condition.verdict);
-        let _ = writeln!(text, "    {}: {before} -> {now} ({:+.1} sigmas)", condition.quantity, condition.sigmas);
+        let _ = writeln!(text, "    {}, {:+.1} sigmas:\n    {before} -> {now}", condition.quantity, condition.sigmas);
     }
 }
 

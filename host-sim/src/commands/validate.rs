@@ -19,8 +19,11 @@ use std::path::{Path, PathBuf};
 /// Puts a measured closed loop beside the simulated one: one plot, fit per channel, figures of both, and what remains.
 #[derive(Args)]
 #[command(after_help = "Example:
-  motorbench validate loop.csv --scenario loop.scenario.toml --model found.toml --rig loop.rig.toml --plot both.svg
-A scenario has the references and settings that were recorded; motorbench record writes it: docs/scenarios.md")]
+  motorbench validate loop.csv --scenario loop.scenario.toml \\
+    --rig loop.rig.toml --model found.toml --plot both.svg
+
+A scenario has the references and settings that were recorded; motorbench record
+writes it: docs/scenarios.md")]
 pub struct Arguments {
     /// The recording of the loop, from the start of the scenario or from up to a quarter of its length before.
     measured: PathBuf,

@@ -13,15 +13,18 @@ use std::path::PathBuf;
   motorbench virtual &
   motorbench record --port /tmp/motorbench --out run.csv
   motorbench virtual --rig rig.toml --model model.toml --link /tmp/mine
-  motorbench virtual --eeprom board.bin --with 'effect cogging cosine_Nm=0.002 sine_Nm=0 periods_per_rev=7'
+  motorbench virtual --eeprom board.bin \\
+    --with 'effect cogging cosine_Nm=0.002 sine_Nm=0 periods_per_rev=7'
 
 While it runs it takes lines, as --with does for its start:
-  motor resistance_ohm=7            constants of the motor, by their names in a model file
-  effect coulomb_friction torque_Nm=0.02    an effect of the catalogue, or other constants of it
-  effect coulomb_friction off       without it
-  model FILE.toml                   another motor with its effects; the shaft turns on
+  motor resistance_ohm=7              constants of the motor, as in a model file
+  effect coulomb_friction torque_Nm=0.02
+                                      an effect of the catalogue
+  effect coulomb_friction off         without it
+  model FILE.toml                     another motor with its effects
   load NM, supply V, block on|off, turn DEGREES (and hold)
-  encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off (the emergency stop), reset, quit")]
+  encoder ok|unplugged|swapped, current ok|open|high|low
+  stop on|off (the emergency stop), reset, quit")]
 pub struct Arguments {
     /// Motor and supply from a rig file; without it the test stand's motor with friction and an L293D.
     #[arg(long)]
@@ -201,7 +204,7 @@ mod with_chip {
         let _open = std::fs::File::options().read(true).write(true).open(&name).map_err(Failure::machine)?;
         drop(port);
         let named = NamedPort::new(&arguments.link, &name)?;
-        println!("virtual board at {} ({name}); lines change it: {ORDERS}", named.0.display());
+        println!("virtual board at {} ({name}); lines change it:\n{ORDERS}", named.0.display());
         let orders = orders();
         let (begun, ended) = (Instant::now(), super::super::board::on_interrupt()?);
         let mut clock = (Instant::now(), 0.0);

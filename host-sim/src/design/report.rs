@@ -35,7 +35,7 @@ pub fn summary(design: &Design) -> String {
     text += &format!("  weights          {} ({}; voltage)\n", design.weights.options(), weighed.join(", "));
     let (figures, step) = (&design.figures, &design.figures.step);
     text += &format!(
-        "  linear loop      bandwidth {:.2} Hz, rise {:.1} ms, settling {:.1} ms, overshoot {:.1} %\n",
+        "  linear loop      bandwidth {:.2} Hz, rise {:.1} ms, settling {:.1} ms,\n                   overshoot {:.1} %\n",
         figures.bandwidth_hz,
         1e3 * step.rise_s,
         1e3 * step.settling_s,
@@ -50,12 +50,12 @@ pub fn summary(design: &Design) -> String {
         1e3 * margins.delay_s
     );
     text += &format!(
-        "  parameters +-30% modulus {:.2}, largest eigenvalue {:.4} (with the model's own {:.4})\n",
+        "  parameters +-30% modulus {:.2}, largest eigenvalue {:.4} (unchanged {:.4})\n",
         design.robustness.worst_modulus, design.robustness.worst_spectral_radius, design.robustness.spectral_radius
     );
     let (trial, unit) = (&design.trial, unit(design.law));
     text += &format!(
-        "  on the core      step to {:.2} {unit}: at most {:.2} V, {:.2} A, overshoot {:.1} %; at the end off by {:.4} {unit}; at a limit {:.0} %\n",
+        "  on the core      step to {:.2} {unit}: at most {:.2} V, {:.2} A, overshoot {:.1} %;\n                   at the end off by {:.4} {unit}; at a limit {:.0} %\n",
         trial.step,
         trial.peak_v,
         trial.peak_a,

@@ -122,12 +122,12 @@ fn cause_lines(number: usize, cause: &Cause) -> String {
 
 fn errors(outcome: &Outcome) -> String {
     let mut text = String::from("Error on data that no fit has seen (rms, free-running simulation)\n");
-    let _ = writeln!(text, "  {:28} {:>10} {:>10} {:>10}   fit", "", "linear", "extended", "noise");
+    let _ = writeln!(text, "  {:20} {:>10} {:>10} {:>10}   fit", "", "linear", "extended", "noise");
     for (channel, base) in &outcome.fit["base"] {
         let (extended, floor) = (&outcome.fit["extended"][channel], &outcome.fit["noise_floor"][channel]);
         let _ = writeln!(
             text,
-            "  {channel:28} {:>10} {:>10} {:>10}   {:.1} % -> {:.1} %",
+            "  {channel:20} {:>10} {:>10} {:>10}   {:.1} % -> {:.1} %",
             short(base.rmse),
             short(extended.rmse),
             short(floor.rmse),

@@ -4,6 +4,7 @@
 //! command is answered, and what is lost or damaged on the way is counted. When it is dropped it disarms the drive.
 
 pub mod coverage;
+pub mod growing;
 pub mod port;
 pub mod record;
 
@@ -20,6 +21,17 @@ const START: Duration = Duration::from_secs(5);
 const CALL_AGAIN: Duration = Duration::from_millis(300);
 /// How long an answer may take; `show` is the longest.
 const ANSWER: Duration = Duration::from_secs(4);
+/// How often a line is sent that may have been damaged on its way.
+const TRIES: u32 = 3;
+/// A late answer to a line that was given up is not waited for longer.
+const LATE: Duration = Duration::from_millis(200);
+/// The answer to a keep-alive is not waited for longer.
+const KEPT_ALIVE: Duration = Duration::from_millis(50);
+/// The greeting of a board that begins: two lines outside of any frame.
+const GREETING: &[u8] = b"# motorbench ";
+const GREETING_CAUSE: &[u8] = b"# reset: ";
+/// Longer than the greeting, and than any frame.
+const OUTSIDE: usize = 256;
 /// Firmware and program understand each other within one version of the protocol.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
@@ -69,6 +81,10 @@ pub struct Link<L: Line> {
     samples: Vec<Sample>,
     reply: String,
     last_tick: Option<u32>,
+    /// What came since the end of the last frame: a board that begins anew greets there.
+    outside: Vec<u8>,
+    /// A line was given up without an answer, which may still come.
+    unanswered: bool,
     gone: bool,
     /// What the firmware says of itself.
     pub firmware: String,
@@ -86,19 +102,36 @@ impl<L: Line> Link<L> {
             samples: Vec::new(),
             reply: String::new(),
             last_tick: None,
+            outside: Vec::new(),
+            unanswered: false,
             gone: false,
             firmware: String::new(),
         };
         link.firmware = link.call()?;
-        let version = link.firmware.trim_start_matches("motorbench ").split([',', ' ']).next().unwrap_or_default();
+        if version(&link.firmware) != VERSION {
+            // Text has no check sum: what is said twice was said.
+            link.firmware = link.call()?;
+        }
+        let version = version(&link.firmware);
         if version != VERSION {
             return Err(BoardError::Failed(format!(
                 "the board runs motorbench {version}, this program is {VERSION}: flash the firmware of this version (`cargo flash`), or use the program of that one"
             )));
         }
-        link.command("stream binary")?;
+        link.switch_over()?;
         link.settle()?;
         Ok(link)
+    }
+
+    /// From text to the binary stream, in which the answer comes.
+    fn switch_over(&mut self) -> Result<(), BoardError> {
+        for _ in 1..TRIES {
+            match self.command("stream binary") {
+                Err(_) if !self.gone => {}
+                other => return other,
+            }
+        }
+        self.command("stream binary")
     }
 
     /// Calls until the firmware says its version, as text. A board that was streaming is told to stop first.
@@ -130,6 +163,7 @@ impl<L: Line> Link<L> {
     fn settle(&mut self) -> Result<(), BoardError> {
         self.poll()?;
         self.samples.clear();
+        self.outside.clear();
         (self.decoder.lost, self.decoder.damaged) = (0, 0);
         Ok(())
     }
@@ -139,29 +173,66 @@ impl<L: Line> Link<L> {
         Losses { lost_frames: self.decoder.lost, damaged_frames: self.decoder.damaged }
     }
 
+    /// Whether nothing more can be said to the firmware: the line is gone, or the board has begun anew.
+    pub fn is_gone(&self) -> bool {
+        self.gone
+    }
+
     /// Sends a line of the console; the lines of its answer, without `# ` and without the closing `ok`.
     ///
     /// # Errors
     /// [`BoardError`].
     pub fn ask(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
+        if std::mem::take(&mut self.unanswered) {
+            let end = Instant::now() + LATE;
+            while Instant::now() < end {
+                self.poll()?;
+            }
+        }
         self.reply.clear();
-        self.write(format!("{line}\n").as_bytes())?;
+        // What a damaged line has left at the board ends before this one begins.
+        self.write(format!("\n{line}\n").as_bytes())?;
         let end = Instant::now() + ANSWER;
         while Instant::now() < end {
             self.poll()?;
-            let whole = self.reply.ends_with('\n');
-            match self.reply.lines().last().filter(|_| whole) {
-                Some("ok") => {
-                    let lines = self.reply.lines().filter_map(|line| line.strip_prefix("# "));
-                    return Ok(lines.map(str::to_owned).collect());
-                }
-                Some(reply) if reply.starts_with("error: ") => {
-                    return Err(BoardError::Refused { line: line.into(), reply: reply.into() });
-                }
-                _ => {}
+            if let Some(answer) = self.answer(line) {
+                return answer;
             }
         }
-        Err(BoardError::Silent { line: line.into() })
+        self.unanswered = true;
+        Err(match self.decoder.damaged {
+            0 => BoardError::Silent { line: line.into() },
+            damaged => damaged_line(damaged, &format!("no answer to `{line}`")),
+        })
+    }
+
+    /// The answer, once it is whole.
+    fn answer(&self, line: &str) -> Option<Result<Vec<String>, BoardError>> {
+        let last = self.reply.ends_with('\n').then(|| self.reply.lines().last())??;
+        if last == "ok" {
+            let lines = self.reply.lines().filter_map(|line| line.strip_prefix("# "));
+            return Some(Ok(lines.map(str::to_owned).collect()));
+        }
+        let refused = || Err(BoardError::Refused { line: line.into(), reply: last.into() });
+        last.starts_with("error: ").then(refused)
+    }
+
+    /// Lets the board hear of its host, for `trip_host`. One that is damaged on its way is made good by the next.
+    ///
+    /// # Errors
+    /// [`BoardError`], when the line is gone.
+    pub fn keep_alive(&mut self) -> Result<(), BoardError> {
+        self.reply.clear();
+        self.write(b"\nalive\n")?;
+        let end = Instant::now() + KEPT_ALIVE;
+        while self.answer("alive").is_none() {
+            if Instant::now() > end {
+                self.unanswered = true;
+                return Ok(());
+            }
+            self.poll()?;
+        }
+        Ok(())
     }
 
     /// Saves the settings and waits until they are in the EEPROM, 3.4 ms a byte that differs.
@@ -185,6 +256,17 @@ impl<L: Line> Link<L> {
     /// # Errors
     /// [`BoardError`], also when it knows other settings than this program.
     pub fn settings(&mut self) -> Result<Settings, BoardError> {
+        for _ in 0..TRIES {
+            let before = self.losses();
+            let settings = self.shown();
+            if settings.is_ok() || self.losses() == before {
+                return settings;
+            }
+        }
+        Err(damaged_line(self.decoder.damaged, "the settings do not come whole"))
+    }
+
+    fn shown(&mut self) -> Result<Settings, BoardError> {
         let lines = self.ask("show")?;
         let mut settings = Settings::defaults();
         let mut known = 0;
@@ -218,17 +300,32 @@ impl<L: Line> Link<L> {
                 }
                 None => {}
             }
+            if byte == 0 {
+                self.outside.clear();
+            } else if self.outside.len() < OUTSIDE {
+                self.outside.push(byte);
+            }
         }
-        Ok(())
+        self.greeted()
+    }
+
+    /// A board that begins anew greets, and streams nothing.
+    fn greeted(&mut self) -> Result<(), BoardError> {
+        let after = |bytes: &[u8], what: &[u8]| {
+            let at = bytes.windows(what.len()).position(|window| window == what)?;
+            Some(bytes[at + what.len()..].to_vec())
+        };
+        let cause = after(&self.outside, GREETING).and_then(|rest| after(&rest, GREETING_CAUSE));
+        let Some(cause) = cause.filter(|cause| cause.ends_with(b"\n")) else { return Ok(()) };
+        self.gone = true;
+        Err(reset(String::from_utf8_lossy(&cause).trim_end()))
     }
 
     /// Ticks count up from a reset: one that goes back means another.
     fn take(&mut self, sample: Sample) -> Result<(), BoardError> {
         if self.last_tick.is_some_and(|last| sample.tick < last) {
             self.gone = true;
-            return Err(BoardError::Failed(
-                "the board was reset: the drive is off; look for a loose supply or a watchdog (`status` says the cause)".into(),
-            ));
+            return Err(reset("unknown"));
         }
         self.last_tick = Some(sample.tick);
         self.samples.push(sample);
@@ -247,13 +344,42 @@ impl<L: Line> Link<L> {
     }
 }
 
+/// What the firmware says of its version.
+fn version(greeting: &str) -> &str {
+    greeting.trim_start_matches("motorbench ").split([',', ' ']).next().unwrap_or_default()
+}
+
+/// `cause`: in the firmware's words.
+fn reset(cause: &str) -> BoardError {
+    let remedy = match cause {
+        "external" => "was its button pressed, or its port opened by another program?",
+        "power on" | "brown-out" => "look at its supply and the USB cable; does the motor draw from the same?",
+        "watchdog" | "main loop hung" | "panic" => "that is a fault of the firmware: please report it",
+        _ => "`motorbench connect status` says the cause; look for a loose supply",
+    };
+    BoardError::Failed(format!("the board was reset ({cause}), its drive is off: {remedy}"))
+}
+
+fn damaged_line(damaged: u32, what: &str) -> BoardError {
+    BoardError::Failed(format!(
+        "{what}: the line damages what it carries, {damaged} frames so far. Use a shorter cable, another USB port, no hub; keep the motor's leads away from it"
+    ))
+}
+
 /// The console's name of a setting.
 pub fn name(param: Param) -> String {
     text(param, Text::Name).map(char::from).collect()
 }
 
 impl<L: Line> Board for Link<L> {
+    /// A refused line had no effect: it is sent again, as it may have been another when it arrived.
     fn command(&mut self, line: &str) -> Result<(), BoardError> {
+        for _ in 1..TRIES {
+            match self.ask(line) {
+                Err(BoardError::Refused { .. }) => {}
+                answer => return answer.map(|_| ()),
+            }
+        }
         self.ask(line).map(|_| ())
     }
 
@@ -269,9 +395,10 @@ impl<L: Line> Board for Link<L> {
 }
 
 impl<L: Line> Drop for Link<L> {
-    /// Leaves the motor without drive and the console as a person expects it.
+    /// Leaves the motor without drive and the console as a person expects it; twice over a line that damages.
     fn drop(&mut self) {
-        if !self.gone {
+        let times = if self.decoder.damaged == 0 { 1 } else { TRIES };
+        for _ in 0..if self.gone { 0 } else { times } {
             let _ = self.line.send(b"\ndisarm\nstream off\necho on\n");
         }
     }

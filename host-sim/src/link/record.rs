@@ -3,9 +3,11 @@
 use super::coverage::{Coverage, Covered};
 use super::{Line, Link, Losses};
 use crate::board::{Board, BoardError};
-use motorbench_core::excitation::{Kind, Sequence};
-use motorbench_core::message::{Sample, State, Trip};
+use motorbench_core::excitation::{Kind, Player, Sequence};
+use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::settings::{Param, Settings};
+use motorbench_core::units::{FULL_RANGE, VOLT};
+use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
 /// How closely the telemetry is fetched.
@@ -14,6 +16,13 @@ const SLICE_S: f64 = 0.02;
 const BEGINNING: Duration = Duration::from_secs(2);
 /// The telemetry may pause this long, no longer.
 const PAUSE: Duration = Duration::from_secs(1);
+/// The program was held up when a slice took longer than this: the line was not silent for all of it.
+const SLICE_AT_MOST: Duration = Duration::from_millis(200);
+/// How often the drive is told to be off until it says so.
+const TRIES: u32 = 3;
+/// Samples of the beginning that may be lost, and bits that two roundings may differ by, when it is looked at what was played.
+const LOST_AT_FIRST: usize = 100;
+const ROUNDING: i32 = 2;
 /// How often a board that trips without its host hears of it.
 const KEEP_ALIVE: Duration = Duration::from_millis(100);
 
@@ -27,6 +36,8 @@ pub enum Ended {
     Interrupted,
     /// The drive switched itself off.
     Tripped(String),
+    /// The board refused what it was told.
+    Refused(String),
     /// The board or the line failed.
     Failed(String),
 }
@@ -35,6 +46,7 @@ impl From<BoardError> for Ended {
     fn from(error: BoardError) -> Self {
         match error {
             BoardError::Tripped(trip) => Self::Tripped(format!("{trip:?}")),
+            refused @ BoardError::Refused { .. } => Self::Refused(refused.to_string()),
             error => Self::Failed(error.to_string()),
         }
     }
@@ -89,7 +101,8 @@ pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value
 }
 
 /// Plays `order`, a `sequence` line of the console, in the present mode of an armed drive, and records it; disarms at the
-/// end. `stop` is asked again and again whether the person wants to; `hears` gets the samples of the sequence as they come.
+/// end. `stop` is asked again and again whether the person wants to; `hears` gets the samples of the sequence as they come,
+/// and ends the recording when it cannot keep them.
 ///
 /// What has come is never thrown away: whatever goes wrong is in [`Record::ended`].
 pub fn record<L: Line>(
@@ -97,17 +110,31 @@ pub fn record<L: Line>(
     settings: Settings,
     order: &str,
     stop: &dyn Fn() -> bool,
-    hears: &mut dyn FnMut(&[Sample]),
+    hears: Hears,
 ) -> Record {
     let mut samples = Vec::new();
     let alive = settings.get(Param::TripHost) > 0.0;
     let ended = play(link, order, alive, &mut samples, stop, hears).unwrap_or_else(Ended::from);
-    let off = link.command("disarm");
+    let off = switched_off(link);
     let ended = match (ended, off) {
         (Ended::Complete, Err(error)) => Ended::Failed(error.to_string()),
         (ended, _) => ended,
     };
     Record { samples, settings, ended, losses: link.losses() }
+}
+
+/// Who gets the samples while they come; what they could not be kept for is the error.
+pub type Hears<'a> = &'a mut dyn FnMut(&[Sample]) -> Result<(), String>;
+
+/// The drive is told until it has heard it, or until the line is gone.
+fn switched_off<L: Line>(link: &mut Link<L>) -> Result<(), BoardError> {
+    let mut off = link.command("disarm");
+    for _ in 1..TRIES {
+        if off.is_err() && !link.is_gone() {
+            off = link.command("disarm");
+        }
+    }
+    off
 }
 
 fn play<L: Line>(
@@ -116,30 +143,29 @@ fn play<L: Line>(
     alive: bool,
     samples: &mut Vec<Sample>,
     stop: &dyn Fn() -> bool,
-    hears: &mut dyn FnMut(&[Sample]),
+    hears: Hears,
 ) -> Result<Ended, BoardError> {
     link.samples(0.0)?;
     link.command(order)?;
-    let mut heard = Instant::now();
-    let begun = heard;
-    let mut spoke = heard;
+    let mut silent = Duration::ZERO;
+    let begun = Instant::now();
+    let mut spoke = begun;
     loop {
         if alive && spoke.elapsed() > KEEP_ALIVE {
-            link.command("alive")?;
+            link.keep_alive()?;
             spoke = Instant::now();
         }
+        let slice = Instant::now();
         let came = link.samples(SLICE_S)?;
-        if came.is_empty() && heard.elapsed() > PAUSE {
+        silent = if came.is_empty() { silent + slice.elapsed().min(SLICE_AT_MOST) } else { Duration::ZERO };
+        if silent > PAUSE {
             return Err(BoardError::Failed(
                 "the telemetry stopped: look at the cable and the supply of the board".into(),
             ));
         }
-        if !came.is_empty() {
-            heard = Instant::now();
-        }
         let before = samples.len();
         let ended = keep(&came, samples);
-        hears(&samples[before..]);
+        hears(&samples[before..]).map_err(BoardError::Failed)?;
         if let Some(ended) = ended? {
             return Ok(ended);
         }
@@ -171,8 +197,61 @@ fn keep(came: &[Sample], samples: &mut Vec<Sample>) -> Result<Option<Ended>, Boa
     Ok(None)
 }
 
-/// How many ticks a sequence takes.
-pub fn duration_ticks(kind: Kind, period_ms: u16, count: u16, settings: &Settings) -> u32 {
-    let ticks = if settings.get(Param::TickRate) > 1500.0 { period_ms.saturating_mul(2) } else { period_ms };
-    Sequence::new(kind, 0, 0, ticks, count, 1).duration_ticks()
+/// What a `sequence` line asks for.
+#[derive(Clone, Copy, Debug)]
+pub struct Asked {
+    /// Of what kind.
+    pub kind: Kind,
+    /// In the unit of the mode.
+    pub amplitude: f64,
+    /// The same.
+    pub offset: f64,
+    /// Length of one part.
+    pub period_ms: u16,
+    /// How many.
+    pub count: u16,
+    /// Of random ones.
+    pub seed: u16,
+}
+
+impl Asked {
+    /// As the board plays it in a mode.
+    pub fn sequence(&self, mode: Mode, settings: &Settings) -> Sequence {
+        let Self { kind, amplitude, offset, period_ms, count, seed } = *self;
+        let get = |param| f64::from(settings.get(param));
+        let unit = if mode.is_speed() {
+            get(Param::SpeedRange) / f64::from(FULL_RANGE)
+        } else if mode.is_position() {
+            TAU / get(Param::CountsPerRev)
+        } else {
+            1.0 / f64::from(VOLT)
+        };
+        let ticks = if get(Param::TickRate) > 1500.0 { period_ms.saturating_mul(2) } else { period_ms };
+        Sequence::new(kind, (amplitude / unit).round() as i16, (offset / unit).round() as i16, ticks, count, seed)
+    }
+}
+
+/// Whether samples have the references of a sequence. What is told to the board has no check sum: a line that damages what it
+/// carries can make another sequence of it.
+pub fn is_played(samples: &[Sample], sequence: &Sequence) -> bool {
+    let playing: Vec<&Sample> = samples.iter().filter(|sample| sample.state.has(State::PLAYING)).collect();
+    let Some(first) = playing.first() else { return true };
+    // Positions are relative to where the sequence began.
+    let is_position = first.state.mode().is_position();
+    let lasted = playing[playing.len() - 1].tick.wrapping_sub(first.tick) as usize;
+    let mut player = Player::default();
+    player.start(sequence);
+    let mut plays: Vec<i32> = Vec::new();
+    while plays.len() <= lasted + LOST_AT_FIRST {
+        let play = player.step();
+        if play.done {
+            break;
+        }
+        plays.push(play.value.into());
+    }
+    (0..=LOST_AT_FIRST.min(plays.len())).any(|lost| {
+        let at = |sample: &Sample| plays.get(lost + sample.tick.wrapping_sub(first.tick) as usize).copied();
+        let origin = if is_position { first.reference - at(first).unwrap_or(0) } else { 0 };
+        playing.iter().all(|sample| at(sample).is_some_and(|play| (sample.reference - origin - play).abs() <= ROUNDING))
+    })
 }

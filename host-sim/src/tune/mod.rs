@@ -138,7 +138,7 @@ impl<L: Line> Session<L> {
     /// [`BoardError`], when the board is gone.
     pub fn poll(&mut self) -> Result<(), BoardError> {
         if self.spoke.elapsed() > KEEP_ALIVE {
-            self.link.command("alive")?;
+            self.link.keep_alive()?;
             self.spoke = Instant::now();
         }
         let came = self.link.samples(0.02)?;

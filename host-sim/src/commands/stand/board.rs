@@ -2,6 +2,7 @@
 
 use crate::commands::board::{PortArguments, beside, ended, on_interrupt};
 use crate::commands::{Failure, write};
+use crate::link::growing::GrowingCsv;
 use crate::link::port::Port;
 use crate::link::record::by_name;
 use crate::link::{Link, VERSION};
@@ -57,7 +58,7 @@ impl BoardArguments {
         if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
             return Err(Failure::input(StudyError::NoNominal));
         }
-        write(&self.save, "")?;
+        GrowingCsv::new(&self.save).map_err(|error| Failure::machine(format!("{}: {error}", self.save.display())))?;
         let mut person = Terminal { stopped: on_interrupt()?, lines: None };
         let (mut link, _) = self.port.open()?;
         let settings = link.settings()?;
@@ -70,12 +71,12 @@ impl BoardArguments {
         }
         let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person);
         let table = findings.table(&self.save.display().to_string());
-        self.save(&findings, &table, &link, &settings)?;
+        let saved = self.save(&findings, &table, &link, &settings);
         drop(link);
         let held = findings.positions.iter().map(|position| position.resistance_ohm.value).collect();
         let evaluated = evaluate(&table, held);
-        ended(&findings.ended, &self.save)?;
-        evaluated
+        ended(&findings.ended, findings.readings.len(), &self.save)?;
+        evaluated.and(saved)
     }
 
     fn plan(&self, settings: &Settings) -> Result<Plan, Failure> {
@@ -102,7 +103,9 @@ impl BoardArguments {
         link: &Link<Port>,
         settings: &Settings,
     ) -> Result<(), Failure> {
-        write(&self.save, &table.to_csv())?;
+        if !findings.readings.is_empty() {
+            write(&self.save, &table.to_csv())?;
+        }
         if !findings.positions.is_empty() {
             write(&beside(&self.save, "positions.csv"), &positions(&findings.positions))?;
         }

@@ -15,7 +15,7 @@ const PUSH_NM: f64 = 1e-3;
 /// Dry friction of the motor when none is given.
 const COULOMB_NM: f64 = 0.012;
 /// The lines' first words.
-pub(super) const ORDERS: &str = "motor, effect, model, load, supply, block, turn, encoder, current, stop, reset, quit";
+pub(super) const ORDERS: &str = "motor, effect, model, load, supply, block, turn, encoder, current, stop,\nreset, quit";
 const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset or quit";
 
 /// The motor, and what hands do at its shaft.

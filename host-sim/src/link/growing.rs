@@ -1,0 +1,86 @@
+//! A recording that is in its file while it is made: what becomes of the program costs nothing that had come.
+
+use crate::telemetry::recording;
+use motorbench_core::message::Sample;
+use motorbench_core::settings::Settings;
+use std::fs::{File, OpenOptions};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+/// A CSV file that grows by whole lines.
+#[derive(Debug)]
+pub struct GrowingCsv {
+    path: PathBuf,
+    file: Option<(File, Sample)>,
+    /// Bytes of whole lines.
+    length: u64,
+}
+
+impl GrowingCsv {
+    /// Finds out whether the file can be written; what is in it is replaced when the first samples come.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn new(path: &Path) -> io::Result<Self> {
+        let new = !path.exists();
+        OpenOptions::new().append(true).create(true).open(path)?;
+        if new {
+            std::fs::remove_file(path)?;
+        }
+        Ok(Self { path: path.into(), file: None, length: 0 })
+    }
+
+    /// Adds samples; on an error the file ends with the last whole line that was written before.
+    ///
+    /// # Errors
+    /// What the system says, for instance of a full disk.
+    pub fn add(&mut self, samples: &[Sample], settings: &Settings) -> io::Result<()> {
+        let Some(first) = samples.first() else { return Ok(()) };
+        let text = match &self.file {
+            None => {
+                self.file = Some((File::create(&self.path)?, *first));
+                recording("", samples, settings).to_csv()
+            }
+            // Times and columns are those that the first sample began.
+            Some((_, begun)) => recording("", &[&[*begun], samples].concat(), settings).csv_rows(1),
+        };
+        let Some((file, _)) = &mut self.file else { return Ok(()) };
+        if let Err(error) = file.write_all(text.as_bytes()) {
+            // A device has no length: then there is nothing to cut off.
+            let _ = file.set_len(self.length);
+            return Err(error);
+        }
+        self.length += text.len() as u64;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_core::message::{Mode, State};
+
+    #[test]
+    fn it_grows_to_what_is_written_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, settings) = (folder.path().join("run.csv"), Settings::defaults());
+        let state = |tick: u32| if tick < 590 { Mode::SpeedPid as u8 | State::ENABLED } else { 0 };
+        let sample = |tick| Sample { tick, speed: (7 * tick) as i16, state: State(state(tick)), ..Sample::default() };
+        let samples: Vec<Sample> = (500..600).map(sample).collect();
+        let mut growing = GrowingCsv::new(&path).unwrap();
+        assert!(!path.exists(), "nothing has come");
+        samples.chunks(7).for_each(|some| growing.add(some, &settings).unwrap());
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), recording("", &samples, &settings).to_csv());
+    }
+
+    #[test]
+    fn an_earlier_recording_stays_until_another_comes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("run.csv");
+        std::fs::write(&path, "earlier").unwrap();
+        let mut growing = GrowingCsv::new(&path).unwrap();
+        growing.add(&[], &Settings::defaults()).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "earlier");
+        assert!(GrowingCsv::new(&folder.path().join("none/run.csv")).is_err());
+    }
+}

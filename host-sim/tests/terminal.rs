@@ -1,0 +1,539 @@
+//! Every command as a person and as a program meet it: its help, its output on a terminal and in a pipe, its JSON, its exit
+//! codes. The list of commands is the program's own: one that is not in the table below fails.
+#![cfg(unix)]
+
+#[cfg(feature = "chip")]
+#[path = "common/board.rs"]
+mod board;
+
+use host_sim::motor::MotorParameters;
+use host_sim::rig::NominalMotor;
+use host_sim::scenario::Scenario;
+use host_sim::telemetry;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{Winsize, tcsetwinsize};
+use std::collections::BTreeSet;
+use std::fs::File;
+use std::io::Read;
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use tempfile::TempDir;
+
+const COLUMNS: usize = 80;
+/// Begins every escape sequence; what a terminal shows in colour is ESC [ ... m.
+const ESCAPE: char = '\u{1b}';
+
+/// A command and what is tried with it.
+struct Row {
+    command: &'static str,
+    /// Arguments of runs that succeed.
+    good: &'static [&'static [&'static str]],
+    /// What makes it print JSON, where it has a result; runs of `good` that print none are none of this.
+    json: &'static [&'static str],
+    /// Arguments of runs that fail, the exit code, and what the message must say.
+    bad: &'static [(&'static [&'static str], i32, &'static str)],
+    /// Its output is for programs: as wide as it likes.
+    for_programs: bool,
+}
+
+const fn row(command: &'static str) -> Row {
+    Row { command, good: &[], json: &[], bad: &[], for_programs: false }
+}
+
+/// Commands that need no board.
+const TABLE: &[Row] = &[
+    Row {
+        good: &[&["--seed", "7"]],
+        json: &["--json"],
+        bad: &[(&["--seed", "7", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv")],
+        ..row("demo")
+    },
+    Row {
+        good: &[&["--rig", "model.toml"]],
+        json: &["--json"],
+        bad: &[(&["--rig", "none.toml"], 1, "none.toml"), (&["--rig", "bad.toml"], 1, "bad.toml")],
+        ..row("analyse")
+    },
+    Row {
+        good: &[
+            &["run.csv", "run.csv"],
+            &["model.toml", "other.toml"],
+            &["run.csv", "model.toml", "--rig", "rig.toml"],
+            &["found.json", "found.json"],
+        ],
+        json: &["--json", "-"],
+        bad: &[
+            (&["none.csv", "run.csv"], 1, "none.csv"),
+            (&["run.csv", "bad.csv"], 1, "bad.csv"),
+            (&["run.csv", "run.xls"], 1, "expected .csv"),
+            (&["run.csv", "run.csv", "--plot", "/nonexistent/a.svg"], 3, "/nonexistent/a.svg"),
+            (&["run.csv"], 2, "<SECOND>"),
+        ],
+        ..row("compare")
+    },
+    Row {
+        good: &[&["run.csv", "run.mat"], &["run.csv", "run.npz"], &["run.csv", "jug.csv", "--to", "plotjuggler"]],
+        json: &["--json"],
+        bad: &[
+            (&["none.csv", "run.mat"], 1, "none.csv"),
+            (&["bad.csv", "run.mat"], 1, "bad.csv"),
+            (&["run.csv", "/nonexistent/run.mat"], 3, "/nonexistent/run.mat"),
+            (&["run.csv", "run.mat", "--from", "xls"], 2, "xls"),
+        ],
+        ..row("convert")
+    },
+    Row {
+        good: &[
+            &["--rig", "rig.toml", "--model", "model.toml", "--speed", "--bandwidth-Hz", "10"],
+            &["--rig", "rig.toml", "--model", "other.toml", "--position", "--settling-s", "0.3", "--compensate"],
+        ],
+        json: &["--json", "-"],
+        bad: &[
+            (&["--rig", "none.toml", "--speed", "--bandwidth-Hz", "10"], 1, "none.toml"),
+            (&["--rig", "model.toml", "--speed", "--bandwidth-Hz", "10"], 1, "supply.voltage_V"),
+            (&["--rig", "rig.toml", "--speed"], 2, "--bandwidth-Hz"),
+        ],
+        ..row("design")
+    },
+    Row {
+        good: &[&["run.csv", "--rig", "rig.toml"], &["table.csv", "--rig", "stand.toml"]],
+        json: &["--json", "-"],
+        bad: &[
+            (&["none.csv", "--rig", "rig.toml"], 1, "none.csv"),
+            (&["bad.csv", "--rig", "rig.toml"], 1, "bad.csv"),
+            (&["run.csv", "--rig", "bad.toml"], 1, "bad.toml"),
+            (&[], 2, "<RECORDINGS>"),
+        ],
+        ..row("diagnose")
+    },
+    Row {
+        good: &[&["run.csv", "--rig", "rig.toml"]],
+        json: &["--json", "-"],
+        bad: &[
+            (&["none.csv"], 1, "none.csv"),
+            (&["bad.csv"], 1, "bad.csv"),
+            (&["run.csv", "--rig", "rig.toml", "--model", "/nonexistent/m.toml"], 3, "/nonexistent/m.toml"),
+            (&[], 2, "<RECORDINGS>"),
+        ],
+        ..row("identify")
+    },
+    Row {
+        good: &[&["run.csv", "--udp", "127.0.0.1:9", "--teleplot", "127.0.0.1:9", "--speed", "1000"]],
+        json: &["--json"],
+        bad: &[
+            (&["none.csv"], 1, "none.csv"),
+            (&["table.csv"], 1, "no column t_s"),
+            (&["run.csv", "--speed", "0"], 2, "above 0"),
+            (&["run.csv", "--udp", "nowhere"], 2, "HOST:PORT"),
+        ],
+        ..row("live")
+    },
+    Row {
+        good: &[&["scenario.toml"]],
+        json: &["--json", "-"],
+        bad: &[
+            (&["none.toml"], 1, "none.toml"),
+            (&["bad.toml"], 1, "bad.toml"),
+            (&["scenario.toml", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
+            (&["scenario.toml", "--plot", "a.jpg"], 2, ".svg or .png"),
+        ],
+        ..row("simulate")
+    },
+    Row {
+        good: &[
+            &["table.csv", "--rig", "stand.toml"],
+            &["table.csv", "--rig", "stand.toml", "--earlier", "table.csv", "--resistance", "positions.csv"],
+        ],
+        json: &["--json", "-"],
+        bad: &[
+            (&["none.csv", "--rig", "stand.toml"], 1, "none.csv"),
+            (&["table.csv", "--rig", "bad.toml"], 1, "bad.toml"),
+            (&["--rig", "stand.toml", "--port", "/dev/none"], 3, "motorbench ports"),
+            (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "/nonexistent/a.csv"], 3, "/nonexistent/a.csv"),
+            (&["table.csv"], 2, "--rig"),
+        ],
+        ..row("stand")
+    },
+    Row {
+        good: &[&["loop.csv", "--scenario", "loop.toml", "--rig", "rig.toml"]],
+        json: &["--json", "-"],
+        bad: &[
+            (&["none.csv", "--scenario", "loop.toml"], 1, "none.csv"),
+            (&["loop.csv", "--scenario", "bad.toml"], 1, "bad.toml"),
+            (&["loop.csv"], 2, "--scenario"),
+        ],
+        ..row("validate")
+    },
+    // Ends by itself; everything else about it is in tests/virtual_board.rs.
+    Row {
+        #[cfg(feature = "chip")]
+        good: &[&["--seconds", "0.2", "--link", "virtual"]],
+        #[cfg(feature = "chip")]
+        bad: &[
+            (&["--rig", "none.toml"], 1, "none.toml"),
+            (&["--with", "nonsense"], 1, "nonsense"),
+            (&["--seconds", "0.2", "--link", "/nonexistent/board"], 3, "/nonexistent/board"),
+        ],
+        #[cfg(not(feature = "chip"))]
+        bad: &[(&[], 3, "scripts/setup chip")],
+        ..row("virtual")
+    },
+    Row { good: &[&[]], json: &["--json"], ..row("ports") },
+    Row { bad: &[(&["--port", "/dev/none", "status"], 3, "motorbench ports")], ..row("connect") },
+    Row {
+        bad: &[
+            (&["--port", "/dev/none"], 3, "motorbench ports"),
+            (&["--port", "/dev/none", "--out", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
+            (&["--port", "/dev/none", "--motor", "bad.toml"], 1, "bad.toml"),
+            (&["--live", "matplotlib"], 2, "plotjuggler or teleplot"),
+            (&["--set", "speed_kp"], 2, "NAME=VALUE"),
+            (&["--sequence", "nonsense"], 2, "identify"),
+        ],
+        ..row("record")
+    },
+    Row {
+        bad: &[
+            (&["none.txt"], 1, "none.txt"),
+            (&["--port", "/dev/none", "gains.txt"], 3, "motorbench ports"),
+            (&[], 2, "<FILE>"),
+        ],
+        ..row("send")
+    },
+    Row { bad: &[(&["--port", "/dev/none"], 3, "needs a terminal")], ..row("tune") },
+    Row { bad: &[(&["--port", "/dev/none"], 3, "motorbench ports")], ..row("autotune") },
+    Row {
+        good: &[&["bash"], &["zsh"], &["fish"], &["powershell"], &["elvish"]],
+        bad: &[(&["sh"], 2, "bash")],
+        for_programs: true,
+        ..row("completions")
+    },
+    Row { good: &[&[]], for_programs: true, ..row("man") },
+];
+
+/// Commands with a board.
+#[cfg(feature = "chip")]
+const WITH_A_BOARD: &[Row] = &[
+    Row {
+        good: &[&["version", "status", "show speed_kp"]],
+        json: &["--json"],
+        bad: &[(&["nonsense"], 1, "unknown command, see help")],
+        // The board's own lines are as long as they are.
+        for_programs: true,
+        ..row("connect")
+    },
+    Row {
+        good: &[&["--sequence", "steps", "--amplitude", "5", "--period", "300", "--count", "2"]],
+        json: &["--json"],
+        bad: &[
+            (&["--mode", "nonsense"], 1, "lqr_speed"),
+            (&["--set", "speed_kp=99999"], 1, "speed_kp"),
+            (&["--amplitude", "99"], 1, "expected a number in"),
+        ],
+        ..row("record")
+    },
+    Row {
+        good: &[&["gains.txt", "--save"]],
+        json: &["--json"],
+        bad: &[(&["bad.txt"], 1, "bad.txt, line 2")],
+        ..row("send")
+    },
+    Row {
+        good: &[&["--hold", "0.3"]],
+        json: &["--json"],
+        bad: &[(&["--from", "1", "--to", "8", "--hold", "0.3"], 1, "friction")],
+        ..row("autotune")
+    },
+    Row {
+        good: &[&["--rig", "stand.toml", "--voltages", "6,9,12", "--readings", "2"]],
+        json: &["--json", "-"],
+        bad: &[(&["--rig", "stand.toml", "--voltages", "99"], 1, "voltage_limit")],
+        ..row("stand")
+    },
+];
+
+const MOTOR: &str = "[motor]
+resistance_ohm = 5.84
+inductance_H = 11.68e-3
+torque_constant_Nm_per_A = 0.072
+inertia_kg_m2 = 2.22e-5
+viscous_friction_Nm_s = 5e-6
+";
+
+/// What the table's runs read.
+fn files() -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    let play = |name: &str, mode: &str, sequence: &str| {
+        let friction = "[effects.coulomb_friction]\ntorque_Nm = 0.01\n";
+        let scenario =
+            format!("duration_s = 6.0\nmode = \"{mode}\"\n{MOTOR}{friction}[noise]\ncurrent_A = 0.01\n{sequence}");
+        put(&format!("{name}.toml"), &scenario);
+        let scenario = Scenario::read(&folder.path().join(format!("{name}.toml"))).unwrap();
+        put(&format!("{name}.csv"), &scenario.run().unwrap().recording.to_csv());
+        let nominal = NominalMotor::from(MotorParameters::PIVT6);
+        put("rig.toml", &toml::to_string(&telemetry::rig(&scenario.settings, nominal)).unwrap());
+    };
+    play(
+        "run",
+        "open",
+        "[[reference]]\ntime_s = 0.1\nkind = \"sequence\"\nsequence = \"prbs\"\namplitude = 8\nperiod_ms = 60\ncount = 90\n",
+    );
+    let steps = [60, 20, -50, 40, -20, 70, 10];
+    let steps = steps
+        .iter()
+        .enumerate()
+        .map(|(index, to)| format!("[[reference]]\ntime_s = {}\nvalue = {to}\n", 0.1 + 0.8 * index as f64));
+    play("loop", "speed", &steps.collect::<String>());
+    put(
+        "scenario.toml",
+        &format!("duration_s = 0.5\nmode = \"speed\"\n{MOTOR}[[reference]]\ntime_s = 0.1\nvalue = 40\n"),
+    );
+    put("model.toml", MOTOR);
+    put("other.toml", &format!("{MOTOR}[effects.coulomb_friction]\ntorque_Nm = 0.01\n"));
+    put("stand.toml", "[motor]\nresistance_ohm = 5.84\ninductance_H = 11.68e-3\ntorque_constant_Nm_per_A = 0.072\n");
+    let levels = [10.0, 15.0, 20.0, 25.0, 30.0].map(|u: f64| {
+        [1.0, -1.0, 0.5, -0.5].map(|scatter| {
+            let omega = (u - 2.0 - 5.84 * 0.015 / 0.072) / (0.072 + 5.84 * 5e-6 / 0.072);
+            format!("{u},{},{}\n", (0.015 + 5e-6 * omega) / 0.072 + 0.003 * scatter, omega - 0.4 * scatter)
+        })
+    });
+    put("table.csv", &(String::from("u_V,i_A,omega_rad_per_s\n") + &levels.concat().concat()));
+    put("positions.csv", "resistance_ohm\n5.8\n5.9\n6.1\n");
+    put("found.json", "{\"parameters\": {\"resistance_ohm\": {\"value\": 5.8, \"ci95\": [5.7, 5.9]}}}");
+    put("gains.txt", "# from a design\nset speed_kp 0.05 speed_ki 1\n");
+    put("bad.txt", "set speed_kp 0.05\nset speed_kp 99999\n");
+    put("bad.csv", "t_s,omega_rad_per_s\n0,1\nzero,2\n");
+    put("bad.toml", "[motor\n");
+    folder
+}
+
+fn motorbench(arguments: &[&str], folder: &Path) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_motorbench"));
+    command.args(arguments).current_dir(folder).stdin(Stdio::null());
+    command
+}
+
+/// What a run left: exit code, standard output, standard error.
+struct Done {
+    code: Option<i32>,
+    out: String,
+    err: String,
+}
+
+fn piped(arguments: &[&str], folder: &Path) -> Done {
+    let output = motorbench(arguments, folder).output().unwrap();
+    let [out, err] = [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).expect("UTF-8"));
+    Done { code: output.status.code(), out, err }
+}
+
+/// A pseudo-terminal, and a thread that collects what is written there.
+fn terminal() -> (File, std::thread::JoinHandle<String>) {
+    let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+    grantpt(&master).unwrap();
+    unlockpt(&master).unwrap();
+    let size = Winsize { ws_row: 24, ws_col: COLUMNS as u16, ws_xpixel: 0, ws_ypixel: 0 };
+    tcsetwinsize(&master, size).unwrap();
+    let name = ptsname(&master, Vec::new()).unwrap();
+    let slave = File::options().read(true).write(true).open(std::ffi::OsStr::from_bytes(name.as_bytes())).unwrap();
+    let mut master = File::from(master);
+    let heard = std::thread::spawn(move || {
+        let mut bytes = Vec::new();
+        // The error at the end says that nobody has the terminal open any more.
+        let _ = master.read_to_end(&mut bytes);
+        String::from_utf8(bytes).expect("UTF-8").replace("\r\n", "\n")
+    });
+    (slave, heard)
+}
+
+/// With the standard output and the standard error on a terminal each.
+fn on_terminals(arguments: &[&str], folder: &Path, no_color: bool) -> Done {
+    let ((out, out_heard), (err, err_heard)) = (terminal(), terminal());
+    let mut command = motorbench(arguments, folder);
+    command.env("TERM", "xterm-256color").env_remove("NO_COLOR").env_remove("CLICOLOR").stdout(out).stderr(err);
+    if no_color {
+        command.env("NO_COLOR", "1");
+    }
+    let mut running = command.spawn().unwrap();
+    // The command has the terminals open as well, until it is dropped.
+    drop(command);
+    let code = running.wait().unwrap().code();
+    Done { code, out: out_heard.join().unwrap(), err: err_heard.join().unwrap() }
+}
+
+/// The port of a run, which is longer than a person's.
+fn long_port(arguments: &[&str]) -> String {
+    let port = arguments.iter().position(|argument| *argument == "--port").map(|at| arguments[at + 1]);
+    port.unwrap_or("/tmp/motorbench").into()
+}
+
+/// Whether a text sets colours or other looks: ESC [ digits and semicolons m.
+fn is_coloured(text: &str) -> bool {
+    text.split(ESCAPE).skip(1).any(|after| {
+        let parameters =
+            after.strip_prefix('[').map(|rest| rest.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';'));
+        parameters.is_some_and(|rest| rest.starts_with('m'))
+    })
+}
+
+/// What was found wrong, all of it: one run of this test is as good as many.
+#[derive(Default)]
+struct Complaints(Vec<String>);
+
+impl Complaints {
+    fn expect(&mut self, right: bool, what: &str, wrong: &str) {
+        if !right {
+            self.0.push(format!("motorbench {what}: {wrong}"));
+        }
+    }
+
+    /// Fits the terminal.
+    fn fits(&mut self, text: &str, what: &str) {
+        for line in text.lines().filter(|line| line.chars().count() > COLUMNS) {
+            self.expect(false, what, &format!("wider than {COLUMNS} columns: {line}"));
+        }
+    }
+
+    /// No escape sequences, no progress bar.
+    fn plain(&mut self, text: &str, what: &str) {
+        self.expect(!text.contains([ESCAPE, '\r']), what, &format!("escape sequences or a progress bar: {text:?}"));
+    }
+
+    fn ended(&mut self, done: &Done, code: i32, what: &str) {
+        let Done { code: found, out, err } = done;
+        let panicked = err.contains("panicked");
+        self.expect(*found == Some(code) && !panicked, what, &format!("exit code {found:?}, not {code}: {out}{err}"));
+    }
+
+    fn none(self) {
+        assert!(self.0.is_empty(), "{} complaints:\n{}", self.0.len(), self.0.join("\n"));
+    }
+
+    /// A run that shall succeed, in a pipe, on a terminal, and for a program.
+    fn good(&mut self, row: &Row, arguments: &[&str], folder: &Path) {
+        let what = arguments.join(" ");
+        let done = piped(arguments, folder);
+        self.ended(&done, 0, &what);
+        self.expect(!done.out.is_empty(), &what, "it says nothing");
+        for text in [&done.out, &done.err] {
+            self.plain(text, &what);
+            if !row.for_programs {
+                self.fits(&text.replace(&long_port(arguments), "/tmp/motorbench"), &what);
+            }
+        }
+        let what = format!("{what} (on a terminal, with NO_COLOR)");
+        let shown = on_terminals(arguments, folder, true);
+        self.ended(&shown, 0, &what);
+        self.plain(&shown.out, &what);
+        // A spinner moves the cursor; colours it has none.
+        self.expect(!is_coloured(&shown.err), &what, &format!("coloured: {:?}", shown.err));
+        if !row.json.is_empty() {
+            self.json(&[arguments, row.json].concat(), 0, true, folder);
+        }
+    }
+
+    /// The standard output has JSON and nothing else.
+    fn json(&mut self, arguments: &[&str], code: i32, wanted: bool, folder: &Path) {
+        let what = arguments.join(" ");
+        let done = piped(arguments, folder);
+        self.ended(&done, code, &what);
+        let values = serde_json::Deserializer::from_str(&done.out).into_iter::<serde_json::Value>();
+        let right = values.collect::<Result<Vec<_>, _>>().is_ok_and(|values| !wanted || !values.is_empty());
+        self.expect(right, &what, &format!("no JSON, or something beside it: {}", done.out));
+        self.plain(&done.err, &what);
+    }
+
+    /// A run that shall fail.
+    fn bad(&mut self, row: &Row, arguments: &[&str], code: i32, message: &str, folder: &Path) {
+        let what = arguments.join(" ");
+        let done = piped(arguments, folder);
+        self.ended(&done, code, &what);
+        self.expect(done.err.contains(message), &what, &format!("no \"{message}\" in: {}", done.err));
+        self.plain(&done.err, &what);
+        if !row.json.is_empty() && code != 2 {
+            self.json(&[arguments, row.json].concat(), code, false, folder);
+        }
+    }
+
+    /// What a row of the table says; `before`: arguments that every run of it begins with.
+    fn row(&mut self, row: &Row, before: &[&str], folder: &Path) {
+        for good in row.good {
+            self.good(row, &[&[row.command], before, good].concat(), folder);
+        }
+        for (bad, code, message) in row.bad {
+            self.bad(row, &[&[row.command], before, bad].concat(), *code, message, folder);
+        }
+    }
+}
+
+#[test]
+fn the_table_has_every_command() {
+    let program = host_sim::commands::command();
+    let commands: BTreeSet<&str> = program.get_subcommands().map(clap::Command::get_name).collect();
+    let tried: BTreeSet<&str> = TABLE.iter().map(|row| row.command).collect();
+    assert_eq!(tried, commands);
+    for command in program.get_subcommands() {
+        let has_json = command.get_arguments().any(|argument| argument.get_id() == "json");
+        // What has no result: scripts and pages, the screen of tune, the board that runs until it is told to end.
+        let without = ["completions", "man", "tune", "virtual"].contains(&command.get_name());
+        assert!(has_json != without, "{}: --json", command.get_name());
+    }
+}
+
+#[test]
+fn help_has_an_example_and_fits_the_terminal() {
+    let folder = TempDir::new().unwrap();
+    let program = host_sim::commands::command();
+    let mut calls = vec![vec!["--help"], vec!["-h"]];
+    for row in TABLE {
+        calls.extend([vec![row.command, "--help"], vec![row.command, "-h"], vec!["help", row.command]]);
+    }
+    let mut complaints = Complaints::default();
+    for arguments in &calls {
+        let what = arguments.join(" ");
+        for done in [piped(arguments, folder.path()), on_terminals(arguments, folder.path(), true)] {
+            complaints.ended(&done, 0, &what);
+            complaints.plain(&done.out, &what);
+            complaints.fits(&done.out, &what);
+        }
+    }
+    for command in program.get_subcommands() {
+        let name = command.get_name();
+        let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        complaints.expect(examples.contains(&format!("motorbench {name}")), name, "no example in its help");
+        // Wrapped by the program they would no longer be what is typed.
+        complaints.fits(&examples, name);
+    }
+    complaints.none();
+    // It has colours, so that it means something that it leaves them.
+    assert!(is_coloured(&on_terminals(&["--help"], folder.path(), false).out));
+}
+
+#[test]
+fn a_wrong_command_line_is_told_apart_from_a_wrong_input() {
+    let folder = TempDir::new().unwrap();
+    let mut complaints = Complaints::default();
+    for row in TABLE {
+        complaints.bad(row, &[row.command, "--no-such-option"], 2, "--no-such-option", folder.path());
+    }
+    complaints.bad(&row(""), &["no-such-command"], 2, "no-such-command", folder.path());
+    complaints.none();
+}
+
+#[test]
+fn output_json_and_exit_codes_are_those_of_the_page() {
+    let (folder, mut complaints) = (files(), Complaints::default());
+    TABLE.iter().for_each(|row| complaints.row(row, &[], folder.path()));
+    complaints.none();
+}
+
+#[cfg(feature = "chip")]
+#[test]
+fn commands_for_boards_behave_as_the_others() {
+    let board = board::Board::new("terminal");
+    let (folder, mut complaints) = (files(), Complaints::default());
+    let port = board.port();
+    let before = ["--port", port.to_str().unwrap()];
+    WITH_A_BOARD.iter().for_each(|row| complaints.row(row, &before, folder.path()));
+    complaints.none();
+}
