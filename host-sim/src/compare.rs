@@ -10,9 +10,18 @@ const LARGEST_DELAY: f64 = 0.25;
 const SHIFTS: usize = 400;
 /// Samples that a shift is judged by at most.
 const JUDGED: usize = 2000;
-/// Channels that tell the delay, best first.
-const TELLING: [Channel; 7] =
-    [Channel::Speed, Channel::Rpm, Channel::Angle, Channel::Counts, Channel::Current, Channel::Voltage, Channel::Duty];
+/// Channels that tell the delay, best first: what a loop was asked for is the same in both, whatever they made of it.
+const TELLING: [Channel; 9] = [
+    Channel::SpeedReference,
+    Channel::AngleReference,
+    Channel::Speed,
+    Channel::Rpm,
+    Channel::Angle,
+    Channel::Counts,
+    Channel::Current,
+    Channel::Voltage,
+    Channel::Duty,
+];
 
 /// One channel of both.
 #[derive(Clone, Debug, Serialize)]
@@ -75,7 +84,11 @@ pub fn compare(first: &Recording, second: &Recording, delay_s: Option<f64>) -> R
     let shared: Vec<Channel> =
         first.channels().filter(|channel| *channel != Channel::Time && second.get(*channel).is_some()).collect();
     let names = || (first.name.clone(), second.name.clone());
-    let Some(telling) = TELLING.into_iter().find(|channel| shared.contains(channel)).or(shared.first().copied()) else {
+    let varies = |recording: &Recording, channel: Channel| {
+        recording.get(channel).is_some_and(|values| values.iter().any(|value| *value != values[0]))
+    };
+    let tells = |channel: &Channel| shared.contains(channel) && varies(first, *channel) && varies(second, *channel);
+    let Some(telling) = TELLING.into_iter().find(tells).or(shared.first().copied()) else {
         let (a, b) = names();
         return Err(CompareError::NothingShared(a, b));
     };
@@ -200,6 +213,19 @@ mod tests {
         let values = &scaled.channels[0].first;
         let rms = (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt();
         assert!((scaled.channels[0].rms - 0.1 * rms).abs() < 1e-9);
+    }
+
+    /// One motor follows later than the other, both were asked at the same time.
+    #[test]
+    fn a_slower_loop_is_no_delay() {
+        let asked = |name: &str, late_s: f64| {
+            let mut of_motor = recording(name, 1e-3, late_s, 1.0);
+            let time_s = of_motor.time_s().unwrap().to_vec();
+            of_motor.set(Channel::SpeedReference, time_s.iter().map(|t_s| f64::from(*t_s > 1.0)).collect());
+            of_motor
+        };
+        let compared = compare(&asked("a", 0.0), &asked("b", 0.02), None).unwrap();
+        assert!(compared.delay_s.abs() < 1e-4, "{}", compared.delay_s);
     }
 
     #[test]

@@ -130,7 +130,7 @@ const TABLE: &[Row] = &[
         ..row("live")
     },
     Row {
-        good: &[&["scenario.toml"]],
+        good: &[&["scenario.toml"], &["run.toml"]],
         json: &["--json", "-"],
         bad: &[
             (&["none.toml"], 1, "none.toml"),
@@ -264,10 +264,12 @@ viscous_friction_Nm_s = 5e-6
 fn files() -> TempDir {
     let folder = TempDir::new().unwrap();
     let put = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+    // Causes, some of them with long names.
+    let effects = "[effects.coulomb_friction]\ntorque_Nm = 0.01\n[effects.voltage_drop]\ndrop_V = 1.6\n\
+        [effects.stribeck_friction]\nexcess_torque_Nm = 0.006\nstribeck_speed_rad_per_s = 8\n";
     let play = |name: &str, mode: &str, sequence: &str| {
-        let friction = "[effects.coulomb_friction]\ntorque_Nm = 0.01\n";
         let scenario =
-            format!("duration_s = 6.0\nmode = \"{mode}\"\n{MOTOR}{friction}[noise]\ncurrent_A = 0.01\n{sequence}");
+            format!("duration_s = 6.0\nmode = \"{mode}\"\n{MOTOR}{effects}[noise]\ncurrent_A = 0.01\n{sequence}");
         put(&format!("{name}.toml"), &scenario);
         let scenario = Scenario::read(&folder.path().join(format!("{name}.toml"))).unwrap();
         put(&format!("{name}.csv"), &scenario.run().unwrap().recording.to_csv());

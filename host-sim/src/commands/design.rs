@@ -20,7 +20,7 @@ use std::path::PathBuf;
 #[command(group(ArgGroup::new("motor").required(true).multiple(true)))]
 #[command(group(ArgGroup::new("largest_voltage")))]
 #[command(override_usage = "motorbench design --speed|--position
-       --bandwidth-Hz HZ|--settling-s S|--q ... --r R|--largest ... --largest-V V
+       --bandwidth-Hz HZ|--settling-s S|--q Q --r R|--largest X --largest-V V
        --rig RIG.toml [--model MODEL.toml] [OPTIONS]")]
 #[command(after_help = "Examples:
   motorbench design --rig rig.toml --speed --bandwidth-Hz 10

@@ -54,6 +54,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     match &arguments.json {
         Some(path) if path == Path::new("-") => print!("{json}"),
+        _ if outcome.figures.is_empty() => println!("{} s without a reference to judge", scenario.duration_s),
         _ => print!("{}", table(&outcome.figures)),
     }
     judged(&scenario, &outcome)

@@ -5,7 +5,7 @@ use super::{Failure, mapping, plot_file, spinner, write, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::design::trial::Point;
 use crate::diagnose::diagnose;
-use crate::diagnose::page::{short, verdict};
+use crate::diagnose::page::{short, verdict, wrapped};
 use crate::figures::Figures;
 use crate::model::Model;
 use crate::recording::{Channel, Recording};
@@ -166,7 +166,7 @@ fn page(compared: &Comparison, figures: &[Vec<Figures>; 2], remaining: &[String]
     }
     text.push('\n');
     for line in remaining {
-        text += &format!("{line}\n");
+        line.lines().for_each(|line| text += &wrapped(line, "", "  "));
     }
     text
 }

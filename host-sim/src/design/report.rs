@@ -32,7 +32,11 @@ pub fn summary(design: &Design) -> String {
         text += &format!("  {:16} {:>11} {:11} held as {:.6}\n", gain.name, gain.value, gain.unit, gain.held);
     }
     let weighed: Vec<&str> = states(design.law.is_position()).iter().map(|(name, _)| *name).collect();
-    text += &format!("  weights          {} ({}; voltage)\n", design.weights.options(), weighed.join(", "));
+    text += &format!(
+        "  weights          {}\n                   ({}; voltage)\n",
+        design.weights.options(),
+        weighed.join(", ")
+    );
     let (figures, step) = (&design.figures, &design.figures.step);
     text += &format!(
         "  linear loop      bandwidth {:.2} Hz, rise {:.1} ms, settling {:.1} ms,\n                   overshoot {:.1} %\n",

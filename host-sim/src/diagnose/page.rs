@@ -84,12 +84,9 @@ pub fn estimate(estimate: &Estimate) -> String {
 }
 
 fn cause_lines(number: usize, cause: &Cause) -> String {
-    let mut text = format!(
-        "{number}. {} ({}), confidence {:.0} %\n",
-        title(&cause.effect),
-        cause.effect,
-        100.0 * cause.confidence
-    );
+    let (title, confidence) = (title(&cause.effect), 100.0 * cause.confidence);
+    let head = format!("{number}. {title} ({}), confidence {confidence:.0} %", cause.effect);
+    let mut text = wrapped(&head, "", "   ");
     if let Some(effect) = effect(&cause.effect) {
         text.push_str(&wrapped(effect.about().law, "   ", "   "));
     }
