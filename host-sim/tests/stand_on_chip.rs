@@ -110,7 +110,7 @@ impl Person for Fellow<'_> {
 }
 
 fn plan(voltages_v: &[f64], positions: usize) -> Plan {
-    Plan { voltages_v: voltages_v.into(), readings: 3, positions }
+    Plan { voltages_v: voltages_v.into(), readings: 3, positions, sectors: 0 }
 }
 
 /// Both equations of the motor at rest from all change, with the bridge's drop in pulse and off phase.
@@ -151,6 +151,26 @@ fn a_held_winding_is_told_from_the_bridges_drop() {
         assert!((position.resistance_ohm.value / MOTOR.resistance_ohm - 1.0).abs() < 0.03, "{position:?}");
         assert!((position.drop_V - BRIDGE.brake_v).abs() < 0.1, "{position:?}");
     }
+}
+
+/// A hand that lets the rotor creep is viscous friction to it: resistance and drop come out in every sector of a turn, though
+/// the back-EMF is a tenth of a volt.
+#[test]
+fn a_winding_is_measured_while_the_rotor_creeps() {
+    let hands = Cell::default();
+    let braked = DcMotorParameters { viscous_friction_nms_per_rad: 0.015, ..MOTOR };
+    let (mut board, mut fellow) = (Attended::new(braked, &hands), Fellow::new(&hands));
+    fellow.loose = true;
+    let findings = board.drive(&Plan { sectors: 6, ..plan(&[], 0) }, &mut fellow);
+    assert_eq!(findings.ended, Ended::Complete, "{:?}", fellow.heard);
+    assert_eq!(findings.positions.len(), 6, "{:?}", fellow.heard);
+    for position in &findings.positions {
+        assert!((position.resistance_ohm.value / MOTOR.resistance_ohm - 1.0).abs() < 0.03, "{position:?}");
+        assert!((position.drop_V - BRIDGE.brake_v).abs() < 0.1, "{position:?}");
+    }
+    let mut free = Attended::new(MOTOR, &hands);
+    let findings = free.drive(&Plan { sectors: 6, ..plan(&[], 0) }, &mut fellow);
+    assert!(findings.positions.is_empty(), "it was not held back: {:?}", fellow.heard);
 }
 
 /// With a time constant of two seconds any fixed short wait would be wrong by more than this.

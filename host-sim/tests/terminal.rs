@@ -130,13 +130,14 @@ const TABLE: &[Row] = &[
         ..row("live")
     },
     Row {
-        good: &[&["scenario.toml"], &["run.toml"]],
+        good: &[&["scenario.toml"], &["run.toml"], &["scenario.toml", "--console", "gains.txt"]],
         json: &["--json", "-"],
         bad: &[
             (&["none.toml"], 1, "none.toml"),
             (&["bad.toml"], 1, "bad.toml"),
             (&["scenario.toml", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
             (&["scenario.toml", "--plot", "a.jpg"], 2, ".svg or .png"),
+            (&["scenario.toml", "--console", "bad.txt"], 1, "bad.txt, line 3: speed_kp"),
         ],
         ..row("simulate")
     },
@@ -235,7 +236,7 @@ const WITH_A_BOARD: &[Row] = &[
     Row {
         good: &[&["gains.txt", "--save"]],
         json: &["--json"],
-        bad: &[(&["bad.txt"], 1, "bad.txt, line 2")],
+        bad: &[(&["bad.txt"], 1, "bad.txt, line 3")],
         ..row("send")
     },
     Row {
@@ -304,7 +305,7 @@ fn files() -> TempDir {
     put("positions.csv", "resistance_ohm\n5.8\n5.9\n6.1\n");
     put("found.json", "{\"parameters\": {\"resistance_ohm\": {\"value\": 5.8, \"ci95\": [5.7, 5.9]}}}");
     put("gains.txt", "# from a design\nset speed_kp 0.05 speed_ki 1\n");
-    put("bad.txt", "set speed_kp 0.05\nset speed_kp 99999\n");
+    put("bad.txt", "# the second is too much\nset speed_kp 0.05\nset speed_kp 99999\n");
     put("bad.csv", "t_s,omega_rad_per_s\n0,1\nzero,2\n");
     put("bad.toml", "[motor\n");
     folder

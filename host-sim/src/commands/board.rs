@@ -485,11 +485,11 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
             .map_err(|error| Failure::input(format!("{}: {error}", arguments.file.display())))?
     };
     let (mut link, name) = arguments.port.open()?;
-    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with('#'));
+    let lines = text.lines().map(str::trim).zip(1..);
     let mut sent = 0;
-    for (number, line) in lines.enumerate() {
+    for (line, number) in lines.filter(|(line, _)| !line.is_empty() && !line.starts_with('#')) {
         link.command(line)
-            .map_err(|error| Failure::input(format!("{}, line {}: {error}", arguments.file.display(), number + 1)))?;
+            .map_err(|error| Failure::input(format!("{}, line {number}: {error}", arguments.file.display())))?;
         sent += 1;
     }
     let checked = read_back(&mut link, &text)?;

@@ -171,12 +171,13 @@ const BODE_DECADES: f64 = 2.0;
 
 fn models(arguments: &Arguments) -> Result<(), Failure> {
     let models = [read_model(&arguments.first)?, read_model(&arguments.second)?];
-    let mut text = format!("  {:<28} {:>12} {:>12} {:>10}\n", "constant", "first", "second", "change");
+    let mut text = format!("  {:<42} {:>10} {:>10} {:>10}\n", "constant", "first", "second", "change");
     let mut parameters = Vec::new();
     let mut row = |name: &str, a: Option<f64>, b: Option<f64>| {
         let change = a.zip(b).filter(|(a, _)| *a != 0.0).map(|(a, b)| 100.0 * (b / a - 1.0));
         let or_dash = |value: Option<f64>| value.map_or("-".into(), short);
-        text += &format!("  {name:<28} {:>12} {:>12} {:>8} %\n", or_dash(a), or_dash(b), or_dash(change));
+        let percent = change.map_or("-".into(), |change| format!("{} %", short(change)));
+        text += &format!("  {name:<42} {:>10} {:>10} {percent:>10}\n", or_dash(a), or_dash(b));
         parameters.push(json!({ "name": name, "first": a, "second": b, "change_percent": change }));
     };
     for ((name, a), (_, b)) in models[0].motor.named().into_iter().zip(models[1].motor.named()) {

@@ -69,7 +69,7 @@ pub struct Arguments {
     /// Prints the result as JSON instead of text.
     #[arg(long)]
     json: bool,
-    /// Writes the recording, for the other commands.
+    /// Writes the recording for the other commands, and what a data sheet would say beside it (.rig.toml).
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
 }
@@ -96,6 +96,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recording = telemetry::recording("demo", &samples, &settings);
     if let Some(path) = &arguments.csv {
         super::write(path, &recording.to_csv())?;
+        let rig = telemetry::rig(&settings, NominalMotor::from(nominal));
+        super::write(&path.with_extension("rig.toml"), &toml::to_string(&rig).map_err(Failure::machine)?)?;
     }
     let missing: u32 = samples.windows(2).map(|pair| pair[1].tick - pair[0].tick - 1).sum();
     say(&format!("   {} samples, {missing} missing.\n\n2. Diagnosis ...\n", samples.len()));

@@ -18,7 +18,9 @@ mod stand;
 mod validate;
 mod virtual_board;
 
+use crate::model::Model;
 use crate::picture::{self, Format};
+use crate::scenario::Scenario;
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::any::Any;
@@ -164,6 +166,15 @@ fn run(program: Program) -> Result<(), Failure> {
 fn mapping(text: &str) -> Result<(String, String), String> {
     let (from, to) = text.split_once('=').ok_or("expected FROM=TO, for instance speed=omega_rad_per_s")?;
     Ok((from.into(), to.into()))
+}
+
+/// A scenario, with another model than its own if one is given.
+fn scenario(path: &Path, model: Option<&Path>) -> Result<Scenario, Failure> {
+    let Some(file) = model else { return Scenario::read(path).map_err(Failure::input) };
+    let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", file.display()));
+    let text = std::fs::read_to_string(file).map_err(|error| failed(&error))?;
+    let model = Model::parse(&text).map_err(|error| failed(&error))?;
+    Scenario::read_for(path, model).map_err(Failure::input)
 }
 
 /// A file for a plot: another ending is refused before any work is done.

@@ -8,19 +8,27 @@ use crate::panels::{Panel, panels};
 use crate::scenario::{Outcome, Scenario};
 use clap::Args;
 use motorbench_core::message::{Mode, Trip};
+use motorbench_core::settings::{Settings, find};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 /// Runs the firmware's control core in closed loop with a motor on this computer.
 #[derive(Args)]
-#[command(after_help = "Example:
-  motorbench simulate scenarios/speed_step.toml --csv run.csv --plot run.svg")]
+#[command(after_help = "Examples:
+  motorbench simulate scenarios/speed_step.toml --csv run.csv --plot run.svg
+  motorbench simulate loop.toml --model found.toml --console gains.txt")]
 pub struct Arguments {
     /// The scenario; its keys are in docs/scenarios.md.
     scenario: PathBuf,
     /// Writes the recording as the firmware would have sent it.
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
+    /// Another model than the scenario's; one that `record` wrote has none.
+    #[arg(long, value_name = "MODEL.toml")]
+    model: Option<PathBuf>,
+    /// Console lines, as motorbench design --console writes them: their settings instead of the scenario's.
+    #[arg(long, value_name = "GAINS.txt")]
+    console: Option<PathBuf>,
     /// Draws reference, true and measured quantity, current and voltage.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
@@ -34,7 +42,10 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] with what is wrong with the scenario, or when the drive tripped.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let scenario = Scenario::read(&arguments.scenario).map_err(Failure::input)?;
+    let mut scenario = super::scenario(&arguments.scenario, arguments.model.as_deref())?;
+    if let Some(path) = &arguments.console {
+        set(&mut scenario.settings, path)?;
+    }
     let busy = spinner();
     busy.set_message(format!("{} s in closed loop", scenario.duration_s));
     let outcome = scenario.run();
@@ -58,6 +69,29 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         _ => print!("{}", table(&outcome.figures)),
     }
     judged(&scenario, &outcome)
+}
+
+/// Takes the `set` lines of a file for a board's console.
+fn set(settings: &mut Settings, path: &Path) -> Result<(), Failure> {
+    let wrong = |number: usize, why: &str| Failure::input(format!("{}, line {number}: {why}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
+    for (line, number) in text.lines().zip(1..) {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let [command, pairs @ ..] = &words[..] else { continue };
+        if command.starts_with('#') {
+            continue;
+        }
+        if *command != "set" || pairs.is_empty() || pairs.len() % 2 == 1 {
+            return Err(wrong(number, "expected set NAME VALUE [NAME VALUE ...]"));
+        }
+        for pair in pairs.chunks_exact(2) {
+            let param = find(pair[0].as_bytes()).ok_or_else(|| wrong(number, &format!("no setting {}", pair[0])))?;
+            let (min, max) = param.range();
+            let value = pair[1].parse().ok().filter(|value| settings.set(param, *value).is_ok());
+            value.ok_or_else(|| wrong(number, &format!("{}: expected a number in {min}..{max}", pair[0])))?;
+        }
+    }
+    Ok(())
 }
 
 /// A trip is a failure unless the scenario expects it; so is one that does not come.

@@ -7,7 +7,6 @@ use crate::design::trial::Point;
 use crate::diagnose::diagnose;
 use crate::diagnose::page::{short, verdict, wrapped};
 use crate::figures::Figures;
-use crate::model::Model;
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
 use crate::scenario::Scenario;
@@ -54,15 +53,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), Rig::read).map_err(Failure::input)?;
     let measured = Recording::read(&arguments.measured, &arguments.columns).map_err(Failure::input)?;
-    let scenario = match &arguments.model {
-        None => Scenario::read(&arguments.scenario).map_err(Failure::input)?,
-        Some(path) => {
-            let failed = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
-            let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
-            let model = Model::parse(&text).map_err(|error| failed(&error))?;
-            Scenario::read_for(&arguments.scenario, model).map_err(Failure::input)?
-        }
-    };
+    let scenario = super::scenario(&arguments.scenario, arguments.model.as_deref())?;
     let simulated = scenario.run().map_err(Failure::input)?.recording;
     // The simulation first: its times are those of the scenario.
     let compared = compare(&simulated, &measured, None).map_err(Failure::input)?;

@@ -1,11 +1,13 @@
 //! A board as a test stand: steps through voltages, waits for each steady state, averages; and measures the winding with
-//! the rotor held at several positions.
+//! the rotor held at several positions, or while it creeps.
 //!
 //! Steady is what the data say: the last window and the one half as long after the change, of whole revolutions where the
 //! motor turns, agree in speed and current as well as their scatter and a small share let them. (Two windows in a row agree
 //! at last however slowly a motor creeps; an exponential that no longer changes while the time doubles has arrived.) A held
 //! winding is the slope of the voltage over the current: what bridge and brushes drop whatever the current is the line's
 //! other constant, and not part of it.
+
+mod creep;
 
 use super::hardly_turns;
 use crate::board::{Board, BoardError, untripped};
@@ -64,6 +66,8 @@ pub struct Plan {
     pub readings: usize,
     /// Rotor positions of the winding test.
     pub positions: usize,
+    /// Sectors in which the winding is measured while the rotor creeps.
+    pub sectors: usize,
 }
 
 /// Who stands beside the motor.
@@ -223,6 +227,9 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
             };
             findings.positions.push(position);
         }
+        if plan.sectors > 0 {
+            self.creep(plan.sectors, findings)?;
+        }
         Ok(())
     }
 
@@ -353,6 +360,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         HELD_SHARE * f64::from(limits.into_iter().filter(|limit| *limit > 0.0).fold(f32::INFINITY, f32::min))
     }
 
+    /// The line through the points of one position.
     fn fitted(&self, points: &[Window], counts: i32) -> Option<HeldPosition> {
         let most_a = points.iter().map(|point| point.reading.i_A).fold(0.0, f64::max);
         let points: Vec<&Window> =

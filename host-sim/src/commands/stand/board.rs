@@ -42,6 +42,9 @@ pub(super) struct BoardArguments {
     /// Measures the winding at so many positions, at which you are asked to hold the rotor.
     #[arg(long, value_name = "COUNT", default_value_t = 0, conflicts_with = "table")]
     positions: u16,
+    /// Measures the winding in so many sectors of a turn while you let the rotor creep, a turn in some seconds.
+    #[arg(long, value_name = "SECTORS", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=360), conflicts_with = "table")]
+    slow_turn: u16,
     /// Where the table goes; beside it the positions (.positions.csv) and firmware, settings and losses (.json).
     #[arg(long, value_name = "TABLE.csv", default_value = "stand.csv", conflicts_with = "table")]
     save: PathBuf,
@@ -93,7 +96,12 @@ impl BoardArguments {
         if self.both_directions {
             voltages_v.extend(voltages_v.clone().iter().map(|voltage| -voltage));
         }
-        Ok(Plan { voltages_v, readings: self.readings.into(), positions: self.positions.into() })
+        Ok(Plan {
+            voltages_v,
+            readings: self.readings.into(),
+            positions: self.positions.into(),
+            sectors: self.slow_turn.into(),
+        })
     }
 
     fn save(

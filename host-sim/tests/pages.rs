@@ -1,0 +1,205 @@
+//! The pages say what the program does: every command in them is one, and where a page shows what comes out, that comes out.
+//!
+//! In a block of ` ```text `, a line that begins with `$ ` is a command, a backslash at its end goes on in the next line, what
+//! follows is its output, and a line `...` stands for any lines. Numbers may differ in their last digits.
+
+use host_sim::commands::command;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tempfile::TempDir;
+
+const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+/// Numbers may differ by this share, and by this share of the largest in their line: another processor rounds otherwise.
+const SAME: f64 = 0.01;
+const SAME_OF_LARGEST: f64 = 1e-4;
+
+/// Pages whose commands are run where they need no board, and what is copied into their folder.
+const RUN: &[(&str, &[&str])] = &[
+    ("docs/why.md", &["examples/recording"]),
+    ("docs/loop.md", &["examples/recording"]),
+    ("docs/stand.md", &["host-sim/tests/data/pivt6"]),
+    // Recorded by the simulated chip; the core on this computer has another scatter.
+    #[cfg(feature = "chip")]
+    ("docs/class.md", &[]),
+];
+/// What drives a board, or goes on until somebody ends it.
+const BOARD: [&str; 7] = ["virtual", "ports", "connect", "record", "send", "tune", "autotune"];
+
+fn page(name: &str) -> String {
+    std::fs::read_to_string(Path::new(ROOT).join(name)).unwrap()
+}
+
+fn pages() -> Vec<String> {
+    let docs = std::fs::read_dir(Path::new(ROOT).join("docs")).unwrap();
+    let names = docs.map(|entry| format!("docs/{}", entry.unwrap().file_name().to_string_lossy()));
+    names.filter(|name| name.ends_with(".md")).chain(["README.md".to_string()]).collect()
+}
+
+/// A command in a page and what the page says comes out.
+struct Shown {
+    line: String,
+    output: Vec<String>,
+}
+
+/// The commands of a page with their output.
+fn shown(page: &str) -> Vec<Shown> {
+    let mut all: Vec<Shown> = Vec::new();
+    let (mut inside, mut goes_on) = (false, false);
+    for line in page.lines() {
+        if line.starts_with("```") {
+            inside = line == "```text";
+            goes_on = false;
+        } else if goes_on {
+            let shown = all.last_mut().expect("a line that goes on");
+            goes_on = line.ends_with('\\');
+            shown.line += line.trim().trim_end_matches('\\');
+        } else if let Some(command) = line.strip_prefix("$ ").filter(|_| inside) {
+            goes_on = command.ends_with('\\');
+            all.push(Shown { line: command.trim_end_matches('\\').into(), output: Vec::new() });
+        } else if inside && let Some(shown) = all.last_mut() {
+            shown.output.push(line.into());
+        }
+    }
+    all
+}
+
+/// Every command line of a page: shown with its output, for a shell, or set in.
+fn lines(page: &str) -> Vec<String> {
+    let mut all: Vec<String> = shown(page).into_iter().map(|shown| shown.line).collect();
+    let (mut fence, mut goes_on) = (None, false);
+    for line in page.lines() {
+        if let Some(kind) = line.strip_prefix("```") {
+            fence = (fence.is_none()).then(|| kind.to_owned());
+        }
+        let command = match fence.as_deref() {
+            Some("sh") => line,
+            None => line.strip_prefix("    ").unwrap_or_default(),
+            _ => "",
+        };
+        for part in command.split("; ").map(|part| part.trim().trim_start_matches("do ")) {
+            if goes_on {
+                *all.last_mut().expect("a line that goes on") += part.trim_end_matches('\\');
+            } else if part.starts_with("motorbench ") {
+                all.push(part.trim_end_matches('\\').into());
+            } else {
+                continue;
+            }
+            goes_on = part.ends_with('\\');
+        }
+    }
+    all.retain(|line| line.starts_with("motorbench "));
+    all
+}
+
+/// What the shell makes of a line: words, up to what it does itself.
+fn words(line: &str) -> Vec<String> {
+    // The variable of a loop.
+    let line = line.replace("$team", "1");
+    let words = shlex::split(&line).unwrap_or_else(|| panic!("quotes: {line}"));
+    words.into_iter().take_while(|word| !["&", "|", ">", "<", "&&"].contains(&word.as_str())).collect()
+}
+
+#[test]
+fn every_command_in_the_pages_is_one() {
+    let mut count = 0;
+    for name in pages() {
+        for line in lines(&page(&name)) {
+            count += 1;
+            if let Err(error) = command().try_get_matches_from(words(&line)) {
+                assert!(!error.use_stderr(), "{name}: {line}\n{error}");
+            }
+        }
+    }
+    assert!(count > 60, "only {count} commands found");
+}
+
+/// The same words, and numbers that differ by no more than rounding.
+fn same(expected: &str, found: &str) -> bool {
+    let split = |text: &str| -> Vec<String> {
+        let numeric = |c: char| c.is_ascii_digit() || c == '.' || c == '-' || c == '+' || c == 'e';
+        text.split_whitespace()
+            .flat_map(|word| {
+                let core = word.trim_matches(|c: char| !numeric(c)).to_owned();
+                let is_number = core.parse::<f64>().is_ok();
+                if is_number { vec![word.replacen(&core, "#", 1), core] } else { vec![word.to_owned()] }
+            })
+            .collect()
+    };
+    let (expected, found) = (split(expected), split(found));
+    let largest = expected.iter().filter_map(|word| word.parse::<f64>().ok()).fold(0.0, |a: f64, b| a.max(b.abs()));
+    expected.len() == found.len()
+        && expected.iter().zip(&found).all(|(a, b)| match (a.parse::<f64>(), b.parse::<f64>()) {
+            (Ok(x), Ok(y)) => (x - y).abs() <= (SAME * x.abs().max(y.abs())).max(SAME_OF_LARGEST * largest),
+            _ => a == b,
+        })
+}
+
+/// Whether the output has the expected lines one after another, `...` standing for any.
+fn has(expected: &[String], output: &[&str]) -> Result<(), String> {
+    let Some((first, rest)) = expected.split_first() else {
+        return if output.is_empty() { Ok(()) } else { Err(format!("more comes out: {}", output[0])) };
+    };
+    if first.trim() == "..." {
+        let fits = (0..=output.len()).any(|skipped| has(rest, &output[skipped..]).is_ok());
+        return if fits { Ok(()) } else { Err(format!("after ... there is no \"{}\"", rest[0])) };
+    }
+    match output.split_first() {
+        Some((found, others)) if same(first, found) => has(rest, others),
+        found => Err(format!("\"{first}\" is \"{}\"", found.map_or("the end", |(found, _)| found))),
+    }
+}
+
+/// Copies the files of a folder.
+fn copied(from: &Path, to: &Path) {
+    for entry in std::fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
+    }
+}
+
+/// Runs a page's commands one after another, and compares what comes out.
+fn run(
+    name: &str,
+    folder: &Path,
+    wanted: impl Fn(&[String]) -> bool,
+    arguments: impl Fn(Vec<String>) -> Vec<String>,
+) -> usize {
+    let mut wrong = Vec::new();
+    let mut count = 0;
+    for Shown { line, mut output } in shown(&page(name)) {
+        let words = words(&line);
+        if words.first().is_none_or(|word| word != "motorbench") || !wanted(&words) {
+            continue;
+        }
+        count += 1;
+        let done = Command::new(env!("CARGO_BIN_EXE_motorbench"))
+            .args(&arguments(words)[1..])
+            .current_dir(folder)
+            .output()
+            .unwrap();
+        let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+        while output.last().is_some_and(|line| line.is_empty()) {
+            output.pop();
+        }
+        let found: Vec<&str> = if line.contains(" > ") { Vec::new() } else { out.lines().chain(err.lines()).collect() };
+        if line.contains(" > ") {
+            std::fs::write(folder.join(line.rsplit(" > ").next().unwrap().trim()), &out).unwrap();
+        }
+        if let Err(why) = has(&output, &found) {
+            wrong.push(format!("$ {line}\n{why}\n--- all of it (exit code {:?}):\n{out}{err}", done.status.code()));
+        }
+    }
+    assert!(wrong.is_empty(), "{name}:\n{}", wrong.join("\n"));
+    count
+}
+
+#[test]
+fn what_the_pages_show_comes_out() {
+    for &(name, folders) in RUN {
+        let folder = TempDir::new().unwrap();
+        folders.iter().for_each(|from| copied(&PathBuf::from(ROOT).join(from), folder.path()));
+        let alone = |words: &[String]| !BOARD.contains(&words[1].as_str()) && !words.contains(&"--port".to_string());
+        let count = run(name, folder.path(), alone, |words| words);
+        assert!(count > 0, "{name} shows no command that needs no board");
+    }
+}
