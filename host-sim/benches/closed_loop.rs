@@ -31,8 +31,16 @@ fn closed_loop(criterion: &mut Criterion) {
     let linear = scenario.model.clone();
     let friction = with(&with(&linear, "coulomb_friction", vec![0.006]), "voltage_drop", vec![2.5]);
     let cogging = with(&friction, "cogging", vec![2e-3, 0.0, 14.0]);
+    let heating = with(&friction, "winding_heating", vec![0.05, 40.0]);
+    let backlash = with(&friction, "backlash", vec![0.05, 0.4]);
     let mut group = criterion.benchmark_group("closed_loop_second");
-    for (name, model) in [("linear", linear), ("friction_and_drop", friction), ("friction_drop_and_cogging", cogging)] {
+    for (name, model) in [
+        ("linear", linear),
+        ("friction_and_drop", friction),
+        ("friction_drop_and_cogging", cogging),
+        ("friction_drop_and_heating", heating),
+        ("friction_drop_and_backlash", backlash),
+    ] {
         let plant = ModelPlant::new(model);
         group.bench_function(name, |b| {
             b.iter_batched(|| plant.clone(), |plant| second(&scenario, plant), BatchSize::SmallInput)

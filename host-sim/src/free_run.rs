@@ -7,8 +7,8 @@
 use crate::catalogue::{Balance, Effect, Instant, Readings, Sampling};
 use crate::dataset::{Dataset, Output, difference};
 use crate::model::{Model, Term};
+use crate::plant::closed_form::{Family, combine};
 use crate::rig;
-use nalgebra::Matrix4;
 use std::ops::Range;
 
 /// Longest step of a recording at 200 Hz or more; slower ones take a tenth of their interval, at most the second.
@@ -126,15 +126,15 @@ impl LinearStep {
     /// For steps of `step_s`, with `inertia_kg_m2` at the motor's own shaft.
     pub fn new(motor: &crate::motor::MotorParameters, inertia_kg_m2: f64, step_s: f64) -> Self {
         let (l, k, b) = (motor.inductance_h, motor.torque_constant_nm_per_a, motor.viscous_friction_nm_s);
-        #[rustfmt::skip]
-        let rates = Matrix4::new(
-            -motor.resistance_ohm / l, -k / l, 1.0 / l, 0.0,
-            k / inertia_kg_m2, -b / inertia_kg_m2, 0.0, 1.0 / inertia_kg_m2,
-            0.0, 0.0, 0.0, 0.0,
-            0.0, 0.0, 0.0, 0.0,
-        ) * step_s;
-        let step = rates.exp();
-        let row = |index: usize| [step[(index, 0)], step[(index, 1)], step[(index, 2)], step[(index, 3)]];
+        // Of (current, speed).
+        let rates = [[-motor.resistance_ohm / l, -k / l], [k / inertia_kg_m2, -b / inertia_kg_m2]];
+        let [[own_a, across_a], [across, own]] = rates;
+        let weights = Family::new(own_a + own, own_a * own - across_a * across).weights(step_s);
+        let (of_state, of_rates) = (combine(weights.exponential, &rates), combine(weights.integral, &rates));
+        let row = |index: usize| {
+            let ([current, speed], [volts, torque]) = (of_state[index], of_rates[index]);
+            [current, speed, volts / l, torque / inertia_kg_m2]
+        };
         let decay = (-b / inertia_kg_m2 * step_s).exp();
         let gain = if b > 0.0 { (1.0 - decay) / b } else { step_s / inertia_kg_m2 };
         let (current_of, speed_of) = (row(0), row(1));

@@ -152,10 +152,9 @@ fn with(model: &Model, id: &str, values: Vec<f64>) -> Model {
     model.with(effect(id).expect("an effect of the catalogue"), values)
 }
 
-/// The same model, but stepped by terms: what has a memory of its own is not solved event by event. The winding does not
-/// warm up.
+/// The same model, but stepped by terms: what acts on the voltage is not solved event by event. The supply does not sag.
 fn stepwise(model: &Model) -> Model {
-    with(model, "winding_heating", vec![0.0, 100.0])
+    with(model, "supply_sag", vec![0.0])
 }
 
 /// Errors with phases in 1, 2, 4, 8, 16 steps: the first within `bound`, the last smaller at the first order.

@@ -1,7 +1,6 @@
 //! Cogging: the magnets pull the rotor's teeth to preferred angles.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
-use crate::motor::MotorParameters;
+use super::{About, ActsOn, Effect, Parameter, Scales, Wave};
 
 /// Most slots times poles of a small motor that are looked for.
 const MOST_PERIODS: u8 = 24;
@@ -33,15 +32,7 @@ impl Effect for Cogging {
         (2..=MOST_PERIODS).map(|periods| vec![torque_nm, torque_nm, f64::from(periods)]).collect()
     }
 
-    fn contribute(
-        &self,
-        values: &[f64],
-        _motor: &MotorParameters,
-        at: &Instant,
-        _state: &[f64],
-        balance: &mut Balance,
-    ) {
-        let (sine, cosine) = (values[2] * at.angle_rad).sin_cos();
-        balance.torque_nm -= values[0] * cosine + values[1] * sine;
+    fn wave(&self, values: &[f64]) -> Option<Wave> {
+        Some(Wave { against_nm: [values[0], values[1]], periods_per_rev: values[2] })
     }
 }

@@ -1,7 +1,6 @@
 //! Unbalance under gravity: an arm, a crank or an eccentric mass on a horizontal shaft.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
-use crate::motor::MotorParameters;
+use super::{About, ActsOn, Effect, Parameter, Scales, Wave};
 
 /// See the module.
 pub struct GravityUnbalance;
@@ -30,15 +29,7 @@ impl Effect for GravityUnbalance {
         vec![vec![torque_nm, torque_nm]]
     }
 
-    fn contribute(
-        &self,
-        values: &[f64],
-        _motor: &MotorParameters,
-        at: &Instant,
-        _state: &[f64],
-        balance: &mut Balance,
-    ) {
-        let (sine, cosine) = at.angle_rad.sin_cos();
-        balance.torque_nm -= values[0] * cosine + values[1] * sine;
+    fn wave(&self, values: &[f64]) -> Option<Wave> {
+        Some(Wave { against_nm: [values[0], values[1]], periods_per_rev: 1.0 })
     }
 }

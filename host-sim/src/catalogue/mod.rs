@@ -212,6 +212,24 @@ pub struct Balance {
     pub dry_backward_nm: f64,
 }
 
+/// A torque that is a wave over the angle of the motor's shaft.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wave {
+    /// Amplitudes of cosine and sine, against positive motion, in newton metres.
+    pub against_nm: [f64; 2],
+    /// Periods in a turn.
+    pub periods_per_rev: f64,
+}
+
+impl Wave {
+    /// The torque that drives the shaft at an angle.
+    #[inline]
+    pub fn torque_nm(&self, angle_rad: f64) -> f64 {
+        let (sine, cosine) = (self.periods_per_rev * angle_rad).sin_cos();
+        -(self.against_nm[0] * cosine + self.against_nm[1] * sine)
+    }
+}
+
 /// What a sensor's effect may know of the bench when it acts on a reading.
 #[derive(Clone, Copy, Debug)]
 pub struct Sampling {
@@ -302,15 +320,23 @@ pub trait Effect: Sync {
         0.0
     }
 
+    /// The torque it adds, where that is a wave over the angle and nothing else.
+    fn wave(&self, _values: &[f64]) -> Option<Wave> {
+        None
+    }
+
     /// Adds its terms. `motor` are the constants of the linear motor.
     fn contribute(
         &self,
-        _values: &[f64],
+        values: &[f64],
         _motor: &MotorParameters,
-        _at: &Instant,
+        at: &Instant,
         _state: &[f64],
-        _balance: &mut Balance,
+        balance: &mut Balance,
     ) {
+        if let Some(wave) = self.wave(values) {
+            balance.torque_nm += wave.torque_nm(at.angle_rad);
+        }
     }
 
     /// Takes its own memory over the step that ended at `at`.

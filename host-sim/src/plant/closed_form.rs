@@ -8,12 +8,12 @@
 const SHORT: f64 = 0.1;
 const TERMS: usize = 8;
 
-pub(super) type Vector = [f64; 2];
-pub(super) type Matrix = [Vector; 2];
+pub(crate) type Vector = [f64; 2];
+pub(crate) type Matrix = [Vector; 2];
 
 /// Every matrix with one trace and one determinant.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Family {
+pub(crate) struct Family {
     trace: f64,
     determinant: f64,
     /// Not less than the magnitude of either eigenvalue.
@@ -24,7 +24,7 @@ pub(super) struct Family {
 
 /// Weights of identity and matrix.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Weights {
+pub(crate) struct Weights {
     /// In `exp(A t)`.
     pub exponential: Vector,
     /// In its integral over time, from zero.
@@ -106,7 +106,7 @@ impl Family {
 
 /// `weights[0] + weights[1] A`.
 #[inline(always)]
-pub(super) fn combine(weights: Vector, a: &Matrix) -> Matrix {
+pub(crate) fn combine(weights: Vector, a: &Matrix) -> Matrix {
     [
         [weights[0] + weights[1] * a[0][0], weights[1] * a[0][1]],
         [weights[1] * a[1][0], weights[0] + weights[1] * a[1][1]],
@@ -114,22 +114,22 @@ pub(super) fn combine(weights: Vector, a: &Matrix) -> Matrix {
 }
 
 #[inline(always)]
-pub(super) fn apply(a: &Matrix, x: Vector) -> Vector {
+pub(crate) fn apply(a: &Matrix, x: Vector) -> Vector {
     [dot(a[0], x), dot(a[1], x)]
 }
 
 #[inline(always)]
-pub(super) fn dot(a: Vector, b: Vector) -> f64 {
+pub(crate) fn dot(a: Vector, b: Vector) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
 /// A row times a matrix.
 #[inline(always)]
-pub(super) fn row_times(row: Vector, a: &Matrix) -> Vector {
+pub(crate) fn row_times(row: Vector, a: &Matrix) -> Vector {
     [row[0] * a[0][0] + row[1] * a[1][0], row[0] * a[0][1] + row[1] * a[1][1]]
 }
 
-pub(super) fn product(a: &Matrix, b: &Matrix) -> Matrix {
+pub(crate) fn product(a: &Matrix, b: &Matrix) -> Matrix {
     a.map(|row| row_times(row, b))
 }
 

@@ -21,6 +21,8 @@ const LONGEST_STEP_S: f64 = 100e-6;
 const MAX_EVENTS: usize = 64;
 /// How closely an event is located: a hundredth of a processor cycle.
 const EVENT_TOLERANCE_S: f64 = 6e-10;
+/// How far beyond the expected instant it is looked for.
+const BEYOND_S: f64 = 0.4 * EVENT_TOLERANCE_S;
 /// Bound on the steps for it.
 const ROOT_STEPS: usize = 60;
 
@@ -153,21 +155,28 @@ impl DcMotor {
         &self.state
     }
 
+    /// Makes the winding's resistance another.
+    pub(super) fn set_resistance_ohm(&mut self, resistance_ohm: f64) {
+        self.parameters.resistance_ohm = resistance_ohm;
+        self.moving = Moving::new(&self.parameters);
+        self.periods.iter_mut().for_each(|period| period.lengths_s = [f64::NAN; 3]);
+    }
+
     /// Advances from event to event.
-    fn eventful(&mut self, dt_s: f64, inputs: &Inputs) {
+    fn eventful(&mut self, dt_s: f64, inputs: &Inputs, sample: &mut CurrentSample) {
         self.supply_v = inputs.supply_v;
         if inputs.blocked {
             self.state.speed_rad_per_s = 0.0;
         }
         let mut left_s = dt_s;
         while left_s > 0.0 {
-            self.stretch(left_s.min(LONGEST_STEP_S), inputs);
+            self.stretch(left_s.min(LONGEST_STEP_S), inputs, sample);
             left_s -= LONGEST_STEP_S;
         }
     }
 
     /// Advances through one stretch.
-    fn stretch(&mut self, dt_s: f64, inputs: &Inputs) {
+    fn stretch(&mut self, dt_s: f64, inputs: &Inputs, sample: &mut CurrentSample) {
         let mut left_s = dt_s;
         for _ in 0..MAX_EVENTS {
             let mode = Mode::of(&self.parameters, &self.state, inputs);
@@ -175,13 +184,25 @@ impl DcMotor {
             let (end, _) = course.at(left_s);
             let margin = mode.margin(&self.parameters, &end);
             if margin >= 0.0 {
+                sample.pass(&course, left_s);
                 self.state = end;
                 return;
             }
             let (event_s, state) = self.event(&mode, &course, (left_s, end));
+            sample.pass(&course, event_s);
             self.state = mode.hold(state);
             left_s -= event_s;
         }
+    }
+
+    /// Takes a PWM period from event to event; also gives the current at the end of its pulse.
+    fn eventful_period(&mut self, pwm: &Pwm, inputs: &Inputs) -> (PeriodEnd, f64) {
+        let mut sample = CurrentSample { in_s: pwm.sampled_s, current_a: self.state.current_a };
+        let [(pulse, pulse_s), (rest, rest_s)] = pwm.parts(0.0, pwm.period_s);
+        self.eventful(pulse_s, &Inputs { bridge: pulse, ..*inputs }, &mut sample);
+        let pulse_a = self.state.current_a;
+        self.eventful(rest_s, &Inputs { bridge: rest, ..*inputs }, &mut sample);
+        (PeriodEnd { angle_rad: self.state.angle_rad, sampled_a: sample.current_a }, pulse_a)
     }
 
     /// When the margin becomes negative, and the state then, given an instant and a state beyond; the instant is just
@@ -194,7 +215,8 @@ impl DcMotor {
         }
         let start_margin = mode.margin(p, &course.start).max(0.0);
         let start_slope = mode.margin_slope(p, &course.start, course.rate);
-        let mut t = parabola_root(start_margin, start_slope, end_s, end_margin);
+        // Mostly good to a thousandth of the tolerance: a little beyond, the first look encloses the event.
+        let mut t = parabola_root(start_margin, start_slope, end_s, end_margin) + BEYOND_S;
         let mut inside_s = 0.0;
         for _ in 0..ROOT_STEPS {
             // Away from either end, so that a root close to one end is enclosed at once.
@@ -213,7 +235,7 @@ impl DcMotor {
                 break;
             }
             let enclosed = newton_s > inside_s && newton_s < beyond.0;
-            t = if enclosed { newton_s + 0.4 * EVENT_TOLERANCE_S } else { 0.5 * (inside_s + beyond.0) };
+            t = if enclosed { newton_s + BEYOND_S } else { 0.5 * (inside_s + beyond.0) };
         }
         beyond
     }
@@ -251,60 +273,48 @@ impl DcMotor {
         Some(Steady::new(period, voltages, signs))
     }
 
-    /// Takes whole PWM periods, from the one numbered `first` on, as long as nothing changes its sign. Returns how many.
-    #[inline(always)]
-    fn undisturbed(
-        &mut self,
-        period: &Period,
-        (pwm, inputs): (&Pwm, &Inputs),
-        (first, ends): (usize, &mut [PeriodEnd]),
-        torques: &impl Fn(usize, &Motion) -> Torques,
-    ) -> usize {
-        let rubs = torques(first, &self.state).friction_nm > 0.0;
-        let Some(steady) = self.steady(period, pwm, inputs, rubs) else { return 0 };
-        // The state stays in registers as long as nothing happens.
-        let mut state = self.state;
-        for (done, end) in ends.iter_mut().enumerate() {
-            let Torques { load_nm, friction_nm } = torques(first + done, &state);
-            let Some((next, sampled_a)) = steady.next(&state, -load_nm - steady.signs[0] * friction_nm) else {
-                self.state = state;
-                return done;
-            };
-            state = next;
-            *end = PeriodEnd { angle_rad: state.angle_rad, sampled_a };
-        }
-        self.state = state;
-        ends.len()
-    }
-
     /// [`Plant::advance`] under other torques than those of inputs and parameters.
     pub(super) fn advance_under(&mut self, dt_s: f64, inputs: &Inputs, torques: Torques) {
         self.parameters.coulomb_friction_nm = torques.friction_nm;
-        self.eventful(dt_s, &Inputs { load_torque_nm: torques.load_nm, ..*inputs });
+        self.advance(dt_s, &Inputs { load_torque_nm: torques.load_nm, ..*inputs });
     }
 
-    /// [`Plant::advance_pwm`] under torques that change from period to period: given the number of a period, from 0, and
-    /// the state at its start.
+    /// [`Plant::advance_pwm`] under torques that change from period to period. They are asked for once at the start of
+    /// each, given the state then and the current at the end of the last pulse. Returns that of the last.
     #[inline(always)]
     pub(super) fn advance_pwm_under(
         &mut self,
         pwm: &Pwm,
         inputs: &Inputs,
         ends: &mut [PeriodEnd],
-        torques: impl Fn(usize, &Motion) -> Torques,
-    ) {
+        mut torques: impl FnMut(&Motion, f64) -> Torques,
+    ) -> f64 {
         self.supply_v = inputs.supply_v;
         let period = self.period(pwm);
-        let mut done = 0;
-        while done < ends.len() {
-            done += self.undisturbed(&period, (pwm, inputs), (done, &mut ends[done..]), &torques);
-            if let Some(end) = ends.get_mut(done) {
-                let Torques { load_nm, friction_nm } = torques(done, &self.state);
-                self.parameters.coulomb_friction_nm = friction_nm;
-                *end = self.advance_period(pwm, &Inputs { load_torque_nm: load_nm, ..*inputs });
-                done += 1;
+        let mut pulse_a = self.state.current_a;
+        let mut steady = None;
+        // The state stays in registers as long as nothing changes its sign.
+        let mut state = self.state;
+        for end in ends {
+            let now = torques(&state, pulse_a);
+            if steady.is_none() {
+                self.state = state;
+                steady = self.steady(&period, pwm, inputs, now.friction_nm > 0.0);
             }
+            if let Some((next, currents)) = steady.as_ref().and_then(|steady| steady.next(&state, &now)) {
+                state = next;
+                pulse_a = currents.pulse_a;
+                *end = PeriodEnd { angle_rad: state.angle_rad, sampled_a: currents.sampled_a };
+                continue;
+            }
+            steady = None;
+            self.state = state;
+            self.parameters.coulomb_friction_nm = now.friction_nm;
+            (*end, pulse_a) = self.eventful_period(pwm, &Inputs { load_torque_nm: now.load_nm, ..*inputs });
+            state = self.state;
         }
+        self.state = state;
+        pulse_a
     }
 }
 
@@ -316,7 +326,12 @@ impl Default for DcMotor {
 
 impl Plant for DcMotor {
     fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
-        self.eventful(dt_s, inputs);
+        let mut nobody_looks = CurrentSample { in_s: -1.0, current_a: 0.0 };
+        self.eventful(dt_s, inputs, &mut nobody_looks);
+    }
+
+    fn advance_period(&mut self, pwm: &Pwm, inputs: &Inputs) -> PeriodEnd {
+        self.eventful_period(pwm, inputs).0
     }
 
     fn advance_pwm(&mut self, pwm: &Pwm, inputs: &Inputs, ends: &mut [PeriodEnd]) {
@@ -339,6 +354,32 @@ impl Plant for DcMotor {
     fn supply_v(&self) -> f64 {
         self.supply_v
     }
+}
+
+/// A sample of the current on the way.
+struct CurrentSample {
+    /// From now on.
+    in_s: f64,
+    current_a: f64,
+}
+
+impl CurrentSample {
+    /// Passes a part of the way, at its end included.
+    #[inline]
+    fn pass(&mut self, course: &Course, dt_s: f64) {
+        if (0.0..=dt_s).contains(&self.in_s) {
+            self.current_a = if course.holds_current() { 0.0 } else { course.at(self.in_s).0.current_a };
+        }
+        self.in_s -= dt_s;
+    }
+}
+
+/// Currents within a PWM period.
+struct Currents {
+    /// At the end of the pulse.
+    pulse_a: f64,
+    /// Where it is sampled.
+    sampled_a: f64,
 }
 
 /// Which of the two sign terms hold their quantity at zero, and the constant inputs otherwise.
@@ -495,6 +536,11 @@ impl<'a> Course<'a> {
         Self { start, rate, bend: masked(apply(&moving.a, rate)), family }
     }
 
+    /// Whether the current stays at zero.
+    fn holds_current(&self) -> bool {
+        self.start.current_a == 0.0 && self.rate[1] == 0.0 && self.bend[1] == 0.0
+    }
+
     /// The state after `t`, and the rates of speed and current then.
     #[inline]
     fn at(&self, t: f64) -> (Motion, Vector) {
@@ -619,9 +665,10 @@ impl Steady {
         }
     }
 
-    /// The state a period later and the sampled current, if the signs are kept.
+    /// The state a period later and the currents within it, if the signs are kept.
     #[inline(always)]
-    fn next(&self, state: &Motion, torque_nm: f64) -> Option<(Motion, f64)> {
+    fn next(&self, state: &Motion, torques: &Torques) -> Option<(Motion, Currents)> {
+        let torque_nm = -torques.load_nm - self.signs[0] * torques.friction_nm;
         let end = self.end.map(|row| row.of(state, torque_nm));
         let pulse = self.pulse.map(|row| row.of(state, torque_nm));
         let kept =
@@ -631,7 +678,8 @@ impl Steady {
             current_a: end[1],
             angle_rad: state.angle_rad + self.turned.of(state, torque_nm),
         };
-        (kept(0) && kept(1)).then(|| (next, self.sampled.of(state, torque_nm)))
+        let currents = Currents { pulse_a: pulse[1], sampled_a: self.sampled.of(state, torque_nm) };
+        (kept(0) && kept(1)).then_some((next, currents))
     }
 }
 

@@ -2,9 +2,10 @@
 
 use super::dc_motor::Torques;
 use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, PeriodEnd, Plant, Pwm};
-use crate::catalogue::{ActsOn, Balance, Effect, Instant};
+use crate::catalogue::{ActsOn, Balance, Effect, Instant, Wave};
 use crate::free_run::LinearStep;
 use crate::model::{Model, Term};
+use crate::motor::MotorParameters;
 
 /// Longest step; shorter ones are taken as they come.
 const LONGEST_STEP_S: f64 = 50e-6;
@@ -13,9 +14,11 @@ const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
 
 /// Effects that the event-exact motor has as well.
 const EXACT: [&str; 2] = ["coulomb_friction", "voltage_drop"];
+/// Effects on the voltage that only change the resistance, and that over seconds.
+const SLOW: [&str; 1] = ["winding_heating"];
 
 /// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop are solved event by event
-/// ([`DcMotor`]), also under other torques that need no memory of their own (`Held`); everything else step by step. What
+/// ([`DcMotor`]), also under other torques and in a winding that warms up (`Held`); everything else step by step. What
 /// the model says of sensors and of timing is not part of it.
 #[derive(Clone, Debug)]
 pub struct ModelPlant(Solver);
@@ -52,7 +55,7 @@ impl ModelPlant {
     pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
         model.terms.retain(|term| Self::simulates(term.effect));
         let exact = |term: &Term| EXACT.contains(&term.id());
-        let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque && term.effect.states() == 0;
+        let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque || SLOW.contains(&term.id());
         Self(if model.terms.iter().all(exact) {
             Solver::Exact(event_exact(bridge, &model))
         } else if model.terms.iter().all(|term| exact(term) || held(term)) {
@@ -92,80 +95,254 @@ impl ModelPlant {
 struct Held {
     motor: DcMotor,
     torques: FurtherTorques,
-    time_s: f64,
 }
 
 impl Held {
     fn new(bridge: BridgeLosses, model: Model) -> Self {
-        Self { motor: event_exact(bridge, &model), torques: FurtherTorques::of(model), time_s: 0.0 }
+        Self { motor: event_exact(bridge, &model), torques: FurtherTorques::of(model) }
+    }
+
+    /// Lets the winding have the resistance that it has warmed up to.
+    #[inline(always)]
+    fn warm_up(&mut self) {
+        if !self.torques.warms_up {
+            return;
+        }
+        let (now_ohm, was_ohm) = (self.torques.resistance_ohm(), self.motor.parameters().resistance_ohm);
+        if (now_ohm / was_ohm - 1.0).abs() > RESISTANCE_STEP {
+            self.motor.set_resistance_ohm(now_ohm);
+        }
     }
 }
 
-/// Torques of effects that need no memory of their own.
+/// Relative change of the resistance below which it is taken as constant: a few ticks of a winding that warms up.
+const RESISTANCE_STEP: f64 = 1e-5;
+
+/// Torques of effects, and what those effects remember.
 #[derive(Clone, Debug)]
 struct FurtherTorques {
-    model: Model,
+    motor: MotorParameters,
     /// Coulomb friction, to which they add.
     friction_nm: f64,
+    waves: Vec<FollowedWave>,
+    /// All other effects, and their states.
+    terms: Vec<(Term, Vec<f64>)>,
+    /// Whether any of them has a state, and whether any acts on the resistance.
+    remembers: bool,
+    warms_up: bool,
+    inertia_kg_m2: f64,
+    time_s: f64,
+    step: Step,
+}
+
+/// What the effects are yet to remember.
+#[derive(Clone, Copy, Debug, Default)]
+struct Step {
+    length_s: f64,
+    /// The pulse's part of it.
+    pulse_part: f64,
+    /// Current at its start.
+    start_a: f64,
 }
 
 impl FurtherTorques {
-    fn of(mut model: Model) -> Self {
-        let friction_nm = sum(&model, "coulomb_friction");
-        model.terms.retain(|term| !EXACT.contains(&term.id()));
-        Self { model, friction_nm }
+    fn of(model: Model) -> Self {
+        let others = model.terms.iter().filter(|term| !EXACT.contains(&term.id()));
+        let (waves, terms): (Vec<_>, Vec<_>) = others.partition(|term| term.effect.wave(&term.values).is_some());
+        let with_state = |term: &Term| (term.clone(), vec![0.0; term.effect.states()]);
+        Self {
+            friction_nm: sum(&model, "coulomb_friction"),
+            waves: waves.iter().filter_map(|term| term.effect.wave(&term.values)).map(FollowedWave::new).collect(),
+            remembers: terms.iter().any(|term| term.effect.states() > 0),
+            warms_up: terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage),
+            terms: terms.into_iter().map(with_state).collect(),
+            inertia_kg_m2: motor_inertia_kg_m2(&model),
+            motor: model.motor,
+            time_s: 0.0,
+            step: Step::default(),
+        }
     }
 
-    /// Of a step from this state and time on, with the angle in its middle.
+    /// Of a step from this state on, with the angle in its middle. `pulse_a`: the current at the end of the last pulse.
     #[inline(always)]
-    fn over(&self, step_s: f64, time_s: f64, state: &Motion, inputs: &Inputs) -> Torques {
-        let at = Instant {
-            time_s,
+    fn over(&mut self, step_s: f64, pulse_part: f64, (start, pulse_a): (&Motion, f64), inputs: &Inputs) -> Torques {
+        if self.remembers {
+            self.remember(start, pulse_a);
+            self.step = Step { length_s: step_s, pulse_part, start_a: start.current_a };
+        }
+        let step_rad = step_s * start.speed_rad_per_s;
+        let angle_rad = start.angle_rad + 0.5 * step_rad;
+        let waves_nm: f64 = self.waves.iter_mut().map(|wave| wave.torque_nm(angle_rad, step_rad)).sum();
+        let torque_nm = waves_nm - inputs.load_torque_nm;
+        if self.terms.is_empty() {
+            return Torques { load_nm: -torque_nm, friction_nm: self.friction_nm };
+        }
+        self.of_terms(&self.instant(step_s, &Motion { angle_rad, ..*start }, inputs.supply_v), torque_nm)
+    }
+
+    fn instant(&self, step_s: f64, state: &Motion, supply_v: f64) -> Instant {
+        Instant {
+            time_s: self.time_s,
             // No torque knows of the bridge.
             voltage_v: 0.0,
             duty: 0.0,
-            supply_v: inputs.supply_v,
+            supply_v,
             current_a: state.current_a,
             speed_rad_per_s: state.speed_rad_per_s,
-            angle_rad: state.angle_rad + 0.5 * step_s * state.speed_rad_per_s,
+            angle_rad: state.angle_rad,
             step_s,
-        };
+        }
+    }
+
+    /// Beside a torque.
+    fn of_terms(&self, at: &Instant, torque_nm: f64) -> Torques {
         let mut terms = Balance {
-            torque_nm: -inputs.load_torque_nm,
+            torque_nm,
             dry_forward_nm: self.friction_nm,
             dry_backward_nm: self.friction_nm,
             ..Balance::default()
         };
-        for term in &self.model.terms {
-            term.effect.contribute(&term.values, &self.model.motor, &at, &[], &mut terms);
+        for (term, state) in &self.terms {
+            term.effect.contribute(&term.values, &self.motor, at, state, &mut terms);
         }
         // Friction that differs by direction is the same in both, and a load.
         let asymmetry_nm = 0.5 * (terms.dry_forward_nm - terms.dry_backward_nm);
+        // Damping in the middle of the step, of the speed that it leaves there: stable however strong it is.
+        let damping_nm_s = terms.viscous_nm_s / (1.0 + 0.5 * at.step_s * terms.viscous_nm_s / self.inertia_kg_m2);
         Torques {
-            load_nm: asymmetry_nm + terms.viscous_nm_s * state.speed_rad_per_s - terms.torque_nm,
+            load_nm: asymmetry_nm + damping_nm_s * at.speed_rad_per_s - terms.torque_nm,
             friction_nm: (0.5 * (terms.dry_forward_nm + terms.dry_backward_nm)).max(0.0),
         }
+    }
+
+    /// Ends the last step, if there is one: takes the effects' memory over it.
+    fn remember(&mut self, end: &Motion, pulse_a: f64) {
+        if self.step.length_s <= 0.0 {
+            return;
+        }
+        let Step { length_s, pulse_part, start_a } = std::mem::take(&mut self.step);
+        let mut at = self.instant(length_s, end, 0.0);
+        // In straight lines from the start to the end of the pulse and on to the end; what heats is its square.
+        let line = |from: f64, to: f64| (from * from + from * to + to * to) * (1.0 / 3.0);
+        let square = pulse_part * line(start_a, pulse_a) + (1.0 - pulse_part) * line(pulse_a, end.current_a);
+        at.current_a = square.sqrt().copysign(end.current_a);
+        for (term, state) in &mut self.terms {
+            term.effect.advance(&term.values, &self.motor, &at, state);
+        }
+    }
+
+    /// Of the winding.
+    fn resistance_ohm(&self) -> f64 {
+        let mut terms = Balance::default();
+        let at = self.instant(LONGEST_STEP_S, &Motion::default(), 0.0);
+        for (term, state) in self.terms.iter().filter(|(term, _)| term.effect.about().acts_on == ActsOn::Voltage) {
+            term.effect.contribute(&term.values, &self.motor, &at, state, &mut terms);
+        }
+        self.motor.resistance_ohm + terms.resistance_ohm
+    }
+}
+
+/// A wave that is followed along the angle. Where the shaft will be a step later is nearly known now: sine and cosine for
+/// there are made ahead, while the step itself is computed, and what is left of the way is a small correction.
+#[derive(Clone, Copy, Debug)]
+struct FollowedWave {
+    wave: Wave,
+    /// An angle at which the wave was evaluated by sine and cosine: there, and a quarter of a period on.
+    anchor_rad: f64,
+    at_anchor_nm: [f64; 2],
+    /// The same, where the shaft was expected to be.
+    expected_rad: f64,
+    at_expected_nm: [f64; 2],
+}
+
+impl FollowedWave {
+    /// Largest phase from the anchor: what follows the series' last terms is below 2e-12 of the amplitude.
+    const REACH: f64 = 0.3;
+    /// Largest phase from where the shaft was expected: what follows the square is below 2e-11 of the amplitude.
+    const NEAR: f64 = 5e-4;
+
+    fn new(wave: Wave) -> Self {
+        let at_zero_nm = Self::by_sine_and_cosine(&wave, 0.0);
+        Self { wave, anchor_rad: 0.0, at_anchor_nm: at_zero_nm, expected_rad: 0.0, at_expected_nm: at_zero_nm }
+    }
+
+    fn by_sine_and_cosine(wave: &Wave, angle_rad: f64) -> [f64; 2] {
+        let [cosine_nm, sine_nm] = wave.against_nm;
+        let (sine, cosine) = (wave.periods_per_rev * angle_rad).sin_cos();
+        [-(cosine_nm * cosine + sine_nm * sine), cosine_nm * sine - sine_nm * cosine]
+    }
+
+    /// At an angle; `step_rad` later it will be asked for again.
+    #[inline(always)]
+    fn torque_nm(&mut self, angle_rad: f64, step_rad: f64) -> f64 {
+        let mut phase = self.wave.periods_per_rev * (angle_rad - self.expected_rad);
+        if phase.abs() > Self::NEAR {
+            self.at_expected_nm = self.by_series(angle_rad);
+            phase = 0.0;
+        }
+        let [here_nm, on_nm] = self.at_expected_nm;
+        self.expected_rad = angle_rad + step_rad;
+        self.at_expected_nm = self.by_series(self.expected_rad);
+        here_nm + phase * (on_nm - phase * (0.5 * here_nm))
+    }
+
+    /// At an angle, and a quarter of a period on; by Taylor's series from the anchor.
+    #[inline(always)]
+    fn by_series(&mut self, angle_rad: f64) -> [f64; 2] {
+        let since = |wave: &Self| wave.wave.periods_per_rev * (angle_rad - wave.anchor_rad);
+        let mut x = since(self);
+        if x.abs() > Self::REACH {
+            // Ahead of the shaft, so that it stays near for longer.
+            self.anchor(angle_rad + 0.9 * Self::REACH.copysign(x) / self.wave.periods_per_rev);
+            x = since(self);
+        }
+        let x2 = x * x;
+        let x4 = x2 * x2;
+        // Products with constants: a quotient would take as long as the rest together.
+        let cosine = (1.0 - x2 * 0.5) + x4 * ((1.0 / 24.0 - x2 * (1.0 / 720.0)) + x4 * (1.0 / 40_320.0));
+        let sine = (1.0 - x2 * (1.0 / 6.0)) + x4 * ((1.0 / 120.0 - x2 * (1.0 / 5_040.0)) + x4 * (1.0 / 362_880.0));
+        let [here_nm, on_nm] = self.at_anchor_nm;
+        let sine = x * sine;
+        [here_nm * cosine + on_nm * sine, on_nm * cosine - here_nm * sine]
+    }
+
+    #[inline(never)]
+    fn anchor(&mut self, angle_rad: f64) {
+        self.anchor_rad = angle_rad;
+        self.at_anchor_nm = Self::by_sine_and_cosine(&self.wave, angle_rad);
     }
 }
 
 impl Plant for Held {
     fn advance(&mut self, dt_s: f64, inputs: &Inputs) {
+        if dt_s <= 0.0 {
+            return;
+        }
         let steps = (dt_s / LONGEST_STEP_S - 1e-9).ceil().max(1.0);
         let step_s = dt_s / steps;
         for _ in 0..steps as usize {
-            let torques = self.torques.over(step_s, self.time_s, self.motor.motion(), inputs);
+            self.warm_up();
+            let start_a = self.motor.current_a();
+            let torques = self.torques.over(step_s, 0.0, (self.motor.motion(), start_a), inputs);
             self.motor.advance_under(step_s, inputs, torques);
-            self.time_s += step_s;
+            self.torques.remember(self.motor.motion(), start_a);
+            self.torques.time_s += step_s;
         }
     }
 
     fn advance_pwm(&mut self, pwm: &Pwm, inputs: &Inputs, ends: &mut [PeriodEnd]) {
-        let (torques, from_s) = (&self.torques, self.time_s);
-        let at_s = |period: usize| from_s + period as f64 * pwm.period_s;
-        self.motor.advance_pwm_under(pwm, inputs, ends, |period, state| {
-            torques.over(pwm.period_s, at_s(period), state, inputs)
+        self.warm_up();
+        let from_s = self.torques.time_s;
+        let torques = &mut self.torques;
+        let pulse_part = pwm.pulse_s / pwm.period_s;
+        let mut period = 0.0;
+        let pulse_a = self.motor.advance_pwm_under(pwm, inputs, ends, |state, pulse_a| {
+            torques.time_s = from_s + period * pwm.period_s;
+            period += 1.0;
+            torques.over(pwm.period_s, pulse_part, (state, pulse_a), inputs)
         });
-        self.time_s = at_s(ends.len());
+        self.torques.remember(self.motor.motion(), pulse_a);
+        self.torques.time_s = from_s + ends.len() as f64 * pwm.period_s;
     }
 
     fn angle_rad(&self) -> f64 {
@@ -185,6 +362,12 @@ impl Plant for Held {
     }
 }
 
+/// What of the inertia turns with the motor's own shaft.
+fn motor_inertia_kg_m2(model: &Model) -> f64 {
+    let shares = model.terms.iter().map(|term| term.effect.motor_share(&term.values));
+    model.motor.inertia_kg_m2 * shares.product::<f64>()
+}
+
 /// The first constants of all terms of an effect.
 fn sum(model: &Model, id: &str) -> f64 {
     model.terms.iter().filter(|term| term.id() == id).map(|term| term.values[0]).sum()
@@ -197,7 +380,7 @@ fn event_exact(bridge: BridgeLosses, model: &Model) -> DcMotor {
         resistance_ohm: model.motor.resistance_ohm,
         inductance_h: model.motor.inductance_h,
         torque_constant_nm_per_a: model.motor.torque_constant_nm_per_a,
-        inertia_kg_m2: model.motor.inertia_kg_m2,
+        inertia_kg_m2: motor_inertia_kg_m2(model),
         viscous_friction_nms_per_rad: model.motor.viscous_friction_nm_s,
         coulomb_friction_nm: sum(model, "coulomb_friction"),
         // The drop is there whatever the bridge does; a coasting current flows through two diodes besides.
@@ -211,9 +394,8 @@ fn event_exact(bridge: BridgeLosses, model: &Model) -> DcMotor {
 
 impl Stepwise {
     fn new(bridge: BridgeLosses, model: Model) -> Self {
-        let share: f64 = model.terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
         Self {
-            inertia_kg_m2: model.motor.inertia_kg_m2 * share,
+            inertia_kg_m2: motor_inertia_kg_m2(&model),
             steps: [LinearStep::default(); 4],
             states: model.terms.iter().map(|term| vec![0.0; term.effect.states()]).collect(),
             model,
@@ -354,7 +536,6 @@ impl Plant for ModelPlant {
 mod tests {
     use super::*;
     use crate::catalogue::effect;
-    use crate::motor::MotorParameters;
 
     /// Friction and bridge drop of the catalogue against the plant that finds every event exactly.
     #[test]
@@ -398,5 +579,59 @@ mod tests {
         // Friction takes R c / k^2 of the speed.
         let expected = free_rad_per_s - 5.84 * 0.02 / (0.072 * 0.072 + 5.84 * 5e-6);
         assert!((plant.speed_rad_per_s() - expected).abs() < 0.01, "{} {expected}", plant.speed_rad_per_s());
+    }
+
+    /// A wave that is followed against sine and cosine: slow and fast, both directions, as expected and not, many turns.
+    #[test]
+    fn a_wave_that_is_followed_is_the_wave() {
+        let wave = Wave { against_nm: [2e-3, -1e-3], periods_per_rev: 14.0 };
+        for (step_rad, unexpected_rad) in [(1e-5, 0.0), (0.004, 1e-5), (-0.009, -3e-5), (0.002, 1e-3), (0.3, 0.0)] {
+            let mut followed = FollowedWave::new(wave);
+            for step in 0..20_000 {
+                let angle_rad = f64::from(step) * step_rad;
+                let (found, expected) =
+                    (followed.torque_nm(angle_rad, step_rad + unexpected_rad), wave.torque_nm(angle_rad));
+                assert!((found - expected).abs() < 1e-13, "{angle_rad}: {found} {expected}");
+            }
+        }
+    }
+
+    /// Effects with a memory beside the exact solution against the same stepped by terms, a hundred times as finely.
+    #[test]
+    fn memory_beside_events_agrees_with_fine_steps() {
+        let friction = Model::linear(MotorParameters::PIVT6).with(effect("coulomb_friction").unwrap(), vec![0.006]);
+        let friction = friction.with(effect("voltage_drop").unwrap(), vec![1.8]);
+        for (id, values, bound_rad_per_s, bound_a) in [
+            ("winding_heating", vec![0.2, 0.3], 0.03, 3e-4),
+            ("shaft_compliance", vec![40.0, 0.4, 0.05], 0.03, 3e-4),
+            ("backlash", vec![0.02, 0.4], 0.12, 3e-4),
+        ] {
+            let model = friction.with(effect(id).unwrap(), values);
+            let mut plant = ModelPlant::new(model.clone());
+            assert!(matches!(plant.0, Solver::Held(_)), "{id}");
+            let mut fine = Stepwise::new(BridgeLosses::DIODES, model);
+            let mut largest = [0.0_f64; 2];
+            for tick in 0..400 {
+                let duty = 0.7 * (f64::from(tick) * 0.02).sin();
+                let pwm = Pwm {
+                    pulse: if duty < 0.0 { Bridge::Reverse } else { Bridge::Forward },
+                    rest: Bridge::Brake,
+                    pulse_s: 50e-6 * duty.abs(),
+                    period_s: 50e-6,
+                    sampled_s: 48e-6,
+                };
+                plant.advance_pwm(&pwm, &Inputs::default(), &mut [PeriodEnd::default(); 20]);
+                for _ in 0..20 {
+                    for (bridge, dt_s) in pwm.parts(0.0, pwm.period_s) {
+                        let inputs = Inputs { bridge, ..Inputs::default() };
+                        (0..50).for_each(|_| fine.advance(dt_s / 50.0, &inputs));
+                    }
+                }
+                largest[0] = largest[0].max((plant.speed_rad_per_s() - fine.speed_rad_per_s).abs());
+                largest[1] = largest[1].max((plant.current_a() - fine.current_a).abs());
+            }
+            println!("{id}: {:.1e} rad/s, {:.1e} A from steps of 0.5 us", largest[0], largest[1]);
+            assert!(largest[0] < bound_rad_per_s && largest[1] < bound_a, "{id}: {largest:?}");
+        }
     }
 }
