@@ -43,6 +43,9 @@ pub struct Hidden {
     gravity_nm: f64,
     gravity_phase: f64,
     gap_rad: f64,
+    /// Of plastic to steel flanks, and what energy they lose in a blow.
+    contact_hz: f64,
+    contact_damping: f64,
     load_share: f64,
     spring_hz: f64,
     spring_damping: f64,
@@ -234,6 +237,8 @@ impl Bench {
             Effect::Backlash => {
                 hidden.gap_rad = between(2.0, 8.0).to_radians();
                 hidden.load_share = random.random_range(0.3..0.6);
+                hidden.contact_hz = log_uniform(random, 150.0, 600.0);
+                hidden.contact_damping = random.random_range(0.2..0.6);
                 vec![("gap_rad", hidden.gap_rad), ("load_inertia_share", hidden.load_share)]
             }
             Effect::ShaftCompliance => {
@@ -488,9 +493,8 @@ impl Bench {
         if depth == 0.0 {
             return 0.0;
         }
-        // Hard steel that loses two thirds of its energy in a blow.
-        let rate = TAU * 300.0;
-        let force = reduced * (rate * rate * depth + 2.0 * 0.35 * rate * slip);
+        let rate = TAU * hidden.contact_hz;
+        let force = reduced * (rate * rate * depth + 2.0 * hidden.contact_damping * rate * slip);
         if depth > 0.0 { force.max(0.0) } else { force.min(0.0) }
     }
 

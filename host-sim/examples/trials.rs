@@ -8,12 +8,19 @@
 mod scoring;
 
 use hidden_effects::{Channels, Effect, Excitation, Recipe, Trial, draw, random_effects};
-use host_sim::diagnose::outcome::Outcome;
+use host_sim::diagnose::outcome::{Cause, Outcome};
+use rayon::prelude::*;
 use scoring::{diagnosed, hidden, named};
+use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, ContinuousCDF};
 use std::collections::BTreeMap;
+use std::collections::hash_map::DefaultHasher;
 use std::fmt::Write as _;
-use std::time::Instant;
+use std::fs::File;
+use std::hash::{Hash, Hasher};
+use std::io::Write as _;
+use std::ops::Range;
+use std::sync::Mutex;
 
 /// Kinds of trials, and what each is.
 const KINDS: [(&str, &str); 12] = [
@@ -30,6 +37,8 @@ const KINDS: [(&str, &str); 12] = [
     ("closed-loop", "one effect, recorded in a closed speed loop"),
     ("slow", "one effect on the rig with friction and bridge drop, recorded at 200 Hz"),
 ];
+/// Bounds of the bands of confidence.
+const CONFIDENCES: [f64; 6] = [0.0, 0.4, 0.6, 0.8, 0.95, 1.01];
 /// Of the trials of a kind, so many are drawn for each point of the power curves.
 const POWER_SHARE: u64 = 4;
 /// Strengths of the power curves: 0 to 1 is the range that matters on a bench, each unit below it a tenth.
@@ -47,12 +56,16 @@ fn main() {
         std::process::exit(2);
     };
     let first = number(2).unwrap_or(1);
+    let done = Done::of_this_program();
     match kind.as_str() {
-        "power" => print!("{}", power(count, first)),
-        "report" => report(count, first),
+        "power" => print!("{}", power(&done, count, first)),
+        "report" => report(&done, count, first),
         kind => {
-            let score = Score::of(kind, count, first);
-            print!("{HEAD}{}\n{ERRORS}{}", score.line(kind), errors(&[score]));
+            let score = Score::of(&done, kind, count, first);
+            for failure in &score.failures {
+                println!("- {failure}");
+            }
+            print!("{HEAD}{}\n{BELIEFS}{}\n{ERRORS}{}", score.line(kind), beliefs(&[&score]), errors(&[&score]));
         }
     }
 }
@@ -85,6 +98,124 @@ fn recipe(kind: &str, seed: u64) -> Recipe {
     recipe.with_random_strengths(seed)
 }
 
+/// What came out of one trial.
+#[derive(Clone, Serialize, Deserialize)]
+struct Result {
+    /// What was hidden, causes outside the catalogue included.
+    truth: Vec<String>,
+    /// What of it the catalogue knows.
+    hidden: Vec<String>,
+    /// What was named, with its confidence.
+    named: Vec<(String, f64)>,
+    /// Of each constant its relative error and whether its interval held the truth.
+    constants: Vec<(String, f64, bool)>,
+    /// Greatest error over noise floor.
+    excess: f64,
+}
+
+impl Result {
+    fn of(trial: &Trial) -> Self {
+        let outcome = diagnosed(trial).outcome;
+        let hidden = hidden(trial);
+        let named = named(&outcome, &hidden);
+        let confidence = |id: &str| {
+            let stands_for = |cause: &&Cause| cause.effect == id || cause.not_separable_from.contains(&id);
+            outcome.causes.iter().find(stands_for).map_or(0.0, |cause| cause.confidence)
+        };
+        let floor = &outcome.fit["noise_floor"];
+        let excess = outcome.fit["extended"].iter().map(|(channel, fit)| fit.rmse / floor[channel].rmse);
+        Self {
+            truth: trial.truth.effects.iter().map(|(effect, _)| effect.id().to_string()).collect(),
+            hidden: hidden.iter().map(|id| (*id).to_string()).collect(),
+            constants: constants(trial, &outcome),
+            excess: excess.fold(0.0, f64::max),
+            named: named.into_iter().map(|id| (id.clone(), confidence(&id))).collect(),
+        }
+    }
+
+    fn has_named(&self, id: &str) -> bool {
+        self.named.iter().any(|(name, _)| name == id)
+    }
+
+    fn extra(&self) -> Vec<&str> {
+        self.named
+            .iter()
+            .map(|(id, _)| id.as_str())
+            .filter(|id| !self.hidden.iter().any(|hidden| hidden == id))
+            .collect()
+    }
+
+    fn missed(&self) -> Vec<&str> {
+        self.hidden.iter().map(String::as_str).filter(|id| !self.has_named(id)).collect()
+    }
+}
+
+/// Errors of the constants of what was named, and of the motor's where nothing remains unexplained.
+fn constants(trial: &Trial, outcome: &Outcome) -> Vec<(String, f64, bool)> {
+    let motor = trial.truth.motor;
+    let mut constants = Vec::new();
+    let mut check = |name: String, truth: f64, value: f64, ci95: [f64; 2]| {
+        constants.push((name, (value / truth - 1.0).abs(), (ci95[0]..=ci95[1]).contains(&truth)));
+    };
+    if outcome.unexplained.is_none() {
+        for (name, truth) in [
+            ("resistance_ohm", motor.resistance_ohm),
+            ("torque_constant_Nm_per_A", motor.torque_constant_nm_per_a),
+            ("inertia_kg_m2", motor.inertia_kg_m2),
+        ] {
+            let found = outcome.parameters[name];
+            check(format!("motor {name}"), truth, found.value, found.ci95);
+        }
+    }
+    for (effect, truths) in &trial.truth.effects {
+        let Some(cause) = outcome.causes.iter().find(|cause| cause.effect == effect.id()) else { continue };
+        for (name, truth) in truths {
+            let found = &cause.parameters[*name];
+            if let Some(ci95) = found.ci95 {
+                check(format!("{} {name}", effect.id()), *truth, found.value, ci95);
+            }
+        }
+    }
+    constants
+}
+
+/// Trials that this very program has done before: a report that was cut off goes on where it was.
+struct Done {
+    results: Mutex<BTreeMap<String, Result>>,
+    file: Mutex<File>,
+}
+
+impl Done {
+    fn of_this_program() -> Self {
+        let program = std::env::current_exe().expect("it runs");
+        let mut hasher = DefaultHasher::new();
+        std::fs::read(&program).expect("it runs").hash(&mut hasher);
+        let path = program.with_file_name(format!("trials-{:016x}.jsonl", hasher.finish()));
+        let lines = std::fs::read_to_string(&path).unwrap_or_default();
+        // A last line may be cut off.
+        let results = lines.lines().filter_map(|line| serde_json::from_str(line).ok()).collect();
+        let file = File::options().create(true).append(true).open(&path);
+        let file = file.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        Self { results: Mutex::new(results), file: Mutex::new(file) }
+    }
+
+    /// The trials of many seeds, in their order.
+    fn results(&self, what: &str, seeds: Range<u64>, recipe: impl Fn(u64) -> Recipe + Sync) -> Vec<Result> {
+        let one = |seed: u64| {
+            let key = format!("{what} {seed}");
+            if let Some(result) = self.results.lock().expect("no trial panics").get(&key) {
+                return result.clone();
+            }
+            let result = Result::of(&draw(seed, &recipe(seed)));
+            let line = serde_json::to_string(&(&key, &result)).expect("plain data");
+            writeln!(self.file.lock().expect("no trial panics"), "{line}").expect("the disk has room");
+            self.results.lock().expect("no trial panics").insert(key, result.clone());
+            result
+        };
+        seeds.into_par_iter().map(one).collect()
+    }
+}
+
 /// How often an effect was hidden and found, and what was said instead or besides.
 #[derive(Default)]
 struct Row {
@@ -94,120 +225,49 @@ struct Row {
     besides: BTreeMap<String, usize>,
 }
 
-/// Errors of a constant: relative, and whether its interval held the truth.
-#[derive(Default)]
-struct Errors {
-    relative: Vec<f64>,
-    covered: usize,
-}
-
 #[derive(Default)]
 struct Score {
-    trials: usize,
-    exact: usize,
-    wrong_name: usize,
-    /// Greatest error over noise floor of each trial.
-    excess: Vec<f64>,
-    rows: BTreeMap<&'static str, Row>,
-    constants: BTreeMap<String, Errors>,
+    results: Vec<Result>,
     /// What went wrong, with its seed.
     failures: Vec<String>,
-    seconds: f64,
 }
 
-const HEAD: &str = "| kind | trials | exact, 95 % interval | a wrong name | truth within its 95 % interval | error over noise floor: median, nine tenths below | s a trial |\n|---|---|---|---|---|---|---|\n";
-
+const HEAD: &str = "| kind | trials | exact, 95 % interval | a wrong name | truth within its 95 % interval | error over noise floor: median, nine tenths below |\n|---|---|---|---|---|---|\n";
 const ERRORS: &str =
     "| constant | times | median error | nine tenths below | truth within its 95 % interval |\n|---|---|---|---|---|\n";
+const BELIEFS: &str = "| confidence | names | right |\n|---|---|---|\n";
 
 impl Score {
-    fn of(kind: &str, count: u64, first: u64) -> Self {
-        let mut score = Self::default();
-        for seed in first..first + count {
-            score.add(seed, &draw(seed, &recipe(kind, seed)));
-        }
-        score
-    }
-
-    fn add(&mut self, seed: u64, trial: &Trial) {
-        let start = Instant::now();
-        let outcome = diagnosed(trial).outcome;
-        self.seconds += start.elapsed().as_secs_f64();
-        let hidden = hidden(trial);
-        let named = named(&outcome, &hidden);
-        let extra: Vec<&str> = named.iter().map(String::as_str).filter(|id| !hidden.contains(id)).collect();
-        let missed: Vec<&str> = hidden.iter().copied().filter(|id| !named.iter().any(|name| name == id)).collect();
-        self.trials += 1;
-        self.exact += usize::from(named == hidden);
-        self.wrong_name += usize::from(!extra.is_empty());
-        for (effect, _) in &trial.truth.effects {
-            let row = self.rows.entry(effect.id()).or_default();
-            row.hidden += 1;
-            row.found += usize::from(named.iter().any(|name| name == effect.id()));
-            for id in &extra {
-                *row.besides.entry((*id).to_string()).or_default() += 1;
-            }
-        }
-        if named != hidden {
-            let list = |names: &[&str]| if names.is_empty() { "-".to_string() } else { names.join(" + ") };
-            self.failures.push(format!(
-                "seed {seed}: hidden {}, missed {}, too much {}",
-                list(&hidden),
-                list(&missed),
-                list(&extra)
-            ));
-            eprintln!("{}", self.failures[self.failures.len() - 1]);
-        }
-        self.cover(trial, &outcome);
-        let floor = &outcome.fit["noise_floor"];
-        let excess = outcome.fit["extended"].iter().map(|(channel, fit)| fit.rmse / floor[channel].rmse);
-        self.excess.push(excess.fold(0.0, f64::max));
-    }
-
-    /// Errors of the constants of what was named, and of the motor's where nothing remains unexplained.
-    fn cover(&mut self, trial: &Trial, outcome: &Outcome) {
-        let motor = trial.truth.motor;
-        let mut check = |name: String, truth: f64, value: f64, ci95: [f64; 2]| {
-            let errors = self.constants.entry(name).or_default();
-            errors.relative.push((value / truth - 1.0).abs());
-            errors.covered += usize::from((ci95[0]..=ci95[1]).contains(&truth));
+    fn of(done: &Done, kind: &str, count: u64, first: u64) -> Self {
+        let results = done.results(kind, first..first + count, |seed| recipe(kind, seed));
+        let list = |names: &[&str]| if names.is_empty() { "-".to_string() } else { names.join(" + ") };
+        let failure = |(seed, result): (u64, &Result)| {
+            let (missed, extra) = (result.missed(), result.extra());
+            let hidden: Vec<&str> = result.truth.iter().map(String::as_str).collect();
+            (!missed.is_empty() || !extra.is_empty()).then(|| {
+                format!("seed {seed}: hidden {}, missed {}, too much {}", list(&hidden), list(&missed), list(&extra))
+            })
         };
-        if outcome.unexplained.is_none() {
-            for (name, truth) in [
-                ("resistance_ohm", motor.resistance_ohm),
-                ("torque_constant_Nm_per_A", motor.torque_constant_nm_per_a),
-                ("inertia_kg_m2", motor.inertia_kg_m2),
-            ] {
-                let found = outcome.parameters[name];
-                check(format!("motor {name}"), truth, found.value, found.ci95);
-            }
-        }
-        for (effect, constants) in &trial.truth.effects {
-            let Some(cause) = outcome.causes.iter().find(|cause| cause.effect == effect.id()) else { continue };
-            for (name, truth) in constants {
-                let found = &cause.parameters[*name];
-                if let Some(ci95) = found.ci95 {
-                    check(format!("{} {name}", effect.id()), *truth, found.value, ci95);
-                }
-            }
-        }
+        let failures = (first..).zip(&results).filter_map(failure).collect();
+        Self { results, failures }
     }
 
     fn line(&self, kind: &str) -> String {
-        let mut excess = self.excess.clone();
+        let trials = self.results.len();
+        let exact = trials - self.failures.len();
+        let wrong_name = self.results.iter().filter(|result| !result.extra().is_empty()).count();
+        let mut excess: Vec<f64> = self.results.iter().map(|result| result.excess).collect();
         excess.sort_unstable_by(f64::total_cmp);
-        let (low, high) = interval(self.exact, self.trials);
-        let covered: usize = self.constants.values().map(|errors| errors.covered).sum();
-        let intervals: usize = self.constants.values().map(|errors| errors.relative.len()).sum();
+        let (low, high) = interval(exact, trials);
+        let constants = || self.results.iter().flat_map(|result| &result.constants);
+        let (covered, intervals) = (constants().filter(|(_, _, covered)| *covered).count(), constants().count());
         format!(
-            "| {kind} | {} | {:.1} % [{low:.1}, {high:.1}] | {:.1} % | {} | {:.3}, {:.3} | {:.2} |\n",
-            self.trials,
-            share(self.exact, self.trials),
-            share(self.wrong_name, self.trials),
+            "| {kind} | {trials} | {:.1} % [{low:.1}, {high:.1}] | {:.1} % | {} | {:.3}, {:.3} |\n",
+            share(exact, trials),
+            share(wrong_name, trials),
             if intervals > 0 { format!("{:.1} %", share(covered, intervals)) } else { "-".into() },
-            excess[excess.len() / 2],
-            excess[excess.len() * 9 / 10],
-            self.seconds / self.trials as f64,
+            excess[trials / 2],
+            excess[trials * 9 / 10],
         )
     }
 }
@@ -226,28 +286,32 @@ fn interval(part: usize, whole: usize) -> (f64, f64) {
 }
 
 /// Everything, into `docs/trials.md`.
-fn report(count: u64, first: u64) {
+fn report(done: &Done, count: u64, first: u64) {
     let scores = KINDS.map(|(kind, _)| {
-        let score = Score::of(kind, count, first);
+        let score = Score::of(done, kind, count, first);
         eprint!("{}", score.line(kind));
         score
     });
+    let all: Vec<&Score> = scores.iter().collect();
     let mut text = format!(
         "# Trials of the diagnosis\n\nWritten by `cargo run --release -p host-sim --example trials -- report {count} {first}`: {count} benches of each \
          kind, seeds from {first}, strengths at random in the range that matters on a bench. *Exact*: everything that was hidden is \
          named and nothing else; for causes outside the catalogue: no name. A name counts when it is the hidden one, or when the \
-         report itself says that it cannot be told from it.\n\n{HEAD}"
+         report itself says that it cannot be told from it. Cut off, the command goes on where it was.\n\n{HEAD}"
     );
     for ((kind, what), score) in KINDS.iter().zip(&scores) {
         text += &score.line(&format!("{kind}: {what}"));
     }
     text += "\n## What was named instead\nOver all kinds in which the effect was hidden.\n\n| hidden | times | found | wrong names in the same trials |\n|---|---|---|---|\n";
-    text += &confusion(&scores);
+    text += &confusion(&all);
+    text += "\n## What a confidence is worth\nAll names of all kinds.\n\n";
+    text += BELIEFS;
+    text += &beliefs(&all);
     text += "\n## Errors of the constants\nKinds with every column recorded.\n\n";
     text += ERRORS;
-    text += &errors(&scores[..7]);
+    text += &errors(&all[..7]);
     text += "\n## Power\nEach effect alone, at strengths from a thirtieth of the weakest that matters up to the strongest.\n\n";
-    text += &power((count / POWER_SHARE).max(4), first);
+    text += &power(done, (count / POWER_SHARE).max(4), first);
     text += "\n## Every trial that was not exact\n";
     for ((kind, _), score) in KINDS.iter().zip(&scores) {
         for failure in &score.failures {
@@ -257,14 +321,16 @@ fn report(count: u64, first: u64) {
     std::fs::write(REPORT, text).unwrap_or_else(|error| panic!("{REPORT}: {error}"));
 }
 
-fn confusion(scores: &[Score]) -> String {
+fn confusion(scores: &[&Score]) -> String {
     let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
-    for (id, row) in scores.iter().flat_map(|score| &score.rows) {
-        let sum = rows.entry(id).or_default();
-        sum.hidden += row.hidden;
-        sum.found += row.found;
-        for (name, times) in &row.besides {
-            *sum.besides.entry(name.clone()).or_default() += times;
+    for result in scores.iter().flat_map(|score| &score.results) {
+        for id in &result.truth {
+            let row = rows.entry(id).or_default();
+            row.hidden += 1;
+            row.found += usize::from(result.has_named(id));
+            for name in result.extra() {
+                *row.besides.entry(name.to_string()).or_default() += 1;
+            }
         }
     }
     let mut text = String::new();
@@ -280,31 +346,49 @@ fn confusion(scores: &[Score]) -> String {
     text
 }
 
-fn errors(scores: &[Score]) -> String {
-    let mut all: BTreeMap<&str, Errors> = BTreeMap::new();
-    for (name, errors) in scores.iter().flat_map(|score| &score.constants) {
+/// How many of the names given with a confidence were right.
+fn beliefs(scores: &[&Score]) -> String {
+    let names = || {
+        scores
+            .iter()
+            .flat_map(|score| &score.results)
+            .flat_map(|result| result.named.iter().map(|(id, confidence)| (*confidence, result.hidden.contains(id))))
+    };
+    let mut text = String::new();
+    for band in CONFIDENCES.windows(2) {
+        let within = || names().filter(|(confidence, _)| (band[0]..band[1]).contains(confidence));
+        let (right, all) = (within().filter(|(_, right)| *right).count(), within().count());
+        let right = if all > 0 { format!("{right} ({:.1} %)", share(right, all)) } else { "-".into() };
+        let _ = writeln!(text, "| {:.0} to {:.0} % | {all} | {right} |", 100.0 * band[0], 100.0 * band[1].min(1.0));
+    }
+    text
+}
+
+fn errors(scores: &[&Score]) -> String {
+    let mut all: BTreeMap<&str, (Vec<f64>, usize)> = BTreeMap::new();
+    for (name, error, covered) in scores.iter().flat_map(|score| &score.results).flat_map(|result| &result.constants) {
         let sum = all.entry(name).or_default();
-        sum.relative.extend(&errors.relative);
-        sum.covered += errors.covered;
+        sum.0.push(*error);
+        sum.1 += usize::from(*covered);
     }
     let mut text = String::new();
-    for (name, mut errors) in all {
-        errors.relative.sort_unstable_by(f64::total_cmp);
-        let times = errors.relative.len();
-        let percent = |index: usize| 100.0 * errors.relative[index];
+    for (name, (mut relative, covered)) in all {
+        relative.sort_unstable_by(f64::total_cmp);
+        let times = relative.len();
+        let percent = |index: usize| 100.0 * relative[index];
         let _ = writeln!(
             text,
             "| {name} | {times} | {:.2} % | {:.2} % | {:.0} % |",
             percent(times / 2),
             percent(times * 9 / 10),
-            share(errors.covered, times)
+            share(covered, times)
         );
     }
     text
 }
 
 /// How often each effect is found at each strength, alone, and where it is found half the time and nine times in ten.
-fn power(count: u64, first: u64) -> String {
+fn power(done: &Done, count: u64, first: u64) -> String {
     let weakest =
         |strength: f64| if strength > 0.0 { "strongest".into() } else { format!("x {:.2}", 10_f64.powf(strength)) };
     let mut text = "| effect | found half the time at | nine times in ten at |".to_string();
@@ -314,7 +398,7 @@ fn power(count: u64, first: u64) -> String {
     let _ = writeln!(text, "\n|---|---|---|{}", "---|".repeat(STRENGTHS.len()));
     for effect in Effect::CATALOGUE.into_iter().filter(|effect| effect.has_strength()) {
         eprintln!("power of {}", effect.id());
-        let found = STRENGTHS.map(|strength| found_alone(effect, strength, count, first));
+        let found = STRENGTHS.map(|strength| found_alone(done, effect, strength, first..first + count));
         let _ = write!(text, "| {} | {} | {} |", effect.id(), reaches(&found, count, 0.5), reaches(&found, count, 0.9));
         for times in found {
             let _ = write!(text, " {times}/{count} |");
@@ -324,15 +408,13 @@ fn power(count: u64, first: u64) -> String {
     text
 }
 
-fn found_alone(effect: Effect, strength: f64, count: u64, first: u64) -> u64 {
-    (first..first + count)
-        .filter(|seed| {
-            let mut recipe = Recipe::of(&[effect]);
-            recipe.effects[0].1 = strength;
-            let trial = draw(*seed, &recipe);
-            named(&diagnosed(&trial).outcome, &hidden(&trial)).iter().any(|id| id == effect.id())
-        })
-        .count() as u64
+fn found_alone(done: &Done, effect: Effect, strength: f64, seeds: Range<u64>) -> u64 {
+    let results = done.results(&format!("{} at {strength}", effect.id()), seeds, |_| {
+        let mut recipe = Recipe::of(&[effect]);
+        recipe.effects[0].1 = strength;
+        recipe
+    });
+    results.iter().filter(|result| result.has_named(effect.id())).count() as u64
 }
 
 /// The strength, as a multiple of the weakest that matters, from which on at least `rate` are found; between two

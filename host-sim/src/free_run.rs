@@ -4,7 +4,7 @@
 //! that oppose a state (resistance, viscous and dry friction) implicitly: a dry term moves its state towards zero and never
 //! beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
 
-use crate::catalogue::{Balance, Effect, Instant, Readings, Sampling};
+use crate::catalogue::{ActsOn, Balance, Effect, Instant, Readings, Sampling};
 use crate::dataset::{Dataset, Output, difference};
 use crate::model::{Model, Term};
 use crate::plant::closed_form::{Family, combine};
@@ -202,7 +202,7 @@ fn against_drop(free_a: f64, dry_a: f64, ripple_a: f64) -> f64 {
 
 /// What friction leaves of a speed; `gain`: speed gained of a torque over the step.
 #[inline]
-fn oppose_motion(free: f64, gain: f64, terms: &Balance) -> f64 {
+pub(crate) fn oppose_motion(free: f64, gain: f64, terms: &Balance) -> f64 {
     let forward = gain * terms.dry_forward_nm.max(0.0);
     let backward = gain * terms.dry_backward_nm.max(0.0);
     let moving = if free > forward { free - forward } else { (free + backward).min(0.0) };
@@ -231,7 +231,8 @@ struct Run<'a> {
     angle_rad: f64,
     /// By how much the measured angle is behind.
     lost_rad: f64,
-    losing: Vec<&'a Term>,
+    /// What the model says is wrong with that angle.
+    angle_sensor: Vec<&'a Term>,
     /// Means of current and speed since the sample before.
     means: (f64, f64),
     /// By how much the current where it is sampled differs from its mean over the PWM period.
@@ -274,7 +275,7 @@ impl<'a> Run<'a> {
             speed_rad_per_s: if still { 0.0 } else { speed_rad_per_s },
             angle_rad: 0.0,
             lost_rad: 0.0,
-            losing: terms.iter().filter(|term| !term.effect.acts_on_motor() && term.effect.changes_motion()).collect(),
+            angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == ActsOn::AngleSensor).collect(),
             means: (0.0, 0.0),
             ripple_a: 0.0,
             range,
@@ -291,11 +292,18 @@ impl<'a> Run<'a> {
             motion.current_a.push(current_a + self.ripple_a);
             motion.speed_rad_per_s.push(speed_rad_per_s);
             motion.angle_rad.push(self.angle_rad);
-            motion.shaft_rad.push(self.data.angle_rad[index] + self.lost_rad);
+            motion.shaft_rad.push(self.shaft_rad(self.data.angle_rad[index]));
             if index + 1 < self.range.end {
                 self.until(index + 1);
             }
         }
+    }
+
+    /// Where the shaft is when its sensor reads `angle_rad`, by what the model says of the sensor.
+    fn shaft_rad(&self, angle_rad: f64) -> f64 {
+        let counted_rad = angle_rad + self.lost_rad;
+        let ahead = self.angle_sensor.iter().map(|term| term.effect.ahead_rad(&term.values, counted_rad));
+        counted_rad - ahead.sum::<f64>()
     }
 
     /// Simulates up to the sample `next`.
@@ -320,36 +328,36 @@ impl<'a> Run<'a> {
                 voltage_v,
                 duty,
                 supply_v: data.supply_v[index],
+                open: data.open[index],
                 current_a: self.current_a,
                 speed_rad_per_s: self.speed_rad_per_s,
-                angle_rad: data.angle_rad[index]
-                    + share * (data.angle_rad[next] - data.angle_rad[index])
-                    + self.lost_rad,
+                angle_rad: self
+                    .shaft_rad(data.angle_rad[index] + share * (data.angle_rad[next] - data.angle_rad[index])),
                 step_s,
             };
             let before_a = self.current_a;
-            self.advance(&mut at, data.open[index], data.load_nm[index]);
+            self.advance(&mut at, data.load_nm[index]);
             current_sum += 0.5 * (before_a + self.current_a);
         }
         if let Some(at) = data.timing.current_sampled_at {
             let share = if data.open[index] { 0.0 } else { last_duty };
             self.ripple_a = ripple_a(share, self.swing_a(share, data.supply_v[index]), at);
         }
-        for term in &self.losing {
+        for term in &self.angle_sensor {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
         }
         self.means = (current_sum / steps, (self.angle_rad - angle_before_rad) / interval_s);
     }
 
-    fn advance(&mut self, at: &mut Instant, open: bool, load_nm: f64) {
+    fn advance(&mut self, at: &mut Instant, load_nm: f64) {
         let motor = &self.model.motor;
-        let ripple_a = if open { 0.0 } else { 0.5 * self.swing_a(at.duty, at.supply_v) };
+        let ripple_a = if at.open { 0.0 } else { 0.5 * self.swing_a(at.duty, at.supply_v) };
         let mut terms = Balance { torque_nm: -load_nm, ripple_a, ..Balance::default() };
-        for Acting { effect, values, state } in &self.acting {
+        for Acting { effect, values, state } in &mut self.acting {
             effect.contribute(values, motor, at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        (self.current_a, self.speed_rad_per_s) = self.step.take(self.current_a, before, at.voltage_v, open, &terms);
+        (self.current_a, self.speed_rad_per_s) = self.step.take(self.current_a, before, at.voltage_v, at.open, &terms);
         self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
         at.current_a = self.current_a;
         at.speed_rad_per_s = self.speed_rad_per_s;

@@ -265,7 +265,7 @@ fn backlash_course(gap_rad: f64, share: f64, phases: &[Phase], step_s: f64) -> C
 
 #[test]
 fn contact_through_backlash() {
-    let model = with(&Model::linear(MOTOR), "backlash", vec![0.05, 0.4]);
+    let model = with(&Model::linear(MOTOR), "backlash", vec![0.05, 0.4, 300.0, 0.4]);
     let phases = to_and_fro();
     let reference = backlash_course(0.05, 0.4, &phases, 0.2e-6);
     let finer = backlash_course(0.05, 0.4, &phases, 0.1e-6);

@@ -51,7 +51,14 @@ impl Effect for CoastDecay {
         true
     }
 
-    fn contribute(&self, values: &[f64], motor: &MotorParameters, at: &Instant, _state: &[f64], balance: &mut Balance) {
+    fn contribute(
+        &self,
+        values: &[f64],
+        motor: &MotorParameters,
+        at: &Instant,
+        _state: &mut [f64],
+        balance: &mut Balance,
+    ) {
         // The diodes end a pulse; nothing reverses.
         balance.ripple_a = 0.0;
         let duty = at.duty.abs();

@@ -39,7 +39,7 @@ impl Effect for CoulombFriction {
         values: &[f64],
         _motor: &MotorParameters,
         _at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         balance.dry_forward_nm += values[0];

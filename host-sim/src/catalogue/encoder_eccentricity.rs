@@ -28,10 +28,22 @@ impl Effect for EncoderEccentricity {
         vec![vec![0.02, 0.02]]
     }
 
+    /// What depends on the shaft's angle is not where the reading says.
+    fn changes_motion(&self) -> bool {
+        true
+    }
+
+    fn ahead_rad(&self, values: &[f64], angle_rad: f64) -> f64 {
+        let ahead_rad = |angle_rad: f64| {
+            let (sine, cosine) = angle_rad.sin_cos();
+            values[0] * cosine + values[1] * sine
+        };
+        // Of the reading first: it is nearly that of the shaft.
+        ahead_rad(angle_rad - ahead_rad(angle_rad))
+    }
+
     fn sense(&self, values: &[f64], at: &Sampling, _state: &mut [f64], readings: &mut Readings) {
-        // The angle at hand is the falsified one.
         let (sine, cosine) = at.angle_rad.sin_cos();
-        let (sine, cosine) = (at.angle_rad - values[0] * cosine - values[1] * sine).sin_cos();
         readings.angle_rad += values[0] * cosine + values[1] * sine;
         readings.speed_rad_per_s *= 1.0 - values[0] * sine + values[1] * cosine;
     }

@@ -43,7 +43,7 @@ impl Effect for FrictionAsymmetry {
         values: &[f64],
         _motor: &MotorParameters,
         _at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         balance.dry_forward_nm += 0.5 * values[0];

@@ -29,7 +29,14 @@ impl Effect for FrictionWarmup {
         [0.12, 0.35].map(|share| vec![0.4, share * scales.duration_s]).to_vec()
     }
 
-    fn contribute(&self, values: &[f64], motor: &MotorParameters, at: &Instant, _state: &[f64], balance: &mut Balance) {
+    fn contribute(
+        &self,
+        values: &[f64],
+        motor: &MotorParameters,
+        at: &Instant,
+        _state: &mut [f64],
+        balance: &mut Balance,
+    ) {
         let excess = values[0] * (-at.time_s / values[1]).exp();
         balance.viscous_nm_s += excess * (motor.viscous_friction_nm_s + balance.viscous_nm_s);
         balance.dry_forward_nm *= 1.0 + excess;

@@ -39,7 +39,7 @@ impl Effect for LoadStep {
         values: &[f64],
         _motor: &MotorParameters,
         at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         // Comes within one step, in proportion, so that the time can be fitted.

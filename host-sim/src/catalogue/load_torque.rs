@@ -41,7 +41,7 @@ impl Effect for LoadTorque {
         values: &[f64],
         _motor: &MotorParameters,
         _at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         balance.torque_nm -= values[0];

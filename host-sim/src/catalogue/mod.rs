@@ -181,11 +181,13 @@ pub struct Instant {
     pub duty: f64,
     /// Supply voltage.
     pub supply_v: f64,
+    /// Whether the bridge is off, so that no current flows.
+    pub open: bool,
     /// Armature current.
     pub current_a: f64,
     /// Speed of the motor's shaft.
     pub speed_rad_per_s: f64,
-    /// Angle of the motor's shaft, from an unknown zero: as measured, with what the model says was lost.
+    /// Angle of the motor's shaft, from an unknown zero: as measured, less what the model says is wrong with it.
     pub angle_rad: f64,
     /// Length of the step about to be taken.
     pub step_s: f64,
@@ -275,6 +277,11 @@ pub trait Effect: Sync {
         None
     }
 
+    /// Values from which a fit may come to another and better end than the one it has come to.
+    fn elsewhere(&self, _values: &[f64]) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
     /// An effect without which it makes no sense.
     fn needs(&self) -> Option<&'static str> {
         None
@@ -325,13 +332,14 @@ pub trait Effect: Sync {
         None
     }
 
-    /// Adds its terms. `motor` are the constants of the linear motor.
+    /// Adds its terms. `motor` are the constants of the linear motor. What it remembers may go on here already, where a
+    /// step needs that.
     fn contribute(
         &self,
         values: &[f64],
         _motor: &MotorParameters,
         at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         if let Some(wave) = self.wave(values) {
@@ -354,6 +362,11 @@ pub trait Effect: Sync {
 
     /// Speed at which the measured angle falls behind the shaft's for good.
     fn lost_rad_per_s(&self, _values: &[f64], _speed_rad_per_s: f64) -> f64 {
+        0.0
+    }
+
+    /// By how much the reading `angle_rad` of the angle is ahead of the shaft.
+    fn ahead_rad(&self, _values: &[f64], _angle_rad: f64) -> f64 {
         0.0
     }
 

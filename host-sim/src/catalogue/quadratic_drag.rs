@@ -34,7 +34,7 @@ impl Effect for QuadraticDrag {
         values: &[f64],
         _motor: &MotorParameters,
         at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         balance.viscous_nm_s += values[0] * at.speed_rad_per_s.abs();

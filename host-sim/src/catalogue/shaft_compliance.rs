@@ -49,7 +49,14 @@ impl Effect for ShaftCompliance {
         1.0 - values[1]
     }
 
-    fn contribute(&self, values: &[f64], motor: &MotorParameters, _at: &Instant, state: &[f64], balance: &mut Balance) {
+    fn contribute(
+        &self,
+        values: &[f64],
+        motor: &MotorParameters,
+        _at: &Instant,
+        state: &mut [f64],
+        balance: &mut Balance,
+    ) {
         let (stiffness, damping) = spring(values, motor);
         balance.torque_nm += damping * state[1] - stiffness * state[0];
         balance.viscous_nm_s += damping;

@@ -35,7 +35,7 @@ impl Effect for StribeckFriction {
         values: &[f64],
         _motor: &MotorParameters,
         at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         let ratio = at.speed_rad_per_s / values[1].max(1e-9);

@@ -34,7 +34,7 @@ impl Effect for SupplySag {
         values: &[f64],
         _motor: &MotorParameters,
         at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         balance.resistance_ohm += values[0] * at.duty * at.duty;

@@ -34,7 +34,7 @@ impl Effect for VoltageDrop {
         values: &[f64],
         _motor: &MotorParameters,
         _at: &Instant,
-        _state: &[f64],
+        _state: &mut [f64],
         balance: &mut Balance,
     ) {
         balance.dry_drop_v += values[0];

@@ -34,7 +34,14 @@ impl Effect for WindingHeating {
         1
     }
 
-    fn contribute(&self, values: &[f64], motor: &MotorParameters, _at: &Instant, state: &[f64], balance: &mut Balance) {
+    fn contribute(
+        &self,
+        values: &[f64],
+        motor: &MotorParameters,
+        _at: &Instant,
+        state: &mut [f64],
+        balance: &mut Balance,
+    ) {
         balance.resistance_ohm += motor.resistance_ohm * values[0] * state[0];
     }
 

@@ -74,8 +74,14 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     progress("intervals");
     let mut everything = data.clone();
     everything.kept_back.fill(false);
-    let last = fit(&selection.last.model, &everything, &prior, Effort::FULL);
-    let intervals = last.intervals(&everything);
+    let (last, intervals) = loop {
+        let last = fit(&selection.last.model, &everything, &prior, Effort::FULL);
+        let intervals = last.intervals(&everything);
+        match selection.standings.iter().position(|standing| may_be_nothing(standing.id, &last.model, &intervals)) {
+            Some(nothing) => take_back(&data, &prior, &mut selection, nothing),
+            None => break (last, intervals),
+        }
+    };
     progress("what is missing");
     let bare = Model::linear(last.model.motor);
     let residuals = residuals(&data, &free_run(&bare, &data));
@@ -129,15 +135,28 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
             own < LEAST_OF_REST * rest
         });
         let Some(weak) = weak else { return };
-        let taken = selection.standings.remove(weak);
-        let without = fit(&selection.last.model.without(taken.id), data, prior, Effort::TRIAL);
-        for standing in &mut selection.standings {
-            for (output, rmse) in standing.gain.rmse.iter_mut().enumerate() {
-                rmse.1 = judge::rmse(data, &without.prediction, output);
-            }
-        }
-        selection.last = without;
+        take_back(data, prior, selection, weak);
     }
+}
+
+/// Whether the interval of an effect's strength holds nothing at all.
+fn may_be_nothing(id: &str, model: &Model, intervals: &[Interval]) -> bool {
+    let Some(index) = model.terms.iter().position(|term| term.id() == id) else { return false };
+    let strength = intervals.iter().find(|interval| interval.place == Place::Term(index, 0));
+    model.terms[index].effect.about().linear_in == 1
+        && strength.is_some_and(|strength| (strength.ci95[0]..=strength.ci95[1]).contains(&0.0))
+}
+
+/// Takes a name back.
+fn take_back(data: &Dataset, prior: &Prior, selection: &mut Selection, index: usize) {
+    let taken = selection.standings.remove(index);
+    let without = fit(&selection.last.model.without(taken.id), data, prior, Effort::TRIAL);
+    for standing in &mut selection.standings {
+        for (output, rmse) in standing.gain.rmse.iter_mut().enumerate() {
+            rmse.1 = judge::rmse(data, &without.prediction, output);
+        }
+    }
+    selection.last = without;
 }
 
 impl Outcome {

@@ -14,9 +14,12 @@ use rayon::prelude::*;
 const TRIED: usize = 4;
 /// Effects at most.
 const MOST_EFFECTS: usize = 7;
-/// An effect earns its place with this significance...
+/// An effect is worth trying further with this significance...
 const LEAST_SIGMAS: f64 = 3.0;
-/// ... and with at least this share of the error that is left.
+/// ... and is named with this one, everything else being there: many effects are tried, and residuals have long tails. On
+/// benches invented for the purpose right names have more than ten.
+const NAMED_SIGMAS: f64 = 6.0;
+/// With at least this share of the error that is left.
 const LEAST_SHARE: f64 = 0.02;
 /// Two models closer than this cannot be told apart.
 const SAME_SIGMAS: f64 = 2.5;
@@ -32,6 +35,8 @@ const TRIED_SHARE: f64 = 0.2;
 const MOST_AHEAD: usize = 3;
 /// They have to lower the cost to this share.
 const LEAST_AHEAD: f64 = 0.9;
+/// Standard deviation of the logarithm of a nominal viscous friction.
+const VISCOUS_SPREAD: f64 = 0.5;
 /// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains.
 const STRANGE: f64 = 25.0;
 /// A promise below this, in units of noise, is not worth a fit.
@@ -91,7 +96,7 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
         }
     }
     progress("to the end");
-    last = fit(&last.model, data, prior, Effort::FULL);
+    last = chooser.to_the_end(last);
     let (last, standings) = chooser.backward(last);
     Selection { base, steps, last, standings }
 }
@@ -116,6 +121,24 @@ impl Chooser<'_> {
         let finer = [at(before, step_s[0]), at(after, step_s[1])];
         let prediction = |fit: usize, own| finer[fit].as_ref().unwrap_or(own);
         gain(self.data, prediction(0, &before.prediction), prediction(1, &after.prediction))
+    }
+
+    /// Fits until nothing is gained, also from where some effect may come to a better end.
+    fn to_the_end(&self, mut last: Fit) -> Fit {
+        last = fit(&last.model, self.data, self.prior, Effort::FULL);
+        for index in 0..last.model.terms.len() {
+            let elsewhere = last.model.terms[index].effect.elsewhere(&last.model.terms[index].values);
+            let others = elsewhere.into_par_iter().map(|values| {
+                let mut model = last.model.clone();
+                model.terms[index].values = values;
+                fit(&model, self.data, self.prior, Effort::TRIAL)
+            });
+            let best = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            if let Some(better) = best.filter(|best| best.cost < last.cost) {
+                last = fit(&better.model, self.data, self.prior, Effort::FULL);
+            }
+        }
+        last
     }
 
     fn promises(&self, from: &Fit) -> Vec<Promise> {
@@ -159,13 +182,19 @@ impl Chooser<'_> {
             .collect()
     }
 
-    /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
+    /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for. Of
+    /// viscous friction a data sheet says little; many times as much is another friction.
     fn is_strange(&self, fit: &Fit) -> bool {
         let values =
             |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
         let spread = [self.prior.spread[0], self.prior.spread[2], self.prior.spread[3]];
         let off = values(&fit.model.motor).into_iter().zip(values(&self.prior.motor)).zip(spread);
-        off.map(|((found, nominal), spread)| ((found / nominal).ln() / spread).powi(2)).sum::<f64>() > STRANGE
+        let constants: f64 = off.map(|((found, nominal), spread)| ((found / nominal).ln() / spread).powi(2)).sum();
+        let viscous =
+            self.prior.nominal.viscous_friction_nm_s.filter(|nominal| *nominal > 0.0).map_or(0.0, |nominal| {
+                ((fit.model.motor.viscous_friction_nm_s / nominal).max(1.0).ln() / VISCOUS_SPREAD).powi(2)
+            });
+        constants + viscous > STRANGE
     }
 
     /// Where the way from the linear fit has led to a dead end or to a strange motor, another: from the nominal motor, each
@@ -239,7 +268,7 @@ impl Chooser<'_> {
                 let without = fit(&current.model.without(id), self.data, self.prior, Effort::TRIAL);
                 let own = self.gain(&without, &current);
                 rounds = rounds.saturating_sub(1);
-                if !earns_its_place(&own) && rounds > 0 {
+                if !(earns_its_place(&own) && own.sigmas > NAMED_SIGMAS) && rounds > 0 {
                     current = without;
                     continue 'again;
                 }

@@ -54,6 +54,7 @@ impl ModelPlant {
     /// At rest, behind a bridge with losses of its own.
     pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
         model.terms.retain(|term| Self::simulates(term.effect));
+        model.terms.sort_by_key(|term| term.effect.acts_last());
         let exact = |term: &Term| EXACT.contains(&term.id());
         let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque || SLOW.contains(&term.id());
         Self(if model.terms.iter().all(exact) {
@@ -177,7 +178,8 @@ impl FurtherTorques {
         if self.terms.is_empty() {
             return Torques { load_nm: -torque_nm, friction_nm: self.friction_nm };
         }
-        self.of_terms(&self.instant(step_s, &Motion { angle_rad, ..*start }, inputs.supply_v), torque_nm)
+        let at = self.instant(step_s, &Motion { angle_rad, ..*start }, inputs.supply_v);
+        self.of_terms(&at, torque_nm)
     }
 
     fn instant(&self, step_s: f64, state: &Motion, supply_v: f64) -> Instant {
@@ -187,6 +189,8 @@ impl FurtherTorques {
             voltage_v: 0.0,
             duty: 0.0,
             supply_v,
+            // So the current is taken as it is.
+            open: true,
             current_a: state.current_a,
             speed_rad_per_s: state.speed_rad_per_s,
             angle_rad: state.angle_rad,
@@ -195,14 +199,14 @@ impl FurtherTorques {
     }
 
     /// Beside a torque.
-    fn of_terms(&self, at: &Instant, torque_nm: f64) -> Torques {
+    fn of_terms(&mut self, at: &Instant, torque_nm: f64) -> Torques {
         let mut terms = Balance {
             torque_nm,
             dry_forward_nm: self.friction_nm,
             dry_backward_nm: self.friction_nm,
             ..Balance::default()
         };
-        for (term, state) in &self.terms {
+        for (term, state) in &mut self.terms {
             term.effect.contribute(&term.values, &self.motor, at, state, &mut terms);
         }
         // Friction that differs by direction is the same in both, and a load.
@@ -232,10 +236,10 @@ impl FurtherTorques {
     }
 
     /// Of the winding.
-    fn resistance_ohm(&self) -> f64 {
+    fn resistance_ohm(&mut self) -> f64 {
         let mut terms = Balance::default();
         let at = self.instant(LONGEST_STEP_S, &Motion::default(), 0.0);
-        for (term, state) in self.terms.iter().filter(|(term, _)| term.effect.about().acts_on == ActsOn::Voltage) {
+        for (term, state) in self.terms.iter_mut().filter(|(term, _)| term.effect.about().acts_on == ActsOn::Voltage) {
             term.effect.contribute(&term.values, &self.motor, &at, state, &mut terms);
         }
         self.motor.resistance_ohm + terms.resistance_ohm
@@ -436,12 +440,13 @@ impl Stepwise {
             voltage_v: duty * inputs.supply_v,
             duty,
             supply_v: inputs.supply_v,
+            open: false,
             current_a: self.current_a,
             speed_rad_per_s: self.speed_rad_per_s,
             angle_rad: self.angle_rad,
             step_s,
         };
-        for (term, state) in self.model.terms.iter().zip(&self.states) {
+        for (term, state) in self.model.terms.iter().zip(&mut self.states) {
             term.effect.contribute(&term.values, &self.model.motor, &at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
