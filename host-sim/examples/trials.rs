@@ -7,10 +7,10 @@
 #[path = "../tests/scoring/mod.rs"]
 mod scoring;
 
-use hidden_effects::{Channels, Effect, Excitation, Recipe, Trial, draw, random_effects};
+use hidden_effects::{Effect, Recipe, Trial, draw};
 use host_sim::diagnose::outcome::{Cause, Outcome};
 use rayon::prelude::*;
-use scoring::{diagnosed, hidden, named};
+use scoring::{diagnosed, hidden, named, recipe};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{Beta, ContinuousCDF};
 use std::collections::BTreeMap;
@@ -68,34 +68,6 @@ fn main() {
             print!("{HEAD}{}\n{BELIEFS}{}\n{ERRORS}{}", score.line(kind), beliefs(&[&score]), errors(&[&score]));
         }
     }
-}
-
-/// The recipe of one trial.
-fn recipe(kind: &str, seed: u64) -> Recipe {
-    let turn = |effects: &[Effect]| effects[(seed % effects.len() as u64) as usize];
-    let single = || Recipe::of(&[turn(&Effect::CATALOGUE)]);
-    let of_the_current = [Effect::CurrentOffset, Effect::CurrentLag, Effect::CurrentClipping];
-    let without_current: Vec<Effect> = Effect::CATALOGUE.into_iter().filter(|e| !of_the_current.contains(e)).collect();
-    let real = || Recipe::of(&random_effects(seed, 1, true)).on_real_rig();
-    let recipe = match kind {
-        "clean" => Recipe::of(&[]),
-        "single" => single(),
-        "real" => real(),
-        "pairs" => Recipe::of(&random_effects(seed, 2, false)),
-        "triples" => Recipe::of(&random_effects(seed, 3, false)),
-        "outside" => Recipe::of(&[turn(&Effect::OUTSIDE)]),
-        "outside-real" => Recipe::of(&[turn(&Effect::OUTSIDE)]).on_real_rig(),
-        "voltage-speed" => Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[turn(&without_current)]) },
-        "counts" => Recipe { channels: Channels::DutyCountsCurrent, ..single() },
-        "levels" => Recipe { excitation: Excitation::Levels, ..single() },
-        "closed-loop" => Recipe { excitation: Excitation::ClosedLoop, ..single() },
-        "slow" => Recipe { rate_hz: 200.0, ..real() },
-        id => {
-            let all = Effect::CATALOGUE.into_iter().chain(Effect::OUTSIDE);
-            Recipe::of(&[all.into_iter().find(|effect| effect.id() == id).expect("KIND is known")])
-        }
-    };
-    recipe.with_random_strengths(seed)
 }
 
 /// What came out of one trial.

@@ -31,6 +31,9 @@ const LEAST_FIT_PERCENT: f64 = 20.0;
 /// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
 /// of something unknown often looks like something known.
 const LEAST_OF_REST: f64 = 3.0;
+/// With this evidence an effect is there, though how strong it is may be unknown. Right names have more, wrong ones that were
+/// seen less.
+const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
 /// Data sheets are wrong by this much without being wrong: logarithm of found over nominal.
 const DATA_SHEET_TOLERANCE: f64 = 0.25;
 /// Resistance, torque constant and inertia that are wrong by the same factor, to this, mean the supply.
@@ -77,7 +80,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let (last, intervals) = loop {
         let last = fit(&selection.last.model, &everything, &prior, Effort::FULL);
         let intervals = last.intervals(&everything);
-        match selection.standings.iter().position(|standing| may_be_nothing(standing.id, &last.model, &intervals)) {
+        match selection.standings.iter().position(|standing| may_be_nothing(standing, &last.model, &intervals)) {
             Some(nothing) => take_back(&data, &prior, &mut selection, nothing),
             None => break (last, intervals),
         }
@@ -139,11 +142,13 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     }
 }
 
-/// Whether the interval of an effect's strength holds nothing at all.
-fn may_be_nothing(id: &str, model: &Model, intervals: &[Interval]) -> bool {
-    let Some(index) = model.terms.iter().position(|term| term.id() == id) else { return false };
+/// Whether the interval of an effect's strength holds nothing at all, and not because the data say nothing of the scale of
+/// all torques: then the effect itself is beyond doubt.
+fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) -> bool {
+    let Some(index) = model.terms.iter().position(|term| term.id() == standing.id) else { return false };
     let strength = intervals.iter().find(|interval| interval.place == Place::Term(index, 0));
-    model.terms[index].effect.about().linear_in == 1
+    standing.gain.sigmas < BEYOND_DOUBT_SIGMAS
+        && model.terms[index].effect.about().linear_in == 1
         && strength.is_some_and(|strength| (strength.ci95[0]..=strength.ci95[1]).contains(&0.0))
 }
 

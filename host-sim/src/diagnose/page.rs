@@ -1,6 +1,6 @@
 //! The result as a page that a person reads in half a minute.
 
-use super::outcome::{Cause, Estimate, Outcome, Verdict};
+use super::outcome::{Cause, Estimate, Outcome, RunnerUp, Verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::effect;
 use std::fmt::Write as _;
@@ -102,12 +102,7 @@ fn cause_lines(number: usize, cause: &Cause) -> String {
         );
     }
     if let Some(runner_up) = &cause.runner_up {
-        let _ = writeln!(
-            text,
-            "   next best in its place: {}, {} standard errors worse",
-            runner_up.effect,
-            short(runner_up.worse_by_sigmas)
-        );
+        let _ = writeln!(text, "   next best in its place: {}, {}", runner_up.effect, how_much_worse(runner_up));
     }
     if !cause.not_separable_from.is_empty() {
         let others = cause.not_separable_from.join(", ");
@@ -186,4 +181,13 @@ pub fn wrapped(text: &str, first: &str, other: &str) -> String {
     }
     lines.push('\n');
     lines
+}
+
+/// How the next best compares, in words.
+pub(super) fn how_much_worse(runner_up: &RunnerUp) -> String {
+    if runner_up.worse_by_sigmas > 0.0 {
+        format!("{} standard errors worse", short(runner_up.worse_by_sigmas))
+    } else {
+        "no worse".into()
+    }
 }

@@ -3,7 +3,7 @@
 
 use super::missing::{Dependence, dependences};
 use super::outcome::Outcome;
-use super::page::{estimate, short, title, verdict};
+use super::page::{estimate, how_much_worse, short, title, verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::{ActsOn, effect};
 use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, document, escaped, list, table};
@@ -57,12 +57,8 @@ fn causes(html: &mut String, outcome: &Outcome) {
         }
         let _ = write!(html, "Confidence {:.0} %.", 100.0 * cause.confidence);
         if let Some(runner_up) = &cause.runner_up {
-            let worse = short(runner_up.worse_by_sigmas);
-            let _ = write!(
-                html,
-                " Next best in its place: <code>{}</code>, {worse} standard errors worse.",
-                runner_up.effect
-            );
+            let worse = how_much_worse(runner_up);
+            let _ = write!(html, " Next best in its place: <code>{}</code>, {worse}.", runner_up.effect);
         }
         if !cause.not_separable_from.is_empty() {
             let _ = write!(

@@ -120,6 +120,7 @@ pub enum StudyError {
 /// # Errors
 /// [`StudyError`].
 pub fn study(table: &Recording, rig: &Rig) -> Result<Study, StudyError> {
+    columns(table)?;
     let (Some(r), Some(k)) = (rig.motor.resistance_ohm, rig.motor.torque_constant_nm_per_a) else {
         return Err(StudyError::NoNominal);
     };
@@ -133,11 +134,7 @@ pub fn study(table: &Recording, rig: &Rig) -> Result<Study, StudyError> {
 /// Means of the readings at each voltage, with what follows from the nominal constants. Both directions count as one:
 /// what differs between them, an offset of the current or friction, is scatter of their mean.
 pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
-    let missing = || StudyError::Columns(table.name.clone());
-    let voltage = table.get(Channel::Voltage).ok_or_else(missing)?;
-    let current = table.get(Channel::Current).ok_or_else(missing)?;
-    let rpm = table.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect::<Vec<_>>());
-    let speed = table.get(Channel::Speed).map(<[f64]>::to_vec).or(rpm).ok_or_else(missing)?;
+    let (voltage, current, speed) = columns(table)?;
     let greatest = crate::dataset::greatest(voltage);
     let mut groups: Vec<(f64, Vec<(f64, f64)>)> = Vec::new();
     for ((u, i), w) in voltage.iter().zip(current).zip(&speed) {
@@ -155,6 +152,16 @@ pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, St
     }
     groups.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(groups.iter().map(|(u, readings)| level(*u, readings, r, k)).collect())
+}
+
+/// Voltage, current and speed.
+fn columns(table: &Recording) -> Result<(&[f64], &[f64], Vec<f64>), StudyError> {
+    let missing = || StudyError::Columns(table.name.clone());
+    let voltage = table.get(Channel::Voltage).ok_or_else(missing)?;
+    let current = table.get(Channel::Current).ok_or_else(missing)?;
+    let rpm = table.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect::<Vec<_>>());
+    let speed = table.get(Channel::Speed).map(<[f64]>::to_vec).or(rpm).ok_or_else(missing)?;
+    Ok((voltage, current, speed))
 }
 
 /// Whether two voltages are one level of a table.

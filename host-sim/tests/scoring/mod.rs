@@ -1,10 +1,39 @@
-//! What was hidden against what was named. The diagnosis sees the texts of the recording and of the rig file alone.
+//! What to hide, and what was hidden against what was named. The diagnosis sees the texts of the recording and of the rig
+//! file alone.
 
-use hidden_effects::Trial;
+use hidden_effects::{Channels, Effect, Excitation, Recipe, Trial, random_effects};
 use host_sim::diagnose::outcome::Outcome;
 use host_sim::diagnose::{Diagnosis, diagnose};
 use host_sim::recording::Recording;
 use host_sim::rig::Rig;
+
+/// The recipe of one trial of a kind, or of an effect alone.
+pub fn recipe(kind: &str, seed: u64) -> Recipe {
+    let turn = |effects: &[Effect]| effects[(seed % effects.len() as u64) as usize];
+    let single = || Recipe::of(&[turn(&Effect::CATALOGUE)]);
+    let of_the_current = [Effect::CurrentOffset, Effect::CurrentLag, Effect::CurrentClipping];
+    let without_current: Vec<Effect> = Effect::CATALOGUE.into_iter().filter(|e| !of_the_current.contains(e)).collect();
+    let real = || Recipe::of(&random_effects(seed, 1, true)).on_real_rig();
+    let recipe = match kind {
+        "clean" => Recipe::of(&[]),
+        "single" => single(),
+        "real" => real(),
+        "pairs" => Recipe::of(&random_effects(seed, 2, false)),
+        "triples" => Recipe::of(&random_effects(seed, 3, false)),
+        "outside" => Recipe::of(&[turn(&Effect::OUTSIDE)]),
+        "outside-real" => Recipe::of(&[turn(&Effect::OUTSIDE)]).on_real_rig(),
+        "voltage-speed" => Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[turn(&without_current)]) },
+        "counts" => Recipe { channels: Channels::DutyCountsCurrent, ..single() },
+        "levels" => Recipe { excitation: Excitation::Levels, ..single() },
+        "closed-loop" => Recipe { excitation: Excitation::ClosedLoop, ..single() },
+        "slow" => Recipe { rate_hz: 200.0, ..real() },
+        id => {
+            let all = Effect::CATALOGUE.into_iter().chain(Effect::OUTSIDE);
+            Recipe::of(&[all.into_iter().find(|effect| effect.id() == id).expect("KIND is known")])
+        }
+    };
+    recipe.with_random_strengths(seed)
+}
 
 /// The diagnosis of a trial's texts.
 pub fn diagnosed(trial: &Trial) -> Diagnosis {
