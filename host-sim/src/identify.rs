@@ -14,6 +14,8 @@ use crate::rig::NominalMotor;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+mod torque_scale;
+
 /// Standard deviation of the logarithm of a nominal value.
 pub const NOMINAL_SPREAD: f64 = 0.2;
 /// The same of a value guessed from the data's extremes alone.
@@ -309,12 +311,14 @@ impl<'a> Search<'a> {
 
     fn run(mut self, effort: Effort) -> Fit {
         let mut damping = 1e-3;
+        self.settle();
         let mut columns = self.columns(effort.sensitivities);
         for step in 0..effort.steps {
             let before = self.cost;
             if !self.step(&columns, &mut damping) {
                 break;
             }
+            self.settle();
             let last = step + 1 == effort.steps || before - self.cost < effort.least_gain * before;
             if last && before - self.cost < 0.02 * before {
                 // So near the end the sensitivities no longer change.
@@ -341,21 +345,50 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// Goes to the most plausible scale of all torques, where the data say nothing of it.
+    fn settle(&mut self) {
+        if !torque_scale::is_unknown(self.data) {
+            return;
+        }
+        let model = torque_scale::most_plausible(&self.model, &self.unknowns);
+        let prediction = free_run(&model, self.data);
+        let residual = weighted_residual(self.data, &prediction);
+        let cost = square(&residual) + prior_cost(&model, &self.unknowns);
+        if cost < self.cost {
+            (self.model, self.prediction, self.residual, self.cost) = (model, prediction, residual, cost);
+        }
+    }
+
     /// Weighted sensitivities of the residual by finite differences, on all cores.
     fn columns(&self, steps: Steps) -> Vec<Vec<f64>> {
         let base = Base::new(&self.model, self.data, steps);
-        self.unknowns
+        // Without a current the data are nearly silent of some directions: there the error of a difference from one side
+        // would decide.
+        let both_sides = self.data.current().is_none();
+        let mut columns: Vec<Vec<f64>> = self
+            .unknowns
             .par_iter()
             .map(|unknown| {
+                let change = |coordinate: f64| {
+                    let mut moved = self.model.clone();
+                    unknown.set(&mut moved, coordinate);
+                    base.change(&moved, unknown.place.changes_motion(&self.model))
+                };
                 let here = unknown.get(&self.model);
-                let step = if here + DIFFERENCE > unknown.max / unknown.size { -DIFFERENCE } else { DIFFERENCE };
-                let mut moved = self.model.clone();
-                unknown.set(&mut moved, here + step);
-                let mut column = base.change(&moved, unknown.place.changes_motion(&self.model));
+                let [lowest, highest] = [unknown.min, unknown.max].map(|bound| bound / unknown.size);
+                let step = if here + DIFFERENCE > highest { -DIFFERENCE } else { DIFFERENCE };
+                let mut column = change(here + step);
+                if both_sides && (unknown.logarithmic || here - step > lowest) {
+                    column.iter_mut().zip(change(here - step)).for_each(|(there, back)| *there = 0.5 * (*there - back));
+                }
                 column.iter_mut().for_each(|change| *change /= step);
                 column
             })
-            .collect()
+            .collect();
+        if torque_scale::is_unknown(self.data) {
+            torque_scale::take_out(&mut columns, &self.unknowns, &self.model);
+        }
+        columns
     }
 
     fn normal(&self, columns: &[Vec<f64>]) -> DMatrix<f64> {

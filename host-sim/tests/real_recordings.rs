@@ -46,7 +46,10 @@ fn gearmotor_with_a_dead_zone() {
     assert_eq!(files.len(), 6);
     let diagnosis = diagnosed(&files, 12.0).unwrap();
     assert!(names(&diagnosis, "voltage_drop") && names(&diagnosis, "coulomb_friction"), "{:?}", diagnosis.outcome);
-    assert!(diagnosis.outcome.causes.iter().all(|cause| cause.confidence < 0.6), "without a current nobody can be sure");
+    assert!(
+        diagnosis.outcome.causes.iter().all(|cause| cause.confidence < 0.6),
+        "without a current nobody can be sure"
+    );
     assert!(gain(&diagnosis) > 3.0, "{}", gain(&diagnosis));
     assert!(diagnosis.outcome.unexplained.is_some(), "the sensor's steps of 4 rad/s are no effect of the catalogue");
 }

@@ -50,12 +50,13 @@ pub fn hidden(trial: &Trial) -> Vec<&'static str> {
     hidden
 }
 
-/// What was named; a name that the diagnosis itself says cannot be told from a hidden one stands for it.
+/// What was named, values called wrong included (none is further off than a data sheet's tolerance); a name that the diagnosis itself says cannot be told from a hidden one stands for it.
 pub fn named(outcome: &Outcome, hidden: &[&'static str]) -> Vec<String> {
-    let causes = || outcome.causes.iter().filter(|cause| !cause.effect.starts_with("parameter:"));
-    let mut named: Vec<String> = causes()
+    let causes = &outcome.causes;
+    let mut named: Vec<String> = causes
+        .iter()
         .map(|cause| {
-            let taken = |id: &str| causes().any(|cause| cause.effect == id);
+            let taken = |id: &str| causes.iter().any(|cause| cause.effect == id);
             let same = cause.not_separable_from.iter().find(|other| hidden.contains(other) && !taken(other));
             match same {
                 Some(same) if !hidden.contains(&cause.effect.as_str()) => (*same).to_string(),
