@@ -18,10 +18,7 @@ fn folder(rig: &str) -> Option<PathBuf> {
 }
 
 fn diagnosed(files: &[PathBuf], supply_v: f64) -> Result<Diagnosis, DatasetError> {
-    let recordings: Vec<Recording> = files
-        .iter()
-        .map(|file| Recording::parse(&file.display().to_string(), &std::fs::read(file).unwrap(), &[]).unwrap())
-        .collect();
+    let recordings: Vec<Recording> = files.iter().map(|file| Recording::read(file, &[]).unwrap()).collect();
     let rig = Rig::parse("rig.toml", &format!("[supply]\nvoltage_V = {supply_v}\n")).unwrap();
     diagnose(&recordings, &rig, &|_| ())
 }
