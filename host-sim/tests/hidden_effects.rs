@@ -6,9 +6,11 @@
 
 mod scoring;
 
-use hidden_effects::{Effect, Recipe, draw};
-use host_sim::diagnose::Diagnosis;
+use hidden_effects::{Channels, Effect, Recipe, draw};
 use host_sim::diagnose::outcome::Verdict;
+use host_sim::diagnose::{Diagnosis, diagnose};
+use host_sim::recording::Recording;
+use host_sim::rig::{NominalMotor, Rig};
 use scoring::{diagnosed, hidden, named, recipe};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -50,6 +52,36 @@ fn constants_are_found_to_a_few_percent() {
     let truth = trial.truth.motor.torque_constant_nm_per_a;
     assert!((found.value / truth - 1.0).abs() < 0.01, "{found:?} instead of {truth}");
     assert!((found.nominal.unwrap() / truth - 1.0).abs() > 0.01, "the nominal value was no help");
+}
+
+/// The causes of a clean bench, recorded as duty, counts and current, when its owner's file has the true values but for
+/// what `falsify` does to them.
+fn causes_with(falsify: impl Fn(&mut Rig)) -> Vec<String> {
+    let trial = draw(11, &Recipe { channels: Channels::DutyCountsCurrent, ..Recipe::of(&[]) });
+    let mut rig = Rig::parse("rig.toml", &trial.rig_toml).unwrap();
+    let motor = trial.truth.motor;
+    rig.motor = NominalMotor {
+        resistance_ohm: Some(motor.resistance_ohm),
+        inductance_h: Some(motor.inductance_h),
+        torque_constant_nm_per_a: Some(motor.torque_constant_nm_per_a),
+        inertia_kg_m2: Some(motor.inertia_kg_m2),
+        viscous_friction_nm_s: Some(motor.viscous_friction_nm_s),
+    };
+    falsify(&mut rig);
+    let recording = Recording::parse("recording.csv", trial.csv.as_bytes(), &[]).unwrap();
+    let causes = diagnose(&[recording], &rig, &|_| ()).unwrap().outcome.causes;
+    causes.into_iter().map(|cause| cause.effect).collect()
+}
+
+#[test]
+fn a_wrong_value_is_a_cause() {
+    assert_eq!(causes_with(|_| ()), [""; 0]);
+    let constant = causes_with(|rig| *rig.motor.torque_constant_nm_per_a.as_mut().unwrap() *= 0.7);
+    assert_eq!(constant, ["parameter:torque_constant"]);
+    let inertia = causes_with(|rig| *rig.motor.inertia_kg_m2.as_mut().unwrap() *= 1.5);
+    assert_eq!(inertia, ["parameter:inertia"]);
+    let supply = causes_with(|rig| *rig.supply.voltage_v.as_mut().unwrap() *= 1.33);
+    assert_eq!(supply, ["parameter:supply_voltage"]);
 }
 
 #[test]

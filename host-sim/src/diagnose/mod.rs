@@ -38,6 +38,8 @@ const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
 const DATA_SHEET_TOLERANCE: f64 = 0.25;
 /// Resistance, torque constant and inertia that are wrong by the same factor, to this, mean the supply.
 const SAME_FACTOR: f64 = 0.06;
+/// So much (of a logarithm) three values of a data sheet that is right within its tolerance hardly ever have in common.
+const LEAST_SAME: f64 = 0.2;
 
 /// A diagnosis with everything that a report shows.
 pub struct Diagnosis {
@@ -303,7 +305,7 @@ fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
     let electrical = [off("resistance_ohm"), off("torque_constant_Nm_per_A"), off("inertia_kg_m2")];
     if let [Some((r, r_sigmas)), Some((k, _)), Some((j, _))] = electrical
         && r.max(k).max(j) - r.min(k).min(j) < SAME_FACTOR
-        && (r + k + j).abs() / 3.0 > 2.0 * SAME_FACTOR
+        && (r + k + j).abs() / 3.0 > LEAST_SAME
         && r_sigmas > 3.0
     {
         // All three scale with the volts that were assumed: the volts are wrong, not the motor.
