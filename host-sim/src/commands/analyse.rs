@@ -1,9 +1,12 @@
 //! `motorbench analyse`: what the linear model of a motor says.
 
-use super::Failure;
+use super::{Failure, write};
+use crate::design::fixed_point::rounded;
+use crate::linear::frequency_response::{bode, log_spaced};
 use crate::linear::motor_model::{TimeConstants, angle, current, speed};
 use crate::linear::state_space::StateSpace;
 use crate::linear::step_response::StepFigures;
+use crate::linear::transfer_function::TransferFunction;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
 use clap::Args;
@@ -16,8 +19,9 @@ const COLUMNS: usize = 80;
 
 /// Prints transfer functions, poles, time constants and gains of a motor.
 #[derive(Args)]
-#[command(after_help = "Example:
-  motorbench analyse --rig rig.toml")]
+#[command(after_help = "Examples:
+  motorbench analyse --rig rig.toml --period-ms 1 --delay-ms 0.2
+  motorbench analyse --rig model.toml --bode bode.csv --step step.csv")]
 pub struct Arguments {
     /// Rig or model file with the table [motor].
     #[arg(long, alias = "model", value_name = "FILE")]
@@ -25,17 +29,120 @@ pub struct Arguments {
     /// Prints poles, zeros, gains and time constants as JSON.
     #[arg(long)]
     json: bool,
+    /// Also as sampled with this period, the voltage held between samples.
+    #[arg(long = "period-ms", value_name = "MS", allow_negative_numbers = true)]
+    period_ms: Option<f64>,
+    /// Time from a sample to its voltage; with --period-ms.
+    #[arg(
+        long = "delay-ms",
+        value_name = "MS",
+        requires = "period_ms",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    delay_ms: f64,
+    /// Writes the frequency responses of speed, current and angle to the voltage.
+    #[arg(long, value_name = "FILE.csv")]
+    bode: Option<PathBuf>,
+    /// Writes the responses to a step of one volt.
+    #[arg(long, value_name = "FILE.csv")]
+    step: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (motor, _) = motor_of(&arguments.rig)?;
+    let sampled = arguments.sampled(&motor)?;
     if arguments.json {
-        println!("{:#}", figures(&motor));
+        let mut figures = figures(&motor);
+        if let Some(sampled) = sampled {
+            let coefficients = |form: &TransferFunction| json!([form.numerator, form.denominator]);
+            figures["sampled"] = sampled.iter().map(|(name, form)| (name.to_string(), coefficients(form))).collect();
+        }
+        println!("{figures:#}");
     } else {
         print!("{}", analysis(&motor));
+        if sampled.is_some() {
+            println!();
+        }
+        for (name, form) in sampled.iter().flatten() {
+            print!("{}", equation(name, &form.text("z")));
+        }
+    }
+    if let Some(path) = &arguments.bode {
+        write(path, &bode_csv(&motor))?;
+    }
+    if let Some(path) = &arguments.step {
+        write(path, &step_csv(&motor))?;
     }
     Ok(())
+}
+
+/// A transfer function of a motor, with what it leads to.
+type Named = (&'static str, TransferFunction);
+
+impl Arguments {
+    /// The forms in `z`, if they are asked for.
+    fn sampled(&self, motor: &MotorParameters) -> Result<Option<[Named; 3]>, Failure> {
+        let Some(period_ms) = self.period_ms else { return Ok(None) };
+        if !(period_ms > 0.0 && period_ms.is_finite()) {
+            return Err(Failure::input(format!("--period-ms = {period_ms}: it must be a positive number")));
+        }
+        let delay_ms = self.delay_ms;
+        if !(0.0..=MOST_PERIODS_LATE * period_ms).contains(&delay_ms) {
+            return Err(Failure::input(format!(
+                "--delay-ms = {delay_ms}: it must be between 0 and {MOST_PERIODS_LATE} periods"
+            )));
+        }
+        let form = |of: TransferFunction| {
+            TransferFunction::sampled(&of.state_space().discretise(1e-3 * period_ms, 1e-3 * delay_ms), 0)
+        };
+        let [speed, current, angle] = [speed(motor), current(motor), angle(motor)].map(form);
+        Ok(Some([("w(z)/U(z)", speed), ("I(z)/U(z)", current), ("theta(z)/U(z)", angle)]))
+    }
+}
+
+/// Longest delay for which the form in `z` is worth writing down.
+const MOST_PERIODS_LATE: f64 = 10.0;
+/// Points of a frequency response, and how far beyond the poles it reaches.
+const FREQUENCIES: usize = 301;
+const BEYOND_POLES: f64 = 100.0;
+/// Points of a step response, and its length in the slowest time constant.
+const STEP_POINTS: usize = 1001;
+const STEP_LENGTH: f64 = 6.0;
+
+/// Magnitudes and phases of speed, current and angle over the voltage.
+fn bode_csv(motor: &MotorParameters) -> String {
+    let responses = [speed(motor), current(motor), angle(motor)];
+    let magnitudes = responses[0].poles().iter().map(|pole| pole.norm()).collect::<Vec<_>>();
+    let slowest = magnitudes.iter().copied().fold(f64::INFINITY, f64::min) / BEYOND_POLES;
+    let fastest = magnitudes.iter().copied().fold(0.0, f64::max) * BEYOND_POLES;
+    let courses = responses
+        .map(|response| bode(|w| response.at(Complex::new(0.0, w)), log_spaced(slowest, fastest, FREQUENCIES)));
+    let mut text = String::from(
+        "omega_rad_per_s,speed_rad_per_s_per_V,speed_phase_deg,current_A_per_V,current_phase_deg,angle_rad_per_V,angle_phase_deg\n",
+    );
+    for at in 0..FREQUENCIES {
+        text += &format!("{:.6e}", courses[0][at].omega_rad_per_s);
+        for course in &courses {
+            text += &format!(",{:.6e},{:.4}", course[at].magnitude, course[at].phase_rad.to_degrees());
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Speed, current and angle after a step of one volt.
+fn step_csv(motor: &MotorParameters) -> String {
+    let responses = [speed(motor), current(motor), angle(motor)];
+    let period_s = STEP_LENGTH * slowest_s(&responses[0].poles()) / (STEP_POINTS - 1) as f64;
+    let courses = responses.map(|response| response.state_space().discretise(period_s, 0.0).step_response(STEP_POINTS));
+    let mut text = String::from("t_s,omega_rad_per_s,i_A,theta_rad\n");
+    let [speed, current, angle] = &courses;
+    for (at, ((speed, current), angle)) in speed.iter().zip(current).zip(angle).enumerate() {
+        text += &format!("{:.6e},{speed:.6e},{current:.6e},{angle:.6e}\n", at as f64 * period_s);
+    }
+    text
 }
 
 /// The motor of a rig or model file, and the rest of it.
@@ -82,7 +189,7 @@ fn analysis(motor: &MotorParameters) -> String {
     text += &format!("electromagnetic time constant L / R        {:.4} ms\n", 1e3 * constants.electromagnetic_s);
     text += &format!("poles   {} rad/s\n", list(&speed.poles()));
     text += &format!("zero    {} rad/s (current)\n", list(&current.zeros()));
-    text += &format!("gains   {:.4} rad/s per V, {:.4} A per V\n", speed.dc_gain(), current.dc_gain());
+    text += &format!("gains   {} rad/s per V, {} A per V\n", rounded(speed.dc_gain()), rounded(current.dc_gain()));
     if let Some(step) = step(&speed.state_space(), speed.dc_gain(), &speed.poles()) {
         text += &format!(
             "step    rise {:.2} ms, settling {:.2} ms, overshoot {:.1} %\n",
@@ -96,9 +203,13 @@ fn analysis(motor: &MotorParameters) -> String {
 
 /// Figures of the step response, sampled a thousand times in the slowest time constant.
 fn step(system: &StateSpace, gain: f64, poles: &[Complex<f64>]) -> Option<StepFigures> {
-    let slowest_s = 1.0 / poles.iter().map(|pole| -pole.re).fold(f64::INFINITY, f64::min);
-    let period_s = slowest_s / 1000.0;
+    let period_s = slowest_s(poles) / 1000.0;
     StepFigures::of(system.discretise(period_s, 0.0).step_response(8000).as_slice(), period_s, gain)
+}
+
+/// The slowest time constant.
+fn slowest_s(poles: &[Complex<f64>]) -> f64 {
+    1.0 / poles.iter().map(|pole| -pole.re).fold(f64::INFINITY, f64::min)
 }
 
 fn list(values: &[Complex<f64>]) -> String {
@@ -124,5 +235,53 @@ mod tests {
         let fast = figures["poles_rad_per_s"][1][0].as_f64().unwrap();
         assert!((slow.max(fast) + 44.094).abs() < 1e-3 && (slow.min(fast) + 456.131).abs() < 1e-3, "{figures}");
         assert!((figures["electromechanical_time_constant_s"].as_f64().unwrap() - 0.025).abs() < 1e-6);
+    }
+
+    /// Files that another program reads: headers with units, values that are those of the transfer functions.
+    #[test]
+    fn responses_as_files() {
+        let motor = MotorParameters::PIVT6;
+        let rows = |text: &str| {
+            let numbers = |line: &str| line.split(',').map(|word| word.parse().unwrap()).collect::<Vec<f64>>();
+            text.lines().skip(1).map(numbers).collect::<Vec<_>>()
+        };
+        let bode = rows(&bode_csv(&motor));
+        assert_eq!((bode.len(), bode[0].len()), (FREQUENCIES, 7));
+        // Far below both poles the speed is the gain, far above it falls by 40 dB a decade, and its phase ends at -180.
+        assert!((bode[0][1] / speed(&motor).dc_gain() - 1.0).abs() < 1e-3 && bode[0][2].abs() < 1.0, "{:?}", bode[0]);
+        let last = bode.last().unwrap();
+        assert!((last[2] + 180.0).abs() < 1.0 && (last[4] + 90.0).abs() < 1.0 && (last[6] + 270.0).abs() < 1.0);
+        let step = rows(&step_csv(&motor));
+        assert_eq!((step.len(), step[0].len()), (STEP_POINTS, 4));
+        let end = step.last().unwrap();
+        assert!((end[1] / speed(&motor).dc_gain() - 1.0).abs() < 5e-3, "{end:?}");
+        // The angle is the area under the speed.
+        let area: f64 = step.windows(2).map(|pair| 0.5 * (pair[0][1] + pair[1][1]) * (pair[1][0] - pair[0][0])).sum();
+        assert!((area / end[3] - 1.0).abs() < 1e-4, "{area} {end:?}");
+    }
+
+    #[test]
+    fn sampled_forms_and_their_refusals() {
+        let motor = MotorParameters::PIVT6;
+        let asked = |period_ms, delay_ms| Arguments {
+            rig: PathBuf::new(),
+            json: false,
+            period_ms: Some(period_ms),
+            delay_ms,
+            bode: None,
+            step: None,
+        };
+        let forms = asked(1.0, 0.2).sampled(&motor).unwrap().unwrap();
+        let at_one = forms[0].1.at(Complex::new(1.0, 0.0)).re;
+        assert!((at_one / speed(&motor).dc_gain() - 1.0).abs() < 1e-9, "{at_one}");
+        for (arguments, expected) in [
+            (asked(0.0, 0.0), "--period-ms = 0: it must be a positive number"),
+            (asked(f64::NAN, 0.0), "--period-ms = NaN"),
+            (asked(1.0, -0.1), "--delay-ms = -0.1: it must be between 0 and 10 periods"),
+            (asked(1.0, 20.0), "--delay-ms = 20"),
+        ] {
+            let message = arguments.sampled(&motor).unwrap_err().message;
+            assert!(message.starts_with(expected), "{message}");
+        }
     }
 }

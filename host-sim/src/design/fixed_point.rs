@@ -122,11 +122,6 @@ impl SettingList {
 
 /// What the core says against a setting, with what to do about it.
 fn refusal(error: BuildError, value: f64) -> DesignError {
-    let advice = match error.rule {
-        Rule::TooLarge => "ask for a slower loop",
-        Rule::TooSmall | Rule::RoundsToZero => "ask for a faster loop",
-        Rule::NotPowerOfTwo | Rule::NotAllowed | Rule::NotFinite => "check the model and the rig",
-    };
     let why = match error.rule {
         Rule::TooLarge => "is larger than its format holds",
         Rule::TooSmall => "is below its range",
@@ -140,7 +135,32 @@ fn refusal(error: BuildError, value: f64) -> DesignError {
         value: rounded(value),
         unit: setting_unit(error.param),
         why,
-        advice,
+        advice: advice(error),
+    }
+}
+
+/// What to do about a setting that the core cannot hold: it depends on what the setting follows from.
+fn advice(error: BuildError) -> &'static str {
+    use Rule::{NotAllowed, NotFinite, NotPowerOfTwo, RoundsToZero, TooLarge, TooSmall};
+    match (error.param, error.rule) {
+        (_, NotPowerOfTwo | NotAllowed | NotFinite) => "check the model and the rig",
+        (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, TooLarge) => "lower current-limit-A",
+        (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, _) => "raise current-limit-A",
+        (Param::Acceleration, TooLarge) => "check the model's inertia and torque constant, or lower current-limit-A",
+        (Param::Acceleration, _) => "check the model's inertia and torque constant, or raise current-limit-A",
+        (
+            Param::SupplyVoltage
+            | Param::VoltageLimit
+            | Param::SlewLimit
+            | Param::Resistance
+            | Param::CountsPerRev
+            | Param::SpeedRange
+            | Param::CompFrictionWidth
+            | Param::CruiseSpeed,
+            _,
+        ) => "check supply and encoder of the rig, resistance and torque constant of the model",
+        (_, TooLarge) => "ask for a slower loop",
+        (_, TooSmall | RoundsToZero) => "ask for a faster loop",
     }
 }
 

@@ -1,11 +1,15 @@
 //! What a loop is asked to do.
 
+use super::search::MAX_SAMPLES;
 use super::weights::Weights;
 use crate::motor::MotorParameters;
 use serde::Serialize;
 
 /// The largest current limit: the trip above it must still fit the core's format.
 pub const LARGEST_CURRENT_A: f64 = 6.6;
+
+/// Lowest bandwidth, relative to the tick rate, of a loop whose step settles within [`MAX_SAMPLES`].
+const SLOWEST: f64 = 5e-5;
 
 /// How fast the loop has to be.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -75,6 +79,12 @@ impl Specification {
                     hz,
                     "at most a tenth of the tick rate: the loop sees the motor once a tick",
                 );
+            }
+            Speed::BandwidthHz(hz) if hz * period_s < SLOWEST => {
+                return refuse("bandwidth-Hz", hz, "at least 1/20000 of the tick rate: slower is not judged");
+            }
+            Speed::SettlingS(settling_s) if settling_s > MAX_SAMPLES as f64 * period_s => {
+                return refuse("settling-s", settling_s, "at most 20000 ticks: longer is not judged");
             }
             Speed::SettlingS(settling_s) if settling_s < 5.0 * period_s => {
                 return refuse("settling-s", settling_s, "at least five ticks: the loop sees the motor once a tick");

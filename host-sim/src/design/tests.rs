@@ -105,7 +105,18 @@ fn bad_input_is_refused_each_with_its_own_message() {
     for (message, expected) in [
         (of(Specification { speed: Speed::BandwidthHz(-1.0), ..good }), "bandwidth-Hz = -1: it must be a positive"),
         (of(Specification { speed: Speed::BandwidthHz(400.0), ..good }), "at most a tenth of the tick rate"),
+        (of(Specification { speed: Speed::BandwidthHz(0.001), ..good }), "at least 1/20000 of the tick rate"),
         (of(Specification { speed: Speed::SettlingS(0.001), ..good }), "at least five ticks"),
+        (of(Specification { speed: Speed::SettlingS(100.0), ..good }), "at most 20000 ticks"),
+        (of(Specification { current_limit_a: 1e-3, ..good }), "trip_peak = 0.0012 A is below its range: raise current"),
+        (
+            refused(MotorParameters { inertia_kg_m2: 1e-12, ..motor }, Bench::default(), good),
+            "is larger than its format holds: check the model's inertia and torque constant, or lower current-limit-A",
+        ),
+        (
+            refused(motor, Bench { supply_v: 1e-3, ..Bench::default() }, good),
+            "is below its range: check supply and encoder of the rig",
+        ),
         (of(Specification { overshoot_percent: 150.0, ..good }), "overshoot-percent = 150"),
         (of(Specification { current_limit_a: 0.0, ..good }), "current-limit-A = 0"),
         (

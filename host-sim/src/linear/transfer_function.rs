@@ -1,10 +1,11 @@
-//! Ratios of polynomials in `s`.
+//! Ratios of polynomials in `s`, or of sampled systems in `z`.
 
-use super::{Matrix, eigenvalues, state_space::StateSpace};
+use super::state_space::{Discrete, StateSpace};
+use super::{Matrix, eigenvalues};
 use nalgebra::Complex;
 use std::fmt;
 
-/// `numerator(s) / denominator(s)`, coefficients from the highest power down.
+/// `numerator(s) / denominator(s)`, coefficients from the highest power down. Of a sampled system the variable is `z`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TransferFunction {
     /// Coefficients of the numerator; degree below the denominator's.
@@ -14,6 +15,44 @@ pub struct TransferFunction {
 }
 
 impl TransferFunction {
+    /// From the input to an output of a sampled system with one input, in `z`.
+    pub fn sampled(system: &Discrete, output: usize) -> Self {
+        let denominator = eigenvalues(&system.a).iter().fold(vec![Complex::new(1.0, 0.0)], |product, root| {
+            let shifted = product.iter().copied().chain([Complex::new(0.0, 0.0)]);
+            let times_root = [Complex::new(0.0, 0.0)].into_iter().chain(product.iter().map(|value| value * root));
+            shifted.zip(times_root).map(|(shifted, times_root)| shifted - times_root).collect()
+        });
+        // Of roots at zero, where a delay is waited for, rounding leaves a little.
+        let real = |value: &Complex<f64>| if value.re.abs() < ROUNDING { 0.0 } else { value.re };
+        let denominator: Vec<f64> = denominator.iter().map(real).collect();
+        // The impulse response is the series of the quotient: C B, C A B, C A^2 B, ...
+        let (c, mut x) = (system.c.row(output), system.b.column(0).into_owned());
+        let mut impulse = Vec::new();
+        for _ in 1..denominator.len() {
+            impulse.push((c * &x)[0]);
+            x = &system.a * x;
+        }
+        let coefficient = |power: usize| (0..=power).map(|at| denominator[at] * impulse[power - at]).sum();
+        Self { numerator: (0..impulse.len()).map(coefficient).collect(), denominator }
+    }
+
+    /// In a variable of this name.
+    pub fn text(&self, variable: &str) -> String {
+        let print = |coefficients: &[f64]| {
+            let degree = coefficients.len() - 1;
+            let terms = coefficients.iter().enumerate().filter(|(_, value)| **value != 0.0);
+            let terms: Vec<_> = terms
+                .map(|(index, value)| match degree - index {
+                    0 => format!("{value:.4e}"),
+                    1 => format!("{value:.4e} {variable}"),
+                    power => format!("{value:.4e} {variable}^{power}"),
+                })
+                .collect();
+            terms.join(" + ")
+        };
+        format!("({}) / ({})", print(&self.numerator), print(&self.denominator))
+    }
+
     /// The value at `s`.
     pub fn at(&self, s: Complex<f64>) -> Complex<f64> {
         polynomial(&self.numerator, s) / polynomial(&self.denominator, s)
@@ -52,6 +91,9 @@ impl TransferFunction {
     }
 }
 
+/// Coefficients of a monic polynomial with roots within the unit circle that stand for nothing.
+const ROUNDING: f64 = 1e-13;
+
 fn polynomial(coefficients: &[f64], s: Complex<f64>) -> Complex<f64> {
     coefficients.iter().fold(Complex::new(0.0, 0.0), |sum, &coefficient| sum * s + coefficient)
 }
@@ -70,18 +112,35 @@ fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
 
 impl fmt::Display for TransferFunction {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let print = |coefficients: &[f64]| {
-            let degree = coefficients.len() - 1;
-            let terms = coefficients.iter().enumerate().filter(|(_, value)| **value != 0.0);
-            let terms: Vec<_> = terms
-                .map(|(index, value)| match degree - index {
-                    0 => format!("{value:.4e}"),
-                    1 => format!("{value:.4e} s"),
-                    power => format!("{value:.4e} s^{power}"),
-                })
-                .collect();
-            terms.join(" + ")
-        };
-        write!(f, "({}) / ({})", print(&self.numerator), print(&self.denominator))
+        f.write_str(&self.text("s"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::motor_model;
+    use crate::motor::MotorParameters;
+
+    /// A first-order lag by hand; the motor against its own matrices, with an input that comes late.
+    #[test]
+    fn sampled_forms() {
+        let lag = TransferFunction { numerator: vec![3.0], denominator: vec![0.02, 1.0] };
+        let sampled = TransferFunction::sampled(&lag.state_space().discretise(1e-3, 0.0), 0);
+        let left = (-1e-3_f64 / 0.02).exp();
+        assert!((sampled.denominator[1] + left).abs() < 1e-14, "{sampled:?}");
+        assert!((sampled.numerator[0] - 3.0 * (1.0 - left)).abs() < 1e-14, "{sampled:?}");
+        assert_eq!(sampled.text("z").matches('z').count(), 1);
+        for (motor, delay_s) in [(MotorParameters::PIVT6, 0.0), (MotorParameters::PIVT6, 1.2e-3)] {
+            let system = motor_model::armature(&motor).discretise(1e-3, delay_s);
+            for output in 0..2 {
+                let sampled = TransferFunction::sampled(&system, output);
+                for omega in [1.0, 40.0, 900.0, 3000.0] {
+                    let expected = system.at(omega).unwrap()[(output, 0)];
+                    let found = sampled.at(Complex::from_polar(1.0, omega * 1e-3));
+                    assert!((found / expected - 1.0).norm() < 1e-9, "{output} {omega}: {found} {expected}");
+                }
+            }
+        }
     }
 }
