@@ -18,6 +18,8 @@ struct Sizes {
 const FILE: Sizes = Sizes { width: 900, height: 240, letters: ("sans-serif", 16) };
 /// Part of a page, as all plots of pages.
 const PAGE: Sizes = Sizes { width: PLOT_SIZE.0, height: PLOT_SIZE.1, letters: PLOT_LETTERS };
+/// Where the legend begins: over the plot, right of its axis.
+const LEGEND_LEFT: i32 = 78;
 /// Samples that a line shows at most.
 const MOST_POINTS: usize = 800;
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
@@ -103,8 +105,11 @@ fn draw_panel<X: AsRangedCoord<Value = f64>>(
 where
     X::CoordDescType: ValueFormatter<f64>,
 {
+    let legend_height = legend(area, letters, &panel.lines)?;
     let mut chart = ChartBuilder::on(area)
         .margin(8)
+        .margin_top(8 + legend_height)
+        .margin_right(24)
         .x_label_area_size(44)
         .y_label_area_size(70)
         .build_cartesian_2d(axis, span(&panel.lines))?;
@@ -117,19 +122,36 @@ where
         .axis_desc_style(letters)
         .light_line_style(WHITE)
         .draw()?;
-    for ((name, values), colour) in panel.lines.iter().zip(COLOURS) {
+    for ((_, values), colour) in panel.lines.iter().zip(COLOURS) {
         let step = values.len().div_ceil(MOST_POINTS).max(1);
         let points = values.iter().enumerate().step_by(step).filter(|(_, value)| value.is_finite());
-        chart
-            .draw_series(LineSeries::new(points.map(|(index, value)| (x_of(index), *value)), colour))?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
-    }
-    if panel.lines.len() > 1 {
-        let labels = &mut chart.configure_series_labels();
-        labels.border_style(BLACK).background_style(WHITE).label_font(letters).draw()?;
+        chart.draw_series(LineSeries::new(points.map(|(index, value)| (x_of(index), *value)), colour))?;
     }
     Ok(())
+}
+
+/// The names of several lines above the plot, where they cover none of them; the height they take.
+fn legend(
+    area: &DrawingArea<SVGBackend, Shift>,
+    letters: (&str, i32),
+    lines: &[(String, Vec<f64>)],
+) -> Result<i32, Box<dyn Error>> {
+    if lines.len() < 2 {
+        return Ok(0);
+    }
+    let (row, right) = (letters.1 + 6, area.dim_in_pixel().0 as i32);
+    let (mut x, mut y) = (LEGEND_LEFT, 8);
+    for ((name, _), colour) in lines.iter().zip(COLOURS) {
+        // Letters are about half as wide as high.
+        let width = 42 + name.chars().count() as i32 * letters.1 * 6 / 10;
+        if x > LEGEND_LEFT && x + width > right {
+            (x, y) = (LEGEND_LEFT, y + row);
+        }
+        area.draw(&PathElement::new([(x, y + letters.1 / 3), (x + 18, y + letters.1 / 3)], colour))?;
+        area.draw(&Text::new(name.clone(), (x + 24, y), letters))?;
+        x += width;
+    }
+    Ok(y - 8 + row)
 }
 
 /// From the smallest to the largest value, and a little more.

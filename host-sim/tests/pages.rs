@@ -17,6 +17,8 @@ const SAME_OF_LARGEST: f64 = 1e-4;
 const RUN: &[(&str, &[&str])] = &[
     ("docs/why.md", &["examples/recording"]),
     ("docs/loop.md", &["examples/recording"]),
+    ("docs/physics.md", &["examples/recording"]),
+    ("README.md", &["examples/recording"]),
     ("docs/stand.md", &["host-sim/tests/data/pivt6"]),
     // Recorded by the simulated chip; the core on this computer has another scatter.
     #[cfg(feature = "chip")]

@@ -209,7 +209,7 @@ const TABLE: &[Row] = &[
         for_programs: true,
         ..row("completions")
     },
-    Row { good: &[&[]], for_programs: true, ..row("man") },
+    Row { good: &[&[], &["record"]], bad: &[(&["nonsense"], 1, "no such command")], for_programs: true, ..row("man") },
 ];
 
 /// Commands with a board.

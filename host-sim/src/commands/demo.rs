@@ -64,7 +64,7 @@ pub struct Arguments {
     #[arg(long)]
     seed: Option<u64>,
     /// Writes diagnosis, loops and what was hidden as a page with plots.
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", overrides_with = "report")]
     report: Option<PathBuf>,
     /// Prints the result as JSON instead of text.
     #[arg(long)]

@@ -70,10 +70,14 @@ enum Command {
         /// Which shell.
         shell: clap_complete::Shell,
     },
-    /// Prints the manual page.
-    #[command(after_help = "Example:
-  motorbench man | man -l -")]
-    Man,
+    /// Prints the manual page, of the program or of a command.
+    #[command(after_help = "Examples:
+  motorbench man | man -l -
+  motorbench man record | man -l -")]
+    Man {
+        /// Of this command; without it of the program.
+        command: Option<String>,
+    },
 }
 
 /// Why a command ended without its result.
@@ -153,13 +157,27 @@ fn run(program: Program) -> Result<(), Failure> {
             print!("{}", String::from_utf8_lossy(&script));
             Ok(())
         }
-        Command::Man => {
-            let mut page = Vec::new();
-            clap_mangen::Man::new(command()).render(&mut page).map_err(Failure::machine)?;
-            print!("{}", String::from_utf8_lossy(&page));
-            Ok(())
-        }
+        Command::Man { command: name } => manual(name.as_deref()),
     }
+}
+
+/// Prints the manual page of a command, or of the program.
+fn manual(name: Option<&str>) -> Result<(), Failure> {
+    let mut program = command();
+    // So that a command's page has the options' defaults and the whole usage.
+    program.build();
+    let of = match name {
+        None => program,
+        Some(name) => {
+            let found = program.find_subcommand(name).cloned();
+            found
+                .ok_or_else(|| Failure::input(format!("man {name}: no such command; `motorbench --help` lists them")))?
+        }
+    };
+    let mut page = Vec::new();
+    clap_mangen::Man::new(of).render(&mut page).map_err(Failure::machine)?;
+    print!("{}", String::from_utf8_lossy(&page));
+    Ok(())
 }
 
 /// A column of a file under another name: `speed=omega_rad_per_s`.

@@ -58,7 +58,10 @@ impl Study {
         let _ = writeln!(text, "\n\n{EXPLANATIONS}");
         for explanation in &self.explanations {
             let _ = writeln!(text, "  {:.3} V  {}", explanation.left_out_rmse_v, terms(explanation));
-            text += &wrapped(&constants(explanation), "           ", "           ");
+            let constants = constants(explanation);
+            if !constants.is_empty() {
+                text += &wrapped(&constants, "           ", "           ");
+            }
         }
         text += "\nCauses\n";
         for cause in &self.outcome.causes {

@@ -4,6 +4,7 @@ use super::{Key, LOOPS, SHOWN_S, Session, name};
 use crate::board::BoardError;
 use crate::figures::Figures;
 use crate::link::Line;
+use motorbench_core::pins::PWM_STEPS;
 use ratatui::Frame;
 use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -99,14 +100,16 @@ fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, speed: Rect, dr
         points.iter().map(|point| (point.t_s - end_s, of(point))).collect::<Vec<_>>()
     };
     let (reference, measured) = (trace(&|point| point.reference), trace(&|point| point.measured_rad_per_s));
-    let (current, voltage) = (trace(&|point| point.i_a), trace(&|point| point.u_v / 10.0));
+    let current = trace(&|point| point.i_a);
+    let shares = session.traces.iter().step_by(every).map(|sample| f64::from(sample.duty) / f64::from(PWM_STEPS));
+    let duty: Vec<_> = points.iter().zip(shares).map(|(point, share)| (point.t_s - end_s, share)).collect();
     let title = |text: &str, last: &[(f64, f64)], unit: &str| {
         format!("{text} {:.2} {unit}", last.last().map_or(0.0, |(_, value)| *value))
     };
     let first =
         [(title("reference", &reference, "rad/s"), &reference), (title("speed", &measured, "rad/s"), &measured)];
     frame.render_widget(chart(&first), speed);
-    let second = [(title("current", &current, "A"), &current), (title("voltage / 10", &voltage, "V"), &voltage)];
+    let second = [(title("duty", &duty, "of 1"), &duty), (title("current", &current, "A"), &current)];
     frame.render_widget(chart(&second), drive);
 }
 
@@ -114,11 +117,13 @@ fn chart<'a>(traces: &'a [(String, &'a Vec<(f64, f64)>); 2]) -> Chart<'a> {
     let values = || traces.iter().flat_map(|(_, trace)| trace.iter().map(|(_, value)| *value));
     let low = values().fold(-LEAST, f64::min);
     let high = values().fold(LEAST, f64::max);
-    let datasets = traces.iter().zip([Color::Reset, Color::Cyan]).map(|((_, trace), color)| {
-        Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).style(Style::new().fg(color)).data(trace)
+    // Told apart without colour as well.
+    let looks = [(Marker::Dot, Color::Reset), (Marker::Braille, Color::Cyan)];
+    let datasets = traces.iter().zip(looks).map(|((_, trace), (marker, color))| {
+        Dataset::default().marker(marker).graph_type(GraphType::Line).style(Style::new().fg(color)).data(trace)
     });
     Chart::new(datasets.collect())
-        .block(Block::bordered().title(format!("{} | {}", traces[0].0, traces[1].0)))
+        .block(Block::bordered().title(format!("dots: {} | line: {}", traces[0].0, traces[1].0)))
         .x_axis(Axis::default().bounds([-SHOWN_S, 0.0]))
         .y_axis(Axis::default().bounds([low, high]).labels([format!("{low:.1}"), format!("{high:.1}")]))
 }
