@@ -46,20 +46,21 @@ struct Shown {
 /// The commands of a page with their output.
 fn shown(page: &str) -> Vec<Shown> {
     let mut all: Vec<Shown> = Vec::new();
-    let (mut inside, mut goes_on) = (false, false);
+    // In a block that shows something; after a command in it, whose output follows; in a command that goes on.
+    let (mut inside, mut after, mut goes_on) = (false, false, false);
     for line in page.lines() {
         if line.starts_with("```") {
             inside = line == "```text";
-            goes_on = false;
+            (after, goes_on) = (false, false);
         } else if goes_on {
             let shown = all.last_mut().expect("a line that goes on");
             goes_on = line.ends_with('\\');
             shown.line += line.trim().trim_end_matches('\\');
         } else if let Some(command) = line.strip_prefix("$ ").filter(|_| inside) {
-            goes_on = command.ends_with('\\');
+            (after, goes_on) = (true, command.ends_with('\\'));
             all.push(Shown { line: command.trim_end_matches('\\').into(), output: Vec::new() });
-        } else if inside && let Some(shown) = all.last_mut() {
-            shown.output.push(line.into());
+        } else if after {
+            all.last_mut().expect("a command before").output.push(line.into());
         }
     }
     all

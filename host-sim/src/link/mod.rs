@@ -173,6 +173,11 @@ impl<L: Line> Link<L> {
         Losses { lost_frames: self.decoder.lost, damaged_frames: self.decoder.damaged }
     }
 
+    /// The samples that have come and nobody has fetched: those before the line failed.
+    pub fn come(&mut self) -> Vec<Sample> {
+        std::mem::take(&mut self.samples)
+    }
+
     /// Whether nothing more can be said to the firmware: the line is gone, or the board has begun anew.
     pub fn is_gone(&self) -> bool {
         self.gone

@@ -114,7 +114,15 @@ pub fn record<L: Line>(
 ) -> Record {
     let mut samples = Vec::new();
     let alive = settings.get(Param::TripHost) > 0.0;
-    let ended = play(link, order, alive, &mut samples, stop, hears).unwrap_or_else(Ended::from);
+    let mut ended = play(link, order, alive, &mut samples, stop, hears).unwrap_or_else(Ended::from);
+    if matches!(ended, Ended::Failed(_)) {
+        // What had come before the line failed, and was still on its way from the link to here.
+        let before = samples.len();
+        if let Err(error) = keep(&link.come(), &mut samples) {
+            ended = error.into();
+        }
+        let _ = hears(&samples[before..]);
+    }
     let off = switched_off(link);
     let ended = match (ended, off) {
         (Ended::Complete, Err(error)) => Ended::Failed(error.to_string()),
