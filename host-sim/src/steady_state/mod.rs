@@ -155,7 +155,9 @@ pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, St
 }
 
 /// Voltage, current and speed.
-fn columns(table: &Recording) -> Result<(&[f64], &[f64], Vec<f64>), StudyError> {
+type Columns<'a> = (&'a [f64], &'a [f64], Vec<f64>);
+
+fn columns(table: &Recording) -> Result<Columns<'_>, StudyError> {
     let missing = || StudyError::Columns(table.name.clone());
     let voltage = table.get(Channel::Voltage).ok_or_else(missing)?;
     let current = table.get(Channel::Current).ok_or_else(missing)?;
