@@ -609,7 +609,7 @@ mod tests {
         for (id, values, bound_rad_per_s, bound_a) in [
             ("winding_heating", vec![0.2, 0.3], 0.03, 3e-4),
             ("shaft_compliance", vec![40.0, 0.4, 0.05], 0.03, 3e-4),
-            ("backlash", vec![0.02, 0.4], 0.12, 3e-4),
+            ("backlash", vec![0.02, 0.4, 300.0, 0.4], 0.12, 3e-4),
         ] {
             let model = friction.with(effect(id).unwrap(), values);
             let mut plant = ModelPlant::new(model.clone());
