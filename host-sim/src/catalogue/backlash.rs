@@ -7,6 +7,8 @@ use std::f64::consts::TAU;
 
 /// A blow lasts a millisecond; this follows the flanks as they meet and part.
 const LONGEST_PART_S: f64 = 25e-6;
+/// Where the steps themselves are short, somebody wants it finer.
+const LEAST_PARTS: f64 = 4.0;
 /// The drive is held over a step.
 const LONGEST_STEP_S: f64 = 0.5e-3;
 
@@ -130,7 +132,7 @@ impl Sides {
     }
 
     fn in_parts(&mut self, length_s: f64, drive_nm: f64, terms: &Balance) {
-        let parts = (length_s / LONGEST_PART_S).ceil().max(1.0);
+        let parts = (length_s / LONGEST_PART_S).ceil().max(LEAST_PARTS);
         let part_s = length_s / parts;
         let gain = part_s / self.motor_kg_m2;
         let reduced_kg_m2 = self.motor_kg_m2 * self.load_kg_m2 / (self.motor_kg_m2 + self.load_kg_m2);
