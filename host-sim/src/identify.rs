@@ -303,9 +303,7 @@ impl<'a> Search<'a> {
             let coordinate = unknown.get(&model);
             unknown.set(&mut model, coordinate);
         }
-        let prediction = free_run(&model, data);
-        let residual = weighted_residual(data, &prediction);
-        let cost = square(&residual) + prior_cost(&model, &unknowns);
+        let (prediction, residual, cost) = judged(&model, data, &unknowns);
         Self { data, unknowns, model, prediction, residual, cost }
     }
 
@@ -351,12 +349,17 @@ impl<'a> Search<'a> {
             return;
         }
         let model = torque_scale::most_plausible(&self.model, &self.unknowns);
-        let prediction = free_run(&model, self.data);
-        let residual = weighted_residual(self.data, &prediction);
-        let cost = square(&residual) + prior_cost(&model, &self.unknowns);
-        if cost < self.cost {
+        self.take_if_better(model);
+    }
+
+    /// Goes to a model if it costs less than the present one; whether it did.
+    fn take_if_better(&mut self, model: Model) -> bool {
+        let (prediction, residual, cost) = judged(&model, self.data, &self.unknowns);
+        let better = cost < self.cost;
+        if better {
             (self.model, self.prediction, self.residual, self.cost) = (model, prediction, residual, cost);
         }
+        better
     }
 
     /// Weighted sensitivities of the residual by finite differences, on all cores.
@@ -444,15 +447,16 @@ impl<'a> Search<'a> {
             let limit = if unknown.logarithmic { 1.0 } else { 5.0 };
             unknown.set(&mut model, unknown.get(&self.model) - step.clamp(-limit, limit));
         }
-        let prediction = free_run(&model, self.data);
-        let residual = weighted_residual(self.data, &prediction);
-        let cost = square(&residual) + prior_cost(&model, &self.unknowns);
-        let better = cost < self.cost;
-        if better {
-            (self.model, self.prediction, self.residual, self.cost) = (model, prediction, residual, cost);
-        }
-        better
+        self.take_if_better(model)
     }
+}
+
+/// What a model says of the data, how far off it is, and what that costs.
+fn judged(model: &Model, data: &Dataset, unknowns: &[Unknown]) -> (Prediction, Vec<f64>, f64) {
+    let prediction = free_run(model, data);
+    let residual = weighted_residual(data, &prediction);
+    let cost = square(&residual) + prior_cost(model, unknowns);
+    (prediction, residual, cost)
 }
 
 /// An event lies within the recording, not at its ends: there it would be none.

@@ -19,7 +19,7 @@
 //! | [`tune`] | the tuning console in the terminal |
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
 //! | [`panels`], [`picture`] | plots over time, one under the other; plots as SVG and PNG files |
-//! | [`web_page`] | pages for a browser |
+//! | [`terminal_text`], [`web_page`] | texts for a person at a terminal; pages for a browser |
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
@@ -50,6 +50,7 @@ pub mod scenario;
 pub mod stand;
 pub mod steady_state;
 pub mod telemetry;
+pub mod terminal_text;
 pub mod thesis;
 pub mod tune;
 pub mod web_page;

@@ -9,13 +9,11 @@ use crate::linear::step_response::StepFigures;
 use crate::linear::transfer_function::TransferFunction;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
+use crate::terminal_text::COLUMNS;
 use clap::Args;
 use nalgebra::Complex;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
-
-/// Of a terminal.
-const COLUMNS: usize = 80;
 
 /// Prints transfer functions, poles, time constants and gains of a motor.
 #[derive(Args)]
@@ -97,7 +95,7 @@ impl Arguments {
         let form = |of: TransferFunction| {
             TransferFunction::sampled(&of.state_space().discretise(1e-3 * period_ms, 1e-3 * delay_ms), 0)
         };
-        let [speed, current, angle] = [speed(motor), current(motor), angle(motor)].map(form);
+        let [speed, current, angle] = responses(motor).map(form);
         Ok(Some([("w(z)/U(z)", speed), ("I(z)/U(z)", current), ("theta(z)/U(z)", angle)]))
     }
 }
@@ -111,9 +109,14 @@ const BEYOND_POLES: f64 = 100.0;
 const STEP_POINTS: usize = 1001;
 const STEP_LENGTH: f64 = 6.0;
 
+/// Speed, current and angle over the voltage.
+fn responses(motor: &MotorParameters) -> [TransferFunction; 3] {
+    [speed(motor), current(motor), angle(motor)]
+}
+
 /// Magnitudes and phases of speed, current and angle over the voltage.
 fn bode_csv(motor: &MotorParameters) -> String {
-    let responses = [speed(motor), current(motor), angle(motor)];
+    let responses = responses(motor);
     let magnitudes = responses[0].poles().iter().map(|pole| pole.norm()).collect::<Vec<_>>();
     let slowest = magnitudes.iter().copied().fold(f64::INFINITY, f64::min) / BEYOND_POLES;
     let fastest = magnitudes.iter().copied().fold(0.0, f64::max) * BEYOND_POLES;
@@ -134,7 +137,7 @@ fn bode_csv(motor: &MotorParameters) -> String {
 
 /// Speed, current and angle after a step of one volt.
 fn step_csv(motor: &MotorParameters) -> String {
-    let responses = [speed(motor), current(motor), angle(motor)];
+    let responses = responses(motor);
     let period_s = STEP_LENGTH * slowest_s(&responses[0].poles()) / (STEP_POINTS - 1) as f64;
     let courses = responses.map(|response| response.state_space().discretise(period_s, 0.0).step_response(STEP_POINTS));
     let mut text = String::from("t_s,omega_rad_per_s,i_A,theta_rad\n");
@@ -179,12 +182,12 @@ fn figures(motor: &MotorParameters) -> Value {
 
 fn analysis(motor: &MotorParameters) -> String {
     let constants = TimeConstants::of(motor);
-    let (speed, current, angle) = (speed(motor), current(motor), angle(motor));
+    let [speed, current, angle] = responses(motor);
     let mut text = String::new();
-    for (name, function) in [("w(s)/U(s)", speed.to_string()), ("I(s)/U(s)", current.to_string())] {
-        text += &equation(name, &function);
+    for (name, function) in [("w(s)/U(s)", &speed), ("I(s)/U(s)", &current), ("theta(s)/U(s)", &angle)] {
+        text += &equation(name, &function.to_string());
     }
-    text += &(equation("theta(s)/U(s)", &angle.to_string()) + "\n");
+    text.push('\n');
     text += &format!("electromechanical time constant J R / k^2  {:.4} ms\n", 1e3 * constants.electromechanical_s);
     text += &format!("electromagnetic time constant L / R        {:.4} ms\n", 1e3 * constants.electromagnetic_s);
     text += &format!("poles   {} rad/s\n", list(&speed.poles()));

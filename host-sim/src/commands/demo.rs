@@ -17,6 +17,7 @@ use crate::plant::ModelPlant;
 use crate::recording::Recording;
 use crate::rig::NominalMotor;
 use crate::telemetry;
+use crate::terminal_text::{short, wrapped};
 use clap::Args;
 use motorbench_core::excitation::{Kind, Sequence};
 #[cfg(feature = "chip")]
@@ -316,7 +317,7 @@ impl Loops {
     fn table(&self) -> String {
         let mut text = format!("   {:30} {:>22} {:>16}\n", "speed error, rms", "about standstill", "in all");
         for Attempt { name, slow_rms, all_rms, .. } in &self.attempts {
-            text += &format!("   {name:30} {:>16} rad/s {:>10} rad/s\n", page::short(*slow_rms), page::short(*all_rms));
+            text += &format!("   {name:30} {:>16} rad/s {:>10} rad/s\n", short(*slow_rms), short(*all_rms));
         }
         text += "\n   For the board's console:";
         self.commands.iter().for_each(|command| text += &format!("\n     {command}"));
@@ -342,7 +343,7 @@ impl Loops {
             .attempts
             .iter()
             .map(|Attempt { name, slow_rms, all_rms, .. }| {
-                let (slow_rms, all_rms) = (page::short(*slow_rms), page::short(*all_rms));
+                let (slow_rms, all_rms) = (short(*slow_rms), short(*all_rms));
                 format!("<tr><td>{name}</td><td>{slow_rms} rad/s</td><td>{all_rms} rad/s</td></tr>")
             })
             .collect();
@@ -376,12 +377,11 @@ fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Att
 fn hidden(truth: &Model) -> String {
     let mut text = String::new();
     for term in &truth.terms {
-        let constants: Vec<String> =
-            term.named().map(|(name, value)| format!("{name} = {}", page::short(value))).collect();
-        text += &page::wrapped(&format!("{}: {}", term.id(), constants.join(", ")), "  ", "    ");
+        let constants: Vec<String> = term.named().map(|(name, value)| format!("{name} = {}", short(value))).collect();
+        text += &wrapped(&format!("{}: {}", term.id(), constants.join(", ")), "  ", "    ");
     }
-    let motor = truth.motor.named().map(|(name, value)| format!("{name} = {}", page::short(value)));
-    text + page::wrapped(&format!("the motor: {}", motor.join(", ")), "  ", "    ").trim_end()
+    let motor = truth.motor.named().map(|(name, value)| format!("{name} = {}", short(value)));
+    text + wrapped(&format!("the motor: {}", motor.join(", ")), "  ", "    ").trim_end()
 }
 
 #[cfg(test)]

@@ -3,13 +3,13 @@
 use super::{Failure, mapping, spinner, write};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
-use crate::diagnose::page::short;
 use crate::free_run::free_run;
 use crate::identify::{Effort, Place, Prior, fit};
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
+use crate::terminal_text::short;
 use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -36,7 +36,7 @@ const TICK: Duration = Duration::from_millis(100);
 
 /// Identify, understand and control a DC motor on an Arduino Uno.
 #[derive(Parser)]
-#[command(name = "motorbench", version, max_term_width = 80, arg_required_else_help = true)]
+#[command(name = "motorbench", version, max_term_width = crate::terminal_text::COLUMNS, arg_required_else_help = true)]
 struct Program {
     #[command(subcommand)]
     command: Command,

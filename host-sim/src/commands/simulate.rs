@@ -2,10 +2,10 @@
 
 use super::{Failure, plot_file, spinner, write, write_plot};
 use crate::design::trial::Point;
-use crate::diagnose::page::short;
 use crate::figures::Figures;
 use crate::panels::{Panel, panels};
 use crate::scenario::{Outcome, Scenario};
+use crate::terminal_text::short;
 use clap::Args;
 use motorbench_core::message::{Mode, Trip};
 use motorbench_core::settings::{Settings, find};

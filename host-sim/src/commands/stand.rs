@@ -3,10 +3,11 @@
 mod board;
 
 use super::{Failure, mapping, plot_file, write, write_plot};
-use crate::diagnose::page::{estimate, short, wrapped};
+use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::stand::{Directions, EfficiencyMap, OperatingPoint, Stand, Winding, evaluate};
+use crate::terminal_text::{short, wrapped};
 use clap::Args;
 use plotters::prelude::*;
 use serde::Deserialize;

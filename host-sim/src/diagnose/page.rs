@@ -3,6 +3,7 @@
 use super::outcome::{Cause, Estimate, Outcome, RunnerUp, Verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::effect;
+use crate::terminal_text::{rounded, short, wrapped};
 use std::fmt::Write as _;
 
 /// The page, at most 80 columns, without colour.
@@ -49,24 +50,6 @@ pub fn title(id: &str) -> String {
     match id.strip_prefix("parameter:") {
         Some(name) => format!("a wrong value of the {}", name.replace('_', " ")),
         None => effect(id).map_or(id, |effect| effect.about().title).into(),
-    }
-}
-
-/// A number with three significant digits.
-pub fn short(value: f64) -> String {
-    rounded(value, 3)
-}
-
-/// A number with so many significant digits.
-fn rounded(value: f64, digits: i32) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    let magnitude = value.abs().log10().floor() as i32;
-    if (-3..5).contains(&magnitude) {
-        format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
-    } else {
-        format!("{value:.*e}", digits as usize - 1)
     }
 }
 
@@ -157,30 +140,6 @@ fn parameters(outcome: &Outcome) -> String {
         );
     }
     text
-}
-
-/// Breaks a text into lines of 80 columns, the first after `first`, the others after `other`; the last ends its line.
-pub fn wrapped(text: &str, first: &str, other: &str) -> String {
-    let mut lines = String::from(first);
-    let mut width = first.len();
-    let mut fresh = true;
-    for word in text.split_whitespace() {
-        if !fresh && width + 1 + word.len() > 80 {
-            lines.push('\n');
-            lines.push_str(other);
-            width = other.len();
-            fresh = true;
-        }
-        if !fresh {
-            lines.push(' ');
-            width += 1;
-        }
-        lines.push_str(word);
-        width += word.len();
-        fresh = false;
-    }
-    lines.push('\n');
-    lines
 }
 
 /// How the next best compares, in words.

@@ -3,9 +3,10 @@
 
 use super::missing::{Dependence, dependences};
 use super::outcome::Outcome;
-use super::page::{estimate, how_much_worse, short, title, verdict};
+use super::page::{estimate, how_much_worse, title, verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::{ActsOn, effect};
+use crate::terminal_text::short;
 use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, document, escaped, list, table};
 use plotters::prelude::*;
 use std::fmt::Write as _;

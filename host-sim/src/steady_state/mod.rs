@@ -8,9 +8,9 @@
 mod report;
 
 use crate::diagnose::outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Verdict};
-use crate::diagnose::page;
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
+use crate::terminal_text::short;
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 use statrs::distribution::{ContinuousCDF, StudentsT};
@@ -448,7 +448,7 @@ fn advice(levels: &[Level]) -> Vec<String> {
     if most.i_A < 2.0 * least.i_A {
         advice.push(format!(
             "The current only goes from {} to {} A: a resistance and a constant voltage drop cannot be told apart, nor a back-EMF constant and a resistance that grows with speed. Hold the rotor and step the voltage (resistance, drop), or brake the shaft at one speed (what grows with the current is resistance).",
-            page::short(least.i_A), page::short(most.i_A)
+            short(least.i_A), short(most.i_A)
         ));
     }
     advice.push(

@@ -2,7 +2,8 @@
 
 use super::{Explanation, Level, Study};
 use crate::diagnose::outcome::Cause;
-use crate::diagnose::page::{estimate, verdict, wrapped};
+use crate::diagnose::page::{estimate, verdict};
+use crate::terminal_text::wrapped;
 use crate::web_page::{document, escaped, list, table};
 use std::fmt::Write as _;
 

@@ -1,0 +1,33 @@
+//! Texts and numbers for a person at a terminal.
+
+/// Of a terminal that everything printed fits into.
+pub const COLUMNS: usize = 80;
+
+/// A number with three significant digits.
+pub fn short(value: f64) -> String {
+    rounded(value, 3)
+}
+
+/// A number with so many significant digits.
+pub fn rounded(value: f64, digits: i32) -> String {
+    if value == 0.0 || !value.is_finite() {
+        return format!("{value}");
+    }
+    let magnitude = value.abs().log10().floor() as i32;
+    if (-3..5).contains(&magnitude) {
+        format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
+    } else {
+        format!("{value:.*e}", digits as usize - 1)
+    }
+}
+
+/// Breaks a text into lines of [`COLUMNS`], the first after `first`, the others after `other`; the last ends its line.
+pub fn wrapped(text: &str, first: &str, other: &str) -> String {
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let options = textwrap::Options::new(COLUMNS)
+        .initial_indent(first)
+        .subsequent_indent(other)
+        .break_words(false)
+        .word_splitter(textwrap::WordSplitter::NoHyphenation);
+    textwrap::fill(&words.join(" "), options) + "\n"
+}
