@@ -1,10 +1,14 @@
 //! Pages and plots as a person sees them: in Chromium without a window, over the DevTools protocol, on a phone, in print, and
 //! on a screen.
 
+#[path = "common/motor.rs"]
+mod motor;
+
 use assert_cmd::Command;
 use headless_chrome::protocol::cdp::types::Event;
 use headless_chrome::protocol::cdp::{Emulation, Log::LogEntryLevel, Network, Runtime};
 use headless_chrome::{Browser, LaunchOptions, Tab};
+use motor::PIVT6_TOML;
 use serde::Deserialize;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -255,19 +259,21 @@ impl Files {
     }
 }
 
-const RIG: &str = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 2000\n[motor]\nresistance_ohm = 5.84\n\
-    inductance_H = 11.68e-3\ntorque_constant_Nm_per_A = 0.072\ninertia_kg_m2 = 2.22e-5\nviscous_friction_Nm_s = 5e-6\n";
+const CIRCUIT: &str = "[supply]
+voltage_V = 12
+[encoder]
+counts_per_rev = 2000
+";
 const SCENARIO: &str = "duration_s = 4.0\nmode = \"speed\"\n[settings]\nspeed_kp = 0.07\nspeed_ki = 1.5\n\
     [noise]\ncurrent_A = 0.01\n[[reference]]\ntime_s = 0.1\nvalue = 60\n[[reference]]\ntime_s = 1.1\nvalue = -40\n\
     [[reference]]\ntime_s = 2.3\nvalue = 15\n";
 
 fn files() -> Files {
     let files = Files(TempDir::new().unwrap());
-    let motor = &RIG[RIG.find("[motor]").unwrap()..];
-    let friction = format!("{motor}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
+    let friction = format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
     let (reference, other) = SCENARIO.split_once("[settings]").unwrap();
-    std::fs::write(files.at("rig.toml"), RIG).unwrap();
-    std::fs::write(files.at("linear.toml"), motor).unwrap();
+    std::fs::write(files.at("rig.toml"), format!("{CIRCUIT}{PIVT6_TOML}")).unwrap();
+    std::fs::write(files.at("linear.toml"), PIVT6_TOML).unwrap();
     std::fs::write(files.at("friction.toml"), &friction).unwrap();
     std::fs::write(files.at("loop.toml"), format!("{reference}model = \"friction.toml\"\n[settings]{other}")).unwrap();
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pivt6");

@@ -1,22 +1,18 @@
 //! The program as a person runs it: simulated recordings through its commands.
 
+#[path = "common/motor.rs"]
+mod motor;
+
 use assert_cmd::Command;
 use host_sim::motor::MotorParameters;
 use host_sim::scenario::Scenario;
 use host_sim::telemetry;
+use motor::PIVT6_TOML;
 use predicates::prelude::*;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::TempDir;
-
-const MOTOR: &str = "[motor]
-resistance_ohm = 5.84
-inductance_H = 11.68e-3
-torque_constant_Nm_per_A = 0.072
-inertia_kg_m2 = 2.22e-5
-viscous_friction_Nm_s = 5e-6
-";
 
 fn motorbench(arguments: &[&str]) -> assert_cmd::assert::Assert {
     Command::cargo_bin("motorbench").unwrap().args(arguments).assert()
@@ -40,11 +36,11 @@ fn bench() -> &'static Bench {
         let directory = TempDir::new().unwrap();
         let at = |name: &str| directory.path().join(name);
         let scenario = format!(
-            "duration_s = 10.0\nmode = \"open\"\n{MOTOR}\n[noise]\ncurrent_A = 0.01\nseed = 3\n
+            "duration_s = 10.0\nmode = \"open\"\n{PIVT6_TOML}\n[noise]\ncurrent_A = 0.01\nseed = 3\n
              [[reference]]\ntime_s = 0.1\nkind = \"sequence\"\nsequence = \"prbs\"\namplitude = 8\nperiod_ms = 60\ncount = 400\n"
         );
         std::fs::write(at("scenario.toml"), scenario).unwrap();
-        std::fs::write(at("model.toml"), MOTOR).unwrap();
+        std::fs::write(at("model.toml"), PIVT6_TOML).unwrap();
         let scenario = Scenario::read(&at("scenario.toml")).unwrap();
         std::fs::write(at("run.csv"), scenario.run().unwrap().recording.to_csv()).unwrap();
         let rig = telemetry::rig(&scenario.settings, host_sim::rig::NominalMotor::default());
@@ -119,10 +115,10 @@ fn plots_are_png_where_the_name_says_so() {
     let at = |name: &str| directory.path().join(name);
     let (table, scenario) = (at("table.csv"), at("scenario.toml"));
     std::fs::write(&table, stand_table(0.5, 0.005)).unwrap();
-    std::fs::write(&scenario, format!("duration_s = 0.2\nmode = \"open\"\n{MOTOR}")).unwrap();
+    std::fs::write(&scenario, format!("duration_s = 0.2\nmode = \"open\"\n{PIVT6_TOML}")).unwrap();
     let (run, model, rig, plot) = (path(&bench.run), path(&bench.model), path(&bench.rig), at("plot.png"));
     let stand_rig = at("rig.toml");
-    std::fs::write(&stand_rig, STAND_RIG).unwrap();
+    std::fs::write(&stand_rig, PIVT6_TOML).unwrap();
     for drawing in [
         &["simulate", path(&scenario), "--plot"][..],
         &["compare", run, run, "--plot"],
@@ -144,7 +140,7 @@ fn compare_tells_models_and_their_constants_apart() {
     let bench = bench();
     let directory = TempDir::new().unwrap();
     let other = directory.path().join("other.toml");
-    std::fs::write(&other, MOTOR.replace("5.84", "7.3") + "[effects.coulomb_friction]\ntorque_Nm = 0.005\n").unwrap();
+    std::fs::write(&other, PIVT6_TOML.replace("5.84", "7.3") + "[effects.coulomb_friction]\ntorque_Nm = 0.005\n").unwrap();
     let models = json_of(&["compare", path(&bench.model), path(&other), "--voltage", "12", "--json", "-"]);
     assert!((models["parameters"][0]["change_percent"].as_f64().unwrap() - 25.0).abs() < 1e-9);
     let step = |which: &str| models["step"][which].as_f64().unwrap();
@@ -193,9 +189,9 @@ fn validate_sees_what_the_model_lacks() {
     let bench = bench();
     let directory = TempDir::new().unwrap();
     let at = |name: &str| directory.path().join(name);
-    let friction = format!("{MOTOR}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
+    let friction = format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
     std::fs::write(at("true.toml"), &friction).unwrap();
-    std::fs::write(at("linear.toml"), MOTOR).unwrap();
+    std::fs::write(at("linear.toml"), PIVT6_TOML).unwrap();
     let steps = [60, 20, -50, 40, -20, 70, 10, -60]
         .iter()
         .enumerate()
@@ -307,8 +303,6 @@ fn exit_codes_are_those_of_the_page() {
         .stderr(predicate::str::contains("/nonexistent/a.csv"));
 }
 
-const STAND_RIG: &str = "[motor]\nresistance_ohm = 5.84\ntorque_constant_Nm_per_A = 0.072\n";
-
 /// A table of a motor whose constants are known, with readings that scatter.
 fn stand_table(brush_drop_v: f64, coulomb_nm: f64) -> String {
     let (r, k, viscous) = (5.84, 0.072, 5e-6);
@@ -327,7 +321,7 @@ fn stand_table(brush_drop_v: f64, coulomb_nm: f64) -> String {
 fn stand_finds_where_the_power_goes_and_what_has_worn() {
     let directory = TempDir::new().unwrap();
     let at = |name: &str| directory.path().join(name);
-    std::fs::write(at("rig.toml"), STAND_RIG).unwrap();
+    std::fs::write(at("rig.toml"), PIVT6_TOML).unwrap();
     std::fs::write(at("new.csv"), stand_table(2.0, 0.015)).unwrap();
     // Held at three positions: 12 V over 4, 6 and 8 ohm.
     let held = "12,3,0\n12,2,0\n12,1.5,0\n";

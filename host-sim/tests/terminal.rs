@@ -5,11 +5,14 @@
 #[cfg(feature = "chip")]
 #[path = "common/board.rs"]
 mod board;
+#[path = "common/motor.rs"]
+mod motor;
 
 use host_sim::motor::MotorParameters;
 use host_sim::rig::NominalMotor;
 use host_sim::scenario::Scenario;
 use host_sim::telemetry;
+use motor::PIVT6_TOML;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 use std::collections::BTreeSet;
@@ -253,14 +256,6 @@ const WITH_A_BOARD: &[Row] = &[
     },
 ];
 
-const MOTOR: &str = "[motor]
-resistance_ohm = 5.84
-inductance_H = 11.68e-3
-torque_constant_Nm_per_A = 0.072
-inertia_kg_m2 = 2.22e-5
-viscous_friction_Nm_s = 5e-6
-";
-
 /// What the table's runs read.
 fn files() -> TempDir {
     let folder = TempDir::new().unwrap();
@@ -270,7 +265,7 @@ fn files() -> TempDir {
         [effects.stribeck_friction]\nexcess_torque_Nm = 0.006\nstribeck_speed_rad_per_s = 8\n";
     let play = |name: &str, mode: &str, sequence: &str| {
         let scenario =
-            format!("duration_s = 6.0\nmode = \"{mode}\"\n{MOTOR}{effects}[noise]\ncurrent_A = 0.01\n{sequence}");
+            format!("duration_s = 6.0\nmode = \"{mode}\"\n{PIVT6_TOML}{effects}[noise]\ncurrent_A = 0.01\n{sequence}");
         put(&format!("{name}.toml"), &scenario);
         let scenario = Scenario::read(&folder.path().join(format!("{name}.toml"))).unwrap();
         put(&format!("{name}.csv"), &scenario.run().unwrap().recording.to_csv());
@@ -290,11 +285,11 @@ fn files() -> TempDir {
     play("loop", "speed", &steps.collect::<String>());
     put(
         "scenario.toml",
-        &format!("duration_s = 0.5\nmode = \"speed\"\n{MOTOR}[[reference]]\ntime_s = 0.1\nvalue = 40\n"),
+        &format!("duration_s = 0.5\nmode = \"speed\"\n{PIVT6_TOML}[[reference]]\ntime_s = 0.1\nvalue = 40\n"),
     );
-    put("model.toml", MOTOR);
-    put("other.toml", &format!("{MOTOR}[effects.coulomb_friction]\ntorque_Nm = 0.01\n"));
-    put("stand.toml", "[motor]\nresistance_ohm = 5.84\ninductance_H = 11.68e-3\ntorque_constant_Nm_per_A = 0.072\n");
+    put("model.toml", PIVT6_TOML);
+    put("other.toml", &format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n"));
+    put("stand.toml", PIVT6_TOML);
     let levels = [10.0, 15.0, 20.0, 25.0, 30.0].map(|u: f64| {
         [1.0, -1.0, 0.5, -0.5].map(|scatter| {
             let omega = (u - 2.0 - 5.84 * 0.015 / 0.072) / (0.072 + 5.84 * 5e-6 / 0.072);

@@ -2,9 +2,12 @@
 
 #[path = "common/board.rs"]
 mod board;
+#[path = "common/motor.rs"]
+mod motor;
 
 use board::{Board, MOTORBENCH, rows, text, until};
 use host_sim::recording::Channel;
+use motor::PIVT6_TOML;
 use std::io::{BufRead, BufReader, Write};
 use std::net::UdpSocket;
 use std::process::{Child, Command, Stdio};
@@ -98,10 +101,8 @@ fn a_recorded_loop_is_validated_with_the_scenario_beside_it() {
     assert_eq!(side, board.side_file());
     let scenario = std::fs::read_to_string(board.folder.join("run.scenario.toml")).unwrap();
     assert!(scenario.contains("speed_kp = 0.0661\n"), "{scenario}");
-    let model = "[motor]\nresistance_ohm = 5.84\ninductance_H = 11.7e-3\ntorque_constant_Nm_per_A = 0.072\n\
-        inertia_kg_m2 = 2.22e-5\nviscous_friction_Nm_s = 5e-6\n\
-        [effects.coulomb_friction]\ntorque_Nm = 0.012\n[effects.voltage_drop]\ndrop_V = 2.53\n";
-    std::fs::write(board.folder.join("model.toml"), model).unwrap();
+    let effects = "[effects.coulomb_friction]\ntorque_Nm = 0.012\n[effects.voltage_drop]\ndrop_V = 2.53\n";
+    std::fs::write(board.folder.join("model.toml"), format!("{PIVT6_TOML}{effects}")).unwrap();
     let beside = ["validate", "run.csv", "--scenario", "run.scenario.toml", "--rig", "run.rig.toml"];
     let validated = board.run_alone(&[&beside[..], &["--model", "model.toml", "--json", "-"]].concat());
     assert_eq!(validated.status.code(), Some(0), "{}", text(&validated.stderr));
@@ -298,14 +299,12 @@ fn gains_without_a_model_pass_their_test_or_are_refused() {
     board.motor_is_off();
 }
 
-const STAND_RIG: &str = "[motor]\nresistance_ohm = 5.84\ninductance_H = 11.7e-3\ntorque_constant_Nm_per_A = 0.072\n";
-
 /// As a person with hands runs it: levels, then the rotor held where it is asked for; the figures are those of the
 /// simulated motor (0.012 Nm of friction, 2.5 to 2.6 V dropped).
 #[test]
 fn the_stand_measures_the_simulated_motor() {
     let mut board = Board::new("stand");
-    std::fs::write(board.folder.join("rig.toml"), STAND_RIG).unwrap();
+    std::fs::write(board.folder.join("rig.toml"), PIVT6_TOML).unwrap();
     let mut stand = board
         .command("stand", &["--rig", "rig.toml", "--voltages", "6,9,12", "--positions", "2", "--json", "-"])
         .stdin(Stdio::piped())
@@ -343,7 +342,7 @@ fn the_stand_measures_the_simulated_motor() {
 #[test]
 fn a_stand_that_is_stopped_or_unplugged_keeps_its_table() {
     let mut board = Board::new("stand-stop");
-    std::fs::write(board.folder.join("rig.toml"), STAND_RIG).unwrap();
+    std::fs::write(board.folder.join("rig.toml"), PIVT6_TOML).unwrap();
     let levels = ["--rig", "rig.toml", "--voltages", "6,7,8,9,10,11", "--readings", "2"];
     let first_levels = |stand: &mut Child| {
         let lines = BufReader::new(stand.stderr.take().unwrap()).lines();
