@@ -372,8 +372,12 @@ fn a_stand_that_is_stopped_or_unplugged_keeps_its_table() {
 struct Terminal(String);
 
 impl Terminal {
+    /// Nothing, and why, where there is no tmux.
     fn new(board: &Board) -> Option<Self> {
-        Command::new("tmux").arg("-V").output().ok()?;
+        if Command::new("tmux").arg("-V").output().is_err() {
+            println!("skipped: the tuning console is tested in tmux, which is not installed");
+            return None;
+        }
         let terminal = Self(board.folder.file_name().unwrap().to_string_lossy().into_owned());
         let console = format!(
             "cd {}; sh -c 'echo $$ > tune.pid; exec {MOTORBENCH} tune --port {} --reference 30'; echo exit $?; sleep 300",
@@ -432,10 +436,7 @@ impl Drop for Terminal {
 #[test]
 fn the_tuning_console_in_a_terminal() {
     let board = Board::new("tune");
-    let Some(terminal) = Terminal::new(&board) else {
-        println!("skipped: the tuning console is tested in tmux, which is not installed");
-        return;
-    };
+    let Some(terminal) = Terminal::new(&board) else { return };
     terminal.shows("speed off to 30");
     terminal.does("s", "a arms first");
     terminal.does("a", "ARMED");
@@ -465,10 +466,7 @@ fn the_tuning_console_in_a_terminal() {
 #[test]
 fn the_tuning_console_dies_without_leaving_the_motor_driven() {
     let board = Board::new("tune-dies");
-    let Some(terminal) = Terminal::new(&board) else {
-        println!("skipped: the tuning console is tested in tmux, which is not installed");
-        return;
-    };
+    let Some(terminal) = Terminal::new(&board) else { return };
     terminal.shows("speed off to 30");
     terminal.does("a", "ARMED");
     let own = std::fs::read_to_string(board.folder.join("tune.pid")).unwrap();
