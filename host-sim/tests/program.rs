@@ -140,7 +140,8 @@ fn compare_tells_models_and_their_constants_apart() {
     let bench = bench();
     let directory = TempDir::new().unwrap();
     let other = directory.path().join("other.toml");
-    std::fs::write(&other, PIVT6_TOML.replace("5.84", "7.3") + "[effects.coulomb_friction]\ntorque_Nm = 0.005\n").unwrap();
+    std::fs::write(&other, PIVT6_TOML.replace("5.84", "7.3") + "[effects.coulomb_friction]\ntorque_Nm = 0.005\n")
+        .unwrap();
     let models = json_of(&["compare", path(&bench.model), path(&other), "--voltage", "12", "--json", "-"]);
     assert!((models["parameters"][0]["change_percent"].as_f64().unwrap() - 25.0).abs() < 1e-9);
     let step = |which: &str| models["step"][which].as_f64().unwrap();

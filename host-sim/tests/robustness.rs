@@ -119,6 +119,15 @@ fn signal(process: &Child, signal: &str) {
     assert!(Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap().success());
 }
 
+/// A recording that is well under way, whose computer then does nothing for seconds.
+fn paused(board: &Board, recording: Child) -> Output {
+    board.has_recorded(300);
+    signal(&recording, "-STOP");
+    sleep(Duration::from_millis(2500));
+    signal(&recording, "-CONT");
+    recording.wait_with_output().unwrap()
+}
+
 /// What the file has and what is said to be missing make up the whole sequence; whatever came is what was sent.
 fn whole_or_counted(board: &Board, done: &Output) {
     let side = board.side_file();
@@ -185,16 +194,12 @@ fn a_line_that_damages_from_the_beginning_is_named() {
     board.motor_is_off();
 }
 
-/// A computer that does nothing for seconds: what the line could not keep is missing, and counted.
+/// What the line could not keep is missing, and counted.
 #[test]
 fn a_reader_that_pauses_counts_what_it_missed() {
     let board = Board::new("pause");
     let recording = board.command("record", &STEPS).spawn().unwrap();
-    board.has_recorded(300);
-    signal(&recording, "-STOP");
-    sleep(Duration::from_millis(2500));
-    signal(&recording, "-CONT");
-    let done = recording.wait_with_output().unwrap();
+    let done = paused(&board, recording);
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
     whole_or_counted(&board, &done);
     let missing = board.side_file()["missing_ticks"].as_u64().unwrap();
@@ -207,11 +212,7 @@ fn a_reader_that_pauses_counts_what_it_missed() {
 fn a_reader_that_pauses_for_too_long_is_taken_for_lost() {
     let board = Board::new("lost");
     let recording = board.command("record", &[&STEPS[..], &["--set", "trip_host=500"]].concat()).spawn().unwrap();
-    board.has_recorded(300);
-    signal(&recording, "-STOP");
-    sleep(Duration::from_millis(2500));
-    signal(&recording, "-CONT");
-    let done = recording.wait_with_output().unwrap();
+    let done = paused(&board, recording);
     assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
     assert!(text(&done.stderr).contains("HostLost"), "{}", text(&done.stderr));
     board.motor_is_off();
