@@ -9,7 +9,10 @@ use crate::dataset::{Dataset, Output, difference};
 use crate::model::{Model, Term};
 use crate::plant::closed_form::{Family, combine};
 use crate::rig;
+use pwm_period::{Ripple, Volts};
 use std::ops::Range;
+
+pub mod pwm_period;
 
 /// Longest step of a recording at 200 Hz or more; slower ones take a tenth of their interval, at most the second.
 const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
@@ -119,6 +122,8 @@ pub struct LinearStep {
     open_speed_of: [f64; 2],
     /// Voltage and torque that make a unit of current and of speed.
     inverse_gains: [f64; 2],
+    resistance_ohm: f64,
+    torque_constant_nm_per_a: f64,
     step_s: f64,
 }
 
@@ -139,12 +144,31 @@ impl LinearStep {
         let gain = if b > 0.0 { (1.0 - decay) / b } else { step_s / inertia_kg_m2 };
         let (current_of, speed_of) = (row(0), row(1));
         let inverse_gains = [1.0 / current_of[2], 1.0 / speed_of[3]];
-        Self { current_of, speed_of, open_speed_of: [decay, gain], inverse_gains, step_s }
+        Self {
+            current_of,
+            speed_of,
+            open_speed_of: [decay, gain],
+            inverse_gains,
+            resistance_ohm: motor.resistance_ohm,
+            torque_constant_nm_per_a: k,
+            step_s,
+        }
     }
 
     /// Length of the step.
     pub fn step_s(&self) -> f64 {
         self.step_s
+    }
+
+    /// What drives the current through a period of the PWM.
+    #[inline]
+    fn volts(&self, current_a: f64, speed: f64, voltage_v: f64, terms: &Balance) -> Volts {
+        let lost_v = (self.resistance_ohm + terms.resistance_ohm) * current_a;
+        Volts {
+            mean_v: voltage_v + terms.voltage_v,
+            emf_v: self.torque_constant_nm_per_a * speed + lost_v,
+            drops_v: terms.drops_v(),
+        }
     }
 
     /// Current and speed at the end of the step.
@@ -158,8 +182,8 @@ impl LinearStep {
         let dot = |row: &[f64; 4]| row[0] * inputs[0] + row[1] * inputs[1] + row[2] * inputs[2] + row[3] * inputs[3];
         let free_a = dot(&self.current_of);
         let gain = self.current_of[2];
-        let dry_a = gain * terms.dry_drop_v.max(0.0);
-        let flowing_a = against_drop(free_a, dry_a, terms.ripple_a);
+        let dry_a = gain * terms.ripple.mean_drop_v(terms.drops_v());
+        let flowing_a = terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms));
         // Quotients as products: they do not wait for what they scale.
         let current_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
         let lost_v = (free_a - current_a) * self.inverse_gains[0];
@@ -167,36 +191,6 @@ impl LinearStep {
         let speed = oppose_motion(free, self.speed_of[3], terms);
         let lost_nm = (free - speed) * self.inverse_gains[1];
         (current_a - self.current_of[3] * lost_nm, speed)
-    }
-}
-
-/// By how much the current swings within a PWM period whose off phase brakes: it rises through the pulse and falls
-/// through the rest in straight lines.
-#[inline]
-pub(crate) fn swing_a(duty: f64, supply_v: f64, inductance_h: f64, pwm_hz: f64) -> f64 {
-    let pulse = duty.abs().min(1.0);
-    supply_v * pulse * (1.0 - pulse) / (inductance_h * pwm_hz)
-}
-
-/// What that adds to the mean current at the share `at` of the period.
-#[inline]
-pub(crate) fn ripple_a(duty: f64, swing_a: f64, at: f64) -> f64 {
-    let pulse = duty.abs().min(1.0);
-    let risen = if at < pulse { at / pulse } else { (1.0 - at) / (1.0 - pulse).max(f64::MIN_POSITIVE) };
-    duty.signum() * swing_a * (risen - 0.5)
-}
-
-/// What a dry drop leaves of a current. A mean current below half its swing within a PWM period reverses in each: then
-/// the drop acts the more evenly both ways the smaller the mean is.
-#[inline]
-fn against_drop(free_a: f64, dry_a: f64, ripple_a: f64) -> f64 {
-    let both = dry_a + ripple_a;
-    if free_a > both {
-        free_a - dry_a
-    } else if free_a < -both {
-        free_a + dry_a
-    } else {
-        free_a * ripple_a / both.max(f64::MIN_POSITIVE)
     }
 }
 
@@ -261,7 +255,7 @@ impl<'a> Run<'a> {
             state: vec![0.0; term.effect.states()],
         });
         let mut acting: Vec<_> = acting.collect();
-        acting.sort_by_key(|acting| acting.effect.acts_last());
+        acting.sort_by_key(|acting| acting.effect.turn());
         Self {
             model,
             data,
@@ -317,12 +311,10 @@ impl<'a> Run<'a> {
             self.step = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
         }
         let (mut current_sum, angle_before_rad) = (0.0, self.angle_rad);
-        let mut last_duty = 0.0;
         for part in 0..steps as usize {
             // The middle of the step stands for it.
             let share = (part as f64 + 0.5) / steps;
             let (voltage_v, duty) = self.command(index, part as f64 * step_s - self.delay_s, step_s);
-            last_duty = duty;
             let mut at = Instant {
                 time_s: data.time_s[index] + share * interval_s,
                 voltage_v,
@@ -336,12 +328,11 @@ impl<'a> Run<'a> {
                 step_s,
             };
             let before_a = self.current_a;
-            self.advance(&mut at, data.load_nm[index]);
+            let terms = self.advance(&mut at, data.load_nm[index]);
+            if let (Some(sampled_at), true) = (data.timing.current_sampled_at, part + 1 == steps as usize) {
+                self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
+            }
             current_sum += 0.5 * (before_a + self.current_a);
-        }
-        if let Some(at) = data.timing.current_sampled_at {
-            let share = if data.open[index] { 0.0 } else { last_duty };
-            self.ripple_a = ripple_a(share, self.swing_a(share, data.supply_v[index]), at);
         }
         for term in &self.angle_sensor {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
@@ -349,10 +340,10 @@ impl<'a> Run<'a> {
         self.means = (current_sum / steps, (self.angle_rad - angle_before_rad) / interval_s);
     }
 
-    fn advance(&mut self, at: &mut Instant, load_nm: f64) {
+    fn advance(&mut self, at: &mut Instant, load_nm: f64) -> Balance {
         let motor = &self.model.motor;
-        let ripple_a = if at.open { 0.0 } else { 0.5 * self.swing_a(at.duty, at.supply_v) };
-        let mut terms = Balance { torque_nm: -load_nm, ripple_a, ..Balance::default() };
+        let ripple = Ripple::new(at.duty, motor.inductance_h, self.data.pwm_hz);
+        let mut terms = Balance { torque_nm: -load_nm, ripple, ..Balance::default() };
         for Acting { effect, values, state } in &mut self.acting {
             effect.contribute(values, motor, at, state, &mut terms);
         }
@@ -366,10 +357,16 @@ impl<'a> Run<'a> {
                 effect.advance(values, motor, at, state);
             }
         }
+        terms
     }
 
-    fn swing_a(&self, duty: f64, supply_v: f64) -> f64 {
-        swing_a(duty, supply_v, self.model.motor.inductance_h, self.data.pwm_hz)
+    /// By how much the current, where in the period it is sampled, is above its mean.
+    fn above_mean_a(&self, at: &Instant, terms: &Balance, sampled_at: f64) -> f64 {
+        if at.open || at.duty == 0.0 {
+            return 0.0;
+        }
+        let volts = self.step.volts(at.current_a, at.speed_rad_per_s, at.voltage_v, terms);
+        terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }
 
     /// Means of voltage and duty, held from sample to sample, over `length_s` from `offset_s` after sample `index`.

@@ -33,6 +33,8 @@ const DIFFERENCE: f64 = 2e-3;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
 const REFINED: usize = 8;
 const REFINEMENTS: u8 = 6;
+/// A process that takes longer than so many recordings cannot be told from what is always there.
+const SLOWEST: f64 = 5.0;
 /// Steps that locate the moment of an event.
 const LOCATING: usize = 12;
 /// Electromechanical and electromagnetic time constant of a small motor, for a start without nominal values.
@@ -217,6 +219,8 @@ pub struct Effort {
 }
 
 impl Effort {
+    /// Where it starts, with its sensitivities.
+    pub const NONE: Self = Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse };
     /// To see whether an effect is worth it.
     pub const TRIAL: Self = Self { steps: 8, least_gain: 5e-3, sensitivities: Steps::Coarse };
     /// To the end.
@@ -485,7 +489,11 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
         let parameters = term.effect.about().parameters.iter().enumerate().filter(|(_, parameter)| parameter.fitted);
         parameters
             .map(|(index, parameter)| {
-                let (min, max) = event_bounds(term.effect, index, &scales).unwrap_or((parameter.min, parameter.max));
+                let (min, mut max) =
+                    event_bounds(term.effect, index, &scales).unwrap_or((parameter.min, parameter.max));
+                if parameter.name == "time_constant_s" {
+                    max = max.min(SLOWEST * scales.duration_s);
+                }
                 Unknown {
                     place: Place::Term(term_index, index),
                     logarithmic: false,

@@ -112,6 +112,12 @@ impl Model {
         self.terms.iter().any(|term| term.id() == id)
     }
 
+    /// Whether it has the effect that one of its own makes no sense without.
+    pub fn has_what_it_needs(&self, id: &str) -> bool {
+        let needed = effect(id).and_then(|effect| effect.needs());
+        needed.is_none_or(|needed| self.has(needed))
+    }
+
     /// Reads a model file.
     ///
     /// # Errors

@@ -216,8 +216,8 @@ impl Effect for Backlash {
     }
 
     /// What else drives the motor decides when the flanks meet.
-    fn acts_last(&self) -> bool {
-        true
+    fn turn(&self) -> i8 {
+        2
     }
 
     fn contribute(

@@ -34,6 +34,11 @@ impl Effect for CoulombFriction {
         vec![vec![0.03 * scales.stall_torque_nm()]]
     }
 
+    /// What scales it comes after it.
+    fn turn(&self) -> i8 {
+        -2
+    }
+
     fn contribute(
         &self,
         values: &[f64],

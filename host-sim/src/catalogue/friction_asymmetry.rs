@@ -34,6 +34,11 @@ impl Effect for FrictionAsymmetry {
         vec![vec![0.02 * scales.stall_torque_nm()]]
     }
 
+    /// While the motor turns the two are the same.
+    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        (rival == "load_torque").then(|| vec![2.0 * values[0]])
+    }
+
     fn needs(&self) -> Option<&'static str> {
         Some("coulomb_friction")
     }

@@ -12,7 +12,7 @@ static ABOUT: About = About {
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::within("excess_share", 0.0, 20.0), Parameter::within("time_constant_s", 0.05, 1e4)],
     linear_in: 1,
-    law: "All friction is greater by excess_share exp(-t / time_constant_s)",
+    law: "Viscous and Coulomb friction are greater by excess_share exp(-t / time_constant_s)",
     looks_like: "The friction curve of the first seconds lies above that of the last",
     confused_with: &["winding_heating", "load_step"],
     experiment: "Record again at once, without a pause: warm friction stays low; and after an hour's rest",
@@ -27,6 +27,12 @@ impl Effect for FrictionWarmup {
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         [0.12, 0.35].map(|share| vec![0.4, share * scales.duration_s]).to_vec()
+    }
+
+    /// After the Coulomb friction, before what differs between directions or falls off with speed: grease has no part in
+    /// that.
+    fn turn(&self) -> i8 {
+        -1
     }
 
     fn contribute(

@@ -30,6 +30,11 @@ impl Effect for LoadTorque {
         vec![vec![0.02 * scales.stall_torque_nm()]]
     }
 
+    /// While the motor turns the two are the same.
+    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        (rival == "friction_asymmetry").then(|| vec![0.5 * values[0]])
+    }
+
     /// Below half the Coulomb friction nothing turns by itself, and a bearing that rubs unequally is the usual reason.
     fn yields_to(&self, values: &[f64], rival: &str, others: &[Term]) -> bool {
         let coulomb_nm = others.iter().find(|term| term.id() == "coulomb_friction").map_or(0.0, |term| term.values[0]);

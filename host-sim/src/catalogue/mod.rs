@@ -34,6 +34,7 @@ mod tacho_ripple;
 mod voltage_drop;
 mod winding_heating;
 
+use crate::free_run::pwm_period::Ripple;
 use crate::model::Term;
 use crate::motor::MotorParameters;
 
@@ -200,10 +201,12 @@ pub struct Balance {
     pub voltage_v: f64,
     /// Resistance in series, in ohms.
     pub resistance_ohm: f64,
-    /// Half the swing of the current within a PWM period: while it reverses in each, the dry drop acts both ways.
-    pub ripple_a: f64,
+    /// The PWM: while the current touches zero in each period, a drop does not act one way alone.
+    pub ripple: Ripple,
     /// Voltage that works against the current, whichever way it flows, and lets none start below it.
     pub dry_drop_v: f64,
+    /// By how much it is greater in the off phase of the PWM.
+    pub off_excess_v: f64,
     /// Torque that drives the shaft, in newton metres.
     pub torque_nm: f64,
     /// Friction proportional to speed.
@@ -212,6 +215,15 @@ pub struct Balance {
     pub dry_forward_nm: f64,
     /// Friction against negative motion, not negative in sum.
     pub dry_backward_nm: f64,
+}
+
+impl Balance {
+    /// What is lost in a pulse of the PWM and in its off phase, in volts.
+    #[inline]
+    pub fn drops_v(&self) -> [f64; 2] {
+        let pulse_v = self.dry_drop_v.max(0.0);
+        [pulse_v, (pulse_v + self.off_excess_v).max(0.0)]
+    }
 }
 
 /// A torque that is a wave over the angle of the motor's shaft.
@@ -282,6 +294,11 @@ pub trait Effect: Sync {
         Vec::new()
     }
 
+    /// Values with which it looks most like a rival that has `values`.
+    fn instead_of(&self, _rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
+
     /// An effect without which it makes no sense.
     fn needs(&self) -> Option<&'static str> {
         None
@@ -297,9 +314,9 @@ pub trait Effect: Sync {
         Simplification { own: 1e-3, inertia: 0.0, viscous_friction: 0.0 }
     }
 
-    /// Whether it acts on what the others contribute, and so after them.
-    fn acts_last(&self) -> bool {
-        false
+    /// Its turn among the others: those of a lower one have contributed before it.
+    fn turn(&self) -> i8 {
+        0
     }
 
     /// Whether the linear motor fitted without it is useless as a start: then it is also tried from the nominal one.

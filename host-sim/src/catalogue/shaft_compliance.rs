@@ -41,6 +41,11 @@ impl Effect for ShaftCompliance {
         [8.0, 12.0, 18.0, 27.0, 40.0, 60.0].map(|resonance_hz| vec![resonance_hz, 0.4, 0.05]).to_vec()
     }
 
+    /// Between two starts there may be a resonance that rings like neither.
+    fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
+        [0.7, 0.85, 1.2, 1.4].map(|factor| vec![factor * values[0], values[1], values[2]]).to_vec()
+    }
+
     fn states(&self) -> usize {
         2
     }

@@ -30,6 +30,11 @@ impl Effect for StribeckFriction {
         [0.01, 0.03].map(|share| vec![excess_nm, share * scales.speed_rad_per_s]).to_vec()
     }
 
+    /// What it adds falls off to the Coulomb level.
+    fn needs(&self) -> Option<&'static str> {
+        Some("coulomb_friction")
+    }
+
     fn contribute(
         &self,
         values: &[f64],

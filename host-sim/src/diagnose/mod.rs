@@ -36,10 +36,12 @@ const LEAST_OF_REST: f64 = 3.0;
 const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
 /// Data sheets are wrong by this much without being wrong: logarithm of found over nominal.
 const DATA_SHEET_TOLERANCE: f64 = 0.25;
+/// A value is called wrong when it is so many standard errors beyond that...
+const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
+/// ... of which each (of a logarithm) is at least this: the tolerance itself is no sharp bound.
+const LEAST_SPREAD: f64 = 0.02;
 /// Resistance, torque constant and inertia that are wrong by the same factor, to this, mean the supply.
 const SAME_FACTOR: f64 = 0.06;
-/// So much (of a logarithm) three values of a data sheet that is right within its tolerance hardly ever have in common.
-const LEAST_SAME: f64 = 0.2;
 
 /// A diagnosis with everything that a report shows.
 pub struct Diagnosis {
@@ -148,10 +150,12 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
 /// all torques: then the effect itself is beyond doubt.
 fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) -> bool {
     let Some(index) = model.terms.iter().position(|term| term.id() == standing.id) else { return false };
-    let strength = intervals.iter().find(|interval| interval.place == Place::Term(index, 0));
+    let linear_in = model.terms[index].effect.about().linear_in;
+    let of_strength = |place: Place| (0..linear_in).any(|constant| place == Place::Term(index, constant));
+    let mut strengths = intervals.iter().filter(|interval| of_strength(interval.place)).peekable();
     standing.gain.sigmas < BEYOND_DOUBT_SIGMAS
-        && model.terms[index].effect.about().linear_in == 1
-        && strength.is_some_and(|strength| (strength.ci95[0]..=strength.ci95[1]).contains(&0.0))
+        && strengths.peek().is_some()
+        && strengths.all(|strength| (strength.ci95[0]..=strength.ci95[1]).contains(&0.0))
 }
 
 /// Takes a name back.
@@ -295,18 +299,18 @@ fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> 
 
 /// Nominal values that are further off than a data sheet's tolerance.
 fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
-    let off = |name: &str| {
+    // How far off, and how many standard errors beyond what is tolerated.
+    let off = |name: &str, tolerated: f64| {
         let parameter = parameters.get(name)?;
         let logarithm = (parameter.value / parameter.nominal?).ln();
-        let spread = ((parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / 3.92).max(1e-6);
-        Some((logarithm, logarithm.abs() / spread))
+        let spread = (parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / 3.92;
+        Some((logarithm, (logarithm.abs() - tolerated) / spread.max(LEAST_SPREAD)))
     };
-    let wrong = |logarithm: f64, sigmas: f64| logarithm.abs() > DATA_SHEET_TOLERANCE && sigmas > 3.0;
-    let electrical = [off("resistance_ohm"), off("torque_constant_Nm_per_A"), off("inertia_kg_m2")];
+    let electrical = ["resistance_ohm", "torque_constant_Nm_per_A", "inertia_kg_m2"].map(|name| off(name, 0.0));
     if let [Some((r, r_sigmas)), Some((k, _)), Some((j, _))] = electrical
         && r.max(k).max(j) - r.min(k).min(j) < SAME_FACTOR
-        && (r + k + j).abs() / 3.0 > LEAST_SAME
-        && r_sigmas > 3.0
+        && (r + k + j).abs() / 3.0 > DATA_SHEET_TOLERANCE
+        && r_sigmas > BEYOND_TOLERANCE_SIGMAS
     {
         // All three scale with the volts that were assumed: the volts are wrong, not the motor.
         let factor = Estimate { value: (-(r + k + j) / 3.0).exp(), ci95: None };
@@ -321,10 +325,10 @@ fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
     names
         .into_iter()
         .filter_map(|(name, id)| {
-            let (logarithm, sigmas) = off(name)?;
+            let (_, sigmas) = off(name, DATA_SHEET_TOLERANCE)?;
             let found = parameters[name];
             let estimate = Estimate { value: found.value, ci95: Some(found.ci95) };
-            wrong(logarithm, sigmas).then(|| value_cause(id, name, estimate, sigmas))
+            (sigmas > BEYOND_TOLERANCE_SIGMAS).then(|| value_cause(id, name, estimate, sigmas))
         })
         .collect()
 }

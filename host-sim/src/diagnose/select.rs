@@ -2,7 +2,7 @@
 //! then backward, and against every rival.
 
 use super::judge::{Gain, NOT_NOISE, above_floor, gain};
-use crate::catalogue::{CATALOGUE, effect};
+use crate::catalogue::{CATALOGUE, Effect, effect};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Prior, Promise, fit, scales};
@@ -91,7 +91,8 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
         && let Some((anew, step)) = chooser.anew(&base)
     {
         let (other, other_steps) = chooser.forward(anew, vec![step]);
-        if other.cost < last.cost {
+        let key = |fit: &Fit| (above_floor(data, fit) > NOT_NOISE, chooser.is_strange(fit), fit.cost);
+        if key(&other) < key(&last) {
             (last, steps) = (other, other_steps);
         }
     }
@@ -198,24 +199,30 @@ impl Chooser<'_> {
     }
 
     /// Where the way from the linear fit has led to a dead end or to a strange motor, another: from the nominal motor, each
-    /// effect together with the two that hardly any bench is without. The best, of those with a motor that is not strange
-    /// if there are any.
+    /// effect together with the two that hardly any bench is without, or with one that changes everything. The best, of
+    /// those with a motor that is not strange if there are any.
     fn anew(&self, base: &Fit) -> Option<(Fit, Step)> {
         (self.progress)("other ways");
         let scales = scales(&self.prior.motor, self.data);
-        let allowed = |id: &str| !self.excluded.contains(&id);
-        let usual = USUAL.into_iter().filter(|id| allowed(id));
-        let from = usual.filter_map(effect).fold(Model::linear(self.prior.motor), |model, effect| {
-            model.with(effect, effect.starts(&scales).swap_remove(0))
+        let with =
+            |model: Model, effect: &'static dyn Effect| model.with(effect, effect.starts(&scales).swap_remove(0));
+        let possible: Vec<&'static dyn Effect> =
+            CATALOGUE.iter().copied().filter(|effect| !self.excluded.contains(&effect.about().id)).collect();
+        let usual = possible.iter().copied().filter(|effect| USUAL.contains(&effect.about().id));
+        let strange = possible.iter().copied().filter(|effect| effect.changes_everything());
+        let nominal = Model::linear(self.prior.motor);
+        let beginnings =
+            [usual.fold(nominal.clone(), with)].into_iter().chain(strange.map(|effect| with(nominal.clone(), effect)));
+        let models = beginnings.flat_map(|from| {
+            // Of an effect with alternatives the one that promises most.
+            let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
+            let others = promises.into_iter().map(|promise| (CATALOGUE[promise.effect], promise.start));
+            others.map(|(effect, start)| (effect.about().id, from.with(effect, start))).collect::<Vec<_>>()
         });
-        let others = CATALOGUE.iter().filter(|effect| !from.has(effect.about().id) && allowed(effect.about().id));
-        let fits: Vec<_> = others
+        let fits: Vec<_> = models
             .collect::<Vec<_>>()
             .into_par_iter()
-            .map(|effect| {
-                let model = from.with(*effect, effect.starts(&scales).swap_remove(0));
-                (effect.about().id, fit(&model, self.data, self.prior, Effort::TRIAL))
-            })
+            .map(|(id, model)| (id, fit(&model, self.data, self.prior, Effort::TRIAL)))
             .collect();
         let key = |fit: &Fit| (self.is_strange(fit), fit.cost);
         let (id, best) =
@@ -259,7 +266,7 @@ impl Chooser<'_> {
 
     /// Drops what no longer earns its place and puts a rival where it is better; says of the others what holds.
     fn backward(&self, mut current: Fit) -> (Fit, Vec<Standing>) {
-        let mut rounds = 2 * MOST_EFFECTS;
+        let mut replacements = 0;
         'again: loop {
             let ids: Vec<_> = current.model.terms.iter().map(|term| term.id()).collect();
             let mut standings = Vec::new();
@@ -267,15 +274,16 @@ impl Chooser<'_> {
                 (self.progress)(&format!("checking {id}"));
                 let without = fit(&current.model.without(id), self.data, self.prior, Effort::TRIAL);
                 let own = self.gain(&without, &current);
-                rounds = rounds.saturating_sub(1);
-                if !(earns_its_place(&own) && own.sigmas > NAMED_SIGMAS) && rounds > 0 {
+                let named = earns_its_place(&own) && own.sigmas > NAMED_SIGMAS;
+                if !(named && current.model.has_what_it_needs(id)) {
                     current = without;
                     continue 'again;
                 }
-                let rivals = self.rivals(&without, id, without.cost - current.cost);
+                let rivals = self.rivals(&current, &without, id);
                 if let Some((_, better)) = rivals.iter().find(|rival| self.is_better(&current, id, rival))
-                    && rounds > 0
+                    && replacements < MOST_EFFECTS
                 {
+                    replacements += 1;
                     current = better.clone();
                     continue 'again;
                 }
@@ -300,13 +308,38 @@ impl Chooser<'_> {
                 || term.effect.yields_to(&term.values, rival_id, &current.model.terms))
     }
 
-    fn rivals(&self, without: &Fit, id: &str, gained: f64) -> Vec<(&'static str, Fit)> {
+    /// Fits with other effects in place of `id`: those that promise most without it, and those that can look like it.
+    fn rivals(&self, current: &Fit, without: &Fit, id: &str) -> Vec<(&'static str, Fit)> {
+        let gained = without.cost - current.cost;
         let mut promises = self.promises(without);
         promises.retain(|promise| CATALOGUE[promise.effect].about().id != id);
         promises.truncate(RIVALS);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
-        self.try_all(&without.model, &promises, Effort::TRIAL)
+        let mut rivals = self.try_all(&without.model, &promises, Effort::TRIAL);
+        for (lookalike, fit) in self.lookalikes(&current.model, id) {
+            match rivals.iter_mut().find(|(rival, _)| *rival == lookalike) {
+                Some((_, other)) if other.cost > fit.cost => *other = fit,
+                Some(_) => {}
+                None => rivals.push((lookalike, fit)),
+            }
+        }
+        rivals
+    }
+
+    /// Fits from where another effect looks most like `id`.
+    fn lookalikes(&self, model: &Model, id: &str) -> Vec<(&'static str, Fit)> {
+        let values = &model.terms.iter().find(|term| term.id() == id).expect("one of its own terms").values;
+        let others = CATALOGUE.iter().filter(|effect| {
+            let about = effect.about();
+            !model.has(about.id) && !self.excluded.contains(&about.id)
+        });
+        others
+            .filter_map(|effect| {
+                let start = model.without(id).with(*effect, effect.instead_of(id, values)?);
+                Some((effect.about().id, fit(&start, self.data, self.prior, Effort::TRIAL)))
+            })
+            .collect()
     }
 
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {

@@ -54,7 +54,7 @@ impl ModelPlant {
     /// At rest, behind a bridge with losses of its own.
     pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
         model.terms.retain(|term| Self::simulates(term.effect));
-        model.terms.sort_by_key(|term| term.effect.acts_last());
+        model.terms.sort_by_key(|term| term.effect.turn());
         let exact = |term: &Term| EXACT.contains(&term.id());
         let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque || SLOW.contains(&term.id());
         Self(if model.terms.iter().all(exact) {

@@ -13,7 +13,7 @@ use super::hardly_turns;
 use crate::board::{Board, BoardError, untripped};
 use crate::diagnose::outcome::Estimate;
 use crate::diagnose::page::estimate;
-use crate::free_run::{ripple_a, swing_a};
+use crate::free_run::pwm_period::{Ripple, Volts};
 use crate::link::name;
 use crate::link::record::Ended;
 use crate::recording::{Channel, Recording};
@@ -468,7 +468,8 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     fn sampled_above_mean_a(&self, duty: f64, voltage_v: f64) -> f64 {
         match (self.motor.inductance_h, Timing::FIRMWARE.current_sampled_at) {
             (Some(inductance_h), Some(at)) if self.settings.get(Param::Wiring) == 0.0 && duty != 0.0 => {
-                ripple_a(duty, swing_a(duty, voltage_v / duty, inductance_h, f64::from(PWM_HZ)), at)
+                let volts = Volts { mean_v: voltage_v, emf_v: 0.0, drops_v: [0.0, 0.0] };
+                Ripple::new(duty, inductance_h, f64::from(PWM_HZ)).sampled_a(0.0, at, &volts)
             }
             _ => 0.0,
         }
