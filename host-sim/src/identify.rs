@@ -25,7 +25,7 @@ const FRICTION_SPREAD: f64 = 1.0;
 /// Residuals further apart than this count as independent.
 const BLOCK_S: f64 = 0.2;
 /// Relative error (one standard deviation) of the motor's constants that comes from the model's own simplifications other
-/// than its steps (averaged bridge, readings at an instant), measured on benches with known constants. Effects add
+/// than its steps (readings at an instant), measured on benches with known constants. Effects add
 /// theirs, see [`crate::catalogue::Simplification`].
 const SYSTEMATIC: f64 = 7e-4;
 /// Relative step of the finite differences.
@@ -494,13 +494,14 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
                 if parameter.name == "time_constant_s" {
                     max = max.min(SLOWEST * scales.duration_s);
                 }
+                let size = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
                 Unknown {
                     place: Place::Term(term_index, index),
                     logarithmic: false,
-                    size: term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12),
+                    size,
                     min,
                     max,
-                    prior: None,
+                    prior: parameter.known.map(|(mean, spread)| (mean / size, spread / size)),
                 }
             })
             .collect::<Vec<_>>()

@@ -12,7 +12,8 @@ static ABOUT: About = About {
     id: "coast_decay",
     title: "an off phase of the PWM that coasts",
     acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::within("share", 0.0, 1.2)],
+    // Supply and diodes are known. With a drop and a motor of another size any part of it would look the same.
+    parameters: &[Parameter::about("share", 1.0, 0.03)],
     linear_in: 0,
     law: "In the off phase the current flows on against the supply and two diodes until it is nothing: (2 |duty| - 1) supply in the mean, or single pulses",
     looks_like: "Hardly any motion below half duty, then steep; no braking when the duty falls; speed hardly depends on load at small duty",

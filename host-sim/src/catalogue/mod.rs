@@ -94,27 +94,34 @@ pub struct Parameter {
     pub min: f64,
     /// Greatest value that makes sense.
     pub max: f64,
+    /// Mean and standard deviation, where something is known of it before any recording.
+    pub known: Option<(f64, f64)>,
 }
 
 impl Parameter {
     /// A constant without a sign.
     const fn positive(name: &'static str) -> Self {
-        Self { name, fitted: true, min: 0.0, max: f64::INFINITY }
+        Self::within(name, 0.0, f64::INFINITY)
     }
 
     /// A constant that may have either sign.
     const fn signed(name: &'static str) -> Self {
-        Self { name, fitted: true, min: f64::NEG_INFINITY, max: f64::INFINITY }
+        Self::within(name, f64::NEG_INFINITY, f64::INFINITY)
     }
 
     /// A constant within bounds.
     const fn within(name: &'static str, min: f64, max: f64) -> Self {
-        Self { name, fitted: true, min, max }
+        Self { name, fitted: true, min, max, known: None }
+    }
+
+    /// A constant that is nearly known.
+    const fn about(name: &'static str, mean: f64, spread: f64) -> Self {
+        Self { name, fitted: true, min: 0.0, max: f64::INFINITY, known: Some((mean, spread)) }
     }
 
     /// A whole number, tried and not fitted.
     const fn tried(name: &'static str) -> Self {
-        Self { name, fitted: false, min: 1.0, max: f64::INFINITY }
+        Self { name, fitted: false, min: 1.0, max: f64::INFINITY, known: None }
     }
 }
 

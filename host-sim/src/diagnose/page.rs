@@ -3,6 +3,7 @@
 use super::outcome::{Cause, Estimate, Outcome, RunnerUp, Verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::effect;
+use crate::dataset::TOLERANCE;
 use crate::terminal_text::{rounded, short, wrapped};
 use std::fmt::Write as _;
 
@@ -30,7 +31,10 @@ pub fn verdict(outcome: &Outcome) -> String {
     let names: Vec<String> = outcome.causes.iter().map(|cause| title(&cause.effect)).collect();
     let names = names.join(", ");
     match outcome.verdict {
-        Verdict::Sufficient => "The linear motor is sufficient: it leaves the sensors' noise, or less than 1 %.".into(),
+        Verdict::Sufficient => format!(
+            "The linear motor is sufficient: it leaves the sensors' noise, or less than {} %.",
+            100.0 * TOLERANCE
+        ),
         Verdict::Explained => {
             wrapped(&format!("The linear motor is not enough. The cause: {names}."), "", "").trim_end().into()
         }
