@@ -32,6 +32,7 @@ fn closed_loop(criterion: &mut Criterion) {
     let friction = with(&with(&linear, "coulomb_friction", vec![0.006]), "voltage_drop", vec![2.5]);
     let cogging = with(&friction, "cogging", vec![2e-3, 0.0, 14.0]);
     let heating = with(&friction, "winding_heating", vec![0.05, 40.0]);
+    let sag = with(&friction, "supply_sag", vec![0.6]);
     let backlash = with(&friction, "backlash", vec![0.05, 0.4]);
     let mut group = criterion.benchmark_group("closed_loop_second");
     for (name, model) in [
@@ -40,6 +41,7 @@ fn closed_loop(criterion: &mut Criterion) {
         ("friction_drop_and_cogging", cogging),
         ("friction_drop_and_heating", heating),
         ("friction_drop_and_backlash", backlash),
+        ("friction_drop_and_sag", sag),
     ] {
         let plant = ModelPlant::new(model);
         group.bench_function(name, |b| {

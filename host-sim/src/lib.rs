@@ -3,6 +3,7 @@
 //! | module | what it is |
 //! |---|---|
 //! | [`recording`], [`rig`] | what was measured, and on what |
+//! | [`keys`] | mistyped keys of files: what was meant, and where |
 //! | [`convert`] | recordings to and from the formats of other tools |
 //! | [`motor`], [`linear`] | the linear motor: constants, transfer functions, responses, margins, discrete forms |
 //! | [`catalogue`] | the effects that the linear motor lacks, one file each |
@@ -36,6 +37,7 @@ pub mod diagnose;
 pub mod figures;
 pub mod free_run;
 pub mod identify;
+pub mod keys;
 pub mod linear;
 pub mod link;
 pub mod live;

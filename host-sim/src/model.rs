@@ -10,9 +10,11 @@
 //! ```
 
 use crate::catalogue::{Effect, effect};
+use crate::keys;
 use crate::motor::{MotorParameters, NonPhysical};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use toml::de::DeTable;
 
 /// An effect with values for its constants.
 #[derive(Clone)]
@@ -62,21 +64,37 @@ struct ModelFile {
 pub enum ModelError {
     /// It is not TOML, a constant of the motor is missing, or a value is not a number.
     #[error("{0}")]
-    Syntax(#[from] toml::de::Error),
+    Syntax(String),
+    /// A table that is none, and looks like one.
+    #[error("line {line}: unknown table [{key}]; did you mean [{meant}]?")]
+    UnknownTable {
+        /// Where.
+        line: usize,
+        /// What stands there.
+        key: String,
+        /// What was meant.
+        meant: &'static str,
+    },
     /// A constant that no motor has.
     #[error("[motor] {0}")]
     Motor(#[from] NonPhysical),
     /// An effect that the catalogue does not have.
-    #[error("[effects.{id}]: no such effect; there are {known}")]
+    #[error("line {line}: [effects.{id}]: no such effect{meant}; there are {known}")]
     UnknownEffect {
+        /// Where.
+        line: usize,
         /// What was asked for.
         id: String,
+        /// What was meant, as the message says it.
+        meant: String,
         /// What there is.
         known: String,
     },
     /// The constants of an effect are not those of the catalogue.
-    #[error("[effects.{id}]: expected {expected}; {name} is {what}")]
+    #[error("line {line}: [effects.{id}]: expected {expected}; {name} is {what}")]
     EffectConstants {
+        /// Where: of the constant, or of the effect that lacks it.
+        line: usize,
         /// Which effect.
         id: String,
         /// Its constants.
@@ -84,7 +102,7 @@ pub enum ModelError {
         /// Which is wrong.
         name: String,
         /// How.
-        what: &'static str,
+        what: String,
     },
 }
 
@@ -123,9 +141,19 @@ impl Model {
     /// # Errors
     /// [`ModelError`], which names line or key.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
-        let file: ModelFile = toml::from_str(text)?;
+        let syntax = |error: toml::de::Error| ModelError::Syntax(keys::explained(&error));
+        // Other tables belong to the rig or the scenario in whose file the model stands.
+        for key in DeTable::parse(text).map_err(syntax)?.get_ref().keys().map(|key| key.get_ref()) {
+            let slip = |meant: &&str| *meant != key.as_ref();
+            if let Some(meant) = keys::nearest(key, ["motor", "effects"]).filter(slip) {
+                let line = keys::line(text, &[key]).unwrap_or(1);
+                return Err(ModelError::UnknownTable { line, key: key.to_string(), meant });
+            }
+        }
+        let file: ModelFile = toml::from_str(text).map_err(syntax)?;
         file.motor.check()?;
-        let terms = file.effects.iter().map(|(id, constants)| read_term(id, constants)).collect::<Result<_, _>>()?;
+        let term = |(id, constants): (&String, _)| read_term(text, id, constants);
+        let terms = file.effects.iter().map(term).collect::<Result<_, _>>()?;
         Ok(Self { motor: file.motor, terms })
     }
 
@@ -140,26 +168,30 @@ impl Model {
     }
 }
 
-fn read_term(id: &str, constants: &BTreeMap<String, f64>) -> Result<Term, ModelError> {
+fn read_term(text: &str, id: &str, constants: &BTreeMap<String, f64>) -> Result<Term, ModelError> {
+    let at = keys::line(text, &["effects", id]).unwrap_or(1);
     let Some(effect) = effect(id) else {
-        let known = crate::catalogue::CATALOGUE.map(|effect| effect.about().id).join(", ");
-        return Err(ModelError::UnknownEffect { id: id.into(), known });
+        let known = crate::catalogue::CATALOGUE.map(|effect| effect.about().id);
+        let meant = keys::suggestion(keys::nearest(id, known));
+        return Err(ModelError::UnknownEffect { line: at, id: id.into(), meant, known: known.join(", ") });
     };
     let parameters = effect.about().parameters;
-    let error = |name: &str, what| ModelError::EffectConstants {
+    let error = |name: &str, what: String| ModelError::EffectConstants {
+        line: keys::line(text, &["effects", id, name]).unwrap_or(at),
         id: id.into(),
         expected: parameters.iter().map(|parameter| parameter.name).collect::<Vec<_>>().join(", "),
         name: name.into(),
         what,
     };
     if let Some(name) = constants.keys().find(|name| parameters.iter().all(|parameter| parameter.name != *name)) {
-        return Err(error(name, "unknown"));
+        let meant = keys::nearest(name, parameters.iter().map(|parameter| parameter.name));
+        return Err(error(name, format!("unknown{}", keys::suggestion(meant))));
     }
     let mut values = Vec::new();
     for parameter in parameters {
-        let value = *constants.get(parameter.name).ok_or_else(|| error(parameter.name, "missing"))?;
+        let value = *constants.get(parameter.name).ok_or_else(|| error(parameter.name, "missing".into()))?;
         if !(parameter.min..=parameter.max).contains(&value) || !value.is_finite() {
-            return Err(error(parameter.name, "out of range"));
+            return Err(error(parameter.name, "out of range".into()));
         }
         values.push(value);
     }
@@ -188,6 +220,17 @@ mod tests {
             message("[effects.rust]\nx = 1").contains("[effects.rust]: no such effect; there are coulomb_friction")
         );
         assert!(message("[effects.coulomb_friction]\nx = 1").contains("expected torque_Nm; x is unknown"));
+        // The motor's table takes six lines, and the key stands in the second after it.
+        let slip = message("[effects.coulomb_friction]\ntorque_nm = 1");
+        assert!(
+            slip.starts_with("line 8: ") && slip.contains("torque_nm is unknown; did you mean torque_Nm?"),
+            "{slip}"
+        );
+        let slip = message("[effects.coulomb_frition]\ntorque_Nm = 1");
+        assert!(slip.contains("line 7: ") && slip.contains("did you mean coulomb_friction?"), "{slip}");
+        assert_eq!(message("[efects.x]"), "line 7: unknown table [efects]; did you mean [effects]?");
+        let slip = Model::parse(&motor.replace("inductance_H", "inductance_h")).unwrap_err().to_string();
+        assert!(slip.contains("line 3") && slip.contains("did you mean `inductance_H`?"), "{slip}");
         assert!(message("[effects.coulomb_friction]").contains("torque_Nm is missing"));
         assert!(message("[effects.coulomb_friction]\ntorque_Nm = -1").contains("out of range"));
         assert!(Model::parse("[motor]\nresistance_ohm = 1").unwrap_err().to_string().contains("missing field"));

@@ -10,6 +10,7 @@
 //! counts_per_rev = 1024     # after x4 decoding
 //! [current_sensor]
 //! resolution_A = 0.0265
+//! present = true            # false: there is none, a design does without the current
 //! [recording]               # how the program that recorded works; left out: readings of the very moment
 //! command_delay_s = 0.0002  # from a sample to the voltage it records
 //! readings = "mean"         # speed and current are means since the sample before
@@ -21,6 +22,7 @@
 //! viscous_friction_Nm_s = 5e-6
 //! ```
 
+use crate::keys;
 use crate::motor::MotorParameters;
 use motorbench_core::pins::{CURRENT_SAMPLING_STEP, PWM_STEPS};
 use serde::{Deserialize, Serialize};
@@ -113,6 +115,9 @@ pub struct CurrentSensor {
     /// Step of its reading, in amperes.
     #[serde(rename = "resolution_A", skip_serializing_if = "Option::is_none")]
     pub resolution_a: Option<f64>,
+    /// `false` where there is none: a design then does without the current.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub present: Option<bool>,
 }
 
 /// Tachogenerator.
@@ -197,6 +202,18 @@ pub enum RigError {
         /// Where and why.
         message: String,
     },
+    /// A key that is none, and looks like one.
+    #[error("{path}: line {line}: unknown key {key}; did you mean {meant}?")]
+    UnknownKey {
+        /// Which file.
+        path: String,
+        /// Where.
+        line: usize,
+        /// What stands there, with its table.
+        key: String,
+        /// The nearest key of this table.
+        meant: &'static str,
+    },
     /// A value that nothing can have.
     #[error("{path}: {key} = {value}: it must be a positive number{unless_zero}")]
     Value {
@@ -233,9 +250,33 @@ impl Rig {
             ignored.push(key.to_string())
         })
         .map_err(syntax)?;
-        rig.ignored = ignored;
+        rig.ignored = ignored.into_iter().filter(|key| key != "effects").collect();
+        rig.check_ignored(name, text)?;
         rig.check(name)?;
         Ok(rig)
+    }
+
+    /// Refuses what is ignored by a slip of the pen alone.
+    fn check_ignored(&self, path: &str, text: &str) -> Result<(), RigError> {
+        for ignored in &self.ignored {
+            let (table, key) = ignored.rsplit_once('.').unwrap_or(("", ignored));
+            let known: Vec<&'static str> = if table.is_empty() {
+                self.keys().map(|(table, _)| table).chain(["effects"]).collect()
+            } else {
+                self.keys().filter(|(of, _)| *of == table).map(|(_, key)| key).collect()
+            };
+            if let Some(meant) = keys::nearest(key, known) {
+                let line = keys::line(text, &ignored.split('.').collect::<Vec<_>>()).unwrap_or(1);
+                return Err(RigError::UnknownKey { path: path.into(), line, key: ignored.clone(), meant });
+            }
+        }
+        Ok(())
+    }
+
+    /// Table and name of every key.
+    fn keys(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
+        let numbers = self.numbers().map(|(key, _)| key);
+        numbers.into_iter().chain(NOT_CHECKED).filter_map(|key| key.split_once('.'))
     }
 
     fn check(&self, path: &str) -> Result<(), RigError> {
@@ -273,6 +314,10 @@ impl Rig {
         ]
     }
 }
+
+/// Keys besides those of [`Rig::numbers`].
+const NOT_CHECKED: [&str; 5] =
+    ["bridge.kind", "bridge.decay", "current_sensor.present", "recording.readings", "recording.current_sampled_at"];
 
 /// A constant of the motor that a file does not give.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -319,6 +364,34 @@ mod tests {
         assert_eq!(rig.supply.voltage_v, Some(12.0));
         assert_eq!(rig.motor.resistance_ohm, Some(5.84));
         assert_eq!(rig.ignored, ["motor.colour"]);
+    }
+
+    /// A slip that would read as a missing constant is named with its line; every key of the example is one.
+    #[test]
+    fn a_mistyped_key_is_named_with_its_line_and_the_one_that_was_meant() {
+        let message = |text: &str| Rig::parse("rig.toml", text).unwrap_err().to_string();
+        assert_eq!(
+            message("# a rig\n[supply]\nvoltage_v = 12\n"),
+            "rig.toml: line 3: unknown key supply.voltage_v; did you mean voltage_V?"
+        );
+        assert_eq!(message("[encodr]\n"), "rig.toml: line 1: unknown key encodr; did you mean encoder?");
+        assert!(message("[motor]\n\nresistence_ohm = 1").contains("line 3: unknown key motor.resistence_ohm"));
+        let every: String = Rig::default()
+            .keys()
+            .map(|(table, key)| match key {
+                "kind" => "bridge.kind = 'L293D'\n".into(),
+                "decay" => "bridge.decay = 'slow'\n".into(),
+                "present" => "current_sensor.present = false\n".into(),
+                "readings" => "recording.readings = 'mean'\n".into(),
+                _ => format!("{table}.{key} = 0.5\n"),
+            })
+            .collect();
+        let rig = Rig::parse("rig.toml", &every).unwrap();
+        assert!(rig.ignored.is_empty(), "{:?}", rig.ignored);
+        // Written again they are all there: no key is missing in the list.
+        let written: toml::Table = toml::to_string(&rig).unwrap().parse().unwrap();
+        let count: usize = written.values().map(|table| table.as_table().unwrap().len()).sum();
+        assert_eq!(count, rig.keys().count());
     }
 
     #[test]

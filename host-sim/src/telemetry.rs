@@ -48,7 +48,7 @@ pub fn rig(settings: &Settings, motor: NominalMotor) -> Rig {
     Rig {
         supply: Supply { voltage_v: Some(settings.get(Param::SupplyVoltage).into()) },
         encoder: Encoder { counts_per_rev: Some(settings.get(Param::CountsPerRev).into()) },
-        current_sensor: CurrentSensor { resolution_a: Some(CURRENT_STEP_A) },
+        current_sensor: CurrentSensor { resolution_a: Some(CURRENT_STEP_A), ..CurrentSensor::default() },
         recording: Timing::FIRMWARE,
         motor,
         ..Rig::default()

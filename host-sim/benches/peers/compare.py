@@ -253,7 +253,8 @@ def main():
     numba_s, numba_speed = best(compiled, 20)
     off = lambda speed: np.sqrt(np.mean((speed - reference) ** 2))
     print("| closed-loop second | time | rms speed off `motorbench simulate`, rad/s |\n|---|---|---|")
-    for name in ["linear", "friction_and_drop", "friction_drop_and_cogging", "friction_drop_and_heating", "friction_drop_and_backlash"]:
+    for name in ["linear", "friction_and_drop", "friction_drop_and_cogging", "friction_drop_and_heating",
+                 "friction_drop_and_backlash", "friction_drop_and_sag"]:
         print(f"| motorbench, {name.replace('_', ' ')} | {1e3 * criterion('closed_loop_second', name):.2f} ms | |")
     print(f"| Numba, linear | {1e3 * numba_s:.2f} ms | {off(numba_speed):.2f} |")
     print(f"| SciPy solve_ivp, linear | {1e3 * scipy_s:.0f} ms | {off(scipy_speed):.2f} |\n")

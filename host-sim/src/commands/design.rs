@@ -99,7 +99,8 @@ pub struct Arguments {
     /// Current limit.
     #[arg(long = "current-limit-A", default_value_t = 1.0, value_name = "A", allow_negative_numbers = true)]
     current_limit_a: f64,
-    /// The rig has no current sensor: the LQR does without the current.
+    /// The rig has no current sensor, as with current_sensor.present = false in its file: the LQR does without the current,
+    /// and what that costs against a sensor and against an observer is told.
     #[arg(long)]
     no_current_sensor: bool,
     /// Compensate voltage drop and friction: from the effects of the model file; without one from bridge.drop_V of the
@@ -246,7 +247,7 @@ impl Arguments {
         let bench = Bench {
             supply_v: needed("supply.voltage_V", rig.supply.voltage_v)?,
             counts_per_rev: needed("encoder.counts_per_rev", rig.encoder.counts_per_rev)?,
-            current_measured: !self.no_current_sensor,
+            current_measured: !self.no_current_sensor && rig.current_sensor.present != Some(false),
             ..Bench::default()
         };
         Ok((motor, bench, rig))

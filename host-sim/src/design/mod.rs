@@ -14,13 +14,14 @@
 //! | [`fixed_point`] | settings, and the gains the core's formats make of them |
 //! | [`robustness`] | what a loop must withstand |
 //! | [`trial`] | the core in closed loop with a simulated motor |
-//! | [`observer`] | a Kalman filter where a state is not measured |
+//! | [`observer`], [`current_sensor`] | a Kalman filter for the current; what it, or a sensor, would be worth where there is none |
 //! | [`relay`], [`step_tuning`] | gains from an experiment, without a model |
 //! | [`on_board`] | these experiments on a board |
 //! | [`report`] | one page on a design |
 //! | [`compensation`] | voltage against friction and the bridge's drop |
 
 pub mod compensation;
+pub mod current_sensor;
 pub mod fixed_point;
 pub mod law;
 pub mod observer;
@@ -238,6 +239,9 @@ pub struct Design {
     /// The current.
     #[serde(rename = "plain_step_peak_A")]
     pub plain_step_peak_a: f64,
+    /// An LQR of a rig without a current sensor: what the sensor, or an observer, would bring. Else empty.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub current_sensor: Vec<current_sensor::Comparison>,
     /// The weights it came from, given or found. Given by hand they are the same gains.
     pub weights: Weights,
     /// Settings, for a simulation or the board.
@@ -296,10 +300,25 @@ pub fn design(
     motor.check()?;
     let period_s = 1.0 / bench.tick_rate_hz;
     specification.check(period_s)?;
+    let mut design = best_shape(motor, bench, law, specification)?;
+    if !bench.current_measured {
+        design.current_sensor = current_sensor::compare(motor, period_s, law, specification);
+    }
+    Ok(design)
+}
+
+/// The design with the first shape of weights that passes all checks, or by the weights given.
+fn best_shape(
+    motor: &MotorParameters,
+    bench: &Bench,
+    law: ControlLaw,
+    specification: &Specification,
+) -> Result<Design, DesignError> {
+    let period_s = 1.0 / bench.tick_rate_hz;
     let rig = fixed_point::rig_settings(motor, bench, specification)?;
     let used: Vec<bool> =
         law.feedback().iter().map(|(_, signal)| bench.current_measured || *signal != Signal::Current).collect();
-    let search = Search { motor, law, period_s, used: &used };
+    let search = Search { motor, law, period_s, used: &used, observer: None };
     if let Speed::Weights(weights) = specification.speed {
         return weighed(&search, &rig, specification, &weights);
     }
@@ -407,9 +426,7 @@ fn checked(
         .ok_or_else(|| not_robust(Weakness::Unstable { radius: robustness.spectral_radius }))?;
     kept(law, specification, &candidate.figures, &figures)?;
     let (trial, points) = gentle_trial(motor, law, &mut settings, specification, figures.step.settling_s)?;
-    let plain = sampled.closed(&held).step_response(PLAIN_STEP_TICKS);
-    let voltage = |tick: usize| plain[(1, tick)] + held.reference;
-    let peak_v = (0..PLAIN_STEP_TICKS).map(|tick| voltage(tick).abs()).fold(0.0, f64::max);
+    let [peak_v, peak_a] = current_sensor::plain_step_peaks(&sampled, &held);
     let gains = law.feedback().iter().zip(&held.feedback).map(|(&(param, _), &held)| DesignedGain {
         name: setting_name(param),
         unit: setting_unit(param),
@@ -424,7 +441,8 @@ fn checked(
         figures,
         robustness,
         plain_step_peak_v: peak_v * trial.step,
-        plain_step_peak_a: plain.row(2).amax() * trial.step,
+        plain_step_peak_a: peak_a * trial.step,
+        current_sensor: Vec::new(),
         trial,
         weights: candidate.weights,
         settings,
@@ -462,8 +480,6 @@ fn kept(
     Ok(())
 }
 
-/// Ticks of the plain step in which voltage and current have their peaks.
-const PLAIN_STEP_TICKS: usize = 1000;
 /// Profiles tried, each gentler than the one before, and by how much where nothing says more.
 const PROFILES: usize = 12;
 const GENTLER: f64 = 0.6;

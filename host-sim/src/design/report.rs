@@ -1,12 +1,12 @@
 //! A design for people: half a page of text, and a page with plots that needs nothing but itself.
 
-use super::Design;
 use super::law::ControlLaw;
 use super::robustness::corners;
 use super::sampled_loop::SampledLoop;
 use super::specification::Speed;
 use super::trial::Point;
 use super::weights::states;
+use super::{Design, current_sensor};
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
@@ -71,7 +71,7 @@ pub fn summary(design: &Design) -> String {
         "  without profile  the same step would ask for {:.1} V, {:.2} A\n",
         design.plain_step_peak_v, design.plain_step_peak_a
     );
-    text
+    text + &current_sensor::table(&design.current_sensor, unit)
 }
 
 fn unit(law: ControlLaw) -> &'static str {
@@ -83,8 +83,8 @@ pub fn html(motor: &MotorParameters, designs: &[Design], commands: &[String]) ->
     let mut body = String::from("<h1>Design</h1>\n");
     for design in designs {
         body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n", design.law.title(), escaped(&summary(design)));
-        for plot in [step_plot(motor, design), effort_plot(design), loop_plot(motor, design), root_plot(motor, design)]
-        {
+        let [gain, phase] = loop_plots(motor, design);
+        for plot in [step_plot(motor, design), effort_plot(design), gain, phase, root_plot(motor, design)] {
             // A plot is drawn into memory: nothing can fail but the plot's own logic.
             body += &plot.unwrap_or_else(|error| format!("<p>{}</p>", escaped(&error.to_string())));
         }
@@ -183,27 +183,21 @@ fn effort_plot(design: &Design) -> Plot {
     )
 }
 
-/// The open loop's gain and phase over the frequency.
-fn loop_plot(motor: &MotorParameters, design: &Design) -> Plot {
+/// The open loop's gain and its phase over the frequency, a plot each, two decades about the crossover.
+fn loop_plots(motor: &MotorParameters, design: &Design) -> [Plot; 2] {
     let points = SampledLoop::new(motor, design.law, &design.sampling).open_loop(&design.held);
-    // Where the loop does anything: two decades about its crossover.
     let crossover = TAU * design.robustness.margins.crossover_hz;
     let near = |point: &&BodePoint| (0.01..100.0).contains(&(point.omega_rad_per_s / crossover));
     let near: Vec<&BodePoint> = points.iter().filter(near).collect();
-    let decade = |point: &BodePoint| (point.omega_rad_per_s / TAU).log10();
-    lines(
-        "Open loop",
-        "log10 of the frequency in Hz",
-        "dB, degrees / 5",
-        &[
-            Line::new("gain in dB", BLUE, near.iter().map(|point| (decade(point), 20.0 * point.magnitude.log10()))),
-            Line::new(
-                "phase in degrees / 5",
-                RED,
-                near.iter().map(|point| (decade(point), point.phase_rad.to_degrees() / 5.0)),
-            ),
-        ],
-    )
+    let plot = |title, y_title, label, colour, value: fn(&BodePoint) -> f64| {
+        let decade = |point: &BodePoint| (point.omega_rad_per_s / TAU).log10();
+        let line = Line::new(label, colour, near.iter().map(|point| (decade(point), value(point))));
+        lines(title, "log10 of the frequency in Hz", y_title, &[line])
+    };
+    [
+        plot("Open loop: gain", "dB", "gain", BLUE, |point| 20.0 * point.magnitude.log10()),
+        plot("Open loop: phase", "degrees", "phase", RED, |point| point.phase_rad.to_degrees()),
+    ]
 }
 
 /// Eigenvalues of the sampled loop, with the model's parameters and with all of them 30 % off.

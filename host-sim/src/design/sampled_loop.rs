@@ -6,10 +6,11 @@
 //! the time between edges); the current is the mean of conversions spread over the tick before.
 
 use super::law::{ControlLaw, Signal};
+use super::observer::CurrentObserver;
 use super::weights::Weights;
-use crate::linear::frequency_response::{BodePoint, Margins, bandwidth_rad_per_s, bode, log_spaced};
+use crate::linear::frequency_response::{BodePoint, Margins, Sweep, bode, log_spaced};
 use crate::linear::state_space::{Discrete, StateSpace};
-use crate::linear::{Matrix, motor_model, spectral_radius};
+use crate::linear::{Matrix, eigenvalues, motor_model, spectral_radius};
 use crate::motor::MotorParameters;
 use nalgebra::{Complex, DVector};
 use std::f64::consts::PI;
@@ -17,13 +18,13 @@ use std::f64::consts::PI;
 /// From the tick's instant to the voltage at the motor: the tick takes about 3,000 cycles (190 us), and the PWM takes a
 /// new duty at the start of its next period.
 pub const DRIVE_DELAY_S: f64 = 0.2e-3;
-/// Points of a frequency response that is only judged.
-const FREQUENCIES: usize = 160;
+/// Points of a frequency response that is drawn.
+const FREQUENCIES: usize = 400;
 /// Lowest frequency judged, relative to the highest.
 const LOWEST: f64 = 1e-5;
 
 /// How a law is sampled.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Sampling {
     /// Time between two ticks.
     pub period_s: f64,
@@ -31,12 +32,14 @@ pub struct Sampling {
     pub filter_part: f64,
     /// Time constant of that filter.
     pub filter_s: f64,
+    /// What estimates the current where it is not measured.
+    pub observer: Option<CurrentObserver>,
 }
 
 impl Sampling {
     /// A tick of `period_s`, and a derivative filter of `filter_s`.
     pub fn new(period_s: f64, filter_s: f64) -> Self {
-        Self { period_s, filter_s, filter_part: period_s / (filter_s + period_s) }
+        Self { period_s, filter_s, filter_part: period_s / (filter_s + period_s), observer: None }
     }
 }
 
@@ -73,11 +76,13 @@ struct Places {
     mean_current: usize,
     filter: usize,
     integral: usize,
+    /// First state of the current's observer; at the end if there is none.
+    estimate: usize,
     size: usize,
 }
 
 impl Places {
-    fn new(law: ControlLaw, waiting: usize) -> Self {
+    fn new(law: ControlLaw, waiting: usize, observer: usize) -> Self {
         let position = law.is_position().then_some(2);
         let mean_speed = 2 + usize::from(law.is_position()) + waiting;
         Self {
@@ -89,13 +94,19 @@ impl Places {
             mean_current: mean_speed + 1,
             filter: mean_speed + 2,
             integral: mean_speed + 3,
-            size: mean_speed + 4,
+            estimate: mean_speed + 4,
+            size: mean_speed + 4 + observer,
         }
     }
 
     /// The controlled quantity.
     fn output(&self) -> usize {
         self.position.unwrap_or(self.speed)
+    }
+
+    /// What shows in the measured speed, which is the last.
+    fn seen(&self) -> impl Iterator<Item = usize> + Clone {
+        [self.speed, self.current].into_iter().chain(self.mean_speed - self.waiting..=self.mean_speed)
     }
 
     /// What the law takes for the controlled quantity.
@@ -115,12 +126,23 @@ fn with_integrals(motor: &MotorParameters) -> StateSpace {
     StateSpace { a, b, c: Matrix::identity(4, 4) }
 }
 
+/// The motor as its measured speed shows it: speed, current, voltages on their way, mean speed over the tick before; from
+/// the voltage to the last.
+pub fn motor_seen(motor: &MotorParameters, period_s: f64) -> Discrete {
+    let sampled = SampledLoop::new(motor, ControlLaw::SpeedLqr, &Sampling::new(period_s, 0.0));
+    let seen: Vec<usize> = sampled.places.seen().collect();
+    let mut c = Matrix::zeros(1, seen.len());
+    c[(0, seen.len() - 1)] = 1.0;
+    Discrete { a: sampled.a.select_rows(&seen).select_columns(&seen), b: sampled.b.select_rows(&seen), c, period_s }
+}
+
 impl SampledLoop {
     /// The loop of a law around a motor.
     pub fn new(motor: &MotorParameters, law: ControlLaw, sampling: &Sampling) -> Self {
         let period_s = sampling.period_s;
         let plant = with_integrals(motor).discretise(period_s, DRIVE_DELAY_S);
-        let places = Places::new(law, plant.a.nrows() - 4);
+        let places =
+            Places::new(law, plant.a.nrows() - 4, sampling.observer.as_ref().map_or(0, |observer| observer.a.nrows()));
         let mut a = Matrix::zeros(places.size, places.size);
         let mut b = Matrix::zeros(places.size, 1);
         // Rows of the plant (speed, current, angle, charge, voltages waiting) and what they are here. The angle and
@@ -154,6 +176,12 @@ impl SampledLoop {
         a[(places.filter, places.mean_speed)] = sampling.filter_part;
         a[(places.integral, places.integral)] = 1.0;
         a[(places.integral, places.measured_output())] = period_s;
+        if let Some(observer) = &sampling.observer {
+            let (at, size) = (places.estimate, observer.a.nrows());
+            a.view_mut((at, at), (size, size)).copy_from(&observer.a);
+            a.view_mut((at, places.mean_speed), (size, 1)).copy_from(&observer.of_speed);
+            b.view_mut((at, 0), (size, 1)).copy_from(&observer.of_voltage);
+        }
         let signals = signals(law, &places, sampling);
         Self { a, b, signals, places, period_s }
     }
@@ -214,6 +242,11 @@ impl SampledLoop {
             scales[position] = speed / speed_rad_per_s;
             scales[self.places.integral] /= speed_rad_per_s;
         }
+        // The observer's states are the motor's own, in its order.
+        if self.places.estimate < self.states() {
+            let seen = self.places.seen().map(|place| scales[place]).collect::<Vec<_>>();
+            seen.iter().enumerate().for_each(|(at, scale)| scales[self.places.estimate + at] = *scale);
+        }
         scales
     }
 
@@ -239,29 +272,46 @@ impl SampledLoop {
         spectral_radius(&self.closed(gains).a)
     }
 
-    /// The loop opened at the voltage.
+    /// The loop opened at the voltage, to be drawn.
     pub fn open_loop(&self, gains: &Gains) -> Vec<BodePoint> {
-        let open =
-            Discrete { a: self.a.clone(), b: self.b.clone(), c: self.feedback_row(gains), period_s: self.period_s };
-        self.response(&open)
+        let [from, to] = self.judged();
+        bode(response(&self.opened(gains)), log_spaced(from, to, FREQUENCIES))
     }
 
     /// Margins of a stable loop.
     pub fn margins(&self, gains: &Gains) -> Margins {
-        Margins::of(&self.open_loop(gains))
+        let (open, closed) = (self.opened(gains), self.closed(gains));
+        // Peaks of the response stand at its own poles, those of the sensitivity at the closed loop's.
+        let poles: Vec<_> = [&open, &closed].into_iter().flat_map(poles_rad_per_s).collect();
+        Margins::of(&Sweep::new(response(&open), self.judged(), &poles))
     }
 
     /// From the reference to the controlled quantity.
     pub fn bandwidth_rad_per_s(&self, gains: &Gains) -> Option<f64> {
-        bandwidth_rad_per_s(&self.response(&self.closed(gains)))
+        let closed = self.closed(gains);
+        Sweep::new(response(&closed), self.judged(), &poles_rad_per_s(&closed)).bandwidth_rad_per_s()
     }
 
-    fn response(&self, system: &Discrete) -> Vec<BodePoint> {
-        // Up to just below half the sampling frequency, where the response ends.
-        let highest = 0.999 * PI / self.period_s;
-        let at = |omega| system.at(omega).map_or(Complex::new(f64::NAN, 0.0), |values| values[(0, 0)]);
-        bode(at, log_spaced(LOWEST * highest, highest, FREQUENCIES))
+    /// From the voltage to what the gains make of it.
+    fn opened(&self, gains: &Gains) -> Discrete {
+        Discrete { a: self.a.clone(), b: self.b.clone(), c: self.feedback_row(gains), period_s: self.period_s }
     }
+
+    /// Frequencies that are judged, in rad/s: up to half the sampling frequency, where the response ends.
+    fn judged(&self) -> [f64; 2] {
+        let highest = PI / self.period_s;
+        [LOWEST * highest, highest]
+    }
+}
+
+/// The first input's response at the first output.
+fn response(system: &Discrete) -> impl Fn(f64) -> Complex<f64> {
+    move |omega| system.at(omega).map_or(Complex::new(f64::NAN, 0.0), |values| values[(0, 0)])
+}
+
+/// Poles in the s plane.
+fn poles_rad_per_s(system: &Discrete) -> Vec<Complex<f64>> {
+    eigenvalues(&system.a).iter().map(|pole| pole.ln() / system.period_s).collect()
 }
 
 fn signals(law: ControlLaw, places: &Places, sampling: &Sampling) -> Matrix {
@@ -272,7 +322,13 @@ fn signals(law: ControlLaw, places: &Places, sampling: &Sampling) -> Matrix {
         match signal {
             Signal::Position => add(places.measured_output(), 1.0),
             Signal::Speed => add(places.mean_speed, 1.0),
-            Signal::Current => add(places.mean_current, 1.0),
+            Signal::Current => match &sampling.observer {
+                None => add(places.mean_current, 1.0),
+                Some(observer) => {
+                    add(places.mean_speed, observer.direct);
+                    observer.current.iter().enumerate().for_each(|(at, &part)| add(places.estimate + at, part));
+                }
+            },
             Signal::Integral => add(places.integral, 1.0),
             Signal::Derivative => {
                 // The speed minus the filter before it moves on.

@@ -7,6 +7,7 @@
 //! nothing else, so that weights that were found give the same gains when they are given by hand.
 
 use super::law::{ControlLaw, Signal};
+use super::observer::CurrentObserver;
 use super::optimum::{Optimum, optimum};
 use super::sampled_loop::{Gains, SampledLoop, Sampling};
 use super::specification::{Specification, Speed};
@@ -71,7 +72,7 @@ pub struct Candidate {
 }
 
 /// The search for one law on one motor.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Search<'a> {
     /// The motor.
     pub motor: &'a MotorParameters,
@@ -81,6 +82,8 @@ pub struct Search<'a> {
     pub period_s: f64,
     /// Which feedback gains may be used, in the order of [`ControlLaw::feedback`].
     pub used: &'a [bool],
+    /// What estimates the current where it is not measured.
+    pub observer: Option<CurrentObserver>,
 }
 
 /// The fastest a shape came, where it was too slow.
@@ -154,7 +157,8 @@ impl Search<'_> {
     /// The loop that costs least by some weights; `None` without stabilising gains or a step that settles.
     pub fn candidate(&self, weights: &Weights, overshoot_percent: f64) -> Option<Candidate> {
         let s = weights.crossover_rad_per_s(self.motor, self.period_s);
-        let sampling = Sampling::new(self.period_s, filter_s(self.law, s));
+        let sampling =
+            Sampling { observer: self.observer.clone(), ..Sampling::new(self.period_s, filter_s(self.law, s)) };
         let sampled = SampledLoop::new(self.motor, self.law, &sampling);
         let feedback = self.feedback(&sampled, weights, s)?.feedback;
         let samples = response_samples(&sampled, &feedback, s);

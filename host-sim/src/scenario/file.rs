@@ -2,6 +2,7 @@
 
 use super::reference::{Course, Reference};
 use super::{Fault, FaultKind, Load, Noise, Scenario, ScenarioError};
+use crate::keys;
 use crate::model::Model;
 use motorbench_core::control_loop::LoopConfig;
 use motorbench_core::excitation::Kind;
@@ -70,14 +71,15 @@ struct FileFault {
 /// Reads a scenario, for another model than its own if there is one; its model file is looked for beside it.
 pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError> {
     let name = path.display().to_string();
-    let file: File = toml::from_str(&text_of(path)?)
-        .map_err(|source| ScenarioError::Syntax { path: name.clone(), source: Box::new(source) })?;
+    let text = text_of(path)?;
+    let file: File = toml::from_str(&text)
+        .map_err(|error| ScenarioError::Syntax { path: name.clone(), message: keys::explained(&error) })?;
     let own = || {
-        Model::parse(&file.model_text(path)?)
+        Model::parse(&file.model_text(path, &text)?)
             .map_err(|source| ScenarioError::Model { path: name.clone(), source: Box::new(source) })
     };
     let model = model.map_or_else(own, Ok)?;
-    file.scenario(model).map_err(|what| ScenarioError::Value { path: name, what })
+    file.scenario(model, &text).map_err(|what| ScenarioError::Value { path: name, what })
 }
 
 fn text_of(path: &Path) -> Result<String, ScenarioError> {
@@ -85,7 +87,8 @@ fn text_of(path: &Path) -> Result<String, ScenarioError> {
 }
 
 impl File {
-    fn model_text(&self, path: &Path) -> Result<String, ScenarioError> {
+    /// The file of the model, or this one's own `text`.
+    fn model_text(&self, path: &Path, text: &str) -> Result<String, ScenarioError> {
         if let Some(model) = &self.model {
             if self.motor.is_some() || self.effects.is_some() {
                 let what = "model and [motor] or [effects]: give the one or the others".into();
@@ -98,21 +101,15 @@ impl File {
                 "it has no motor: give it [motor], model = \"FILE.toml\", or --model to `motorbench validate`".into();
             return Err(ScenarioError::Value { path: path.display().to_string(), what });
         }
-        let mut table = toml::Table::new();
-        for (key, value) in [("motor", &self.motor), ("effects", &self.effects)] {
-            if let Some(value) = value {
-                table.insert(key.into(), toml::Value::Table(value.clone()));
-            }
-        }
-        Ok(table.to_string())
+        Ok(text.into())
     }
 
-    fn scenario(self, model: Model) -> Result<Scenario, String> {
+    fn scenario(self, model: Model, text: &str) -> Result<Scenario, String> {
         let mode = mode(&self.mode)?;
         if !(self.duration_s > 0.0 && self.duration_s <= LONGEST_S) {
             return Err(format!("duration_s = {}: expected more than 0 and at most {LONGEST_S}", self.duration_s));
         }
-        let settings = settings(&self.settings)?;
+        let settings = settings(&self.settings, text)?;
         check_noise(&self.noise)?;
         let within = Within { duration_s: self.duration_s, largest: largest(mode, &settings), mode };
         let mut references = Vec::new();
@@ -343,12 +340,19 @@ fn trip(name: &str) -> Result<Trip, String> {
         .ok_or_else(|| format!("expected_trip = \"{name}\": expected one of {known}"))
 }
 
-fn settings(given: &BTreeMap<String, f64>) -> Result<Settings, String> {
+fn unknown_setting(name: &str, text_of_file: &str) -> String {
+    let known: Vec<String> =
+        Param::ALL.iter().map(|param| text(*param, Text::Name).map(char::from).collect()).collect();
+    let meant = keys::suggestion(keys::nearest(name, known.iter().map(String::as_str)));
+    let line = keys::line(text_of_file, &["settings", name]).unwrap_or(1);
+    format!("line {line}: [settings] {name}: no such setting{meant}; see `cargo run --bin firmware`")
+}
+
+fn settings(given: &BTreeMap<String, f64>, text_of_file: &str) -> Result<Settings, String> {
     let mut settings = Settings::defaults();
     for (name, value) in given {
         let param = Param::ALL.iter().find(|param| text(**param, Text::Name).eq(name.bytes()));
-        let param =
-            *param.ok_or_else(|| format!("[settings] {name}: no such setting; see `cargo run --bin firmware`"))?;
+        let param = *param.ok_or_else(|| unknown_setting(name, text_of_file))?;
         let (min, max) = param.range();
         settings
             .set(param, *value as f32)

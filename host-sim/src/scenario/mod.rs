@@ -126,12 +126,12 @@ pub enum ScenarioError {
         source: std::io::Error,
     },
     /// Not a scenario: the message has line and key.
-    #[error("{path}: {source}")]
+    #[error("{path}: {message}")]
     Syntax {
         /// Which.
         path: String,
         /// Where and why.
-        source: Box<toml::de::Error>,
+        message: String,
     },
     /// The motor is not usable.
     #[error("{path}: {source}")]

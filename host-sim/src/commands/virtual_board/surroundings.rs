@@ -120,7 +120,12 @@ impl Surroundings {
     fn changed(&self, change: impl FnOnce(&mut Table) -> Result<(), String>) -> Result<Model, String> {
         let mut file: Table = self.model.to_toml().parse().expect("what was written as TOML");
         change(&mut file)?;
-        Model::parse(&file.to_string()).map_err(|error| error.to_string().trim_end().to_owned())
+        // The lines are those of a text that nobody has seen.
+        let without_line = |text: &str| match text.strip_prefix("line ").and_then(|rest| rest.split_once(": ")) {
+            Some((_, what)) => what.to_owned(),
+            None => text.to_owned(),
+        };
+        Model::parse(&file.to_string()).map_err(|error| without_line(error.to_string().trim_end()))
     }
 }
 

@@ -1,0 +1,196 @@
+//! What a missing current sensor costs an LQR: the loops for one specification with the current measured, with the current
+//! of an observer, and without it.
+//!
+//! The core runs the first and the last; the gains are not quantised, so that the three differ in the current alone.
+
+use super::law::{ControlLaw, Signal};
+use super::observer::{CurrentObserver, Unknown};
+use super::robustness::{self, Robustness};
+use super::sampled_loop::{Gains, SampledLoop};
+use super::search::{Candidate, Search};
+use super::specification::{Specification, Speed};
+use crate::motor::MotorParameters;
+use serde::Serialize;
+
+/// What an observer may take for granted: of these the one whose loop withstands most is taken.
+const OBSERVERS: [Unknown; 4] = [
+    Unknown { voltage: 1.0, torque: 0.1, speed: 0.1 },
+    Unknown { voltage: 1.0, torque: 0.1, speed: 1.0 },
+    Unknown { voltage: 1.0, torque: 1.0, speed: 0.1 },
+    Unknown { voltage: 0.1, torque: 1.0, speed: 1.0 },
+];
+/// Ticks of the plain step in which the voltage has its peak.
+const PLAIN_STEP_TICKS: usize = 1000;
+
+/// Where the law has the current from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CurrentFrom {
+    /// A sensor.
+    Sensor,
+    /// [`CurrentObserver`], from speed and voltage.
+    Observer,
+    /// It does without.
+    Nothing,
+}
+
+/// A robust loop for the specification.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LoopWith {
+    /// From reference to output, -3 dB.
+    #[serde(rename = "bandwidth_Hz")]
+    pub bandwidth_hz: f64,
+    /// After a plain step, within 2 %.
+    pub settling_s: f64,
+    /// Of the plain step.
+    pub overshoot_percent: f64,
+    /// Modulus margin.
+    pub modulus: f64,
+    /// The smallest with parameters +-30 %, the observer's own unchanged.
+    pub worst_modulus: f64,
+    /// Delay margin.
+    pub delay_s: f64,
+    /// Largest voltage of a plain step of 1 rad/s or 1 rad.
+    #[serde(rename = "peak_V_per_unit")]
+    pub peak_v_per_unit: f64,
+    /// Integral of the error after a load torque has come, in rad (speed) or rad s (position) a Nm.
+    pub error_integral_per_nm: f64,
+}
+
+/// One line of the comparison.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Comparison {
+    /// Where the current is from.
+    pub current: CurrentFrom,
+    /// `None` where no loop that is fast enough is robust.
+    #[serde(rename = "loop")]
+    pub found: Option<LoopWith>,
+}
+
+/// The three loops of an LQR; none of a PID, which does not use the current.
+pub fn compare(
+    motor: &MotorParameters,
+    period_s: f64,
+    law: ControlLaw,
+    specification: &Specification,
+) -> Vec<Comparison> {
+    let current: Vec<bool> = law.feedback().iter().map(|(_, signal)| *signal == Signal::Current).collect();
+    if !current.contains(&true) {
+        return Vec::new();
+    }
+    let all = vec![true; current.len()];
+    let without: Vec<bool> = current.iter().map(|is_current| !is_current).collect();
+    let with = |used, observer| best(&Search { motor, law, period_s, used, observer }, specification);
+    let observed = OBSERVERS
+        .iter()
+        .filter_map(|unknown| with(&all, Some(CurrentObserver::new(motor, period_s, unknown).ok()?)))
+        .max_by(|a, b| a.worst_modulus.total_cmp(&b.worst_modulus));
+    vec![
+        Comparison { current: CurrentFrom::Sensor, found: with(&all, None) },
+        Comparison { current: CurrentFrom::Observer, found: observed },
+        Comparison { current: CurrentFrom::Nothing, found: with(&without, None) },
+    ]
+}
+
+/// The first shape of weights with a robust loop that is fast enough, as a design takes it.
+fn best(search: &Search, specification: &Specification) -> Option<LoopWith> {
+    let overshoot = specification.overshoot_percent;
+    let candidates: Box<dyn Iterator<Item = Candidate>> = match specification.speed {
+        Speed::Weights(weights) => Box::new(search.candidate(&weights, overshoot).into_iter()),
+        _ => Box::new(search.shapes().into_iter().filter_map(|shape| search.gentlest(shape, specification).ok())),
+    };
+    let robust = |candidate: Candidate| {
+        let robustness = robustness::check(search.motor, search.law, &candidate.sampling, &candidate.gains).ok()?;
+        Some(loop_with(search, &candidate, &robustness))
+    };
+    candidates.filter(|candidate| candidate.figures.step.overshoot_percent <= overshoot).find_map(robust)
+}
+
+fn loop_with(search: &Search, candidate: &Candidate, robustness: &Robustness) -> LoopWith {
+    let Candidate { figures, gains, sampling, .. } = candidate;
+    let sampled = SampledLoop::new(search.motor, search.law, sampling);
+    let integral = gains.feedback[gains.feedback.len() - 1];
+    LoopWith {
+        bandwidth_hz: figures.bandwidth_hz,
+        settling_s: figures.step.settling_s,
+        overshoot_percent: figures.step.overshoot_percent,
+        modulus: robustness.margins.modulus,
+        worst_modulus: robustness.worst_modulus,
+        delay_s: robustness.margins.delay_s,
+        peak_v_per_unit: plain_step_peaks(&sampled, gains)[0],
+        // What the torque takes in voltage is what the integral has to come to.
+        error_integral_per_nm: search.motor.resistance_ohm / search.motor.torque_constant_nm_per_a / integral,
+    }
+}
+
+/// Largest voltage and current of a plain step of one.
+pub fn plain_step_peaks(sampled: &SampledLoop, gains: &Gains) -> [f64; 2] {
+    let plain = sampled.closed(gains).step_response(PLAIN_STEP_TICKS);
+    let voltage = plain.row(1).iter().map(|fed_back| (fed_back + gains.reference).abs()).fold(0.0, f64::max);
+    [voltage, plain.row(2).amax()]
+}
+
+/// The comparison for people; nothing where there is none.
+pub fn table(comparison: &[Comparison], unit: &str) -> String {
+    if comparison.is_empty() {
+        return String::new();
+    }
+    let mut text = format!(
+        "  what the missing current sensor costs (linear, exact gains; V a {unit}, error x time a Nm):\n    current   bandwidth  settling  modulus  +-30 %     delay      peak      load\n"
+    );
+    for Comparison { current, found } in comparison {
+        let name = match current {
+            CurrentFrom::Sensor => "measured",
+            CurrentFrom::Observer => "observer",
+            CurrentFrom::Nothing => "without",
+        };
+        text += &match found {
+            None => format!("    {name:8}  no robust loop is fast enough\n"),
+            Some(found) => format!(
+                "    {name:8}  {:6.2} Hz  {:5.1} ms  {:7.3}  {:6.3}  {:5.1} ms  {:8.3}  {:8.3}\n",
+                found.bandwidth_hz,
+                1e3 * found.settling_s,
+                found.modulus,
+                found.worst_modulus,
+                1e3 * found.delay_s,
+                found.peak_v_per_unit,
+                found.error_integral_per_nm
+            ),
+        };
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figures(inductance_s: f64, law: ControlLaw, hz: f64) -> [Option<LoopWith>; 3] {
+        let motor = MotorParameters::PIVT6;
+        let motor = MotorParameters { inductance_h: motor.resistance_ohm * inductance_s, ..motor };
+        let specification =
+            Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: 1.0 };
+        let comparison = compare(&motor, 1e-3, law, &specification);
+        println!("{law:?}, {} ms, {hz} Hz\n{}", 1e3 * inductance_s, table(&comparison, "rad/s"));
+        [0, 1, 2].map(|at: usize| comparison[at].found)
+    }
+
+    /// Prints what an observer is worth over motors and bandwidths.
+    #[test]
+    fn what_an_observer_is_worth() {
+        for inductance_s in [2e-3, 5e-3, 20e-3] {
+            for (law, bandwidths) in [(ControlLaw::SpeedLqr, [10.0, 30.0]), (ControlLaw::PositionLqr, [5.0, 15.0])] {
+                for hz in bandwidths {
+                    figures(inductance_s, law, hz);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_pid_has_nothing_to_compare() {
+        let specification =
+            Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+        assert!(compare(&MotorParameters::PIVT6, 1e-3, ControlLaw::SpeedPid, &specification).is_empty());
+    }
+}

@@ -1,0 +1,81 @@
+//! Mistyped keys of files that people write: which key was meant, and where it stands.
+
+use toml::de::{DeTable, DeValue};
+
+/// Letters a key may be off, as a part of its length; one is always allowed.
+const LETTERS_A_SLIP: usize = 4;
+
+/// The known key that a mistyped one most likely means, if any is near; upper and lower case do not count.
+pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let typed = typed.to_lowercase();
+    let most = (typed.chars().count() / LETTERS_A_SLIP).max(1);
+    let distance = |key: &str| strsim::damerau_levenshtein(&typed, &key.to_lowercase());
+    let near = known.into_iter().map(|key| (distance(key), key)).filter(|(letters, _)| *letters <= most);
+    near.min_by_key(|(letters, _)| *letters).map(|(_, key)| key)
+}
+
+/// Line, from one on, of a key in a TOML text; `path` names its tables and last itself.
+pub fn line(text: &str, path: &[&str]) -> Option<usize> {
+    let (last, tables) = path.split_last()?;
+    let mut table = DeTable::parse(text).ok()?.into_inner();
+    for name in tables {
+        match table.remove(*name)?.into_inner() {
+            DeValue::Table(inner) => table = inner,
+            _ => return None,
+        }
+    }
+    let (key, _) = table.get_key_value(*last)?;
+    Some(text[..key.span().start].lines().count().max(1) + usize::from(text[..key.span().start].ends_with('\n')))
+}
+
+/// The reader's error, with the key that was meant where it is one that the reader does not know.
+pub fn explained(error: &toml::de::Error) -> String {
+    let text = error.to_string();
+    let mut names = error.message().split('`').skip(1).step_by(2);
+    let meant = names.next().filter(|_| error.message().starts_with("unknown ")).and_then(|key| nearest(key, names));
+    match meant {
+        Some(meant) => format!("{}\ndid you mean `{meant}`?\n", text.trim_end()),
+        None => text,
+    }
+}
+
+/// `; did you mean …?`, or nothing.
+pub fn suggestion(meant: Option<&str>) -> String {
+    meant.map_or_else(String::new, |meant| format!("; did you mean {meant}?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slip_is_forgiven_and_another_word_is_not() {
+        let known = ["resistance_ohm", "inductance_H", "motor"];
+        for (typed, meant) in [
+            ("inductance_h", Some("inductance_H")),
+            ("resistence_ohms", Some("resistance_ohm")),
+            ("mtoor", Some("motor")),
+            ("model", None),
+            ("colour", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(typed, known), meant, "{typed}");
+        }
+    }
+
+    #[test]
+    fn a_key_has_its_line() {
+        let text = "top = 1\n[a]\n\nb = 2\n[c.d]\ne = 3\nf.g = 4\n";
+        for (path, expected) in [
+            (&["top"][..], Some(1)),
+            (&["a", "b"], Some(4)),
+            (&["c", "d"], Some(5)),
+            (&["c", "d", "e"], Some(6)),
+            (&["c", "d", "f", "g"], Some(7)),
+            (&["a", "x"], None),
+            (&["top", "x"], None),
+        ] {
+            assert_eq!(line(text, path), expected, "{path:?}");
+        }
+    }
+}
