@@ -7,12 +7,12 @@ use crate::design::fixed_point::SettingList;
 use crate::design::law::{ControlLaw, setting_name};
 use crate::design::specification::{Specification, Speed};
 use crate::design::weights::{BadWeight, Weights};
-use crate::design::{Bench, Design, design, report};
+use crate::design::{Bench, Design, DesignError, TrialFigures, design, report, trial_with_effects};
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
 use clap::{ArgGroup, Args};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Designs PID and LQR for a motor, by a specification or by weights.
 #[derive(Args)]
@@ -158,14 +158,20 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             })?);
         }
     }
+    let model = arguments.extended()?;
+    let trials: Vec<_> = designs
+        .iter()
+        .filter_map(|design| Some((design.law, trial_with_effects(model.as_ref()?, design, &settings.all))))
+        .collect();
     let commands = settings.commands();
     let json_to_output = arguments.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if !json_to_output {
-        print!("{}", page(&designs, &standstill, &commands));
+        print!("{}", page(&designs, &trials, &standstill, &commands));
     }
     if let Some(path) = &arguments.json {
         let result = serde_json::json!({
-            "motor": motor, "designs": designs, "near_standstill": standstill, "commands": commands
+            "motor": motor, "designs": designs, "with_effects": trials.iter().map(written).collect::<Vec<_>>(),
+            "near_standstill": standstill, "commands": commands
         });
         let text = serde_json::to_string_pretty(&result).map_err(Failure::machine)?;
         if json_to_output {
@@ -193,6 +199,12 @@ impl Arguments {
         [(pid, !self.lqr), (lqr, !self.pid)].into_iter().filter(|(_, wanted)| *wanted).map(|(law, _)| law).collect()
     }
 
+    /// The model with its effects, if it has any.
+    fn extended(&self) -> Result<Option<Model>, Failure> {
+        let model = self.model.as_deref().map(model_of).transpose()?;
+        Ok(model.filter(|model| !model.terms.is_empty()))
+    }
+
     /// Of the model's effects, or else of what rig file and command line say.
     fn losses(&self, rig: &Rig) -> Result<Losses, Failure> {
         let Some(path) = &self.model else {
@@ -202,9 +214,7 @@ impl Arguments {
                 bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
             });
         };
-        let failure = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|error| failure(&error))?;
-        Ok(Losses::of(&Model::parse(&text).map_err(|error| failure(&error))?))
+        Ok(Losses::of(&model_of(path)?))
     }
 
     fn specification(&self, bench: &Bench) -> Result<Specification, Failure> {
@@ -254,9 +264,28 @@ impl Arguments {
     }
 }
 
+/// A model file.
+fn model_of(path: &Path) -> Result<Model, Failure> {
+    let failure = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| failure(&error))?;
+    Model::parse(&text).map_err(|error| failure(&error))
+}
+
+/// A law's trial with the effects of the model.
+type TrialWithEffects = (ControlLaw, Result<TrialFigures, DesignError>);
+
+fn written((law, trial): &TrialWithEffects) -> serde_json::Value {
+    let failure = trial.as_ref().err().map(ToString::to_string);
+    serde_json::json!({ "law": law, "trial": trial.as_ref().ok(), "failure": failure })
+}
+
 /// Half a page.
-fn page(designs: &[Design], standstill: &[Standstill], commands: &[String]) -> String {
+fn page(designs: &[Design], trials: &[TrialWithEffects], standstill: &[Standstill], commands: &[String]) -> String {
     let mut text: String = designs.iter().map(report::summary).collect();
+    if !trials.is_empty() {
+        text += "\nthe same steps with the effects of the model, simulated:\n";
+    }
+    text.extend(trials.iter().map(|(law, trial)| report::with_effects(*law, trial)));
     if !standstill.is_empty() {
         text += "\nnear standstill, simulated:\n";
     }

@@ -38,12 +38,13 @@ pub mod trial;
 pub mod weights;
 
 use crate::linear::motor_model;
+use crate::model::Model;
 use crate::motor::{MotorParameters, NonPhysical};
-use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters};
+use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters, ModelPlant, Plant};
 use fixed_point::SettingList;
 use law::{ControlLaw, Signal, setting_name, setting_unit};
 use motorbench_core::message::Trip;
-use motorbench_core::settings::Param;
+use motorbench_core::settings::{Param, Settings};
 use robustness::{Robustness, Weakness};
 use sampled_loop::{Gains, SampledLoop, Sampling};
 use search::{Candidate, LoopFigures, Reached, Search};
@@ -68,7 +69,7 @@ pub struct Bench {
 impl Default for Bench {
     /// The core's defaults.
     fn default() -> Self {
-        let settings = motorbench_core::settings::Settings::defaults();
+        let settings = Settings::defaults();
         Self {
             supply_v: settings.get(Param::SupplyVoltage).into(),
             counts_per_rev: settings.get(Param::CountsPerRev).into(),
@@ -539,12 +540,44 @@ fn run_trial(
     settling_s: f64,
 ) -> Result<(TrialFigures, Vec<Point>), DesignError> {
     let get = |param| f64::from(settings.all.get(param));
-    let fails = |what| DesignError::Trial { law: law.title(), what };
-    let plant = DcMotor::new(ideal(motor));
-    let mut trial = Trial::new(plant, settings.all).map_err(|error| fails(format!("{error:?}")))?;
-    trial.enter(law.mode());
     let (step, ramp_s) = trial_step(motor, law, settings);
     let duration_s = ramp_s + (8.0 * settling_s).max(0.5);
+    let (figures, points) = follow_step(DcMotor::new(ideal(motor)), law, &settings.all, step, duration_s)?;
+    let bits = if law.is_position() {
+        SETTLED_COUNTS * std::f64::consts::TAU / get(Param::CountsPerRev)
+    } else {
+        SETTLED_SPEED_BITS * get(Param::SpeedRange) / f64::from(motorbench_core::units::FULL_RANGE)
+    };
+    let TrialFigures { last_deviation, .. } = figures;
+    if last_deviation > bits.max(SETTLED_STEP_PART * step) {
+        let what = format!("at the end it is off by {last_deviation:.3} of {step:.3}");
+        return Err(DesignError::Trial { law: law.title(), what });
+    }
+    Ok((figures, points))
+}
+
+/// The design's own trial again, with `settings` that may compensate, and with a motor that has effects the design does not
+/// know. What comes of it is told and not judged: compensation, slower profiles and other motors are the reader's choice.
+///
+/// # Errors
+/// [`DesignError::Trial`] if a trip comes.
+pub fn trial_with_effects(model: &Model, design: &Design, settings: &Settings) -> Result<TrialFigures, DesignError> {
+    let duration_s = design.points.last().map_or(0.0, |point| point.t_s);
+    let plant = ModelPlant::new(model.clone());
+    follow_step(plant, design.law, settings, design.trial.step, duration_s).map(|(figures, _)| figures)
+}
+
+/// The core follows a step through its profile.
+fn follow_step(
+    plant: impl Plant,
+    law: ControlLaw,
+    settings: &Settings,
+    step: f64,
+    duration_s: f64,
+) -> Result<(TrialFigures, Vec<Point>), DesignError> {
+    let fails = |what| DesignError::Trial { law: law.title(), what };
+    let mut trial = Trial::new(plant, *settings).map_err(|error| fails(format!("{error:?}")))?;
+    trial.enter(law.mode());
     let points = trial.follow(step, duration_s);
     if trial.sample().trip != Trip::None {
         return Err(fails(format!("the trip {:?} comes", trial.sample().trip)));
@@ -552,14 +585,6 @@ fn run_trial(
     let tail = &points[points.len() - points.len() / SETTLED_PART..];
     let output = |point: &Point| if law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
     let last_deviation = tail.iter().map(|point| (output(point) - step).abs()).fold(0.0, f64::max);
-    let bits = if law.is_position() {
-        SETTLED_COUNTS * std::f64::consts::TAU / get(Param::CountsPerRev)
-    } else {
-        SETTLED_SPEED_BITS * get(Param::SpeedRange) / f64::from(motorbench_core::units::FULL_RANGE)
-    };
-    if last_deviation > bits.max(SETTLED_STEP_PART * step) {
-        return Err(fails(format!("at the end it is off by {last_deviation:.3} of {step:.3}")));
-    }
     let most = |of: fn(&Point) -> f64| points.iter().map(|point| of(point).abs()).fold(0.0, f64::max);
     let limited = points.iter().filter(|point| point.limited).count();
     let figures = TrialFigures {

@@ -73,7 +73,10 @@ impl CurrentObserver {
 }
 
 /// `M` (states x outputs) of a system whose outputs are measured, by the dual Riccati equation.
-fn kalman_gain(system: &Discrete, process: &Matrix, measurement: &Matrix) -> Result<Matrix, NoSolution> {
+///
+/// # Errors
+/// [`NoSolution`] if an unstable mode does not show in the outputs, or `measurement` is singular.
+pub fn kalman_gain(system: &Discrete, process: &Matrix, measurement: &Matrix) -> Result<Matrix, NoSolution> {
     let (a, c) = (&system.a, &system.c);
     let covariance = riccati::solve(&a.transpose(), &c.transpose(), process, measurement)?;
     let innovation = c * &covariance * c.transpose() + measurement;

@@ -6,7 +6,7 @@ use super::sampled_loop::SampledLoop;
 use super::specification::Speed;
 use super::trial::Point;
 use super::weights::states;
-use super::{Design, current_sensor};
+use super::{Design, DesignError, TrialFigures, current_sensor};
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
@@ -57,21 +57,34 @@ pub fn summary(design: &Design) -> String {
         "  parameters +-30% modulus {:.2}, largest eigenvalue {:.4} (unchanged {:.4})\n",
         design.robustness.worst_modulus, design.robustness.worst_spectral_radius, design.robustness.spectral_radius
     );
-    let (trial, unit) = (&design.trial, unit(design.law));
+    let unit = unit(design.law);
+    text += &format!("  on the core      {}", trial_text(&design.trial, unit));
     text += &format!(
-        "  on the core      step to {:.2} {unit}: at most {:.2} V, {:.2} A, overshoot {:.1} %;\n                   at the end off by {:.4} {unit}; at a limit {:.0} %\n",
+        "  without profile  the same step would ask for {:.1} V, {:.2} A\n",
+        design.plain_step_peak_v, design.plain_step_peak_a
+    );
+    text + &current_sensor::table(&design.current_sensor, unit)
+}
+
+/// What the core did, on two lines.
+fn trial_text(trial: &TrialFigures, unit: &str) -> String {
+    format!(
+        "step to {:.2} {unit}: at most {:.2} V, {:.2} A, overshoot {:.1} %;\n                   at the end off by {:.4} {unit}; at a limit {:.0} %\n",
         trial.step,
         trial.peak_v,
         trial.peak_a,
         trial.overshoot_percent,
         trial.last_deviation,
         100.0 * trial.limited_part
-    );
-    text += &format!(
-        "  without profile  the same step would ask for {:.1} V, {:.2} A\n",
-        design.plain_step_peak_v, design.plain_step_peak_a
-    );
-    text + &current_sensor::table(&design.current_sensor, unit)
+    )
+}
+
+/// The same trial with the effects of the model.
+pub fn with_effects(law: ControlLaw, trial: &Result<TrialFigures, DesignError>) -> String {
+    match trial {
+        Ok(trial) => format!("  {:16} {}", law.title(), trial_text(trial, unit(law))),
+        Err(error) => format!("  {error}\n"),
+    }
 }
 
 fn unit(law: ControlLaw) -> &'static str {
