@@ -39,9 +39,9 @@ pub fn explained(error: &toml::de::Error) -> String {
     }
 }
 
-/// `; did you mean …?`, or nothing.
+/// ` (did you mean …?)`, or nothing.
 pub fn suggestion(meant: Option<&str>) -> String {
-    meant.map_or_else(String::new, |meant| format!("; did you mean {meant}?"))
+    meant.map_or_else(String::new, |meant| format!(" (did you mean {meant}?)"))
 }
 
 #[cfg(test)]

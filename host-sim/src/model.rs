@@ -223,7 +223,7 @@ mod tests {
         // The motor's table takes six lines, and the key stands in the second after it.
         let slip = message("[effects.coulomb_friction]\ntorque_nm = 1");
         assert!(
-            slip.starts_with("line 8: ") && slip.contains("torque_nm is unknown; did you mean torque_Nm?"),
+            slip.starts_with("line 8: ") && slip.contains("torque_nm is unknown (did you mean torque_Nm?)"),
             "{slip}"
         );
         let slip = message("[effects.coulomb_frition]\ntorque_Nm = 1");

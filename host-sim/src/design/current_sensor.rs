@@ -131,13 +131,14 @@ pub fn plain_step_peaks(sampled: &SampledLoop, gains: &Gains) -> [f64; 2] {
 }
 
 /// The comparison for people; nothing where there is none.
-pub fn table(comparison: &[Comparison], unit: &str) -> String {
+pub fn table(law: ControlLaw, comparison: &[Comparison]) -> String {
     if comparison.is_empty() {
         return String::new();
     }
-    let mut text = format!(
-        "  what the missing current sensor costs (linear, exact gains; V a {unit}, error x time a Nm):\n    current   bandwidth  settling  modulus  +-30 %     delay      peak      load\n"
-    );
+    let [peak, load] = if law.is_position() { ["V/rad", "rad s/Nm"] } else { ["V s/rad", "rad/Nm"] };
+    let mut text = String::from("  what a current sensor would bring (linear loop, exact gains; peak voltage of a\n");
+    text += "  plain step, error summed after a load torque)\n";
+    text += &format!("    current   bandwidth  settling  modulus  +-30 %     delay  {peak:>8}  {load:>8}\n");
     for Comparison { current, found } in comparison {
         let name = match current {
             CurrentFrom::Sensor => "measured",
@@ -169,7 +170,7 @@ mod tests {
         let specification =
             Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: 1.0 };
         let comparison = compare(motor, 1e-3, ControlLaw::SpeedLqr, &specification);
-        print!("{}", table(&comparison, "rad/s"));
+        print!("{}", table(ControlLaw::SpeedLqr, &comparison));
         [0, 1, 2].map(|at: usize| comparison[at].found.unwrap())
     }
 

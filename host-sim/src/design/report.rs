@@ -10,6 +10,7 @@ use super::{Design, DesignError, TrialFigures, current_sensor};
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
+use crate::terminal_text::wrapped;
 use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, document, escaped};
 use nalgebra::Complex;
 use plotters::prelude::*;
@@ -63,7 +64,7 @@ pub fn summary(design: &Design) -> String {
         "  without profile  the same step would ask for {:.1} V, {:.2} A\n",
         design.plain_step_peak_v, design.plain_step_peak_a
     );
-    text + &current_sensor::table(&design.current_sensor, unit)
+    text + &current_sensor::table(design.law, &design.current_sensor)
 }
 
 /// What the core did, on two lines.
@@ -83,7 +84,7 @@ fn trial_text(trial: &TrialFigures, unit: &str) -> String {
 pub fn with_effects(law: ControlLaw, trial: &Result<TrialFigures, DesignError>) -> String {
     match trial {
         Ok(trial) => format!("  {:16} {}", law.title(), trial_text(trial, unit(law))),
-        Err(error) => format!("  {error}\n"),
+        Err(error) => wrapped(&error.to_string(), "  ", "  "),
     }
 }
 
