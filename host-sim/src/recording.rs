@@ -179,7 +179,13 @@ impl Recording {
         let line_error = |error: csv::Error| RecordingError::Line {
             name: name.into(),
             line: error.position().map_or(1, csv::Position::line),
-            message: error.to_string(),
+            message: match error.kind() {
+                csv::ErrorKind::Utf8 { .. } => {
+                    "this is no text; a CSV table is expected, and `motorbench convert` makes one of other formats"
+                        .into()
+                }
+                _ => error.to_string(),
+            },
         };
         let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text);
         let header = reader.headers().map_err(line_error)?.clone();
@@ -221,6 +227,9 @@ impl Recording {
             if !header.iter().any(|column| column == from) {
                 return Err(error(format!("there is no column \"{from}\" to be read as {to}")));
             }
+        }
+        if header.is_empty() {
+            return Err(error("the file is empty".into()));
         }
         let mut channels = Vec::new();
         for column in header.iter().map(|column| column.trim_start_matches('\u{feff}')) {

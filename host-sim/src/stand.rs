@@ -1,5 +1,6 @@
 //! The test stand from a table of steady states: where the electrical power goes by the constants found, the winding's
-//! resistance from rows at rest, the motor's condition against an earlier test, and where it is most efficient.
+//! resistance from rows at rest, the motor's condition against an earlier test, and where it is most efficient: measured where
+//! a brake of known torque was at the shaft, else foretold.
 
 pub mod drive;
 
@@ -7,7 +8,7 @@ use crate::dataset::greatest;
 use crate::diagnose::outcome::Estimate;
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
-use crate::steady_state::{Level, Study, StudyError, interval, levels, line, same_level, study};
+use crate::steady_state::{Level, Study, StudyError, interval, is_loaded, levels, line, same_level, study};
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -52,6 +53,8 @@ fn hardly_turns(u_v: f64, emf_v: f64) -> bool {
 pub struct Directions {
     /// Voltage, either way.
     pub u_V: f64,
+    /// Torque of the brake.
+    pub load_Nm: f64,
     /// Mean current forwards.
     pub forward_A: f64,
     /// Magnitude of the mean current backwards.
@@ -84,6 +87,10 @@ pub struct Constants {
 pub struct Losses {
     /// Voltage.
     pub u_V: f64,
+    /// Torque of the brake.
+    pub load_Nm: f64,
+    /// That times speed: no loss, but what the brake takes.
+    pub shaft_W: f64,
     /// I^2 R.
     pub winding_W: f64,
     /// I times the voltage drop.
@@ -129,6 +136,42 @@ pub struct OperatingPoint {
     pub efficiency: f64,
 }
 
+/// A steady state at a brake of known torque: what the stand's formulas say, what the brake took, and what the constants found
+/// foretell.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(non_snake_case, reason = "names of the contract, with their units")]
+pub struct LoadedPoint {
+    /// Voltage.
+    pub u_V: f64,
+    /// Torque of the brake, as it was stated.
+    pub load_Nm: f64,
+    /// Speed.
+    pub omega_rad_per_s: f64,
+    /// Current.
+    pub i_A: f64,
+    /// k w / U with the nominal constant, which knows nothing of friction.
+    pub formula_efficiency: f64,
+    /// Power at the brake over electrical power.
+    pub shaft_efficiency: f64,
+    /// The same by the constants found; none where they say that it does not turn.
+    pub model_efficiency: Option<f64>,
+}
+
+impl LoadedPoint {
+    fn of(level: &Level, constants: &Constants) -> Self {
+        let Level { u_V, load_Nm, omega_rad_per_s, i_A, p_in_W, efficiency, .. } = *level;
+        Self {
+            u_V,
+            load_Nm,
+            omega_rad_per_s,
+            i_A,
+            formula_efficiency: efficiency,
+            shaft_efficiency: load_Nm * omega_rad_per_s / p_in_W,
+            model_efficiency: constants.operating_point(u_V, load_Nm).map(|point| point.efficiency),
+        }
+    }
+}
+
 /// Operating points in the middles of a grid's cells; none where the motor does not turn.
 #[derive(Clone, Debug)]
 pub struct EfficiencyMap {
@@ -156,7 +199,11 @@ pub struct Stand {
     pub directions: Vec<Directions>,
     /// Against the earlier test.
     pub condition: Vec<Condition>,
-    /// The most efficient load at each voltage of the table, by the constants: not measured under load.
+    /// Every level, where a brake was at the shaft; the one without load as well.
+    pub loaded: Vec<LoadedPoint>,
+    /// What the currents say the loads are, as a multiple of what was stated: 1 when the brake's scale is right.
+    pub load_scale: Option<Estimate>,
+    /// The most efficient load at each voltage of the table, by the constants.
     pub most_efficient: Vec<OperatingPoint>,
 }
 
@@ -173,23 +220,52 @@ pub fn evaluate(table: &Recording, earlier: Option<&Recording>, rig: &Rig) -> Re
         Some(earlier) => condition(&split(earlier, rig).0, &running, rig)?,
         None => Vec::new(),
     };
-    let most_efficient = study.levels.iter().filter_map(|level| constants.most_efficient(level.u_V)).collect();
-    let directions = study.levels.iter().filter_map(|level| directions(&running, level.u_V)).collect();
-    Ok(Stand { winding: Winding::of(resistances_ohm), constants, losses, directions, condition, most_efficient, study })
+    let mut voltages_v: Vec<f64> = study.levels.iter().map(|level| level.u_V).collect();
+    voltages_v.dedup();
+    let most_efficient = voltages_v.iter().filter_map(|u_v| constants.most_efficient(*u_v)).collect();
+    let directions = study.levels.iter().filter_map(|level| directions(&running, level)).collect();
+    let (mut loaded, mut load_scale) = (Vec::new(), None);
+    if is_loaded(&study.levels) {
+        loaded = study.levels.iter().map(|level| LoadedPoint::of(level, &constants)).collect();
+        load_scale = scale_of_loads(&study.levels, constants.torque_constant_Nm_per_A);
+    }
+    Ok(Stand {
+        winding: Winding::of(resistances_ohm),
+        constants,
+        losses,
+        directions,
+        condition,
+        loaded,
+        load_scale,
+        most_efficient,
+        study,
+    })
 }
 
-/// Means of both directions at a voltage; nothing where one of them is missing.
-fn directions(table: &Recording, u_v: f64) -> Option<Directions> {
+/// The factor before the stated load in k i = dry friction + viscous friction w + factor load.
+fn scale_of_loads(levels: &[Level], k: f64) -> Option<Estimate> {
+    let column = |of: &dyn Fn(&Level) -> f64| levels.iter().map(of).collect::<Vec<f64>>();
+    let columns = [column(&|_| 1.0), column(&|level| level.omega_rad_per_s), column(&|level| level.load_Nm)];
+    let dof = levels.len().checked_sub(columns.len()).filter(|dof| *dof > 0)?;
+    let torques = line(&columns, &column(&|level| k * level.i_A), &column(&|level| k * level.current_error))?;
+    Some(interval(&torques, 2, dof))
+}
+
+/// Means of both directions at a level; nothing where one of them is missing.
+fn directions(table: &Recording, level: &Level) -> Option<Directions> {
     let [u, i, w] = [Channel::Voltage, Channel::Current, Channel::Speed].map(|channel| table.get(channel));
     let (u, i, w) = (u?, i?, w?);
     let greatest_v = greatest(u);
+    let load = table.get(Channel::LoadTorque);
     let mean = |sign: f64, values: &[f64]| {
-        let rows = (0..u.len()).filter(|row| same_level(sign * u[*row], u_v, greatest_v));
+        let rows = (0..u.len()).filter(|row| same_level(sign * u[*row], level.u_V, greatest_v));
+        let rows = rows.filter(|row| load.is_none_or(|load| sign * load[*row] == level.load_Nm));
         let (count, sum) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + sign * values[row]));
         (count > 0).then(|| sum / f64::from(count))
     };
     Some(Directions {
-        u_V: u_v,
+        u_V: level.u_V,
+        load_Nm: level.load_Nm,
         forward_A: mean(1.0, i)?,
         reverse_A: mean(-1.0, i)?,
         forward_rad_per_s: mean(1.0, w)?,
@@ -210,8 +286,12 @@ fn split(table: &Recording, rig: &Rig) -> (Recording, Vec<f64>) {
     let at_rest = |row: usize| i[row] != 0.0 && hardly_turns(u[row], k * w[row]);
     let (rest, running): (Vec<usize>, Vec<usize>) = (0..u.len()).partition(|row| at_rest(*row));
     let mut kept = Recording::new(table.name.clone());
-    for (channel, values) in [(Channel::Voltage, &u), (Channel::Speed, &w), (Channel::Current, &i)] {
-        kept.set(channel, running.iter().map(|row| values[*row]).collect());
+    let load = column(Channel::LoadTorque);
+    let columns = [(Channel::Voltage, Some(&u)), (Channel::Speed, Some(&w)), (Channel::Current, Some(&i))];
+    for (channel, values) in columns.into_iter().chain([(Channel::LoadTorque, load.as_ref())]) {
+        if let Some(values) = values {
+            kept.set(channel, running.iter().map(|row| values[*row]).collect());
+        }
     }
     (kept, rest.into_iter().map(|row| (u[row] - k * w[row]) / i[row]).collect())
 }
@@ -227,8 +307,8 @@ impl Constants {
         let viscous = study.outcome.parameters.get("viscous_friction_Nm_s").map(|parameter| parameter.value);
         let nominal_k = rig.motor.torque_constant_nm_per_a?;
         let k = found("back_emf_constant_V_s").unwrap_or(nominal_k);
-        // Friction was found as current times the nominal constant.
-        let torque = k / nominal_k;
+        // Friction was found as current times the nominal constant, where no load told more.
+        let torque = if is_loaded(&study.levels) { 1.0 } else { k / nominal_k };
         Some(Self {
             resistance_ohm: found("resistance_ohm").or(rig.motor.resistance_ohm)?,
             torque_constant_Nm_per_A: k,
@@ -242,9 +322,12 @@ impl Constants {
         let (i, w) = (level.i_A, level.omega_rad_per_s);
         let winding = i * i * self.resistance_ohm;
         let (drop, coulomb, viscous) = (i * self.drop_V, self.coulomb_Nm * w, self.viscous_Nm_s * w * w);
-        let rest = level.p_in_W - winding - drop - coulomb - viscous;
+        let shaft = level.load_Nm * w;
+        let rest = level.p_in_W - shaft - winding - drop - coulomb - viscous;
         Losses {
             u_V: level.u_V,
+            load_Nm: level.load_Nm,
+            shaft_W: shaft,
             winding_W: winding,
             drop_W: drop,
             coulomb_W: coulomb,
@@ -300,7 +383,7 @@ fn condition(earlier: &Recording, now: &Recording, rig: &Rig) -> Result<Vec<Cond
         let speed: Vec<f64> = test.iter().map(|level| level.omega_rad_per_s).collect();
         let columns = [vec![1.0; speed.len()], speed];
         let voltage: Vec<f64> = test.iter().map(|level| level.missing_V).collect();
-        let torque: Vec<f64> = test.iter().map(|level| level.torque_Nm).collect();
+        let torque: Vec<f64> = test.iter().map(|level| level.torque_Nm - level.load_Nm).collect();
         let voltage =
             line(&columns, &voltage, &test.iter().map(|level| level.voltage_error(r, k)).collect::<Vec<_>>())?;
         let torque = line(&columns, &torque, &test.iter().map(|level| k * level.current_error).collect::<Vec<_>>())?;

@@ -262,11 +262,22 @@ fn tuning_is_sent_to_a_plotter() {
 
 /// Recordings of a session.
 #[derive(Clone, Default)]
-struct Shared(Arc<Mutex<Vec<(Record, Settings)>>>);
+struct Shared {
+    /// What the recordings have kept while they were made.
+    grown: Arc<Mutex<Vec<Sample>>>,
+    ended: Arc<Mutex<Vec<(Record, Settings)>>>,
+    /// Has no room for anything.
+    full: bool,
+}
 
 impl Keeper for Shared {
+    fn grow(&mut self, samples: &[Sample], _: &Settings) -> Result<(), String> {
+        self.grown.lock().unwrap().extend(samples);
+        if self.full { Err("the disk is full".into()) } else { Ok(()) }
+    }
+
     fn keep(&mut self, record: &Record, before: &Settings, _firmware: &str) -> String {
-        self.0.lock().unwrap().push((record.clone(), *before));
+        self.ended.lock().unwrap().push((record.clone(), *before));
         "kept".into()
     }
 }
@@ -287,10 +298,24 @@ fn a_recording_out_of_the_tuning_console() {
     let gone = BoardError::Failed("the cable".into());
     assert_eq!(session.end_recording(Some(&gone)).as_deref(), Some("kept"));
     assert!(session.end_recording(None).is_none(), "it is kept once");
-    let kept = kept.0.lock().unwrap();
+    let grown = kept.grown.lock().unwrap();
+    let kept = kept.ended.lock().unwrap();
     let [(first, before), (second, _)] = &kept[..] else { panic!("two recordings") };
     assert!(first.samples.len() > 20 && first.samples.windows(2).all(|pair| pair[1].tick == pair[0].tick + 1));
     assert_eq!((first.missing_ticks(), &first.ended), (0, &Ended::Complete));
     assert!(first.settings.get(Param::SpeedKp) > before.get(Param::SpeedKp));
     assert_eq!(second.ended, Ended::Failed("the cable".into()));
+    assert_eq!(*grown, [&first.samples[..], &second.samples].concat(), "kept as it came");
+}
+
+#[test]
+fn a_full_disk_ends_the_recording_of_the_tuning_console_and_not_the_session() {
+    let (kept, (fake, _)) = (Shared { full: true, ..Shared::default() }, Fake::new(Fault::None));
+    let mut session = Session::new(Link::start(fake).unwrap(), 30.0, None, Box::new(kept.clone())).unwrap();
+    session.press(Key::Record).unwrap();
+    (0..3).for_each(|_| session.poll().unwrap());
+    let kept = kept.ended.lock().unwrap();
+    let [(record, _)] = &kept[..] else { panic!("{} recordings", kept.len()) };
+    assert_eq!(record.ended, Ended::Failed("the disk is full".into()));
+    assert!(session.end_recording(None).is_none(), "it has ended");
 }

@@ -3,6 +3,10 @@
 //! In a block of ` ```text `, a line that begins with `$ ` is a command, a backslash at its end goes on in the next line, what
 //! follows is its output, and a line `...` stands for any lines. Numbers may differ in their last digits.
 
+#[cfg(all(feature = "chip", unix))]
+#[path = "common/board.rs"]
+mod board;
+
 use host_sim::commands::command;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -137,19 +141,53 @@ fn same(expected: &str, found: &str) -> bool {
         })
 }
 
-/// Whether the output has the expected lines one after another, `...` standing for any.
-fn has(expected: &[String], output: &[&str]) -> Result<(), String> {
-    let Some((first, rest)) = expected.split_first() else {
-        return if output.is_empty() { Ok(()) } else { Err(format!("more comes out: {}", output[0])) };
-    };
-    if first.trim() == "..." {
-        let fits = (0..=output.len()).any(|skipped| has(rest, &output[skipped..]).is_ok());
-        return if fits { Ok(()) } else { Err(format!("after ... there is no \"{}\"", rest[0])) };
+/// A way on from two lines: by how many lines in the page and in the output, and whether that is a difference.
+type Move = (usize, usize, usize);
+
+/// What may follow, the most welcome first.
+fn moves(expected: Option<&String>, found: Option<&&str>) -> Vec<Move> {
+    match (expected, found) {
+        (None, None) => vec![],
+        (Some(line), found) if line.trim() == "..." => {
+            [(1, 0, 0)].into_iter().chain(found.map(|_| (0, 1, 0))).collect()
+        }
+        (Some(line), Some(found)) => vec![(1, 1, usize::from(!same(line, found))), (1, 0, 1), (0, 1, 1)],
+        (Some(_), None) => vec![(1, 0, 1)],
+        (None, Some(_)) => vec![(0, 1, 1)],
     }
-    match output.split_first() {
-        Some((found, others)) if same(first, found) => has(rest, others),
-        found => Err(format!("\"{first}\" is \"{}\"", found.map_or("the end", |(found, _)| found))),
+}
+
+/// The fewest lines in which the output is another than the page says, `...` standing for any: `-` the page's, `+` the output's.
+fn differences(expected: &[String], output: &[&str]) -> Vec<String> {
+    // Differences from each pair of lines to the end of both.
+    let mut from = vec![vec![0; output.len() + 1]; expected.len() + 1];
+    for row in (0..=expected.len()).rev() {
+        for column in (0..=output.len()).rev() {
+            let ways = moves(expected.get(row), output.get(column)).into_iter();
+            from[row][column] =
+                ways.map(|(down, right, cost)| cost + from[row + down][column + right]).min().unwrap_or(0);
+        }
     }
+    let (mut row, mut column, mut lines) = (0, 0, Vec::new());
+    while let Some((down, right, cost)) = moves(expected.get(row), output.get(column))
+        .into_iter()
+        .find(|(down, right, cost)| from[row][column] == cost + from[row + down][column + right])
+    {
+        if cost > 0 {
+            lines.extend(expected[row..row + down].iter().map(|line| format!("- {line}")));
+            lines.extend(output[column..column + right].iter().map(|line| format!("+ {line}")));
+        }
+        (row, column) = (row + down, column + right);
+    }
+    lines
+}
+
+#[test]
+fn every_line_that_differs_is_found() {
+    let page = ["a 1.000", "b", "...", "c", "d 5"].map(String::from);
+    assert!(differences(&page, &["a 1.001", "b", "x", "y", "c", "d 5"]).is_empty());
+    let wrong = differences(&page, &["a 2", "b", "y", "d 7", "more"]);
+    assert_eq!(wrong, ["- a 1.000", "+ a 2", "- c", "+ d 7", "- d 5", "+ more"].map(String::from));
 }
 
 /// Copies the files of a folder.
@@ -160,13 +198,19 @@ fn copied(from: &Path, to: &Path) {
     }
 }
 
-/// Runs a page's commands one after another, and compares what comes out.
-fn run(
-    name: &str,
-    folder: &Path,
-    wanted: impl Fn(&[String]) -> bool,
-    arguments: impl Fn(Vec<String>) -> Vec<String>,
-) -> usize {
+/// The pages' board.
+const PORT: &str = "/tmp/motorbench";
+
+/// A command of a page with the port of the board that is there.
+fn at_port(mut words: Vec<String>, port: &str) -> Vec<String> {
+    if BOARD.contains(&words[1].as_str()) && !words.contains(&"--port".to_string()) {
+        words.extend(["--port", PORT].map(String::from));
+    }
+    words.iter().map(|word| word.replace(PORT, port)).collect()
+}
+
+/// Runs a page's commands one after another; how many, and each that says something else than the page. `port`: of a board.
+fn run(name: &str, folder: &Path, port: &str, wanted: impl Fn(&[String]) -> bool) -> (usize, Vec<String>) {
     let mut wrong = Vec::new();
     let mut count = 0;
     for Shown { line, mut output } in shown(&page(name)) {
@@ -176,11 +220,11 @@ fn run(
         }
         count += 1;
         let done = Command::new(env!("CARGO_BIN_EXE_motorbench"))
-            .args(&arguments(words)[1..])
+            .args(&at_port(words, port)[1..])
             .current_dir(folder)
             .output()
             .unwrap();
-        let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+        let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).replace(port, PORT));
         while output.last().is_some_and(|line| line.is_empty()) {
             output.pop();
         }
@@ -188,21 +232,44 @@ fn run(
         if line.contains(" > ") {
             std::fs::write(folder.join(line.rsplit(" > ").next().unwrap().trim()), &out).unwrap();
         }
-        if let Err(why) = has(&output, &found) {
-            wrong.push(format!("$ {line}\n{why}\n--- all of it (exit code {:?}):\n{out}{err}", done.status.code()));
+        let differences = differences(&output, &found);
+        if !differences.is_empty() {
+            let code = done.status.code();
+            wrong.push(format!("{name}\n$ {line}\n{}\n(exit code {code:?})\n", differences.join("\n")));
         }
     }
-    assert!(wrong.is_empty(), "{name}:\n{}", wrong.join("\n"));
-    count
+    (count, wrong)
 }
 
 #[test]
 fn what_the_pages_show_comes_out() {
+    let mut wrong = Vec::new();
     for &(name, folders) in RUN {
         let folder = TempDir::new().unwrap();
         folders.iter().for_each(|from| copied(&PathBuf::from(ROOT).join(from), folder.path()));
         let alone = |words: &[String]| !BOARD.contains(&words[1].as_str()) && !words.contains(&"--port".to_string());
-        let count = run(name, folder.path(), alone, |words| words);
+        let (count, differs) = run(name, folder.path(), PORT, alone);
         assert!(count > 0, "{name} shows no command that needs no board");
+        wrong.extend(differs);
     }
+    assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
+}
+
+/// The pages of a board, with the virtual one and nobody beside it.
+#[cfg(all(feature = "chip", unix))]
+#[test]
+fn what_the_pages_show_of_a_board_comes_out() {
+    let board = board::Board::new("pages");
+    std::fs::copy(Path::new(ROOT).join("host-sim/tests/data/pivt6/rig.toml"), board.folder.join("rig.toml")).unwrap();
+    let port = board.port().display().to_string();
+    // Those that go on until somebody ends them, and those that ask for hands.
+    let alone = |words: &[String]| {
+        !["virtual", "ports", "tune"].contains(&words[1].as_str()) && !words.contains(&"--positions".to_string())
+    };
+    let of_board = |words: &[String]| alone(words) && words.contains(&"--port".to_string());
+    let (commands, mut wrong) = run("docs/bench.md", &board.folder, &port, alone);
+    let (tests, wrong_of_stand) = run("docs/stand.md", &board.folder, &port, of_board);
+    assert!(commands > 5 && tests > 0, "{commands} commands, {tests} tests");
+    wrong.extend(wrong_of_stand);
+    assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
 }

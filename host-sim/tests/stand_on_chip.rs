@@ -6,10 +6,11 @@ use host_sim::chip::{Bench, ChipBoard, Rig, firmware_elf};
 use host_sim::link::record::Ended;
 use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
 use host_sim::rig::NominalMotor;
-use host_sim::stand::drive::{Findings, Person, Plan, drive};
+use host_sim::stand::drive::{Findings, Found, Person, Plan, drive};
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::settings::Settings;
 use std::cell::Cell;
+use std::rc::Rc;
 
 const MOTOR: DcMotorParameters = DcMotorParameters { coulomb_friction_nm: 0.012, ..DcMotorParameters::PIVT6 };
 const BRIDGE: BridgeLosses = BridgeLosses::L293D;
@@ -29,13 +30,15 @@ enum Hands {
 struct Attended<'a> {
     chip: ChipBoard<DcMotor>,
     hands: &'a Cell<Hands>,
+    /// At the shaft, while it turns forwards.
+    brake_nm: Rc<Cell<f64>>,
 }
 
 impl<'a> Attended<'a> {
     fn new(motor: DcMotorParameters, hands: &'a Cell<Hands>) -> Self {
         let elf = firmware_elf().expect("firmware");
         let bench = Bench::new(elf, Rig::default(), DcMotor::new(motor)).expect("bench");
-        Self { chip: ChipBoard::start(bench).expect("the firmware starts"), hands }
+        Self { chip: ChipBoard::start(bench).expect("the firmware starts"), hands, brake_nm: Rc::default() }
     }
 
     fn drive(&mut self, plan: &Plan, person: &mut Fellow) -> Findings {
@@ -45,7 +48,15 @@ impl<'a> Attended<'a> {
             torque_constant_nm_per_a: Some(MOTOR.torque_constant_nm_per_a),
             ..NominalMotor::default()
         };
-        let findings = drive(self, &Settings::defaults(), &nominal, plan, person);
+        let (mut readings, mut positions) = (Vec::new(), 0);
+        let findings = drive(self, &Settings::defaults(), &nominal, plan, person, &mut |found| {
+            match found {
+                Found::Readings(new) => readings.extend_from_slice(new),
+                Found::Positions(new) => positions += new.len(),
+            }
+            Ok(())
+        });
+        assert_eq!((&readings, positions), (&findings.readings, findings.positions.len()), "kept as it came");
         let status = self.chip.bench.now();
         assert_eq!(status.duty, 0.0, "the drive is off, however it ended");
         findings
@@ -59,7 +70,8 @@ impl Board for Attended<'_> {
 
     fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError> {
         self.chip.bench.block_rotor(self.hands.get() == Hands::Hold);
-        self.chip.bench.set_load_torque_nm(if self.hands.get() == Hands::Turn { -HAND_NM } else { 0.0 });
+        let braked_nm = if self.chip.bench.now().speed_rad_per_s > 0.0 { self.brake_nm.get() } else { 0.0 };
+        self.chip.bench.set_load_torque_nm(if self.hands.get() == Hands::Turn { -HAND_NM } else { braked_nm });
         self.chip.samples(duration_s)
     }
 }
@@ -73,11 +85,23 @@ struct Fellow<'a> {
     /// Wants to stop after so many levels.
     stops_after: usize,
     blocks_after: usize,
+    brake_nm: Option<Rc<Cell<f64>>>,
+    /// Does not answer.
+    absent: bool,
 }
 
 impl<'a> Fellow<'a> {
     fn new(hands: &'a Cell<Hands>) -> Self {
-        Self { hands, looks: 0, loose: false, heard: Vec::new(), stops_after: usize::MAX, blocks_after: usize::MAX }
+        Self {
+            hands,
+            looks: 0,
+            loose: false,
+            heard: Vec::new(),
+            stops_after: usize::MAX,
+            blocks_after: usize::MAX,
+            brake_nm: None,
+            absent: false,
+        }
     }
 }
 
@@ -100,6 +124,9 @@ impl Person for Fellow<'_> {
     }
 
     fn answers(&mut self) -> Option<bool> {
+        if self.absent {
+            return Some(false);
+        }
         self.looks -= 1;
         if self.looks > 0 {
             return None;
@@ -107,10 +134,14 @@ impl Person for Fellow<'_> {
         self.hands.set(if self.loose { Hands::Off } else { Hands::Hold });
         Some(true)
     }
+
+    fn brakes(&mut self, torque_nm: f64) -> Result<bool, String> {
+        Ok(self.brake_nm.as_ref().map(|brake| brake.set(torque_nm)).is_some())
+    }
 }
 
 fn plan(voltages_v: &[f64], positions: usize) -> Plan {
-    Plan { voltages_v: voltages_v.into(), readings: 3, positions, sectors: 0 }
+    Plan { voltages_v: voltages_v.into(), loads_nm: Vec::new(), readings: 3, positions, sectors: 0 }
 }
 
 /// Both equations of the motor at rest from all change, with the bridge's drop in pulse and off phase.
@@ -134,6 +165,34 @@ fn readings_obey_the_motors_equations() {
         assert!((torque_nm / friction_nm - 1.0).abs() < 0.015, "{reading:?}: {torque_nm} Nm");
     }
     println!("{:?}", findings.readings);
+}
+
+/// What flows more under a load turns it; and the brake is open in the end.
+#[test]
+fn readings_under_load_obey_the_motors_equations() {
+    let hands = Cell::default();
+    let (mut board, mut fellow) = (Attended::new(MOTOR, &hands), Fellow::new(&hands));
+    fellow.brake_nm = Some(Rc::clone(&board.brake_nm));
+    let findings = board.drive(&Plan { loads_nm: vec![0.0, 0.01], ..plan(&[9.0, 12.0], 0) }, &mut fellow);
+    assert_eq!((&findings.ended, findings.readings.len()), (&Ended::Complete, 12), "{:?}", fellow.heard);
+    assert_eq!((board.brake_nm.get(), fellow.heard[0].as_str()), (0.0, "the brake is set to 0 Nm"));
+    for reading in &findings.readings {
+        let friction_nm = MOTOR.coulomb_friction_nm + MOTOR.viscous_friction_nms_per_rad * reading.omega_rad_per_s;
+        let torque_nm = MOTOR.torque_constant_nm_per_a * reading.i_A;
+        assert!((torque_nm / (friction_nm + reading.load_Nm) - 1.0).abs() < 0.015, "{reading:?}: {torque_nm} Nm");
+    }
+    assert_eq!(findings.readings[6].load_Nm, 0.01);
+}
+
+/// Nobody sets the brake: nothing is measured under a load that is not there.
+#[test]
+fn a_brake_that_nobody_sets_leaves_its_load_out() {
+    let hands = Cell::default();
+    let (mut board, mut fellow) = (Attended::new(MOTOR, &hands), Fellow::new(&hands));
+    fellow.absent = true;
+    let findings = board.drive(&Plan { loads_nm: vec![0.01], ..plan(&[9.0], 0) }, &mut fellow);
+    assert_eq!((&findings.ended, findings.readings.len()), (&Ended::Complete, 0));
+    assert_eq!(fellow.heard, ["set the brake to 0.01 Nm, press Enter", "nobody answers: the other loads are left out"]);
 }
 
 #[test]

@@ -147,12 +147,16 @@ const TABLE: &[Row] = &[
     Row {
         good: &[
             &["table.csv", "--rig", "stand.toml"],
+            &["loaded.csv", "--rig", "stand.toml"],
             &["table.csv", "--rig", "stand.toml", "--earlier", "table.csv", "--resistance", "positions.csv"],
         ],
         json: &["--json", "-"],
         bad: &[
             (&["none.csv", "--rig", "stand.toml"], 1, "none.csv"),
+            (&["junk.csv", "--rig", "stand.toml"], 1, "this is no text"),
+            (&["empty.csv", "--rig", "stand.toml"], 1, "the file is empty"),
             (&["table.csv", "--rig", "bad.toml"], 1, "bad.toml"),
+            (&["table.csv", "--rig", "typo.toml"], 1, "typo.toml: moter"),
             (&["--rig", "stand.toml", "--port", "/dev/none"], 3, "motorbench ports"),
             (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "/nonexistent/a.csv"], 3, "/nonexistent/a.csv"),
             (&["table.csv"], 2, "--rig"),
@@ -176,6 +180,7 @@ const TABLE: &[Row] = &[
         #[cfg(feature = "chip")]
         bad: &[
             (&["--rig", "none.toml"], 1, "none.toml"),
+            (&["--rig", "typo.toml"], 1, "typo.toml: motor.resistance_ohm is missing"),
             (&["--with", "nonsense"], 1, "nonsense"),
             (&["--seconds", "0.2", "--link", "/nonexistent/board"], 3, "/nonexistent/board"),
         ],
@@ -251,7 +256,10 @@ const WITH_A_BOARD: &[Row] = &[
     Row {
         good: &[&["--rig", "stand.toml", "--voltages", "6,9,12", "--readings", "2"]],
         json: &["--json", "-"],
-        bad: &[(&["--rig", "stand.toml", "--voltages", "99"], 1, "voltage_limit")],
+        bad: &[
+            (&["--rig", "stand.toml", "--voltages", "99"], 1, "voltage_limit"),
+            (&["--rig", "stand.toml", "--load-Nm=-1"], 1, "0 or more"),
+        ],
         ..row("stand")
     },
 ];
@@ -290,19 +298,30 @@ fn files() -> TempDir {
     put("model.toml", PIVT6_TOML);
     put("other.toml", &format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n"));
     put("stand.toml", PIVT6_TOML);
-    let levels = [10.0, 15.0, 20.0, 25.0, 30.0].map(|u: f64| {
-        [1.0, -1.0, 0.5, -0.5].map(|scatter| {
-            let omega = (u - 2.0 - 5.84 * 0.015 / 0.072) / (0.072 + 5.84 * 5e-6 / 0.072);
-            format!("{u},{},{}\n", (0.015 + 5e-6 * omega) / 0.072 + 0.003 * scatter, omega - 0.4 * scatter)
-        })
-    });
-    put("table.csv", &(String::from("u_V,i_A,omega_rad_per_s\n") + &levels.concat().concat()));
+    let table = |loads_nm: &[f64]| {
+        let mut table = String::from("u_V,load_Nm,i_A,omega_rad_per_s\n");
+        for u in [10.0, 15.0, 20.0, 25.0, 30.0] {
+            for (load, scatter) in
+                loads_nm.iter().flat_map(|load| [1.0, -1.0, 0.5, -0.5].map(|scatter| (load, scatter)))
+            {
+                let omega = (u - 2.0 - 5.84 * (0.015 + load) / 0.072) / (0.072 + 5.84 * 5e-6 / 0.072);
+                let current = (0.015 + load + 5e-6 * omega) / 0.072 + 0.003 * scatter;
+                table += &format!("{u},{load},{current},{}\n", omega - 0.4 * scatter);
+            }
+        }
+        table
+    };
+    put("table.csv", &table(&[0.0]));
+    put("loaded.csv", &table(&[0.0, 0.02, 0.05]));
     put("positions.csv", "resistance_ohm\n5.8\n5.9\n6.1\n");
     put("found.json", "{\"parameters\": {\"resistance_ohm\": {\"value\": 5.8, \"ci95\": [5.7, 5.9]}}}");
     put("gains.txt", "# from a design\nset speed_kp 0.05 speed_ki 1\n");
     put("bad.txt", "# the second is too much\nset speed_kp 0.05\nset speed_kp 99999\n");
     put("bad.csv", "t_s,omega_rad_per_s\n0,1\nzero,2\n");
     put("bad.toml", "[motor\n");
+    put("typo.toml", "[moter]\nresistance_ohm = 5\n");
+    put("empty.csv", "");
+    std::fs::write(folder.path().join("junk.csv"), [0xff, 0xfe, 0x00, b'\n']).unwrap();
     folder
 }
 

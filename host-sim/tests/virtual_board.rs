@@ -8,10 +8,12 @@ mod motor;
 use board::{Board, MOTORBENCH, rows, text, until};
 use host_sim::recording::Channel;
 use motor::PIVT6_TOML;
-use std::io::{BufRead, BufReader, Write};
-use std::net::UdpSocket;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, UdpSocket};
 use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{JoinHandle, sleep};
 use std::time::Duration;
 
 const STEPS: [&str; 8] = ["--sequence", "steps", "--amplitude", "5", "--period", "400", "--count", "2"];
@@ -38,46 +40,80 @@ fn a_recording_is_whole_and_read_by_the_diagnosis() {
     host_sim::dataset::Dataset::new(&[recording], &rig).unwrap();
 }
 
-/// What a plotter gets is the recording, at the board's times. UDP may lose some when the computer is busy.
+/// A plotter that takes what is sent to it until a recording is over.
+struct Plotter {
+    place: SocketAddr,
+    over: Arc<AtomicBool>,
+    /// What came, and how many packets the system has thrown away because the plotter was behind.
+    heard: JoinHandle<(Vec<String>, usize)>,
+}
+
+impl Plotter {
+    fn new() -> Self {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+        let (place, over) = (socket.local_addr().unwrap(), Arc::new(AtomicBool::new(false)));
+        let ends = Arc::clone(&over);
+        let heard = std::thread::spawn(move || {
+            let (mut buffer, mut packets) = ([0; 1024], Vec::new());
+            loop {
+                let was_over = ends.load(Ordering::Relaxed);
+                match socket.recv(&mut buffer) {
+                    Ok(length) => packets.push(text(&buffer[..length])),
+                    Err(_) if was_over => return (packets, dropped(place.port())),
+                    Err(_) => {}
+                }
+            }
+        });
+        Self { place, over, heard }
+    }
+
+    /// What it got of so many packets.
+    fn got(self, sent: usize) -> Vec<String> {
+        self.over.store(true, Ordering::Relaxed);
+        let (packets, dropped) = self.heard.join().unwrap();
+        assert!(!packets.is_empty() && packets.len() <= sent, "{} of {sent}", packets.len());
+        if cfg!(target_os = "linux") {
+            assert_eq!(packets.len() + dropped, sent, "{dropped} were dropped by the system");
+        }
+        packets
+    }
+}
+
+/// Packets that found the buffer of a UDP port full.
+fn dropped(port: u16) -> usize {
+    let table = std::fs::read_to_string("/proc/net/udp").unwrap_or_default();
+    let end = format!(":{port:04X}");
+    let own = table.lines().find(|line| line.split_whitespace().nth(1).is_some_and(|local| local.ends_with(&end)));
+    own.and_then(|line| line.split_whitespace().last()?.parse().ok()).unwrap_or(0)
+}
+
+/// What a plotter gets is the recording, at the board's times.
 #[test]
 fn plotters_get_the_recording_while_it_is_made() {
     let board = Board::new("live");
-    let plotter = || {
-        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-        socket.set_read_timeout(Some(Duration::from_secs(8))).unwrap();
-        let place = socket.local_addr().unwrap();
-        let hear = std::thread::spawn(move || {
-            let mut buffer = [0; 1024];
-            std::iter::from_fn(|| socket.recv(&mut buffer).ok().map(|length| text(&buffer[..length])))
-                .collect::<Vec<String>>()
-        });
-        (place, hear)
-    };
-    let ((json, plotjuggler), (lines, teleplot)) = (plotter(), plotter());
-    let to = [format!("--live=plotjuggler={json}"), format!("--live=teleplot={lines}")];
+    let (plotjuggler, teleplot) = (Plotter::new(), Plotter::new());
+    let to = [format!("--live=plotjuggler={}", plotjuggler.place), format!("--live=teleplot={}", teleplot.place)];
     let done = board.run("record", &[&STEPS[..], &[&to[0], &to[1]]].concat());
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
     let recording = host_sim::recording::Recording::read(&board.folder.join("run.csv"), &[]).unwrap();
     let (time_s, current_a) = (recording.time_s().unwrap(), recording.get(Channel::Current).unwrap());
 
     let sent: Vec<(f64, f64)> = plotjuggler
-        .join()
-        .unwrap()
+        .got(time_s.len())
         .iter()
         .map(|packet| {
             let object: serde_json::Value = serde_json::from_str(packet).unwrap();
             (object["timestamp"].as_f64().unwrap(), object["i_A"].as_f64().unwrap())
         })
         .collect();
-    assert!(sent.len() > time_s.len() * 9 / 10 && sent.len() <= time_s.len(), "{} of {}", sent.len(), time_s.len());
     // The recording begins at zero, the board's clock at its start.
     let begun_s = sent[0].0;
     for (at_s, value) in &sent {
         let row = (1000.0 * (at_s - begun_s)).round() as usize;
         assert!((at_s - begun_s - time_s[row]).abs() < 1e-9 && (value - current_a[row]).abs() < 1e-6, "{at_s} {value}");
     }
-    let packets = teleplot.join().unwrap();
-    assert!(packets.len() > time_s.len() * 9 / 10);
+    let packets = teleplot.got(time_s.len());
     let field = |packet: &String| {
         let line = packet.lines().find(|line| line.starts_with("i_A:")).unwrap().to_owned();
         let words: Vec<f64> =
@@ -87,6 +123,29 @@ fn plotters_get_the_recording_while_it_is_made() {
     for (at_s, value) in packets.iter().map(field) {
         let row = (1000.0 * (at_s - begun_s)).round() as usize;
         assert!((value - current_a[row]).abs() < 1e-6, "{at_s} {value}");
+    }
+}
+
+/// What the Arduino IDE's Serial Plotter draws: `name:value` pairs without spaces, lines that end with `\r\n`.
+#[test]
+fn a_serial_plotter_gets_lines() {
+    let board = Board::new("plotter");
+    let mut line = serialport::new(board.port().to_str().unwrap(), 500_000).open_native().unwrap();
+    line.write_all(b"stream text 50\n").unwrap();
+    let (mut heard, mut buffer) = (String::new(), [0; 256]);
+    until("ten lines for the plotter", || {
+        let count = line.read(&mut buffer).unwrap_or(0);
+        heard += &text(&buffer[..count]);
+        heard.matches("reference:").count() > 10
+    });
+    line.write_all(b"stream off\n").unwrap();
+    let lines: Vec<&str> = heard.split_inclusive('\n').filter(|line| line.starts_with("reference:")).collect();
+    for line in &lines[..10] {
+        let pairs = line.strip_suffix("\r\n").expect("the end of a line").split(',');
+        let names: Vec<&str> = pairs
+            .map(|pair| pair.split_once(':').filter(|(_, value)| value.parse::<f64>().is_ok()).expect("name:value").0)
+            .collect();
+        assert_eq!(names, ["reference", "position", "speed", "current", "duty"], "{line}");
     }
 }
 
@@ -368,6 +427,52 @@ fn a_stand_that_is_stopped_or_unplugged_keeps_its_table() {
     assert!(side["ended"]["failed"].as_str().unwrap().contains("connection is gone"), "{side}");
 }
 
+#[test]
+fn a_stand_that_is_killed_keeps_its_table() {
+    let board = Board::new("stand-killed");
+    std::fs::write(board.folder.join("rig.toml"), PIVT6_TOML).unwrap();
+    let levels = ["--rig", "rig.toml", "--voltages", "6,7,8,9,10,11", "--readings", "2"];
+    let mut stand = board.command("stand", &levels).spawn().unwrap();
+    let table = board.folder.join("stand.csv");
+    until("a table of three levels", || table.exists() && rows(&table) >= 6);
+    stand.kill().unwrap();
+    stand.wait().unwrap();
+    let kept = host_sim::recording::Recording::read(&table, &[]).unwrap();
+    assert!(kept.get(Channel::Speed).unwrap().iter().all(|speed| *speed > 10.0), "{kept:?}");
+    board.trips_by_itself();
+}
+
+/// The virtual board's brake sets itself; efficiency over load is that of the equations, and a load that stalls the motor is
+/// left out.
+#[test]
+fn the_stand_measures_efficiency_over_load() {
+    let board = Board::new("stand-load");
+    std::fs::write(board.folder.join("rig.toml"), PIVT6_TOML).unwrap();
+    let levels = ["--rig", "rig.toml", "--voltages", "5,8,12", "--load-Nm", "0,0.01,0.02", "--readings", "2"];
+    let done = board.run("stand", &[&levels[..], &["--json", "found.json"]].concat());
+    let (said, page) = (text(&done.stderr), text(&done.stdout));
+    assert_eq!(done.status.code(), Some(0), "{said}");
+    assert!(said.contains("the brake is set to 0.02 Nm\n  5.00 V: left out"), "{said}");
+    assert!(page.contains("Best measured: "), "{page}");
+    let found: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(board.folder.join("found.json")).unwrap()).unwrap();
+    let points = found["loaded"].as_array().unwrap();
+    assert_eq!(points.len(), 8, "{found}");
+    for point in points {
+        let number = |name: &str| point[name].as_f64().unwrap();
+        let (u, load, w) = (number("u_V"), number("load_Nm"), number("omega_rad_per_s"));
+        let i = (0.012 + load + 5e-6 * w) / 0.072;
+        let truth = load * w / (u * i);
+        assert!((number("shaft_efficiency") - truth).abs() < 0.01, "{point}: {truth}");
+        assert!((number("model_efficiency") - truth).abs() < 0.01, "{point}: {truth}");
+        assert!((number("formula_efficiency") - 0.072 * w / u).abs() < 1e-6, "{point}");
+    }
+    assert!((found["load_scale"]["value"].as_f64().unwrap() - 1.0).abs() < 0.02, "{}", found["load_scale"]);
+    let again = board.run_alone(&["stand", "stand.csv", "--rig", "rig.toml"]);
+    assert_eq!(text(&again.stdout), page, "the table has the loads in it");
+    board.motor_is_off();
+}
+
 /// A terminal of tmux with the tuning console in it, at 80 columns.
 struct Terminal(String);
 
@@ -462,15 +567,19 @@ fn the_tuning_console_in_a_terminal() {
     board.motor_is_off();
 }
 
-/// Killed, it cannot stop the motor; the drive does.
+/// Killed, it cannot stop the motor; the drive does. The recording under way is kept as far as it had come.
 #[test]
 fn the_tuning_console_dies_without_leaving_the_motor_driven() {
     let board = Board::new("tune-dies");
     let Some(terminal) = Terminal::new(&board) else { return };
     terminal.shows("speed off to 30");
     terminal.does("a", "ARMED");
+    terminal.does("r", "recording; r ends it");
+    let recording = board.folder.join("tune.csv");
+    until("a recording", || recording.exists() && rows(&recording) >= 300);
     let own = std::fs::read_to_string(board.folder.join("tune.pid")).unwrap();
     assert!(Command::new("kill").args(["-KILL", own.trim()]).status().unwrap().success());
     terminal.shows("exit 137");
+    assert!(rows(&recording) >= 300, "what had come is kept");
     board.trips_by_itself();
 }

@@ -1,7 +1,7 @@
 //! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`, `motorbench tune`: the commands that talk to a board.
 
 use super::live::LiveArguments;
-use super::{Failure, bar, write};
+use super::{Failure, bar, read_rig, write};
 use crate::board::{Board, BoardError};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
@@ -9,7 +9,7 @@ use crate::link::port::{Port, only_board, open, ports};
 use crate::link::record::{Asked, Ended, Record, by_name, is_played, record};
 use crate::link::{self, Link, Losses, VERSION};
 use crate::live::Live;
-use crate::rig::{NominalMotor, Rig};
+use crate::rig::NominalMotor;
 use crate::telemetry;
 use crate::tune::{Keeper, Session, screen};
 use clap::{Args, ValueEnum};
@@ -217,7 +217,7 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
 /// [`Failure`] when nothing could be recorded, or when the recording ended before its time; what has come is written.
 pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let nominal = match &arguments.motor {
-        Some(path) => Rig::read(path).map_err(Failure::input)?.motor,
+        Some(path) => read_rig(path)?.motor,
         None => NominalMotor::default(),
     };
     // Before the motor turns: a wrong folder shall not cost a recording.
@@ -238,9 +238,7 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
         coverage.add(came);
         bar.set_message(coverage.covered().to_string());
         send(&mut live, came, &settings);
-        growing
-            .add(came, &settings)
-            .map_err(|error| format!("{}: {error}: make room on the disk, or choose another with --out", out.display()))
+        growing.add(came, &settings).map_err(|error| cannot_grow(out, &error))
     });
     bar.finish_and_clear();
     if !played.agrees(arguments.sequence, &done) {
@@ -249,6 +247,10 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
         );
     }
     finish(arguments, &done, &link.firmware, &played, nominal)
+}
+
+fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
+    format!("{}: {error}: make room on the disk, or choose another with --out", path.display())
 }
 
 /// Writes what belongs beside the recording and says what became of it.
@@ -564,22 +566,42 @@ pub struct TuneArguments {
 struct Numbered {
     out: PathBuf,
     kept: u32,
+    /// That under way, once something of it has come.
+    growing: Option<GrowingCsv>,
+}
+
+impl Numbered {
+    /// Of the recording under way.
+    fn path(&self) -> PathBuf {
+        match self.kept {
+            0 => self.out.clone(),
+            kept => beside(&self.out, &format!("{}.csv", kept + 1)),
+        }
+    }
 }
 
 impl Keeper for Numbered {
-    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> String {
-        self.kept += 1;
-        let out = match self.kept {
-            1 => self.out.clone(),
-            number => beside(&self.out, &format!("{number}.csv")),
+    fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String> {
+        let path = self.path();
+        let grown = match &mut self.growing {
+            Some(growing) => growing.add(samples, settings),
+            None => GrowingCsv::new(&path).and_then(|new| self.growing.insert(new).add(samples, settings)),
         };
+        grown.map_err(|error| cannot_grow(&path, &error))
+    }
+
+    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> String {
+        let out = self.path();
+        self.growing = None;
+        if record.samples.is_empty() {
+            return "nothing had come".into();
+        }
+        self.kept += 1;
         let mut side = record.side_file(firmware, "by hand, in motorbench tune");
         side["settings_before"] = by_name(before).into();
-        let csv = telemetry::recording("tune", &record.samples, &record.settings).to_csv();
-        let written = write(&out, &csv).and_then(|()| write_rig_and_side(&out, record, NominalMotor::default(), &side));
-        match written {
+        match write_rig_and_side(&out, record, NominalMotor::default(), &side) {
             Ok(_) => format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks()),
-            Err(failure) => format!("not kept: {}", failure.message),
+            Err(failure) => format!("{} is there, but what belongs to it not: {}", out.display(), failure.message),
         }
     }
 }
@@ -595,7 +617,7 @@ pub fn run_tune(arguments: &TuneArguments) -> Result<(), Failure> {
     let stopped = on_interrupt()?;
     let live = arguments.live.open()?;
     let (link, _) = arguments.port.open()?;
-    let keeper = Numbered { out: arguments.out.clone(), kept: 0 };
+    let keeper = Numbered { out: arguments.out.clone(), kept: 0, growing: None };
     let session = Session::new(link, arguments.reference, live, Box::new(keeper))?;
     screen::run(session, &|| stopped.load(Ordering::Relaxed)).map_err(Failure::from)
 }

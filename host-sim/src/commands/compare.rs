@@ -1,6 +1,6 @@
 //! `motorbench compare`
 
-use super::{Failure, mapping, plot_file, write, write_plot};
+use super::{Failure, mapping, plot_file, read_rig, write, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
@@ -140,7 +140,7 @@ fn read_model(path: &Path) -> Result<Model, Failure> {
 
 /// A free run of the model over the recording, against everything that was measured.
 fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(), Failure> {
-    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), Rig::read).map_err(Failure::input)?;
+    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), read_rig)?;
     let recording = Recording::read(recording, &arguments.columns).map_err(Failure::input)?;
     let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
     let model = read_model(model)?;

@@ -1,7 +1,7 @@
 //! `motorbench design`: gains for a specification or for weights.
 
 use super::analyse::motor_of;
-use super::{Failure, spinner, write};
+use super::{Failure, read_rig, spinner, write};
 use crate::design::compensation::{Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::{ControlLaw, setting_name};
@@ -249,7 +249,7 @@ impl Arguments {
             (None, None) => return Err(Failure::input("give --rig or --model")),
         };
         let (motor, _) = motor_of(model)?;
-        let rig = Rig::read(surroundings).map_err(Failure::input)?;
+        let rig = read_rig(surroundings)?;
         let needed = |key: &str, value: Option<f64>| {
             let name = surroundings.display();
             value.ok_or_else(|| Failure::input(format!("{name}: {key} is missing: the design needs it, add it")))

@@ -1,6 +1,6 @@
 //! `motorbench diagnose`
 
-use super::{Failure, mapping, spinner, write};
+use super::{Failure, mapping, read_rig, spinner, write};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -53,12 +53,9 @@ pub struct Arguments {
 /// [`Failure`] with what is wrong with the input, and where.
 pub fn run(args: &Arguments) -> Result<(), Failure> {
     let rig = match &args.rig {
-        Some(path) => Rig::read(path).map_err(Failure::input)?,
+        Some(path) => read_rig(path)?,
         None => Rig::default(),
     };
-    for key in &rig.ignored {
-        eprintln!("motorbench: the rig file's {key} has no meaning here and is ignored");
-    }
     if args.batch {
         return batch(args, &rig);
     }

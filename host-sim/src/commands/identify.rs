@@ -1,6 +1,6 @@
 //! `motorbench identify`
 
-use super::{Failure, mapping, spinner, write};
+use super::{Failure, mapping, read_rig, spinner, write};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
 use crate::free_run::free_run;
@@ -66,7 +66,7 @@ struct Fitted {
 /// # Errors
 /// [`Failure`] with what is wrong with the input, and where.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), Rig::read).map_err(Failure::input)?;
+    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), read_rig)?;
     let read = |path: &PathBuf| Recording::read(path, &arguments.columns).map_err(Failure::input);
     let recordings = arguments.recordings.iter().map(read).collect::<Result<Vec<_>, _>>()?;
     let data = Dataset::new(&recordings, &rig).map_err(Failure::input)?;

@@ -20,6 +20,7 @@ mod virtual_board;
 
 use crate::model::Model;
 use crate::picture::{self, Format};
+use crate::rig::Rig;
 use crate::scenario::Scenario;
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -184,6 +185,15 @@ fn manual(name: Option<&str>) -> Result<(), Failure> {
 fn mapping(text: &str) -> Result<(String, String), String> {
     let (from, to) = text.split_once('=').ok_or("expected FROM=TO, for instance speed=omega_rad_per_s")?;
     Ok((from.into(), to.into()))
+}
+
+/// A rig file; which of its keys mean nothing is said.
+fn read_rig(path: &Path) -> Result<Rig, Failure> {
+    let rig = Rig::read(path).map_err(Failure::input)?;
+    for key in &rig.ignored {
+        eprintln!("motorbench: {}: {key} has no meaning in a rig file and is ignored", path.display());
+    }
+    Ok(rig)
 }
 
 /// A scenario, with another model than its own if one is given.

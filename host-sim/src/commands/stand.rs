@@ -2,11 +2,11 @@
 
 mod board;
 
-use super::{Failure, mapping, plot_file, write, write_plot};
+use super::{Failure, mapping, plot_file, read_rig, write, write_plot};
 use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::stand::{Directions, EfficiencyMap, OperatingPoint, Stand, Winding, evaluate};
+use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, Winding, evaluate};
 use crate::terminal_text::{short, wrapped};
 use clap::Args;
 use plotters::prelude::*;
@@ -15,20 +15,22 @@ use std::error::Error;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// A test stand: drives a board through voltages, or reads a table; powers, efficiency, losses, condition, best operating
-/// points.
+/// A test stand: drives a board through voltages and loads, or reads a table; powers, efficiency, losses, condition, best
+/// operating points.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench stand --rig rig.toml --both-directions --positions 6
   motorbench stand --port /tmp/motorbench --rig rig.toml --voltages 6,8,10,12
+  motorbench stand --rig rig.toml --voltages 8,10,12 --load-Nm 0,0.01,0.02
   motorbench stand no_load.csv --rig rig.toml --resistance positions.csv
   motorbench stand now.csv --earlier last_year.csv --rig rig.toml \\
     --map efficiency.svg
 
-Without a table the motor on the board is driven, without load. Ctrl-C stops it
-and keeps what has come.")]
+Without a table the motor on the board is driven. For each load you are asked to
+set the brake; that of motorbench virtual sets itself. Ctrl-C stops the motor and
+keeps what has come.")]
 pub struct Arguments {
-    /// Table with u_V, i_A and omega_rad_per_s or rpm; rows with the rotor held tell the winding's resistance.
+    /// Table with u_V, i_A and omega_rad_per_s or rpm, with a brake load_Nm; rows with the rotor held tell the winding's resistance.
     table: Option<PathBuf>,
     #[command(flatten)]
     board: board::BoardArguments,
@@ -63,7 +65,7 @@ struct Position {
 /// # Errors
 /// [`Failure`] with file and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let rig = Rig::read(&arguments.rig).map_err(Failure::input)?;
+    let rig = read_rig(&arguments.rig)?;
     let read = |path: &PathBuf| Recording::read(path, &arguments.columns).map_err(Failure::input);
     let earlier = arguments.earlier.as_ref().map(read).transpose()?;
     let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
@@ -113,14 +115,19 @@ fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
 }
 
 fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
-    let mut text = String::from(
-        "Derived with the nominal constants, as stands do\n     u_V    emf_V     rpm   P_in_W  P_out_W   eff  torque_Nm   k_mot   R_dyn_ohm\n",
+    let loaded = !stand.loaded.is_empty();
+    // A column that only a table with loads has.
+    let load = |load_nm: f64| if loaded { format!(" {load_nm:8.4}") } else { String::new() };
+    let head = if loaded { "  load_Nm" } else { "" };
+    let mut text = format!(
+        "Derived with the nominal constants, as stands do\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm\n",
     );
     for level in &stand.study.levels {
         let _ = writeln!(
             text,
-            "  {:6.2} {:8.2} {:7.1} {:8.2} {:8.2} {:5.2} {:10.4} {:7.2} {:11.2}",
+            "  {:6.2}{} {:6.2} {:7.1} {:6.2} {:7.2} {:5.2} {:9.4} {:6.2} {:9.2}",
             level.u_V,
+            load(level.load_Nm),
             level.emf_V,
             level.rpm,
             level.p_in_W,
@@ -131,12 +138,23 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             level.dynamic_resistance_ohm
         );
     }
-    text += "\nWhere the power goes by the constants found, W\n     u_V  winding     drop  dry fr.  viscous     rest\n";
+    let shaft = if loaded { "    shaft" } else { "" };
+    let _ = writeln!(
+        text,
+        "\nWhere the power goes by the constants found, W\n     u_V{head}{shaft}  winding     drop  dry fr.  viscous     rest"
+    );
     for losses in &stand.losses {
         let _ = writeln!(
             text,
-            "  {:6.2} {:8.3} {:8.3} {:8.3} {:8.3} {:8.3}",
-            losses.u_V, losses.winding_W, losses.drop_W, losses.coulomb_W, losses.viscous_W, losses.rest_W
+            "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:8.3}",
+            losses.u_V,
+            load(losses.load_Nm),
+            if loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
+            losses.winding_W,
+            losses.drop_W,
+            losses.coulomb_W,
+            losses.viscous_W,
+            losses.rest_W
         );
     }
     text += "\nCauses\n";
@@ -160,28 +178,67 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     }
     directions(&mut text, stand);
     condition(&mut text, stand);
-    text += "\nMost efficient load at each voltage, foretold: no point of the table was loaded\n";
+    loads(&mut text, stand);
+    text += match loaded {
+        true => "\nMost efficient load at each voltage, by the constants found\n",
+        false => "\nMost efficient load at each voltage, foretold: no point of the table was loaded\n",
+    };
     text += "     u_V  torque_Nm     rpm    i_A    eff\n";
     for point in &stand.most_efficient {
         let OperatingPoint { u_V, torque_Nm, omega_rad_per_s, i_A, efficiency } = point;
-        let rpm = omega_rad_per_s * 60.0 / std::f64::consts::TAU;
+        let rpm = rpm(*omega_rad_per_s);
         let _ = writeln!(text, "  {u_V:6.2} {torque_Nm:10.4} {rpm:7.0} {i_A:6.2} {efficiency:6.2}");
     }
     text
+}
+
+/// Efficiency over load at each voltage.
+fn loads(text: &mut String, stand: &Stand) {
+    let Some(best) = stand.loaded.iter().max_by(|a, b| a.shaft_efficiency.total_cmp(&b.shaft_efficiency)) else {
+        return;
+    };
+    text.push_str("\nEfficiency over load: by formulas, at the brake, by the constants found\n");
+    text.push_str("     u_V  load_Nm     rpm    i_A  formulas  brake  found\n");
+    for point in &stand.loaded {
+        let LoadedPoint { u_V, load_Nm, i_A, formula_efficiency, shaft_efficiency, .. } = point;
+        let _ = writeln!(
+            text,
+            "  {u_V:6.2} {load_Nm:8.4} {:7.0} {i_A:6.3} {formula_efficiency:9.3} {shaft_efficiency:6.3} {:>6}",
+            rpm(point.omega_rad_per_s),
+            point.model_efficiency.map_or("-".into(), |efficiency| format!("{efficiency:.3}"))
+        );
+    }
+    let _ = writeln!(
+        text,
+        "Best measured: {:.3} at {:.2} V and {} Nm, {:.0} rpm",
+        best.shaft_efficiency,
+        best.u_V,
+        short(best.load_Nm),
+        rpm(best.omega_rad_per_s)
+    );
+    if let Some(scale) = &stand.load_scale {
+        let _ = writeln!(text, "The currents speak of {} times the stated loads", estimate(scale));
+    }
+}
+
+fn rpm(omega_rad_per_s: f64) -> f64 {
+    omega_rad_per_s * 60.0 / std::f64::consts::TAU
 }
 
 fn directions(text: &mut String, stand: &Stand) {
     if stand.directions.is_empty() {
         return;
     }
-    text.push_str("\nForwards and backwards\n     u_V  i_A fwd  i_A rev  rpm fwd  rpm rev\n");
-    let rpm = 60.0 / std::f64::consts::TAU;
-    for Directions { u_V, forward_A, reverse_A, forward_rad_per_s, reverse_rad_per_s } in &stand.directions {
+    let loaded = !stand.loaded.is_empty();
+    let head = if loaded { "  load_Nm" } else { "" };
+    let _ = writeln!(text, "\nForwards and backwards\n     u_V{head}  i_A fwd  i_A rev  rpm fwd  rpm rev");
+    for Directions { u_V, load_Nm, forward_A, reverse_A, forward_rad_per_s, reverse_rad_per_s } in &stand.directions {
+        let load = if loaded { format!(" {load_Nm:8.4}") } else { String::new() };
         let _ = writeln!(
             text,
-            "  {u_V:6.2} {forward_A:8.4} {reverse_A:8.4} {:8.1} {:8.1}",
-            forward_rad_per_s * rpm,
-            reverse_rad_per_s * rpm
+            "  {u_V:6.2}{load} {forward_A:8.4} {reverse_A:8.4} {:8.1} {:8.1}",
+            rpm(*forward_rad_per_s),
+            rpm(*reverse_rad_per_s)
         );
     }
 }

@@ -1,7 +1,7 @@
 //! `motorbench validate`
 
 use super::compare::{plot, table};
-use super::{Failure, mapping, plot_file, spinner, write, write_plot};
+use super::{Failure, mapping, plot_file, read_rig, spinner, write, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::design::trial::Point;
 use crate::diagnose::diagnose;
@@ -52,7 +52,7 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] with file and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), Rig::read).map_err(Failure::input)?;
+    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), read_rig)?;
     let measured = Recording::read(&arguments.measured, &arguments.columns).map_err(Failure::input)?;
     let scenario = super::scenario(&arguments.scenario, arguments.model.as_deref())?;
     let simulated = scenario.run().map_err(Failure::input)?.recording;

@@ -22,9 +22,11 @@ While it runs it takes lines, as --with does for its start:
                                       an effect of the catalogue
   effect coulomb_friction off         without it
   model FILE.toml                     another motor with its effects
-  load NM, supply V, block on|off, turn DEGREES (and hold)
+  load NM, brake NM, supply V, block on|off, turn DEGREES (and hold)
   encoder ok|unplugged|swapped, current ok|open|high|low
-  stop on|off (the emergency stop), reset, quit")]
+  stop on|off (the emergency stop), reset, quit
+The socket beside the port takes them as well, and answers ok or error:
+  echo 'brake 0.01' | nc -UN /tmp/motorbench.control")]
 pub struct Arguments {
     /// Motor and supply from a rig file; without it the test stand's motor with friction and an L293D.
     #[arg(long)]
@@ -66,21 +68,31 @@ pub use with_chip::run;
 
 #[cfg(all(feature = "chip", unix))]
 mod with_chip {
+    use super::super::read_rig;
     use super::surroundings::{ORDERS, Surroundings};
     use super::{Arguments, Failure};
     use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, firmware_elf};
+    use crate::link::virtual_control::control_path;
     use crate::plant::ModelPlant;
     use crate::rig::Rig;
     use serialport::{SerialPort, TTYPort};
-    use std::io::{BufRead, ErrorKind, Read, Write};
+    use std::fs::File;
+    use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+    use std::os::unix::net::{UnixListener, UnixStream};
     use std::path::{Path, PathBuf};
-    use std::sync::mpsc::{Receiver, channel};
+    use std::sync::mpsc::{Sender, channel};
     use std::time::{Duration, Instant};
 
     /// The chip runs this long between two looks at the line.
     const SLICE_S: f64 = 2e-3;
     /// Behind by more than this the clock is set anew: the computer was busy.
     const LATEST: Duration = Duration::from_millis(200);
+    /// The chip waits for a program that has left so many bytes in the line: a busy computer's delays are not the board's.
+    const UNREAD: u64 = 1024;
+    /// Who takes nothing for longer does not read; time goes on, and what the line cannot keep is lost.
+    const WAITS_AT_MOST: Duration = Duration::from_millis(500);
+    /// How often it is looked meanwhile.
+    const LOOK_AGAIN: Duration = Duration::from_millis(1);
     const COUNTS_PER_REV: f64 = 2000.0;
     /// The EEPROM is kept when nothing was written to it for so many slices.
     const EEPROM_QUIET_SLICES: u32 = 50;
@@ -90,8 +102,9 @@ mod with_chip {
     /// # Errors
     /// [`Failure`] with what is missing or wrong.
     pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-        let rig = arguments.rig.as_ref().map(|path| Rig::read(path).map_err(Failure::input)).transpose()?;
-        let mut surroundings = Surroundings::new(arguments.model.as_deref(), rig.as_ref())?;
+        let rig = arguments.rig.as_deref().map(read_rig).transpose()?;
+        let mut surroundings =
+            Surroundings::new(arguments.model.as_deref(), arguments.rig.as_deref().zip(rig.as_ref()))?;
         let elf = match &arguments.firmware {
             Some(path) => path.clone(),
             None => firmware_elf().map_err(Failure::machine)?,
@@ -201,32 +214,35 @@ mod with_chip {
         board.set_timeout(Duration::from_millis(1)).map_err(Failure::machine)?;
         let name = port.name().ok_or_else(|| Failure::machine("the pseudo-terminal has no name"))?;
         // Kept open so that the line outlives its users, but not as a port, which would be this program's alone.
-        let _open = std::fs::File::options().read(true).write(true).open(&name).map_err(Failure::machine)?;
+        let line = File::options().read(true).write(true).open(&name).map_err(Failure::machine)?;
         drop(port);
         let named = NamedPort::new(&arguments.link, &name)?;
+        let (sender, orders) = channel();
+        let _control = Control::new(&named.0, sender.clone())?;
+        from_terminal(sender);
         println!("virtual board at {} ({name}); lines change it:\n{ORDERS}", named.0.display());
-        let orders = orders();
         let (begun, ended) = (Instant::now(), super::super::board::on_interrupt()?);
-        let mut clock = (Instant::now(), 0.0);
+        let mut clock = Clock::new();
         while !ended.load(std::sync::atomic::Ordering::Relaxed)
             && arguments.seconds.is_none_or(|limit_s| begun.elapsed().as_secs_f64() < limit_s)
         {
             for order in orders.try_iter() {
-                if order.trim() == "quit" {
+                if order.line.trim() == "quit" {
                     return Ok(());
                 }
-                if let Err(why) = surroundings.obey(bench, &order) {
-                    println!("{why}");
-                }
+                let done = surroundings.obey(bench, &order.line);
+                order.answer(done);
             }
             exchange(bench, &mut board)?;
+            if clock.waits(rustix::io::ioctl_fionread(&line).map_err(Failure::machine)?) {
+                continue;
+            }
             surroundings.push(bench);
             bench.run_s(SLICE_S).map_err(Failure::machine)?;
             if let Some(eeprom) = eeprom {
                 eeprom.watch(bench)?;
             }
-            clock.1 += SLICE_S;
-            keep_time(&mut clock);
+            clock.keep_time(SLICE_S);
         }
         Ok(())
     }
@@ -243,27 +259,106 @@ mod with_chip {
         Ok(())
     }
 
-    /// Waits until the clock on the wall has come as far as the chip's.
-    fn keep_time((start, simulated_s): &mut (Instant, f64)) {
-        let due = *start + Duration::from_secs_f64(*simulated_s);
-        let now = Instant::now();
-        if due > now {
-            std::thread::sleep(due - now);
-        } else if now - due > LATEST {
-            (*start, *simulated_s) = (now, 0.0);
+    /// Keeps the chip's time to that on the wall.
+    struct Clock {
+        start: Instant,
+        simulated_s: f64,
+        /// Since when the line's reader is behind.
+        behind: Option<Instant>,
+    }
+
+    impl Clock {
+        fn new() -> Self {
+            Self { start: Instant::now(), simulated_s: 0.0, behind: None }
+        }
+
+        /// Holds the time for a reader who has left so much in the line, if it is worth it.
+        fn waits(&mut self, unread: u64) -> bool {
+            if unread < UNREAD {
+                self.behind = None;
+                return false;
+            }
+            let waits = self.behind.get_or_insert_with(Instant::now).elapsed() < WAITS_AT_MOST;
+            if waits {
+                std::thread::sleep(LOOK_AGAIN);
+                (self.start, self.simulated_s) = (Instant::now(), 0.0);
+            }
+            waits
+        }
+
+        /// After a slice: waits until the clock on the wall has come as far as the chip's.
+        fn keep_time(&mut self, slice_s: f64) {
+            self.simulated_s += slice_s;
+            let due = self.start + Duration::from_secs_f64(self.simulated_s);
+            let now = Instant::now();
+            if due > now {
+                std::thread::sleep(due - now);
+            } else if now - due > LATEST {
+                (self.start, self.simulated_s) = (now, 0.0);
+            }
+        }
+    }
+
+    /// A line that changes the bench.
+    struct Order {
+        line: String,
+        /// Who wants an answer; else it is the terminal.
+        from: Option<UnixStream>,
+    }
+
+    impl Order {
+        fn answer(self, done: Result<(), String>) {
+            match (self.from, done) {
+                // Who does not wait for the answer does not want it.
+                (Some(mut from), Ok(())) => drop(writeln!(from, "ok")),
+                (Some(mut from), Err(why)) => drop(writeln!(from, "error: {why}")),
+                (None, Ok(())) => {}
+                (None, Err(why)) => println!("{why}"),
+            }
+        }
+    }
+
+    /// The socket beside the port, see [`crate::link::virtual_control`]; gone when this is dropped.
+    struct Control(PathBuf);
+
+    impl Control {
+        fn new(port: &Path, orders: Sender<Order>) -> Result<Self, Failure> {
+            let path = control_path(port);
+            // Of a virtual board that was killed: that of one that runs went with the port's name.
+            let _ = std::fs::remove_file(&path);
+            let listener = UnixListener::bind(&path)
+                .map_err(|error| Failure::machine(format!("{}: {error}; choose another --link", path.display())))?;
+            std::thread::spawn(move || {
+                for stream in listener.incoming().map_while(Result::ok) {
+                    let orders = orders.clone();
+                    std::thread::spawn(move || {
+                        for line in BufReader::new(&stream).lines().map_while(Result::ok) {
+                            let order = Order { line, from: stream.try_clone().ok() };
+                            if orders.send(order).is_err() {
+                                return;
+                            }
+                        }
+                    });
+                }
+            });
+            Ok(Self(path))
+        }
+    }
+
+    impl Drop for Control {
+        fn drop(&mut self) {
+            let _ = std::fs::remove_file(&self.0);
         }
     }
 
     /// Lines from the terminal, as they come.
-    fn orders() -> Receiver<String> {
-        let (sender, receiver) = channel();
+    fn from_terminal(orders: Sender<Order>) {
         std::thread::spawn(move || {
             for line in std::io::stdin().lock().lines().map_while(Result::ok) {
-                if sender.send(line).is_err() {
+                if orders.send(Order { line, from: None }).is_err() {
                     return;
                 }
             }
         });
-        receiver
     }
 }

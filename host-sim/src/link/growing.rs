@@ -1,4 +1,4 @@
-//! A recording that is in its file while it is made: what becomes of the program costs nothing that had come.
+//! Files that are written while a board is measured: what becomes of the program costs nothing that had come.
 
 use crate::telemetry::recording;
 use motorbench_core::message::Sample;
@@ -7,17 +7,17 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// A CSV file that grows by whole lines.
+/// A text file that grows by whole lines.
 #[derive(Debug)]
-pub struct GrowingCsv {
+pub struct GrowingFile {
     path: PathBuf,
-    file: Option<(File, Sample)>,
+    file: Option<File>,
     /// Bytes of whole lines.
     length: u64,
 }
 
-impl GrowingCsv {
-    /// Finds out whether the file can be written; what is in it is replaced when the first samples come.
+impl GrowingFile {
+    /// Finds out whether the file can be written; what is in it is replaced when the first lines come.
     ///
     /// # Errors
     /// What the system says.
@@ -30,28 +30,64 @@ impl GrowingCsv {
         Ok(Self { path: path.into(), file: None, length: 0 })
     }
 
-    /// Adds samples; on an error the file ends with the last whole line that was written before.
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether nothing was written yet.
+    pub fn is_empty(&self) -> bool {
+        self.file.is_none()
+    }
+
+    /// Adds lines; on an error the file ends with the last whole line that was written before.
+    ///
+    /// # Errors
+    /// What the system says, for instance of a full disk.
+    pub fn add(&mut self, lines: &str) -> io::Result<()> {
+        if self.file.is_none() {
+            self.file = Some(File::create(&self.path)?);
+        }
+        let Some(file) = &mut self.file else { return Ok(()) };
+        if let Err(error) = file.write_all(lines.as_bytes()) {
+            // A device has no length: then there is nothing to cut off.
+            let _ = file.set_len(self.length);
+            return Err(error);
+        }
+        self.length += lines.len() as u64;
+        Ok(())
+    }
+}
+
+/// A recording whose CSV file grows with what comes.
+#[derive(Debug)]
+pub struct GrowingCsv {
+    file: GrowingFile,
+    begun: Option<Sample>,
+}
+
+impl GrowingCsv {
+    /// As [`GrowingFile::new`].
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn new(path: &Path) -> io::Result<Self> {
+        Ok(Self { file: GrowingFile::new(path)?, begun: None })
+    }
+
+    /// Adds samples, as [`GrowingFile::add`] does.
     ///
     /// # Errors
     /// What the system says, for instance of a full disk.
     pub fn add(&mut self, samples: &[Sample], settings: &Settings) -> io::Result<()> {
         let Some(first) = samples.first() else { return Ok(()) };
-        let text = match &self.file {
-            None => {
-                self.file = Some((File::create(&self.path)?, *first));
-                recording("", samples, settings).to_csv()
-            }
+        let text = match self.begun {
+            None => recording("", samples, settings).to_csv(),
             // Times and columns are those that the first sample began.
-            Some((_, begun)) => recording("", &[&[*begun], samples].concat(), settings).csv_rows(1),
+            Some(begun) => recording("", &[&[begun], samples].concat(), settings).csv_rows(1),
         };
-        let Some((file, _)) = &mut self.file else { return Ok(()) };
-        if let Err(error) = file.write_all(text.as_bytes()) {
-            // A device has no length: then there is nothing to cut off.
-            let _ = file.set_len(self.length);
-            return Err(error);
-        }
-        self.length += text.len() as u64;
-        Ok(())
+        self.begun.get_or_insert(*first);
+        self.file.add(&text)
     }
 }
 

@@ -7,6 +7,8 @@ pub mod coverage;
 pub mod growing;
 pub mod port;
 pub mod record;
+#[cfg(unix)]
+pub mod virtual_control;
 
 use crate::board::{Board, BoardError};
 use motorbench_core::message::Sample;

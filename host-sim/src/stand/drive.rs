@@ -1,5 +1,5 @@
-//! A board as a test stand: steps through voltages, waits for each steady state, averages; and measures the winding with
-//! the rotor held at several positions, or while it creeps.
+//! A board as a test stand: steps through voltages, under each of some loads, waits for each steady state, averages; and
+//! measures the winding with the rotor held at several positions, or while it creeps.
 //!
 //! Steady is what the data say: the last window and the one half as long after the change, of whole revolutions where the
 //! motor turns, agree in speed and current as well as their scatter and a small share let them. (Two windows in a row agree
@@ -20,7 +20,7 @@ use crate::recording::{Channel, Recording};
 use crate::rig::{NominalMotor, Timing};
 use crate::steady_state::{interval, line};
 use crate::telemetry;
-use motorbench_core::message::Sample;
+use motorbench_core::message::{Sample, Trip};
 use motorbench_core::pins::PWM_HZ;
 use motorbench_core::settings::{Param, Settings};
 use serde::Serialize;
@@ -62,6 +62,8 @@ const FEWEST_POINTS: usize = 4;
 pub struct Plan {
     /// Voltages in the order in which they are gone to.
     pub voltages_v: Vec<f64>,
+    /// Torques of a brake, each for all voltages; none: the brake, if there is one, is not touched.
+    pub loads_nm: Vec<f64>,
     /// Averages at each.
     pub readings: usize,
     /// Rotor positions of the winding test.
@@ -83,6 +85,26 @@ pub trait Person {
 
     /// Has done it (true) or does not want to (false); nothing as long as neither is said.
     fn answers(&mut self) -> Option<bool>;
+
+    /// Has something that sets the brake by itself, and has set it; else the person is asked to.
+    ///
+    /// # Errors
+    /// Why it cannot, with what to do.
+    fn brakes(&mut self, _torque_nm: f64) -> Result<bool, String> {
+        Ok(false)
+    }
+}
+
+/// Who keeps what is measured as soon as it is; what it could not be kept for is the error, and ends the test.
+pub type Keeps<'a> = &'a mut dyn FnMut(Found) -> Result<(), String>;
+
+/// What is new.
+#[derive(Clone, Copy, Debug)]
+pub enum Found<'a> {
+    /// Rows of the table.
+    Readings(&'a [Reading]),
+    /// The winding at some positions.
+    Positions(&'a [HeldPosition]),
 }
 
 /// Averages of one window.
@@ -95,6 +117,8 @@ pub struct Reading {
     pub i_A: f64,
     /// Mean speed, by the counts where there is an encoder.
     pub omega_rad_per_s: f64,
+    /// Torque of the brake against positive rotation, as it was stated.
+    pub load_Nm: f64,
 }
 
 /// The winding at one position of the rotor.
@@ -120,16 +144,17 @@ pub struct Findings {
     pub ended: Ended,
 }
 
-impl Findings {
-    /// The rows as a table of steady states.
-    pub fn table(&self, name: &str) -> Recording {
-        let column = |of: &dyn Fn(&Reading) -> f64| self.readings.iter().map(of).collect::<Vec<f64>>();
-        let mut table = Recording::new(name);
-        table.set(Channel::Voltage, column(&|reading| reading.u_V));
-        table.set(Channel::Speed, column(&|reading| reading.omega_rad_per_s));
-        table.set(Channel::Current, column(&|reading| reading.i_A));
-        table
+/// Rows as a table of steady states; `loaded`: with the load in it.
+pub fn table(name: &str, readings: &[Reading], loaded: bool) -> Recording {
+    let column = |of: &dyn Fn(&Reading) -> f64| readings.iter().map(of).collect::<Vec<f64>>();
+    let mut table = Recording::new(name);
+    table.set(Channel::Voltage, column(&|reading| reading.u_V));
+    table.set(Channel::Speed, column(&|reading| reading.omega_rad_per_s));
+    table.set(Channel::Current, column(&|reading| reading.i_A));
+    if loaded {
+        table.set(Channel::LoadTorque, column(&|reading| reading.load_Nm));
     }
+    table
 }
 
 /// Drives a board through a plan; `settings` are those of the board, which has them again afterwards, disarmed. With a
@@ -140,9 +165,11 @@ pub fn drive(
     motor: &NominalMotor,
     plan: &Plan,
     person: &mut impl Person,
+    keeps: Keeps,
 ) -> Findings {
     let mut findings = Findings { readings: Vec::new(), positions: Vec::new(), ended: Ended::Complete };
-    let mut driver = Driver { board, settings, motor, person, waiting: Vec::new(), slices: 0, silent: 0 };
+    let mut driver =
+        Driver { board, settings, motor, person, keeps, load_nm: 0.0, waiting: Vec::new(), slices: 0, silent: 0 };
     let done = driver.prepare().and_then(|()| driver.run(plan, &mut findings));
     let off = driver.restore();
     findings.ended = match done.and(off.map_err(Ended::from)) {
@@ -175,6 +202,9 @@ struct Driver<'a, B: Board, P: Person> {
     settings: &'a Settings,
     motor: &'a NominalMotor,
     person: &'a mut P,
+    keeps: Keeps<'a>,
+    /// Of the brake.
+    load_nm: f64,
     /// Samples of the next window that have come already.
     waiting: Vec<Sample>,
     slices: u32,
@@ -196,8 +226,13 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         self.set(Param::TripHost, LOST_AFTER_MS)
     }
 
-    /// The board without drive and with its own settings.
+    /// The brake open, the board without drive and with its own settings.
     fn restore(&mut self) -> Result<(), BoardError> {
+        if self.load_nm > 0.0
+            && let Err(why) = self.person.brakes(0.0)
+        {
+            self.person.hears(&why);
+        }
         self.board.command("disarm")?;
         for param in [Param::SlewLimit, Param::TripHost, Param::TripStall, Param::TripEncoder] {
             self.board.command(&format!("set {} {}", name(param), self.settings.get(param)))?;
@@ -206,6 +241,43 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     }
 
     fn run(&mut self, plan: &Plan, findings: &mut Findings) -> Result<(), Ended> {
+        if plan.loads_nm.is_empty() {
+            self.levels(plan, findings)?;
+        }
+        for &load_nm in &plan.loads_nm {
+            if !self.is_braked(load_nm)? {
+                self.person.hears("nobody answers: the other loads are left out");
+                break;
+            }
+            self.levels(plan, findings)?;
+        }
+        for index in 0..plan.positions {
+            let request =
+                format!("position {} of {}: turn the rotor on, hold it, press Enter", index + 1, plan.positions);
+            let Some(position) = self.position(&request)? else {
+                self.person.hears("nobody answers: the other positions are left out");
+                break;
+            };
+            self.keep_positions(vec![position], findings)?;
+        }
+        if plan.sectors > 0 {
+            self.creep(plan.sectors, findings)?;
+        }
+        Ok(())
+    }
+
+    /// A load for all that follows; false when nobody sets it.
+    fn is_braked(&mut self, load_nm: f64) -> Result<bool, Ended> {
+        self.load_nm = load_nm;
+        let braked = self.person.brakes(load_nm).map_err(Ended::Failed)?;
+        if braked {
+            self.person.hears(&format!("the brake is set to {load_nm} Nm"));
+        }
+        Ok(braked || self.is_done(&format!("set the brake to {load_nm} Nm, press Enter"))?)
+    }
+
+    /// All voltages, one after another.
+    fn levels(&mut self, plan: &Plan, findings: &mut Findings) -> Result<(), Ended> {
         if !plan.voltages_v.is_empty() {
             self.arm()?;
         }
@@ -215,22 +287,23 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
                 self.board.command("ref 0")?;
                 self.settle(WINDOW_S, LONGEST_WINDOW_S)?;
             }
-            self.level(voltage_v, plan.readings, findings)?;
+            match self.level(voltage_v, plan.readings, findings) {
+                Err(Ended::Tripped(trip)) if self.load_nm > 0.0 && trip == format!("{:?}", Trip::Stall) => {
+                    self.person.hears(&format!("{voltage_v:6.2} V: left out, the load stalls the motor"));
+                    self.board.command("disarm")?;
+                    self.board.command("clear")?;
+                    self.arm()?;
+                }
+                done => done?,
+            }
         }
-        self.board.command("disarm")?;
-        for index in 0..plan.positions {
-            let request =
-                format!("position {} of {}: turn the rotor on, hold it, press Enter", index + 1, plan.positions);
-            let Some(position) = self.position(&request)? else {
-                self.person.hears("nobody answers: the other positions are left out");
-                break;
-            };
-            findings.positions.push(position);
-        }
-        if plan.sectors > 0 {
-            self.creep(plan.sectors, findings)?;
-        }
-        Ok(())
+        Ok(self.board.command("disarm")?)
+    }
+
+    fn keep_positions(&mut self, positions: Vec<HeldPosition>, findings: &mut Findings) -> Result<(), Ended> {
+        let kept = (self.keeps)(Found::Positions(&positions));
+        findings.positions.extend(positions);
+        kept.map_err(Ended::Failed)
     }
 
     fn arm(&mut self) -> Result<(), Ended> {
@@ -248,7 +321,9 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
                 before.reading.omega_rad_per_s, now.reading.omega_rad_per_s, before.reading.i_A, now.reading.i_A
             ),
             Settled::Steady(Window { reading, .. }) if self.stands(&reading) => {
-                if let Some(slower) = findings.readings.iter().find(|slower| slower.turned_below(voltage_v)) {
+                if let Some(slower) =
+                    findings.readings.iter().find(|slower| slower.turned_below(voltage_v, self.load_nm))
+                {
                     return Err(Ended::Failed(format!(
                         "no motion at {voltage_v} V, though the motor turned at {:.2} V: look at the encoder's cable and at the shaft",
                         slower.u_V
@@ -277,7 +352,9 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         if !taken.iter().all(|window| window.agrees(settled)) {
             return Ok(format!("{voltage_v:6.2} V: left out, it did not stay steady"));
         }
-        findings.readings.extend(taken.iter().map(|window| window.reading));
+        let readings: Vec<Reading> = taken.iter().map(|window| window.reading).collect();
+        findings.readings.extend(&readings);
+        (self.keeps)(Found::Readings(&readings)).map_err(Ended::Failed)?;
         let Reading { i_A, omega_rad_per_s, .. } = settled.reading;
         Ok(format!("{voltage_v:6.2} V: {i_A:8.4} A {omega_rad_per_s:8.2} rad/s"))
     }
@@ -291,7 +368,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     fn position(&mut self, request: &str) -> Result<Option<HeldPosition>, Ended> {
         let mut request = request.to_owned();
         loop {
-            if !self.is_held(&request)? {
+            if !self.is_done(&request)? {
                 return Ok(None);
             }
             match self.held_points()? {
@@ -313,7 +390,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     }
 
     /// Waits for the person, without drive.
-    fn is_held(&mut self, request: &str) -> Result<bool, Ended> {
+    fn is_done(&mut self, request: &str) -> Result<bool, Ended> {
         self.person.is_asked(request);
         loop {
             if let Some(answer) = self.person.answers() {
@@ -456,7 +533,13 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         let scatter = currents[1..].iter().map(|value| (value - i_a).powi(2)).sum::<f64>();
         let count = (currents.len() - 1) as f64;
         Window {
-            reading: Reading { u_V: u_v, i_A: i_a - self.sampled_above_mean_a(duty, u_v), omega_rad_per_s: omega },
+            reading: Reading {
+                u_V: u_v,
+                i_A: i_a - self.sampled_above_mean_a(duty, u_v),
+                omega_rad_per_s: omega,
+                // A brake acts against the motion.
+                load_Nm: if duty < 0.0 { 0.0 - self.load_nm } else { self.load_nm },
+            },
             current_error_a: (scatter / count).sqrt() / count.sqrt(),
             speed_step,
             counts: last.counts,
@@ -484,9 +567,9 @@ enum Held {
 }
 
 impl Reading {
-    /// Whether it was taken in the same direction at a lower voltage.
-    fn turned_below(&self, voltage_v: f64) -> bool {
-        self.u_V * voltage_v > 0.0 && self.u_V.abs() < voltage_v.abs()
+    /// Whether it was taken in the same direction at a lower voltage, under as much load.
+    fn turned_below(&self, voltage_v: f64, load_nm: f64) -> bool {
+        self.u_V * voltage_v > 0.0 && self.u_V.abs() < voltage_v.abs() && self.load_Nm.abs() >= load_nm
     }
 }
 

@@ -1,9 +1,9 @@
 //! Tables of steady states: voltage, current and speed without time.
 //!
-//! At rest from all change the two equations are `u = R i + k w + drop` and `k i = b w + friction`. A table says which
+//! At rest from all change the two equations are `u = R i + k w + drop` and `k i = b w + friction + load`. A table says which
 //! of their terms are needed, how large they are, and which it cannot tell apart: without load the current hardly changes,
 //! so that a resistance and a constant drop are one and the same, and so are a larger back-EMF constant and a resistance
-//! that grows with the speed.
+//! that grows with the speed. A brake whose torque is known tells them apart.
 
 mod report;
 
@@ -26,12 +26,14 @@ const NEEDED_SIGMAS: f64 = 4.0;
 /// Two explanations whose errors at a level left out differ by less than this share cannot be told apart.
 const SAME_SHARE: f64 = 0.5;
 
-/// Means of the readings at one voltage, and what follows from them.
+/// Means of the readings at one voltage under one load, and what follows from them.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[allow(non_snake_case, reason = "names of the contract, with their units")]
 pub struct Level {
     /// Voltage.
     pub u_V: f64,
+    /// Torque of the brake, as it was stated; none without one.
+    pub load_Nm: f64,
     /// Number of readings.
     pub readings: usize,
     /// Mean current.
@@ -103,7 +105,7 @@ pub enum StudyError {
     )]
     Columns(String),
     /// Too few voltages.
-    #[error("{name}: {levels} voltages; {FEWEST_LEVELS} or more are needed to tell a line from an offset")]
+    #[error("{name}: {levels} voltages or loads; {FEWEST_LEVELS} or more are needed to tell a line from an offset")]
     TooFew {
         /// Which table.
         name: String,
@@ -126,32 +128,46 @@ pub fn study(table: &Recording, rig: &Rig) -> Result<Study, StudyError> {
     };
     let levels = levels(table, r, k)?;
     let explanations = explanations(&levels, r, k);
-    let friction = friction(&levels, k);
+    let friction = friction(&levels, torque_constant(&levels, &explanations[0], k));
     let outcome = outcome(&levels, &explanations, &friction, rig);
     Ok(Study { outcome, levels, explanations })
 }
 
-/// Means of the readings at each voltage, with what follows from the nominal constants. Both directions count as one:
+/// What turns the current into torque: the nominal constant, unless loads show how far that is off.
+fn torque_constant(levels: &[Level], best: &Explanation, nominal: f64) -> f64 {
+    let found = best.constants.get("back_emf_constant_V_s").filter(|_| is_loaded(levels));
+    found.map_or(nominal, |constant| constant.value)
+}
+
+/// Whether a brake was at the shaft.
+pub(crate) fn is_loaded(levels: &[Level]) -> bool {
+    levels.iter().any(|level| level.load_Nm > 0.0)
+}
+
+/// Means of the readings at each voltage and load, with what follows from the nominal constants. Both directions count as one:
 /// what differs between them, an offset of the current or friction, is scatter of their mean.
 pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
     let (voltage, current, speed) = columns(table)?;
     let greatest = crate::dataset::greatest(voltage);
-    let mut groups: Vec<(f64, Vec<(f64, f64)>)> = Vec::new();
-    for ((u, i), w) in voltage.iter().zip(current).zip(&speed) {
-        if u.is_nan() || i.is_nan() || w.is_nan() {
+    let load = table.get(Channel::LoadTorque).map_or_else(|| vec![0.0; voltage.len()], <[f64]>::to_vec);
+    let mut groups: Vec<([f64; 2], Vec<(f64, f64)>)> = Vec::new();
+    for row in 0..voltage.len() {
+        let (u, i, w, load) = (voltage[row], current[row], speed[row], load[row]);
+        if u.is_nan() || i.is_nan() || w.is_nan() || load.is_nan() {
             continue;
         }
-        let (u, i, w) = (u.abs(), i * u.signum(), w * u.signum());
-        match groups.iter_mut().find(|(level, _)| same_level(*level, u, greatest)) {
+        let (u, i, w, load) = (u.abs(), i * u.signum(), w * u.signum(), load * u.signum());
+        let u = groups.iter().map(|(of, _)| of[0]).find(|other| same_level(*other, u, greatest)).unwrap_or(u);
+        match groups.iter_mut().find(|(of, _)| *of == [u, load]) {
             Some((_, readings)) => readings.push((i, w)),
-            None => groups.push((u, vec![(i, w)])),
+            None => groups.push(([u, load], vec![(i, w)])),
         }
     }
     if groups.len() < FEWEST_LEVELS {
         return Err(StudyError::TooFew { name: table.name.clone(), levels: groups.len() });
     }
-    groups.sort_by(|a, b| a.0.total_cmp(&b.0));
-    Ok(groups.iter().map(|(u, readings)| level(*u, readings, r, k)).collect())
+    groups.sort_by(|a, b| a.0.partial_cmp(&b.0).expect("numbers"));
+    Ok(groups.iter().map(|([u, load], readings)| level(*u, *load, readings, r, k)).collect())
 }
 
 /// Voltage, current and speed.
@@ -171,12 +187,13 @@ pub(crate) fn same_level(a_v: f64, b_v: f64, greatest_v: f64) -> bool {
     (a_v - b_v).abs() < SAME_LEVEL * greatest_v
 }
 
-fn level(u: f64, readings: &[(f64, f64)], r: f64, k: f64) -> Level {
+fn level(u: f64, load: f64, readings: &[(f64, f64)], r: f64, k: f64) -> Level {
     let (i, current_error) = mean(readings.iter().map(|reading| reading.0));
     let (w, speed_error) = mean(readings.iter().map(|reading| reading.1));
     let emf = k * w;
     Level {
         u_V: u,
+        load_Nm: load,
         readings: readings.len(),
         i_A: i,
         omega_rad_per_s: w,
@@ -296,7 +313,7 @@ fn explanations(levels: &[Level], r: f64, k: f64) -> Vec<Explanation> {
     found
 }
 
-/// Torque balance: Coulomb and viscous friction, with how many standard errors the former is from nothing.
+/// Torque balance beside the load: Coulomb and viscous friction, with how many standard errors the former is from nothing.
 struct Friction {
     coulomb: Estimate,
     viscous: Estimate,
@@ -307,7 +324,7 @@ struct Friction {
 
 fn friction(levels: &[Level], k: f64) -> Option<Friction> {
     let speed: Vec<f64> = levels.iter().map(|level| level.omega_rad_per_s).collect();
-    let target: Vec<f64> = levels.iter().map(|level| level.torque_Nm).collect();
+    let target: Vec<f64> = levels.iter().map(|level| k * level.i_A - level.load_Nm).collect();
     let errors: Vec<f64> = levels.iter().map(|level| k * level.current_error).collect();
     let both = line(&[vec![1.0; speed.len()], speed.clone()], &target, &errors)?;
     let viscous_alone = line(&[speed], &target, &errors)?;
@@ -443,12 +460,13 @@ fn fit(
 }
 
 fn advice(levels: &[Level]) -> Vec<String> {
-    let (least, most) = (levels[0], levels[levels.len() - 1]);
+    let least_a = levels.iter().map(|level| level.i_A).fold(f64::INFINITY, f64::min);
+    let most_a = levels.iter().map(|level| level.i_A).fold(0.0, f64::max);
     let mut advice = Vec::new();
-    if most.i_A < 2.0 * least.i_A {
+    if most_a < 2.0 * least_a {
         advice.push(format!(
             "The current only goes from {} to {} A: a resistance and a constant voltage drop cannot be told apart, nor a back-EMF constant and a resistance that grows with speed. Hold the rotor and step the voltage (resistance, drop), or brake the shaft at one speed (what grows with the current is resistance).",
-            short(least.i_A), short(most.i_A)
+            short(least_a), short(most_a)
         ));
     }
     advice.push(

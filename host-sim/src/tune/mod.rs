@@ -66,7 +66,13 @@ struct Recorded {
 
 /// Where recordings go.
 pub trait Keeper {
-    /// Keeps one, made with the gains of `before` at first; what to tell the person.
+    /// Keeps what has come of the recording under way, so that a program that dies costs none of it.
+    ///
+    /// # Errors
+    /// Why it cannot, with what to do; the recording then ends.
+    fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String>;
+
+    /// Ends one, made with the gains of `before` at first; what to tell the person.
     fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> String;
 }
 
@@ -156,9 +162,7 @@ impl<L: Line> Session<L> {
             self.live = None;
             self.message = format!("nothing more is sent to the plotter: {error}");
         }
-        if let Some(recording) = &mut self.recording {
-            recording.samples.extend(came.iter().copied());
-        }
+        self.keep(&came);
         self.traces.extend(came);
         let rate_hz = f64::from(self.settings.get(Param::TickRate));
         let kept = (SHOWN_S * rate_hz) as usize;
@@ -296,7 +300,19 @@ impl<L: Line> Session<L> {
         Ok(())
     }
 
-    /// Keeps the recording under way, if there is one; what became of it. `failed`: why it could not go on.
+    /// Adds to the recording under way, if there is one; one that cannot be kept ends.
+    fn keep(&mut self, came: &[Sample]) {
+        let Some(recording) = &mut self.recording else { return };
+        match self.keeper.grow(came, &self.settings) {
+            Ok(()) => recording.samples.extend(came),
+            Err(why) => {
+                self.end_recording(Some(&BoardError::Failed(why.clone())));
+                self.message = why;
+            }
+        }
+    }
+
+    /// Ends the recording under way, if there is one; what became of it. `failed`: why it could not go on.
     pub fn end_recording(&mut self, failed: Option<&BoardError>) -> Option<String> {
         let Recorded { samples, losses: before, settings } = self.recording.take()?;
         let now = self.link.losses();

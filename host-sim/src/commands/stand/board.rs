@@ -2,19 +2,21 @@
 
 use crate::commands::board::{PortArguments, beside, ended, on_interrupt};
 use crate::commands::{Failure, write};
-use crate::link::growing::GrowingCsv;
+use crate::link::growing::GrowingFile;
 use crate::link::port::Port;
 use crate::link::record::by_name;
+#[cfg(unix)]
+use crate::link::virtual_control::VirtualControl;
 use crate::link::{Link, VERSION};
 use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::stand::drive::{Findings, HeldPosition, Person, Plan, drive};
+use crate::stand::drive::{Findings, Found, HeldPosition, Person, Plan, drive, table};
 use crate::steady_state::StudyError;
 use clap::Args;
 use motorbench_core::settings::{Param, Settings};
 use std::fmt::Write as _;
 use std::io::{Write as _, stderr, stdin};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -36,6 +38,9 @@ pub(super) struct BoardArguments {
     /// The same voltages backwards as well.
     #[arg(long, conflicts_with = "table")]
     both_directions: bool,
+    /// Torques of a brake at the shaft; at each, which you are asked to set, all voltages are gone to.
+    #[arg(long = "load-Nm", value_name = "NM,NM,...", value_delimiter = ',', conflicts_with = "table")]
+    loads_nm: Vec<f64>,
     /// Averages at each voltage, each of 0.2 s or a whole revolution.
     #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..), conflicts_with = "table")]
     readings: u16,
@@ -61,9 +66,10 @@ impl BoardArguments {
         if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
             return Err(Failure::input(StudyError::NoNominal));
         }
-        GrowingCsv::new(&self.save).map_err(|error| Failure::machine(format!("{}: {error}", self.save.display())))?;
-        let mut person = Terminal { stopped: on_interrupt()?, lines: None };
-        let (mut link, _) = self.port.open()?;
+        let mut files = Files::new(&self.save, !self.loads_nm.is_empty())?;
+        let stopped = on_interrupt()?;
+        let (mut link, port) = self.port.open()?;
+        let mut person = Terminal { stopped, lines: None, brake: brake(&port) };
         let settings = link.settings()?;
         same_encoder(rig, &settings)?;
         let plan = self.plan(&settings)?;
@@ -72,9 +78,9 @@ impl BoardArguments {
                 "without inductance_H in the rig file the current is that at the end of the PWM period, a little less than its mean"
             );
         }
-        let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person);
-        let table = findings.table(&self.save.display().to_string());
-        let saved = self.save(&findings, &table, &link, &settings);
+        let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person, &mut |found| files.keep(found));
+        let table = table(&self.save.display().to_string(), &findings.readings, files.loaded);
+        let saved = self.write_side(&findings, &link, &settings);
         drop(link);
         let held = findings.positions.iter().map(|position| position.resistance_ohm.value).collect();
         let evaluated = evaluate(&table, held);
@@ -93,30 +99,22 @@ impl BoardArguments {
                 "--voltages {wrong}: expected 0 to {limit_v} V, the board's voltage_limit; `motorbench connect 'set voltage_limit V'` changes it"
             )));
         }
+        if let Some(wrong) = self.loads_nm.iter().find(|load_nm| !(load_nm.is_finite() && **load_nm >= 0.0)) {
+            return Err(Failure::input(format!("--load-Nm {wrong}: expected torques of 0 or more")));
+        }
         if self.both_directions {
             voltages_v.extend(voltages_v.clone().iter().map(|voltage| -voltage));
         }
         Ok(Plan {
             voltages_v,
+            loads_nm: self.loads_nm.clone(),
             readings: self.readings.into(),
             positions: self.positions.into(),
             sectors: self.slow_turn.into(),
         })
     }
 
-    fn save(
-        &self,
-        findings: &Findings,
-        table: &Recording,
-        link: &Link<Port>,
-        settings: &Settings,
-    ) -> Result<(), Failure> {
-        if !findings.readings.is_empty() {
-            write(&self.save, &table.to_csv())?;
-        }
-        if !findings.positions.is_empty() {
-            write(&beside(&self.save, "positions.csv"), &positions(&findings.positions))?;
-        }
+    fn write_side(&self, findings: &Findings, link: &Link<Port>, settings: &Settings) -> Result<(), Failure> {
         let side = serde_json::json!({
             "program": format!("motorbench {VERSION}"),
             "firmware": link.firmware,
@@ -141,12 +139,56 @@ fn same_encoder(rig: &Rig, settings: &Settings) -> Result<(), Failure> {
     }
 }
 
-fn positions(positions: &[HeldPosition]) -> String {
-    let mut text = String::from("angle_deg,resistance_ohm,drop_V\n");
+/// Table and positions, which grow with what is measured: whatever becomes of the program costs nothing that had come.
+struct Files {
+    table: GrowingFile,
+    positions: GrowingFile,
+    /// The table has a column for the load.
+    loaded: bool,
+}
+
+impl Files {
+    fn new(save: &Path, loaded: bool) -> Result<Self, Failure> {
+        let new = |path: &Path| {
+            GrowingFile::new(path).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
+        };
+        Ok(Self { table: new(save)?, positions: new(&beside(save, "positions.csv"))?, loaded })
+    }
+
+    fn keep(&mut self, found: Found) -> Result<(), String> {
+        let (file, header, rows) = match found {
+            Found::Readings(readings) => {
+                let new = table("", readings, self.loaded);
+                (&mut self.table, new.csv_header(), new.csv_rows(0))
+            }
+            Found::Positions(new) => (&mut self.positions, "angle_deg,resistance_ohm,drop_V\n".into(), rows(new)),
+        };
+        let lines = if file.is_empty() { header + &rows } else { rows };
+        file.add(&lines).map_err(|error| format!("{}: {error}: make room on the disk", file.path().display()))
+    }
+}
+
+fn rows(positions: &[HeldPosition]) -> String {
+    let mut text = String::new();
     for position in positions {
         let _ = writeln!(text, "{:.1},{},{}", position.angle_deg, position.resistance_ohm.value, position.drop_V);
     }
     text
+}
+
+/// What sets a brake by itself.
+type Brake = Box<dyn FnMut(f64) -> Result<(), String>>;
+
+/// That of a virtual board.
+#[cfg(unix)]
+fn brake(port: &str) -> Option<Brake> {
+    let mut control = VirtualControl::of(Path::new(port))?;
+    Some(Box::new(move |torque_nm| control.order(&format!("brake {torque_nm}"))))
+}
+
+#[cfg(not(unix))]
+fn brake(_port: &str) -> Option<Brake> {
+    None
 }
 
 /// The person at this terminal.
@@ -154,6 +196,7 @@ struct Terminal {
     stopped: Arc<AtomicBool>,
     /// Lines that are typed, once something was asked.
     lines: Option<Receiver<String>>,
+    brake: Option<Brake>,
 }
 
 impl Person for Terminal {
@@ -183,5 +226,9 @@ impl Person for Terminal {
             // Nobody is there.
             Err(TryRecvError::Disconnected) => Some(false),
         }
+    }
+
+    fn brakes(&mut self, torque_nm: f64) -> Result<bool, String> {
+        self.brake.as_mut().map_or(Ok(false), |brake| brake(torque_nm).map(|()| true))
     }
 }

@@ -15,35 +15,53 @@ const PUSH_NM: f64 = 1e-3;
 /// Dry friction of the motor when none is given.
 const COULOMB_NM: f64 = 0.012;
 /// The lines' first words.
-pub(super) const ORDERS: &str = "motor, effect, model, load, supply, block, turn, encoder, current, stop,\nreset, quit";
-const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset or quit";
+pub(super) const ORDERS: &str =
+    "motor, effect, model, load, brake, supply, block, turn, encoder, current, stop,\nreset, quit";
+const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, brake NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset or quit";
 
 /// The motor, and what hands do at its shaft.
 pub(super) struct Surroundings {
     model: Model,
     bridge: BridgeLosses,
     load_nm: f64,
+    /// Dry friction of a brake at the shaft, beside the motor's own.
+    brake_nm: f64,
     /// Angle to which the rotor is turned, to be held there, and with which torque by now.
     turning: Option<(f64, f64)>,
 }
 
 impl Surroundings {
     /// The motor of a model file, else that of the rig file, else the test stand's behind an L293D.
-    pub(super) fn new(model: Option<&Path>, rig: Option<&Rig>) -> Result<Self, Failure> {
+    pub(super) fn new(model: Option<&Path>, rig: Option<(&Path, &Rig)>) -> Result<Self, Failure> {
         let (model, bridge) = match (model, rig) {
             (Some(path), _) => (read(path).map_err(Failure::input)?, BridgeLosses::DIODES),
-            (None, Some(rig)) => (Model::linear(rig.motor.parameters().map_err(Failure::input)?), BridgeLosses::DIODES),
+            (None, Some((path, rig))) => {
+                let missing = |error| Failure::input(format!("{}: {error}", path.display()));
+                (Model::linear(rig.motor.parameters().map_err(missing)?), BridgeLosses::DIODES)
+            }
             (None, None) => {
                 let friction = effect("coulomb_friction").expect("an effect of the catalogue");
                 (Model::linear(MotorParameters::PIVT6).with(friction, vec![COULOMB_NM]), BridgeLosses::L293D)
             }
         };
-        Ok(Self { model, bridge, load_nm: 0.0, turning: None })
+        Ok(Self { model, bridge, load_nm: 0.0, brake_nm: 0.0, turning: None })
     }
 
     /// The motor at rest.
     pub(super) fn plant(&self) -> ModelPlant {
-        ModelPlant::behind(self.bridge, self.model.clone())
+        ModelPlant::behind(self.bridge, self.braked())
+    }
+
+    /// The motor with the brake at its shaft.
+    fn braked(&self) -> Model {
+        let friction = effect("coulomb_friction").expect("an effect of the catalogue");
+        let mut model = self.model.clone();
+        match model.terms.iter_mut().find(|term| term.id() == friction.about().id) {
+            Some(term) => term.values[0] += self.brake_nm,
+            None if self.brake_nm > 0.0 => return model.with(friction, vec![self.brake_nm]),
+            None => {}
+        }
+        model
     }
 
     /// Does what a line says.
@@ -61,6 +79,12 @@ impl Surroundings {
             ["load", torque_nm] => {
                 self.load_nm = number(torque_nm)?;
                 bench.set_load_torque_nm(self.load_nm);
+            }
+            ["brake", torque_nm] => {
+                self.brake_nm = Some(number(torque_nm)?)
+                    .filter(|torque_nm| *torque_nm >= 0.0)
+                    .ok_or("brake: expected a torque of 0 or more")?;
+                self.become_motor(bench, self.model.clone());
             }
             ["turn", degrees] => {
                 bench.block_rotor(false);
@@ -96,7 +120,7 @@ impl Surroundings {
 
     fn become_motor(&mut self, bench: &mut Bench<ModelPlant>, model: Model) {
         self.model = model;
-        bench.change_plant(|plant| plant.replace(self.bridge, self.model.clone()));
+        bench.change_plant(|plant| plant.replace(self.bridge, self.braked()));
     }
 
     fn with_motor(&self, pairs: &[&str]) -> Result<Model, String> {

@@ -23,7 +23,7 @@ const FEWEST_SAMPLES: usize = 20;
 impl<B: Board, P: Person> Driver<'_, B, P> {
     /// One position a sector; none where the person does not want to, or the rotor does not creep.
     pub(super) fn creep(&mut self, sectors: usize, findings: &mut Findings) -> Result<(), Ended> {
-        if !self.is_held("hold the rotor back so that it creeps, a turn in some seconds; press Enter")? {
+        if !self.is_done("hold the rotor back so that it creeps, a turn in some seconds; press Enter")? {
             self.person.hears("nobody answers: the slow turns are left out");
             return Ok(());
         }
@@ -38,8 +38,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         let fitted = turned.iter().enumerate().filter_map(|(sector, windows)| self.fitted(windows, middle(sector)));
         let positions: Vec<_> = fitted.collect();
         self.person.hears(&format!("{} of {sectors} sectors measured; let go", positions.len()));
-        findings.positions.extend(positions);
-        Ok(())
+        self.keep_positions(positions, findings)
     }
 
     /// What was averaged in each sector, over all currents.
@@ -115,8 +114,8 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
         self.person.hears(&format!("{voltage_v:6.2} V: a turn in {lasted_s:.1} s"));
         for (sector, window) in done {
-            let Reading { u_V, i_A, omega_rad_per_s } = window.reading;
-            let reading = Reading { u_V: u_V - k * omega_rad_per_s, i_A, omega_rad_per_s };
+            let Reading { u_V, omega_rad_per_s, .. } = window.reading;
+            let reading = Reading { u_V: u_V - k * omega_rad_per_s, ..window.reading };
             windows[sector].push(Window { reading, ..window });
         }
         true
