@@ -3,10 +3,6 @@
 //! In a block of ` ```text `, a line that begins with `$ ` is a command, a backslash at its end goes on in the next line, what
 //! follows is its output, and a line `...` stands for any lines. Numbers may differ in their last digits.
 
-#[cfg(all(feature = "chip", unix))]
-#[path = "common/board.rs"]
-mod board;
-
 use host_sim::commands::command;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -198,19 +194,8 @@ fn copied(from: &Path, to: &Path) {
     }
 }
 
-/// The pages' board.
-const PORT: &str = "/tmp/motorbench";
-
-/// A command of a page with the port of the board that is there.
-fn at_port(mut words: Vec<String>, port: &str) -> Vec<String> {
-    if BOARD.contains(&words[1].as_str()) && !words.contains(&"--port".to_string()) {
-        words.extend(["--port", PORT].map(String::from));
-    }
-    words.iter().map(|word| word.replace(PORT, port)).collect()
-}
-
-/// Runs a page's commands one after another; how many, and each that says something else than the page. `port`: of a board.
-fn run(name: &str, folder: &Path, port: &str, wanted: impl Fn(&[String]) -> bool) -> (usize, Vec<String>) {
+/// Runs a page's commands one after another; how many, and each that says something else than the page.
+fn run(name: &str, folder: &Path, wanted: impl Fn(&[String]) -> bool) -> (usize, Vec<String>) {
     let mut wrong = Vec::new();
     let mut count = 0;
     for Shown { line, mut output } in shown(&page(name)) {
@@ -219,12 +204,9 @@ fn run(name: &str, folder: &Path, port: &str, wanted: impl Fn(&[String]) -> bool
             continue;
         }
         count += 1;
-        let done = Command::new(env!("CARGO_BIN_EXE_motorbench"))
-            .args(&at_port(words, port)[1..])
-            .current_dir(folder)
-            .output()
-            .unwrap();
-        let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).replace(port, PORT));
+        let done =
+            Command::new(env!("CARGO_BIN_EXE_motorbench")).args(&words[1..]).current_dir(folder).output().unwrap();
+        let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
         while output.last().is_some_and(|line| line.is_empty()) {
             output.pop();
         }
@@ -248,28 +230,9 @@ fn what_the_pages_show_comes_out() {
         let folder = TempDir::new().unwrap();
         folders.iter().for_each(|from| copied(&PathBuf::from(ROOT).join(from), folder.path()));
         let alone = |words: &[String]| !BOARD.contains(&words[1].as_str()) && !words.contains(&"--port".to_string());
-        let (count, differs) = run(name, folder.path(), PORT, alone);
+        let (count, differs) = run(name, folder.path(), alone);
         assert!(count > 0, "{name} shows no command that needs no board");
         wrong.extend(differs);
     }
-    assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
-}
-
-/// The pages of a board, with the virtual one and nobody beside it.
-#[cfg(all(feature = "chip", unix))]
-#[test]
-fn what_the_pages_show_of_a_board_comes_out() {
-    let board = board::Board::new("pages");
-    std::fs::copy(Path::new(ROOT).join("host-sim/tests/data/pivt6/rig.toml"), board.folder.join("rig.toml")).unwrap();
-    let port = board.port().display().to_string();
-    // Those that go on until somebody ends them, and those that ask for hands.
-    let alone = |words: &[String]| {
-        !["virtual", "ports", "tune"].contains(&words[1].as_str()) && !words.contains(&"--positions".to_string())
-    };
-    let of_board = |words: &[String]| alone(words) && words.contains(&"--port".to_string());
-    let (commands, mut wrong) = run("docs/bench.md", &board.folder, &port, alone);
-    let (tests, wrong_of_stand) = run("docs/stand.md", &board.folder, &port, of_board);
-    assert!(commands > 5 && tests > 0, "{commands} commands, {tests} tests");
-    wrong.extend(wrong_of_stand);
     assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
 }

@@ -103,9 +103,10 @@ fn carry(from: &mut TTYPort, to: &mut TTYPort, cable: &Cable, random: &mut ChaCh
     }
 }
 
-/// A cable loses nothing because the far end is busy for a moment; what nobody takes for longer is gone.
+/// A cable loses nothing because the far end is busy for as long as the virtual board waits for it; what nobody takes then is
+/// gone.
 fn deliver(to: &mut TTYPort, mut bytes: &[u8]) {
-    let until = Instant::now() + Duration::from_millis(50);
+    let until = Instant::now() + Duration::from_millis(500);
     while !bytes.is_empty() && Instant::now() < until {
         bytes = &bytes[to.write(bytes).unwrap_or(0)..];
     }
@@ -123,7 +124,7 @@ fn signal(process: &Child, signal: &str) {
 fn paused(board: &Board, recording: Child) -> Output {
     board.has_recorded(300);
     signal(&recording, "-STOP");
-    sleep(Duration::from_millis(2500));
+    sleep(Duration::from_millis(3500));
     signal(&recording, "-CONT");
     recording.wait_with_output().unwrap()
 }

@@ -27,8 +27,8 @@ use std::path::{Path, PathBuf};
     --map efficiency.svg
 
 Without a table the motor on the board is driven. For each load you are asked to
-set the brake; that of motorbench virtual sets itself. Ctrl-C stops the motor and
-keeps what has come.")]
+set the brake; that of motorbench virtual sets itself. Ctrl-C stops the motor
+and keeps what has come.")]
 pub struct Arguments {
     /// Table with u_V, i_A and omega_rad_per_s or rpm, with a brake load_Nm; rows with the rotor held tell the winding's resistance.
     table: Option<PathBuf>,

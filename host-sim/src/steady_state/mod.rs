@@ -150,7 +150,7 @@ pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, St
     let (voltage, current, speed) = columns(table)?;
     let greatest = crate::dataset::greatest(voltage);
     let load = table.get(Channel::LoadTorque).map_or_else(|| vec![0.0; voltage.len()], <[f64]>::to_vec);
-    let mut groups: Vec<([f64; 2], Vec<(f64, f64)>)> = Vec::new();
+    let mut groups: Vec<([f64; 2], Readings)> = Vec::new();
     for row in 0..voltage.len() {
         let (u, i, w, load) = (voltage[row], current[row], speed[row], load[row]);
         if u.is_nan() || i.is_nan() || w.is_nan() || load.is_nan() {
@@ -169,6 +169,9 @@ pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, St
     groups.sort_by(|a, b| a.0.partial_cmp(&b.0).expect("numbers"));
     Ok(groups.iter().map(|([u, load], readings)| level(*u, *load, readings, r, k)).collect())
 }
+
+/// Current and speed of each.
+type Readings = Vec<(f64, f64)>;
 
 /// Voltage, current and speed.
 type Columns<'a> = (&'a [f64], &'a [f64], Vec<f64>);
