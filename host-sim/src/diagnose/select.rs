@@ -183,9 +183,14 @@ impl Chooser<'_> {
             .collect()
     }
 
-    /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for. Of
-    /// viscous friction a data sheet says little; many times as much is another friction.
+    /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
     fn is_strange(&self, fit: &Fit) -> bool {
+        self.strangeness(fit) > STRANGE
+    }
+
+    /// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says
+    /// little; many times as much is another friction.
+    fn strangeness(&self, fit: &Fit) -> f64 {
         let values =
             |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
         let spread = [self.prior.spread[0], self.prior.spread[2], self.prior.spread[3]];
@@ -195,7 +200,7 @@ impl Chooser<'_> {
             self.prior.nominal.viscous_friction_nm_s.filter(|nominal| *nominal > 0.0).map_or(0.0, |nominal| {
                 ((fit.model.motor.viscous_friction_nm_s / nominal).max(1.0).ln() / VISCOUS_SPREAD).powi(2)
             });
-        constants + viscous > STRANGE
+        constants + viscous
     }
 
     /// Where the way from the linear fit has led to a dead end or to a strange motor, another: from the nominal motor, each
@@ -273,8 +278,13 @@ impl Chooser<'_> {
             for id in ids {
                 (self.progress)(&format!("checking {id}"));
                 let without = fit(&current.model.without(id), self.data, self.prior, Effort::TRIAL);
-                let own = self.gain(&without, &current);
-                let named = earns_its_place(&own) && own.sigmas > NAMED_SIGMAS;
+                let mut own = self.gain(&without, &current);
+                // Without it only another motor fits: then the data sheet speaks for it as well.
+                let keeps_the_motor = self.is_strange(&without) && !self.is_strange(&current);
+                if keeps_the_motor {
+                    own.sigmas = own.sigmas.max(0.0).hypot(self.strangeness(&without).sqrt());
+                }
+                let named = keeps_the_motor || earns_its_place(&own) && own.sigmas > NAMED_SIGMAS;
                 if !(named && current.model.has_what_it_needs(id)) {
                     current = without;
                     continue 'again;
@@ -295,6 +305,9 @@ impl Chooser<'_> {
 
     /// Whether a rival is to take the place of `id`: it explains more, or as much with fewer constants or more plausibly.
     fn is_better(&self, current: &Fit, id: &str, (rival_id, rival): &(&'static str, Fit)) -> bool {
+        if self.is_strange(rival) && !self.is_strange(current) {
+            return false;
+        }
         let over = self.gain(current, rival);
         if rival.cost < current.cost && over.sigmas > SAME_SIGMAS && over.share > SAME_SHARE {
             return true;
