@@ -156,7 +156,7 @@ const TABLE: &[Row] = &[
             (&["junk.csv", "--rig", "stand.toml"], 1, "this is no text"),
             (&["empty.csv", "--rig", "stand.toml"], 1, "the file is empty"),
             (&["table.csv", "--rig", "bad.toml"], 1, "bad.toml"),
-            (&["table.csv", "--rig", "typo.toml"], 1, "typo.toml: moter"),
+            (&["table.csv", "--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
             (&["--rig", "stand.toml", "--port", "/dev/none"], 3, "motorbench ports"),
             (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "/nonexistent/a.csv"], 3, "/nonexistent/a.csv"),
             (&["table.csv"], 2, "--rig"),
@@ -180,7 +180,7 @@ const TABLE: &[Row] = &[
         #[cfg(feature = "chip")]
         bad: &[
             (&["--rig", "none.toml"], 1, "none.toml"),
-            (&["--rig", "typo.toml"], 1, "typo.toml: motor.resistance_ohm is missing"),
+            (&["--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
             (&["--with", "nonsense"], 1, "nonsense"),
             (&["--seconds", "0.2", "--link", "/nonexistent/board"], 3, "/nonexistent/board"),
         ],

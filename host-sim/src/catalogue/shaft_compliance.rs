@@ -19,9 +19,10 @@ static ABOUT: About = About {
     title: "a springy shaft between motor and load",
     acts_on: ActsOn::Torque,
     parameters: &[
-        Parameter::within("resonance_Hz", 1.0, 200.0),
+        // Above, a shaft counts as stiff; more damped, it does not ring.
+        Parameter::within("resonance_Hz", 1.0, 120.0),
         Parameter::within("load_inertia_share", 0.0, 0.95),
-        Parameter::within("damping_ratio", 0.0, 1.0),
+        Parameter::within("damping_ratio", 0.0, 0.3),
     ],
     linear_in: 0,
     law: "Two masses on a spring: resonance_Hz with the motor free, load_inertia_share of the whole inertia behind the spring",

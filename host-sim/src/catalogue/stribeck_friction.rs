@@ -27,7 +27,7 @@ impl Effect for StribeckFriction {
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         let excess_nm = 0.03 * scales.stall_torque_nm();
-        [0.01, 0.03].map(|share| vec![excess_nm, share * scales.speed_rad_per_s]).to_vec()
+        [0.01, 0.03, 0.1].map(|share| vec![excess_nm, share * scales.speed_rad_per_s]).to_vec()
     }
 
     /// What it adds falls off to the Coulomb level.

@@ -142,6 +142,17 @@ impl Chooser<'_> {
         last
     }
 
+    /// While something remains: the same effects beside the nominal motor, if that comes to a better end. A motor that was
+    /// fitted while an effect was missing does not always come back.
+    fn or_from_nominal(&self, found: Fit) -> Fit {
+        if above_floor(self.data, &found) < NOT_NOISE {
+            return found;
+        }
+        let model = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
+        let other = fit(&model, self.data, self.prior, Effort::TRIAL);
+        if other.cost < found.cost { other } else { found }
+    }
+
     fn promises(&self, from: &Fit) -> Vec<Promise> {
         let scales = scales(&from.model.motor, self.data);
         let mut promises = from.promises(self.data, &scales, self.excluded);
@@ -149,12 +160,23 @@ impl Chooser<'_> {
         promises
     }
 
+    /// A model with an effect, and with the one that this makes no sense without.
+    fn with(&self, from: &Model, effect: &'static dyn Effect, start: Vec<f64>) -> Model {
+        let scales = scales(&from.motor, self.data);
+        let needed = effect.needs().filter(|needed| !from.has(needed)).and_then(crate::catalogue::effect);
+        let complete = match needed {
+            Some(needed) => &from.with(needed, needed.starts(&scales).swap_remove(0)),
+            None => from,
+        };
+        complete.with(effect, start)
+    }
+
     fn try_all(&self, from: &Model, promises: &[Promise], effort: Effort) -> Vec<(&'static str, Fit)> {
         promises
             .par_iter()
             .map(|promise| {
                 let effect = CATALOGUE[promise.effect];
-                let fitted = fit(&from.with(effect, promise.start.clone()), self.data, self.prior, effort);
+                let fitted = fit(&self.with(from, effect, promise.start.clone()), self.data, self.prior, effort);
                 (effect.about().id, fitted)
             })
             .collect()
@@ -222,7 +244,7 @@ impl Chooser<'_> {
             // Of an effect with alternatives the one that promises most.
             let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
             let others = promises.into_iter().map(|promise| (CATALOGUE[promise.effect], promise.start));
-            others.map(|(effect, start)| (effect.about().id, from.with(effect, start))).collect::<Vec<_>>()
+            others.map(|(effect, start)| (effect.about().id, self.with(&from, effect, start))).collect::<Vec<_>>()
         });
         let fits: Vec<_> = models
             .collect::<Vec<_>>()
@@ -264,7 +286,7 @@ impl Chooser<'_> {
             let runner_up = fits.get(1).map(|(id, gain, _)| (*id, gain.clone()));
             let (id, gain, fit) = fits.swap_remove(0);
             steps.push(Step { id, gain, runner_up });
-            current = fit;
+            current = self.or_from_nominal(fit);
         }
         (current, steps)
     }
@@ -325,7 +347,10 @@ impl Chooser<'_> {
     fn rivals(&self, current: &Fit, without: &Fit, id: &str) -> Vec<(&'static str, Fit)> {
         let gained = without.cost - current.cost;
         let mut promises = self.promises(without);
-        promises.retain(|promise| CATALOGUE[promise.effect].about().id != id);
+        promises.retain(|promise| {
+            let effect = CATALOGUE[promise.effect];
+            effect.about().id != id && effect.needs().is_none_or(|needed| without.model.has(needed))
+        });
         promises.truncate(RIVALS);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);

@@ -42,8 +42,10 @@ impl Ripple {
             return free_a;
         }
         let (least_a, most_a) = (free_a - dry_a, free_a + dry_a);
+        // Not `clamp`: a simulation that has left all bounds is judged by its error.
+        let within = |settled_a: f64| settled_a.max(least_a).min(most_a);
         if self.pulse * self.a_per_v == 0.0 {
-            return 0f64.clamp(least_a, most_a);
+            return within(0.0);
         }
         let volts = volts();
         let widest_a = 0.5 * self.swing_a(&volts);
@@ -52,7 +54,7 @@ impl Ripple {
         } else if most_a <= -widest_a {
             most_a
         } else {
-            self.settled_a(&volts).clamp(least_a, most_a)
+            within(self.settled_a(&volts))
         }
     }
 

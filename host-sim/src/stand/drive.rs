@@ -534,7 +534,8 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         let count = (currents.len() - 1) as f64;
         Window {
             reading: Reading {
-                u_V: u_v,
+                // To the microvolt, as its table has it: a voltage that is printed up from here is printed up from there.
+                u_V: (u_v * 1e6).round() / 1e6,
                 i_A: i_a - self.sampled_above_mean_a(duty, u_v),
                 omega_rad_per_s: omega,
                 // A brake acts against the motion.
