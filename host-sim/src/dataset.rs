@@ -19,7 +19,7 @@ const FEWEST_BLOCKS: f64 = 24.0;
 const KEPT_BACK_EVERY: usize = 3;
 /// An error below this share of a quantity's spread is not worth a name: holding terms over half a millisecond, a friction
 /// that bends before it slips and reading a speed as a mean cost up to as much.
-pub const TOLERANCE: f64 = 0.005;
+pub const TOLERANCE: f64 = 0.01;
 /// PWM frequency of the firmware, where the rig file gives none.
 const PWM_HZ: f64 = 20_000.0;
 /// Wrap-arounds of counters.
