@@ -563,6 +563,7 @@ impl Fit {
             .iter()
             .enumerate()
             .filter(|(_, effect)| !self.model.has(effect.about().id) && !excluded.contains(&effect.about().id))
+            .filter(|(_, effect)| effect.needs().is_none_or(|needed| self.model.has(needed)))
             .flat_map(|(index, effect)| effect.starts(scales).into_iter().map(move |start| (index, start)))
             .collect();
         let base = Base::new(&self.model, data, Steps::Coarse);

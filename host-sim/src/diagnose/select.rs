@@ -160,23 +160,12 @@ impl Chooser<'_> {
         promises
     }
 
-    /// A model with an effect, and with the one that this makes no sense without.
-    fn with(&self, from: &Model, effect: &'static dyn Effect, start: Vec<f64>) -> Model {
-        let scales = scales(&from.motor, self.data);
-        let needed = effect.needs().filter(|needed| !from.has(needed)).and_then(crate::catalogue::effect);
-        let complete = match needed {
-            Some(needed) => &from.with(needed, needed.starts(&scales).swap_remove(0)),
-            None => from,
-        };
-        complete.with(effect, start)
-    }
-
     fn try_all(&self, from: &Model, promises: &[Promise], effort: Effort) -> Vec<(&'static str, Fit)> {
         promises
             .par_iter()
             .map(|promise| {
                 let effect = CATALOGUE[promise.effect];
-                let fitted = fit(&self.with(from, effect, promise.start.clone()), self.data, self.prior, effort);
+                let fitted = fit(&from.with(effect, promise.start.clone()), self.data, self.prior, effort);
                 (effect.about().id, fitted)
             })
             .collect()
@@ -244,7 +233,7 @@ impl Chooser<'_> {
             // Of an effect with alternatives the one that promises most.
             let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
             let others = promises.into_iter().map(|promise| (CATALOGUE[promise.effect], promise.start));
-            others.map(|(effect, start)| (effect.about().id, self.with(&from, effect, start))).collect::<Vec<_>>()
+            others.map(|(effect, start)| (effect.about().id, from.with(effect, start))).collect::<Vec<_>>()
         });
         let fits: Vec<_> = models
             .collect::<Vec<_>>()
@@ -347,10 +336,7 @@ impl Chooser<'_> {
     fn rivals(&self, current: &Fit, without: &Fit, id: &str) -> Vec<(&'static str, Fit)> {
         let gained = without.cost - current.cost;
         let mut promises = self.promises(without);
-        promises.retain(|promise| {
-            let effect = CATALOGUE[promise.effect];
-            effect.about().id != id && effect.needs().is_none_or(|needed| without.model.has(needed))
-        });
+        promises.retain(|promise| CATALOGUE[promise.effect].about().id != id);
         promises.truncate(RIVALS);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
