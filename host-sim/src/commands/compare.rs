@@ -1,6 +1,6 @@
 //! `motorbench compare`
 
-use super::{Failure, mapping, plot_file, read_rig, write, write_plot};
+use super::{Failure, mapping, plot_file, read_model, read_rig, write, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
@@ -130,12 +130,6 @@ pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
         Panel::new(channel.channel).line(names[0], channel.first.clone()).line(names[1], channel.second.clone())
     };
     panels(compared.interval_s, &compared.channels.iter().map(panel).collect::<Vec<_>>())
-}
-
-fn read_model(path: &Path) -> Result<Model, Failure> {
-    let failed = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
-    Model::parse(&text).map_err(|error| failed(&error))
 }
 
 /// A free run of the model over the recording, against everything that was measured.

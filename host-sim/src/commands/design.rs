@@ -1,7 +1,7 @@
 //! `motorbench design`: gains for a specification or for weights.
 
 use super::analyse::motor_of;
-use super::{Failure, read_rig, spinner, write};
+use super::{Failure, read_model, read_rig, spinner, write};
 use crate::design::compensation::{Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::{ControlLaw, setting_name};
@@ -201,7 +201,7 @@ impl Arguments {
 
     /// The model with its effects, if it has any.
     fn extended(&self) -> Result<Option<Model>, Failure> {
-        let model = self.model.as_deref().map(model_of).transpose()?;
+        let model = self.model.as_deref().map(read_model).transpose()?;
         Ok(model.filter(|model| !model.terms.is_empty()))
     }
 
@@ -214,7 +214,7 @@ impl Arguments {
                 bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
             });
         };
-        Ok(Losses::of(&model_of(path)?))
+        Ok(Losses::of(&read_model(path)?))
     }
 
     fn specification(&self, bench: &Bench) -> Result<Specification, Failure> {
@@ -265,12 +265,6 @@ impl Arguments {
 }
 
 /// A model file.
-fn model_of(path: &Path) -> Result<Model, Failure> {
-    let failure = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| failure(&error))?;
-    Model::parse(&text).map_err(|error| failure(&error))
-}
-
 /// A law's trial with the effects of the model.
 type TrialWithEffects = (ControlLaw, Result<TrialFigures, DesignError>);
 

@@ -196,13 +196,17 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
     Ok(rig)
 }
 
+/// A model file.
+fn read_model(path: &Path) -> Result<Model, Failure> {
+    let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", path.display()));
+    let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
+    Model::parse(&text).map_err(|error| failed(&error))
+}
+
 /// A scenario, with another model than its own if one is given.
 fn scenario(path: &Path, model: Option<&Path>) -> Result<Scenario, Failure> {
     let Some(file) = model else { return Scenario::read(path).map_err(Failure::input) };
-    let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", file.display()));
-    let text = std::fs::read_to_string(file).map_err(|error| failed(&error))?;
-    let model = Model::parse(&text).map_err(|error| failed(&error))?;
-    Scenario::read_for(path, model).map_err(Failure::input)
+    Scenario::read_for(path, read_model(file)?).map_err(Failure::input)
 }
 
 /// A file for a plot: another ending is refused before any work is done.
