@@ -3,6 +3,7 @@
 use super::reference::{Course, Reference};
 use super::{Fault, FaultKind, Load, Noise, Scenario, ScenarioError};
 use crate::keys;
+use crate::link::name;
 use crate::model::Model;
 use motorbench_core::control_loop::LoopConfig;
 use motorbench_core::excitation::Kind;
@@ -340,28 +341,27 @@ fn trip(name: &str) -> Result<Trip, String> {
         .ok_or_else(|| format!("expected_trip = \"{name}\": expected one of {known}"))
 }
 
-fn unknown_setting(name: &str, text_of_file: &str) -> String {
-    let known: Vec<String> =
-        Param::ALL.iter().map(|param| text(*param, Text::Name).map(char::from).collect()).collect();
-    let meant = keys::suggestion(keys::nearest(name, known.iter().map(String::as_str)));
-    let line = keys::line(text_of_file, &["settings", name]).unwrap_or(1);
-    format!("line {line}: [settings] {name}: no such setting{meant}; see `cargo run --bin firmware`")
+fn unknown_setting(typed: &str, text_of_file: &str) -> String {
+    let known: Vec<String> = Param::ALL.iter().map(|param| name(*param)).collect();
+    let meant = keys::suggestion(keys::nearest(typed, known.iter().map(String::as_str)));
+    let line = keys::line(text_of_file, &["settings", typed]).unwrap_or(1);
+    format!("line {line}: [settings] {typed}: no such setting{meant}; see `cargo run --bin firmware`")
 }
 
 fn settings(given: &BTreeMap<String, f64>, text_of_file: &str) -> Result<Settings, String> {
     let mut settings = Settings::defaults();
-    for (name, value) in given {
-        let param = Param::ALL.iter().find(|param| text(**param, Text::Name).eq(name.bytes()));
-        let param = *param.ok_or_else(|| unknown_setting(name, text_of_file))?;
+    for (typed, value) in given {
+        let param = Param::ALL.iter().find(|param| text(**param, Text::Name).eq(typed.bytes()));
+        let param = *param.ok_or_else(|| unknown_setting(typed, text_of_file))?;
         let (min, max) = param.range();
         settings
             .set(param, *value as f32)
-            .map_err(|_| format!("[settings] {name} = {value}: expected {min} to {max}"))?;
+            .map_err(|_| format!("[settings] {typed} = {value}: expected {min} to {max}"))?;
     }
     match LoopConfig::build(&settings) {
         Ok(_) => Ok(settings),
         Err(error) => {
-            let name: String = text(error.param, Text::Name).map(char::from).collect();
+            let name = name(error.param);
             Err(format!("[settings] {name}: the core's fixed-point formats refuse it: {:?}", error.rule))
         }
     }
