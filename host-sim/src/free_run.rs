@@ -231,6 +231,8 @@ struct Run<'a> {
     means: (f64, f64),
     /// By how much the current where it is sampled differs from its mean over the PWM period.
     ripple_a: f64,
+    /// The PWM without a duty.
+    undriven: Ripple,
 }
 
 impl<'a> Run<'a> {
@@ -272,6 +274,7 @@ impl<'a> Run<'a> {
             angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == ActsOn::AngleSensor).collect(),
             means: (0.0, 0.0),
             ripple_a: 0.0,
+            undriven: Ripple::new(model.motor.inductance_h, data.pwm_hz),
             range,
         }
     }
@@ -342,7 +345,7 @@ impl<'a> Run<'a> {
 
     fn advance(&mut self, at: &mut Instant, load_nm: f64) -> Balance {
         let motor = &self.model.motor;
-        let ripple = Ripple::new(at.duty, motor.inductance_h, self.data.pwm_hz);
+        let ripple = self.undriven.with_duty(at.duty);
         let mut terms = Balance { torque_nm: -load_nm, ripple, ..Balance::default() };
         for Acting { effect, values, state } in &mut self.acting {
             effect.contribute(values, motor, at, state, &mut terms);

@@ -5,6 +5,7 @@ use crate::motor::MotorParameters;
 
 /// Free-wheeling diode.
 const DIODE_V: f64 = 1.0;
+
 /// See the module.
 pub struct CoastDecay;
 

@@ -22,10 +22,15 @@ pub struct Ripple {
 }
 
 impl Ripple {
-    /// Of a duty from -1 to 1.
+    /// Of a motor at rest.
+    pub fn new(inductance_h: f64, pwm_hz: f64) -> Self {
+        Self { pulse: 0.0, a_per_v: 1.0 / (inductance_h * pwm_hz) }
+    }
+
+    /// The same with a duty from -1 to 1.
     #[inline]
-    pub fn new(duty: f64, inductance_h: f64, pwm_hz: f64) -> Self {
-        Self { pulse: duty.clamp(-1.0, 1.0), a_per_v: 1.0 / (inductance_h * pwm_hz) }
+    pub fn with_duty(self, duty: f64) -> Self {
+        Self { pulse: duty.clamp(-1.0, 1.0), ..self }
     }
 
     /// What is lost over a period in which the current does not reverse.
@@ -225,7 +230,7 @@ mod tests {
         ) {
             let off_drop_v = if coasts { SUPPLY_V + 2.0 } else { drop_v };
             let volts = Volts { mean_v: duty * SUPPLY_V, emf_v, drops_v: [drop_v, off_drop_v] };
-            let ripple = Ripple::new(duty, INDUCTANCE_H, PWM_HZ);
+            let ripple = Ripple::new(INDUCTANCE_H, PWM_HZ).with_duty(duty);
             let (found_a, swing_a) = (ripple.settled_a(&volts), ripple.swing_a(&volts));
             match switched_a(duty, &volts) {
                 None => prop_assert!(found_a.abs() > 0.49 * swing_a, "{found_a} A of {swing_a} A"),

@@ -553,7 +553,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         match (self.motor.inductance_h, Timing::FIRMWARE.current_sampled_at) {
             (Some(inductance_h), Some(at)) if self.settings.get(Param::Wiring) == 0.0 && duty != 0.0 => {
                 let volts = Volts { mean_v: voltage_v, emf_v: 0.0, drops_v: [0.0, 0.0] };
-                Ripple::new(duty, inductance_h, f64::from(PWM_HZ)).sampled_a(0.0, at, &volts)
+                Ripple::new(inductance_h, f64::from(PWM_HZ)).with_duty(duty).sampled_a(0.0, at, &volts)
             }
             _ => 0.0,
         }
