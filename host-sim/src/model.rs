@@ -127,7 +127,12 @@ impl Model {
 
     /// Whether it has an effect.
     pub fn has(&self, id: &str) -> bool {
-        self.terms.iter().any(|term| term.id() == id)
+        self.term(id).is_some()
+    }
+
+    /// One of its effects.
+    pub fn term(&self, id: &str) -> Option<&Term> {
+        self.terms.iter().find(|term| term.id() == id)
     }
 
     /// Whether it has the effect that one of its own makes no sense without.

@@ -179,9 +179,7 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
     }
     for effect in crate::catalogue::CATALOGUE {
         let about = effect.about();
-        let of = |model: &Model, index: usize| {
-            model.terms.iter().find(|term| term.id() == about.id).map(|term| term.values[index])
-        };
+        let of = |model: &Model, index: usize| model.term(about.id).map(|term| term.values[index]);
         for (index, parameter) in about.parameters.iter().enumerate() {
             let (a, b) = (of(&models[0], index), of(&models[1], index));
             if a.or(b).is_some() {

@@ -25,7 +25,7 @@ pub struct Losses {
 impl Losses {
     /// What a model says.
     pub fn of(model: &Model) -> Self {
-        let first = |id: &str| model.terms.iter().find(|term| term.id() == id).map_or(0.0, |term| term.values[0]);
+        let first = |id: &str| model.term(id).map_or(0.0, |term| term.values[0]);
         let (coulomb_nm, difference_nm) = (first("coulomb_friction"), first("friction_asymmetry"));
         Self {
             coulomb_forward_nm: (coulomb_nm + 0.5 * difference_nm).max(0.0),

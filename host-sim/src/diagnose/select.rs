@@ -153,6 +153,11 @@ impl Chooser<'_> {
         if other.cost < found.cost { other } else { found }
     }
 
+    /// Effects that these channels say something of.
+    fn possible(&self) -> impl Iterator<Item = &'static dyn Effect> {
+        CATALOGUE.iter().copied().filter(|effect| !self.excluded.contains(&effect.about().id))
+    }
+
     fn promises(&self, from: &Fit) -> Vec<Promise> {
         let scales = scales(&from.model.motor, self.data);
         let mut promises = from.promises(self.data, &scales, self.excluded);
@@ -222,10 +227,8 @@ impl Chooser<'_> {
         let scales = scales(&self.prior.motor, self.data);
         let with =
             |model: Model, effect: &'static dyn Effect| model.with(effect, effect.starts(&scales).swap_remove(0));
-        let possible: Vec<&'static dyn Effect> =
-            CATALOGUE.iter().copied().filter(|effect| !self.excluded.contains(&effect.about().id)).collect();
-        let usual = possible.iter().copied().filter(|effect| USUAL.contains(&effect.about().id));
-        let strange = possible.iter().copied().filter(|effect| effect.changes_everything());
+        let usual = self.possible().filter(|effect| USUAL.contains(&effect.about().id));
+        let strange = self.possible().filter(|effect| effect.changes_everything());
         let nominal = Model::linear(self.prior.motor);
         let beginnings =
             [usual.fold(nominal.clone(), with)].into_iter().chain(strange.map(|effect| with(nominal.clone(), effect)));
@@ -324,7 +327,7 @@ impl Chooser<'_> {
             return true;
         }
         let under = self.gain(rival, current);
-        let term = current.model.terms.iter().find(|term| term.id() == id).expect("one of its own terms");
+        let term = current.model.term(id).expect("one of its own terms");
         let fitted = |term: &Term| term.effect.about().parameters.iter().filter(|parameter| parameter.fitted).count();
         let rival_term = rival.model.terms.last().expect("it was added to the model");
         is_same(&under)
@@ -353,14 +356,11 @@ impl Chooser<'_> {
 
     /// Fits from where another effect looks most like `id`.
     fn lookalikes(&self, model: &Model, id: &str) -> Vec<(&'static str, Fit)> {
-        let values = &model.terms.iter().find(|term| term.id() == id).expect("one of its own terms").values;
-        let others = CATALOGUE.iter().filter(|effect| {
-            let about = effect.about();
-            !model.has(about.id) && !self.excluded.contains(&about.id)
-        });
-        others
+        let values = &model.term(id).expect("one of its own terms").values;
+        self.possible()
+            .filter(|effect| !model.has(effect.about().id))
             .filter_map(|effect| {
-                let start = model.without(id).with(*effect, effect.instead_of(id, values)?);
+                let start = model.without(id).with(effect, effect.instead_of(id, values)?);
                 Some((effect.about().id, fit(&start, self.data, self.prior, Effort::TRIAL)))
             })
             .collect()
