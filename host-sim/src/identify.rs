@@ -5,7 +5,7 @@
 //! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
 //! correlated within a block (sandwich; White, Econometrica 50 (1982)).
 
-use crate::catalogue::{CATALOGUE, Effect, Scales};
+use crate::catalogue::{CATALOGUE, Effect, Parameter, Scales};
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Motion, Prediction, Steps, drive, free_run, read};
 use crate::model::{Model, Term};
@@ -469,6 +469,13 @@ fn event_bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<(f
     Some((0.6 * spacing, scales.duration_s - 0.6 * spacing))
 }
 
+/// What a recording of this length can tell of a constant.
+fn bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> (f64, f64) {
+    let Parameter { min, max, slow, .. } = effect.about().parameters[index];
+    let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
+    event_bounds(effect, index, scales).unwrap_or((min, max.min(longest)))
+}
+
 fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
     let expected = motor_values(&prior.motor);
     let motor = (0..5).map(|index| {
@@ -489,11 +496,7 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
         let parameters = term.effect.about().parameters.iter().enumerate().filter(|(_, parameter)| parameter.fitted);
         parameters
             .map(|(index, parameter)| {
-                let (min, mut max) =
-                    event_bounds(term.effect, index, &scales).unwrap_or((parameter.min, parameter.max));
-                if parameter.name == "time_constant_s" {
-                    max = max.min(SLOWEST * scales.duration_s);
-                }
+                let (min, max) = bounds(term.effect, index, &scales);
                 let size = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
                 Unknown {
                     place: Place::Term(term_index, index),

@@ -10,7 +10,7 @@ static ABOUT: About = About {
     id: "friction_warmup",
     title: "friction that falls while the motor warms up",
     acts_on: ActsOn::Torque,
-    parameters: &[Parameter::within("excess_share", 0.0, 20.0), Parameter::within("time_constant_s", 0.05, 1e4)],
+    parameters: &[Parameter::within("excess_share", 0.0, 20.0), Parameter::slow("time_constant_s", 0.05, 1e4)],
     linear_in: 1,
     law: "Viscous and Coulomb friction are greater by excess_share exp(-t / time_constant_s)",
     looks_like: "The friction curve of the first seconds lies above that of the last",

@@ -96,6 +96,8 @@ pub struct Parameter {
     pub max: f64,
     /// Mean and standard deviation, where something is known of it before any recording.
     pub known: Option<(f64, f64)>,
+    /// Whether it is how long a process takes: one much longer than the recording cannot be told from what is always there.
+    pub slow: bool,
 }
 
 impl Parameter {
@@ -111,17 +113,22 @@ impl Parameter {
 
     /// A constant within bounds.
     const fn within(name: &'static str, min: f64, max: f64) -> Self {
-        Self { name, fitted: true, min, max, known: None }
+        Self { name, fitted: true, min, max, known: None, slow: false }
     }
 
     /// A constant that is nearly known.
     const fn about(name: &'static str, mean: f64, spread: f64) -> Self {
-        Self { name, fitted: true, min: 0.0, max: f64::INFINITY, known: Some((mean, spread)) }
+        Self { known: Some((mean, spread)), ..Self::positive(name) }
+    }
+
+    /// The time constant of a process that goes on while the motor runs.
+    const fn slow(name: &'static str, min: f64, max: f64) -> Self {
+        Self { slow: true, ..Self::within(name, min, max) }
     }
 
     /// A whole number, tried and not fitted.
     const fn tried(name: &'static str) -> Self {
-        Self { name, fitted: false, min: 1.0, max: f64::INFINITY, known: None }
+        Self { fitted: false, ..Self::within(name, 1.0, f64::INFINITY) }
     }
 }
 

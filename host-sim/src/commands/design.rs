@@ -12,7 +12,7 @@ use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
 use clap::{ArgGroup, Args};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Designs PID and LQR for a motor, by a specification or by weights.
 #[derive(Args)]

@@ -114,11 +114,20 @@ fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
     reader.deserialize().map(|row| row.map(|row: Position| row.resistance_ohm).map_err(failed)).collect()
 }
 
+/// Head of the column that only a table with loads has.
+fn load_head(stand: &Stand) -> &'static str {
+    if stand.loaded.is_empty() { "" } else { "  load_Nm" }
+}
+
+/// A cell of it.
+fn load_cell(stand: &Stand, load_nm: f64) -> String {
+    if stand.loaded.is_empty() { String::new() } else { format!(" {load_nm:8.4}") }
+}
+
 fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     let loaded = !stand.loaded.is_empty();
-    // A column that only a table with loads has.
-    let load = |load_nm: f64| if loaded { format!(" {load_nm:8.4}") } else { String::new() };
-    let head = if loaded { "  load_Nm" } else { "" };
+    let load = |load_nm| load_cell(stand, load_nm);
+    let head = load_head(stand);
     let mut text = format!(
         "Derived with the nominal constants, as stands do\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm\n",
     );
@@ -229,11 +238,10 @@ fn directions(text: &mut String, stand: &Stand) {
     if stand.directions.is_empty() {
         return;
     }
-    let loaded = !stand.loaded.is_empty();
-    let head = if loaded { "  load_Nm" } else { "" };
+    let head = load_head(stand);
     let _ = writeln!(text, "\nForwards and backwards\n     u_V{head}  i_A fwd  i_A rev  rpm fwd  rpm rev");
     for Directions { u_V, load_Nm, forward_A, reverse_A, forward_rad_per_s, reverse_rad_per_s } in &stand.directions {
-        let load = if loaded { format!(" {load_Nm:8.4}") } else { String::new() };
+        let load = load_cell(stand, *load_Nm);
         let _ = writeln!(
             text,
             "  {u_V:6.2}{load} {forward_A:8.4} {reverse_A:8.4} {:8.1} {:8.1}",
