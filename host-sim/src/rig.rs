@@ -11,6 +11,11 @@
 //! [current_sensor]
 //! resolution_A = 0.0265
 //! present = true            # false: there is none, a design does without the current
+//! [tachogenerator]          # on the motor's shaft
+//! gain_V_per_krpm = 3.0     # at 1000 rpm, before the divider by two
+//! ripple = 0.05             # amplitude over the mean
+//! ripples_per_rev = 22
+//! feedback = true           # a loop has its speed from it even where there is an encoder
 //! [recording]               # how the program that recorded works; left out: readings of the very moment
 //! command_delay_s = 0.0002  # from a sample to the voltage it records
 //! readings = "mean"         # speed and current are means since the sample before
@@ -124,6 +129,15 @@ pub struct CurrentSensor {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Tachogenerator {
+    /// Volts at 1000 revolutions a minute, before the firmware's divider by two.
+    #[serde(rename = "gain_V_per_krpm", skip_serializing_if = "Option::is_none")]
+    pub gain_v_per_krpm: Option<f64>,
+    /// Amplitude of its ripple over the mean.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ripple: Option<f64>,
+    /// `true` where a loop has its speed from it although there is an encoder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub feedback: Option<bool>,
     /// Commutator ripples per revolution.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ripples_per_rev: Option<f64>,
@@ -284,6 +298,7 @@ impl Rig {
             "motor.viscous_friction_Nm_s",
             "bridge.drop_V",
             "current_sensor.resolution_A",
+            "tachogenerator.ripple",
             "recording.command_delay_s",
         ];
         for (key, value) in self.numbers() {
@@ -297,13 +312,15 @@ impl Rig {
         Ok(())
     }
 
-    fn numbers(&self) -> [(&'static str, Option<f64>); 12] {
+    fn numbers(&self) -> [(&'static str, Option<f64>); 14] {
         [
             ("supply.voltage_V", self.supply.voltage_v),
             ("bridge.drop_V", self.bridge.drop_v),
             ("bridge.pwm_Hz", self.bridge.pwm_hz),
             ("encoder.counts_per_rev", self.encoder.counts_per_rev),
             ("current_sensor.resolution_A", self.current_sensor.resolution_a),
+            ("tachogenerator.gain_V_per_krpm", self.tachogenerator.gain_v_per_krpm),
+            ("tachogenerator.ripple", self.tachogenerator.ripple),
             ("tachogenerator.ripples_per_rev", self.tachogenerator.ripples_per_rev),
             ("recording.command_delay_s", self.recording.command_delay_s),
             ("motor.resistance_ohm", self.motor.resistance_ohm),
@@ -316,8 +333,14 @@ impl Rig {
 }
 
 /// Keys besides those of [`Rig::numbers`].
-const NOT_CHECKED: [&str; 5] =
-    ["bridge.kind", "bridge.decay", "current_sensor.present", "recording.readings", "recording.current_sampled_at"];
+const NOT_CHECKED: [&str; 6] = [
+    "bridge.kind",
+    "bridge.decay",
+    "current_sensor.present",
+    "tachogenerator.feedback",
+    "recording.readings",
+    "recording.current_sampled_at",
+];
 
 /// A constant of the motor that a file does not give.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
@@ -382,6 +405,7 @@ mod tests {
                 "kind" => "bridge.kind = 'L293D'\n".into(),
                 "decay" => "bridge.decay = 'slow'\n".into(),
                 "present" => "current_sensor.present = false\n".into(),
+                "feedback" => "tachogenerator.feedback = true\n".into(),
                 "readings" => "recording.readings = 'mean'\n".into(),
                 _ => format!("{table}.{key} = 0.5\n"),
             })

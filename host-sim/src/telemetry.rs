@@ -1,7 +1,7 @@
 //! From the firmware's samples to a recording in SI units.
 
 use crate::recording::{Channel, Recording};
-use crate::rig::{CurrentSensor, Encoder, NominalMotor, Rig, Supply, Timing};
+use crate::rig::{CurrentSensor, Encoder, NominalMotor, Rig, Supply, Tachogenerator, Timing};
 use motorbench_core::message::{Mode, Sample, State};
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
@@ -45,7 +45,16 @@ pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recordi
 
 /// What the settings say of the rig, with nominal constants of the motor.
 pub fn rig(settings: &Settings, motor: NominalMotor) -> Rig {
+    let tachogenerator = match settings.get(Param::SpeedSensor) {
+        0.0 => Tachogenerator::default(),
+        _ => Tachogenerator {
+            gain_v_per_krpm: Some(settings.get(Param::TachoGain).into()),
+            feedback: Some(true),
+            ..Tachogenerator::default()
+        },
+    };
     Rig {
+        tachogenerator,
         supply: Supply { voltage_v: Some(settings.get(Param::SupplyVoltage).into()) },
         encoder: Encoder { counts_per_rev: Some(settings.get(Param::CountsPerRev).into()) },
         current_sensor: CurrentSensor { resolution_a: Some(CURRENT_STEP_A), ..CurrentSensor::default() },

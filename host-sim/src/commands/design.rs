@@ -6,6 +6,7 @@ use crate::design::compensation::{Losses, Standstill, compensation, near_standst
 use crate::design::fixed_point::SettingList;
 use crate::design::law::{ControlLaw, setting_name};
 use crate::design::specification::{Specification, Speed};
+use crate::design::tachogenerator::Tachogenerator;
 use crate::design::weights::{BadWeight, Weights};
 use crate::design::{Bench, Design, DesignError, TrialFigures, design, report, trial_with_effects};
 use crate::model::Model;
@@ -32,7 +33,7 @@ use std::path::PathBuf;
     --largest-V 3
   motorbench design --rig rig.toml --position --lqr --q 100,0.2,0,1000 --r 1")]
 pub struct Arguments {
-    /// Rig file: supply, encoder, and the motor unless a model gives it.
+    /// Rig file: supply, encoder or tachogenerator, and the motor unless a model gives it.
     #[arg(long, group = "motor", value_name = "RIG.toml")]
     rig: Option<PathBuf>,
     /// Model file with the table [motor]. Without a rig file, supply and encoder are taken from it as well.
@@ -153,9 +154,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         let model = losses.model(&motor);
         for design in &designs {
-            standstill.push(near_standstill(&model, &settings.all, design.law).map_err(|error| {
-                Failure::input(format!("{}: the core's formats refuse it: {:?}", setting_name(error.param), error.rule))
-            })?);
+            standstill.push(
+                near_standstill(&model, &settings.all, design.law, design.tachogenerator.as_ref()).map_err(
+                    |error| {
+                        Failure::input(format!(
+                            "{}: the core's formats refuse it: {:?}",
+                            setting_name(error.param),
+                            error.rule
+                        ))
+                    },
+                )?,
+            );
         }
     }
     let model = arguments.extended()?;
@@ -250,13 +259,24 @@ impl Arguments {
         };
         let (motor, _) = motor_of(model)?;
         let rig = read_rig(surroundings)?;
-        let needed = |key: &str, value: Option<f64>| {
+        let missing = |key: &str| {
             let name = surroundings.display();
-            value.ok_or_else(|| Failure::input(format!("{name}: {key} is missing: the design needs it, add it")))
+            Failure::input(format!("{name}: {key} is missing: the design needs it, add it"))
         };
+        let tachogenerator = match tachogenerator(&rig) {
+            Some(gain) => Some(gain.ok_or_else(|| missing("tachogenerator.gain_V_per_krpm"))?),
+            None => None,
+        };
+        if rig.encoder.counts_per_rev.is_none() && tachogenerator.is_none() {
+            let name = surroundings.display();
+            return Err(Failure::input(format!(
+                "{name}: encoder.counts_per_rev is missing: the design needs it, add it; or, for a speed, tachogenerator.gain_V_per_krpm"
+            )));
+        }
         let bench = Bench {
-            supply_v: needed("supply.voltage_V", rig.supply.voltage_v)?,
-            counts_per_rev: needed("encoder.counts_per_rev", rig.encoder.counts_per_rev)?,
+            supply_v: rig.supply.voltage_v.ok_or_else(|| missing("supply.voltage_V"))?,
+            counts_per_rev: rig.encoder.counts_per_rev,
+            tachogenerator,
             current_measured: !self.no_current_sensor && rig.current_sensor.present != Some(false),
             ..Bench::default()
         };
@@ -264,7 +284,23 @@ impl Arguments {
     }
 }
 
-/// A model file.
+/// What measures the speed in place of an encoder: of a rig that says so or has no encoder. Inside: `None` without a gain.
+fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
+    let given = &rig.tachogenerator;
+    let takes_its_place = rig.encoder.counts_per_rev.is_none() && given.gain_v_per_krpm.is_some();
+    if !given.feedback.unwrap_or(takes_its_place) {
+        return None;
+    }
+    Some(given.gain_v_per_krpm.map(|gain_v_per_krpm| {
+        let usual = Tachogenerator::new(gain_v_per_krpm);
+        Tachogenerator {
+            ripple: given.ripple.unwrap_or(usual.ripple),
+            ripples_per_rev: given.ripples_per_rev.unwrap_or(usual.ripples_per_rev),
+            ..usual
+        }
+    }))
+}
+
 /// A law's trial with the effects of the model.
 type TrialWithEffects = (ControlLaw, Result<TrialFigures, DesignError>);
 
@@ -350,5 +386,43 @@ mod tests {
             assert!(failure.code == 1 && failure.message.contains(expected), "{}", failure.message);
         }
         std::fs::remove_dir_all(directory).unwrap();
+    }
+
+    #[test]
+    fn a_tachogenerator_is_the_sensor_where_there_is_no_encoder_or_where_the_rig_says_so() {
+        let of = |text: &str| tachogenerator(&Rig::parse("rig.toml", text).unwrap());
+        let (encoder, tacho) = ("[encoder]\ncounts_per_rev = 1024\n", "[tachogenerator]\ngain_V_per_krpm = 3\n");
+        assert_eq!(of(encoder), None);
+        assert_eq!(of(tacho), Some(Some(Tachogenerator::new(3.0))));
+        assert_eq!(of(&format!("{encoder}{tacho}")), None);
+        let both = of(&format!("{encoder}{tacho}feedback = true\nripple = 0.01\nripples_per_rev = 11\n"));
+        let expected = Tachogenerator { gain_v_per_krpm: 3.0, ripple: 0.01, ripples_per_rev: 11.0 };
+        assert_eq!(both, Some(Some(expected)));
+        assert_eq!(of("[tachogenerator]\nfeedback = true\n"), Some(None));
+    }
+
+    /// From the stand's rig file to the console's lines, and each refusal.
+    #[test]
+    fn a_rig_with_a_tachogenerator_alone() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, console, html] = ["rig.toml", "gains.txt", "design.html"].map(|name| directory.path().join(name));
+        let stand = RIG.replace("[encoder]\ncounts_per_rev = 1024\n", "[tachogenerator]\ngain_V_per_krpm = 3\n");
+        std::fs::write(&rig, &stand).unwrap();
+        run(&Arguments { console: Some(console.clone()), report: Some(html.clone()), ..arguments(&rig) }).unwrap();
+        let lines = std::fs::read_to_string(console).unwrap();
+        assert!(lines.contains("speed_sensor 1 tacho_gain 3") && !lines.contains("counts_per_rev"), "{lines}");
+        assert!(std::fs::read_to_string(html).unwrap().contains("steps of 0.341 rad/s, low-pass 3.2 ms"));
+        let refused = |text: &str, position: bool| {
+            std::fs::write(&rig, text).unwrap();
+            let failure = run(&Arguments { position, speed: !position, ..arguments(&rig) }).unwrap_err();
+            assert_eq!(failure.code, 1);
+            failure.message
+        };
+        let message = refused(&stand, true);
+        assert!(message.contains("the position PID needs an encoder"), "{message}");
+        let message = refused(&stand.replace("gain_V_per_krpm = 3", "feedback = true"), false);
+        assert!(message.contains("tachogenerator.gain_V_per_krpm is missing"), "{message}");
+        let message = refused(&stand.replace("voltage_V = 12", "voltage_V = 30"), false);
+        assert!(message.contains("the converter ends at 332 rad/s"), "{message}");
     }
 }

@@ -71,7 +71,7 @@ mod with_chip {
     use super::super::read_rig;
     use super::surroundings::{ORDERS, Surroundings};
     use super::{Arguments, Failure};
-    use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, firmware_elf};
+    use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator, firmware_elf};
     use crate::link::virtual_control::control_path;
     use crate::plant::ModelPlant;
     use crate::rig::Rig;
@@ -126,7 +126,19 @@ mod with_chip {
         Circuit {
             supply_v: given(rig.map(|rig| rig.supply.voltage_v), 12.0),
             counts_per_turn: given(rig.map(|rig| rig.encoder.counts_per_rev), COUNTS_PER_REV),
+            tachogenerator: tachogenerator(rig),
             ..Circuit::default()
+        }
+    }
+
+    fn tachogenerator(rig: Option<&Rig>) -> Tachogenerator {
+        let given = rig.map(|rig| rig.tachogenerator).unwrap_or_default();
+        let usual = Tachogenerator::default();
+        Tachogenerator {
+            v_per_1000_rpm: given.gain_v_per_krpm.unwrap_or(usual.v_per_1000_rpm),
+            ripple: given.ripple.unwrap_or(usual.ripple),
+            ripples_per_turn: given.ripples_per_rev.unwrap_or(usual.ripples_per_turn),
+            ..usual
         }
     }
 

@@ -1,6 +1,7 @@
 //! The core's compensation from what is known of friction and bridge, and what it gains near standstill.
 
 use super::law::{ControlLaw, setting_name};
+use super::tachogenerator::Tachogenerator;
 use super::trial::Trial;
 use crate::catalogue::effect;
 use crate::linear::motor_model;
@@ -87,11 +88,16 @@ impl Standstill {
 }
 
 /// Simulates the core with a model whose losses are compensated, following a slow reference about standstill, with the
-/// settings as they are and with the compensation's set to zero.
+/// settings as they are and with the compensation's set to zero; with the ripple of a tachogenerator where that measures.
 ///
 /// # Errors
 /// A setting the core cannot hold.
-pub fn near_standstill(model: &Model, settings: &Settings, law: ControlLaw) -> Result<Standstill, BuildError> {
+pub fn near_standstill(
+    model: &Model,
+    settings: &Settings,
+    law: ControlLaw,
+    tachogenerator: Option<&Tachogenerator>,
+) -> Result<Standstill, BuildError> {
     let no_load = f64::from(settings.get(Param::SupplyVoltage)) * motor_model::speed(&model.motor).dc_gain();
     let (reference, acceleration) = if law.is_position() {
         (SLOW_TURN_RAD, SLOW_TURN_RAD / SLOW_S.powi(2))
@@ -108,6 +114,9 @@ pub fn near_standstill(model: &Model, settings: &Settings, law: ControlLaw) -> R
             }
         }
         let mut trial = Trial::new(ModelPlant::new(model.clone()), settings)?;
+        if let Some(tachogenerator) = tachogenerator {
+            tachogenerator.onto(&mut trial);
+        }
         trial.enter(law.mode());
         let ways = [reference, -reference].into_iter().cycle().take(SLOW_WAYS);
         let points: Vec<_> = ways.flat_map(|reference| trial.follow(reference, SLOW_WAY_S)).collect();
@@ -190,7 +199,7 @@ mod tests {
             for setting in compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a).unwrap() {
                 settings.set(setting.param, setting.value as f32).unwrap();
             }
-            let found = near_standstill(&losses.model(&motor), &settings, law).unwrap();
+            let found = near_standstill(&losses.model(&motor), &settings, law, None).unwrap();
             print!("{}", found.text());
             let (without, with) = (found.without.unwrap(), found.with.unwrap());
             assert!(with < 0.6 * without, "{found:?}");

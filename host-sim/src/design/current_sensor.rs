@@ -6,7 +6,7 @@
 use super::law::{ControlLaw, Signal};
 use super::observer::{CurrentObserver, Unknown};
 use super::robustness::{self, Robustness};
-use super::sampled_loop::{Gains, SampledLoop};
+use super::sampled_loop::{Gains, SampledLoop, SpeedPath};
 use super::search::{Candidate, Search};
 use super::specification::{Specification, Speed};
 use crate::motor::MotorParameters;
@@ -71,6 +71,7 @@ pub struct Comparison {
 pub fn compare(
     motor: &MotorParameters,
     period_s: f64,
+    speed: SpeedPath,
     law: ControlLaw,
     specification: &Specification,
 ) -> Vec<Comparison> {
@@ -80,10 +81,10 @@ pub fn compare(
     }
     let all = vec![true; current.len()];
     let without: Vec<bool> = current.iter().map(|is_current| !is_current).collect();
-    let with = |used, observer| best(&Search { motor, law, period_s, used, observer }, specification);
+    let with = |used, observer| best(&Search { motor, law, period_s, speed, used, observer }, specification);
     let observed = OBSERVERS
         .iter()
-        .filter_map(|unknown| with(&all, Some(CurrentObserver::new(motor, period_s, unknown).ok()?)))
+        .filter_map(|unknown| with(&all, Some(CurrentObserver::new(motor, period_s, speed, unknown).ok()?)))
         .max_by(|a, b| a.worst_modulus.total_cmp(&b.worst_modulus));
     vec![
         Comparison { current: CurrentFrom::Sensor, found: with(&all, None) },
@@ -169,7 +170,7 @@ mod tests {
     fn loops(motor: &MotorParameters, hz: f64) -> [LoopWith; 3] {
         let specification =
             Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: 1.0 };
-        let comparison = compare(motor, 1e-3, ControlLaw::SpeedLqr, &specification);
+        let comparison = compare(motor, 1e-3, SpeedPath::Mean, ControlLaw::SpeedLqr, &specification);
         print!("{}", table(ControlLaw::SpeedLqr, &comparison));
         [0, 1, 2].map(|at: usize| comparison[at].found.unwrap())
     }
@@ -198,6 +199,7 @@ mod tests {
     fn a_pid_has_nothing_to_compare() {
         let specification =
             Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
-        assert!(compare(&MotorParameters::PIVT6, 1e-3, ControlLaw::SpeedPid, &specification).is_empty());
+        let (motor, law) = (MotorParameters::PIVT6, ControlLaw::SpeedPid);
+        assert!(compare(&motor, 1e-3, SpeedPath::Mean, law, &specification).is_empty());
     }
 }

@@ -1,8 +1,9 @@
 //! A design as the core holds it: settings, and the gains its fixed-point formats make of them.
 
 use super::law::{ControlLaw, Signal, setting_name, setting_unit};
-use super::sampled_loop::{Gains, Sampling};
+use super::sampled_loop::{Gains, Sampling, SpeedPath};
 use super::specification::Specification;
+use super::tachogenerator::is_speed_sensor;
 use super::{Bench, DesignError};
 use crate::linear::motor_model;
 use crate::motor::MotorParameters;
@@ -28,7 +29,7 @@ const POSITION_SUPPLIES: f64 = 4.0;
 const SLEW_TICKS: f64 = 4.0;
 /// Widths of the friction compensation's fading in the range of speed: twice the narrowest the core holds.
 const WIDTHS_A_RANGE: f64 = 256.0;
-/// A tachogenerator that fits every range; the speed comes from the encoder.
+/// A tachogenerator that fits every range, where the speed comes from the encoder.
 const UNUSED_TACHO_GAIN: f32 = 100.0;
 /// Digits with which settings are given on the console.
 const DIGITS: i32 = 5;
@@ -148,6 +149,7 @@ fn advice(error: BuildError) -> &'static str {
         (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, _) => "raise current-limit-A",
         (Param::Acceleration, TooLarge) => "check the model's inertia and torque constant, or lower current-limit-A",
         (Param::Acceleration, _) => "check the model's inertia and torque constant, or raise current-limit-A",
+        (Param::TachoGain | Param::SpeedFilter, _) => "check the tachogenerator's gain",
         (
             Param::SupplyVoltage
             | Param::VoltageLimit
@@ -167,7 +169,8 @@ fn advice(error: BuildError) -> &'static str {
 /// The rig's settings: ranges, limits, trips, reference profile.
 ///
 /// # Errors
-/// [`DesignError::Setting`] where the rig does not fit the core, [`DesignError::TooFast`] where the encoder does not.
+/// [`DesignError::Setting`] where the rig does not fit the core, [`DesignError::TooFast`] where the encoder does not,
+/// [`DesignError::Tachogenerator`] where that does not.
 pub fn rig_settings(
     motor: &MotorParameters,
     bench: &Bench,
@@ -175,18 +178,20 @@ pub fn rig_settings(
 ) -> Result<SettingList, DesignError> {
     let current_limit_a = specification.current_limit_a;
     let no_load_rad_per_s = bench.supply_v * motor_model::speed(motor).dc_gain();
-    let edges_per_s = no_load_rad_per_s * bench.counts_per_rev / std::f64::consts::TAU;
+    let edges_per_s = no_load_rad_per_s * bench.counts_per_rev.unwrap_or(0.0) / std::f64::consts::TAU;
     if edges_per_s > MAX_EDGES_PER_S {
         return Err(DesignError::TooFast { edges_per_s, limit_per_s: MAX_EDGES_PER_S });
     }
     let speed_range = power_of_two(SPEED_HEADROOM * no_load_rad_per_s).max(8.0);
     let mut list = SettingList::default();
     let drive_a = (ACCELERATION_PART * current_limit_a).min(ACCELERATION_PART * bench.supply_v / motor.resistance_ohm);
+    list.set(Param::TickRate, bench.tick_rate_hz)?;
+    if let Some(counts_per_rev) = bench.counts_per_rev {
+        list.set(Param::CountsPerRev, counts_per_rev)?;
+        list.set(Param::PositionRange, position_range(motor, bench, specification, counts_per_rev))?;
+    }
     for (param, value) in [
-        (Param::TickRate, bench.tick_rate_hz),
-        (Param::CountsPerRev, bench.counts_per_rev),
         (Param::SpeedRange, speed_range),
-        (Param::PositionRange, position_range(motor, bench, specification)),
         (Param::CompFrictionWidth, speed_range / WIDTHS_A_RANGE),
         (Param::SupplyVoltage, bench.supply_v),
         (Param::VoltageLimit, bench.supply_v),
@@ -200,7 +205,25 @@ pub fn rig_settings(
     ] {
         list.set(param, value)?;
     }
+    set_speed_sensor(&mut list, motor, bench, specification)?;
     Ok(list)
+}
+
+/// Where the speed comes from. Always said, so that a board on which another sensor was used comes back.
+fn set_speed_sensor(
+    list: &mut SettingList,
+    motor: &MotorParameters,
+    bench: &Bench,
+    specification: &Specification,
+) -> Result<(), DesignError> {
+    let Some(tachogenerator) = bench.tachogenerator else {
+        list.set(Param::SpeedSensor, 0.0)?;
+        return list.set(Param::SpeedFilter, 0.0);
+    };
+    tachogenerator.check(bench.supply_v * motor_model::speed(motor).dc_gain(), bench.tick_rate_hz)?;
+    list.set(Param::SpeedSensor, 1.0)?;
+    list.set(Param::TachoGain, tachogenerator.gain_v_per_krpm)?;
+    list.set(Param::SpeedFilter, 1e3 * tachogenerator.filter_s(motor, specification, 1.0 / bench.tick_rate_hz))
 }
 
 /// Smallest power of two that is not below `value`.
@@ -245,11 +268,11 @@ pub fn law_settings(
 
 /// Large enough for the errors that matter to a loop of the speed asked for, and fine enough to see a count. The same
 /// for every law, so that they can be changed on the fly.
-fn position_range(motor: &MotorParameters, bench: &Bench, specification: &Specification) -> f64 {
+fn position_range(motor: &MotorParameters, bench: &Bench, specification: &Specification, counts_per_rev: f64) -> f64 {
     let asked_rad_per_s = specification.speed.rad_per_s(motor, 1.0 / bench.tick_rate_hz);
     let at = Complex::new(0.0, asked_rad_per_s);
     let supply_rad = bench.supply_v * motor_model::angle(motor).at(at).norm();
-    let sees_a_count = f64::from(FULL_RANGE) * std::f64::consts::TAU / bench.counts_per_rev;
+    let sees_a_count = f64::from(FULL_RANGE) * std::f64::consts::TAU / counts_per_rev;
     let finest = power_of_two(sees_a_count) / 2.0;
     power_of_two(POSITION_SUPPLIES * supply_rad).min(finest).clamp(1.0, 4096.0)
 }
@@ -265,7 +288,11 @@ fn fit(list: &mut SettingList, law: ControlLaw) -> Result<(), DesignError> {
         match LoopConfig::build(&list.all) {
             Ok(_) => return Ok(()),
             Err(error) if others(error.param) && list.all.get(error.param) != 0.0 => list.set(error.param, 0.0)?,
-            Err(error) if error.param == Param::TachoGain && list.all.get(error.param) < UNUSED_TACHO_GAIN => {
+            Err(error)
+                if error.param == Param::TachoGain
+                    && !is_speed_sensor(&list.all)
+                    && list.all.get(error.param) < UNUSED_TACHO_GAIN =>
+            {
                 list.set(error.param, UNUSED_TACHO_GAIN.into())?;
             }
             Err(error) => return Err(refusal(error, list.all.get(error.param).into())),
@@ -281,11 +308,9 @@ pub fn read_back(list: &SettingList, law: ControlLaw) -> Result<(Gains, Sampling
     let get = |param: Param| f64::from(list.all.get(param));
     let period_s = 1.0 / get(Param::TickRate);
     let filter_s = law.filter().map_or(0.0, |param| 1e-3 * get(param));
-    let mut sampling = Sampling::new(period_s, filter_s);
-    if law.filter().is_some() {
-        let bits = quantise(sampling.filter_part as f32, scale(Fraction::FRAC_NBITS), u16::MAX);
-        let bits = bits.map_err(|rule| refusal(rule.of(Param::SpeedTf), filter_s))?;
-        sampling.filter_part = f64::from(bits) / f64::from(scale(Fraction::FRAC_NBITS));
+    let mut sampling = Sampling { speed: speed_path(list)?, ..Sampling::new(period_s, filter_s) };
+    if let Some(param) = law.filter() {
+        sampling.filter_part = held_part(sampling.filter_part, param, filter_s)?;
     }
     let mut feedback = Vec::new();
     for &(param, signal) in law.feedback() {
@@ -303,6 +328,29 @@ pub fn read_back(list: &SettingList, law: ControlLaw) -> Result<(Gains, Sampling
     };
     let reference = held_gain(reference, speed_scale).map_err(|rule| refusal(rule.of(param), reference))?;
     Ok((Gains { feedback, reference }, sampling))
+}
+
+/// How the laws come by the speed with these settings.
+///
+/// # Errors
+/// [`DesignError::Setting`] for a low-pass the core cannot hold.
+pub fn speed_path(list: &SettingList) -> Result<SpeedPath, DesignError> {
+    if !is_speed_sensor(&list.all) {
+        return Ok(SpeedPath::Mean);
+    }
+    let filter_s = 1e-3 * f64::from(list.all.get(Param::SpeedFilter));
+    if filter_s == 0.0 {
+        return Ok(SpeedPath::Converted { filter_s, filter_part: 1.0 });
+    }
+    let part = 1.0 / (filter_s * f64::from(list.all.get(Param::TickRate)) + 1.0);
+    Ok(SpeedPath::Converted { filter_s, filter_part: held_part(part, Param::SpeedFilter, filter_s)? })
+}
+
+/// The part of its way that the core's low-pass goes in a tick.
+fn held_part(part: f64, param: Param, filter_s: f64) -> Result<f64, DesignError> {
+    let one = scale(Fraction::FRAC_NBITS);
+    let bits = quantise(part as f32, one, u16::MAX).map_err(|rule| refusal(rule.of(param), filter_s))?;
+    Ok(f64::from(bits) / f64::from(one))
 }
 
 /// Bits of one in a format with so many fractional bits.

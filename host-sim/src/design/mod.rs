@@ -9,6 +9,7 @@
 //! | [`law`] | the core's four control laws and their settings |
 //! | [`specification`] | what a loop is asked to do |
 //! | [`sampled_loop`] | motor, hold, delay and sensors as one sampled system |
+//! | [`tachogenerator`] | the speed from the converter instead of the encoder |
 //! | [`weights`] | Q and R, given or found |
 //! | [`search`], [`optimum`] | weights for a specification, gains for weights |
 //! | [`fixed_point`] | settings, and the gains the core's formats make of them |
@@ -34,6 +35,7 @@ pub mod sampled_loop;
 pub mod search;
 pub mod specification;
 pub mod step_tuning;
+pub mod tachogenerator;
 pub mod trial;
 pub mod weights;
 
@@ -50,6 +52,7 @@ use sampled_loop::{Gains, SampledLoop, Sampling};
 use search::{Candidate, LoopFigures, Reached, Search};
 use serde::Serialize;
 use specification::{ImpossibleSpecification, Specification, Speed};
+use tachogenerator::Tachogenerator;
 use trial::{Point, Trial};
 use weights::{BadWeight, Weights};
 
@@ -58,8 +61,10 @@ use weights::{BadWeight, Weights};
 pub struct Bench {
     /// Motor supply, in volts.
     pub supply_v: f64,
-    /// Encoder counts a turn, after x4 decoding.
-    pub counts_per_rev: f64,
+    /// Encoder counts a turn, after x4 decoding; `None`: there is no encoder.
+    pub counts_per_rev: Option<f64>,
+    /// The speed is measured by this, and not by the encoder.
+    pub tachogenerator: Option<Tachogenerator>,
     /// Control rate: 1000 or 2000 Hz.
     pub tick_rate_hz: f64,
     /// Whether the current is measured; without it an LQR has no gain on it.
@@ -72,7 +77,8 @@ impl Default for Bench {
         let settings = Settings::defaults();
         Self {
             supply_v: settings.get(Param::SupplyVoltage).into(),
-            counts_per_rev: settings.get(Param::CountsPerRev).into(),
+            counts_per_rev: Some(settings.get(Param::CountsPerRev).into()),
+            tachogenerator: None,
             tick_rate_hz: settings.get(Param::TickRate).into(),
             current_measured: true,
         }
@@ -97,6 +103,20 @@ pub enum DesignError {
         edges_per_s: f64,
         /// What the chip counts.
         limit_per_s: f64,
+    },
+    /// The law needs an encoder.
+    #[error(
+        "the {law} needs an encoder, and the rig has none: the firmware takes a position from the encoder's counts alone, and a speed from these or a tachogenerator; add encoder.counts_per_rev, or control the speed with a tachogenerator"
+    )]
+    NoEncoder {
+        /// Which law.
+        law: &'static str,
+    },
+    /// The tachogenerator's voltage is nothing the firmware can measure.
+    #[error("the tachogenerator: {what}")]
+    Tachogenerator {
+        /// What is wrong with it, and what to do.
+        what: String,
     },
     /// The core cannot hold a setting.
     #[error("{name} = {value} {unit} {why}: {advice}")]
@@ -215,6 +235,10 @@ pub struct TrialFigures {
     pub peak_a: f64,
     /// Part of the time at a limit of voltage, slew or current.
     pub limited_part: f64,
+    /// From the smallest to the largest voltage in the last fifth: what the resolution and the ripple of the sensors keep
+    /// moving.
+    #[serde(rename = "swing_V")]
+    pub swing_v: f64,
 }
 
 /// A design: gains that were checked.
@@ -243,6 +267,9 @@ pub struct Design {
     /// An LQR of a rig without a current sensor: what the sensor, or an observer, would bring. Else empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub current_sensor: Vec<current_sensor::Comparison>,
+    /// What measures the speed in place of the encoder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub tachogenerator: Option<Tachogenerator>,
     /// The weights it came from, given or found. Given by hand they are the same gains.
     pub weights: Weights,
     /// Settings, for a simulation or the board.
@@ -301,9 +328,12 @@ pub fn design(
     motor.check()?;
     let period_s = 1.0 / bench.tick_rate_hz;
     specification.check(period_s)?;
+    if bench.counts_per_rev.is_none() && (law.is_position() || bench.tachogenerator.is_none()) {
+        return Err(DesignError::NoEncoder { law: law.title() });
+    }
     let mut design = best_shape(motor, bench, law, specification)?;
     if !bench.current_measured {
-        design.current_sensor = current_sensor::compare(motor, period_s, law, specification);
+        design.current_sensor = current_sensor::compare(motor, period_s, design.sampling.speed, law, specification);
     }
     Ok(design)
 }
@@ -319,7 +349,9 @@ fn best_shape(
     let rig = fixed_point::rig_settings(motor, bench, specification)?;
     let used: Vec<bool> =
         law.feedback().iter().map(|(_, signal)| bench.current_measured || *signal != Signal::Current).collect();
-    let search = Search { motor, law, period_s, used: &used, observer: None };
+    let speed = fixed_point::speed_path(&rig)?;
+    let search = Search { motor, law, period_s, speed, used: &used, observer: None };
+    let rig = Rig { settings: rig, tachogenerator: bench.tachogenerator };
     if let Speed::Weights(weights) = specification.speed {
         return weighed(&search, &rig, specification, &weights);
     }
@@ -344,13 +376,19 @@ fn best_shape(
     Err(refusals.error(law, specification))
 }
 
+/// What every law of a rig has in common.
+struct Rig {
+    settings: SettingList,
+    tachogenerator: Option<Tachogenerator>,
+}
+
 /// What to do about a loop by the weights that were given.
 const WEIGHTS_ADVICE: &str = "a larger r makes the loop slower, a smaller weight on the integral lets it overshoot less, a larger one on the speed damps";
 
 /// The loop of weights that were given.
 fn weighed(
     search: &Search,
-    rig: &SettingList,
+    rig: &Rig,
     specification: &Specification,
     weights: &Weights,
 ) -> Result<Design, DesignError> {
@@ -413,12 +451,12 @@ impl Refusals {
 /// Quantises a candidate, and checks what is left.
 fn checked(
     motor: &MotorParameters,
-    rig: &SettingList,
+    rig: &Rig,
     law: ControlLaw,
     specification: &Specification,
     candidate: Candidate,
 ) -> Result<Design, DesignError> {
-    let mut settings = fixed_point::law_settings(rig, motor, law, &candidate.sampling, &candidate.gains)?;
+    let mut settings = fixed_point::law_settings(&rig.settings, motor, law, &candidate.sampling, &candidate.gains)?;
     let (held, sampling) = fixed_point::read_back(&settings, law)?;
     let not_robust = |weakness| DesignError::NotRobust { law: law.title(), weakness };
     let robustness = robustness::check(motor, law, &sampling, &held).map_err(not_robust)?;
@@ -426,7 +464,8 @@ fn checked(
     let figures = search::figures(&sampled, &held, candidate.crossover_rad_per_s)
         .ok_or_else(|| not_robust(Weakness::Unstable { radius: robustness.spectral_radius }))?;
     kept(law, specification, &candidate.figures, &figures)?;
-    let (trial, points) = gentle_trial(motor, law, &mut settings, specification, figures.step.settling_s)?;
+    let trials = StepTrial { motor, law, tachogenerator: rig.tachogenerator, settling_s: figures.step.settling_s };
+    let (trial, points) = trials.gentle(&mut settings, specification)?;
     let [peak_v, peak_a] = current_sensor::plain_step_peaks(&sampled, &held);
     let gains = law.feedback().iter().zip(&held.feedback).map(|(&(param, _), &held)| DesignedGain {
         name: setting_name(param),
@@ -444,6 +483,7 @@ fn checked(
         plain_step_peak_v: peak_v * trial.step,
         plain_step_peak_a: peak_a * trial.step,
         current_sensor: Vec::new(),
+        tachogenerator: rig.tachogenerator,
         trial,
         weights: candidate.weights,
         settings,
@@ -495,65 +535,99 @@ const SETTLED_PART: usize = 5;
 /// Counts a position may be off at the end, and bits a speed.
 const SETTLED_COUNTS: f64 = 2.0;
 const SETTLED_SPEED_BITS: f64 = 8.0;
+/// Steps of the converter a speed by the tachogenerator may be off: one that is cut off, one between which the loop hunts.
+const SETTLED_TACHO_STEPS: f64 = 2.0;
 /// Part of the step that a trial may be off at its end, where that is more.
 const SETTLED_STEP_PART: f64 = 0.02;
 
-/// A trial with the feed-forward lowered and the reference's profile slowed down until overshoot and current stay where
-/// they may.
-fn gentle_trial(
-    motor: &MotorParameters,
+/// The trial of a law on the core with the motor of the model.
+struct StepTrial<'a> {
+    motor: &'a MotorParameters,
     law: ControlLaw,
-    settings: &mut SettingList,
-    specification: &Specification,
+    tachogenerator: Option<Tachogenerator>,
+    /// Of the linear loop.
     settling_s: f64,
-) -> Result<(TrialFigures, Vec<Point>), DesignError> {
-    let most_a = fixed_point::ACCELERATION_PART * specification.current_limit_a;
-    let most_percent = specification.overshoot_percent.max(LEAST_OVERSHOOT_PERCENT);
-    for _ in 0..PROFILES {
-        match run_trial(motor, law, settings, settling_s) {
-            Ok((figures, _)) if figures.peak_a > most_a => settings.slow_down(0.95 * most_a / figures.peak_a)?,
-            Ok((figures, _)) if figures.overshoot_percent > most_percent => {
-                if !settings.feed_less_forward(law, GENTLER)? {
-                    settings.slow_down(GENTLER)?;
-                }
-            }
-            Ok(done) => return Ok(done),
-            Err(_) => settings.slow_down(GENTLER)?,
-        }
-    }
-    let (figures, points) = run_trial(motor, law, settings, settling_s)?;
-    let what = if figures.peak_a > specification.current_limit_a {
-        format!("the current reaches {:.2} A", figures.peak_a)
-    } else if figures.overshoot_percent > most_percent {
-        format!("through the profile it overshoots by {:.1} %", figures.overshoot_percent)
-    } else {
-        return Ok((figures, points));
-    };
-    Err(DesignError::Trial { law: law.title(), what })
 }
 
-/// The core with the motor of the model: follows a step through its profile and settles.
-fn run_trial(
-    motor: &MotorParameters,
-    law: ControlLaw,
-    settings: &SettingList,
-    settling_s: f64,
-) -> Result<(TrialFigures, Vec<Point>), DesignError> {
-    let get = |param| f64::from(settings.all.get(param));
-    let (step, ramp_s) = trial_step(motor, law, settings);
-    let duration_s = ramp_s + (8.0 * settling_s).max(0.5);
-    let (figures, points) = follow_step(DcMotor::new(ideal(motor)), law, &settings.all, step, duration_s)?;
-    let bits = if law.is_position() {
-        SETTLED_COUNTS * std::f64::consts::TAU / get(Param::CountsPerRev)
-    } else {
-        SETTLED_SPEED_BITS * get(Param::SpeedRange) / f64::from(motorbench_core::units::FULL_RANGE)
-    };
-    let TrialFigures { last_deviation, .. } = figures;
-    if last_deviation > bits.max(SETTLED_STEP_PART * step) {
-        let what = format!("at the end it is off by {last_deviation:.3} of {step:.3}");
-        return Err(DesignError::Trial { law: law.title(), what });
+impl StepTrial<'_> {
+    /// A trial with the feed-forward lowered and the reference's profile slowed down until overshoot and current stay
+    /// where they may.
+    fn gentle(
+        &self,
+        settings: &mut SettingList,
+        specification: &Specification,
+    ) -> Result<(TrialFigures, Vec<Point>), DesignError> {
+        let law = self.law;
+        let most_a = fixed_point::ACCELERATION_PART * specification.current_limit_a;
+        let most_percent = specification.overshoot_percent.max(self.least_overshoot_percent(settings));
+        for _ in 0..PROFILES {
+            match self.run(settings) {
+                Ok((figures, _)) if figures.peak_a > most_a => settings.slow_down(0.95 * most_a / figures.peak_a)?,
+                Ok((figures, _)) if figures.overshoot_percent > most_percent => {
+                    if !settings.feed_less_forward(law, GENTLER)? {
+                        settings.slow_down(GENTLER)?;
+                    }
+                }
+                Ok(done) => return Ok(done),
+                Err(_) => settings.slow_down(GENTLER)?,
+            }
+        }
+        let (figures, points) = self.run(settings)?;
+        let what = if figures.peak_a > specification.current_limit_a {
+            format!("the current reaches {:.2} A", figures.peak_a)
+        } else if figures.overshoot_percent > most_percent {
+            format!("through the profile it overshoots by {:.1} %", figures.overshoot_percent)
+        } else {
+            return Ok((figures, points));
+        };
+        Err(DesignError::Trial { law: law.title(), what })
     }
-    Ok((figures, points))
+
+    /// The core follows a step through its profile and settles; with a tachogenerator, whose sign is the drive's, also back
+    /// through standstill.
+    fn run(&self, settings: &SettingList) -> Result<(TrialFigures, Vec<Point>), DesignError> {
+        let (step, ramp_s) = trial_step(self.motor, self.law, settings);
+        let duration_s = ramp_s + (8.0 * self.settling_s).max(0.5);
+        let mut trial = self.started(&settings.all)?;
+        let (figures, points) = follow_step(&mut trial, self.law, step, duration_s)?;
+        self.settled(settings, step, figures.last_deviation)?;
+        if self.tachogenerator.is_some() {
+            // Twice as far.
+            let (back, _) = follow_step(&mut trial, self.law, -step, duration_s + ramp_s)?;
+            self.settled(settings, step, back.last_deviation)?;
+        }
+        Ok((figures, points))
+    }
+
+    fn started(&self, settings: &Settings) -> Result<Trial<DcMotor>, DesignError> {
+        started(DcMotor::new(ideal(self.motor)), self.law, self.tachogenerator.as_ref(), settings)
+    }
+
+    fn settled(&self, settings: &SettingList, step: f64, last_deviation: f64) -> Result<(), DesignError> {
+        if last_deviation > self.finest(settings).max(SETTLED_STEP_PART * step) {
+            let what = format!("at the end it is off by {last_deviation:.3} of {step:.3}");
+            return Err(DesignError::Trial { law: self.law.title(), what });
+        }
+        Ok(())
+    }
+
+    /// What the sensor's resolution leaves, in rad or rad/s.
+    fn finest(&self, settings: &SettingList) -> f64 {
+        let get = |param| f64::from(settings.all.get(param));
+        if self.law.is_position() {
+            return SETTLED_COUNTS * std::f64::consts::TAU / get(Param::CountsPerRev);
+        }
+        let bits = SETTLED_SPEED_BITS * get(Param::SpeedRange) / f64::from(motorbench_core::units::FULL_RANGE);
+        let steps = |tachogenerator: Tachogenerator| SETTLED_TACHO_STEPS * tachogenerator.resolution_rad_per_s();
+        self.tachogenerator.map_or(bits, steps).max(bits)
+    }
+
+    /// Overshoot that no specification forbids.
+    fn least_overshoot_percent(&self, settings: &SettingList) -> f64 {
+        let (step, _) = trial_step(self.motor, self.law, settings);
+        let resolution = if self.tachogenerator.is_some() { 100.0 * self.finest(settings) / step } else { 0.0 };
+        LEAST_OVERSHOOT_PERCENT.max(resolution)
+    }
 }
 
 /// The design's own trial again, with `settings` that may compensate, and with a motor that has effects the design does not
@@ -564,23 +638,36 @@ fn run_trial(
 pub fn trial_with_effects(model: &Model, design: &Design, settings: &Settings) -> Result<TrialFigures, DesignError> {
     let duration_s = design.points.last().map_or(0.0, |point| point.t_s);
     let plant = ModelPlant::new(model.clone());
-    follow_step(plant, design.law, settings, design.trial.step, duration_s).map(|(figures, _)| figures)
+    let mut trial = started(plant, design.law, design.tachogenerator.as_ref(), settings)?;
+    follow_step(&mut trial, design.law, design.trial.step, duration_s).map(|(figures, _)| figures)
+}
+
+/// The core with a motor, armed, in the mode of a law.
+fn started<P: Plant>(
+    plant: P,
+    law: ControlLaw,
+    tachogenerator: Option<&Tachogenerator>,
+    settings: &Settings,
+) -> Result<Trial<P>, DesignError> {
+    let fails = |error| DesignError::Trial { law: law.title(), what: format!("{error:?}") };
+    let mut trial = Trial::new(plant, *settings).map_err(fails)?;
+    if let Some(tachogenerator) = tachogenerator {
+        tachogenerator.onto(&mut trial);
+    }
+    trial.enter(law.mode());
+    Ok(trial)
 }
 
 /// The core follows a step through its profile.
 fn follow_step(
-    plant: impl Plant,
+    trial: &mut Trial<impl Plant>,
     law: ControlLaw,
-    settings: &Settings,
     step: f64,
     duration_s: f64,
 ) -> Result<(TrialFigures, Vec<Point>), DesignError> {
-    let fails = |what| DesignError::Trial { law: law.title(), what };
-    let mut trial = Trial::new(plant, *settings).map_err(|error| fails(format!("{error:?}")))?;
-    trial.enter(law.mode());
     let points = trial.follow(step, duration_s);
     if trial.sample().trip != Trip::None {
-        return Err(fails(format!("the trip {:?} comes", trial.sample().trip)));
+        return Err(DesignError::Trial { law: law.title(), what: format!("the trip {:?} comes", trial.sample().trip) });
     }
     let tail = &points[points.len() - points.len() / SETTLED_PART..];
     let output = |point: &Point| if law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
@@ -594,6 +681,8 @@ fn follow_step(
         peak_v: most(|point| point.u_v),
         peak_a: most(|point| point.i_a),
         limited_part: limited as f64 / points.len() as f64,
+        swing_v: tail.iter().map(|point| point.u_v).fold(f64::MIN, f64::max)
+            - tail.iter().map(|point| point.u_v).fold(f64::MAX, f64::min),
     };
     Ok((figures, points))
 }

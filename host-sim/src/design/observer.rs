@@ -9,7 +9,7 @@
 //! and a torque that the model does not know) and `v` are white. The core has no observer: this one tells what it would
 //! be worth.
 
-use super::sampled_loop::motor_seen;
+use super::sampled_loop::{SpeedPath, motor_seen};
 use crate::linear::Matrix;
 use crate::linear::riccati::{self, NoSolution};
 use crate::linear::state_space::Discrete;
@@ -43,24 +43,33 @@ pub struct CurrentObserver {
 }
 
 impl CurrentObserver {
-    /// For a motor that is measured once in `period_s`.
+    /// For a motor whose speed is measured by `speed` once in `period_s`.
     ///
     /// # Errors
     /// [`NoSolution`] if the current does not show in the speed.
-    pub fn new(motor: &MotorParameters, period_s: f64, unknown: &Unknown) -> Result<Self, NoSolution> {
-        let system = motor_seen(motor, period_s);
+    pub fn new(
+        motor: &MotorParameters,
+        period_s: f64,
+        speed: SpeedPath,
+        unknown: &Unknown,
+    ) -> Result<Self, NoSolution> {
+        let system = motor_seen(motor, period_s, speed);
         let (a, b, c) = (&system.a, &system.b, &system.c);
         let states = a.nrows();
-        // What a volt that acts for the whole tick does, and a torque: on the mean over the tick by half.
+        // What a volt that acts for the whole tick does, and a torque: on the mean over the tick by half, on a conversion
+        // that is as old as the tick not at all.
         let mut voltage = a.column(2) + b.column(0);
         voltage[2] = 0.0;
         let per_volt = motor.torque_constant_nm_per_a / motor.resistance_ohm / motor.inertia_kg_m2 * period_s;
         let mut torque = nalgebra::DVector::zeros(states);
-        (torque[0], torque[states - 1]) = (per_volt, 0.5 * per_volt);
+        torque[0] = per_volt;
+        if speed == SpeedPath::Mean {
+            torque[states - 1] = 0.5 * per_volt;
+        }
+        let scatter = unknown.speed / motor.torque_constant_nm_per_a;
         let process = unknown.voltage.powi(2) * &voltage * voltage.transpose()
             + unknown.torque.powi(2) * &torque * torque.transpose();
-        let speed = unknown.speed / motor.torque_constant_nm_per_a;
-        let gain = kalman_gain(&system, &process, &Matrix::from_element(1, 1, speed * speed))?;
+        let gain = kalman_gain(&system, &process, &Matrix::from_element(1, 1, scatter * scatter))?;
         let corrected = Matrix::identity(states, states) - &gain * c;
         Ok(Self {
             a: a * &corrected,
@@ -101,10 +110,10 @@ mod tests {
     #[test]
     fn the_current_follows_from_speed_and_voltage() {
         let motor = MotorParameters::PIVT6;
-        let system = motor_seen(&motor, 1e-3);
+        let system = motor_seen(&motor, 1e-3, SpeedPath::Mean);
         for (voltage, torque) in [(1.0, 0.1), (0.1, 1.0)] {
             let unknown = Unknown { voltage, torque, speed: 0.1 };
-            let observer = CurrentObserver::new(&motor, 1e-3, &unknown).unwrap();
+            let observer = CurrentObserver::new(&motor, 1e-3, SpeedPath::Mean, &unknown).unwrap();
             assert!(spectral_radius(&observer.a) < 0.99);
             let mut x = nalgebra::DVector::zeros(system.a.nrows());
             let mut z = nalgebra::DVector::repeat(x.len(), 3.0);

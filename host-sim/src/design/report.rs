@@ -2,7 +2,7 @@
 
 use super::law::ControlLaw;
 use super::robustness::corners;
-use super::sampled_loop::SampledLoop;
+use super::sampled_loop::{SampledLoop, SpeedPath};
 use super::specification::Speed;
 use super::trial::Point;
 use super::weights::states;
@@ -12,6 +12,7 @@ use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
 use crate::terminal_text::wrapped;
 use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, document, escaped};
+use motorbench_core::settings::Param;
 use nalgebra::Complex;
 use plotters::prelude::*;
 use std::f64::consts::TAU;
@@ -60,11 +61,35 @@ pub fn summary(design: &Design) -> String {
     );
     let unit = unit(design.law);
     text += &format!("  on the core      {}", trial_text(&design.trial, unit));
+    text += &sensor_text(design);
     text += &format!(
         "  without profile  the same step would ask for {:.1} V, {:.2} A\n",
         design.plain_step_peak_v, design.plain_step_peak_a
     );
     text + &current_sensor::table(design.law, &design.current_sensor)
+}
+
+/// What a tachogenerator in place of the encoder means, on two or three lines; nothing with an encoder.
+fn sensor_text(design: &Design) -> String {
+    let Some(tachogenerator) = &design.tachogenerator else { return String::new() };
+    let SpeedPath::Converted { filter_s, .. } = design.sampling.speed else { return String::new() };
+    let standing_rad_per_s = tachogenerator.standing_rad_per_s();
+    let mut text = format!(
+        "  tachogenerator   {} V at 1000 rpm: steps of {:.3} rad/s, low-pass {:.1} ms;\n                   its ripple of {:.1} % swings the voltage by {:.2} V at the end\n",
+        tachogenerator.gain_v_per_krpm,
+        tachogenerator.resolution_rad_per_s(),
+        1e3 * filter_s,
+        100.0 * tachogenerator.ripple,
+        design.trial.swing_v
+    );
+    let range_rad_per_s = f64::from(design.settings.all.get(Param::SpeedRange));
+    if tachogenerator.ripple > 0.0 && standing_rad_per_s < range_rad_per_s {
+        text += &format!(
+            "                   about {standing_rad_per_s:.0} rad/s the ripple comes as often as the conversions and\n                   reads as speed: off by up to {:.1} % there\n",
+            100.0 * tachogenerator.ripple
+        );
+    }
+    text
 }
 
 /// What the core did, on two lines.

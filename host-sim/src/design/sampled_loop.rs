@@ -3,7 +3,8 @@
 //!
 //! Within a tick: inputs are taken, the law is computed, and [`DRIVE_DELAY_S`] later the bridge follows. The encoder
 //! gives the position at the tick and the speed as the mean over the tick before (with fewer than one edge a tick, over
-//! the time between edges); the current is the mean of conversions spread over the tick before.
+//! the time between edges), or a tachogenerator the speed as it was at one instant ([`SpeedPath::Converted`]); the current
+//! is the mean of conversions spread over the tick before.
 
 use super::law::{ControlLaw, Signal};
 use super::observer::CurrentObserver;
@@ -23,11 +24,28 @@ const FREQUENCIES: usize = 400;
 /// Lowest frequency judged, relative to the highest.
 const LOWEST: f64 = 1e-5;
 
+/// How a law comes by the speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SpeedPath {
+    /// From the encoder: the mean over the tick before.
+    Mean,
+    /// From a tachogenerator: converted once a tick, behind the core's low-pass. The converter's round is not tied to the
+    /// tick, so the conversion counts as old as it may be: one tick.
+    Converted {
+        /// Time constant of the low-pass; 0: none.
+        filter_s: f64,
+        /// Part of the way it goes in a tick.
+        filter_part: f64,
+    },
+}
+
 /// How a law is sampled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampling {
     /// Time between two ticks.
     pub period_s: f64,
+    /// How the law comes by the speed.
+    pub speed: SpeedPath,
     /// Part of the way the PID's derivative filter goes in a tick; any number for an LQR.
     pub filter_part: f64,
     /// Time constant of that filter.
@@ -37,9 +55,10 @@ pub struct Sampling {
 }
 
 impl Sampling {
-    /// A tick of `period_s`, and a derivative filter of `filter_s`.
+    /// A tick of `period_s` with an encoder, and a derivative filter of `filter_s`.
     pub fn new(period_s: f64, filter_s: f64) -> Self {
-        Self { period_s, filter_s, filter_part: period_s / (filter_s + period_s), observer: None }
+        let filter_part = period_s / (filter_s + period_s);
+        Self { period_s, speed: SpeedPath::Mean, filter_s, filter_part, observer: None }
     }
 }
 
@@ -72,7 +91,7 @@ struct Places {
     position: Option<usize>,
     /// Voltages on their way, one or none.
     waiting: usize,
-    mean_speed: usize,
+    measured_speed: usize,
     mean_current: usize,
     filter: usize,
     integral: usize,
@@ -84,18 +103,18 @@ struct Places {
 impl Places {
     fn new(law: ControlLaw, waiting: usize, observer: usize) -> Self {
         let position = law.is_position().then_some(2);
-        let mean_speed = 2 + usize::from(law.is_position()) + waiting;
+        let measured_speed = 2 + usize::from(law.is_position()) + waiting;
         Self {
             speed: 0,
             current: 1,
             position,
             waiting,
-            mean_speed,
-            mean_current: mean_speed + 1,
-            filter: mean_speed + 2,
-            integral: mean_speed + 3,
-            estimate: mean_speed + 4,
-            size: mean_speed + 4 + observer,
+            measured_speed,
+            mean_current: measured_speed + 1,
+            filter: measured_speed + 2,
+            integral: measured_speed + 3,
+            estimate: measured_speed + 4,
+            size: measured_speed + 4 + observer,
         }
     }
 
@@ -106,12 +125,12 @@ impl Places {
 
     /// What shows in the measured speed, which is the last.
     fn seen(&self) -> impl Iterator<Item = usize> + Clone {
-        [self.speed, self.current].into_iter().chain(self.mean_speed - self.waiting..=self.mean_speed)
+        [self.speed, self.current].into_iter().chain(self.measured_speed - self.waiting..=self.measured_speed)
     }
 
     /// What the law takes for the controlled quantity.
     fn measured_output(&self) -> usize {
-        self.position.unwrap_or(self.mean_speed)
+        self.position.unwrap_or(self.measured_speed)
     }
 }
 
@@ -126,10 +145,10 @@ fn with_integrals(motor: &MotorParameters) -> StateSpace {
     StateSpace { a, b, c: Matrix::identity(4, 4) }
 }
 
-/// The motor as its measured speed shows it: speed, current, voltages on their way, mean speed over the tick before; from
-/// the voltage to the last.
-pub fn motor_seen(motor: &MotorParameters, period_s: f64) -> Discrete {
-    let sampled = SampledLoop::new(motor, ControlLaw::SpeedLqr, &Sampling::new(period_s, 0.0));
+/// The motor as its measured speed shows it: speed, current, voltages on their way, measured speed; from the voltage to the
+/// last.
+pub fn motor_seen(motor: &MotorParameters, period_s: f64, speed: SpeedPath) -> Discrete {
+    let sampled = SampledLoop::new(motor, ControlLaw::SpeedLqr, &Sampling { speed, ..Sampling::new(period_s, 0.0) });
     let seen: Vec<usize> = sampled.places.seen().collect();
     let mut c = Matrix::zeros(1, seen.len());
     c[(0, seen.len() - 1)] = 1.0;
@@ -147,7 +166,7 @@ impl SampledLoop {
         let mut b = Matrix::zeros(places.size, 1);
         // Rows of the plant (speed, current, angle, charge, voltages waiting) and what they are here. The angle and
         // the charge begin each tick at zero where only their change counts.
-        let first_waiting = places.mean_speed - places.waiting;
+        let first_waiting = places.measured_speed - places.waiting;
         let columns = |column: usize| match column {
             0 | 1 => Some(column),
             2 | 3 => None,
@@ -166,20 +185,26 @@ impl SampledLoop {
         for waiting in 0..places.waiting {
             take(first_waiting + waiting, 4 + waiting, 1.0);
         }
-        take(places.mean_speed, 2, 1.0 / period_s);
+        if sampling.speed == SpeedPath::Mean {
+            take(places.measured_speed, 2, 1.0 / period_s);
+        }
         take(places.mean_current, 3, 1.0 / period_s);
         if let Some(position) = places.position {
             take(position, 2, 1.0);
             a[(position, position)] = 1.0;
         }
+        if let SpeedPath::Converted { filter_part, .. } = sampling.speed {
+            a[(places.measured_speed, places.measured_speed)] = 1.0 - filter_part;
+            a[(places.measured_speed, places.speed)] = filter_part;
+        }
         a[(places.filter, places.filter)] = 1.0 - sampling.filter_part;
-        a[(places.filter, places.mean_speed)] = sampling.filter_part;
+        a[(places.filter, places.measured_speed)] = sampling.filter_part;
         a[(places.integral, places.integral)] = 1.0;
         a[(places.integral, places.measured_output())] = period_s;
         if let Some(observer) = &sampling.observer {
             let (at, size) = (places.estimate, observer.a.nrows());
             a.view_mut((at, at), (size, size)).copy_from(&observer.a);
-            a.view_mut((at, places.mean_speed), (size, 1)).copy_from(&observer.of_speed);
+            a.view_mut((at, places.measured_speed), (size, 1)).copy_from(&observer.of_speed);
             b.view_mut((at, 0), (size, 1)).copy_from(&observer.of_voltage);
         }
         let signals = signals(law, &places, sampling);
@@ -231,7 +256,7 @@ impl SampledLoop {
         for (place, scale) in [
             (self.places.speed, speed),
             (self.places.current, current),
-            (self.places.mean_speed, speed),
+            (self.places.measured_speed, speed),
             (self.places.mean_current, current),
             (self.places.filter, speed),
             (self.places.integral, speed / speed_rad_per_s),
@@ -321,11 +346,11 @@ fn signals(law: ControlLaw, places: &Places, sampling: &Sampling) -> Matrix {
         let mut add = |place: usize, factor: f64| rows[(row, place)] = factor;
         match signal {
             Signal::Position => add(places.measured_output(), 1.0),
-            Signal::Speed => add(places.mean_speed, 1.0),
+            Signal::Speed => add(places.measured_speed, 1.0),
             Signal::Current => match &sampling.observer {
                 None => add(places.mean_current, 1.0),
                 Some(observer) => {
-                    add(places.mean_speed, observer.direct);
+                    add(places.measured_speed, observer.direct);
                     observer.current.iter().enumerate().for_each(|(at, &part)| add(places.estimate + at, part));
                 }
             },
@@ -333,11 +358,11 @@ fn signals(law: ControlLaw, places: &Places, sampling: &Sampling) -> Matrix {
             Signal::Derivative => {
                 // The speed minus the filter before it moves on.
                 let rate = 1.0 / (sampling.filter_s + sampling.period_s);
-                add(places.mean_speed, rate);
+                add(places.measured_speed, rate);
                 add(places.filter, -rate);
             }
             Signal::FilteredSpeed => {
-                add(places.mean_speed, sampling.filter_part);
+                add(places.measured_speed, sampling.filter_part);
                 add(places.filter, 1.0 - sampling.filter_part);
             }
         }
@@ -355,7 +380,7 @@ mod tests {
         let motor = MotorParameters::PIVT6;
         let sampled = SampledLoop::new(&motor, ControlLaw::SpeedLqr, &Sampling::new(1e-3, 0.0));
         let mut c = Matrix::zeros(2, sampled.states());
-        c[(0, sampled.places.mean_speed)] = 1.0;
+        c[(0, sampled.places.measured_speed)] = 1.0;
         c[(1, sampled.places.mean_current)] = 1.0;
         let system = Discrete { a: sampled.a.clone(), b: sampled.b.clone(), c, period_s: 1e-3 };
         let sampled = system.step_response(40);

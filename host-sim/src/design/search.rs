@@ -9,7 +9,7 @@
 use super::law::{ControlLaw, Signal};
 use super::observer::CurrentObserver;
 use super::optimum::{Optimum, optimum};
-use super::sampled_loop::{Gains, SampledLoop, Sampling};
+use super::sampled_loop::{Gains, SampledLoop, Sampling, SpeedPath};
 use super::specification::{Specification, Speed};
 use super::weights::{MOST_DAMPING, Weights};
 use crate::linear::motor_model;
@@ -80,6 +80,8 @@ pub struct Search<'a> {
     pub law: ControlLaw,
     /// Time between two ticks.
     pub period_s: f64,
+    /// How the law comes by the speed.
+    pub speed: SpeedPath,
     /// Which feedback gains may be used, in the order of [`ControlLaw::feedback`].
     pub used: &'a [bool],
     /// What estimates the current where it is not measured.
@@ -157,8 +159,11 @@ impl Search<'_> {
     /// The loop that costs least by some weights; `None` without stabilising gains or a step that settles.
     pub fn candidate(&self, weights: &Weights, overshoot_percent: f64) -> Option<Candidate> {
         let s = weights.crossover_rad_per_s(self.motor, self.period_s);
-        let sampling =
-            Sampling { observer: self.observer.clone(), ..Sampling::new(self.period_s, filter_s(self.law, s)) };
+        let sampling = Sampling {
+            speed: self.speed,
+            observer: self.observer.clone(),
+            ..Sampling::new(self.period_s, filter_s(self.law, s))
+        };
         let sampled = SampledLoop::new(self.motor, self.law, &sampling);
         let feedback = self.feedback(&sampled, weights, s)?.feedback;
         let samples = response_samples(&sampled, &feedback, s);

@@ -128,7 +128,7 @@ fn bad_input_is_refused_each_with_its_own_message() {
             "inertia_kg_m2 = -1: it must be a positive number",
         ),
         (
-            refused(motor, Bench { counts_per_rev: 20_000.0, ..Bench::default() }, good),
+            refused(motor, Bench { counts_per_rev: Some(20_000.0), ..Bench::default() }, good),
             "the chip counts 100000: lower the supply or use a coarser encoder",
         ),
         (
@@ -217,7 +217,7 @@ impl Draw {
         let supply_v = 12.0;
         let edges_a_count = supply_v / torque_constant_nm_per_a / std::f64::consts::TAU;
         let counts_per_rev = (80_000.0 / edges_a_count).min(2000.0).floor();
-        let bench = Bench { supply_v, counts_per_rev, ..Bench::default() };
+        let bench = Bench { supply_v, counts_per_rev: Some(counts_per_rev), ..Bench::default() };
         let current_limit_a = (0.7 * supply_v / resistance_ohm).min(specification::LARGEST_CURRENT_A);
         Self { motor, bench, current_limit_a, faster: decades(0.5, 5.0) }
     }
@@ -256,7 +256,7 @@ impl Draw {
         let get = |param| f64::from(design.settings.all.get(param));
         let duty_v = self.bench.supply_v / f64::from(motorbench_core::pins::PWM_STEPS);
         if design.law.is_position() {
-            return 3.0 * std::f64::consts::TAU / self.bench.counts_per_rev + 2.0 * duty_v / design.held.reference;
+            return 3.0 * std::f64::consts::TAU / get(Param::CountsPerRev) + 2.0 * duty_v / design.held.reference;
         }
         2.0 * duty_v * motor_model::speed(&self.motor).dc_gain() + 8.0 * get(Param::SpeedRange) / 32768.0
     }
@@ -338,5 +338,89 @@ fn given_weights_are_checked() {
     ] {
         println!("{message}");
         assert!(message.contains(expected), "{message}");
+    }
+}
+
+/// The studies' stand: the speed from a tachogenerator of 3 V at 1000 rpm with 5 % ripple, and no encoder.
+fn stand() -> Bench {
+    Bench { counts_per_rev: None, tachogenerator: Some(Tachogenerator::new(3.0)), ..Bench::default() }
+}
+
+#[test]
+fn with_a_tachogenerator_the_loop_has_its_delay_its_steps_and_its_ripple() {
+    let specification =
+        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+    let motor = MotorParameters::PIVT6;
+    for law in [ControlLaw::SpeedPid, ControlLaw::SpeedLqr] {
+        let with_encoder = pivt6(law, 10.0, 10.0).unwrap();
+        let with_tacho = design(&motor, &stand(), law, &specification).unwrap();
+        print!("{}", report::summary(&with_tacho));
+        assert!(report::summary(&with_tacho).contains("3 V at 1000 rpm: steps of 0.341 rad/s"));
+        assert!((0.99 * 10.0..1.05 * 10.0).contains(&with_tacho.figures.bandwidth_hz));
+        // With the same gains low-pass and conversion take what they delay from the margin: half a tick more than the mean
+        // over a tick has, and 3.2 ms.
+        let margin_s =
+            |sampling: &Sampling| robustness::check(&motor, law, sampling, &with_tacho.held).unwrap().margins.delay_s;
+        let lost_s = margin_s(&with_encoder.sampling) - margin_s(&with_tacho.sampling);
+        println!("{law:?}: conversion and low-pass take {:.2} ms of the delay margin", 1e3 * lost_s);
+        assert!((3.2e-3..3.9e-3).contains(&lost_s), "{lost_s}");
+        assert!(with_tacho.robustness.margins.modulus > 0.6, "{:?}", with_tacho.robustness.margins);
+        // What the ripple makes of the voltage is told, and the encoder has none.
+        assert!(with_tacho.trial.swing_v > 2.0 * with_encoder.trial.swing_v, "{:?}", with_tacho.trial);
+        let said = with_tacho.commands.join(" ");
+        for expected in ["speed_sensor 1", "tacho_gain 3 ", "speed_filter 3.1831"] {
+            assert!(said.contains(expected), "{expected}: {said}");
+        }
+        assert!(!said.contains("counts_per_rev") && with_encoder.commands.join(" ").contains("speed_sensor 0"));
+    }
+    // Both laws on one board have one low-pass.
+    let [pid, lqr] = [ControlLaw::SpeedPid, ControlLaw::SpeedLqr]
+        .map(|law| design(&motor, &stand(), law, &specification).unwrap().settings.all.get(Param::SpeedFilter));
+    assert_eq!(pid, lqr);
+}
+
+/// What the loop's model says of the conversion is what the core does: to the ripple, and the conversion's age of half a tick
+/// in the trial where the model has the worst of a whole.
+#[test]
+fn with_a_tachogenerator_the_core_follows_the_linear_loop() {
+    let specification =
+        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+    let motor = MotorParameters::PIVT6;
+    for law in [ControlLaw::SpeedPid, ControlLaw::SpeedLqr] {
+        let design = design(&motor, &stand(), law, &specification).unwrap();
+        let linear = design.linear_response(&motor);
+        let differences =
+            linear.iter().zip(&design.points).map(|(linear, point)| (linear - point.omega_rad_per_s).abs());
+        let worst = differences.fold(0.0, f64::max) / design.trial.step;
+        println!(
+            "{law:?} by the tachogenerator: core and linear loop differ by {:.2} % of the step at most",
+            100.0 * worst
+        );
+        assert!(worst < 0.02, "{law:?}: {worst}");
+    }
+}
+
+#[test]
+fn what_the_firmware_cannot_do_with_a_tachogenerator_is_refused() {
+    let specification =
+        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+    let refused =
+        |bench: &Bench, law| design(&MotorParameters::PIVT6, bench, law, &specification).unwrap_err().to_string();
+    let none = Bench { tachogenerator: None, ..stand() };
+    for (message, expected) in [
+        (refused(&stand(), ControlLaw::PositionPid), "the position PID needs an encoder, and the rig has none"),
+        (refused(&none, ControlLaw::SpeedPid), "the speed PID needs an encoder, and the rig has none"),
+        (refused(&Bench { supply_v: 30.0, ..stand() }, ControlLaw::SpeedLqr), "the converter ends at 332 rad/s"),
+        (refused(&Bench { tick_rate_hz: 2000.0, ..stand() }, ControlLaw::SpeedPid), "use 1000 Hz"),
+    ] {
+        println!("{message}");
+        assert!(message.contains(expected), "{message}");
+    }
+    // With an encoder for the position and the tachogenerator for the speed the firmware can.
+    let both = Bench { counts_per_rev: Some(2000.0), ..stand() };
+    let slow = Specification { speed: Speed::BandwidthHz(5.0), ..specification };
+    for law in [ControlLaw::PositionPid, ControlLaw::PositionLqr] {
+        let offered = design(&MotorParameters::PIVT6, &both, law, &slow).unwrap();
+        assert!(offered.commands.join(" ").contains("speed_sensor 1"));
     }
 }

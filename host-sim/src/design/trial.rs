@@ -33,7 +33,7 @@ const SAMPLED_S: f64 = PERIOD_S * CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f6
 /// Periods of the tachogenerator's ripple in a turn: its commutator has 22 segments.
 pub const TACHO_RIPPLES_PER_TURN: f64 = 22.0;
 /// What the divider behind the tachogenerator leaves.
-const TACHO_DIVIDER: f64 = 0.5;
+pub const TACHO_DIVIDER: f64 = 0.5;
 /// Steps of a conversion in a volt, and the sensor's output at zero current.
 const STEPS_PER_VOLT: f64 = 1024.0 / 5.0;
 const ZERO_V: f64 = 2.5;
@@ -87,6 +87,8 @@ pub struct Surroundings {
     pub current_noise_v: f64,
     /// Amplitude of the tachogenerator's ripple relative to the mean.
     pub tacho_ripple: f64,
+    /// Periods of that ripple in a turn.
+    pub tacho_ripples_per_turn: f64,
 }
 
 impl Surroundings {
@@ -100,6 +102,7 @@ impl Surroundings {
             current_pinned_v: None,
             current_noise_v: 0.0,
             tacho_ripple: 0.0,
+            tacho_ripples_per_turn: TACHO_RIPPLES_PER_TURN,
         }
     }
 }
@@ -300,7 +303,8 @@ impl<P: Plant> Trial<P> {
     /// A conversion of the tachogenerator, of which the converter sees the magnitude.
     fn convert_tacho(&mut self, ends: &[PeriodEnd]) {
         let [before_rad, angle_rad] = [ends[0].angle_rad, ends[1].angle_rad];
-        let ripple = 1.0 + self.surroundings.tacho_ripple * (TACHO_RIPPLES_PER_TURN * angle_rad).sin();
+        let Surroundings { tacho_ripple, tacho_ripples_per_turn, .. } = self.surroundings;
+        let ripple = 1.0 + tacho_ripple * (tacho_ripples_per_turn * angle_rad).sin();
         let output_v = self.scales.tacho_v_s_per_rad * ((angle_rad - before_rad) / PERIOD_S).abs() * ripple;
         self.tacho = (output_v * STEPS_PER_VOLT).clamp(0.0, 1023.0) as u16;
     }

@@ -1,0 +1,134 @@
+//! A tachogenerator as the loop's speed sensor: what the converter makes of it, and what of that a loop must bear.
+//!
+//! The firmware converts its voltage, halved, once a millisecond (`speed_sensor` 1), and sees the magnitude: the sign is the
+//! drive's, and turns near standstill alone. There is no position in it.
+
+use super::DesignError;
+use super::specification::Specification;
+use super::trial::{TACHO_DIVIDER, TACHO_RIPPLES_PER_TURN, Trial};
+use crate::motor::MotorParameters;
+use crate::plant::Plant;
+use motorbench_core::settings::{Param, Settings};
+use serde::Serialize;
+use std::f64::consts::TAU;
+
+/// Full scale of the converter, in volts, and its steps.
+const FULL_SCALE_V: f64 = 5.0;
+const STEPS: f64 = 1024.0;
+/// How often the firmware converts it.
+pub const CONVERSIONS_HZ: f64 = 1000.0;
+/// Steps of the converter that the no-load speed must be at least.
+const FEWEST_STEPS: f64 = 100.0;
+/// Time constant of the low-pass over the loop's own time `1/(2 pi bandwidth)`: 11 degrees of phase at the bandwidth.
+const FILTER_PART: f64 = 0.2;
+/// Longest low-pass: slower loops have no use for more.
+const LONGEST_FILTER_S: f64 = 50e-3;
+/// Part of a tick below which a low-pass does nothing.
+const SHORTEST_FILTER_TICKS: f64 = 0.1;
+/// Ripple of a tachogenerator whose data sheet is not at hand: that of the studies' stand.
+pub const USUAL_RIPPLE: f64 = 0.05;
+
+/// A tachogenerator on the motor's shaft.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Tachogenerator {
+    /// Volts at 1000 revolutions a minute, before the divider by two.
+    #[serde(rename = "gain_V_per_krpm")]
+    pub gain_v_per_krpm: f64,
+    /// Amplitude of its ripple over the mean.
+    pub ripple: f64,
+    /// Periods of the ripple in a turn.
+    pub ripples_per_rev: f64,
+}
+
+impl Tachogenerator {
+    /// With a gain, and the ripple of the studies' stand.
+    pub fn new(gain_v_per_krpm: f64) -> Self {
+        Self { gain_v_per_krpm, ripple: USUAL_RIPPLE, ripples_per_rev: TACHO_RIPPLES_PER_TURN }
+    }
+
+    /// Speed that is one step of the converter.
+    pub fn resolution_rad_per_s(&self) -> f64 {
+        let v_s_per_rad = TACHO_DIVIDER * 1e-3 * 60.0 / TAU * self.gain_v_per_krpm;
+        FULL_SCALE_V / STEPS / v_s_per_rad
+    }
+
+    /// Speed above which the converter sees no more, at the ripple's crest.
+    pub fn largest_rad_per_s(&self) -> f64 {
+        (STEPS - 1.0) * self.resolution_rad_per_s() / (1.0 + self.ripple)
+    }
+
+    /// Speed at which the ripple stands still in the conversions and reads as an error of the speed.
+    pub fn standing_rad_per_s(&self) -> f64 {
+        TAU * CONVERSIONS_HZ / self.ripples_per_rev
+    }
+
+    /// Time constant of the low-pass for a specification, the same for every law.
+    pub fn filter_s(&self, motor: &MotorParameters, specification: &Specification, period_s: f64) -> f64 {
+        let filter_s = (FILTER_PART / specification.speed.rad_per_s(motor, period_s)).min(LONGEST_FILTER_S);
+        if filter_s < SHORTEST_FILTER_TICKS * period_s { 0.0 } else { super::fixed_point::rounded(filter_s) }
+    }
+
+    /// Refuses what the firmware cannot measure.
+    ///
+    /// # Errors
+    /// [`DesignError::Tachogenerator`] with what to do.
+    pub fn check(&self, no_load_rad_per_s: f64, tick_rate_hz: f64) -> Result<(), DesignError> {
+        let refuse = |what: String| Err(DesignError::Tachogenerator { what });
+        let (largest, resolution) = (self.largest_rad_per_s(), self.resolution_rad_per_s());
+        if tick_rate_hz > CONVERSIONS_HZ {
+            return refuse(format!(
+                "the firmware converts it {CONVERSIONS_HZ} times a second, a tick rate of {tick_rate_hz} Hz sees no more: use 1000 Hz"
+            ));
+        }
+        if no_load_rad_per_s > largest {
+            return refuse(format!(
+                "behind the divider by two the converter ends at {largest:.0} rad/s, the motor's no-load speed is {no_load_rad_per_s:.0}: lower supply.voltage_V, or divide the tachogenerator's voltage once more and give gain_V_per_krpm as what is left"
+            ));
+        }
+        if no_load_rad_per_s < FEWEST_STEPS * resolution {
+            return refuse(format!(
+                "one step of the converter is {resolution:.3} rad/s, the motor's no-load speed is {no_load_rad_per_s:.1}: at least {FEWEST_STEPS} steps are needed, amplify its voltage or use an encoder"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Gives a trial this ripple; its settings say the rest.
+    pub fn onto<P: Plant>(&self, trial: &mut Trial<P>) {
+        trial.surroundings.tacho_ripple = self.ripple;
+        trial.surroundings.tacho_ripples_per_turn = self.ripples_per_rev;
+    }
+}
+
+/// Whether settings take the speed from the tachogenerator.
+pub fn is_speed_sensor(settings: &Settings) -> bool {
+    settings.get(Param::SpeedSensor) != 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The studies' tachogenerator: 3 V at 1000 rpm, halved, in steps of 4.9 mV.
+    #[test]
+    fn what_the_converter_sees_of_the_stand() {
+        let tacho = Tachogenerator::new(3.0);
+        assert!((tacho.resolution_rad_per_s() * 60.0 / TAU - 3.255).abs() < 0.001);
+        assert!((tacho.largest_rad_per_s() * 60.0 / TAU - 3333.3 / 1.05 * 1023.0 / 1024.0).abs() < 0.2);
+        assert!((tacho.standing_rad_per_s() - 285.6).abs() < 0.1);
+    }
+
+    #[test]
+    fn what_the_firmware_cannot_measure_is_refused_with_what_to_do() {
+        let refused = |gain, no_load, rate| Tachogenerator::new(gain).check(no_load, rate).unwrap_err().to_string();
+        assert!(Tachogenerator::new(3.0).check(166.0, 1000.0).is_ok());
+        for (message, expected) in [
+            (refused(3.0, 415.0, 1000.0), "ends at 332 rad/s, the motor's no-load speed is 415: lower supply"),
+            (refused(0.05, 166.0, 1000.0), "at least 100 steps are needed, amplify"),
+            (refused(3.0, 166.0, 2000.0), "use 1000 Hz"),
+        ] {
+            println!("{message}");
+            assert!(message.starts_with("the tachogenerator: ") && message.contains(expected), "{message}");
+        }
+    }
+}
