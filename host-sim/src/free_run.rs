@@ -38,7 +38,7 @@ pub fn longest_step_s(model: &Model) -> f64 {
 
 /// Simulates every stretch of the data.
 pub fn free_run(model: &Model, data: &Dataset) -> Prediction {
-    read(model, data, &drive(model, data, Steps::Fine))
+    read(model, data, drive(model, data, Steps::Fine))
 }
 
 /// What the motor does, whatever its sensors say of it: one entry a sample of the data, NaN between stretches.
@@ -71,8 +71,7 @@ pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
 }
 
 /// Reads a motion with the sensors of the model.
-pub fn read(model: &Model, data: &Dataset, motion: &Motion) -> Prediction {
-    let mut motion = motion.clone();
+pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     for term in model.terms.iter().filter(|term| !term.effect.acts_on_motor()) {
         for range in &data.stretches {
             falsify(term, data, range.clone(), &mut motion);
@@ -81,8 +80,9 @@ pub fn read(model: &Model, data: &Dataset, motion: &Motion) -> Prediction {
     data.measured
         .iter()
         .map(|measured| match measured.output {
-            Output::Current => motion.current_a.clone(),
-            Output::Speed => motion.speed_rad_per_s.clone(),
+            // Each of them is measured once at most.
+            Output::Current => std::mem::take(&mut motion.current_a),
+            Output::Speed => std::mem::take(&mut motion.speed_rad_per_s),
             Output::AngleDifference(span) => {
                 let mut speed = vec![f64::NAN; data.len()];
                 for range in &data.stretches {

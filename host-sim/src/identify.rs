@@ -13,7 +13,10 @@ use crate::motor::MotorParameters;
 use crate::rig::NominalMotor;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use sensitivities::Sensitivities;
+use std::sync::OnceLock;
 
+mod sensitivities;
 mod torque_scale;
 
 /// Standard deviation of the logarithm of a nominal value.
@@ -28,8 +31,6 @@ const BLOCK_S: f64 = 0.2;
 /// than its steps (readings at an instant), measured on benches with known constants. Effects add
 /// theirs, see [`crate::catalogue::Simplification`].
 const SYSTEMATIC: f64 = 7e-4;
-/// Relative step of the finite differences.
-const DIFFERENCE: f64 = 2e-3;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
 const REFINED: usize = 8;
 const REFINEMENTS: u8 = 6;
@@ -133,15 +134,15 @@ struct Base<'a> {
 impl<'a> Base<'a> {
     fn new(model: &Model, data: &'a Dataset, steps: Steps) -> Self {
         let motion = drive(model, data, steps);
-        let residual = weighted_residual(data, &read(model, data, &motion));
+        let residual = weighted_residual(data, &read(model, data, motion.clone()));
         Self { data, steps, motion, residual }
     }
 
     /// By how much the weighted residual of another model differs; `motion`: whether its motor moves differently.
     fn change(&self, other: &Model, motion: bool) -> Vec<f64> {
         let prediction = match motion {
-            true => read(other, self.data, &drive(other, self.data, self.steps)),
-            false => read(other, self.data, &self.motion),
+            true => read(other, self.data, drive(other, self.data, self.steps)),
+            false => read(other, self.data, self.motion.clone()),
         };
         let mut change = weighted_residual(self.data, &prediction);
         change.iter_mut().zip(&self.residual).for_each(|(there, here)| *there -= here);
@@ -237,12 +238,12 @@ pub struct Fit {
     /// Sum of the squares of the weighted residuals that were seen, and of the prior.
     pub cost: f64,
     unknowns: Vec<Unknown>,
-    /// Weighted sensitivities of the seen residuals, one column an unknown.
-    columns: Vec<Vec<f64>>,
     /// Weighted residuals, those not seen as zero.
     residual: Vec<f64>,
-    /// Inverse of the normal matrix.
-    inverse: DMatrix<f64>,
+    /// How finely the sensitivities are simulated.
+    steps: Steps,
+    /// They and the inverse of their normal matrix, once somebody asks.
+    sensitivities: OnceLock<(Sensitivities, DMatrix<f64>)>,
 }
 
 /// Fits a model from its present constants.
@@ -312,39 +313,44 @@ impl<'a> Search<'a> {
     }
 
     fn run(mut self, effort: Effort) -> Fit {
-        let mut damping = 1e-3;
         self.settle();
-        let mut columns = self.columns(effort.sensitivities);
-        for step in 0..effort.steps {
-            let before = self.cost;
-            if !self.step(&columns, &mut damping) {
-                break;
-            }
-            self.settle();
-            let last = step + 1 == effort.steps || before - self.cost < effort.least_gain * before;
-            if last && before - self.cost < 0.02 * before {
-                // So near the end the sensitivities no longer change.
-                break;
-            }
-            columns = self.columns(effort.sensitivities);
-            if last {
-                break;
-            }
-        }
-        let normal = self.normal(&columns);
-        let size = normal.nrows();
-        let inverse = (normal.clone() + DMatrix::identity(size, size) * 1e-9 * normal.trace().max(1e-12) / size as f64)
-            .try_inverse()
-            .unwrap_or_else(|| DMatrix::zeros(size, size));
+        let sensitivities = self.descend(effort);
         Fit {
             model: self.model,
             prediction: self.prediction,
             cost: self.cost,
             unknowns: self.unknowns,
-            columns,
             residual: self.residual,
-            inverse,
+            steps: effort.sensitivities,
+            sensitivities: sensitivities.map_or_else(OnceLock::new, |found| {
+                let inverse = found.inverse();
+                OnceLock::from((found, inverse))
+            }),
         }
+    }
+
+    /// Steps until none gains any more. Returns the sensitivities if those simulated last still hold.
+    fn descend(&mut self, effort: Effort) -> Option<Sensitivities> {
+        let mut damping = 1e-3;
+        let simulated = |search: &Self| {
+            Sensitivities::simulated(&search.model, search.data, &search.unknowns, effort.sensitivities)
+        };
+        let mut sensitivities = (effort.steps > 0).then(|| simulated(self))?;
+        for step in 1..=effort.steps {
+            let before = self.cost;
+            if !self.step(&sensitivities, &mut damping) {
+                return Some(sensitivities);
+            }
+            self.settle();
+            if before - self.cost < effort.least_gain * before {
+                // So near the end they no longer change.
+                return Some(sensitivities);
+            }
+            if step < effort.steps {
+                sensitivities = simulated(self);
+            }
+        }
+        None
     }
 
     /// Goes to the most plausible scale of all torques, where the data say nothing of it.
@@ -366,67 +372,10 @@ impl<'a> Search<'a> {
         better
     }
 
-    /// Weighted sensitivities of the residual by finite differences, on all cores.
-    fn columns(&self, steps: Steps) -> Vec<Vec<f64>> {
-        let base = Base::new(&self.model, self.data, steps);
-        // Without a current the data are nearly silent of some directions: there the error of a difference from one side
-        // would decide.
-        let both_sides = self.data.current().is_none();
-        let mut columns: Vec<Vec<f64>> = self
-            .unknowns
-            .par_iter()
-            .map(|unknown| {
-                let change = |coordinate: f64| {
-                    let mut moved = self.model.clone();
-                    unknown.set(&mut moved, coordinate);
-                    base.change(&moved, unknown.place.changes_motion(&self.model))
-                };
-                let here = unknown.get(&self.model);
-                let [lowest, highest] = [unknown.min, unknown.max].map(|bound| bound / unknown.size);
-                let step = if here + DIFFERENCE > highest { -DIFFERENCE } else { DIFFERENCE };
-                let mut column = change(here + step);
-                if both_sides && (unknown.logarithmic || here - step > lowest) {
-                    column.iter_mut().zip(change(here - step)).for_each(|(there, back)| *there = 0.5 * (*there - back));
-                }
-                column.iter_mut().for_each(|change| *change /= step);
-                column
-            })
-            .collect();
-        if torque_scale::is_unknown(self.data) {
-            torque_scale::take_out(&mut columns, &self.unknowns, &self.model);
-        }
-        columns
-    }
-
-    fn normal(&self, columns: &[Vec<f64>]) -> DMatrix<f64> {
-        let size = columns.len();
-        let mut normal = DMatrix::zeros(size, size);
-        for row in 0..size {
-            for column in 0..=row {
-                let value = dot(&columns[row], &columns[column]);
-                normal[(row, column)] = value;
-                normal[(column, row)] = value;
-            }
-        }
-        for (index, unknown) in self.unknowns.iter().enumerate() {
-            if let Some((_, spread)) = unknown.prior {
-                normal[(index, index)] += 1.0 / (spread * spread);
-            }
-        }
-        normal
-    }
-
     /// One step; `false` when none is better.
-    fn step(&mut self, columns: &[Vec<f64>], damping: &mut f64) -> bool {
-        let normal = self.normal(columns);
-        let gradient = DVector::from_iterator(
-            columns.len(),
-            columns.iter().zip(&self.unknowns).map(|(column, unknown)| {
-                let pull =
-                    unknown.prior.map_or(0.0, |(mean, spread)| (unknown.get(&self.model) - mean) / (spread * spread));
-                dot(column, &self.residual) + pull
-            }),
-        );
+    fn step(&mut self, sensitivities: &Sensitivities, damping: &mut f64) -> bool {
+        let normal = &sensitivities.normal;
+        let gradient = sensitivities.gradient(&self.model, &self.residual, &self.unknowns);
         for _ in 0..6 {
             let mut damped = normal.clone();
             for index in 0..damped.nrows() {
@@ -560,6 +509,15 @@ pub struct Promise {
 }
 
 impl Fit {
+    /// Weighted sensitivities of the seen residuals and the inverse of their normal matrix.
+    fn sensitivities(&self, data: &Dataset) -> &(Sensitivities, DMatrix<f64>) {
+        self.sensitivities.get_or_init(|| {
+            let found = Sensitivities::simulated(&self.model, data, &self.unknowns, self.steps);
+            let inverse = found.inverse();
+            (found, inverse)
+        })
+    }
+
     /// What each effect that the model does not have promises (score test; Rao 1948), the best start of each, best first.
     pub fn promises(&self, data: &Dataset, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
@@ -570,6 +528,8 @@ impl Fit {
             .flat_map(|(index, effect)| effect.starts(scales).into_iter().map(move |start| (index, start)))
             .collect();
         let base = Base::new(&self.model, data, Steps::Coarse);
+        // Here and not by the first that asks: it would wait for the others, and they for it.
+        self.sensitivities(data);
         let all: Vec<Promise> =
             candidates.into_par_iter().map(|(effect, start)| self.promise(&base, effect, start)).collect();
         let mut best: Vec<Promise> = Vec::new();
@@ -621,7 +581,7 @@ impl Fit {
                 base.change(&self.model.with(effect, values), effect.changes_motion())
             })
             .collect();
-        let (gain, factors) = self.least_squares(&lines);
+        let (gain, factors) = self.least_squares(base.data, &lines);
         // The derivative at zero of an effect without a sign says nothing of negative values.
         let signed = about.parameters[0].min < 0.0;
         let possible = about.linear_in == 2 || factors[0] > 0.0 || signed && about.linear_in == 1;
@@ -643,23 +603,22 @@ impl Fit {
     }
 
     /// Best combination of new columns beside the model's own: gain and factors.
-    fn least_squares(&self, lines: &[Vec<f64>]) -> (f64, Vec<f64>) {
-        let own: Vec<DVector<f64>> = lines
-            .iter()
-            .map(|line| DVector::from_iterator(self.columns.len(), self.columns.iter().map(|column| dot(column, line))))
-            .collect();
-        let pull =
-            DVector::from_iterator(self.columns.len(), self.columns.iter().map(|column| dot(column, &self.residual)));
+    fn least_squares(&self, data: &Dataset, lines: &[Vec<f64>]) -> (f64, Vec<f64>) {
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        let along =
+            |line: &[f64]| DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, line)));
+        let own: Vec<DVector<f64>> = lines.iter().map(|line| along(line)).collect();
+        let pull = along(&self.residual);
         let size = lines.len();
         let mut normal = DMatrix::zeros(size, size);
         let mut gradient = DVector::zeros(size);
         for row in 0..size {
             for column in 0..size {
                 normal[(row, column)] =
-                    dot(&lines[row], &lines[column]) - (own[row].transpose() * &self.inverse * &own[column])[0];
+                    dot(&lines[row], &lines[column]) - (own[row].transpose() * inverse * &own[column])[0];
             }
             normal[(row, row)] += 1e-9 * square(&lines[row]) + f64::MIN_POSITIVE;
-            gradient[row] = dot(&lines[row], &self.residual) - (own[row].transpose() * &self.inverse * &pull)[0];
+            gradient[row] = dot(&lines[row], &self.residual) - (own[row].transpose() * inverse * &pull)[0];
         }
         let Some(factors) = normal.clone().cholesky().map(|cholesky| -cholesky.solve(&gradient)) else {
             return (0.0, vec![0.0; size]);
@@ -675,13 +634,14 @@ impl Fit {
     /// Covariance of the coordinates that holds for residuals correlated within a block.
     fn covariance(&self, data: &Dataset) -> DMatrix<f64> {
         let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
-        let size = self.columns.len();
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        let size = columns.len();
         let mut middle = DMatrix::zeros(size, size);
         let samples = data.len();
         for start in (0..samples).step_by(block) {
             let gradient = DVector::from_iterator(
                 size,
-                self.columns.iter().map(|column| {
+                columns.iter().map(|column| {
                     (0..data.measured.len())
                         .map(|output| {
                             let range = output * samples + start..output * samples + (start + block).min(samples);
@@ -695,16 +655,16 @@ impl Fit {
         for (index, unknown) in self.unknowns.iter().enumerate() {
             middle[(index, index)] += unknown.prior.map_or(0.0, |(_, spread)| 1.0 / (spread * spread));
         }
-        &self.inverse * middle * &self.inverse
+        inverse * middle * inverse
     }
 
     /// By how much each coordinate would be found elsewhere with steps twice as long: that is the order of what the steps
     /// themselves falsify.
     fn shift_of_coarse_steps(&self, data: &Dataset) -> DVector<f64> {
-        let coarse = weighted_residual(data, &read(&self.model, data, &drive(&self.model, data, Steps::Coarse)));
+        let coarse = weighted_residual(data, &read(&self.model, data, drive(&self.model, data, Steps::Coarse)));
         let change: Vec<f64> = coarse.iter().zip(&self.residual).map(|(coarse, fine)| coarse - fine).collect();
-        let gradient = self.columns.iter().map(|column| dot(column, &change));
-        &self.inverse * DVector::from_iterator(self.columns.len(), gradient)
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        inverse * DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &change)))
     }
 
     /// Relative error of a constant that comes from what the model leaves out.

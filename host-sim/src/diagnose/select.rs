@@ -102,6 +102,15 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     Selection { base, steps, last, standings }
 }
 
+/// A model without one of its effects.
+struct Check {
+    id: &'static str,
+    without: Fit,
+    /// What the effect gains over it.
+    own: Gain,
+    is_named: bool,
+}
+
 struct Chooser<'a> {
     data: &'a Dataset,
     prior: &'a Prior,
@@ -116,8 +125,7 @@ impl Chooser<'_> {
         let step_s = [longest_step_s(&before.model), longest_step_s(&after.model)];
         let at = |fit: &Fit, own_s: f64| {
             let least_s = step_s[0].min(step_s[1]);
-            (least_s < own_s)
-                .then(|| read(&fit.model, self.data, &drive(&fit.model, self.data, Steps::AtMost(least_s))))
+            (least_s < own_s).then(|| read(&fit.model, self.data, drive(&fit.model, self.data, Steps::AtMost(least_s))))
         };
         let finer = [at(before, step_s[0]), at(after, step_s[1])];
         let prediction = |fit: usize, own| finer[fit].as_ref().unwrap_or(own);
@@ -287,34 +295,53 @@ impl Chooser<'_> {
     fn backward(&self, mut current: Fit) -> (Fit, Vec<Standing>) {
         let mut replacements = 0;
         'again: loop {
-            let ids: Vec<_> = current.model.terms.iter().map(|term| term.id()).collect();
+            let checks;
+            (current, checks) = self.pruned(current);
             let mut standings = Vec::new();
-            for id in ids {
-                (self.progress)(&format!("checking {id}"));
-                let without = fit(&current.model.without(id), self.data, self.prior, Effort::TRIAL);
-                let mut own = self.gain(&without, &current);
-                // Without it only another motor fits: then the data sheet speaks for it as well.
-                let keeps_the_motor = self.is_strange(&without) && !self.is_strange(&current);
-                if keeps_the_motor {
-                    own.sigmas = own.sigmas.max(0.0).hypot(self.strangeness(&without).sqrt());
-                }
-                let named = keeps_the_motor || earns_its_place(&own) && own.sigmas > NAMED_SIGMAS;
-                if !(named && current.model.has_what_it_needs(id)) {
-                    current = without;
-                    continue 'again;
-                }
-                let rivals = self.rivals(&current, &without, id);
-                if let Some((_, better)) = rivals.iter().find(|rival| self.is_better(&current, id, rival))
+            for check in checks {
+                (self.progress)(&format!("rivals of {}", check.id));
+                let rivals = self.rivals(&current, &check.without, check.id);
+                if let Some((_, better)) = rivals.iter().find(|rival| self.is_better(&current, check.id, rival))
                     && replacements < MOST_EFFECTS
                 {
                     replacements += 1;
                     current = better.clone();
                     continue 'again;
                 }
-                standings.push(self.standing(id, own, &current, &rivals));
+                standings.push(self.standing(check.id, check.own, &current, &rivals));
             }
             return (current, standings);
         }
+    }
+
+    /// Drops what does not earn its name, the weakest first, until everything left does.
+    fn pruned(&self, mut current: Fit) -> (Fit, Vec<Check>) {
+        loop {
+            (self.progress)(&format!("checking {} effects", current.model.terms.len()));
+            let ids: Vec<_> = current.model.terms.iter().map(|term| term.id()).collect();
+            let mut checks: Vec<Check> = ids.into_par_iter().map(|id| self.check(&current, id)).collect();
+            let weakest = (0..checks.len())
+                .filter(|index| !checks[*index].is_named)
+                .min_by(|a, b| checks[*a].own.sigmas.total_cmp(&checks[*b].own.sigmas));
+            match weakest {
+                Some(weakest) => current = checks.swap_remove(weakest).without,
+                None => return (current, checks),
+            }
+        }
+    }
+
+    /// What the model would be without one of its effects.
+    fn check(&self, current: &Fit, id: &'static str) -> Check {
+        let without = fit(&current.model.without(id), self.data, self.prior, Effort::TRIAL);
+        let mut own = self.gain(&without, current);
+        // Without it only another motor fits: then the data sheet speaks for it as well.
+        let keeps_the_motor = self.is_strange(&without) && !self.is_strange(current);
+        if keeps_the_motor {
+            own.sigmas = own.sigmas.max(0.0).hypot(self.strangeness(&without).sqrt());
+        }
+        let earns_its_name = keeps_the_motor || earns_its_place(&own) && own.sigmas > NAMED_SIGMAS;
+        let is_named = earns_its_name && current.model.has_what_it_needs(id);
+        Check { id, without, own, is_named }
     }
 
     /// Whether a rival is to take the place of `id`: it explains more, or as much with fewer constants or more plausibly.

@@ -67,16 +67,14 @@ impl Ripple {
     pub fn sampled_a(self, mean_a: f64, at: f64, volts: &Volts) -> f64 {
         let sense = self.pulse.signum();
         let swing_a = self.swing_a(volts);
-        match self.regime(volts) {
-            Regime::Touching(cycle) if mean_a.abs() < 0.5 * swing_a => {
-                mean_a + sense * self.a_per_v * (cycle.at_v(at) - cycle.mean_v())
-            }
-            _ => {
-                let pulse = self.pulse.abs();
-                let risen = if at < pulse { at / pulse } else { (1.0 - at) / (1.0 - pulse).max(f64::MIN_POSITIVE) };
-                mean_a + sense * swing_a * (risen - 0.5)
-            }
+        if mean_a.abs() < 0.5 * swing_a
+            && let Regime::Touching(cycle) = self.regime(volts)
+        {
+            return mean_a + sense * self.a_per_v * (cycle.at_v(at) - cycle.mean_v());
         }
+        let pulse = self.pulse.abs();
+        let risen = if at < pulse { at / pulse } else { (1.0 - at) / (1.0 - pulse).max(f64::MIN_POSITIVE) };
+        mean_a + sense * swing_a * (risen - 0.5)
     }
 
     /// From the least to the greatest current of a period in which it drives and does not touch zero.

@@ -1,0 +1,89 @@
+//! Sensitivities of the weighted residual to the numbers that a fit moves.
+
+use super::{Base, Unknown, dot, torque_scale};
+use crate::dataset::Dataset;
+use crate::free_run::Steps;
+use crate::model::Model;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Relative step of the finite differences.
+const DIFFERENCE: f64 = 2e-3;
+
+/// One column an unknown.
+#[derive(Clone, Debug)]
+pub(super) struct Sensitivities {
+    pub columns: Vec<Vec<f64>>,
+    /// Of the sum of squares and of what was known before, about half its second derivatives.
+    pub normal: DMatrix<f64>,
+}
+
+impl Sensitivities {
+    /// By finite differences, on all cores.
+    pub fn simulated(model: &Model, data: &Dataset, unknowns: &[Unknown], steps: Steps) -> Self {
+        let base = Base::new(model, data, steps);
+        // Without a current the data are nearly silent of some directions: there the error of a difference from one side
+        // would decide.
+        let both_sides = data.current().is_none();
+        let mut columns: Vec<Vec<f64>> = unknowns
+            .par_iter()
+            .map(|unknown| {
+                let change = |coordinate: f64| {
+                    let mut moved = model.clone();
+                    unknown.set(&mut moved, coordinate);
+                    base.change(&moved, unknown.place.changes_motion(model))
+                };
+                let here = unknown.get(model);
+                let [lowest, highest] = [unknown.min, unknown.max].map(|bound| bound / unknown.size);
+                let step = if here + DIFFERENCE > highest { -DIFFERENCE } else { DIFFERENCE };
+                let mut column = change(here + step);
+                if both_sides && (unknown.logarithmic || here - step > lowest) {
+                    column.iter_mut().zip(change(here - step)).for_each(|(there, back)| *there = 0.5 * (*there - back));
+                }
+                column.iter_mut().for_each(|change| *change /= step);
+                column
+            })
+            .collect();
+        if torque_scale::is_unknown(data) {
+            torque_scale::take_out(&mut columns, unknowns, model);
+        }
+        let normal = normal(&columns, unknowns);
+        Self { columns, normal }
+    }
+
+    /// Half the gradient of the cost.
+    pub fn gradient(&self, model: &Model, residual: &[f64], unknowns: &[Unknown]) -> DVector<f64> {
+        let pulls = self.columns.iter().zip(unknowns).map(|(column, unknown)| {
+            let prior = unknown.prior.map_or(0.0, |(mean, spread)| (unknown.get(model) - mean) / (spread * spread));
+            dot(column, residual) + prior
+        });
+        DVector::from_iterator(self.columns.len(), pulls)
+    }
+
+    /// Inverse of the normal matrix; zeros where it has none.
+    pub fn inverse(&self) -> DMatrix<f64> {
+        let size = self.normal.nrows();
+        let least = 1e-9 * self.normal.trace().max(1e-12) / size as f64;
+        (&self.normal + DMatrix::identity(size, size) * least)
+            .try_inverse()
+            .unwrap_or_else(|| DMatrix::zeros(size, size))
+    }
+}
+
+fn normal(columns: &[Vec<f64>], unknowns: &[Unknown]) -> DMatrix<f64> {
+    let size = columns.len();
+    let mut normal = DMatrix::zeros(size, size);
+    for row in 0..size {
+        for column in 0..=row {
+            let value = dot(&columns[row], &columns[column]);
+            normal[(row, column)] = value;
+            normal[(column, row)] = value;
+        }
+    }
+    for (index, unknown) in unknowns.iter().enumerate() {
+        if let Some((_, spread)) = unknown.prior {
+            normal[(index, index)] += 1.0 / (spread * spread);
+        }
+    }
+    normal
+}
