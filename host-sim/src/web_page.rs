@@ -8,7 +8,8 @@ pub const PLOT_LETTERS: (&str, i32) = ("sans-serif", 19);
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:820px;margin:0 auto;padding:1rem;color:#111}\
 h1{font-size:1.4rem}h2{font-size:1.15rem;margin-top:2rem}svg{max-width:100%;height:auto;display:block}\
 h1,h2,p,li,code{overflow-wrap:anywhere}table{border-collapse:collapse;width:100%;font-size:.9rem}\
-td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}.wide,pre{overflow-x:auto}\
+td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}\
+.pairs{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(340px,100%),1fr));gap:0 1rem}.wide,pre{overflow-x:auto}\
 pre{background:#f4f4f4;padding:.6rem;font-size:.8rem}code{font-size:.9em}\
 @media print{@page{size:A4;margin:15mm}body{padding:0;max-width:none}h2{break-after:avoid}svg,tr{break-inside:avoid}\
 .wide{overflow:visible}table{font-size:8.5pt}td,th{padding:.15rem .25rem}pre{white-space:pre-wrap;overflow-wrap:anywhere}}";

@@ -14,6 +14,9 @@ use nalgebra::{Matrix4, Vector4};
 /// Tried standard deviations of the walk over a second, as shares of the lack's own size.
 const WALKS: [f64; 4] = [0.1, 1.0, 10.0, 100.0];
 
+/// A winding is taken to warm up in this share of the recording: slower it does not show, faster it hardly can be.
+const WARMING: f64 = 0.3;
+
 /// A lack over time.
 #[derive(Clone, Debug)]
 pub struct Lack {
@@ -168,7 +171,7 @@ pub struct Dependence {
     pub unit: &'static str,
     /// Share of the lack's variance that a curve over it explains.
     pub share: f64,
-    /// The curve: middle of each bin, mean of the lack in it.
+    /// The curve: means of the axis and of the lack in each bin.
     pub curve: Vec<(f64, f64)>,
 }
 
@@ -188,9 +191,23 @@ pub fn dependences(data: &Dataset, values: &[f64]) -> Vec<Dependence> {
     ];
     if let Some(current) = data.current() {
         found.push(dependence("current", "A", &current.values, values, 24));
+        found.push(dependence("warmth of the winding", "A2", &warmth(&current.values), values, 24));
     }
     found.sort_by(|a, b| b.share.total_cmp(&a.share));
     found
+}
+
+/// What the winding's temperature follows: the square of the current, low-passed.
+fn warmth(current_a: &[f64]) -> Vec<f64> {
+    let share = 1.0 / (WARMING * current_a.len() as f64).max(1.0);
+    let mut warmth = 0.0;
+    let mut next = |current_a: &f64| {
+        if current_a.is_finite() {
+            warmth += share * (current_a * current_a - warmth);
+        }
+        warmth
+    };
+    current_a.iter().map(&mut next).collect()
 }
 
 /// Means of `values` in bins of equal width over `axis`.
@@ -198,21 +215,23 @@ fn dependence(on: &'static str, unit: &'static str, axis: &[f64], values: &[f64]
     let finite = || axis.iter().zip(values).filter(|(x, y)| x.is_finite() && y.is_finite());
     let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (x, _)| (l.min(*x), h.max(*x)));
     let width = ((high - low) / bins as f64).max(f64::MIN_POSITIVE);
-    let mut sums = vec![(0.0, 0.0); bins];
+    // Of the axis, of the values, and how many.
+    let mut sums = vec![(0.0, 0.0, 0.0); bins];
     for (x, y) in finite() {
         let bin = (((x - low) / width) as usize).min(bins - 1);
-        sums[bin].0 += y;
-        sums[bin].1 += 1.0;
+        sums[bin].0 += x;
+        sums[bin].1 += y;
+        sums[bin].2 += 1.0;
     }
-    let count: f64 = sums.iter().map(|(_, count)| count).sum();
-    let mean = sums.iter().map(|(sum, _)| sum).sum::<f64>() / count.max(1.0);
+    sums.retain(|(.., count)| *count > 0.0);
+    let count: f64 = sums.iter().map(|(.., count)| count).sum();
+    let mean = sums.iter().map(|(_, sum, _)| sum).sum::<f64>() / count.max(1.0);
     let total: f64 = finite().map(|(_, y)| (y - mean).powi(2)).sum();
-    let between: f64 = sums.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| n * (sum / n - mean).powi(2)).sum();
-    let curve = sums.iter().enumerate().filter(|(_, (_, n))| *n > 0.0);
+    let between: f64 = sums.iter().map(|(_, sum, n)| n * (sum / n - mean).powi(2)).sum();
     Dependence {
         on,
         unit,
         share: if total > 0.0 { between / total } else { 0.0 },
-        curve: curve.map(|(bin, (sum, n))| (low + (bin as f64 + 0.5) * width, sum / n)).collect(),
+        curve: sums.iter().map(|(x, y, n)| (x / n, y / n)).collect(),
     }
 }

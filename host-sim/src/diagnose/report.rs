@@ -1,22 +1,17 @@
 //! The result as one self-contained HTML file: measured and simulated before and after, what is missing, the gains, the
 //! intervals. Readable on a phone, printable, no external request.
 
-use super::missing::{Dependence, dependences};
+use super::missing::dependences;
 use super::outcome::Outcome;
 use super::page::{estimate, how_much_worse, title, verdict};
 use super::{Diagnosis, acts_on_words};
-use crate::catalogue::{ActsOn, effect};
+use crate::catalogue::effect;
 use crate::terminal_text::short;
-use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, document, escaped, list, table};
-use plotters::prelude::*;
+use crate::web_page::{document, escaped, list, table};
+use plots::Rung;
 use std::fmt::Write as _;
 
-/// Samples that a plot over time shows at most.
-const MOST_POINTS: usize = 1500;
-/// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
-const MEASURED: RGBColor = RGBColor(0, 0, 0);
-const BEFORE: RGBColor = RGBColor(230, 159, 0);
-const AFTER: RGBColor = RGBColor(0, 114, 178);
+mod plots;
 
 /// The file's text.
 pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
@@ -30,17 +25,10 @@ pub fn report_with(diagnosis: &Diagnosis, names: &[String], section: &str) -> St
     causes(&mut html, outcome);
     html.push_str("<h2>Measured and simulated</h2><p>Black: measured. Orange: the linear motor. Blue: the extended model. Grey bands: data that no fit has seen.</p>");
     for output in 0..diagnosis.data.measured.len() {
-        html.push_str(&over_time(diagnosis, output));
+        html.push_str(&plots::over_time(diagnosis, output));
     }
     gains(&mut html, diagnosis);
-    html.push_str("<h2>What the linear motor lacks</h2><p>With the constants found beside the effects: the torque and the voltage that would make it agree.</p>");
-    for lack in &diagnosis.lacks {
-        for dependence in
-            dependences(&diagnosis.data, &lack.values).iter().filter(|dependence| dependence.on != "direction").take(3)
-        {
-            html.push_str(&curve(lack.acts_on, dependence));
-        }
-    }
+    lacks(&mut html, diagnosis);
     intervals(&mut html, outcome);
     html += "<h2>What to do</h2>";
     html += &list(outcome.advice.iter().map(String::as_str));
@@ -82,106 +70,46 @@ fn causes(html: &mut String, outcome: &Outcome) {
     }
 }
 
-/// Draws into a string; a plot that cannot be drawn says why in its place.
-fn drawn(
-    draw: impl FnOnce(&DrawingArea<SVGBackend, plotters::coord::Shift>) -> Result<(), Box<dyn std::error::Error>>,
-) -> String {
-    let mut svg = String::new();
-    let result = {
-        let area = SVGBackend::with_string(&mut svg, PLOT_SIZE).into_drawing_area();
-        let result = draw(&area);
-        result.and_then(|()| area.present().map_err(Into::into))
-    };
-    match result {
-        // The page scales the picture by its view box.
-        Ok(()) => svg,
-        Err(error) => format!("<p>This plot could not be drawn: {}</p>", escaped(&error.to_string())),
-    }
-}
-
-fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
-    let (low, high) = values
-        .filter(|value| value.is_finite())
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
-    if low > high {
-        return 0.0..1.0;
-    }
-    let margin = (0.05 * (high - low)).max(1e-9 + 1e-6 * high.abs());
-    low - margin..high + margin
-}
-
-fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
-    let data = &diagnosis.data;
-    let measured = &data.measured[output];
-    let step = (data.len() / MOST_POINTS).max(1);
-    // Several recordings stand one after the other.
-    let time = |index: usize| index as f64 * data.interval_s;
-    let series =
-        [(&measured.values, MEASURED), (&diagnosis.base[output], BEFORE), (&diagnosis.extended[output], AFTER)];
-    let vertical = range(series.iter().flat_map(|(values, _)| values.iter().copied()));
-    drawn(|area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(8)
-            .x_label_area_size(44)
-            .y_label_area_size(72)
-            .build_cartesian_2d(0.0..time(data.len()), vertical.clone())?;
-        chart
-            .configure_mesh()
-            .x_desc("time, s")
-            .y_desc(measured.output.channel())
-            .label_style(PLOT_LETTERS)
-            .axis_desc_style(PLOT_LETTERS)
-            .light_line_style(WHITE)
-            .draw()?;
-        let mut start = 0;
-        while start < data.len() {
-            let kept = data.kept_back[start];
-            let end = (start..data.len()).find(|index| data.kept_back[*index] != kept).unwrap_or(data.len());
-            if kept {
-                let corners = [(time(start), vertical.start), (time(end), vertical.end)];
-                chart.draw_series([Rectangle::new(corners, BLACK.mix(0.06).filled())])?;
-            }
-            start = end;
+/// What the linear motor lacks, over time and over all it can depend on.
+fn lacks(html: &mut String, diagnosis: &Diagnosis) {
+    *html += "<h2>What the linear motor lacks</h2><p>With the constants found beside the effects: the torque and the voltage that would make it agree. Each alone would: what one plot shows clearly and the other does not, is where the cause acts.</p>";
+    for lack in &diagnosis.lacks {
+        *html += &plots::lack_over_time(&diagnosis.data, lack);
+        *html += "<div class=\"pairs\">";
+        for dependence in dependences(&diagnosis.data, &lack.values) {
+            *html += &plots::curve(lack.acts_on, &dependence);
         }
-        for (values, colour) in series {
-            let points = (0..data.len()).step_by(step).filter(|index| values[*index].is_finite());
-            chart.draw_series(LineSeries::new(points.map(|index| (time(index), values[index])), colour))?;
-        }
-        Ok(())
-    })
-}
-
-fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
-    let what = match acts_on {
-        ActsOn::Torque => "missing torque, Nm",
-        ActsOn::Voltage => "missing voltage, V",
-        ActsOn::CurrentSensor => "missing current, A",
-        ActsOn::AngleSensor => "missing speed, rad/s",
-    };
-    let points = &dependence.curve;
-    let axis = format!("{}, {}", dependence.on, dependence.unit);
-    let plot = drawn(|area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(8)
-            .x_label_area_size(44)
-            .y_label_area_size(84)
-            .build_cartesian_2d(range(points.iter().map(|point| point.0)), range(points.iter().map(|point| point.1)))?;
-        chart
-            .configure_mesh()
-            .x_desc(axis.trim_end_matches(", "))
-            .y_desc(what)
-            .label_style(PLOT_LETTERS)
-            .axis_desc_style(PLOT_LETTERS)
-            .light_line_style(WHITE)
-            .draw()?;
-        chart.draw_series(LineSeries::new(points.iter().copied(), AFTER))?;
-        chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, AFTER.filled())))?;
-        Ok(())
-    });
-    format!("<p>{what} over {}: explains {:.0} % of it</p>{plot}", dependence.on, 100.0 * dependence.share)
+        *html += "</div>";
+    }
 }
 
 fn gains(html: &mut String, diagnosis: &Diagnosis) {
+    *html += "<h2>What each step gained</h2><p>On data that no fit has seen. Each bar goes from the error before to the error after, on a logarithmic scale.</p>";
+    let measured = &diagnosis.data.measured;
+    for (output, measured) in measured.iter().enumerate() {
+        let of = |which: &str| diagnosis.outcome.fit[which][measured.output.channel()].rmse;
+        let mut before = of("base");
+        let steps = diagnosis.steps.iter().map(|step| {
+            let (_, after) = step.gain.rmse[output];
+            Rung {
+                name: format!("+ {}", step.added.join("\n+ ")),
+                from: Some(std::mem::replace(&mut before, after)),
+                to: after,
+            }
+        });
+        let whole = |name: &str, to: f64| Rung { name: name.into(), from: None, to };
+        let rungs: Vec<Rung> = [whole("linear motor", of("base"))]
+            .into_iter()
+            .chain(steps)
+            .chain([whole("in the end", of("extended")), whole("noise", of("noise_floor"))])
+            .collect();
+        let axis = format!("rms error of {}, {}", measured.output.channel(), measured.output.unit());
+        *html += &plots::waterfall(&axis, &rungs);
+    }
+    *html += &gains_in_figures(diagnosis);
+}
+
+fn gains_in_figures(diagnosis: &Diagnosis) -> String {
     let measured = &diagnosis.data.measured;
     let errors = measured.iter().map(|m| format!("rms error of {}, {}", m.output.channel(), m.output.unit()));
     let header: Vec<String> = ["model".into()].into_iter().chain(errors).collect();
@@ -193,12 +121,11 @@ fn gains(html: &mut String, diagnosis: &Diagnosis) {
     };
     let mut rows = vec![of("linear motor", "base")];
     for step in &diagnosis.steps {
-        let name = format!("with <code>{}</code>", step.id);
+        let name = format!("with <code>{}</code>", step.added.join(", "));
         rows.push(row(&name, &mut step.gain.rmse.iter().map(|(_, after)| *after)));
     }
     rows.extend([of("in the end", "extended"), of("noise of the sensors", "noise_floor")]);
-    *html += "<h2>What each step gained</h2>";
-    *html += &table(&header.iter().map(String::as_str).collect::<Vec<_>>(), rows);
+    table(&header.iter().map(String::as_str).collect::<Vec<_>>(), rows)
 }
 
 fn intervals(html: &mut String, outcome: &Outcome) {
@@ -211,6 +138,7 @@ fn intervals(html: &mut String, outcome: &Outcome) {
             format!("{} to {}", short(low), short(high)),
         ]
     });
-    *html += "<h2>The motor</h2>";
+    *html += "<h2>The motor</h2><p>Found over nominal, with 95 % intervals; grey: what data sheets are worth.</p>";
+    *html += &plots::found_over_nominal(&outcome.parameters);
     *html += &table(&["", "nominal", "found", "95 % interval"], rows);
 }

@@ -42,15 +42,13 @@ const STRANGE: f64 = 25.0;
 /// A promise below this, in units of noise, is not worth a fit.
 const LEAST_PROMISE: f64 = 20.0;
 
-/// An effect that was added.
+/// A step from one model to a larger one.
 #[derive(Clone, Debug)]
 pub struct Step {
-    /// Which.
-    pub id: &'static str,
-    /// What it gained on data kept back.
+    /// The effects that were added.
+    pub added: Vec<&'static str>,
+    /// What they gained on data kept back.
     pub gain: Gain,
-    /// The second best at this step and what it would have gained.
-    pub runner_up: Option<(&'static str, Gain)>,
 }
 
 /// What holds of one effect in the final model.
@@ -130,6 +128,12 @@ impl Chooser<'_> {
         let finer = [at(before, step_s[0]), at(after, step_s[1])];
         let prediction = |fit: usize, own| finer[fit].as_ref().unwrap_or(own);
         gain(self.data, prediction(0, &before.prediction), prediction(1, &after.prediction))
+    }
+
+    /// The step from one model to a larger one.
+    fn step(&self, before: &Fit, after: &Fit) -> Step {
+        let ids = after.model.terms.iter().map(Term::id);
+        Step { added: ids.filter(|id| !before.model.has(id)).collect(), gain: self.gain(before, after) }
     }
 
     /// Fits until nothing is gained, also from where some effect may come to a better end.
@@ -244,17 +248,16 @@ impl Chooser<'_> {
             // Of an effect with alternatives the one that promises most.
             let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
             let others = promises.into_iter().map(|promise| (CATALOGUE[promise.effect], promise.start));
-            others.map(|(effect, start)| (effect.about().id, from.with(effect, start))).collect::<Vec<_>>()
+            others.map(|(effect, start)| from.with(effect, start)).collect::<Vec<_>>()
         });
         let fits: Vec<_> = models
             .collect::<Vec<_>>()
             .into_par_iter()
-            .map(|(id, model)| (id, fit(&model, self.data, self.prior, Effort::TRIAL)))
+            .map(|model| fit(&model, self.data, self.prior, Effort::TRIAL))
             .collect();
         let key = |fit: &Fit| (self.is_strange(fit), fit.cost);
-        let (id, best) =
-            fits.into_iter().min_by(|a, b| key(&a.1).partial_cmp(&key(&b.1)).expect("costs are finite"))?;
-        let step = Step { id, gain: self.gain(base, &best), runner_up: None };
+        let best = fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"))?;
+        let step = self.step(base, &best);
         Some((best, step))
     }
 
@@ -283,10 +286,9 @@ impl Chooser<'_> {
             if fits.is_empty() {
                 break;
             }
-            let runner_up = fits.get(1).map(|(id, gain, _)| (*id, gain.clone()));
-            let (id, gain, fit) = fits.swap_remove(0);
-            steps.push(Step { id, gain, runner_up });
-            current = self.or_from_nominal(fit);
+            let best = fits.swap_remove(0).2;
+            steps.push(self.step(&current, &best));
+            current = self.or_from_nominal(best);
         }
         (current, steps)
     }
