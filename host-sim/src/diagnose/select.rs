@@ -189,8 +189,8 @@ impl Chooser<'_> {
     }
 
     /// Fits from the nominal motor: of the effects that leave nothing of the linear fit, and of the two that hardly any
-    /// bench is without, together and with the former. Each under the name of its first effect.
-    fn fresh(&self, from: &Model) -> Vec<(&'static str, Fit)> {
+    /// bench is without, together and with the former.
+    fn fresh(&self, from: &Model) -> Vec<Fit> {
         let scales = scales(&self.prior.motor, self.data);
         let strange = CATALOGUE.iter().filter(|effect| effect.changes_everything()).map(|effect| effect.about().id);
         strange
@@ -199,15 +199,13 @@ impl Chooser<'_> {
             .filter(|ids| ids.iter().all(|id| !from.has(id) && !self.excluded.contains(id)))
             .map(|ids| {
                 let nominal = Model { motor: self.prior.motor, terms: from.terms.clone() };
-                let model = ids
-                    .iter()
+                ids.iter()
                     .filter_map(|id| effect(id))
-                    .fold(nominal, |model, effect| model.with(effect, effect.starts(&scales).swap_remove(0)));
-                (model.terms[from.terms.len()].id(), model)
+                    .fold(nominal, |model, effect| model.with(effect, effect.starts(&scales).swap_remove(0)))
             })
             .collect::<Vec<_>>()
             .into_par_iter()
-            .map(|(id, model)| (id, fit(&model, self.data, self.prior, Effort::TRIAL)))
+            .map(|model| fit(&model, self.data, self.prior, Effort::TRIAL))
             .collect()
     }
 
@@ -269,24 +267,21 @@ impl Chooser<'_> {
             let best = promises.first().map_or(0.0, |promise| promise.gain);
             promises.retain(|promise| promise.gain > TRIED_SHARE * best);
             (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
-            let mut fits = self.try_all(&current.model, &promises, Effort::TRIAL);
+            let tried = self.try_all(&current.model, &promises, Effort::TRIAL);
+            let mut fits: Vec<Fit> = tried.into_iter().map(|(_, fit)| fit).collect();
             if steps.is_empty() && !promises.is_empty() {
                 fits.extend(self.fresh(&current.model));
             }
-            let mut fits: Vec<_> = fits.into_iter().map(|(id, fit)| (id, self.gain(&current, &fit), fit)).collect();
-            fits.sort_by(|a, b| a.2.cost.total_cmp(&b.2.cost));
-            if fits.iter().any(|(_, gain, _)| earns_its_place(gain)) {
-                fits.retain(|(_, gain, _)| earns_its_place(gain));
-            } else if ahead < MOST_AHEAD && above_floor(self.data, &current) > NOT_NOISE {
-                ahead += 1;
-                fits.retain(|(_, _, fit)| fit.cost < LEAST_AHEAD * current.cost);
-            } else {
-                fits.clear();
-            }
-            if fits.is_empty() {
-                break;
-            }
-            let best = fits.swap_remove(0).2;
+            fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let chosen = match fits.iter().position(|fit| earns_its_place(&self.gain(&current, fit))) {
+                None if ahead < MOST_AHEAD && above_floor(self.data, &current) > NOT_NOISE => {
+                    ahead += 1;
+                    fits.iter().position(|fit| fit.cost < LEAST_AHEAD * current.cost)
+                }
+                earning => earning,
+            };
+            let Some(chosen) = chosen else { break };
+            let best = fits.swap_remove(chosen);
             steps.push(self.step(&current, &best));
             current = self.or_from_nominal(best);
         }
