@@ -23,7 +23,15 @@ const LEGEND_LEFT: i32 = 78;
 /// Samples that a line shows at most.
 const MOST_POINTS: usize = 800;
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
-const COLOURS: [RGBColor; 4] = [RGBColor(0, 0, 0), RGBColor(0, 114, 178), RGBColor(230, 159, 0), RGBColor(0, 158, 115)];
+const COLOURS: [RGBColor; 7] = [
+    RGBColor(0, 0, 0),
+    RGBColor(0, 114, 178),
+    RGBColor(230, 159, 0),
+    RGBColor(0, 158, 115),
+    RGBColor(204, 121, 167),
+    RGBColor(86, 180, 233),
+    RGBColor(213, 94, 0),
+];
 
 /// Quantities of one unit.
 pub struct Panel {
@@ -122,7 +130,7 @@ where
         .axis_desc_style(letters)
         .light_line_style(WHITE)
         .draw()?;
-    for ((_, values), colour) in panel.lines.iter().zip(COLOURS) {
+    for ((_, values), colour) in panel.lines.iter().zip(COLOURS.into_iter().cycle()) {
         let step = values.len().div_ceil(MOST_POINTS).max(1);
         let points = values.iter().enumerate().step_by(step).filter(|(_, value)| value.is_finite());
         chart.draw_series(LineSeries::new(points.map(|(index, value)| (x_of(index), *value)), colour))?;
@@ -141,7 +149,7 @@ fn legend(
     }
     let (row, right) = (letters.1 + 6, area.dim_in_pixel().0 as i32);
     let (mut x, mut y) = (LEGEND_LEFT, 8);
-    for ((name, _), colour) in lines.iter().zip(COLOURS) {
+    for ((name, _), colour) in lines.iter().zip(COLOURS.into_iter().cycle()) {
         // Letters are about half as wide as high.
         let width = 42 + name.chars().count() as i32 * letters.1 * 6 / 10;
         if x > LEGEND_LEFT && x + width > right {

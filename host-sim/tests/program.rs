@@ -231,6 +231,83 @@ fn validate_sees_what_the_model_lacks() {
     assert!((rise("measured") / rise("simulated") - 1.0).abs() < 0.1, "{} and {}", rise("measured"), rise("simulated"));
 }
 
+/// PID and LQR recorded on a motor with friction: one table and one plot, against the motor as it is and without friction.
+#[test]
+fn validate_puts_laws_side_by_side() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let friction = format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
+    std::fs::write(at("true.toml"), &friction).unwrap();
+    std::fs::write(at("linear.toml"), PIVT6_TOML).unwrap();
+    let steps = [60, -50, 40, 10, -60].iter().enumerate();
+    let steps: String = steps
+        .map(|(index, value)| format!("[[reference]]\ntime_s = {}\nvalue = {value}\n", 0.1 + 0.7 * index as f64))
+        .collect();
+    for (name, mode, gains, seed) in [
+        ("pid", "speed", "speed_kp = 0.07\nspeed_ki = 4\n", 1),
+        ("lqr", "lqr_speed", "lqr_speed_kw = 0.02\nlqr_speed_kc = 0.3\nlqr_speed_ki = 1\nlqr_speed_kr = 0.02\n", 2),
+    ] {
+        // The noise of what is measured is not that of the simulation.
+        let scenario = |seed: u8| {
+            format!(
+                "duration_s = 3.6\nmode = \"{mode}\"\nmodel = \"true.toml\"\n[settings]\n{gains}[noise]\ncurrent_A = 0.01\nseed = {seed}\n{steps}"
+            )
+        };
+        let file = at(&format!("{name}.scenario.toml"));
+        std::fs::write(&file, scenario(seed)).unwrap();
+        motorbench(&["simulate", path(&file), "--csv", path(&at(&format!("{name}.csv")))]).success();
+        std::fs::write(&file, scenario(9)).unwrap();
+    }
+    let (pid, lqr, rig, plot) = (at("pid.csv"), at("lqr.csv"), path(&bench.rig), at("laws.svg"));
+    let both = ["validate", path(&pid), path(&lqr), "--rig", rig];
+    // The scenarios are found beside the recordings.
+    let found = |model: &str| json_of(&[&both[..], &["--model", path(&at(model)), "--json", "-"]].concat());
+    let (good, bad) = (found("true.toml"), found("linear.toml"));
+    let names: Vec<&str> = (0..2).map(|index| good["loops"][index]["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["speed PID", "speed LQR"]);
+    let fit = |result: &Value, index: usize| {
+        let channels = result["loops"][index]["comparison"]["channels"].as_array().unwrap();
+        channels.iter().find(|entry| entry["channel"] == "omega_rad_per_s").unwrap()["fit_percent"].as_f64().unwrap()
+    };
+    let settling = |index: usize, source: &str| good["loops"][index]["figures"][source][0]["rise_s"].as_f64().unwrap();
+    for index in 0..2 {
+        assert!(fit(&good, index) > 99.0 && fit(&good, index) > fit(&bad, index) + 2.0, "{index}");
+        assert!((settling(index, "measured") / settling(index, "simulated") - 1.0).abs() < 0.05, "{index}");
+    }
+    // The LQR was given a fraction of the integral: it is slower, on both sides.
+    for source in ["measured", "simulated"] {
+        assert!(settling(1, source) > 1.5 * settling(0, source), "{source}");
+    }
+    assert!(bad["remaining"][0].as_str().unwrap().contains("coulomb_friction"), "{}", bad["remaining"]);
+    assert!(!good["remaining"][0].as_str().unwrap().contains("coulomb_friction"), "{}", good["remaining"]);
+
+    let told = motorbench(&[&both[..], &["--model", path(&at("true.toml")), "--plot", path(&plot)]].concat()).success();
+    let told = String::from_utf8(told.get_output().stdout.clone()).unwrap();
+    println!("{told}");
+    assert!(told.contains("The least has the speed PID, as simulated"), "{told}");
+    assert_eq!(told.matches("  speed LQR    measured ").count(), 5, "{told}");
+    assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    let svg = std::fs::read_to_string(&plot).unwrap();
+    for line in ["speed PID, simulated", "speed PID, measured", "speed LQR, simulated", "speed LQR, measured"] {
+        assert!(svg.contains(line), "{line}");
+    }
+
+    // Of one law each is called by its file.
+    let again = at("again.csv");
+    std::fs::copy(&pid, &again).unwrap();
+    std::fs::copy(at("pid.scenario.toml"), at("again.scenario.toml")).unwrap();
+    let twice = json_of(&["validate", path(&pid), path(&again), "--rig", rig, "--json", "-"]);
+    assert_eq!((&twice["loops"][0]["name"], &twice["loops"][1]["name"]), (&"pid".into(), &"again".into()));
+
+    let scenario = at("pid.scenario.toml");
+    motorbench(&[&both[..], &["--scenario", path(&scenario)]].concat())
+        .code(1)
+        .stderr(predicate::str::contains("recordings: 2, scenarios: 1: give one --scenario for each recording"));
+    std::fs::remove_file(at("lqr.scenario.toml")).unwrap();
+    motorbench(&both).code(1).stderr(predicate::str::contains("lqr.scenario.toml is not there: say with --scenario"));
+}
+
 #[test]
 fn live_replays_with_the_times_of_the_recording() {
     let plotter = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();

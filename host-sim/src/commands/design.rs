@@ -8,10 +8,11 @@ use crate::design::law::{ControlLaw, setting_name};
 use crate::design::specification::{Specification, Speed};
 use crate::design::tachogenerator::Tachogenerator;
 use crate::design::weights::{BadWeight, Weights};
-use crate::design::{Bench, Design, DesignError, TrialFigures, design, report, trial_with_effects};
+use crate::design::{Bench, Design, TrialWithEffects, design, report, trial_with_effects};
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
+use crate::terminal_text::wrapped;
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
 
@@ -133,16 +134,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (motor, bench, rig) = arguments.problem()?;
     let specification = arguments.specification(&bench)?;
     let busy = spinner();
-    let designs: Result<Vec<_>, _> = arguments
-        .laws()
-        .into_iter()
-        .map(|law| {
-            busy.set_message(format!("{}: weights, margins, 30 % off in everything, on the core", law.title()));
-            design(&motor, &bench, law, &specification)
-        })
-        .collect();
+    let (mut designs, mut refused) = (Vec::new(), Vec::new());
+    for law in arguments.laws() {
+        busy.set_message(format!("{}: weights, margins, 30 % off in everything, on the core", law.title()));
+        match design(&motor, &bench, law, &specification) {
+            Ok(design) => designs.push(design),
+            Err(error) => refused.push(Refused { law, why: error.to_string() }),
+        }
+    }
     busy.finish_and_clear();
-    let designs = designs.map_err(Failure::input)?;
+    if designs.is_empty() {
+        let whys: Vec<String> = refused.into_iter().map(|refused| refused.why).collect();
+        return Err(Failure::input(whys.join("\n")));
+    }
     let mut settings = SettingList::default();
     designs.iter().for_each(|design| settings.merge(&design.settings));
     let mut standstill = Vec::new();
@@ -175,11 +179,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let commands = settings.commands();
     let json_to_output = arguments.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if !json_to_output {
-        print!("{}", page(&designs, &trials, &standstill, &commands));
+        print!("{}", page(&designs, &refused, &trials, &standstill, &commands));
     }
     if let Some(path) = &arguments.json {
         let result = serde_json::json!({
-            "motor": motor, "designs": designs, "with_effects": trials.iter().map(written).collect::<Vec<_>>(),
+            "motor": motor, "designs": designs, "refused": refused, "with_effects": trials.iter().map(written).collect::<Vec<_>>(),
             "near_standstill": standstill, "commands": commands
         });
         let text = serde_json::to_string_pretty(&result).map_err(Failure::machine)?;
@@ -193,7 +197,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write(path, &(commands.join("\n") + "\n"))?;
     }
     if let Some(path) = &arguments.report {
-        write(path, &report::html(&motor, &designs, &commands))?;
+        write(path, &report::html(&motor, &designs, &trials, &standstill, &commands))?;
     }
     Ok(())
 }
@@ -284,6 +288,13 @@ impl Arguments {
     }
 }
 
+/// A law that is not offered beside one that is.
+#[derive(serde::Serialize)]
+struct Refused {
+    law: ControlLaw,
+    why: String,
+}
+
 /// What measures the speed in place of an encoder: of a rig that says so or has no encoder. Inside: `None` without a gain.
 fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
     let given = &rig.tachogenerator;
@@ -301,25 +312,23 @@ fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
     }))
 }
 
-/// A law's trial with the effects of the model.
-type TrialWithEffects = (ControlLaw, Result<TrialFigures, DesignError>);
-
 fn written((law, trial): &TrialWithEffects) -> serde_json::Value {
     let failure = trial.as_ref().err().map(ToString::to_string);
-    serde_json::json!({ "law": law, "trial": trial.as_ref().ok(), "failure": failure })
+    let figures = trial.as_ref().ok().map(|(figures, _)| figures);
+    serde_json::json!({ "law": law, "trial": figures, "failure": failure })
 }
 
 /// Half a page.
-fn page(designs: &[Design], trials: &[TrialWithEffects], standstill: &[Standstill], commands: &[String]) -> String {
+fn page(
+    designs: &[Design],
+    refused: &[Refused],
+    trials: &[TrialWithEffects],
+    standstill: &[Standstill],
+    commands: &[String],
+) -> String {
     let mut text: String = designs.iter().map(report::summary).collect();
-    if !trials.is_empty() {
-        text += "\nthe same steps with the effects of the model, simulated:\n";
-    }
-    text.extend(trials.iter().map(|(law, trial)| report::with_effects(*law, trial)));
-    if !standstill.is_empty() {
-        text += "\nnear standstill, simulated:\n";
-    }
-    text.extend(standstill.iter().map(|found| format!("  {}", found.text())));
+    text.extend(refused.iter().map(|Refused { why, .. }| wrapped(&format!("not offered: {why}"), "", "  ")));
+    text += &report::beyond_linear(trials, standstill);
     text += "\npaste into the console, then `save`:\n";
     for command in commands {
         text += &format!("  {command}\n");
@@ -386,6 +395,59 @@ mod tests {
             assert!(failure.code == 1 && failure.message.contains(expected), "{}", failure.message);
         }
         std::fs::remove_dir_all(directory).unwrap();
+    }
+
+    /// Of a motor with a winding of 10 ms, a position PID at 10 Hz overshoots, whatever its gains; the LQR has the current.
+    #[test]
+    fn a_law_that_is_refused_takes_none_with_it() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, json, console] = ["rig.toml", "design.json", "gains.txt"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG.replace("11.68e-3", "58.4e-3")).unwrap();
+        let position = |pid: bool, lqr: bool| Arguments {
+            position: true,
+            speed: false,
+            pid,
+            lqr,
+            json: Some(json.clone()),
+            console: Some(console.clone()),
+            ..arguments(&rig)
+        };
+        run(&position(false, false)).unwrap();
+        let result: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
+        assert_eq!(result["designs"].as_array().unwrap().len(), 1);
+        assert_eq!(result["designs"][0]["law"], "position_lqr");
+        assert_eq!(result["refused"][0]["law"], "position_pid");
+        assert!(result["refused"][0]["why"].as_str().unwrap().contains("the position PID overshoots by"));
+        assert!(!std::fs::read_to_string(&console).unwrap().contains(" position_kp"));
+        // Asked for by name it is a failure.
+        let failure = run(&position(true, false)).unwrap_err();
+        assert!(failure.code == 1 && failure.message.contains("the position PID overshoots by"), "{}", failure.message);
+    }
+
+    /// The page has what the terminal has of the model's effects, as text and as lines; without effects neither.
+    #[test]
+    fn the_page_shows_the_trial_with_the_effects_of_the_model() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, model, html] = ["rig.toml", "model.toml", "design.html"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG).unwrap();
+        let motor = &RIG[RIG.find("[motor]").unwrap()..];
+        let page = |effects: &str, compensate: bool| {
+            std::fs::write(&model, format!("{motor}{effects}")).unwrap();
+            let (model, report) = (Some(model.clone()), Some(html.clone()));
+            run(&Arguments { model, report, compensate, ..arguments(&rig) }).unwrap();
+            std::fs::read_to_string(&html).unwrap()
+        };
+        let linear = page("", false);
+        assert!(!linear.contains("effects of the model") && !linear.contains("with the model's effects"));
+        let friction = page("[effects.coulomb_friction]\ntorque_Nm = 0.01\n", true);
+        for shown in [
+            "the same steps with the effects of the model, simulated:",
+            "without compensation,",
+            "core, with the model",
+            "voltage with the effects",
+        ] {
+            assert!(friction.contains(shown), "{shown}");
+        }
     }
 
     #[test]

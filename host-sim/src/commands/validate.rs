@@ -2,44 +2,49 @@
 
 use super::compare::{plot, table};
 use super::{Failure, mapping, plot_file, read_rig, spinner, write, write_plot};
-use crate::compare::{Comparison, compare};
+use crate::compare::{Comparison, Difference, compare};
+use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
 use crate::diagnose::diagnose;
 use crate::diagnose::page::verdict;
 use crate::figures::Figures;
+use crate::panels::{Panel, panels};
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
 use crate::scenario::Scenario;
-use crate::terminal_text::{short, wrapped};
+use crate::terminal_text::{rounded, short, wrapped};
 use clap::Args;
-use serde_json::json;
+use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-/// Puts a measured closed loop beside the simulated one: one plot, fit per channel, figures of both, and what remains.
+/// Puts measured closed loops beside the simulated ones: one plot, fit per channel, figures of both, and what remains.
 #[derive(Args)]
-#[command(after_help = "Example:
+#[command(after_help = "Examples:
   motorbench validate loop.csv --scenario loop.scenario.toml \\
     --rig loop.rig.toml --model found.toml --plot both.svg
+  motorbench validate pid.csv lqr.csv --model found.toml --plot laws.svg
 
 A scenario has the references and settings that were recorded; motorbench record
-writes it: docs/scenarios.md")]
+writes it beside the recording: docs/scenarios.md")]
 pub struct Arguments {
-    /// The recording of the loop, from the start of the scenario or from up to a quarter of its length before.
-    measured: PathBuf,
-    /// The same course as a scenario.
+    /// Recordings of loops, each from the start of its scenario or from up to a quarter of its length before; several, of a
+    /// PID and an LQR say, come into one table.
+    #[arg(required = true, value_name = "MEASURED.csv")]
+    measured: Vec<PathBuf>,
+    /// The same course as a scenario, one for each recording in their order; left out: NAME.scenario.toml beside NAME.csv.
     #[arg(long, value_name = "SCENARIO.toml")]
-    scenario: PathBuf,
+    scenario: Vec<PathBuf>,
     /// Another model than the scenario's.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
-    /// What is known of the rig (TOML).
+    /// What is known of the rig (TOML); left out: NAME.rig.toml beside the first recording, where there is one.
     #[arg(long)]
     rig: Option<PathBuf>,
     /// A column that has another name: FILE_NAME=PROJECT_NAME.
     #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
     columns: Vec<(String, String)>,
-    /// Draws both.
+    /// Draws all, simulated and measured.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -47,33 +52,35 @@ pub struct Arguments {
     json: Option<PathBuf>,
 }
 
+/// One loop, measured and simulated.
+struct Loop {
+    /// Its law, or its file where another loop has the same.
+    name: String,
+    scenario: Scenario,
+    measured: Recording,
+    compared: Comparison,
+    /// Simulated, measured.
+    figures: [Vec<Figures>; 2],
+}
+
 /// Runs it.
 ///
 /// # Errors
 /// [`Failure`] with file and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), read_rig)?;
-    let measured = Recording::read(&arguments.measured, &arguments.columns).map_err(Failure::input)?;
-    let scenario = super::scenario(&arguments.scenario, arguments.model.as_deref())?;
-    let simulated = scenario.run().map_err(Failure::input)?.recording;
-    // The simulation first: its times are those of the scenario.
-    let compared = compare(&simulated, &measured, None).map_err(Failure::input)?;
-    let figures = [
-        scenario.figures(&points(&simulated, &rig, 0.0)),
-        scenario.figures(&points(&measured, &rig, compared.delay_s)),
-    ];
+    let rig = arguments.rig()?;
+    let mut loops = Vec::new();
+    for (measured, scenario) in arguments.measured.iter().zip(arguments.scenarios()?) {
+        loops.push(Loop::new(arguments, measured, &scenario, &rig)?);
+    }
+    name(&mut loops, &arguments.measured);
     let bar = spinner();
-    let remaining = remaining(&[measured], &rig, &scenario, &|text| bar.set_message(text.to_string()));
+    let remaining = remaining(&loops, &rig, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
     if let Some(path) = &arguments.plot {
-        write_plot(path, &plot(&compared, ["simulated", "measured"]))?;
+        write_plot(path, &picture(&loops))?;
     }
-    let result = json!({
-        "comparison": compared,
-        "figures": { "simulated": figures[0], "measured": figures[1] },
-        "remaining": remaining,
-    });
-    let json = serde_json::to_string_pretty(&result).map_err(Failure::machine)? + "\n";
+    let json = serde_json::to_string_pretty(&result(&loops, &remaining)).map_err(Failure::machine)? + "\n";
     match &arguments.json {
         Some(path) if path == Path::new("-") => {
             print!("{json}");
@@ -82,8 +89,111 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         Some(path) => write(path, &json)?,
         None => {}
     }
-    print!("{}", page(&compared, &figures, &remaining));
+    print!("{}", page(&loops, &remaining));
     Ok(())
+}
+
+impl Arguments {
+    /// A scenario for each recording.
+    fn scenarios(&self) -> Result<Vec<PathBuf>, Failure> {
+        if self.scenario.is_empty() {
+            return self.measured.iter().map(|measured| beside(measured)).collect();
+        }
+        if self.scenario.len() != self.measured.len() {
+            let (recordings, scenarios) = (self.measured.len(), self.scenario.len());
+            return Err(Failure::input(format!(
+                "recordings: {recordings}, scenarios: {scenarios}: give one --scenario for each recording, in their order, or leave them out for the files that motorbench record writes beside them"
+            )));
+        }
+        Ok(self.scenario.clone())
+    }
+
+    fn rig(&self) -> Result<Rig, Failure> {
+        let own = self.measured.first().map(|first| first.with_extension("rig.toml")).filter(|path| path.exists());
+        self.rig.as_deref().or(own.as_deref()).map_or_else(|| Ok(Rig::default()), read_rig)
+    }
+}
+
+/// The scenario beside a recording.
+fn beside(measured: &Path) -> Result<PathBuf, Failure> {
+    let scenario = measured.with_extension("scenario.toml");
+    if scenario.exists() {
+        return Ok(scenario);
+    }
+    let missing = scenario.display();
+    Err(Failure::input(format!("{missing} is not there: say with --scenario which course was recorded")))
+}
+
+impl Loop {
+    fn new(arguments: &Arguments, measured: &Path, scenario: &Path, rig: &Rig) -> Result<Self, Failure> {
+        let measured = Recording::read(measured, &arguments.columns).map_err(Failure::input)?;
+        let scenario = super::scenario(scenario, arguments.model.as_deref())?;
+        let simulated = scenario.run().map_err(Failure::input)?.recording;
+        // The simulation first: its times are those of the scenario.
+        let compared = compare(&simulated, &measured, None).map_err(Failure::input)?;
+        let figures = [
+            scenario.figures(&points(&simulated, rig, 0.0)),
+            scenario.figures(&points(&measured, rig, compared.delay_s)),
+        ];
+        let law = ControlLaw::ALL.into_iter().find(|law| law.mode() == scenario.mode);
+        Ok(Self { name: law.map_or("open loop", ControlLaw::title).into(), scenario, measured, compared, figures })
+    }
+}
+
+/// Names loops of one law by their files.
+fn name(loops: &mut [Loop], files: &[PathBuf]) {
+    let laws: Vec<String> = loops.iter().map(|one| one.name.clone()).collect();
+    for (index, one) in loops.iter_mut().enumerate() {
+        if laws.iter().filter(|law| **law == laws[index]).count() > 1 {
+            one.name = files[index].file_stem().unwrap_or_default().to_string_lossy().into();
+        }
+    }
+}
+
+/// For programs: of one loop its own object, of several a list.
+fn result(loops: &[Loop], remaining: &[String]) -> Value {
+    let figures = |one: &Loop| json!({ "simulated": one.figures[0], "measured": one.figures[1] });
+    if let [only] = loops {
+        return json!({ "comparison": only.compared, "figures": figures(only), "remaining": remaining });
+    }
+    let list = loops.iter().map(|one| {
+        let law = ControlLaw::ALL.into_iter().find(|law| law.mode() == one.scenario.mode);
+        json!({ "name": one.name, "law": law, "comparison": one.compared, "figures": figures(one) })
+    });
+    json!({ "loops": list.collect::<Vec<_>>(), "remaining": remaining })
+}
+
+/// One loop as `compare` draws it; of several every channel that all have, over the time of the first.
+fn picture(loops: &[Loop]) -> String {
+    if let [only] = loops {
+        return plot(&only.compared, ["simulated", "measured"]);
+    }
+    let interval_s = loops[0].compared.interval_s;
+    let channels = shared(loops).into_iter().map(|channel| {
+        loops.iter().fold(Panel::new(channel), |panel, one| {
+            let difference = difference(one, channel);
+            let sampled = |values: &[f64]| {
+                let step = interval_s / one.compared.interval_s;
+                let places = (0..).map(|index| (f64::from(index) * step).round() as usize);
+                places.map_while(|place| values.get(place).copied()).collect()
+            };
+            panel
+                .line(&format!("{}, simulated", one.name), sampled(&difference.first))
+                .line(&format!("{}, measured", one.name), sampled(&difference.second))
+        })
+    });
+    panels(interval_s, &channels.collect::<Vec<_>>())
+}
+
+/// Channels that all loops have.
+fn shared(loops: &[Loop]) -> Vec<&'static str> {
+    let has = |one: &Loop, name: &str| one.compared.channels.iter().any(|channel| channel.channel == name);
+    let of_first = loops[0].compared.channels.iter().map(|channel| channel.channel);
+    of_first.filter(|name| loops.iter().all(|one| has(one, name))).collect()
+}
+
+fn difference<'a>(one: &'a Loop, channel: &str) -> &'a Difference {
+    one.compared.channels.iter().find(|found| found.channel == channel).expect("all loops have it")
 }
 
 /// A recording as the figures take it, from the start of the scenario on. `late_s`: by how much it began earlier.
@@ -116,19 +226,18 @@ fn points(recording: &Recording, rig: &Rig, late_s: f64) -> Vec<Point> {
         .collect()
 }
 
-/// What a diagnosis of the measured loop names that the scenario lacks, or why it says nothing.
-fn remaining(
-    measured: &[Recording],
-    rig: &Rig,
-    scenario: &Scenario,
-    progress: crate::diagnose::select::Progress,
-) -> Vec<String> {
-    match diagnose(measured, rig, progress) {
+/// What a diagnosis of the measured loops names that the scenarios lack, or why it says nothing.
+fn remaining(loops: &[Loop], rig: &Rig, progress: crate::diagnose::select::Progress) -> Vec<String> {
+    let measured: Vec<Recording> = loops.iter().map(|one| one.measured.clone()).collect();
+    match diagnose(&measured, rig, progress) {
         Err(error) => vec![format!("no diagnosis of what remains: {error}")],
         Ok(diagnosis) => {
             let causes = &diagnosis.outcome.causes;
             // The scenario's own loads are no news.
-            let known = |id: &str| scenario.model.has(id) || id == "load_step" && !scenario.loads.is_empty();
+            let in_scenario = |one: &Loop, id: &str| {
+                one.scenario.model.has(id) || id == "load_step" && !one.scenario.loads.is_empty()
+            };
+            let known = |id: &str| loops.iter().all(|one| in_scenario(one, id));
             let new: Vec<&str> = causes.iter().map(|cause| cause.effect.as_str()).filter(|id| !known(id)).collect();
             let lacks = match new.is_empty() {
                 true => "the model has every effect that the measured loop shows".to_string(),
@@ -139,9 +248,25 @@ fn remaining(
     }
 }
 
-fn page(compared: &Comparison, figures: &[Vec<Figures>; 2], remaining: &[String]) -> String {
-    let mut text = String::from("Measured (second) against simulated (first)\n") + &table(compared);
-    text += "\n  at, s    figure                     simulated     measured\n";
+fn page(loops: &[Loop], remaining: &[String]) -> String {
+    let mut text = match loops {
+        [only] => format!(
+            "Measured (second) against simulated (first)\n{}\n{}",
+            table(&only.compared),
+            figures_table(&only.figures)
+        ),
+        _ => side_by_side(loops),
+    };
+    text.push('\n');
+    for line in remaining {
+        line.lines().for_each(|line| text += &wrapped(line, "", "  "));
+    }
+    text
+}
+
+/// Figures of one loop, a line each.
+fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
+    let mut text = String::from("  at, s    figure                     simulated     measured\n");
     for (simulated, measured) in figures[0].iter().zip(&figures[1]) {
         let rows = [
             ("rise, s", simulated.rise_s, measured.rise_s),
@@ -151,14 +276,102 @@ fn page(compared: &Comparison, figures: &[Vec<Figures>; 2], remaining: &[String]
             ("tracking error, rms", Some(simulated.tracking_rms), Some(measured.tracking_rms)),
         ];
         for (name, simulated_value, measured_value) in rows {
-            let or_dash = |value: Option<f64>| value.filter(|value| value.is_finite()).map_or("-".into(), short);
-            let (time, a, b) = (short(simulated.time_s), or_dash(simulated_value), or_dash(measured_value));
+            let (time, a, b) = (short(simulated.time_s), or_dash(simulated_value, 3), or_dash(measured_value, 3));
             text += &format!("  {time:<8} {name:<22} {a:>13} {b:>12}\n");
         }
     }
-    text.push('\n');
-    for line in remaining {
-        line.lines().for_each(|line| text += &wrapped(line, "", "  "));
-    }
     text
+}
+
+fn or_dash(value: Option<f64>, digits: i32) -> String {
+    value.filter(|value| value.is_finite()).map_or("-".into(), |value| rounded(value, digits))
+}
+
+/// Channels of the table of several loops, as many as a line holds.
+const TABLE_CHANNELS: usize = 4;
+/// References of two loops are the same one if they begin within this.
+const SAME_TIME_S: f64 = 0.02;
+
+/// Fit of each loop and figures of each reference, the loops under each other.
+fn side_by_side(loops: &[Loop]) -> String {
+    let told = |channel: &&str| *channel != "duty" && !channel.starts_with("ref_");
+    let channels: Vec<&str> = shared(loops).into_iter().filter(told).take(TABLE_CHANNELS).collect();
+    let mut text = String::from("Measured against simulated: fit in % (rms of the difference)\n  loop        ");
+    channels.iter().for_each(|channel| text += &format!("{channel:>16}"));
+    for one in loops {
+        text += &format!("\n  {:<12.12}", one.name);
+        for channel in &channels {
+            let found = difference(one, channel);
+            text += &format!("{:>16}", format!("{:.1} ({})", found.fit_percent, rounded(found.rms, 2)));
+        }
+    }
+    text.push('\n');
+    if !same_course(loops) {
+        text += "\nThe loops follow different courses: each by itself.\n";
+        for one in loops {
+            text += &format!("\n{}\n{}", one.name, figures_table(&one.figures));
+        }
+        return text;
+    }
+    for (index, first) in loops[0].figures[0].iter().enumerate() {
+        text += &format!("\n  {:<22}", format!("{} at {} s", first.course, short(first.time_s)));
+        text.extend(COLUMNS.map(|title| format!("{title:>8}")));
+        text.push('\n');
+        for one in loops {
+            for (source, figures) in ["simulated", "measured"].into_iter().zip(&one.figures) {
+                let Some(figures) = figures.get(index) else { continue };
+                text += &format!("  {:<12.12} {source:<9}{}\n", one.name, cells(figures));
+            }
+        }
+    }
+    text + "\n" + &wrapped(&ranking(loops), "", "  ")
+}
+
+/// Titles of [`cells`].
+const COLUMNS: [&str; 7] = ["rise, s", "settled", "over, %", "error", "summed", "rms, V", "peak, A"];
+
+fn cells(figures: &Figures) -> String {
+    let cells = [
+        (figures.rise_s, 3),
+        (figures.settling_s, 3),
+        (figures.overshoot_percent, 3),
+        (figures.steady_error, 2),
+        (Some(figures.iae), 3),
+        (Some(figures.effort_v), 3),
+        (Some(figures.peak_a), 3),
+    ];
+    cells.into_iter().map(|(value, digits)| format!("{:>8}", or_dash(value, digits))).collect()
+}
+
+/// Whether all loops were asked for the same, one reference after the other.
+fn same_course(loops: &[Loop]) -> bool {
+    let first = &loops[0].figures[0];
+    let same = |a: &Figures, b: &Figures| {
+        a.course == b.course && (a.time_s - b.time_s).abs() < SAME_TIME_S && (a.to - b.to).abs() <= 1e-3 * b.to.abs()
+    };
+    !first.is_empty()
+        && loops.iter().all(|one| {
+            let figures = &one.figures[0];
+            figures.len() == first.len() && figures.iter().zip(first).all(|(a, b)| same(a, b))
+        })
+}
+
+/// The error summed over all references: which loop has the least, and whether the simulation foretold it.
+fn ranking(loops: &[Loop]) -> String {
+    let sum = |figures: &[Figures]| figures.iter().map(|figures| figures.iae).sum::<f64>();
+    let sums: Vec<[f64; 2]> = loops.iter().map(|one| one.figures.each_ref().map(|figures| sum(figures))).collect();
+    let least = |source: usize| (0..loops.len()).min_by(|a, b| sums[*a][source].total_cmp(&sums[*b][source]));
+    let (Some(simulated), Some(measured)) = (least(0), least(1)) else { return String::new() };
+    let each = loops.iter().zip(&sums).map(|(one, [simulated, measured])| {
+        format!("{} {} ({})", one.name, rounded(*measured, 4), rounded(*simulated, 4))
+    });
+    let foretold = match simulated == measured {
+        true => "as simulated".to_string(),
+        false => format!("simulated it is the {}", loops[simulated].name),
+    };
+    format!(
+        "Error summed over all references, measured (simulated): {}. The least has the {}, {foretold}.",
+        each.collect::<Vec<_>>().join(", "),
+        loops[measured].name
+    )
 }

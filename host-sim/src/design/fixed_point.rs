@@ -31,6 +31,8 @@ const SLEW_TICKS: f64 = 4.0;
 const WIDTHS_A_RANGE: f64 = 256.0;
 /// A tachogenerator that fits every range, where the speed comes from the encoder.
 const UNUSED_TACHO_GAIN: f32 = 100.0;
+/// Settings in a line for the console.
+const SETTINGS_A_LINE: usize = 3;
 /// Digits with which settings are given on the console.
 const DIGITS: i32 = 5;
 
@@ -110,14 +112,47 @@ impl SettingList {
         }
     }
 
-    /// Lines for the console.
+    /// Lines for the console, which takes each as a whole and refuses one that does not fit what it has: in an order that a
+    /// board with its defaults takes.
     pub fn commands(&self) -> Vec<String> {
+        let (mut lines, mut taken) = (Vec::new(), Settings::defaults());
+        let mut waiting = self.changed.clone();
+        while !waiting.is_empty() {
+            let line = self.next_line(&taken, &waiting);
+            line.iter().for_each(|&param| taken.values[param as usize] = self.all.get(param));
+            waiting.retain(|param| !line.contains(param));
+            lines.push(self.line(&line));
+        }
+        lines
+    }
+
+    fn line(&self, params: &[Param]) -> String {
         let pair = |param: &Param| format!("{} {}", setting_name(*param), self.all.get(*param));
-        // Short enough for the console's line; each line is taken as a whole.
-        self.changed
-            .chunks(3)
-            .map(|few| format!("set {}", few.iter().map(pair).collect::<Vec<_>>().join(" ")))
-            .collect()
+        format!("set {}", params.iter().map(pair).collect::<Vec<_>>().join(" "))
+    }
+
+    /// The next of the settings that wait. What does not fit them yet goes before where it can by itself, else with them.
+    fn next_line(&self, taken: &Settings, waiting: &[Param]) -> Vec<Param> {
+        let refused = |params: &[Param]| {
+            let mut settings = *taken;
+            params.iter().for_each(|&param| settings.values[param as usize] = self.all.get(param));
+            LoopConfig::build(&settings).err().map(|error| error.param)
+        };
+        let mut line = waiting[..waiting.len().min(SETTINGS_A_LINE)].to_vec();
+        while let Some(clashing) = refused(&line) {
+            let others = |param: &Param| !line.contains(param);
+            let Some(other) = Some(clashing)
+                .filter(|param| others(param) && waiting.contains(param))
+                .or_else(|| waiting.iter().copied().find(others))
+            else {
+                break;
+            };
+            if refused(&[other]).is_none() {
+                return vec![other];
+            }
+            line.push(other);
+        }
+        line
     }
 }
 

@@ -630,16 +630,23 @@ impl StepTrial<'_> {
     }
 }
 
+/// A law's trial with the effects of the model: its figures and its course, or what went wrong.
+pub type TrialWithEffects = (ControlLaw, Result<(TrialFigures, Vec<Point>), DesignError>);
+
 /// The design's own trial again, with `settings` that may compensate, and with a motor that has effects the design does not
 /// know. What comes of it is told and not judged: compensation, slower profiles and other motors are the reader's choice.
 ///
 /// # Errors
 /// [`DesignError::Trial`] if a trip comes.
-pub fn trial_with_effects(model: &Model, design: &Design, settings: &Settings) -> Result<TrialFigures, DesignError> {
+pub fn trial_with_effects(
+    model: &Model,
+    design: &Design,
+    settings: &Settings,
+) -> Result<(TrialFigures, Vec<Point>), DesignError> {
     let duration_s = design.points.last().map_or(0.0, |point| point.t_s);
     let plant = ModelPlant::new(model.clone());
     let mut trial = started(plant, design.law, design.tachogenerator.as_ref(), settings)?;
-    follow_step(&mut trial, design.law, design.trial.step, duration_s).map(|(figures, _)| figures)
+    follow_step(&mut trial, design.law, design.trial.step, duration_s)
 }
 
 /// The core with a motor, armed, in the mode of a law.

@@ -1,12 +1,13 @@
 //! A design for people: half a page of text, and a page with plots that needs nothing but itself.
 
+use super::compensation::Standstill;
 use super::law::ControlLaw;
 use super::robustness::corners;
 use super::sampled_loop::{SampledLoop, SpeedPath};
 use super::specification::Speed;
 use super::trial::Point;
 use super::weights::states;
-use super::{Design, DesignError, TrialFigures, current_sensor};
+use super::{Design, TrialFigures, TrialWithEffects, current_sensor};
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
@@ -20,6 +21,9 @@ use std::ops::Range;
 
 /// Most points of a line.
 const MAX_POINTS: usize = 800;
+/// Lines of the trial with the model's effects.
+const EFFECTS: RGBColor = RGBColor(0, 158, 115);
+const EFFECTS_CURRENT: RGBColor = RGBColor(230, 159, 0);
 
 /// A few lines on a design.
 pub fn summary(design: &Design) -> String {
@@ -105,10 +109,23 @@ fn trial_text(trial: &TrialFigures, unit: &str) -> String {
     )
 }
 
-/// The same trial with the effects of the model.
-pub fn with_effects(law: ControlLaw, trial: &Result<TrialFigures, DesignError>) -> String {
+/// What the model's effects make of the trials, and the compensation of slow motion; nothing where neither was asked for.
+pub fn beyond_linear(trials: &[TrialWithEffects], standstill: &[Standstill]) -> String {
+    let mut text = String::new();
+    if !trials.is_empty() {
+        text += "\nthe same steps with the effects of the model, simulated:\n";
+    }
+    text.extend(trials.iter().map(with_effects));
+    if !standstill.is_empty() {
+        text += "\nnear standstill, simulated:\n";
+    }
+    text.extend(standstill.iter().map(|found| format!("  {}", found.text())));
+    text
+}
+
+fn with_effects((law, trial): &TrialWithEffects) -> String {
     match trial {
-        Ok(trial) => format!("  {:16} {}", law.title(), trial_text(trial, unit(law))),
+        Ok((trial, _)) => format!("  {:16} {}", law.title(), trial_text(trial, unit(*law))),
         Err(error) => wrapped(&error.to_string(), "  ", "  "),
     }
 }
@@ -118,15 +135,29 @@ fn unit(law: ControlLaw) -> &'static str {
 }
 
 /// A page with the plots of all designs.
-pub fn html(motor: &MotorParameters, designs: &[Design], commands: &[String]) -> String {
+pub fn html(
+    motor: &MotorParameters,
+    designs: &[Design],
+    trials: &[TrialWithEffects],
+    standstill: &[Standstill],
+    commands: &[String],
+) -> String {
     let mut body = String::from("<h1>Design</h1>\n");
     for design in designs {
         body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n", design.law.title(), escaped(&summary(design)));
         let [gain, phase] = loop_plots(motor, design);
-        for plot in [step_plot(motor, design), effort_plot(design), gain, phase, root_plot(motor, design)] {
+        let course = trials.iter().find(|(law, _)| *law == design.law).and_then(|(_, trial)| trial.as_ref().ok());
+        let course = course.map_or(&[][..], |(_, points)| points);
+        for plot in
+            [step_plot(motor, design, course), effort_plot(design, course), gain, phase, root_plot(motor, design)]
+        {
             // A plot is drawn into memory: nothing can fail but the plot's own logic.
             body += &plot.unwrap_or_else(|error| format!("<p>{}</p>", escaped(&error.to_string())));
         }
+    }
+    let beyond = beyond_linear(trials, standstill);
+    if !beyond.is_empty() {
+        body += &format!("<h2>With what the linear motor lacks</h2>\n<pre>{}</pre>\n", escaped(beyond.trim()));
     }
     body += &format!("<h2>For the console</h2>\n<pre>{}</pre>\n", escaped(&commands.join("\n")));
     document("motorbench design", &body)
@@ -193,33 +224,36 @@ fn span(values: impl Iterator<Item = f64>, more: f64) -> Range<f64> {
     low - margin..high + margin
 }
 
-fn step_plot(motor: &MotorParameters, design: &Design) -> Plot {
+/// `course`: of the same trial with the model's effects, empty where it has none.
+fn step_plot(motor: &MotorParameters, design: &Design, course: &[Point]) -> Plot {
     let output = |point: &Point| if design.law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
     let linear = design.linear_response(motor);
     let points = &design.points;
-    lines(
-        "Step through the profile",
-        "t in s",
-        unit(design.law),
-        &[
-            Line::new("reference", BLACK, points.iter().map(|point| (point.t_s, point.reference))),
-            Line::new("linear", BLUE, points.iter().zip(linear).map(|(point, value)| (point.t_s, value))),
-            Line::new("core, fixed point", RED, points.iter().map(|point| (point.t_s, output(point)))),
-        ],
-    )
+    let mut drawn = vec![
+        Line::new("reference", BLACK, points.iter().map(|point| (point.t_s, point.reference))),
+        Line::new("linear", BLUE, points.iter().zip(linear).map(|(point, value)| (point.t_s, value))),
+        Line::new("core, fixed point", RED, points.iter().map(|point| (point.t_s, output(point)))),
+    ];
+    if !course.is_empty() {
+        let with_effects = course.iter().map(|point| (point.t_s, output(point)));
+        drawn.push(Line::new("core, with the model's effects", EFFECTS, with_effects));
+    }
+    lines("Step through the profile", "t in s", unit(design.law), &drawn)
 }
 
-fn effort_plot(design: &Design) -> Plot {
+fn effort_plot(design: &Design, course: &[Point]) -> Plot {
     let points = &design.points;
-    lines(
-        "Voltage and current on the core",
-        "t in s",
-        "V, A",
-        &[
-            Line::new("voltage in V", BLUE, points.iter().map(|point| (point.t_s, point.u_v))),
-            Line::new("current in A", RED, points.iter().map(|point| (point.t_s, point.i_a))),
-        ],
-    )
+    let mut drawn = vec![
+        Line::new("voltage in V", BLUE, points.iter().map(|point| (point.t_s, point.u_v))),
+        Line::new("current in A", RED, points.iter().map(|point| (point.t_s, point.i_a))),
+    ];
+    if !course.is_empty() {
+        let volts = course.iter().map(|point| (point.t_s, point.u_v));
+        let amperes = course.iter().map(|point| (point.t_s, point.i_a));
+        drawn.push(Line::new("voltage with the effects", EFFECTS, volts));
+        drawn.push(Line::new("current with the effects", EFFECTS_CURRENT, amperes));
+    }
+    lines("Voltage and current on the core", "t in s", "V, A", &drawn)
 }
 
 /// The open loop's gain and its phase over the frequency, a plot each, two decades about the crossover.
