@@ -21,6 +21,7 @@
 //! | [`plant`] | the motor and its surroundings, for closed loops and for the simulated chip |
 //! | [`panels`], [`picture`] | plots over time, one under the other; plots as SVG and PNG files |
 //! | [`terminal_text`], [`web_page`] | texts for a person at a terminal; pages for a browser |
+//! | [`text_file`] | text files that a person names |
 //! | [`commands`] | the program `motorbench` |
 //! | `chip` | the firmware on a simulated ATmega328P (feature `chip`) |
 
@@ -53,6 +54,7 @@ pub mod stand;
 pub mod steady_state;
 pub mod telemetry;
 pub mod terminal_text;
+pub mod text_file;
 pub mod thesis;
 pub mod tune;
 pub mod web_page;

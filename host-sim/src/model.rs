@@ -162,14 +162,15 @@ impl Model {
         Ok(Self { motor: file.motor, terms })
     }
 
+    /// Its effects by their identifiers, the constants of each by their names.
+    pub fn effects(&self) -> BTreeMap<String, BTreeMap<String, f64>> {
+        let constants = |term: &Term| term.named().map(|(name, value)| (name.into(), value)).collect();
+        self.terms.iter().map(|term| (term.id().into(), constants(term))).collect()
+    }
+
     /// The model as a file.
     pub fn to_toml(&self) -> String {
-        let effects = self
-            .terms
-            .iter()
-            .map(|term| (term.id().into(), term.named().map(|(name, value)| (name.into(), value)).collect()))
-            .collect();
-        toml::to_string(&ModelFile { motor: self.motor, effects }).expect("numbers and names are TOML")
+        toml::to_string(&ModelFile { motor: self.motor, effects: self.effects() }).expect("numbers and names are TOML")
     }
 }
 

@@ -167,6 +167,11 @@ impl Recording {
     /// [`RecordingError`], which names file and line.
     pub fn read(path: &Path, names: &[(String, String)]) -> Result<Self, RecordingError> {
         let name = path.display().to_string();
+        if path.is_dir() {
+            let message =
+                "this is a folder; a recording (CSV) is expected, and diagnose takes all in a folder with --batch";
+            return Err(RecordingError::Line { name, line: 1, message: message.into() });
+        }
         let file = std::fs::File::open(path).map_err(|source| RecordingError::Read { name: name.clone(), source })?;
         Self::parse(&name, std::io::BufReader::new(file), names)
     }

@@ -249,7 +249,8 @@ impl Rig {
     /// [`RigError`], which names file, line or key.
     pub fn read(path: &Path) -> Result<Self, RigError> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| RigError::Read { path: name.clone(), source })?;
+        let text = crate::text_file::read(path, "a rig file (TOML)")
+            .map_err(|source| RigError::Read { path: name.clone(), source })?;
         Self::parse(&name, &text)
     }
 

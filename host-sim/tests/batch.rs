@@ -19,6 +19,12 @@ fn each_file_has_its_line_and_a_bad_one_stops_nothing() {
         .arg(&rig)
         .output()
         .unwrap();
+    std::fs::copy(&rig, folder.join("good.rig.toml")).unwrap();
+    let beside = Command::new(env!("CARGO_BIN_EXE_motorbench"))
+        .args(["diagnose", "--batch"])
+        .arg(folder.join("good.csv"))
+        .output()
+        .unwrap();
     std::fs::remove_dir_all(&folder).unwrap();
     let text = String::from_utf8(done.stdout).unwrap();
     let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
@@ -28,4 +34,8 @@ fn each_file_has_its_line_and_a_bad_one_stops_nothing() {
     let error = of("bad.csv")["error"].as_str().unwrap();
     assert!(error.contains("bad.csv") && error.contains('2'), "{error}");
     assert_eq!(done.status.code(), Some(1));
+    // Without --rig each has the one beside it, and the same comes out.
+    let alone: serde_json::Value = serde_json::from_slice(&beside.stdout).unwrap();
+    assert!(alone["rig"].as_str().unwrap().ends_with("good.rig.toml"), "{alone}");
+    assert_eq!((beside.status.code(), &alone["outcome"]), (Some(0), &of("good.csv")["outcome"]));
 }

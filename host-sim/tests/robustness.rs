@@ -17,8 +17,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::thread::{JoinHandle, sleep};
-use std::time::{Duration, Instant};
+use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// What a cable does to the bytes.
 #[derive(Default)]
@@ -95,19 +95,17 @@ fn carry(from: &mut TTYPort, to: &mut TTYPort, cable: &Cable, random: &mut ChaCh
         }
     }
     match cable.piece.load(Ordering::Relaxed) as usize {
-        0 => deliver(to, &buffer[..count]),
+        0 => deliver(to, &buffer[..count], cable),
         most => buffer[..count].chunks(random.random_range(1..=most)).for_each(|piece| {
-            deliver(to, piece);
+            deliver(to, piece, cable);
             std::thread::yield_now();
         }),
     }
 }
 
-/// A cable loses nothing because the far end is busy for as long as the virtual board waits for it; what nobody takes then is
-/// gone.
-fn deliver(to: &mut TTYPort, mut bytes: &[u8]) {
-    let until = Instant::now() + Duration::from_millis(500);
-    while !bytes.is_empty() && Instant::now() < until {
+/// A cable loses nothing because the far end is busy.
+fn deliver(to: &mut TTYPort, mut bytes: &[u8], cable: &Cable) {
+    while !bytes.is_empty() && !cable.cut.load(Ordering::Relaxed) {
         bytes = &bytes[to.write(bytes).unwrap_or(0)..];
     }
 }
@@ -120,11 +118,11 @@ fn signal(process: &Child, signal: &str) {
     assert!(Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap().success());
 }
 
-/// A recording that is well under way, whose computer then does nothing for seconds.
+/// A recording that is well under way, whose computer then does nothing for seconds of the board's time.
 fn paused(board: &Board, recording: Child) -> Output {
     board.has_recorded(300);
     signal(&recording, "-STOP");
-    sleep(Duration::from_millis(3500));
+    board.order("wait 3");
     signal(&recording, "-CONT");
     recording.wait_with_output().unwrap()
 }
@@ -198,7 +196,7 @@ fn a_line_that_damages_from_the_beginning_is_named() {
 /// What the line could not keep is missing, and counted.
 #[test]
 fn a_reader_that_pauses_counts_what_it_missed() {
-    let board = Board::new("pause");
+    let board = Board::with("pause", &["--wait-for-reader", "0.5"]);
     let recording = board.command("record", &STEPS).spawn().unwrap();
     let done = paused(&board, recording);
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
@@ -211,7 +209,7 @@ fn a_reader_that_pauses_counts_what_it_missed() {
 /// With `trip_host` the drive does not wait for such a computer.
 #[test]
 fn a_reader_that_pauses_for_too_long_is_taken_for_lost() {
-    let board = Board::new("lost");
+    let board = Board::with("lost", &["--wait-for-reader", "0.5"]);
     let recording = board.command("record", &[&STEPS[..], &["--set", "trip_host=500"]].concat()).spawn().unwrap();
     let done = paused(&board, recording);
     assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));

@@ -106,6 +106,9 @@ const TABLE: &[Row] = &[
             (&["none.csv", "--rig", "rig.toml"], 1, "none.csv"),
             (&["bad.csv", "--rig", "rig.toml"], 1, "bad.csv"),
             (&["run.csv", "--rig", "bad.toml"], 1, "bad.toml"),
+            (&["run.csv", "--rig", "junk.csv"], 1, "junk.csv: this is no text; a rig file (TOML) is expected"),
+            (&[".", "--rig", "rig.toml"], 1, "this is a folder; a recording (CSV) is expected"),
+            (&["run.csv", "--rig", "."], 1, "this is a folder; a rig file (TOML) is expected"),
             (&[], 2, "<RECORDINGS>"),
         ],
         ..row("diagnose")
@@ -178,6 +181,8 @@ const TABLE: &[Row] = &[
         #[cfg(feature = "chip")]
         good: &[&["--seconds", "0.2", "--link", "virtual"]],
         #[cfg(feature = "chip")]
+        json: &["--json"],
+        #[cfg(feature = "chip")]
         bad: &[
             (&["--rig", "none.toml"], 1, "none.toml"),
             (&["--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
@@ -189,7 +194,14 @@ const TABLE: &[Row] = &[
         ..row("virtual")
     },
     Row { good: &[&[]], json: &["--json"], ..row("ports") },
-    Row { bad: &[(&["--port", "/dev/none", "status"], 3, "motorbench ports")], ..row("connect") },
+    Row {
+        bad: &[
+            (&["--port", "/dev/none", "status"], 3, "motorbench ports"),
+            (&["--port", "/dev/null", "status"], 3, "/dev/null is no serial port"),
+            (&["--port", "run.csv", "status"], 3, "run.csv is no serial port"),
+        ],
+        ..row("connect")
+    },
     Row {
         bad: &[
             (&["--port", "/dev/none"], 3, "motorbench ports"),
@@ -209,15 +221,29 @@ const TABLE: &[Row] = &[
         ],
         ..row("send")
     },
-    Row { bad: &[(&["--port", "/dev/none"], 3, "needs a terminal")], ..row("tune") },
+    Row {
+        bad: &[
+            (&["--port", "/dev/none"], 3, "needs a terminal"),
+            (&["--port", "/dev/none", "--keys", "a"], 3, "motorbench ports"),
+            (&["--keys", "a x"], 2, "space tab up down left right"),
+        ],
+        ..row("tune")
+    },
     Row { bad: &[(&["--port", "/dev/none"], 3, "motorbench ports")], ..row("autotune") },
     Row {
         good: &[&["bash"], &["zsh"], &["fish"], &["powershell"], &["elvish"]],
+        json: &["--json"],
         bad: &[(&["sh"], 2, "bash")],
         for_programs: true,
         ..row("completions")
     },
-    Row { good: &[&[], &["record"]], bad: &[(&["nonsense"], 1, "no such command")], for_programs: true, ..row("man") },
+    Row {
+        good: &[&[], &["record"]],
+        json: &["--json"],
+        bad: &[(&["nonsense"], 1, "no such command")],
+        for_programs: true,
+        ..row("man")
+    },
 ];
 
 /// Commands with a board.
@@ -246,6 +272,12 @@ const WITH_A_BOARD: &[Row] = &[
         json: &["--json"],
         bad: &[(&["bad.txt"], 1, "bad.txt, line 3")],
         ..row("send")
+    },
+    Row {
+        good: &[&["--keys", "a s right s r tab r w"]],
+        json: &["--json", "-"],
+        bad: &[(&["--keys", "s"], 1, "a arms first")],
+        ..row("tune")
     },
     Row {
         good: &[&["--hold", "0.3"]],
@@ -491,9 +523,20 @@ fn the_table_has_every_command() {
     assert_eq!(tried, commands);
     for command in program.get_subcommands() {
         let has_json = command.get_arguments().any(|argument| argument.get_id() == "json");
-        // What has no result: scripts and pages, the screen of tune, the board that runs until it is told to end.
-        let without = ["completions", "man", "tune", "virtual"].contains(&command.get_name());
-        assert!(has_json != without, "{}: --json", command.get_name());
+        assert!(has_json, "{} has no --json", command.get_name());
+    }
+}
+
+/// Every run that succeeds is tried with it, and every command has such a run.
+#[cfg(feature = "chip")]
+#[test]
+fn the_table_tries_the_json_of_every_command() {
+    let rows = || TABLE.iter().chain(WITH_A_BOARD);
+    for row in rows().filter(|row| !row.good.is_empty()) {
+        assert!(!row.json.is_empty(), "{}: its JSON is not tried", row.command);
+    }
+    for Row { command, .. } in TABLE {
+        assert!(rows().any(|row| row.command == *command && !row.good.is_empty()), "{command} is not tried");
     }
 }
 

@@ -1,4 +1,4 @@
-//! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`, `motorbench tune`: the commands that talk to a board.
+//! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`: the commands that talk to a board.
 
 use super::live::LiveArguments;
 use super::{Failure, bar, read_rig, write};
@@ -6,12 +6,12 @@ use crate::board::{Board, BoardError};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
-use crate::link::record::{Asked, Ended, Record, by_name, is_played, record};
+use crate::link::record::{Asked, Ended, Record, is_played, record};
 use crate::link::{self, Link, Losses, VERSION};
 use crate::live::Live;
 use crate::rig::NominalMotor;
 use crate::telemetry;
-use crate::tune::{Keeper, Session, screen};
+use crate::text_file;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
@@ -249,7 +249,7 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     finish(arguments, &done, &link.firmware, &played, nominal)
 }
 
-fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
+pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
     format!("{}: {error}: make room on the disk, or choose another with --out", path.display())
 }
 
@@ -396,7 +396,7 @@ fn pretty(side: &serde_json::Value) -> Result<String, Failure> {
 }
 
 /// Writes rig and side file; the latter's text.
-fn write_rig_and_side(
+pub(super) fn write_rig_and_side(
     out: &Path,
     done: &Record,
     nominal: NominalMotor,
@@ -483,7 +483,7 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     let text = if arguments.file == Path::new("-") {
         std::io::read_to_string(stdin().lock()).map_err(Failure::machine)?
     } else {
-        std::fs::read_to_string(&arguments.file)
+        text_file::read(&arguments.file, "a file of lines for the console")
             .map_err(|error| Failure::input(format!("{}: {error}", arguments.file.display())))?
     };
     let (mut link, name) = arguments.port.open()?;
@@ -538,86 +538,4 @@ fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
         }
     }
     Ok(checked)
-}
-
-/// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
-#[derive(Args)]
-#[command(after_help = "Keys: a arm, space stop, s step test, up/down choose a gain, left/right 10 %
-less or more, -/+ reference, tab PID or LQR, u undo, w save on the board,
-r begin and end a recording (every sample at the board's time), q quit. Without
-this program the drive stops by itself after half a second.
-
-Example:
-  motorbench tune --reference 60")]
-pub struct TuneArguments {
-    #[command(flatten)]
-    port: PortArguments,
-    /// Speed that a step test goes to, in rad/s.
-    #[arg(long, default_value_t = 40.0, allow_negative_numbers = true)]
-    reference: f64,
-    /// Where recordings go, with rig and side file; those after the first get a number.
-    #[arg(long, default_value = "tune.csv")]
-    out: PathBuf,
-    #[command(flatten)]
-    live: LiveArguments,
-}
-
-/// Numbered recordings of a tuning session.
-struct Numbered {
-    out: PathBuf,
-    kept: u32,
-    /// That under way, once something of it has come.
-    growing: Option<GrowingCsv>,
-}
-
-impl Numbered {
-    /// Of the recording under way.
-    fn path(&self) -> PathBuf {
-        match self.kept {
-            0 => self.out.clone(),
-            kept => beside(&self.out, &format!("{}.csv", kept + 1)),
-        }
-    }
-}
-
-impl Keeper for Numbered {
-    fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String> {
-        let path = self.path();
-        let grown = match &mut self.growing {
-            Some(growing) => growing.add(samples, settings),
-            None => GrowingCsv::new(&path).and_then(|new| self.growing.insert(new).add(samples, settings)),
-        };
-        grown.map_err(|error| cannot_grow(&path, &error))
-    }
-
-    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> String {
-        let out = self.path();
-        self.growing = None;
-        if record.samples.is_empty() {
-            return "nothing had come".into();
-        }
-        self.kept += 1;
-        let mut side = record.side_file(firmware, "by hand, in motorbench tune");
-        side["settings_before"] = by_name(before).into();
-        match write_rig_and_side(&out, record, NominalMotor::default(), &side) {
-            Ok(_) => format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks()),
-            Err(failure) => format!("{} is there, but what belongs to it not: {}", out.display(), failure.message),
-        }
-    }
-}
-
-/// Runs `tune`.
-///
-/// # Errors
-/// [`Failure`] when the board is gone, or when there is no terminal.
-pub fn run_tune(arguments: &TuneArguments) -> Result<(), Failure> {
-    if !std::io::stdout().is_terminal() {
-        return Err(Failure::machine("tune needs a terminal; for programs: `motorbench connect`, `send` and `record`"));
-    }
-    let stopped = on_interrupt()?;
-    let live = arguments.live.open()?;
-    let (link, _) = arguments.port.open()?;
-    let keeper = Numbered { out: arguments.out.clone(), kept: 0, growing: None };
-    let session = Session::new(link, arguments.reference, live, Box::new(keeper))?;
-    screen::run(session, &|| stopped.load(Ordering::Relaxed)).map_err(Failure::from)
 }

@@ -12,6 +12,7 @@ use crate::plant::{Bridge, Inputs, ModelPlant, Plant};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::terminal_text::short;
+use crate::text_file;
 use clap::Args;
 use nalgebra::Complex;
 use serde_json::{Value, json};
@@ -262,7 +263,7 @@ fn constants(arguments: &Arguments) -> Result<(), Failure> {
     }
     let read = |path: &Path| -> Result<Value, Failure> {
         let failed = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
+        let text = text_file::read(path, "JSON of identify or diagnose").map_err(|error| failed(&error))?;
         let value: Value = serde_json::from_str(&text).map_err(|error| failed(&error))?;
         let parameters = value["parameters"].as_object().filter(|parameters| !parameters.is_empty());
         parameters.cloned().map(Value::Object).ok_or_else(|| {

@@ -27,7 +27,6 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -123,9 +122,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             "diagnosis": diagnosis.outcome,
             "loops": loops.attempts.iter().map(Attempt::json).collect::<Vec<_>>(),
             "commands": loops.commands,
-            "hidden": truth.terms.iter().map(|term| {
-                (term.id(), term.named().collect::<BTreeMap<_, _>>())
-            }).collect::<BTreeMap<_, _>>(),
+            "hidden": truth.effects(),
             "motor": truth.motor,
         });
         println!("{result:#}");

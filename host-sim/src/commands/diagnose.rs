@@ -32,8 +32,9 @@ pub struct Arguments {
     /// A column of the file that has another name: FILE_NAME=PROJECT_NAME.
     #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
     columns: Vec<(String, String)>,
-    /// Diagnoses each recording alone, on all cores, and prints one JSON object a line: file, and outcome or error. A folder
-    /// stands for the .csv files in it.
+    /// Diagnoses each recording alone, on all cores, and prints one JSON object a line as each is done: file, rig, and outcome
+    /// or error. A folder stands for the .csv files in it. Without --rig each has the rig file beside it (run.rig.toml for
+    /// run.csv), where there is one.
     #[arg(long, conflicts_with_all = ["json", "report", "model"])]
     batch: bool,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -57,7 +58,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
         None => Rig::default(),
     };
     if args.batch {
-        return batch(args, &rig);
+        return batch(args, rig);
     }
     let read = |path: &PathBuf| Recording::read(path, &args.columns).map_err(Failure::input);
     let recordings = args.recordings.iter().map(read).collect::<Result<Vec<_>, _>>()?;
@@ -81,17 +82,26 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
 }
 
 /// One line for each file, in no order; a bad one does not stop the others.
-fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
+fn batch(args: &Arguments, rig: Rig) -> Result<(), Failure> {
     let files = expanded(&args.recordings)?;
     let bar = super::bar(files.len() as u64);
+    let given = args.rig.clone().zip(Some(rig));
     let failed = files
         .par_iter()
         .filter(|path| {
-            let result = alone(path, args, rig);
+            let beside = || Some(path.with_extension("rig.toml")).filter(|beside| beside.exists());
+            let rig = given.as_ref().map(|(path, _)| path.clone()).or_else(beside);
+            let result = match (&given, &rig) {
+                (Some((_, rig)), _) => alone(path, args, rig),
+                (None, Some(beside)) => {
+                    Rig::read(beside).map_err(|error| error.to_string()).and_then(|rig| alone(path, args, &rig))
+                }
+                (None, None) => alone(path, args, &Rig::default()),
+            };
             let failed = result.is_err();
             let line = match result {
-                Ok(outcome) => serde_json::json!({ "file": path, "outcome": outcome }),
-                Err(error) => serde_json::json!({ "file": path, "error": error }),
+                Ok(outcome) => serde_json::json!({ "file": path, "rig": rig, "outcome": outcome }),
+                Err(error) => serde_json::json!({ "file": path, "rig": rig, "error": error }),
             };
             println!("{line}");
             bar.inc(1);

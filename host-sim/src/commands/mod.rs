@@ -13,8 +13,10 @@ mod design;
 mod diagnose;
 mod identify;
 mod live;
+mod manual;
 mod simulate;
 mod stand;
+mod tune;
 mod validate;
 mod virtual_board;
 
@@ -22,6 +24,7 @@ use crate::model::Model;
 use crate::picture::{self, Format};
 use crate::rig::Rig;
 use crate::scenario::Scenario;
+use crate::text_file;
 use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::any::Any;
@@ -61,24 +64,10 @@ enum Command {
     Connect(board::ConnectArguments),
     Record(board::RecordArguments),
     Send(board::SendArguments),
-    Tune(board::TuneArguments),
+    Tune(tune::Arguments),
     Autotune(autotune::Arguments),
-    /// Prints a completion script for a shell.
-    #[command(after_help = "Example:
-  motorbench completions bash > \\
-    ~/.local/share/bash-completion/completions/motorbench")]
-    Completions {
-        /// Which shell.
-        shell: clap_complete::Shell,
-    },
-    /// Prints the manual page, of the program or of a command.
-    #[command(after_help = "Examples:
-  motorbench man | man -l -
-  motorbench man record | man -l -")]
-    Man {
-        /// Of this command; without it of the program.
-        command: Option<String>,
-    },
+    Completions(manual::CompletionsArguments),
+    Man(manual::ManArguments),
 }
 
 /// Why a command ended without its result.
@@ -150,35 +139,14 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Connect(arguments) => board::connect(&arguments),
         Command::Record(arguments) => board::run_record(&arguments),
         Command::Send(arguments) => board::run_send(&arguments),
-        Command::Tune(arguments) => board::run_tune(&arguments),
+        Command::Tune(arguments) => tune::run(&arguments),
         Command::Autotune(arguments) => autotune::run(&arguments),
-        Command::Completions { shell } => {
-            let mut script = Vec::new();
-            clap_complete::generate(shell, &mut command(), "motorbench", &mut script);
-            print!("{}", String::from_utf8_lossy(&script));
+        Command::Completions(arguments) => {
+            manual::completions(&arguments);
             Ok(())
         }
-        Command::Man { command: name } => manual(name.as_deref()),
+        Command::Man(arguments) => manual::man(&arguments),
     }
-}
-
-/// Prints the manual page of a command, or of the program.
-fn manual(name: Option<&str>) -> Result<(), Failure> {
-    let mut program = command();
-    // So that a command's page has the options' defaults and the whole usage.
-    program.build();
-    let of = match name {
-        None => program,
-        Some(name) => {
-            let found = program.find_subcommand(name).cloned();
-            found
-                .ok_or_else(|| Failure::input(format!("man {name}: no such command; `motorbench --help` lists them")))?
-        }
-    };
-    let mut page = Vec::new();
-    clap_mangen::Man::new(of).render(&mut page).map_err(Failure::machine)?;
-    print!("{}", String::from_utf8_lossy(&page));
-    Ok(())
 }
 
 /// A column of a file under another name: `speed=omega_rad_per_s`.
@@ -199,7 +167,7 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
 /// A model file.
 fn read_model(path: &Path) -> Result<Model, Failure> {
     let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| failed(&error))?;
+    let text = text_file::read(path, "a model file (TOML)").map_err(|error| failed(&error))?;
     Model::parse(&text).map_err(|error| failed(&error))
 }
 

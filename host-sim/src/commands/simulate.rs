@@ -6,6 +6,7 @@ use crate::figures::Figures;
 use crate::panels::{Panel, panels};
 use crate::scenario::{Outcome, Scenario};
 use crate::terminal_text::short;
+use crate::text_file;
 use clap::Args;
 use motorbench_core::message::{Mode, Trip};
 use motorbench_core::settings::{Settings, find};
@@ -74,7 +75,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Takes the `set` lines of a file for a board's console.
 fn set(settings: &mut Settings, path: &Path) -> Result<(), Failure> {
     let wrong = |number: usize, why: &str| Failure::input(format!("{}, line {number}: {why}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
+    let text = text_file::read(path, "a file of lines for the console")
+        .map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
     for (line, number) in text.lines().zip(1..) {
         let words: Vec<&str> = line.split_whitespace().collect();
         let [command, pairs @ ..] = &words[..] else { continue };

@@ -13,6 +13,7 @@ use std::path::PathBuf;
   motorbench virtual &
   motorbench record --port /tmp/motorbench --out run.csv
   motorbench virtual --rig rig.toml --model model.toml --link /tmp/mine
+  motorbench virtual --link /tmp/board12 --json > board12.json &
   motorbench virtual --eeprom board.bin \\
     --with 'effect cogging cosine_Nm=0.002 sine_Nm=0 periods_per_rev=7'
 
@@ -24,8 +25,9 @@ While it runs it takes lines, as --with does for its start:
   model FILE.toml                     another motor with its effects
   load NM, brake NM, supply V, block on|off, turn DEGREES (and hold)
   encoder ok|unplugged|swapped, current ok|open|high|low
-  stop on|off (the emergency stop), reset, quit
-The socket beside the port takes them as well, and answers ok or error:
+  stop on|off (the emergency stop), reset, quit, wait S
+The socket beside the port takes them as well, and answers ok or error; turn
+once the rotor is there, wait after so many seconds of the chip's time:
   echo 'brake 0.01' | nc -UN /tmp/motorbench.control")]
 pub struct Arguments {
     /// Motor and supply from a rig file; without it the test stand's motor with friction and an L293D.
@@ -46,9 +48,19 @@ pub struct Arguments {
     /// Firmware to run, as ELF file; without it this program's own is built.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
+    /// Holds the chip's time for a program that is late in reading, so many seconds; on a busy computer more.
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = waits)]
+    wait_for_reader: f64,
     /// Ends after so many seconds.
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
+    /// Prints one line of JSON when the board is ready, and one for each line from the terminal.
+    #[arg(long)]
+    json: bool,
+}
+
+fn waits(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|seconds| (0.0..=1e6).contains(seconds)).ok_or("expected seconds, 0 or more".into())
 }
 
 /// Says what is missing.
@@ -57,7 +69,17 @@ pub struct Arguments {
 /// Always.
 #[cfg(not(all(feature = "chip", unix)))]
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let Arguments { rig: _, model: _, link: _, eeprom: _, with: _, firmware: _, seconds: _ } = arguments;
+    let Arguments {
+        rig: _,
+        model: _,
+        link: _,
+        eeprom: _,
+        with: _,
+        firmware: _,
+        wait_for_reader: _,
+        seconds: _,
+        json: _,
+    } = arguments;
     Err(Failure::machine(
         "this program was built without the simulated chip: run `scripts/setup chip`, then `cargo run --release -p host-sim --features chip -- virtual` (Linux, macOS)",
     ))
@@ -69,10 +91,10 @@ pub use with_chip::run;
 #[cfg(all(feature = "chip", unix))]
 mod with_chip {
     use super::super::read_rig;
-    use super::surroundings::{ORDERS, Surroundings};
+    use super::surroundings::{ORDERS, Surroundings, Until};
     use super::{Arguments, Failure};
     use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator, firmware_elf};
-    use crate::link::virtual_control::control_path;
+    use crate::link::virtual_control::{VirtualControl, control_path};
     use crate::plant::ModelPlant;
     use crate::rig::Rig;
     use serialport::{SerialPort, TTYPort};
@@ -89,11 +111,11 @@ mod with_chip {
     const LATEST: Duration = Duration::from_millis(200);
     /// The chip waits for a program that has left so many bytes in the line: a busy computer's delays are not the board's.
     const UNREAD: u64 = 1024;
-    /// Who takes nothing for longer does not read; time goes on, and what the line cannot keep is lost.
-    const WAITS_AT_MOST: Duration = Duration::from_millis(500);
     /// How often it is looked meanwhile.
     const LOOK_AGAIN: Duration = Duration::from_millis(1);
     const COUNTS_PER_REV: f64 = 2000.0;
+    /// The firmware says what it is within so much of its time; another one may say nothing.
+    const GREETS_WITHIN_S: f64 = 0.5;
     /// The EEPROM is kept when nothing was written to it for so many slices.
     const EEPROM_QUIET_SLICES: u32 = 50;
 
@@ -202,6 +224,12 @@ mod with_chip {
     impl NamedPort {
         fn new(path: &Path, port: &str) -> Result<Self, Failure> {
             let failure = |error| Failure::machine(format!("{}: {error}; choose another --link", path.display()));
+            if VirtualControl::of(path).is_some() {
+                return Err(Failure::machine(format!(
+                    "{}: a virtual board runs there: end it with `quit`, or choose another --link",
+                    path.display()
+                )));
+            }
             if std::fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
                 std::fs::remove_file(path).map_err(failure)?;
             }
@@ -230,11 +258,19 @@ mod with_chip {
         drop(port);
         let named = NamedPort::new(&arguments.link, &name)?;
         let (sender, orders) = channel();
-        let _control = Control::new(&named.0, sender.clone())?;
+        let control = Control::new(&named.0, sender.clone())?;
         from_terminal(sender);
-        println!("virtual board at {} ({name}); lines change it:\n{ORDERS}", named.0.display());
+        let greeting = bench.run_until_line(GREETS_WITHIN_S).map_err(Failure::machine)?;
+        // It has been read here; who opens the port shall find it as well.
+        let _ = greeting.iter().try_for_each(|line| board.write_all(format!("{line}\r\n").as_bytes()));
+        if arguments.json {
+            println!("{}", ready(&named, &name, &control, greeting.as_deref(), &surroundings));
+        } else {
+            println!("virtual board at {} ({name}); lines change it:\n{ORDERS}", named.0.display());
+        }
         let (begun, ended) = (Instant::now(), super::super::board::on_interrupt()?);
-        let mut clock = Clock::new();
+        let mut clock = Clock::new(Duration::from_secs_f64(arguments.wait_for_reader));
+        let mut under_way = Vec::new();
         while !ended.load(std::sync::atomic::Ordering::Relaxed)
             && arguments.seconds.is_none_or(|limit_s| begun.elapsed().as_secs_f64() < limit_s)
         {
@@ -242,14 +278,19 @@ mod with_chip {
                 if order.line.trim() == "quit" {
                     return Ok(());
                 }
-                let done = surroundings.obey(bench, &order.line);
-                order.answer(done);
+                match surroundings.obey(bench, &order.line) {
+                    Ok(Until::Now) => order.answer(Ok(()), arguments.json),
+                    Ok(later) => under_way.push((order, later)),
+                    Err(why) => order.answer(Err(why), arguments.json),
+                }
             }
             exchange(bench, &mut board)?;
             if clock.waits(rustix::io::ioctl_fionread(&line).map_err(Failure::machine)?) {
                 continue;
             }
             surroundings.push(bench);
+            let done = under_way.extract_if(.., |(_, until)| surroundings.is_over(bench, *until));
+            done.for_each(|(order, _)| order.answer(Ok(()), arguments.json));
             bench.run_s(SLICE_S).map_err(Failure::machine)?;
             if let Some(eeprom) = eeprom {
                 eeprom.watch(bench)?;
@@ -257,6 +298,26 @@ mod with_chip {
             clock.keep_time(SLICE_S);
         }
         Ok(())
+    }
+
+    /// What a program that starts boards wants to know of one. `greeting`: the firmware's first line.
+    fn ready(
+        named: &NamedPort,
+        device: &str,
+        control: &Control,
+        greeting: Option<&str>,
+        surroundings: &Surroundings,
+    ) -> serde_json::Value {
+        let model = surroundings.model();
+        serde_json::json!({
+            "port": named.0,
+            "device": device,
+            "control": control.0,
+            "firmware": greeting.map(|line| line.trim_start_matches("# ")),
+            "motor": model.motor,
+            "effects": model.effects(),
+            "bridge": surroundings.bridge(),
+        })
     }
 
     /// Bytes both ways. What nobody fetches is lost, as on the wire.
@@ -273,6 +334,8 @@ mod with_chip {
 
     /// Keeps the chip's time to that on the wall.
     struct Clock {
+        /// Who takes nothing for longer does not read; time goes on, and what the line cannot keep is lost.
+        waits_at_most: Duration,
         start: Instant,
         simulated_s: f64,
         /// Since when the line's reader is behind.
@@ -280,8 +343,8 @@ mod with_chip {
     }
 
     impl Clock {
-        fn new() -> Self {
-            Self { start: Instant::now(), simulated_s: 0.0, behind: None }
+        fn new(waits_at_most: Duration) -> Self {
+            Self { waits_at_most, start: Instant::now(), simulated_s: 0.0, behind: None }
         }
 
         /// Holds the time for a reader who has left so much in the line, if it is worth it.
@@ -290,7 +353,7 @@ mod with_chip {
                 self.behind = None;
                 return false;
             }
-            let waits = self.behind.get_or_insert_with(Instant::now).elapsed() < WAITS_AT_MOST;
+            let waits = self.behind.get_or_insert_with(Instant::now).elapsed() < self.waits_at_most;
             if waits {
                 std::thread::sleep(LOOK_AGAIN);
                 (self.start, self.simulated_s) = (Instant::now(), 0.0);
@@ -319,11 +382,12 @@ mod with_chip {
     }
 
     impl Order {
-        fn answer(self, done: Result<(), String>) {
+        fn answer(self, done: Result<(), String>, json: bool) {
             match (self.from, done) {
                 // Who does not wait for the answer does not want it.
                 (Some(mut from), Ok(())) => drop(writeln!(from, "ok")),
                 (Some(mut from), Err(why)) => drop(writeln!(from, "error: {why}")),
+                (None, done) if json => println!("{}", serde_json::json!({ "line": self.line, "error": done.err() })),
                 (None, Ok(())) => {}
                 (None, Err(why)) => println!("{why}"),
             }
@@ -336,7 +400,7 @@ mod with_chip {
     impl Control {
         fn new(port: &Path, orders: Sender<Order>) -> Result<Self, Failure> {
             let path = control_path(port);
-            // Of a virtual board that was killed: that of one that runs went with the port's name.
+            // Of a virtual board that was killed: one that runs was found before.
             let _ = std::fs::remove_file(&path);
             let listener = UnixListener::bind(&path)
                 .map_err(|error| Failure::machine(format!("{}: {error}; choose another --link", path.display())))?;

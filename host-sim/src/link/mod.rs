@@ -27,6 +27,10 @@ const ANSWER: Duration = Duration::from_secs(4);
 const TRIES: u32 = 3;
 /// A late answer to a line that was given up is not waited for longer.
 const LATE: Duration = Duration::from_millis(200);
+/// The board hears of its host when the last word is so old by the clock here, or so many samples by its own: it may be ahead
+/// of a program that the computer has let wait.
+const KEEP_ALIVE: Duration = Duration::from_millis(100);
+const KEEP_ALIVE_TICKS: u32 = 100;
 /// The answer to a keep-alive is not waited for longer.
 const KEPT_ALIVE: Duration = Duration::from_millis(50);
 /// The greeting of a board that begins: two lines outside of any frame.
@@ -87,6 +91,8 @@ pub struct Link<L: Line> {
     outside: Vec<u8>,
     /// A line was given up without an answer, which may still come.
     unanswered: bool,
+    /// When the board was last kept alive, by both clocks.
+    kept_alive: (Instant, u32),
     gone: bool,
     /// What the firmware says of itself.
     pub firmware: String,
@@ -106,6 +112,7 @@ impl<L: Line> Link<L> {
             last_tick: None,
             outside: Vec::new(),
             unanswered: false,
+            kept_alive: (Instant::now(), 0),
             gone: false,
             firmware: String::new(),
         };
@@ -222,6 +229,20 @@ impl<L: Line> Link<L> {
         }
         let refused = || Err(BoardError::Refused { line: line.into(), reply: last.into() });
         last.starts_with("error: ").then(refused)
+    }
+
+    /// [`keep_alive`](Self::keep_alive), when it is time.
+    ///
+    /// # Errors
+    /// [`BoardError`], when the line is gone.
+    pub fn stay_alive(&mut self) -> Result<(), BoardError> {
+        let (spoke, tick) = self.kept_alive;
+        let now = self.last_tick.unwrap_or(0);
+        if spoke.elapsed() > KEEP_ALIVE || now.saturating_sub(tick) > KEEP_ALIVE_TICKS {
+            self.kept_alive = (Instant::now(), now);
+            self.keep_alive()?;
+        }
+        Ok(())
     }
 
     /// Lets the board hear of its host, for `trip_host`. One that is damaged on its way is made good by the next.

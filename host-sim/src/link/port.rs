@@ -86,6 +86,8 @@ pub fn open(name: &str) -> Result<Link<Port>, BoardError> {
     let port = serialport::new(name, BAUD).timeout(WAIT).open().map_err(|error| {
         BoardError::Failed(match error.kind() {
             serialport::ErrorKind::NoDevice => busy(name),
+            // "Not a typewriter", in the words of the system.
+            _ if cfg!(unix) => format!("{name} is no serial port ({error}): `motorbench ports` lists them"),
             _ => format!("{name}: {error}; is it a serial port? `motorbench ports` lists them"),
         })
     })?;

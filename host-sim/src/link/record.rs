@@ -23,8 +23,6 @@ const TRIES: u32 = 3;
 /// Samples of the beginning that may be lost, and bits that two roundings may differ by, when it is looked at what was played.
 const LOST_AT_FIRST: usize = 100;
 const ROUNDING: i32 = 2;
-/// How often a board that trips without its host hears of it.
-const KEEP_ALIVE: Duration = Duration::from_millis(100);
 
 /// How a recording ended.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
@@ -68,7 +66,7 @@ pub struct Record {
 impl Record {
     /// Ticks between the first and the last sample of which nothing came.
     pub fn missing_ticks(&self) -> u32 {
-        self.samples.windows(2).map(|pair| pair[1].tick.wrapping_sub(pair[0].tick).saturating_sub(1)).sum()
+        missing_ticks(&self.samples)
     }
 
     /// What it has covered of what an identification needs.
@@ -93,6 +91,11 @@ impl Record {
             "settings": by_name(&self.settings),
         })
     }
+}
+
+/// Ticks between the first and the last of some samples of which nothing came.
+pub fn missing_ticks(samples: &[Sample]) -> u32 {
+    samples.windows(2).map(|pair| pair[1].tick.wrapping_sub(pair[0].tick).saturating_sub(1)).sum()
 }
 
 /// Settings by their names on the console.
@@ -157,11 +160,9 @@ fn play<L: Line>(
     link.command(order)?;
     let mut silent = Duration::ZERO;
     let begun = Instant::now();
-    let mut spoke = begun;
     loop {
-        if alive && spoke.elapsed() > KEEP_ALIVE {
-            link.keep_alive()?;
-            spoke = Instant::now();
+        if alive {
+            link.stay_alive()?;
         }
         let slice = Instant::now();
         let came = link.samples(SLICE_S)?;

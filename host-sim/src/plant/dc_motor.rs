@@ -27,13 +27,16 @@ const BEYOND_S: f64 = 0.4 * EVENT_TOLERANCE_S;
 const ROOT_STEPS: usize = 60;
 
 /// Voltages lost in the bridge, taken as constant while current flows.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct BridgeLosses {
     /// Upper plus lower transistor while driving, in volts.
+    #[serde(rename = "drive_V")]
     pub drive_v: f64,
     /// Transistor plus diode while braking, in volts.
+    #[serde(rename = "brake_V")]
     pub brake_v: f64,
     /// One free-wheeling diode, in volts.
+    #[serde(rename = "diode_V")]
     pub diode_v: f64,
 }
 

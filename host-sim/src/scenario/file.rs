@@ -84,7 +84,8 @@ pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError
 }
 
 fn text_of(path: &Path) -> Result<String, ScenarioError> {
-    std::fs::read_to_string(path).map_err(|source| ScenarioError::Read { path: path.display().to_string(), source })
+    crate::text_file::read(path, "a file in TOML")
+        .map_err(|source| ScenarioError::Read { path: path.display().to_string(), source })
 }
 
 impl File {

@@ -7,14 +7,15 @@ pub mod screen;
 use crate::board::{Board, BoardError};
 use crate::design::trial::Point;
 use crate::figures::{Figures, step_figures};
-use crate::link::record::{Ended, Record};
+use crate::link::record::{Ended, Record, missing_ticks};
 use crate::link::{Line, Link, Losses, name};
 use crate::live::Live;
 use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// The traces show this long.
@@ -23,7 +24,8 @@ pub const SHOWN_S: f64 = 5.0;
 const STEP_S: f64 = 1.0;
 /// The drive stops by itself when the program is silent for longer, whatever became of it.
 const LOST_AFTER_MS: f32 = 500.0;
-const KEEP_ALIVE: Duration = Duration::from_millis(100);
+/// A session without a person gives up when nothing has come for so long.
+const SILENT: Duration = Duration::from_secs(5);
 /// A key changes a value by this factor; one that is zero becomes this share of its range first.
 const FACTOR: f32 = 1.1;
 const FIRST: f32 = 1e-5;
@@ -64,6 +66,14 @@ struct Recorded {
     settings: Settings,
 }
 
+/// A recording that was ended.
+pub struct Kept {
+    /// What to tell the person.
+    pub text: String,
+    /// Where it is, if anything of it had come.
+    pub file: Option<PathBuf>,
+}
+
 /// Where recordings go.
 pub trait Keeper {
     /// Keeps what has come of the recording under way, so that a program that dies costs none of it.
@@ -72,8 +82,56 @@ pub trait Keeper {
     /// Why it cannot, with what to do; the recording then ends.
     fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String>;
 
-    /// Ends one, made with the gains of `before` at first; what to tell the person.
-    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> String;
+    /// Ends one, made with the gains of `before` at first.
+    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> Kept;
+}
+
+/// A step test that was made.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct StepTest {
+    /// The loop, by the console's name of its mode.
+    pub mode: &'static str,
+    /// Its gains at the time.
+    pub gains: BTreeMap<String, f32>,
+    /// What the loop made of it.
+    #[serde(flatten)]
+    pub figures: Figures,
+    /// Ticks of it of which nothing came.
+    pub missing_ticks: u32,
+}
+
+/// A whole session, for a program.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Account {
+    /// What the firmware says of itself.
+    pub firmware: String,
+    /// Gains of both loops when it began.
+    pub gains_before: BTreeMap<String, f32>,
+    /// Gains of both loops when it ended.
+    pub gains_after: BTreeMap<String, f32>,
+    /// Whether those are what the board keeps, saved in this session.
+    pub saved: bool,
+    /// In the order in which they were made.
+    pub step_tests: Vec<StepTest>,
+    /// In the order in which they were made.
+    pub recordings: Vec<PathBuf>,
+    /// How it ended.
+    pub ended: Ended,
+}
+
+/// What a person would write down.
+fn four_digits(value: f32) -> f32 {
+    format!("{value:.3e}").parse().unwrap_or(value)
+}
+
+/// Gains by their names on the console.
+fn by_name(gains: &[Param], settings: &Settings) -> BTreeMap<String, f32> {
+    gains.iter().map(|param| (name(*param), settings.get(*param))).collect()
+}
+
+/// The gains of both loops.
+fn all_gains(settings: &Settings) -> BTreeMap<String, f32> {
+    LOOPS.iter().flat_map(|tuned| by_name(tuned.gains, settings)).collect()
 }
 
 /// The board and what the person does with it.
@@ -92,9 +150,13 @@ pub struct Session<L: Line> {
     traces: VecDeque<Sample>,
     changes: Vec<Change>,
     step: Option<Vec<Sample>>,
-    /// Figures of the last step test of each loop, and of the one before.
-    figures: [[Option<Figures>; 2]; 2],
-    spoke: Instant,
+    step_tests: Vec<StepTest>,
+    /// The gains as the board had them, and as they were saved last.
+    gains_before: BTreeMap<String, f32>,
+    saved: Option<BTreeMap<String, f32>>,
+    recordings: Vec<PathBuf>,
+    /// Why the drive switched itself off.
+    trip: Option<Trip>,
     message: String,
 }
 
@@ -127,8 +189,11 @@ impl<L: Line> Session<L> {
             traces: VecDeque::new(),
             changes: Vec::new(),
             step: None,
-            figures: [[None; 2]; 2],
-            spoke: Instant::now(),
+            step_tests: Vec::new(),
+            gains_before: all_gains(&settings),
+            saved: None,
+            recordings: Vec::new(),
+            trip: None,
             message: "a arms, s tests a step, q quits".into(),
         })
     }
@@ -143,16 +208,14 @@ impl<L: Line> Session<L> {
     /// # Errors
     /// [`BoardError`], when the board is gone.
     pub fn poll(&mut self) -> Result<(), BoardError> {
-        if self.spoke.elapsed() > KEEP_ALIVE {
-            self.link.keep_alive()?;
-            self.spoke = Instant::now();
-        }
+        self.link.stay_alive()?;
         let came = self.link.samples(0.02)?;
         if let Some(trip) = came.iter().map(|sample| sample.trip).find(|trip| *trip != Trip::None)
             && self.armed
         {
             self.armed = false;
             self.step = None;
+            self.trip = Some(trip);
             self.message = format!("the drive tripped: {trip:?}. a clears it and arms again");
         }
         if let Some(step) = &mut self.step {
@@ -178,7 +241,17 @@ impl<L: Line> Session<L> {
     /// # Errors
     /// [`BoardError`], when the board is gone.
     pub fn press(&mut self, key: Key) -> Result<(), BoardError> {
-        let done = match key {
+        match self.obey(key) {
+            Err(BoardError::Refused { reply, .. }) => {
+                self.message = reply;
+                Ok(())
+            }
+            other => other,
+        }
+    }
+
+    fn obey(&mut self, key: Key) -> Result<(), BoardError> {
+        match key {
             Key::Up => self.select(-1),
             Key::Down => self.select(1),
             Key::Less => self.scale(1.0 / FACTOR),
@@ -192,13 +265,70 @@ impl<L: Line> Session<L> {
             Key::Undo => self.undo(),
             Key::Save => self.save(),
             Key::Record => self.record(),
-        };
-        match done {
-            Err(BoardError::Refused { reply, .. }) => {
-                self.message = reply;
-                Ok(())
+        }
+    }
+
+    /// Presses one key after another, each when what the one before began is over: a step test and the way back to rest.
+    /// Ends at the first that does nothing. `stop` is asked again and again; `says` gets what each did.
+    pub fn play(&mut self, keys: &[Key], stop: &dyn Fn() -> bool, says: &dyn Fn(Key, &str)) -> Ended {
+        for key in keys {
+            match self.play_key(*key, stop) {
+                Ok(()) => says(*key, &self.message),
+                Err(ended) => return ended,
             }
-            other => other,
+        }
+        Ended::Complete
+    }
+
+    fn play_key(&mut self, key: Key, stop: &dyn Fn() -> bool) -> Result<(), Ended> {
+        self.obey(key)?;
+        if key == Key::Step {
+            if self.step.is_none() {
+                return Err(Ended::Refused(self.message.clone()));
+            }
+            self.wait(stop, |session| session.step.is_none())?;
+            let rest = self.tick() + (STEP_S * f64::from(self.settings.get(Param::TickRate))) as u32;
+            self.wait(stop, |session| session.tick() >= rest)?;
+        }
+        // What came meanwhile, and a word to the board.
+        self.wait(stop, |_| true)
+    }
+
+    /// Takes what comes until something is so.
+    fn wait(&mut self, stop: &dyn Fn() -> bool, is: impl Fn(&Self) -> bool) -> Result<(), Ended> {
+        let (mut came, mut last) = (Instant::now(), self.tick());
+        loop {
+            self.poll()?;
+            match self.trip {
+                Some(trip) => return Err(Ended::Tripped(format!("{trip:?}"))),
+                None if stop() => return Err(Ended::Interrupted),
+                None if is(self) => return Ok(()),
+                None => {}
+            }
+            if self.tick() != last {
+                (came, last) = (Instant::now(), self.tick());
+            } else if came.elapsed() > SILENT {
+                return Err(BoardError::Silent { line: "stream binary".into() }.into());
+            }
+        }
+    }
+
+    /// Of the last sample.
+    fn tick(&self) -> u32 {
+        self.traces.back().map_or(0, |sample| sample.tick)
+    }
+
+    /// What the session was.
+    pub fn account(&self, ended: Ended) -> Account {
+        let gains_after = all_gains(&self.settings);
+        Account {
+            firmware: self.link.firmware.clone(),
+            gains_before: self.gains_before.clone(),
+            saved: self.saved.as_ref() == Some(&gains_after),
+            gains_after,
+            step_tests: self.step_tests.clone(),
+            recordings: self.recordings.clone(),
+            ended,
         }
     }
 
@@ -211,7 +341,7 @@ impl<L: Line> Session<L> {
     fn scale(&mut self, factor: f32) -> Result<(), BoardError> {
         let param = self.tuned().gains[self.selected];
         let before = self.settings.get(param);
-        let value = if before == 0.0 { FIRST * param.range().1 } else { before * factor };
+        let value = four_digits(if before == 0.0 { FIRST * param.range().1 } else { before * factor });
         self.set(param, value)?;
         self.changes.push(Change { param, before });
         Ok(())
@@ -245,6 +375,7 @@ impl<L: Line> Session<L> {
         self.link.command("arm")?;
         self.link.command(&format!("mode {}", self.tuned().mode))?;
         self.armed = true;
+        self.trip = None;
         self.message = "armed; space stops".into();
         Ok(())
     }
@@ -272,7 +403,7 @@ impl<L: Line> Session<L> {
             self.message = "a arms first".into();
             return Ok(());
         }
-        self.link.samples(0.0)?;
+        self.poll()?;
         self.step = Some(Vec::new());
         self.message = "step test".into();
         self.link.command(&format!("ref {}", self.reference))
@@ -281,9 +412,12 @@ impl<L: Line> Session<L> {
     fn finish_step(&mut self) -> Result<(), BoardError> {
         let samples = self.step.take().unwrap_or_default();
         let points: Vec<Point> = samples.iter().map(|sample| self.point(sample)).collect();
-        let figures = step_figures(&points, |point| point.measured_rad_per_s, self.reference);
-        let own = &mut self.figures[self.loop_index];
-        *own = [Some(figures), own[0]];
+        // The board has taken the reference a little after it was told.
+        let begun = points.iter().position(|point| point.reference != points[0].reference).unwrap_or(0);
+        let figures = step_figures(&points[begun..], |point| point.measured_rad_per_s, self.reference);
+        let TunedLoop { mode, gains } = self.tuned();
+        let missing_ticks = missing_ticks(&samples[begun..]);
+        self.step_tests.push(StepTest { mode, gains: by_name(gains, &self.settings), figures, missing_ticks });
         self.message = "step test done".into();
         self.link.command("ref 0")
     }
@@ -325,7 +459,9 @@ impl<L: Line> Session<L> {
                 damaged_frames: now.damaged_frames - before.damaged_frames,
             },
         };
-        Some(self.keeper.keep(&record, &settings, &self.link.firmware))
+        let Kept { text, file } = self.keeper.keep(&record, &settings, &self.link.firmware);
+        self.recordings.extend(file);
+        Some(text)
     }
 
     fn save(&mut self) -> Result<(), BoardError> {
@@ -334,6 +470,7 @@ impl<L: Line> Session<L> {
         self.armed = false;
         self.link.command(&format!("set {} {}", name(Param::TripHost), self.trip_host))?;
         self.link.save()?;
+        self.saved = Some(all_gains(&self.settings));
         self.link.command(&format!("set {} {LOST_AFTER_MS}", name(Param::TripHost)))?;
         self.message = "saved on the board; disarmed".into();
         Ok(())
@@ -343,7 +480,7 @@ impl<L: Line> Session<L> {
     ///
     /// # Errors
     /// [`BoardError`], when the board is gone.
-    pub fn leave(mut self) -> Result<(), BoardError> {
+    pub fn leave(&mut self) -> Result<(), BoardError> {
         self.link.command("disarm")?;
         self.link.command(&format!("set {} {}", name(Param::TripHost), self.trip_host))
     }

@@ -1,6 +1,6 @@
 //! The tuning console's screen: traces above, gains, figures and keys below. Black and white serve as well as colours.
 
-use super::{Key, LOOPS, SHOWN_S, Session, name};
+use super::{Key, LOOPS, SHOWN_S, Session, StepTest, name};
 use crate::board::BoardError;
 use crate::figures::Figures;
 use crate::link::Line;
@@ -23,15 +23,11 @@ const LEAST: f64 = 0.1;
 ///
 /// # Errors
 /// [`BoardError`], when the board or the terminal is gone.
-pub fn run<L: Line>(mut session: Session<L>, stop: &dyn Fn() -> bool) -> Result<(), BoardError> {
+pub fn run<L: Line>(session: &mut Session<L>, stop: &dyn Fn() -> bool) -> Result<(), BoardError> {
     let mut terminal = ratatui::init();
-    let ended = until_quit(&mut terminal, &mut session, stop);
+    let ended = until_quit(&mut terminal, session, stop);
     ratatui::restore();
-    if let Some(kept) = session.end_recording(ended.as_ref().err()) {
-        eprintln!("{kept}");
-    }
-    ended?;
-    session.leave()
+    ended
 }
 
 fn until_quit<L: Line>(
@@ -55,6 +51,21 @@ fn until_quit<L: Line>(
         }
     }
     Ok(())
+}
+
+/// A key by its name: the character that it writes, or `space`, `tab`, `up`, `down`, `left`, `right`.
+pub fn key_named(name: &str) -> Option<Key> {
+    let mut characters = name.chars();
+    key(match (name, characters.next(), characters.next()) {
+        ("space", ..) => KeyCode::Char(' '),
+        ("tab", ..) => KeyCode::Tab,
+        ("up", ..) => KeyCode::Up,
+        ("down", ..) => KeyCode::Down,
+        ("left", ..) => KeyCode::Left,
+        ("right", ..) => KeyCode::Right,
+        (_, Some(character), None) => KeyCode::Char(character),
+        _ => return None,
+    })
 }
 
 fn key(code: KeyCode) -> Option<Key> {
@@ -147,16 +158,19 @@ fn gain_list<L: Line>(session: &Session<L>) -> Paragraph<'_> {
 }
 
 fn figure_table<L: Line>(session: &Session<L>) -> Paragraph<'_> {
-    let header = ["rise s", "settle s", "over %", "error", "peak A"];
-    let mut lines = vec![TextLine::from(row("", header.map(String::from)))];
-    for (tuned, own) in LOOPS.iter().zip(&session.figures) {
-        for (which, figures) in [tuned.mode, "  before"].iter().zip(own) {
-            if let Some(figures) = figures {
-                lines.push(TextLine::from(figure_line(which, figures)));
-            }
-        }
-    }
+    let lines: Vec<TextLine> = figure_lines(&session.step_tests).into_iter().map(TextLine::from).collect();
     Paragraph::new(lines).block(Block::bordered().title("step tests"))
+}
+
+/// A table of the last step test of each loop, and of the one before.
+pub fn figure_lines(tests: &[StepTest]) -> Vec<String> {
+    let header = ["rise s", "settle s", "over %", "error", "peak A"];
+    let mut lines = vec![row("", header.map(String::from))];
+    for tuned in LOOPS {
+        let own = tests.iter().rev().filter(|test| test.mode == tuned.mode);
+        lines.extend([tuned.mode, "  before"].iter().zip(own).map(|(which, test)| figure_line(which, &test.figures)));
+    }
+    lines
 }
 
 fn figure_line(what: &str, figures: &Figures) -> String {

@@ -1,15 +1,20 @@
 //! A virtual board in a process of its own, and the program's commands that talk to it.
 #![allow(dead_code, reason = "each test uses some of it")]
 
+use host_sim::link::virtual_control::control_path;
 use motorbench_core::message::{State, Trip};
 use motorbench_core::protocol::{Frame, StreamDecoder};
-use std::io::{Read, Write};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 pub const MOTORBENCH: &str = env!("CARGO_BIN_EXE_motorbench");
+
+/// What has not come after so long does not come.
+const NEVER: Duration = Duration::from_secs(240);
 
 /// A virtual board in a folder of its own.
 pub struct Board {
@@ -28,9 +33,11 @@ impl Board {
         std::fs::create_dir_all(&folder).unwrap();
         let process = Command::new(MOTORBENCH)
             // Longer than any test: what is left behind ends by itself.
-            .args(["virtual", "--seconds", "300", "--link"])
+            .args(["virtual", "--seconds", "900", "--link"])
             .arg(folder.join("board"))
             .args(arguments)
+            // However busy the computer: what is tested is not how fast it is.
+            .args(if arguments.contains(&"--wait-for-reader") { &[][..] } else { &["--wait-for-reader", "120"] })
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
             .spawn()
@@ -39,7 +46,7 @@ impl Board {
         let begun = Instant::now();
         while !board.port().exists() {
             assert!(board.process.try_wait().unwrap().is_none(), "it has ended");
-            assert!(begun.elapsed() < Duration::from_secs(60), "no port");
+            assert!(begun.elapsed() < NEVER, "no port");
             sleep(Duration::from_millis(50));
         }
         board
@@ -51,6 +58,15 @@ impl Board {
 
     pub fn change(&mut self, order: &str) {
         writeln!(self.process.stdin.as_mut().unwrap(), "{order}").unwrap();
+    }
+
+    /// The same over its control socket; comes back when it is done.
+    pub fn order(&self, order: &str) {
+        let socket = UnixStream::connect(control_path(&self.port())).unwrap();
+        writeln!(&socket, "{order}").unwrap();
+        let mut answer = String::new();
+        BufReader::new(&socket).read_line(&mut answer).unwrap();
+        assert_eq!(answer, "ok\n", "{order}");
     }
 
     pub fn command(&self, name: &str, arguments: &[&str]) -> Command {
@@ -105,7 +121,7 @@ impl Board {
 pub fn until(what: &str, mut is: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !is() {
-        assert!(begun.elapsed() < Duration::from_secs(90), "{what} did not come");
+        assert!(begun.elapsed() < NEVER, "{what} did not come");
         sleep(Duration::from_millis(10));
     }
 }
@@ -122,6 +138,7 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
+/// Rows of a table below its header; of a file that has just been made none.
 pub fn rows(path: &Path) -> usize {
-    std::fs::read_to_string(path).unwrap().lines().count() - 1
+    std::fs::read_to_string(path).unwrap().lines().count().saturating_sub(1)
 }

@@ -83,7 +83,7 @@ impl BoardArguments {
         let saved = self.write_side(&findings, &link, &settings);
         drop(link);
         let held = findings.positions.iter().map(|position| position.resistance_ohm.value).collect();
-        let evaluated = evaluate(&table, held);
+        let evaluated = as_written(table).and_then(|table| evaluate(&table, held));
         ended(&findings.ended, findings.readings.len(), &self.save)?;
         evaluated.and(saved)
     }
@@ -126,6 +126,14 @@ impl BoardArguments {
         let side = serde_json::to_string_pretty(&side).map_err(Failure::machine)?;
         write(&beside(&self.save, "json"), &(side + "\n"))
     }
+}
+
+/// What its file will say, so that a later evaluation says the same to the last digit.
+fn as_written(table: Recording) -> Result<Recording, Failure> {
+    if table.is_empty() {
+        return Ok(table);
+    }
+    Recording::parse(&table.name, table.to_csv().as_bytes(), &[]).map_err(Failure::input)
 }
 
 /// Speeds come from the board's count; the rig file's must not be another.

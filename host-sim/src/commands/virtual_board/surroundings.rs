@@ -7,6 +7,8 @@ use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::plant::{BridgeLosses, ModelPlant};
 use crate::rig::Rig;
+use crate::text_file;
+use motorbench_core::pins::CPU_HZ;
 use std::path::Path;
 use toml::{Table, Value};
 
@@ -16,8 +18,18 @@ const PUSH_NM: f64 = 1e-3;
 const COULOMB_NM: f64 = 0.012;
 /// The lines' first words.
 pub(super) const ORDERS: &str =
-    "motor, effect, model, load, brake, supply, block, turn, encoder, current, stop,\nreset, quit";
-const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, brake NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset or quit";
+    "motor, effect, model, load, brake, supply, block, turn, encoder, current, stop,\nreset, wait, quit";
+const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, brake NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset, wait S or quit";
+
+/// How long a line is at work.
+#[derive(Clone, Copy)]
+pub(super) enum Until {
+    Now,
+    /// The rotor is where it shall be.
+    Turned,
+    /// Of the chip's time.
+    Cycle(u64),
+}
 
 /// The motor, and what hands do at its shaft.
 pub(super) struct Surroundings {
@@ -47,6 +59,16 @@ impl Surroundings {
         Ok(Self { model, bridge, load_nm: 0.0, brake_nm: 0.0, turning: None })
     }
 
+    /// The motor, without what hands do at its shaft.
+    pub(super) fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// What the bridge takes of the voltage.
+    pub(super) fn bridge(&self) -> BridgeLosses {
+        self.bridge
+    }
+
     /// The motor at rest.
     pub(super) fn plant(&self) -> ModelPlant {
         ModelPlant::behind(self.bridge, self.braked())
@@ -65,7 +87,7 @@ impl Surroundings {
     }
 
     /// Does what a line says.
-    pub(super) fn obey(&mut self, bench: &mut Bench<ModelPlant>, order: &str) -> Result<(), String> {
+    pub(super) fn obey(&mut self, bench: &mut Bench<ModelPlant>, order: &str) -> Result<Until, String> {
         let words: Vec<&str> = order.split_whitespace().collect();
         match words[..] {
             [] => {}
@@ -89,6 +111,11 @@ impl Surroundings {
             ["turn", degrees] => {
                 bench.block_rotor(false);
                 self.turning = Some((bench.now().angle_rad + number(degrees)?.max(0.0).to_radians(), 0.0));
+                return Ok(Until::Turned);
+            }
+            ["wait", duration_s] => {
+                let cycles = number(duration_s)?.max(0.0) * f64::from(CPU_HZ);
+                return Ok(Until::Cycle(bench.cycle() + cycles as u64));
             }
             ["supply", supply_v] => bench.set_supply_v(number(supply_v)?.clamp(0.0, 40.0)),
             ["block", on @ ("on" | "off")] => bench.block_rotor(on == "on"),
@@ -103,7 +130,16 @@ impl Surroundings {
             ["reset"] => bench.reset(ResetCause::External),
             _ => return Err(format!("{order}: {EXPECTED}")),
         }
-        Ok(())
+        Ok(Until::Now)
+    }
+
+    /// Whether a line is no longer at work.
+    pub(super) fn is_over(&self, bench: &Bench<ModelPlant>, until: Until) -> bool {
+        match until {
+            Until::Now => true,
+            Until::Turned => self.turning.is_none(),
+            Until::Cycle(cycle) => bench.cycle() >= cycle,
+        }
     }
 
     /// A hand that turns the rotor pushes harder until it is there, and holds it.
@@ -170,6 +206,6 @@ fn number(text: &str) -> Result<f64, String> {
 
 fn read(path: &Path) -> Result<Model, String> {
     let failure = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-    let text = std::fs::read_to_string(path).map_err(|error| failure(&error))?;
+    let text = text_file::read(path, "a model file (TOML)").map_err(|error| failure(&error))?;
     Model::parse(&text).map_err(|error| failure(&error))
 }

@@ -1,0 +1,97 @@
+//! `motorbench man`, `motorbench completions`: the command line itself, for readers, shells and programs.
+
+use super::{Failure, command};
+use clap::{Arg, Args, Command};
+use serde_json::{Value, json};
+
+/// Prints a completion script for a shell.
+#[derive(Args)]
+#[command(after_help = "Example:
+  motorbench completions bash > \\
+    ~/.local/share/bash-completion/completions/motorbench")]
+pub struct CompletionsArguments {
+    /// Which shell.
+    shell: clap_complete::Shell,
+    /// Prints shell and script as JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs `completions`.
+pub fn completions(arguments: &CompletionsArguments) {
+    let mut script = Vec::new();
+    clap_complete::generate(arguments.shell, &mut command(), "motorbench", &mut script);
+    let script = String::from_utf8_lossy(&script);
+    if arguments.json {
+        println!("{}", json!({ "shell": arguments.shell.to_string(), "script": script }));
+    } else {
+        print!("{script}");
+    }
+}
+
+/// Prints the manual page, of the program or of a command.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench man | man -l -
+  motorbench man record | man -l -
+  motorbench man --json")]
+pub struct ManArguments {
+    /// Of this command; without it of the program.
+    command: Option<String>,
+    /// Prints commands, arguments, values and defaults as JSON instead of the page.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Runs `man`.
+///
+/// # Errors
+/// When there is no such command.
+pub fn man(arguments: &ManArguments) -> Result<(), Failure> {
+    let mut program = command();
+    // So that a command's page has the options' defaults and the whole usage.
+    program.build();
+    let of = match &arguments.command {
+        None => program,
+        Some(name) => {
+            let found = program.find_subcommand(name).cloned();
+            found
+                .ok_or_else(|| Failure::input(format!("man {name}: no such command; `motorbench --help` lists them")))?
+        }
+    };
+    if arguments.json {
+        println!("{:#}", described(&of));
+        return Ok(());
+    }
+    let mut page = Vec::new();
+    clap_mangen::Man::new(of).render(&mut page).map_err(Failure::machine)?;
+    print!("{}", String::from_utf8_lossy(&page));
+    Ok(())
+}
+
+/// A command and those below it.
+fn described(command: &Command) -> Value {
+    let arguments = command.get_arguments().filter(|argument| !argument.is_hide_set()).map(argument);
+    json!({
+        "name": command.get_name(),
+        "about": command.get_about().map(ToString::to_string),
+        "arguments": arguments.collect::<Vec<_>>(),
+        "commands": command.get_subcommands().map(described).collect::<Vec<_>>(),
+    })
+}
+
+fn argument(argument: &Arg) -> Value {
+    let takes_value = argument.get_action().takes_values();
+    let values = argument.get_possible_values();
+    let of_value = |texts: Vec<String>| takes_value.then_some(texts);
+    json!({
+        "long": argument.get_long().map(|long| format!("--{long}")),
+        "help": argument.get_help().map(ToString::to_string),
+        "required": argument.is_required_set(),
+        "value": of_value(argument.get_value_names().unwrap_or_default().iter().map(ToString::to_string).collect()),
+        "one_of": of_value(values.iter().map(|value| value.get_name().to_owned()).collect()),
+        "default": of_value(
+            argument.get_default_values().iter().map(|value| value.to_string_lossy().into_owned()).collect()
+        ),
+    })
+}

@@ -1,0 +1,162 @@
+//! `motorbench tune`: the tuning console, and a session of it without a person.
+
+use super::board::{PortArguments, beside, cannot_grow, on_interrupt, write_rig_and_side};
+use super::live::LiveArguments;
+use super::{Failure, write};
+use crate::board::BoardError;
+use crate::link::growing::GrowingCsv;
+use crate::link::record::{Ended, Record, by_name};
+use crate::rig::NominalMotor;
+use crate::tune::{Keeper, Kept, Key, Session, screen};
+use clap::Args;
+use motorbench_core::message::Sample;
+use motorbench_core::settings::Settings;
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
+#[derive(Args)]
+#[command(after_help = "Keys: a arm, space stop, s step test, up/down choose a gain, left/right 10 %
+less or more, -/+ reference, tab PID or LQR, u undo, w save on the board,
+r begin and end a recording (every sample at the board's time), q quit. Without
+this program the drive stops by itself after half a second.
+
+Examples:
+  motorbench tune --reference 60
+  motorbench tune --json session.json
+  motorbench tune --keys 'a s right s w' --json -
+
+--keys needs no terminal: each key is pressed when what the one before began is
+over; a step test takes two seconds with the way back to rest. Keys are written
+as above, and space, tab, up, down, left, right. It ends with exit code 1 at the
+first that is refused, and at a trip.")]
+pub struct Arguments {
+    #[command(flatten)]
+    port: PortArguments,
+    /// Speed that a step test goes to, in rad/s.
+    #[arg(long, default_value_t = 40.0, allow_negative_numbers = true)]
+    reference: f64,
+    /// Where recordings go, with rig and side file; those after the first get a number.
+    #[arg(long, default_value = "tune.csv")]
+    out: PathBuf,
+    #[command(flatten)]
+    live: LiveArguments,
+    /// A session without a person: these keys one after another, separated by spaces.
+    #[arg(long, value_name = "KEYS", value_delimiter = ' ', allow_hyphen_values = true, value_parser = key)]
+    keys: Option<Vec<Key>>,
+    /// Writes the session as JSON into a file when it ends, - for the terminal: step tests with figures and gains, gains
+    /// before and after, whether they are saved, recordings.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+fn key(name: &str) -> Result<Key, String> {
+    screen::key_named(name)
+        .ok_or_else(|| "expected a s r u w - + space tab up down left right, as in --keys 'a s right s'".into())
+}
+
+/// Numbered recordings of a tuning session.
+struct Numbered {
+    out: PathBuf,
+    kept: u32,
+    /// That under way, once something of it has come.
+    growing: Option<GrowingCsv>,
+}
+
+impl Numbered {
+    /// Of the recording under way.
+    fn path(&self) -> PathBuf {
+        match self.kept {
+            0 => self.out.clone(),
+            kept => beside(&self.out, &format!("{}.csv", kept + 1)),
+        }
+    }
+}
+
+impl Keeper for Numbered {
+    fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String> {
+        let path = self.path();
+        let grown = match &mut self.growing {
+            Some(growing) => growing.add(samples, settings),
+            None => GrowingCsv::new(&path).and_then(|new| self.growing.insert(new).add(samples, settings)),
+        };
+        grown.map_err(|error| cannot_grow(&path, &error))
+    }
+
+    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> Kept {
+        let out = self.path();
+        self.growing = None;
+        if record.samples.is_empty() {
+            return Kept { text: "nothing had come".into(), file: None };
+        }
+        self.kept += 1;
+        let mut side = record.side_file(firmware, "by hand, in motorbench tune");
+        side["settings_before"] = by_name(before).into();
+        let text = match write_rig_and_side(&out, record, NominalMotor::default(), &side) {
+            Ok(_) => format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks()),
+            Err(failure) => format!("{} is there, but what belongs to it not: {}", out.display(), failure.message),
+        };
+        Kept { text, file: Some(out) }
+    }
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] when the board is gone, when there is no terminal for a person, or when keys did not do what they should.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    if arguments.keys.is_none() && !std::io::stdout().is_terminal() {
+        return Err(Failure::machine(
+            "tune needs a terminal, or --keys for a session without a person; for programs also: `motorbench connect`, `send` and `record`",
+        ));
+    }
+    let stopped = on_interrupt()?;
+    let stop = || stopped.load(Ordering::Relaxed);
+    let live = arguments.live.open()?;
+    let (link, _) = arguments.port.open()?;
+    let keeper = Numbered { out: arguments.out.clone(), kept: 0, growing: None };
+    let mut session = Session::new(link, arguments.reference, live, Box::new(keeper))?;
+    let json_to_output = arguments.json.as_deref() == Some(Path::new("-"));
+    let says = |text: &str| {
+        if !json_to_output {
+            println!("{text}");
+        }
+    };
+    let mut ended = match &arguments.keys {
+        Some(keys) => {
+            session.play(keys, &stop, &|key, did| says(&format!("{:10} {did}", format!("{key:?}").to_lowercase())))
+        }
+        None => screen::run(&mut session, &stop).map_or_else(Ended::from, |()| Ended::Complete),
+    };
+    let failed = if let Ended::Failed(why) = &ended { Some(BoardError::Failed(why.clone())) } else { None };
+    if let Some(kept) = session.end_recording(failed.as_ref()) {
+        eprintln!("{kept}");
+    }
+    // Also after a trip; a board that is gone has said so already.
+    if let (Err(error), Ended::Complete) = (session.leave(), &ended) {
+        ended = error.into();
+    }
+    let account = session.account(ended);
+    if arguments.keys.is_some() {
+        screen::figure_lines(&account.step_tests).iter().for_each(|line| says(line));
+    }
+    if let Some(path) = &arguments.json {
+        let json = serde_json::to_string_pretty(&account).map_err(Failure::machine)? + "\n";
+        if json_to_output { print!("{json}") } else { write(path, &json)? }
+    }
+    outcome(account.ended)
+}
+
+/// The exit code says how it ended.
+fn outcome(ended: Ended) -> Result<(), Failure> {
+    match ended {
+        Ended::Complete => Ok(()),
+        Ended::Interrupted => Err(Failure::input("stopped by hand")),
+        Ended::Tripped(trip) => Err(Failure::input(format!(
+            "the drive tripped ({trip}): clear its cause, then try again; `motorbench connect status` shows it"
+        ))),
+        Ended::Refused(why) => Err(Failure::input(why)),
+        Ended::Failed(why) => Err(Failure::machine(why)),
+    }
+}
