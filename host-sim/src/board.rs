@@ -43,6 +43,31 @@ pub enum BoardError {
     Failed(String),
 }
 
+/// Looked again so long after a board whose clock is behind.
+const AGAIN_S: f64 = 0.1;
+/// A board that sends nothing when it is looked so often has stopped.
+const SILENT: u32 = 20;
+/// A duration has passed when so much of it has.
+const PASSED: f64 = 0.98;
+
+/// The samples of a duration by the board's own clock, `rate_hz`: a busy computer that simulates it is slower than real time.
+///
+/// # Errors
+/// [`BoardError`].
+pub fn samples_of(board: &mut impl Board, duration_s: f64, rate_hz: f64) -> Result<Vec<Sample>, BoardError> {
+    let (mut samples, mut silent) = (board.samples(duration_s)?, 0);
+    let passed_s = |samples: &[Sample]| match (samples.first(), samples.last()) {
+        (Some(first), Some(last)) => f64::from(last.tick.wrapping_sub(first.tick) + 1) / rate_hz,
+        _ => 0.0,
+    };
+    while passed_s(&samples) < PASSED * duration_s && silent < SILENT {
+        let came = board.samples(AGAIN_S.min(duration_s))?;
+        silent = if came.is_empty() { silent + 1 } else { 0 };
+        samples.extend(came);
+    }
+    Ok(samples)
+}
+
 /// The samples, if the drive did not switch itself off within them.
 ///
 /// # Errors

@@ -5,7 +5,7 @@ use host_sim::board::{Board, BoardError};
 use host_sim::link::record::{Ended, Record, record};
 use host_sim::link::{Line, Link, VERSION, name};
 use host_sim::live::Live;
-use host_sim::tune::{Keeper, Key, Session};
+use host_sim::tune::{Keeper, Kept, Key, Session};
 use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::protocol::{FRAME, Framer, SAMPLE, TEXT, TEXT_CHUNK, pack};
 use motorbench_core::settings::{Param, Settings};
@@ -276,9 +276,9 @@ impl Keeper for Shared {
         if self.full { Err("the disk is full".into()) } else { Ok(()) }
     }
 
-    fn keep(&mut self, record: &Record, before: &Settings, _firmware: &str) -> String {
+    fn keep(&mut self, record: &Record, before: &Settings, _firmware: &str) -> Kept {
         self.ended.lock().unwrap().push((record.clone(), *before));
-        "kept".into()
+        Kept { text: "kept".into(), file: Some("kept.csv".into()) }
     }
 }
 

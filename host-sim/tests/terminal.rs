@@ -94,7 +94,7 @@ const TABLE: &[Row] = &[
         json: &["--json", "-"],
         bad: &[
             (&["--rig", "none.toml", "--speed", "--bandwidth-Hz", "10"], 1, "none.toml"),
-            (&["--rig", "model.toml", "--speed", "--bandwidth-Hz", "10"], 1, "supply.voltage_V"),
+            (&["--rig", "model.toml", "--speed", "--bandwidth-Hz", "10"], 1, "encoder.counts_per_rev"),
             (&["--rig", "rig.toml", "--speed"], 2, "--bandwidth-Hz"),
         ],
         ..row("design")

@@ -2,7 +2,7 @@
 
 use super::board::{PortArguments, on_interrupt};
 use super::{Failure, write};
-use crate::board::{Board, untripped};
+use crate::board::{Board, samples_of, untripped};
 use crate::design::on_board::{self, TuningError};
 use crate::design::relay::{Relay, tyreus_luyben};
 use crate::design::step_tuning::simc;
@@ -170,7 +170,7 @@ fn acceptance(link: &mut Link<Port>, settings: &Settings, reference: f64) -> Res
     link.command("mode speed")?;
     link.samples(0.0)?;
     link.command(&format!("ref {reference}"))?;
-    let samples = link.samples(TEST_S).and_then(untripped);
+    let samples = samples_of(link, TEST_S, settings.get(Param::TickRate).into()).and_then(untripped);
     link.command("disarm")?;
     let unit = f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE);
     let share = |sample: &Sample| f64::from(sample.speed) * unit / reference;

@@ -7,7 +7,7 @@
 
 use super::relay::{LimitCycle, Relay, RelayError, Switching};
 use super::step_tuning::{FirstOrder, StepError, fit};
-use crate::board::{Board, BoardError, untripped};
+use crate::board::{Board, BoardError, samples_of, untripped};
 use motorbench_core::message::Sample;
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
@@ -67,10 +67,11 @@ pub fn step(
     [from_v, to_v]: [f64; 2],
     hold_s: f64,
 ) -> Result<FirstOrder, TuningError> {
+    let rate_hz = f64::from(settings.get(Param::TickRate));
     let samples = jumping(board, settings, |board| {
         board.command(&format!("ref {from_v}"))?;
-        board.samples(hold_s - LAST_PART_S)?;
-        let mut samples = untripped(board.samples(LAST_PART_S)?)?;
+        samples_of(board, hold_s - LAST_PART_S, rate_hz)?;
+        let mut samples = untripped(samples_of(board, LAST_PART_S, rate_hz)?)?;
         let turned = match (samples.first(), samples.last()) {
             (Some(first), Some(last)) => last.counts.wrapping_sub(first.counts),
             _ => 0,
@@ -79,11 +80,10 @@ pub fn step(
             return Err(TuningError::Standstill);
         }
         board.command(&format!("ref {to_v}"))?;
-        samples.extend(untripped(board.samples(hold_s)?)?);
+        samples.extend(untripped(samples_of(board, hold_s, rate_hz)?)?);
         Ok(samples)
     })?;
     let first = samples[0].tick;
-    let rate_hz = f64::from(settings.get(Param::TickRate));
     let column = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
     let time_s = column(&|sample| f64::from(sample.tick.wrapping_sub(first)) / rate_hz);
     let volts =

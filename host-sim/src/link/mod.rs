@@ -18,11 +18,14 @@ use std::io::{self, Read, Write};
 use std::time::{Duration, Instant};
 
 /// After a reset the boot loader waits this long for a new program, at most.
-const START: Duration = Duration::from_secs(5);
+const START: Duration = Duration::from_secs(8);
 /// Between two calls to a board that starts.
 const CALL_AGAIN: Duration = Duration::from_millis(300);
 /// How long an answer may take; `show` is the longest.
 const ANSWER: Duration = Duration::from_secs(4);
+/// The same by the board's own clock, and by that on the wall whatever the board's says.
+const ANSWER_TICKS: u32 = 4000;
+const ANSWER_AT_MOST: Duration = Duration::from_secs(60);
 /// How often a line is sent that may have been damaged on its way.
 const TRIES: u32 = 3;
 /// A late answer to a line that was given up is not waited for longer.
@@ -87,6 +90,8 @@ pub struct Link<L: Line> {
     samples: Vec<Sample>,
     reply: String,
     last_tick: Option<u32>,
+    /// When the last sample came.
+    heard: Instant,
     /// What came since the end of the last frame: a board that begins anew greets there.
     outside: Vec<u8>,
     /// A line was given up without an answer, which may still come.
@@ -110,6 +115,7 @@ impl<L: Line> Link<L> {
             samples: Vec::new(),
             reply: String::new(),
             last_tick: None,
+            heard: Instant::now(),
             outside: Vec::new(),
             unanswered: false,
             kept_alive: (Instant::now(), 0),
@@ -158,12 +164,15 @@ impl<L: Line> Link<L> {
         Err(BoardError::Silent { line: "version".into() })
     }
 
-    /// Everything that comes within some time, as it is.
+    /// Everything that comes until nothing has come for some time, as it is.
     fn hear(&mut self, duration: Duration) -> Result<Vec<u8>, BoardError> {
-        let (end, mut heard, mut buffer) = (Instant::now() + duration, Vec::new(), [0; 1024]);
-        while Instant::now() < end {
+        let (begun, mut last, mut heard, mut buffer) = (Instant::now(), Instant::now(), Vec::new(), [0; 1024]);
+        while last.elapsed() < duration && begun.elapsed() < START {
             let count = self.line.receive(&mut buffer).map_err(|error| self.lost_line(&error))?;
             heard.extend_from_slice(&buffer[..count]);
+            if count > 0 {
+                last = Instant::now();
+            }
         }
         Ok(heard)
     }
@@ -206,8 +215,8 @@ impl<L: Line> Link<L> {
         self.reply.clear();
         // What a damaged line has left at the board ends before this one begins.
         self.write(format!("\n{line}\n").as_bytes())?;
-        let end = Instant::now() + ANSWER;
-        while Instant::now() < end {
+        let (begun, tick) = (Instant::now(), self.last_tick);
+        while begun.elapsed() < ANSWER || self.is_slow(begun, tick) {
             self.poll()?;
             if let Some(answer) = self.answer(line) {
                 return answer;
@@ -218,6 +227,13 @@ impl<L: Line> Link<L> {
             0 => BoardError::Silent { line: line.into() },
             damaged => damaged_line(damaged, &format!("no answer to `{line}`")),
         })
+    }
+
+    /// Whether the board still sends, and has not had the time for an answer by its own clock: a busy computer that simulates
+    /// it, or carries what it says.
+    fn is_slow(&self, begun: Instant, tick: Option<u32>) -> bool {
+        let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick.unwrap_or(0));
+        (1..ANSWER_TICKS).contains(&ticks) && self.heard.elapsed() < ANSWER && begun.elapsed() < ANSWER_AT_MOST
     }
 
     /// The answer, once it is whole.
@@ -356,6 +372,7 @@ impl<L: Line> Link<L> {
             return Err(reset("unknown"));
         }
         self.last_tick = Some(sample.tick);
+        self.heard = Instant::now();
         self.samples.push(sample);
         Ok(())
     }
