@@ -256,6 +256,8 @@ fn set_speed_sensor(
         return list.set(Param::SpeedFilter, 0.0);
     };
     tachogenerator.check(bench.supply_v * motor_model::speed(motor).dc_gain(), bench.tick_rate_hz)?;
+    let acceleration = f64::from(list.all.get(Param::Acceleration)).min(tachogenerator.largest_acceleration(motor));
+    list.set(Param::Acceleration, acceleration)?;
     list.set(Param::SpeedSensor, 1.0)?;
     list.set(Param::TachoGain, tachogenerator.gain_v_per_krpm)?;
     list.set(Param::SpeedFilter, 1e3 * tachogenerator.filter_s(motor, specification, 1.0 / bench.tick_rate_hz))

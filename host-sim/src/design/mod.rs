@@ -466,6 +466,9 @@ fn checked(
     kept(law, specification, &candidate.figures, &figures)?;
     let trials = StepTrial { motor, law, tachogenerator: rig.tachogenerator, settling_s: figures.step.settling_s };
     let (trial, points) = trials.gentle(&mut settings, specification)?;
+    if let Some(tachogenerator) = rig.tachogenerator {
+        tachogenerator.check_reversal(motor, settings.all.get(Param::Acceleration).into())?;
+    }
     let [peak_v, peak_a] = current_sensor::plain_step_peaks(&sampled, &held);
     let gains = law.feedback().iter().zip(&held.feedback).map(|(&(param, _), &held)| DesignedGain {
         name: setting_name(param),

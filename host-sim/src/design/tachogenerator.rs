@@ -9,6 +9,7 @@ use super::trial::{TACHO_DIVIDER, TACHO_RIPPLES_PER_TURN, Trial};
 use crate::motor::MotorParameters;
 use crate::plant::Plant;
 use motorbench_core::settings::{Param, Settings};
+use motorbench_core::tachogenerator::NEAR_ZERO;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
@@ -17,6 +18,14 @@ const FULL_SCALE_V: f64 = 5.0;
 const STEPS: f64 = 1024.0;
 /// How often the firmware converts it.
 pub const CONVERSIONS_HZ: f64 = 1000.0;
+/// Steps of the converter by which a reference may change from one conversion to the next. The direction turns only at a
+/// conversion that is less than [`NEAR_ZERO`] from standstill: of a reversal this slow there are four, and two and a half of
+/// the fastest.
+const STEPS_A_CONVERSION: f64 = 0.5 * NEAR_ZERO as f64;
+const MOST_STEPS_A_CONVERSION: f64 = 0.8 * NEAR_ZERO as f64;
+/// Voltage against the motion at standstill, without which the direction does not turn either: the firmware asks for a
+/// quarter of a volt, here with inertia, resistance and torque constant 30 % off.
+const REVERSAL_V: f64 = 0.25 * 1.3 / (0.7 * 0.7);
 /// Steps of the converter that the no-load speed must be at least.
 const FEWEST_STEPS: f64 = 100.0;
 /// Time constant of the low-pass over the loop's own time `1/(2 pi bandwidth)`: 11 degrees of phase at the bandwidth.
@@ -62,6 +71,29 @@ impl Tachogenerator {
         TAU * CONVERSIONS_HZ / self.ripples_per_rev
     }
 
+    /// Change of the reference, in rad/s^2, with which the firmware sees a reversal: slow enough for its conversions, and
+    /// fast enough to take a voltage where the motor allows both.
+    pub fn largest_acceleration(&self, motor: &MotorParameters) -> f64 {
+        let steps = |number: f64| number * self.resolution_rad_per_s() * CONVERSIONS_HZ;
+        (REVERSAL_V / volts_per_acceleration(motor)).clamp(steps(STEPS_A_CONVERSION), steps(MOST_STEPS_A_CONVERSION))
+    }
+
+    /// Refuses a profile with which a reversal would not be seen: the direction keeps the wrong sign then, and the drive
+    /// runs away.
+    ///
+    /// # Errors
+    /// [`DesignError::Tachogenerator`] with what to do.
+    pub fn check_reversal(&self, motor: &MotorParameters, acceleration: f64) -> Result<(), DesignError> {
+        let voltage_v = acceleration * volts_per_acceleration(motor);
+        if voltage_v >= REVERSAL_V {
+            return Ok(());
+        }
+        let what = format!(
+            "a reversal at {acceleration:.0} rad/s2 takes {voltage_v:.2} V at standstill, the firmware turns the direction from {REVERSAL_V:.2} V on (0.25 V with parameters 30 % off), and a faster one may pass between two conversions or the limits: raise current-limit-A, amplify its voltage less, or use an encoder"
+        );
+        Err(DesignError::Tachogenerator { what })
+    }
+
     /// Time constant of the low-pass for a specification, the same for every law.
     pub fn filter_s(&self, motor: &MotorParameters, specification: &Specification, period_s: f64) -> f64 {
         let filter_s = (FILTER_PART / specification.speed.rad_per_s(motor, period_s)).min(LONGEST_FILTER_S);
@@ -100,6 +132,11 @@ impl Tachogenerator {
     }
 }
 
+/// Voltage that accelerates the motor at standstill, in V s^2/rad.
+fn volts_per_acceleration(motor: &MotorParameters) -> f64 {
+    motor.inertia_kg_m2 * motor.resistance_ohm / motor.torque_constant_nm_per_a
+}
+
 /// Whether settings take the speed from the tachogenerator.
 pub fn is_speed_sensor(settings: &Settings) -> bool {
     settings.get(Param::SpeedSensor) != 0.0
@@ -116,6 +153,18 @@ mod tests {
         assert!((tacho.resolution_rad_per_s() * 60.0 / TAU - 3.255).abs() < 0.001);
         assert!((tacho.largest_rad_per_s() * 60.0 / TAU - 3333.3 / 1.05 * 1023.0 / 1024.0).abs() < 0.2);
         assert!((tacho.standing_rad_per_s() - 285.6).abs() < 0.1);
+    }
+
+    /// The stand reverses with volts to spare; a motor a tenth as inert does not.
+    #[test]
+    fn a_reversal_that_would_not_be_seen_is_refused() {
+        let (tacho, stand) = (Tachogenerator::new(3.0), MotorParameters::PIVT6);
+        assert!((tacho.largest_acceleration(&stand) - 2500.0 * tacho.resolution_rad_per_s()).abs() < 1e-6);
+        assert!(tacho.check_reversal(&stand, tacho.largest_acceleration(&stand)).is_ok());
+        let light = MotorParameters { inertia_kg_m2: 0.1 * stand.inertia_kg_m2, ..stand };
+        let message = tacho.check_reversal(&light, tacho.largest_acceleration(&light)).unwrap_err().to_string();
+        println!("{message}");
+        assert!(message.contains("a reversal at 1364 rad/s2 takes 0.25 V at standstill"), "{message}");
     }
 
     #[test]
