@@ -172,7 +172,7 @@ const TABLE: &[Row] = &[
         bad: &[
             (&["none.csv", "--scenario", "loop.toml"], 1, "none.csv"),
             (&["loop.csv", "--scenario", "bad.toml"], 1, "bad.toml"),
-            (&["loop.csv"], 2, "--scenario"),
+            (&["loop.csv"], 1, "--scenario"),
         ],
         ..row("validate")
     },
