@@ -33,7 +33,7 @@ fn closed_loop(criterion: &mut Criterion) {
     let cogging = with(&friction, "cogging", vec![2e-3, 0.0, 14.0]);
     let heating = with(&friction, "winding_heating", vec![0.05, 40.0]);
     let sag = with(&friction, "supply_sag", vec![0.6]);
-    let backlash = with(&friction, "backlash", vec![0.05, 0.4]);
+    let backlash = with(&friction, "backlash", vec![0.05, 0.4, 300.0, 0.4]);
     let mut group = criterion.benchmark_group("closed_loop_second");
     for (name, model) in [
         ("linear", linear),
