@@ -3,7 +3,8 @@
 use std::f64::consts::TAU;
 
 use super::AVCC_V;
-use crate::design::trial::TACHO_RIPPLES_PER_TURN;
+use crate::design::tachogenerator::USUAL_RIPPLE;
+use crate::design::trial::{TACHO_DIVIDER, TACHO_RIPPLES_PER_TURN};
 
 /// Current sensor: half the supply at no current.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,7 +46,12 @@ pub struct Tachogenerator {
 
 impl Default for Tachogenerator {
     fn default() -> Self {
-        Self { v_per_1000_rpm: 3.0, divider: 0.5, ripple: 0.05, ripples_per_turn: TACHO_RIPPLES_PER_TURN }
+        Self {
+            v_per_1000_rpm: 3.0,
+            divider: TACHO_DIVIDER,
+            ripple: USUAL_RIPPLE,
+            ripples_per_turn: TACHO_RIPPLES_PER_TURN,
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! `motorbench diagnose`
 
-use super::{Failure, mapping, read_rig, spinner, write};
+use super::{Failure, mapping, read_rig, rig_beside, spinner, write};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -58,7 +58,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
         None => Rig::default(),
     };
     if args.batch {
-        return batch(args, rig);
+        return batch(args, &rig);
     }
     let read = |path: &PathBuf| Recording::read(path, &args.columns).map_err(Failure::input);
     let recordings = args.recordings.iter().map(read).collect::<Result<Vec<_>, _>>()?;
@@ -82,22 +82,16 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
 }
 
 /// One line for each file, in no order; a bad one does not stop the others.
-fn batch(args: &Arguments, rig: Rig) -> Result<(), Failure> {
+fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
     let files = expanded(&args.recordings)?;
     let bar = super::bar(files.len() as u64);
-    let given = args.rig.clone().zip(Some(rig));
     let failed = files
         .par_iter()
         .filter(|path| {
-            let beside = || Some(path.with_extension("rig.toml")).filter(|beside| beside.exists());
-            let rig = given.as_ref().map(|(path, _)| path.clone()).or_else(beside);
-            let result = match (&given, &rig) {
-                (Some((_, rig)), _) => alone(path, args, rig),
-                (None, Some(beside)) => {
-                    Rig::read(beside).map_err(|error| error.to_string()).and_then(|rig| alone(path, args, &rig))
-                }
-                (None, None) => alone(path, args, &Rig::default()),
-            };
+            let beside = if args.rig.is_none() { rig_beside(path) } else { None };
+            let own = beside.as_deref().map(Rig::read).transpose().map_err(|error| error.to_string());
+            let result = own.and_then(|own| alone(path, args, own.as_ref().unwrap_or(rig)));
+            let rig = args.rig.as_ref().or(beside.as_ref());
             let failed = result.is_err();
             let line = match result {
                 Ok(outcome) => serde_json::json!({ "file": path, "rig": rig, "outcome": outcome }),

@@ -164,6 +164,11 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
     Ok(rig)
 }
 
+/// The rig file beside a recording, where there is one.
+fn rig_beside(recording: &Path) -> Option<PathBuf> {
+    Some(board::beside(recording, "rig.toml")).filter(|path| path.exists())
+}
+
 /// A model file.
 fn read_model(path: &Path) -> Result<Model, Failure> {
     let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", path.display()));

@@ -1,7 +1,8 @@
 //! `motorbench validate`
 
+use super::board::beside;
 use super::compare::{plot, table};
-use super::{Failure, mapping, plot_file, read_rig, spinner, write, write_plot};
+use super::{Failure, mapping, plot_file, read_rig, rig_beside, spinner, write, write_plot};
 use crate::compare::{Comparison, Difference, compare};
 use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
@@ -97,7 +98,7 @@ impl Arguments {
     /// A scenario for each recording.
     fn scenarios(&self) -> Result<Vec<PathBuf>, Failure> {
         if self.scenario.is_empty() {
-            return self.measured.iter().map(|measured| beside(measured)).collect();
+            return self.measured.iter().map(|measured| scenario_beside(measured)).collect();
         }
         if self.scenario.len() != self.measured.len() {
             let (recordings, scenarios) = (self.measured.len(), self.scenario.len());
@@ -109,14 +110,14 @@ impl Arguments {
     }
 
     fn rig(&self) -> Result<Rig, Failure> {
-        let own = self.measured.first().map(|first| first.with_extension("rig.toml")).filter(|path| path.exists());
+        let own = self.measured.first().and_then(|first| rig_beside(first));
         self.rig.as_deref().or(own.as_deref()).map_or_else(|| Ok(Rig::default()), read_rig)
     }
 }
 
 /// The scenario beside a recording.
-fn beside(measured: &Path) -> Result<PathBuf, Failure> {
-    let scenario = measured.with_extension("scenario.toml");
+fn scenario_beside(measured: &Path) -> Result<PathBuf, Failure> {
+    let scenario = beside(measured, "scenario.toml");
     if scenario.exists() {
         return Ok(scenario);
     }

@@ -51,6 +51,13 @@ pub struct Step {
     pub gain: Gain,
 }
 
+impl Step {
+    fn new(before: &Fit, after: &Fit, gain: Gain) -> Self {
+        let ids = after.model.terms.iter().map(Term::id);
+        Self { added: ids.filter(|id| !before.model.has(id)).collect(), gain }
+    }
+}
+
 /// What holds of one effect in the final model.
 #[derive(Clone, Debug)]
 pub struct Standing {
@@ -128,12 +135,6 @@ impl Chooser<'_> {
         let finer = [at(before, step_s[0]), at(after, step_s[1])];
         let prediction = |fit: usize, own| finer[fit].as_ref().unwrap_or(own);
         gain(self.data, prediction(0, &before.prediction), prediction(1, &after.prediction))
-    }
-
-    /// The step from one model to a larger one.
-    fn step(&self, before: &Fit, after: &Fit) -> Step {
-        let ids = after.model.terms.iter().map(Term::id);
-        Step { added: ids.filter(|id| !before.model.has(id)).collect(), gain: self.gain(before, after) }
     }
 
     /// Fits until nothing is gained, also from where some effect may come to a better end.
@@ -255,7 +256,7 @@ impl Chooser<'_> {
             .collect();
         let key = |fit: &Fit| (self.is_strange(fit), fit.cost);
         let best = fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"))?;
-        let step = self.step(base, &best);
+        let step = Step::new(base, &best, self.gain(base, &best));
         Some((best, step))
     }
 
@@ -273,16 +274,17 @@ impl Chooser<'_> {
                 fits.extend(self.fresh(&current.model));
             }
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            let chosen = match fits.iter().position(|fit| earns_its_place(&self.gain(&current, fit))) {
+            let gained = |index: usize| (index, self.gain(&current, &fits[index]));
+            let chosen = match (0..fits.len()).map(gained).find(|(_, gain)| earns_its_place(gain)) {
                 None if ahead < MOST_AHEAD && above_floor(self.data, &current) > NOT_NOISE => {
                     ahead += 1;
-                    fits.iter().position(|fit| fit.cost < LEAST_AHEAD * current.cost)
+                    fits.iter().position(|fit| fit.cost < LEAST_AHEAD * current.cost).map(gained)
                 }
                 earning => earning,
             };
-            let Some(chosen) = chosen else { break };
+            let Some((chosen, gain)) = chosen else { break };
             let best = fits.swap_remove(chosen);
-            steps.push(self.step(&current, &best));
+            steps.push(Step::new(&current, &best, gain));
             current = self.or_from_nominal(best);
         }
         (current, steps)

@@ -3,11 +3,11 @@
 use super::Failure;
 use crate::catalogue::effect;
 use crate::chip::{Bench, EncoderFault, ResetCause, SensorFault};
+use crate::commands::read_model;
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::plant::{BridgeLosses, ModelPlant};
 use crate::rig::Rig;
-use crate::text_file;
 use motorbench_core::pins::CPU_HZ;
 use std::path::Path;
 use toml::{Table, Value};
@@ -46,7 +46,7 @@ impl Surroundings {
     /// The motor of a model file, else that of the rig file, else the test stand's behind an L293D.
     pub(super) fn new(model: Option<&Path>, rig: Option<(&Path, &Rig)>) -> Result<Self, Failure> {
         let (model, bridge) = match (model, rig) {
-            (Some(path), _) => (read(path).map_err(Failure::input)?, BridgeLosses::DIODES),
+            (Some(path), _) => (read_model(path)?, BridgeLosses::DIODES),
             (None, Some((path, rig))) => {
                 let missing = |error| Failure::input(format!("{}: {error}", path.display()));
                 (Model::linear(rig.motor.parameters().map_err(missing)?), BridgeLosses::DIODES)
@@ -96,7 +96,8 @@ impl Surroundings {
             ["effect", id, ref pairs @ ..] => self.become_motor(bench, self.with_effect(id, pairs)?),
             ["model", path] => {
                 self.bridge = BridgeLosses::DIODES;
-                self.become_motor(bench, read(Path::new(path))?);
+                let model = read_model(Path::new(path)).map_err(|failure| failure.message)?;
+                self.become_motor(bench, model);
             }
             ["load", torque_nm] => {
                 self.load_nm = number(torque_nm)?;
@@ -202,10 +203,4 @@ fn set(file: &mut Table, section: &str, pairs: &[&str]) -> Result<(), String> {
 
 fn number(text: &str) -> Result<f64, String> {
     text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| format!("{text}: expected a number"))
-}
-
-fn read(path: &Path) -> Result<Model, String> {
-    let failure = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-    let text = text_file::read(path, "a model file (TOML)").map_err(|error| failure(&error))?;
-    Model::parse(&text).map_err(|error| failure(&error))
 }

@@ -8,9 +8,12 @@ use crate::diagnose::outcome::Parameter;
 use crate::identify::NOMINAL_SPREAD;
 use crate::terminal_text::short;
 use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, escaped};
+use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Samples that a plot over time shows at most.
 const MOST_POINTS: usize = 1500;
@@ -28,10 +31,16 @@ const MOST_TICKS: usize = 5;
 /// Room for the names of rows.
 const NAME_WIDTH: u32 = 230;
 
+/// Room for the numbers of a lack.
+const LACK_WIDTH: u32 = 84;
+
+/// A plot of two quantities.
+type Axes<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
 /// Draws into a string; a plot that cannot be drawn says why in its place.
 fn drawn(
     size: (u32, u32),
-    draw: impl FnOnce(&DrawingArea<SVGBackend, plotters::coord::Shift>) -> Result<(), Box<dyn std::error::Error>>,
+    draw: impl FnOnce(&DrawingArea<SVGBackend, Shift>) -> Result<(), Box<dyn std::error::Error>>,
 ) -> String {
     let mut svg = String::new();
     let result = {
@@ -46,7 +55,7 @@ fn drawn(
     }
 }
 
-fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
+fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
@@ -57,43 +66,66 @@ fn range(values: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     low - margin..high + margin
 }
 
+/// Axes with round numbers; `name_width`: room for those of the vertical one.
+fn axes<'a, 'b>(
+    area: &'a DrawingArea<SVGBackend<'b>, Shift>,
+    name_width: u32,
+    (horizontal, across): (Range<f64>, &str),
+    (vertical, up): (Range<f64>, &str),
+) -> Result<Axes<'a, 'b>, Box<dyn std::error::Error>> {
+    let mut chart = ChartBuilder::on(area)
+        .margin(8)
+        .x_label_area_size(44)
+        .y_label_area_size(name_width)
+        .build_cartesian_2d(horizontal, vertical)?;
+    chart
+        .configure_mesh()
+        .x_desc(across)
+        .y_desc(up)
+        .label_style(PLOT_LETTERS)
+        .axis_desc_style(PLOT_LETTERS)
+        .light_line_style(WHITE)
+        .draw()?;
+    Ok(chart)
+}
+
+/// Time on a plot: several recordings stand one after the other.
+fn time_s(data: &Dataset, index: usize) -> f64 {
+    index as f64 * data.interval_s
+}
+
+/// Values over time, as finely as a plot shows.
+fn thinned(data: &Dataset, values: &[f64]) -> impl Iterator<Item = (f64, f64)> {
+    let step = (data.len() / MOST_POINTS).max(1);
+    (0..data.len())
+        .step_by(step)
+        .filter(|index| values[*index].is_finite())
+        .map(|index| (time_s(data, index), values[index]))
+}
+
 /// Measured and simulated, before and after.
 pub fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
     let data = &diagnosis.data;
     let measured = &data.measured[output];
-    let step = (data.len() / MOST_POINTS).max(1);
-    // Several recordings stand one after the other.
-    let time = |index: usize| index as f64 * data.interval_s;
     let series =
         [(&measured.values, MEASURED), (&diagnosis.base[output], BEFORE), (&diagnosis.extended[output], AFTER)];
     let vertical = range(series.iter().flat_map(|(values, _)| values.iter().copied()));
     drawn(PLOT_SIZE, |area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(8)
-            .x_label_area_size(44)
-            .y_label_area_size(72)
-            .build_cartesian_2d(0.0..time(data.len()), vertical.clone())?;
-        chart
-            .configure_mesh()
-            .x_desc("time, s")
-            .y_desc(measured.output.channel())
-            .label_style(PLOT_LETTERS)
-            .axis_desc_style(PLOT_LETTERS)
-            .light_line_style(WHITE)
-            .draw()?;
+        let horizontal = 0.0..time_s(data, data.len());
+        let up = (vertical.clone(), measured.output.channel());
+        let mut chart = axes(area, 72, (horizontal, "time, s"), up)?;
         let mut start = 0;
         while start < data.len() {
             let kept = data.kept_back[start];
             let end = (start..data.len()).find(|index| data.kept_back[*index] != kept).unwrap_or(data.len());
             if kept {
-                let corners = [(time(start), vertical.start), (time(end), vertical.end)];
+                let corners = [(time_s(data, start), vertical.start), (time_s(data, end), vertical.end)];
                 chart.draw_series([Rectangle::new(corners, BLACK.mix(0.06).filled())])?;
             }
             start = end;
         }
         for (values, colour) in series {
-            let points = (0..data.len()).step_by(step).filter(|index| values[*index].is_finite());
-            chart.draw_series(LineSeries::new(points.map(|index| (time(index), values[index])), colour))?;
+            chart.draw_series(LineSeries::new(thinned(data, values), colour))?;
         }
         Ok(())
     })
@@ -105,19 +137,8 @@ pub fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
     let points = &dependence.curve;
     let axis = format!("{}, {}", dependence.on, dependence.unit);
     let plot = drawn(PLOT_SIZE, |area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(8)
-            .x_label_area_size(44)
-            .y_label_area_size(84)
-            .build_cartesian_2d(range(points.iter().map(|point| point.0)), range(points.iter().map(|point| point.1)))?;
-        chart
-            .configure_mesh()
-            .x_desc(axis.trim_end_matches(", "))
-            .y_desc(what)
-            .label_style(PLOT_LETTERS)
-            .axis_desc_style(PLOT_LETTERS)
-            .light_line_style(WHITE)
-            .draw()?;
+        let across = (range(points.iter().map(|point| point.0)), axis.trim_end_matches(", "));
+        let mut chart = axes(area, LACK_WIDTH, across, (range(points.iter().map(|point| point.1)), what))?;
         chart.draw_series(LineSeries::new(points.iter().copied(), AFTER))?;
         chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, AFTER.filled())))?;
         Ok(())
@@ -127,25 +148,11 @@ pub fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
 
 /// A lack over the whole of the data.
 pub fn lack_over_time(data: &Dataset, lack: &Lack) -> String {
-    let step = (data.len() / MOST_POINTS).max(1);
-    let time = |index: usize| index as f64 * data.interval_s;
     let what = missing(lack.acts_on);
     let plot = drawn(PLOT_SIZE, |area| {
-        let mut chart = ChartBuilder::on(area)
-            .margin(8)
-            .x_label_area_size(44)
-            .y_label_area_size(84)
-            .build_cartesian_2d(0.0..time(data.len()), range(lack.values.iter().copied()))?;
-        chart
-            .configure_mesh()
-            .x_desc("time, s")
-            .y_desc(what)
-            .label_style(PLOT_LETTERS)
-            .axis_desc_style(PLOT_LETTERS)
-            .light_line_style(WHITE)
-            .draw()?;
-        let points = (0..data.len()).step_by(step).filter(|index| lack.values[*index].is_finite());
-        chart.draw_series(LineSeries::new(points.map(|index| (time(index), lack.values[index])), AFTER))?;
+        let across = (0.0..time_s(data, data.len()), "time, s");
+        let mut chart = axes(area, LACK_WIDTH, across, (range(lack.values.iter().copied()), what))?;
+        chart.draw_series(LineSeries::new(thinned(data, &lack.values), AFTER))?;
         Ok(())
     });
     format!("<p>{what}</p>{plot}")
