@@ -230,14 +230,15 @@ impl Recording {
                 return Err(error(format!("no channel is called \"{to}\"; there are {}", known())));
             }
             if !header.iter().any(|column| column == from) {
-                return Err(error(format!("there is no column \"{from}\" to be read as {to}")));
+                let there = header.iter().collect::<Vec<_>>().join(", ");
+                return Err(error(format!("there is no column \"{from}\" to be read as {to}; there are {there}")));
             }
         }
         if header.is_empty() {
             return Err(error("the file is empty".into()));
         }
         let mut channels = Vec::new();
-        for column in header.iter().map(|column| column.trim_start_matches('\u{feff}')) {
+        for column in header {
             let renamed = names.iter().find(|(from, _)| from == column).map_or(column, |(_, to)| to);
             let channel = Channel::of_column(renamed);
             if channel.is_some() && channels.contains(&channel) {
@@ -247,6 +248,14 @@ impl Recording {
                 self.ignored.push(column.into());
             }
             channels.push(channel);
+        }
+        if let ([only], true) = (&self.ignored[..], header.len() == 1)
+            && only.contains([';', '\t'])
+        {
+            return Err(error(format!(
+                "its values do not stand between commas: `motorbench convert {} NEW.csv` makes the project's CSV of it, with --decimal-comma where numbers are 1,5",
+                self.name
+            )));
         }
         if channels.iter().all(Option::is_none) {
             return Err(error(format!(
@@ -346,6 +355,9 @@ mod tests {
         assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3"));
         assert!(message("t_s,u_V\n0,1\n0,1\n").contains("time has to increase"));
         assert!(message("a,b\n0,1\n").contains("no known column"));
+        for other in ["t_s;u_V\r\n0;1,5\r\n", "t_s\tu_V\n0\t1\n"] {
+            assert!(message(other).contains("`motorbench convert test.csv NEW.csv`"), "{}", message(other));
+        }
         assert!(message("t_s,u_V\n").contains("no samples"));
     }
 
@@ -355,5 +367,10 @@ mod tests {
         let read = Recording::parse("x", "t_s,speed,foo\n0,1,2\n".as_bytes(), &names).unwrap();
         assert_eq!(read.get(Channel::Speed), Some(&[1.0][..]));
         assert_eq!(read.ignored, ["foo"]);
+        // As spreadsheets write it.
+        let read = Recording::parse("x", "\u{feff}speed,t_s\r\n1,0\r\n".as_bytes(), &names).unwrap();
+        assert_eq!(read.get(Channel::Speed), Some(&[1.0][..]));
+        let wrong = Recording::parse("x", "t_s,foo\n0,1\n".as_bytes(), &names).unwrap_err().to_string();
+        assert!(wrong.contains("there are t_s, foo"), "{wrong}");
     }
 }

@@ -7,7 +7,7 @@ pub const PLOT_LETTERS: (&str, i32) = ("sans-serif", 19);
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:820px;margin:0 auto;padding:1rem;color:#111}\
 h1{font-size:1.4rem}h2{font-size:1.15rem;margin-top:2rem}svg{max-width:100%;height:auto;display:block}\
-h1,h2,p,li,code{overflow-wrap:anywhere}table{border-collapse:collapse;width:100%;font-size:.9rem}\
+h1,h2,p,li{overflow-wrap:anywhere}code{overflow-wrap:normal}table{border-collapse:collapse;width:100%;font-size:.9rem}\
 td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}\
 .pairs{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(340px,100%),1fr));gap:0 1rem}.wide,pre{overflow-x:auto}\
 pre{background:#f4f4f4;padding:.6rem;font-size:.8rem}code{font-size:.9em}\
@@ -26,6 +26,15 @@ pub fn document(title: &str, body: &str) -> String {
 /// A text as it stands in HTML.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// Names as the files have them, `friction_asymmetry`; in a narrow place they break behind an underscore, not within a word.
+pub fn code<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
+    let names = names.into_iter().map(|name| {
+        let parts: Vec<String> = name.split_inclusive(['_', ':']).map(escaped).collect();
+        format!("<code>{}</code>", parts.join("<wbr>"))
+    });
+    names.collect::<Vec<_>>().join(", ")
 }
 
 /// A table: its header, and rows of cells that are HTML. It scrolls in its own frame where a screen is too narrow for it.

@@ -25,7 +25,7 @@ const SMALLEST_LETTERS_PX: f64 = 9.0;
 /// A letter may stand out of its plot, and two texts into each other, by so much.
 const TOLERANCE_PX: f64 = 1.5;
 
-/// Finds the texts of all plots, and what is too wide.
+/// Finds the texts of all plots, what is too wide, and names that go on in the next line within a word.
 const LOOK: &str = r"JSON.stringify({
     title: document.title,
     width: document.documentElement.scrollWidth,
@@ -33,6 +33,11 @@ const LOOK: &str = r"JSON.stringify({
     texts: document.body ? document.body.innerText.length : 0,
     cut: [...document.querySelectorAll('.wide, pre')].filter(box => box.scrollWidth > box.clientWidth + 1)
         .map(box => box.innerText.slice(0, 60)),
+    broken: [...document.querySelectorAll('code')].flatMap(code => [...code.childNodes]).filter(part => {
+        const range = document.createRange();
+        range.selectNodeContents(part);
+        return new Set([...range.getClientRects()].map(line => Math.round(line.top))).size > 1;
+    }).map(part => part.textContent),
     plots: [...document.querySelectorAll('svg')].map(svg => {
         const box = svg.getBoundingClientRect();
         return {
@@ -55,6 +60,7 @@ struct Seen {
     window: f64,
     texts: usize,
     cut: Vec<String>,
+    broken: Vec<String>,
     plots: Vec<Plot>,
 }
 
@@ -195,6 +201,7 @@ fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String
     if phone.width > width || phone.window > width {
         faults.push(format!("on a phone {} px wide", phone.width.max(phone.window)));
     }
+    faults.extend(phone.broken.iter().map(|name| format!("on a phone \"{name}\" is broken within a word")));
     faults.extend(phone.plots.iter().flat_map(Plot::faults).map(|fault| format!("on a phone {fault}")));
 
     let print = page.seen(A4, false, "print");
@@ -327,10 +334,21 @@ fn a_bad_page_is_found_bad() {
     let bad = "<html><head><title>bad</title></head><body><script>console.error('a complaint'); throw new Error('thrown')\
         </script><img src=\"http://127.0.0.1:9/picture.png\"><svg width=\"900\" height=\"300\"><rect width=\"9\"/>\
         <text x=\"20\" y=\"40\" font-size=\"6\">small</text><text x=\"22\" y=\"40\" font-size=\"20\">over it</text>\
-        <text x=\"880\" y=\"90\">beyond the edge</text></svg></body></html>";
+        <text x=\"880\" y=\"90\">beyond the edge</text></svg>\
+        <p style=\"width:60px;overflow-wrap:anywhere\"><code>friction_asymmetry</code></p></body></html>";
     std::fs::write(files.at("bad.html"), bad).unwrap();
     let faults = page_faults(&browser, &files.at("bad.html"), 1).join("\n");
-    let seen = ["a complaint", "thrown", "picture.png", "px wide", "px high", "in each other", "cut off", "is cut:"];
+    let seen = [
+        "a complaint",
+        "thrown",
+        "picture.png",
+        "px wide",
+        "px high",
+        "in each other",
+        "cut off",
+        "is cut:",
+        "within a word",
+    ];
     for expected in seen {
         assert!(faults.contains(expected), "{expected} was not seen:\n{faults}");
     }

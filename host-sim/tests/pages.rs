@@ -3,6 +3,13 @@
 //! In a block of ` ```text `, a line that begins with `$ ` is a command, a backslash at its end goes on in the next line, what
 //! follows is its output, and a line `...` stands for any lines. Numbers may differ in their last digits.
 
+#[cfg(feature = "chip")]
+#[path = "common/board.rs"]
+mod board;
+#[cfg(feature = "chip")]
+#[path = "common/motor.rs"]
+mod motor;
+
 use host_sim::commands::command;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -194,33 +201,45 @@ fn copied(from: &Path, to: &Path) {
     }
 }
 
-/// Runs a page's commands one after another; how many, and each that says something else than the page.
-fn run(name: &str, folder: &Path, wanted: impl Fn(&[String]) -> bool) -> (usize, Vec<String>) {
+/// What a page's command says, standard output first, and its exit code.
+type Said = (String, Option<i32>);
+
+/// Has a page's commands run one after another, by `runs`, in a folder; how many, and each that says something else than the page.
+/// `runs` passes over a command by answering nothing.
+fn run(name: &str, folder: &Path, mut runs: impl FnMut(&[String]) -> Option<Said>) -> (usize, Vec<String>) {
     let mut wrong = Vec::new();
     let mut count = 0;
     for Shown { line, mut output } in shown(&page(name)) {
         let words = words(&line);
-        if words.first().is_none_or(|word| word != "motorbench") || !wanted(&words) {
+        if words.first().is_none_or(|word| word != "motorbench") {
             continue;
         }
+        let Some((said, code)) = runs(&words) else { continue };
         count += 1;
-        let done =
-            Command::new(env!("CARGO_BIN_EXE_motorbench")).args(&words[1..]).current_dir(folder).output().unwrap();
-        let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
         while output.last().is_some_and(|line| line.is_empty()) {
             output.pop();
         }
-        let found: Vec<&str> = if line.contains(" > ") { Vec::new() } else { out.lines().chain(err.lines()).collect() };
+        let found: Vec<&str> = if line.contains(" > ") { Vec::new() } else { said.lines().collect() };
         if line.contains(" > ") {
-            std::fs::write(folder.join(line.rsplit(" > ").next().unwrap().trim()), &out).unwrap();
+            std::fs::write(folder.join(line.rsplit(" > ").next().unwrap().trim()), &said).unwrap();
         }
         let differences = differences(&output, &found);
         if !differences.is_empty() {
-            let code = done.status.code();
             wrong.push(format!("{name}\n$ {line}\n{}\n(exit code {code:?})\n", differences.join("\n")));
         }
     }
     (count, wrong)
+}
+
+fn needs_board(words: &[String]) -> bool {
+    BOARD.contains(&&*words[1]) || words.iter().any(|word| word == "--port")
+}
+
+/// A command without a board, and without hands.
+fn run_alone(words: &[String], folder: &Path) -> Said {
+    let done = Command::new(env!("CARGO_BIN_EXE_motorbench")).args(&words[1..]).current_dir(folder).output().unwrap();
+    let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    (out + &err, done.status.code())
 }
 
 #[test]
@@ -229,10 +248,88 @@ fn what_the_pages_show_comes_out() {
     for &(name, folders) in RUN {
         let folder = TempDir::new().unwrap();
         folders.iter().for_each(|from| copied(&PathBuf::from(ROOT).join(from), folder.path()));
-        let alone = |words: &[String]| !BOARD.contains(&words[1].as_str()) && !words.contains(&"--port".to_string());
+        let alone = |words: &[String]| (!needs_board(words)).then(|| run_alone(words, folder.path()));
         let (count, differs) = run(name, folder.path(), alone);
         assert!(count > 0, "{name} shows no command that needs no board");
         wrong.extend(differs);
     }
     assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
+}
+
+/// The pages' board, with the hands that a page speaks of.
+#[cfg(feature = "chip")]
+mod with_a_board {
+    use super::board::{Board, MOTORBENCH};
+    use super::motor::PIVT6_TOML;
+    use super::{BOARD, RUN, Said, needs_board, run, run_alone};
+    use std::io::{BufRead, BufReader, Read, Write};
+    use std::process::{Command, Stdio};
+
+    /// Where the pages have their board.
+    const PORT: &str = "/tmp/motorbench";
+
+    /// Pages with the nominal motor that they speak of, in `rig.toml`.
+    const PAGES: [(&str, &str); 2] = [("docs/bench.md", ""), ("docs/stand.md", PIVT6_TOML)];
+
+    #[test]
+    fn what_the_pages_show_of_a_board_comes_out() {
+        let mut wrong = Vec::new();
+        for (name, motor) in PAGES {
+            let board = Board::new("pages");
+            std::fs::write(board.folder.join("rig.toml"), motor).unwrap();
+            let elsewhere = RUN.iter().any(|(page, _)| *page == name);
+            let (count, differs) =
+                run(name, &board.folder, |words| (needs_board(words) || !elsewhere).then(|| on(&board, words)));
+            assert!(count > 1, "{name} shows {count} commands");
+            wrong.extend(differs);
+        }
+        assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
+    }
+
+    /// Runs a page's command on this board instead of the page's; one for the only board on USB as well.
+    fn on(board: &Board, words: &[String]) -> Said {
+        let port = board.port().display().to_string();
+        let mut words: Vec<String> = words.iter().map(|word| word.replace(PORT, &port)).collect();
+        match &*words[1] {
+            // Another one, which ends at once.
+            "virtual" => words.extend(["--seconds", "0.1", "--link", &format!("{port}2")].map(str::to_owned)),
+            name if BOARD.contains(&name) && !words.contains(&port) => {
+                words.splice(2..2, ["--port".into(), port.clone()]);
+            }
+            "stand" if words.contains(&port) => return canonical(by_hand(board, &words), &port),
+            _ => {}
+        }
+        canonical(run_alone(&words, &board.folder), &port)
+    }
+
+    /// What is called otherwise on every computer, or was where hands have turned it.
+    fn canonical((said, code): Said, port: &str) -> Said {
+        let lines = said.lines().map(|line| match (line.split_once(" (/dev/"), line.split_once(" deg: ")) {
+            (Some((before, after)), _) => {
+                format!("{before} (/dev/pts/0){}\n", after.split_once(')').unwrap_or_default().1)
+            }
+            (_, Some((_, held))) => format!(" 193.7 deg: {held}\n"),
+            _ => format!("{line}\n"),
+        });
+        (lines.collect::<String>().replace(&format!("{port}2"), PORT).replace(port, PORT), code)
+    }
+
+    /// The rotor is turned on and held where that is asked for, and let go in the end.
+    fn by_hand(board: &Board, words: &[String]) -> Said {
+        let mut stand = Command::new(MOTORBENCH);
+        stand.args(&words[1..]).current_dir(&board.folder);
+        let mut stand = stand.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let (mut fingers, mut said) = (stand.stdin.take().unwrap(), String::new());
+        for line in BufReader::new(stand.stderr.take().unwrap()).lines().map_while(Result::ok) {
+            said += &format!("{line}\n");
+            if line.contains("hold it, press Enter") {
+                board.order("turn 25");
+                writeln!(fingers).unwrap();
+            }
+        }
+        board.order("block off");
+        let mut page = String::new();
+        stand.stdout.take().unwrap().read_to_string(&mut page).unwrap();
+        (said + &page, stand.wait().unwrap().code())
+    }
 }

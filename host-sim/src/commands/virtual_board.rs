@@ -97,9 +97,14 @@ mod with_chip {
     use crate::link::virtual_control::{VirtualControl, control_path};
     use crate::plant::ModelPlant;
     use crate::rig::Rig;
-    use serialport::{SerialPort, TTYPort};
+    use rustix::event::{PollFd, PollFlags, Timespec, poll};
+    use rustix::fs::OFlags;
+    use rustix::io::{ioctl_fionbio, ioctl_fionread};
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+    use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
     use std::fs::File;
     use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+    use std::os::unix::fs::OpenOptionsExt;
     use std::os::unix::net::{UnixListener, UnixStream};
     use std::path::{Path, PathBuf};
     use std::sync::mpsc::{Sender, channel};
@@ -109,8 +114,9 @@ mod with_chip {
     const SLICE_S: f64 = 2e-3;
     /// Behind by more than this the clock is set anew: the computer was busy.
     const LATEST: Duration = Duration::from_millis(200);
-    /// The chip waits for a program that has left so many bytes in the line: a busy computer's delays are not the board's.
-    const UNREAD: u64 = 1024;
+    /// The chip waits for a program that may have left so many bytes in the line, 40 ms of telemetry: a busy computer's delays
+    /// are not the board's.
+    const UNREAD: usize = 1024;
     /// How often it is looked meanwhile.
     const LOOK_AGAIN: Duration = Duration::from_millis(1);
     const COUNTS_PER_REV: f64 = 2000.0;
@@ -250,19 +256,14 @@ mod with_chip {
         mut surroundings: Surroundings,
         eeprom: &mut Option<KeptEeprom>,
     ) -> Result<(), Failure> {
-        let (mut board, port) = TTYPort::pair().map_err(Failure::machine)?;
-        board.set_timeout(Duration::from_millis(1)).map_err(Failure::machine)?;
-        let name = port.name().ok_or_else(|| Failure::machine("the pseudo-terminal has no name"))?;
-        // Kept open so that the line outlives its users, but not as a port, which would be this program's alone.
-        let line = File::options().read(true).write(true).open(&name).map_err(Failure::machine)?;
-        drop(port);
+        let (mut line, name) = SerialLine::new().map_err(Failure::machine)?;
         let named = NamedPort::new(&arguments.link, &name)?;
         let (sender, orders) = channel();
         let control = Control::new(&named.0, sender.clone())?;
         from_terminal(sender);
         let greeting = bench.run_until_line(GREETS_WITHIN_S).map_err(Failure::machine)?;
         // It has been read here; who opens the port shall find it as well.
-        let _ = greeting.iter().try_for_each(|line| board.write_all(format!("{line}\r\n").as_bytes()));
+        greeting.iter().for_each(|said| line.send(format!("{said}\r\n").as_bytes()));
         if arguments.json {
             println!("{}", ready(&named, &name, &control, greeting.as_deref(), &surroundings));
         } else {
@@ -284,8 +285,8 @@ mod with_chip {
                     Err(why) => order.answer(Err(why), arguments.json),
                 }
             }
-            exchange(bench, &mut board)?;
-            if clock.waits(rustix::io::ioctl_fionread(&line).map_err(Failure::machine)?) {
+            line.exchange(bench).map_err(Failure::machine)?;
+            if clock.waits(line.unread) {
                 continue;
             }
             surroundings.push(bench);
@@ -320,16 +321,61 @@ mod with_chip {
         })
     }
 
-    /// Bytes both ways. What nobody fetches is lost, as on the wire.
-    fn exchange(bench: &mut Bench<ModelPlant>, board: &mut TTYPort) -> Result<(), Failure> {
-        let mut buffer = [0; 512];
-        let waiting = board.bytes_to_read().map_err(Failure::machine)?;
-        if waiting > 0 {
-            let count = board.read(&mut buffer).unwrap_or(0);
-            bench.serial().write(&buffer[..count]);
+    /// The pseudo-terminal that is the board's serial line.
+    ///
+    /// What one side has written a thread of the operating system carries to the other, and a busy computer lets that wait as
+    /// it does any thread. Only a read or a poll of a side that seems empty carries it at once: so no word of a program to the
+    /// board is overlooked, and nothing that it has not read.
+    struct SerialLine {
+        board: File,
+        /// The program's side. Kept open so that the line outlives its users.
+        far: File,
+        /// Bytes sent since the far side was seen empty: no more than these have not been read.
+        unread: usize,
+    }
+
+    impl SerialLine {
+        /// With the name of the far side.
+        fn new() -> std::io::Result<(Self, String)> {
+            let board = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+            grantpt(&board)?;
+            unlockpt(&board)?;
+            ioctl_fionbio(&board, true)?;
+            let name = ptsname(&board, Vec::new())?.to_string_lossy().into_owned();
+            let far = File::options().read(true).write(true).custom_flags(OFlags::NOCTTY.bits() as i32).open(&name)?;
+            let mut settings = tcgetattr(&far)?;
+            settings.make_raw();
+            tcsetattr(&far, OptionalActions::Now, &settings)?;
+            Ok((Self { board: board.into(), far, unread: 0 }, name))
         }
-        let _ = board.write_all(&bench.serial().read());
-        Ok(())
+
+        /// Bytes both ways.
+        fn exchange(&mut self, bench: &mut Bench<ModelPlant>) -> std::io::Result<()> {
+            let mut buffer = [0; 512];
+            loop {
+                match self.board.read(&mut buffer) {
+                    Ok(count) => bench.serial().write(&buffer[..count]),
+                    Err(error) if error.kind() == ErrorKind::WouldBlock => break,
+                    Err(error) => return Err(error),
+                }
+            }
+            if self.far_is_empty()? {
+                self.unread = 0;
+            }
+            self.send(&bench.serial().read());
+            Ok(())
+        }
+
+        fn far_is_empty(&self) -> std::io::Result<bool> {
+            poll(&mut [PollFd::new(&self.far, PollFlags::IN)], Some(&Timespec::default()))?;
+            Ok(ioctl_fionread(&self.far)? == 0)
+        }
+
+        /// What the line cannot keep is lost, as on the wire.
+        fn send(&mut self, bytes: &[u8]) {
+            let _ = self.board.write_all(bytes);
+            self.unread += bytes.len();
+        }
     }
 
     /// Keeps the chip's time to that on the wall.
@@ -348,7 +394,7 @@ mod with_chip {
         }
 
         /// Holds the time for a reader who has left so much in the line, if it is worth it.
-        fn waits(&mut self, unread: u64) -> bool {
+        fn waits(&mut self, unread: usize) -> bool {
             if unread < UNREAD {
                 self.behind = None;
                 return false;

@@ -2,6 +2,7 @@
 
 use super::{Column, Fault, Names};
 use csv::{ReaderBuilder, WriterBuilder};
+use std::borrow::Cow;
 
 /// How a table is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -12,21 +13,44 @@ pub struct Dialect {
     pub decimal_comma: bool,
 }
 
-impl Dialect {
-    fn delimiter_of(self, bytes: &[u8]) -> u8 {
-        let header = bytes.split(|byte| *byte == b'\n').find(|line| !line.starts_with(b"#")).unwrap_or_default();
-        let count = |delimiter: u8| header.iter().filter(|byte| **byte == delimiter).count();
-        let likely = (*b",;\t").into_iter().max_by_key(|delimiter| count(*delimiter)).unwrap_or(b',');
-        self.delimiter.unwrap_or(likely)
+/// The one of semicolon, tab and comma that the header line has most of.
+fn likely_delimiter(table: &[u8]) -> u8 {
+    let header = table.split(|byte| *byte == b'\n').find(|line| !line.starts_with(b"#")).unwrap_or_default();
+    let count = |delimiter: u8| header.iter().filter(|byte| **byte == delimiter).count();
+    (*b",;\t").into_iter().max_by_key(|delimiter| count(*delimiter)).unwrap_or(b',')
+}
+
+/// The delimiter that a spreadsheet's first line `sep=;` says, and what comes after that line.
+fn after_separator(text: &[u8]) -> (Option<u8>, &[u8]) {
+    let said = text.strip_prefix(b"sep=").and_then(|rest| {
+        let end = rest.iter().position(|byte| *byte == b'\n')?;
+        Some((*rest.first()?, &rest[end + 1..]))
+    });
+    said.map_or((None, text), |(delimiter, table)| (Some(delimiter), table))
+}
+
+/// The text without its byte order mark; of UTF-16, in which spreadsheets export "Unicode text", as well.
+fn in_utf_8(bytes: &[u8]) -> Result<Cow<'_, [u8]>, Fault> {
+    let from = |pair: fn([u8; 2]) -> u16, rest: &[u8]| {
+        let units: Vec<u16> = rest.chunks_exact(2).map(|unit| pair([unit[0], unit[1]])).collect();
+        let text = String::from_utf16(&units).map_err(|_| Fault::whole("begins as UTF-16, but is none"));
+        text.map(|text| Cow::Owned(text.into_bytes()))
+    };
+    match bytes {
+        [0xef, 0xbb, 0xbf, rest @ ..] => Ok(Cow::Borrowed(rest)),
+        [0xff, 0xfe, rest @ ..] => from(u16::from_le_bytes, rest),
+        [0xfe, 0xff, rest @ ..] => from(u16::from_be_bytes, rest),
+        _ => Ok(Cow::Borrowed(bytes)),
     }
 }
 
 /// Columns that are channels, and the names of the others.
 pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column>, Vec<String>), Fault> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let delimiter = dialect.delimiter_of(bytes);
+    let text = in_utf_8(bytes)?;
+    let (said, table) = after_separator(&text);
+    let delimiter = dialect.delimiter.or(said).unwrap_or_else(|| likely_delimiter(table));
     let mut reader =
-        ReaderBuilder::new().delimiter(delimiter).comment(Some(b'#')).trim(csv::Trim::All).from_reader(bytes);
+        ReaderBuilder::new().delimiter(delimiter).comment(Some(b'#')).trim(csv::Trim::All).from_reader(table);
     let line_fault = |error: csv::Error| {
         let line = error.position().map_or(1, csv::Position::line);
         let delimiter = delimiter as char;
@@ -51,7 +75,8 @@ pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column
         }
     }
     let (used, unused): (Vec<_>, Vec<_>) = columns.into_iter().zip(wanted).partition(|(_, wanted)| *wanted);
-    let names = unused.into_iter().map(|(column, _)| column.name).collect();
+    // A delimiter at the end of each line makes a column without a name.
+    let names = unused.into_iter().map(|(column, _)| column.name).filter(|name| !name.is_empty()).collect();
     Ok((used.into_iter().map(|(column, _)| column).collect(), names))
 }
 

@@ -33,6 +33,28 @@ fn value() -> impl Strategy<Value = f64> {
     prop_oneof![8 => -1e6..1e6_f64, 1 => Just(f64::NAN), 1 => Just(0.0), 1 => -1e-6..1e-6_f64]
 }
 
+/// As spreadsheets of half the world write it.
+#[test]
+fn exports_of_spreadsheets_are_read() {
+    let table = "\"t_s\";\"u_V\";\r\n0;1,5;\r\n0,001;-2;\r\n";
+    let utf_16 = |table: &str| [0xfeff].into_iter().chain(table.encode_utf16()).collect::<Vec<u16>>();
+    let dialect = Dialect { decimal_comma: true, ..Dialect::default() };
+    let files = [
+        format!("\u{feff}{table}").into_bytes(),
+        format!("sep=;\r\n{table}").into_bytes(),
+        utf_16(table).into_iter().flat_map(u16::to_le_bytes).collect(),
+        utf_16(&table.replace(';', "\t")).into_iter().flat_map(u16::to_be_bytes).collect(),
+    ];
+    for bytes in files {
+        let converted = read("made.csv", &bytes, Format::Csv, &Names::default(), dialect).unwrap();
+        assert_eq!(converted.recording.get(Channel::Voltage), Some(&[1.5, -2.0][..]));
+        assert_eq!(converted.recording.time_s(), Some(&[0.0, 0.001][..]));
+        assert!(converted.ignored.is_empty(), "{:?}", converted.ignored);
+    }
+    let without = read("made.csv", table.as_bytes(), Format::Csv, &Names::default(), Dialect::default());
+    assert!(without.unwrap_err().to_string().contains("--decimal-comma"));
+}
+
 proptest! {
     #[test]
     fn every_format_gives_back_what_it_took(rows in prop::collection::vec((value(), value(), value()), 2..60)) {

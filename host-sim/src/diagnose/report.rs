@@ -7,7 +7,7 @@ use super::page::{estimate, how_much_worse, title, verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::effect;
 use crate::terminal_text::short;
-use crate::web_page::{document, escaped, list, table};
+use crate::web_page::{code, document, escaped, list, table};
 use plots::Rung;
 use std::fmt::Write as _;
 
@@ -39,7 +39,7 @@ pub fn report_with(diagnosis: &Diagnosis, names: &[String], section: &str) -> St
 fn causes(html: &mut String, outcome: &Outcome) {
     for cause in &outcome.causes {
         let _ =
-            write!(html, "<h2>{} <small><code>{}</code></small></h2><p>", escaped(&title(&cause.effect)), cause.effect);
+            write!(html, "<h2>{} <small>{}</small></h2><p>", escaped(&title(&cause.effect)), code([&*cause.effect]));
         if let Some(effect) = effect(&cause.effect) {
             let about = effect.about();
             let _ = write!(html, "{}. <em>In data:</em> {}. ", escaped(about.law), escaped(about.looks_like));
@@ -47,17 +47,17 @@ fn causes(html: &mut String, outcome: &Outcome) {
         let _ = write!(html, "Confidence {:.0} %.", 100.0 * cause.confidence);
         if let Some(runner_up) = &cause.runner_up {
             let worse = how_much_worse(runner_up);
-            let _ = write!(html, " Next best in its place: <code>{}</code>, {worse}.", runner_up.effect);
+            let _ = write!(html, " Next best in its place: {}, {worse}.", code([runner_up.effect]));
         }
         if !cause.not_separable_from.is_empty() {
             let _ = write!(
                 html,
                 " <strong>This data cannot tell it from {}.</strong>",
-                cause.not_separable_from.join(", ")
+                code(cause.not_separable_from.iter().map(|id| &**id))
             );
         }
         *html += "</p>";
-        *html += &table(&[], cause.parameters.iter().map(|(name, value)| [name.to_string(), estimate(value)]));
+        *html += &table(&[], cause.parameters.iter().map(|(name, value)| [code([&**name]), estimate(value)]));
     }
     if let Some(unexplained) = &outcome.unexplained {
         let _ = write!(
@@ -121,7 +121,7 @@ fn gains_in_figures(diagnosis: &Diagnosis) -> String {
     };
     let mut rows = vec![of("linear motor", "base")];
     for step in &diagnosis.steps {
-        let name = format!("with <code>{}</code>", step.added.join(", "));
+        let name = format!("with {}", code(step.added.iter().map(|id| &**id)));
         rows.push(row(&name, &mut step.gain.rmse.iter().map(|(_, after)| *after)));
     }
     rows.extend([of("in the end", "extended"), of("noise of the sensors", "noise_floor")]);
@@ -132,7 +132,7 @@ fn intervals(html: &mut String, outcome: &Outcome) {
     let rows = outcome.parameters.iter().map(|(name, parameter)| {
         let [low, high] = parameter.ci95;
         [
-            format!("<code>{name}</code>"),
+            code([&**name]),
             parameter.nominal.map_or("-".into(), short),
             short(parameter.value),
             format!("{} to {}", short(low), short(high)),

@@ -28,8 +28,9 @@ const ANSWER_TICKS: u32 = 4000;
 const ANSWER_AT_MOST: Duration = Duration::from_secs(60);
 /// How often a line is sent that may have been damaged on its way.
 const TRIES: u32 = 3;
-/// A late answer to a line that was given up is not waited for longer.
+/// A late answer to a line that was given up is not waited for longer than this by both clocks.
 const LATE: Duration = Duration::from_millis(200);
+const LATE_TICKS: u32 = 200;
 /// The board hears of its host when the last word is so old by the clock here, or so many samples by its own: it may be ahead
 /// of a program that the computer has let wait.
 const KEEP_ALIVE: Duration = Duration::from_millis(100);
@@ -90,12 +91,12 @@ pub struct Link<L: Line> {
     samples: Vec<Sample>,
     reply: String,
     last_tick: Option<u32>,
-    /// When the last sample came.
+    /// When the last frame came.
     heard: Instant,
     /// What came since the end of the last frame: a board that begins anew greets there.
     outside: Vec<u8>,
-    /// A line was given up without an answer, which may still come.
-    unanswered: bool,
+    /// Lines whose answers are in `reply`, or may still come.
+    unanswered: u32,
     /// When the board was last kept alive, by both clocks.
     kept_alive: (Instant, u32),
     gone: bool,
@@ -117,7 +118,7 @@ impl<L: Line> Link<L> {
             last_tick: None,
             heard: Instant::now(),
             outside: Vec::new(),
-            unanswered: false,
+            unanswered: 0,
             kept_alive: (Instant::now(), 0),
             gone: false,
             firmware: String::new(),
@@ -140,13 +141,18 @@ impl<L: Line> Link<L> {
 
     /// From text to the binary stream, in which the answer comes.
     fn switch_over(&mut self) -> Result<(), BoardError> {
-        for _ in 1..TRIES {
+        for given_up in 0..TRIES {
             match self.command("stream binary") {
-                Err(_) if !self.gone => {}
-                other => return other,
+                Err(_) if !self.gone && given_up + 1 < TRIES => {}
+                Err(error) => return Err(error),
+                Ok(()) => {
+                    // Perhaps to the line before; the stream then begins once more with the last.
+                    self.unanswered += given_up;
+                    return self.late_answers();
+                }
             }
         }
-        self.command("stream binary")
+        Ok(())
     }
 
     /// Calls until the firmware says its version, as text. A board that was streaming is told to stop first.
@@ -206,34 +212,50 @@ impl<L: Line> Link<L> {
     /// # Errors
     /// [`BoardError`].
     pub fn ask(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
-        if std::mem::take(&mut self.unanswered) {
-            let end = Instant::now() + LATE;
-            while Instant::now() < end {
-                self.poll()?;
-            }
-        }
-        self.reply.clear();
-        // What a damaged line has left at the board ends before this one begins.
-        self.write(format!("\n{line}\n").as_bytes())?;
+        self.late_answers()?;
+        self.say(line)?;
         let (begun, tick) = (Instant::now(), self.last_tick);
-        while begun.elapsed() < ANSWER || self.is_slow(begun, tick) {
+        while begun.elapsed() < ANSWER || self.is_slow(begun, tick, ANSWER_TICKS) {
             self.poll()?;
             if let Some(answer) = self.answer(line) {
                 return answer;
             }
         }
-        self.unanswered = true;
         Err(match self.decoder.damaged {
             0 => BoardError::Silent { line: line.into() },
             damaged => damaged_line(damaged, &format!("no answer to `{line}`")),
         })
     }
 
-    /// Whether the board still sends, and has not had the time for an answer by its own clock: a busy computer that simulates
-    /// it, or carries what it says.
-    fn is_slow(&self, begun: Instant, tick: Option<u32>) -> bool {
+    /// Sends a line, whose answer then begins `reply`.
+    fn say(&mut self, line: &str) -> Result<(), BoardError> {
+        self.unanswered = self.unanswered.saturating_sub(self.answers()) + 1;
+        self.reply.clear();
+        // What a damaged line has left at the board ends before this one begins.
+        self.write(format!("\n{line}\n").as_bytes())
+    }
+
+    /// Lets the answers to lines that were given up come, so that they are not taken for that to the next one.
+    fn late_answers(&mut self) -> Result<(), BoardError> {
+        let (begun, tick) = (Instant::now(), self.last_tick);
+        while self.answers() < self.unanswered && (begun.elapsed() < LATE || self.is_slow(begun, tick, LATE_TICKS)) {
+            self.poll()?;
+        }
+        self.unanswered = 0;
+        Ok(())
+    }
+
+    /// Answers that `reply` has whole.
+    fn answers(&self) -> u32 {
+        let whole = self.reply.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        whole.filter(|line| *line == "ok\n" || line.starts_with("error: ")).count() as u32
+    }
+
+    /// Whether the board still sends, samples or a long answer that holds them up, and has not had so many ticks by its own
+    /// clock: a busy computer that simulates it, or carries what it says.
+    fn is_slow(&self, begun: Instant, tick: Option<u32>, within: u32) -> bool {
         let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick.unwrap_or(0));
-        (1..ANSWER_TICKS).contains(&ticks) && self.heard.elapsed() < ANSWER && begun.elapsed() < ANSWER_AT_MOST
+        ticks < within && self.heard.elapsed() < ANSWER && begun.elapsed() < ANSWER_AT_MOST
     }
 
     /// The answer, once it is whole.
@@ -266,14 +288,9 @@ impl<L: Line> Link<L> {
     /// # Errors
     /// [`BoardError`], when the line is gone.
     pub fn keep_alive(&mut self) -> Result<(), BoardError> {
-        self.reply.clear();
-        self.write(b"\nalive\n")?;
+        self.say("alive")?;
         let end = Instant::now() + KEPT_ALIVE;
-        while self.answer("alive").is_none() {
-            if Instant::now() > end {
-                self.unanswered = true;
-                return Ok(());
-            }
+        while self.answers() < self.unanswered && Instant::now() < end {
             self.poll()?;
         }
         Ok(())
@@ -337,7 +354,11 @@ impl<L: Line> Link<L> {
         let mut buffer = [0; 4096];
         let count = self.line.receive(&mut buffer).map_err(|error| self.lost_line(&error))?;
         for &byte in &buffer[..count] {
-            match self.decoder.push(byte) {
+            let frame = self.decoder.push(byte);
+            if frame.is_some() {
+                self.heard = Instant::now();
+            }
+            match frame {
                 Some(Frame::Sample(sample)) => self.take(sample)?,
                 Some(Frame::Text(text, length)) => {
                     self.reply += &String::from_utf8_lossy(&text[..length]).replace('\r', "");
@@ -372,7 +393,6 @@ impl<L: Line> Link<L> {
             return Err(reset("unknown"));
         }
         self.last_tick = Some(sample.tick);
-        self.heard = Instant::now();
         self.samples.push(sample);
         Ok(())
     }

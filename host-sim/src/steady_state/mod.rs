@@ -101,9 +101,15 @@ pub struct Study {
 pub enum StudyError {
     /// A column is missing.
     #[error(
-        "{0}: a table of steady states needs the columns u_V, i_A and omega_rad_per_s or rpm (and a recording over time needs t_s)"
+        "{name}: a table of steady states needs the columns u_V, i_A and omega_rad_per_s or rpm (and a recording over time needs t_s); {}",
+        unknown(.ignored)
     )]
-    Columns(String),
+    Columns {
+        /// Which table.
+        name: String,
+        /// Columns without a meaning here.
+        ignored: Vec<String>,
+    },
     /// Too few voltages.
     #[error("{name}: {levels} voltages or loads; {FEWEST_LEVELS} or more are needed to tell a line from an offset")]
     TooFew {
@@ -115,6 +121,14 @@ pub enum StudyError {
     /// Nominal values are missing.
     #[error("a table of steady states needs [motor] resistance_ohm and torque_constant_Nm_per_A in the rig file")]
     NoNominal,
+}
+
+/// What may be what is missing.
+fn unknown(ignored: &[String]) -> String {
+    match ignored.first() {
+        None => "it has no other columns than those that are known here".into(),
+        Some(first) => format!("which of {} is which? For instance --column {first}=t_s", ignored.join(", ")),
+    }
 }
 
 /// Studies a table.
@@ -177,7 +191,7 @@ type Readings = Vec<(f64, f64)>;
 type Columns<'a> = (&'a [f64], &'a [f64], Vec<f64>);
 
 fn columns(table: &Recording) -> Result<Columns<'_>, StudyError> {
-    let missing = || StudyError::Columns(table.name.clone());
+    let missing = || StudyError::Columns { name: table.name.clone(), ignored: table.ignored.clone() };
     let voltage = table.get(Channel::Voltage).ok_or_else(missing)?;
     let current = table.get(Channel::Current).ok_or_else(missing)?;
     let rpm = table.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect::<Vec<_>>());

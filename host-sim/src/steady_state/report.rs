@@ -4,7 +4,7 @@ use super::{Explanation, Level, Study};
 use crate::diagnose::outcome::Cause;
 use crate::diagnose::page::{estimate, verdict};
 use crate::terminal_text::wrapped;
-use crate::web_page::{document, escaped, list, table};
+use crate::web_page::{code, document, escaped, list, table};
 use std::fmt::Write as _;
 
 const COLUMNS: [&str; 10] =
@@ -89,7 +89,8 @@ impl Study {
         body += &table(
             &["cause", "constants", "not to be told from"],
             self.outcome.causes.iter().map(|cause| {
-                [format!("<code>{}</code>", cause.effect), parameters(cause), cause.not_separable_from.join(", ")]
+                let others = code(cause.not_separable_from.iter().map(|id| &**id));
+                [code([&*cause.effect]), parameters(cause), others]
             }),
         );
         let _ = writeln!(body, "<h2>{EXPLANATIONS}</h2>");
