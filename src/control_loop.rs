@@ -6,6 +6,7 @@
 
 use crate::arith::{call_saturate_i16, mul_i16_u16, mul_u16, saturate_i16, saturating_add_i16, saturating_sub_i16};
 use crate::compensation::CompensationConfig;
+use crate::converter::STEP_V;
 use crate::current::{CurrentConfig, CurrentState};
 use crate::encoder::{Edges, SpeedConfig, SpeedState};
 use crate::excitation::{Bridge, Player};
@@ -125,7 +126,7 @@ impl LoopConfig {
         q.power_of_two(Param::PositionRange);
         q.of(core::f32::consts::TAU * 256.0 * FULL_RANGE).over(Param::PositionRange).over(Param::CountsPerRev);
         self.position_scale = q.round(Param::PositionRange, u16::MAX);
-        q.of(5.0 / 1024.0 * VOLT * 256.0).times(Param::SupplyDivider);
+        q.of(STEP_V * VOLT * 256.0).times(Param::SupplyDivider);
         self.supply_scale = q.round(Param::SupplyDivider, u16::MAX);
         self.supply = q.bits(Param::SupplyVoltage);
         quantiser.finish()

@@ -9,14 +9,17 @@
 //! something drives a current, or the sensor is not there.
 
 use crate::arith::{mul_i16, saturate_i16};
+use crate::converter::{self, BLOCK};
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::AMPERE;
 
-/// Sum of eight conversions in the middle of the range.
-const MIDDLE: u16 = 8 * 512;
+/// Conversions in a sum.
+const SUMMED: u16 = 2 * BLOCK as u16;
+/// The sum in the middle of the range.
+const MIDDLE: u16 = SUMMED * converter::STEPS / 2;
 /// Steps of the sum in a volt.
-const STEPS_PER_VOLT: f32 = 8.0 * 1024.0 / 5.0;
+const STEPS_PER_VOLT: f32 = SUMMED as f32 / converter::STEP_V;
 /// Farthest zero: 0.25 V.
 const FARTHEST: u16 = (STEPS_PER_VOLT / 4.0) as u16;
 /// Widest spread while zeroing: 0.1 V.

@@ -6,6 +6,7 @@ pub mod arith;
 pub mod compensation;
 pub mod console;
 pub mod control_loop;
+pub mod converter;
 mod crc16;
 pub mod current;
 pub mod encoder;

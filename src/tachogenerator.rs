@@ -6,15 +6,20 @@
 //! ripple is the filter's business: `speed_filter`.
 
 use crate::arith::{call_saturate_i16, mul_u16};
+use crate::converter::STEP_V;
 use crate::low_pass::{LowPassConfig, LowPassState};
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
-use crate::units::FULL_RANGE;
+use crate::units::{FULL_RANGE, VOLT};
 
 /// ADC steps (24 mV before the divider: 8 rpm at 3 V per 1000 rpm) below which the direction may turn.
 pub const NEAR_ZERO: u16 = 5;
-/// Least voltage, in bits, whose sign counts: a quarter of a volt.
-const LEAST_VOLTAGE: i16 = 256;
+/// Least voltage whose sign counts, in volts.
+pub const LEAST_VOLTAGE_V: f32 = 0.25;
+/// The same in bits.
+const LEAST_VOLTAGE: i16 = (LEAST_VOLTAGE_V * VOLT) as i16;
+/// What the divider leaves of its voltage.
+pub const DIVIDER: f32 = 0.5;
 
 /// Scale and filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -29,8 +34,8 @@ impl TachoConfig {
     #[inline(always)]
     pub fn quantised(q: &mut Quantiser) -> Self {
         // V per rad/s after the divider, and rad/s an ADC step.
-        const GAIN: f32 = 60.0 / core::f32::consts::TAU / 1000.0 * 0.5;
-        q.of(5.0 / 1024.0 / GAIN * 256.0 * FULL_RANGE).over(Param::SpeedRange).over(Param::TachoGain);
+        const GAIN: f32 = 60.0 / core::f32::consts::TAU / 1000.0 * DIVIDER;
+        q.of(STEP_V / GAIN * 256.0 * FULL_RANGE).over(Param::SpeedRange).over(Param::TachoGain);
         Self { scale: q.round(Param::TachoGain, u16::MAX), filter: LowPassConfig::quantised(q, Param::SpeedFilter) }
     }
 

@@ -2,14 +2,15 @@
 
 use crate::recording::{Channel, Recording};
 use crate::rig::{CurrentSensor, Encoder, NominalMotor, Rig, Supply, Tachogenerator, Timing};
+use motorbench_core::converter;
 use motorbench_core::message::{Mode, Sample, State};
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
 use std::f64::consts::TAU;
 
-/// Step of the firmware's current reading at 185 mV/A: an eighth of a step of the converter.
-const CURRENT_STEP_A: f64 = 5.0 / 1024.0 / 8.0 / 0.185;
+/// Step of the firmware's current reading at 185 mV/A: a step of the converter over the conversions in a sum.
+const CURRENT_STEP_A: f64 = converter::STEP_V as f64 / (2.0 * converter::BLOCK as f64) / 0.185;
 
 /// The samples as a recording. While the bridge is off, duty and voltage are missing: nothing drives the motor then.
 pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recording {

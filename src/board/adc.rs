@@ -8,6 +8,7 @@
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;
 use core::cell::Cell;
+use motorbench_core::converter::{BLOCK, SLOTS, STEPS};
 use motorbench_core::pins;
 
 use avr_device::interrupt::Mutex;
@@ -17,10 +18,8 @@ pub const TRIGGER: u16 = pins::CURRENT_SAMPLING_STEP - 4 - 128;
 
 /// AVcc as reference.
 const REFERENCE: u8 = 0b0100_0000;
-/// Slots of one round.
-const SLOTS: u8 = 10;
-/// Conversions of the current in a row.
-const BLOCK: u8 = 4;
+/// A block of the current in the middle of the range.
+const MIDDLE: u16 = BLOCK as u16 * (STEPS / 2);
 
 /// What the handler keeps. Cells, because handlers do not nest and the tick reads with interrupts off.
 struct Samples {
@@ -35,8 +34,8 @@ struct Samples {
 static SAMPLES: Mutex<Samples> = Mutex::new(Samples {
     slot: Cell::new(0),
     sum: Cell::new(0),
-    block: Cell::new(4 * 512),
-    current_sum: Cell::new(8 * 512),
+    block: Cell::new(MIDDLE),
+    current_sum: Cell::new(2 * MIDDLE),
     tacho: Cell::new(0),
     supply: Cell::new(0),
 });

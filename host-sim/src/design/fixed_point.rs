@@ -31,6 +31,8 @@ const SLEW_TICKS: f64 = 4.0;
 const WIDTHS_A_RANGE: f64 = 256.0;
 /// A tachogenerator that fits every range, where the speed comes from the encoder.
 const UNUSED_TACHO_GAIN: f32 = 100.0;
+/// Speed of the position's profile where no encoder tells a position: it fits with every acceleration.
+const UNUSED_CRUISE_RAD_PER_S: f64 = 1.0;
 /// Settings in a line for the console.
 const SETTINGS_A_LINE: usize = 3;
 /// Digits with which settings are given on the console.
@@ -157,7 +159,7 @@ impl SettingList {
 }
 
 /// What the core says against a setting, with what to do about it.
-fn refusal(error: BuildError, value: f64) -> DesignError {
+pub(super) fn refusal(error: BuildError, value: f64) -> DesignError {
     let why = match error.rule {
         Rule::TooLarge => "is larger than its format holds",
         Rule::TooSmall => "is below its range",
@@ -236,7 +238,7 @@ pub fn rig_settings(
         (Param::TripContinuous, TRIP_CONTINUOUS * current_limit_a),
         (Param::SlewLimit, bench.supply_v * bench.tick_rate_hz / SLEW_TICKS),
         (Param::Acceleration, drive_a * motor.torque_constant_nm_per_a / motor.inertia_kg_m2),
-        (Param::CruiseSpeed, 0.5 * no_load_rad_per_s),
+        (Param::CruiseSpeed, bench.counts_per_rev.map_or(UNUSED_CRUISE_RAD_PER_S, |_| 0.5 * no_load_rad_per_s)),
     ] {
         list.set(param, value)?;
     }

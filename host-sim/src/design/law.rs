@@ -66,6 +66,11 @@ impl ControlLaw {
         }
     }
 
+    /// Whether it can have a gain on the current.
+    pub fn uses_current(self) -> bool {
+        self.feedback().iter().any(|(_, signal)| *signal == Signal::Current)
+    }
+
     /// Whether it controls the position.
     pub fn is_position(self) -> bool {
         self.mode().is_position()

@@ -46,7 +46,7 @@ use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters, ModelPlant, Plant};
 use fixed_point::SettingList;
 use law::{ControlLaw, Signal, setting_name, setting_unit};
 use motorbench_core::message::Trip;
-use motorbench_core::settings::{Param, Settings};
+use motorbench_core::settings::{BuildError, Param, Settings};
 use robustness::{Robustness, Weakness};
 use sampled_loop::{Gains, SampledLoop, Sampling};
 use search::{Candidate, LoopFigures, Reached, Search};
@@ -338,7 +338,8 @@ pub fn design(
     Ok(design)
 }
 
-/// The design with the first shape of weights that passes all checks, or by the weights given.
+/// The design with the first shape of weights that passes all checks, or by the weights given; without a gain on the current
+/// where one would not be robust.
 fn best_shape(
     motor: &MotorParameters,
     bench: &Bench,
@@ -347,14 +348,30 @@ fn best_shape(
 ) -> Result<Design, DesignError> {
     let period_s = 1.0 / bench.tick_rate_hz;
     let rig = fixed_point::rig_settings(motor, bench, specification)?;
-    let used: Vec<bool> =
-        law.feedback().iter().map(|(_, signal)| bench.current_measured || *signal != Signal::Current).collect();
     let speed = fixed_point::speed_path(&rig)?;
-    let search = Search { motor, law, period_s, speed, used: &used, observer: None };
     let rig = Rig { settings: rig, tachogenerator: bench.tachogenerator };
-    if let Speed::Weights(weights) = specification.speed {
-        return weighed(&search, &rig, specification, &weights);
+    let with = |current_used: bool| {
+        let used: Vec<bool> =
+            law.feedback().iter().map(|(_, signal)| current_used || *signal != Signal::Current).collect();
+        let search = Search { motor, law, period_s, speed, used: &used, observer: None };
+        match specification.speed {
+            Speed::Weights(weights) => weighed(&search, &rig, specification, &weights),
+            Speed::BandwidthHz(_) | Speed::SettlingS(_) => searched(&search, &rig, specification),
+        }
+    };
+    match with(bench.current_measured) {
+        // Of a fast winding the current tells the speed sooner than a low-pass does. A gain that makes use of it is cheap,
+        // and bears no delay.
+        Err(DesignError::NotRobust { law: title, weakness }) if bench.current_measured && law.uses_current() => {
+            with(false).map_err(|_| DesignError::NotRobust { law: title, weakness })
+        }
+        designed => designed,
     }
+}
+
+/// The loop of weights that are searched.
+fn searched(search: &Search, rig: &Rig, specification: &Specification) -> Result<Design, DesignError> {
+    let Search { motor, law, .. } = *search;
     let mut refusals = Refusals::default();
     for shape in search.shapes() {
         let candidate = match search.gentlest(shape, specification) {
@@ -368,7 +385,7 @@ fn best_shape(
             refusals.overshoot(candidate.figures.step.overshoot_percent);
             continue;
         }
-        match checked(motor, &rig, law, specification, candidate) {
+        match checked(motor, rig, law, specification, candidate) {
             Ok(design) => return Ok(design),
             Err(error) => refusals.checked = Some(error),
         }
@@ -456,6 +473,21 @@ fn checked(
     specification: &Specification,
     candidate: Candidate,
 ) -> Result<Design, DesignError> {
+    let design = tried(motor, rig, law, specification, candidate)?;
+    if let Some(tachogenerator) = rig.tachogenerator {
+        tachogenerator.check_reversal(motor, design.settings.all.get(Param::Acceleration).into())?;
+    }
+    Ok(design)
+}
+
+/// The same, without asking what a tachogenerator sees of a reversal.
+fn tried(
+    motor: &MotorParameters,
+    rig: &Rig,
+    law: ControlLaw,
+    specification: &Specification,
+    candidate: Candidate,
+) -> Result<Design, DesignError> {
     let mut settings = fixed_point::law_settings(&rig.settings, motor, law, &candidate.sampling, &candidate.gains)?;
     let (held, sampling) = fixed_point::read_back(&settings, law)?;
     let not_robust = |weakness| DesignError::NotRobust { law: law.title(), weakness };
@@ -466,9 +498,6 @@ fn checked(
     kept(law, specification, &candidate.figures, &figures)?;
     let trials = StepTrial { motor, law, tachogenerator: rig.tachogenerator, settling_s: figures.step.settling_s };
     let (trial, points) = trials.gentle(&mut settings, specification)?;
-    if let Some(tachogenerator) = rig.tachogenerator {
-        tachogenerator.check_reversal(motor, settings.all.get(Param::Acceleration).into())?;
-    }
     let [peak_v, peak_a] = current_sensor::plain_step_peaks(&sampled, &held);
     let gains = law.feedback().iter().zip(&held.feedback).map(|(&(param, _), &held)| DesignedGain {
         name: setting_name(param),
@@ -659,8 +688,8 @@ fn started<P: Plant>(
     tachogenerator: Option<&Tachogenerator>,
     settings: &Settings,
 ) -> Result<Trial<P>, DesignError> {
-    let fails = |error| DesignError::Trial { law: law.title(), what: format!("{error:?}") };
-    let mut trial = Trial::new(plant, *settings).map_err(fails)?;
+    let refused = |error: BuildError| fixed_point::refusal(error, settings.get(error.param).into());
+    let mut trial = Trial::new(plant, *settings).map_err(refused)?;
     if let Some(tachogenerator) = tachogenerator {
         tachogenerator.onto(&mut trial);
     }

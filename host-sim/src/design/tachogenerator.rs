@@ -8,24 +8,25 @@ use super::specification::Specification;
 use super::trial::{TACHO_DIVIDER, TACHO_RIPPLES_PER_TURN, Trial};
 use crate::motor::MotorParameters;
 use crate::plant::Plant;
+use motorbench_core::converter;
 use motorbench_core::settings::{Param, Settings};
-use motorbench_core::tachogenerator::NEAR_ZERO;
+use motorbench_core::tachogenerator::{LEAST_VOLTAGE_V, NEAR_ZERO};
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Full scale of the converter, in volts, and its steps.
-const FULL_SCALE_V: f64 = 5.0;
-const STEPS: f64 = 1024.0;
+/// A step of the converter, in volts, and how many it has.
+const STEP_V: f64 = converter::STEP_V as f64;
+const STEPS: f64 = converter::STEPS as f64;
 /// How often the firmware converts it.
-pub const CONVERSIONS_HZ: f64 = 1000.0;
+pub const CONVERSIONS_HZ: f64 = converter::ROUNDS_HZ as f64;
 /// Steps of the converter by which a reference may change from one conversion to the next. The direction turns only at a
 /// conversion that is less than [`NEAR_ZERO`] from standstill: of a reversal this slow there are four, and two and a half of
 /// the fastest.
 const STEPS_A_CONVERSION: f64 = 0.5 * NEAR_ZERO as f64;
 const MOST_STEPS_A_CONVERSION: f64 = 0.8 * NEAR_ZERO as f64;
-/// Voltage against the motion at standstill, without which the direction does not turn either: the firmware asks for a
-/// quarter of a volt, here with inertia, resistance and torque constant 30 % off.
-const REVERSAL_V: f64 = 0.25 * 1.3 / (0.7 * 0.7);
+/// Voltage against the motion at standstill, without which the direction does not turn either: what the firmware asks for,
+/// with inertia, resistance and torque constant 30 % off.
+const REVERSAL_V: f64 = LEAST_VOLTAGE_V as f64 * 1.3 / (0.7 * 0.7);
 /// Steps of the converter that the no-load speed must be at least.
 const FEWEST_STEPS: f64 = 100.0;
 /// Time constant of the low-pass over the loop's own time `1/(2 pi bandwidth)`: 11 degrees of phase at the bandwidth.
@@ -58,7 +59,7 @@ impl Tachogenerator {
     /// Speed that is one step of the converter.
     pub fn resolution_rad_per_s(&self) -> f64 {
         let v_s_per_rad = TACHO_DIVIDER * 1e-3 * 60.0 / TAU * self.gain_v_per_krpm;
-        FULL_SCALE_V / STEPS / v_s_per_rad
+        STEP_V / v_s_per_rad
     }
 
     /// Speed above which the converter sees no more, at the ripple's crest.
@@ -89,7 +90,7 @@ impl Tachogenerator {
             return Ok(());
         }
         let what = format!(
-            "a reversal at {acceleration:.0} rad/s2 takes {voltage_v:.2} V at standstill, the firmware turns the direction from {REVERSAL_V:.2} V on (0.25 V with parameters 30 % off), and a faster one may pass between two conversions or the limits: raise current-limit-A, amplify its voltage less, or use an encoder"
+            "a reversal at {acceleration:.0} rad/s2 takes {voltage_v:.2} V at standstill, the firmware turns the direction from {REVERSAL_V:.2} V on ({LEAST_VOLTAGE_V} V with parameters 30 % off), and a faster one may pass between two conversions or the limits: raise current-limit-A, amplify its voltage less, or use an encoder"
         );
         Err(DesignError::Tachogenerator { what })
     }

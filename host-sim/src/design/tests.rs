@@ -255,26 +255,65 @@ impl Draw {
         Self { motor, bench, current_limit_a, faster: decades([0.5, 5.0]), drawn }
     }
 
-    /// The same motor, its speed by a tachogenerator that has two thirds of the converter's range at no load.
-    fn with_tachogenerator(mut self) -> Self {
+    /// The same motor, its speed by a tachogenerator that has between a fifth and nine tenths of the converter's range at no
+    /// load, up to a tenth of ripple, and a commutator of 4 to 60 segments.
+    fn with_tachogenerator(mut self, seed: u64) -> Self {
+        use rand::{RngExt, SeedableRng};
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(!seed);
+        let mut between = |[from, to]: [f64; 2]| from + (to - from) * random.random::<f64>();
         let no_load_krpm =
             self.bench.supply_v / self.motor.torque_constant_nm_per_a * 60.0 / std::f64::consts::TAU / 1e3;
-        let tachogenerator = Tachogenerator::new((2.0 / 3.0 * 10.0 / no_load_krpm).min(100.0));
+        let tachogenerator = Tachogenerator {
+            gain_v_per_krpm: (10.0 * between([0.2, 0.9]) / no_load_krpm).min(100.0),
+            ripple: between([0.0, 0.1]),
+            ripples_per_rev: between([4.0, 60.0]).round(),
+        };
         self.bench = Bench { counts_per_rev: None, tachogenerator: Some(tachogenerator), ..self.bench };
         self
     }
 
     fn design(&self, law: ControlLaw) -> Result<Design, DesignError> {
+        design(&self.motor, &self.bench, law, &self.specification(law))
+    }
+
+    /// What [`Draw::design`] asks for.
+    fn specification(&self, law: ControlLaw) -> Specification {
         let own_hz = 1.0
             / (std::f64::consts::TAU * crate::linear::motor_model::TimeConstants::of(&self.motor).electromechanical_s);
         let part = if law.is_position() { 0.5 } else { 1.0 };
         let hz = (part * self.faster * own_hz).min(40.0);
-        let specification = Specification {
-            speed: Speed::BandwidthHz(hz),
-            overshoot_percent: 10.0,
-            current_limit_a: self.current_limit_a,
+        Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: self.current_limit_a }
+    }
+
+    /// The design that is refused for its reversal alone: gains and profile that have passed all else.
+    fn design_that_may_lose_its_direction(&self, law: ControlLaw) -> Design {
+        let specification = self.specification(law);
+        let settings = fixed_point::rig_settings(&self.motor, &self.bench, &specification).unwrap();
+        let speed = fixed_point::speed_path(&settings).unwrap();
+        let period_s = 1.0 / self.bench.tick_rate_hz;
+        let used = vec![true; law.feedback().len()];
+        let search = Search { motor: &self.motor, law, period_s, speed, used: &used, observer: None };
+        let rig = Rig { settings, tachogenerator: self.bench.tachogenerator };
+        let tried = |shape| {
+            let candidate = search.gentlest(shape, &specification).ok()?;
+            tried(&self.motor, &rig, law, &specification, candidate).ok()
         };
-        design(&self.motor, &self.bench, law, &specification)
+        search.shapes().into_iter().find_map(tried).expect("one that the reversal was asked of")
+    }
+
+    /// Whether the firmware takes the wrong direction for the speed of this motor, from one of some speeds to their
+    /// opposite.
+    fn loses_its_direction(&self, design: &Design, motor: &MotorParameters) -> bool {
+        let turns = |part: f64| {
+            let plant = DcMotor::new(ideal(motor));
+            let mut trial = started(plant, design.law, design.tachogenerator.as_ref(), &design.settings.all).unwrap();
+            let duration_s = 1.0 + 2.0 * design.points.last().unwrap().t_s;
+            for reference in [part * design.trial.step, -part * design.trial.step] {
+                trial.follow(reference, duration_s);
+            }
+            trial.sample().trip == Trip::Runaway
+        };
+        [0.3, 0.4, 0.5, 0.6, 0.7].into_iter().any(turns)
     }
 
     /// Turns about (forward, reverse), and judges the last fifth of each.
@@ -314,6 +353,9 @@ impl Draw {
     }
 }
 
+/// What the firmware would not see by a tachogenerator.
+const REVERSAL: &str = "the reversal";
+
 /// Why a design was refused, in a word.
 fn reason(error: &DesignError) -> &'static str {
     match error {
@@ -323,6 +365,7 @@ fn reason(error: &DesignError) -> &'static str {
         DesignError::Quantised { .. } => "gains rounded too much",
         DesignError::NotRobust { .. } => "not robust",
         DesignError::Trial { .. } => "fails on the core",
+        DesignError::Tachogenerator { what } if what.starts_with("a reversal") => REVERSAL,
         other => panic!("no motor is drawn for this: {other}"),
     }
 }
@@ -381,31 +424,75 @@ fn what_is_offered_is_stable_on_the_core() {
     assert!(refused * 20 <= results.len(), "{refused} of {} are refused", results.len());
 }
 
-/// The same by a tachogenerator, whose sign turns only where a conversion sees the motor near standstill: these of the motors
-/// above are fast enough to pass there between two, or stand where the ripple beats. Those that are offered turn about.
+/// What came of motors with a tachogenerator.
+#[derive(Default)]
+struct ByTachogenerator {
+    /// By law.
+    tallies: [Tally; 2],
+    /// Of those refused for the reversal: how many lose their direction with a motor that is 30 % off.
+    lost: usize,
+}
+
+/// Motors from seeds, each with a tachogenerator: what is offered turns about with the model's motor and two that are 30 %
+/// off, and of what is refused for the reversal it is seen whether that would not.
+fn by_tachogenerator(seeds: impl IntoParallelIterator<Item = u64>) -> ByTachogenerator {
+    const LAWS: [ControlLaw; 2] = [ControlLaw::SpeedPid, ControlLaw::SpeedLqr];
+    let draws = seeds.into_par_iter().flat_map_iter(|seed| LAWS.iter().enumerate().map(move |case| (seed, case)));
+    let judged = draws.map(|(seed, (case, &law))| {
+        let draw = Draw::new(seed).with_tachogenerator(seed);
+        let corners: Vec<_> = robustness::corners(&draw.motor).collect();
+        match draw.design(law) {
+            Ok(design) => {
+                let mut board = Settings::defaults();
+                design.commands.iter().for_each(|line| paste(&mut board, line));
+                for motor in [draw.motor, corners[seed as usize % 32], corners[31 - seed as usize % 32]] {
+                    draw.hold(seed, &design, &motor);
+                }
+                (case, None, false)
+            }
+            Err(error) => {
+                println!("seed {seed}: {error}");
+                let reason = reason(&error);
+                let loses = |design: &Design| corners.iter().any(|motor| draw.loses_its_direction(design, motor));
+                let lost = reason == REVERSAL && loses(&draw.design_that_may_lose_its_direction(law));
+                (case, Some(reason), lost)
+            }
+        }
+    });
+    let mut found = ByTachogenerator::default();
+    for (case, reason, lost) in judged.collect::<Vec<_>>() {
+        match reason {
+            None => found.tallies[case].offered += 1,
+            Some(reason) => *found.tallies[case].refused.entry(reason).or_default() += 1,
+        }
+        found.lost += usize::from(lost);
+    }
+    for (law, Tally { offered, refused }) in LAWS.iter().zip(&found.tallies) {
+        println!("{} by a tachogenerator: {offered} offered; refused: {refused:?}", law.title());
+    }
+    let refused: usize = found.tallies.iter().filter_map(|tally| tally.refused.get(REVERSAL)).sum();
+    println!("{} of {refused} refused for the reversal lose their direction with a motor 30 % off", found.lost);
+    found
+}
+
+/// The sign turns only where a conversion sees the motor near standstill, with a voltage. What is offered turns about; what
+/// is refused for the reversal would not.
 #[test]
 fn what_is_offered_by_a_tachogenerator_turns_about() {
-    const SEEDS: [u64; 6] = [0, 3, 15, 19, 22, 30];
-    let offered = SEEDS.into_par_iter().flat_map_iter(|seed| {
-        [ControlLaw::SpeedPid, ControlLaw::SpeedLqr].map(|law| {
-            let draw = Draw::new(seed).with_tachogenerator();
-            let design = match draw.design(law) {
-                Ok(design) => design,
-                Err(error) => {
-                    println!("seed {seed}: {error}");
-                    return 0;
-                }
-            };
-            let corners: Vec<_> = robustness::corners(&draw.motor).collect();
-            for motor in [draw.motor, corners[seed as usize % corners.len()], corners[31 - seed as usize]] {
-                draw.hold(seed, &design, &motor);
-            }
-            1
-        })
-    });
-    let offered: usize = offered.sum();
-    println!("{offered} of {} offered and turned about", 2 * SEEDS.len());
-    assert!(offered > 0, "none is left to be judged");
+    const MOTORS: u64 = 20;
+    let found = by_tachogenerator(0..MOTORS);
+    let offered: usize = found.tallies.iter().map(|tally| tally.offered).sum();
+    assert!(offered >= MOTORS as usize && found.lost > 0, "{offered} {}", found.lost);
+}
+
+/// The same with motors that nobody has seen.
+#[test]
+fn what_is_offered_by_a_fresh_tachogenerator_turns_about() {
+    const MOTORS: u64 = 6;
+    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
+    let first = now.as_secs();
+    println!("seeds from {first}");
+    by_tachogenerator(first..first + MOTORS);
 }
 
 /// Weights that a search reports, written down and given by hand, are the same gains to the last bit: for every law, and

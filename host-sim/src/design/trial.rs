@@ -7,11 +7,13 @@
 use super::sampled_loop::DRIVE_DELAY_S;
 use crate::plant::{Bridge, Inputs as PlantInputs, PeriodEnd, Plant, Pwm};
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
+use motorbench_core::converter;
 use motorbench_core::encoder::Edges;
 use motorbench_core::excitation::{self, Kind, Sequence};
 use motorbench_core::message::{Mode, Request, Sample, State};
 use motorbench_core::pins::{CPU_HZ, CURRENT_SAMPLING_STEP, PWM_HZ, PWM_STEPS};
 use motorbench_core::settings::{BuildError, Param, Settings};
+use motorbench_core::tachogenerator;
 use motorbench_core::units::{FULL_RANGE, VOLT};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -23,20 +25,22 @@ use std::f64::consts::TAU;
 const LATE_PERIODS: usize = (DRIVE_DELAY_S * PWM_HZ as f64) as usize;
 /// PWM periods of a tick at the slower control rate.
 const MOST_PERIODS: usize = PWM_HZ as usize / 1000;
-/// Conversions of the ADC: one each second PWM period, ten slots a round, four of the current in a row, twice.
-const PERIODS_PER_CONVERSION: u32 = 2;
-const BLOCK: u32 = 4;
-const SLOTS_PER_BLOCK: u32 = 5;
+/// Conversions of the ADC: one each second PWM period, in each half of a round a block of the current and another channel.
+const PERIODS_PER_CONVERSION: u32 = converter::PERIODS_PER_CONVERSION as u32;
+const BLOCK: u32 = converter::BLOCK as u32;
+const SLOTS_PER_BLOCK: u32 = converter::SLOTS as u32 / 2;
 const PERIOD_S: f64 = 1.0 / PWM_HZ as f64;
 /// From the start of a PWM period to the sample of its conversion.
 const SAMPLED_S: f64 = PERIOD_S * CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64;
 /// Periods of the tachogenerator's ripple in a turn: its commutator has 22 segments.
 pub const TACHO_RIPPLES_PER_TURN: f64 = 22.0;
 /// What the divider behind the tachogenerator leaves.
-pub const TACHO_DIVIDER: f64 = 0.5;
-/// Steps of a conversion in a volt, and the sensor's output at zero current.
-const STEPS_PER_VOLT: f64 = 1024.0 / 5.0;
-const ZERO_V: f64 = 2.5;
+pub const TACHO_DIVIDER: f64 = tachogenerator::DIVIDER as f64;
+/// Steps of a conversion in a volt, the highest, the middle one, and the sensor's output at zero current.
+const STEPS_PER_VOLT: f64 = 1.0 / converter::STEP_V as f64;
+const HIGHEST: f64 = converter::STEPS as f64 - 1.0;
+const MIDDLE: u16 = converter::STEPS / 2;
+const ZERO_V: f64 = converter::FULL_SCALE_V as f64 / 2.0;
 
 /// What happened at one tick, in SI units: what the core saw and what was true.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -156,7 +160,7 @@ impl<P: Plant> Trial<P> {
             count: 0.0,
             periods: 0,
             drive: Drive::default(),
-            sums: [0, BLOCK as u16 * 512, 2 * BLOCK as u16 * 512],
+            sums: [0, BLOCK as u16 * MIDDLE, 2 * BLOCK as u16 * MIDDLE],
             tacho: 0,
         })
     }
@@ -238,7 +242,7 @@ impl<P: Plant> Trial<P> {
             tick_coarse: (self.cycles() >> 6) as u8,
             current_sum: self.sums[2],
             tacho: self.tacho,
-            supply: supply.clamp(0.0, 1023.0) as u16,
+            supply: supply.clamp(0.0, HIGHEST) as u16,
             duty_scale: duty_scale(supply_bits),
             flags: Inputs::MAIN_LOOP_ALIVE,
         }
@@ -306,7 +310,7 @@ impl<P: Plant> Trial<P> {
         let Surroundings { tacho_ripple, tacho_ripples_per_turn, .. } = self.surroundings;
         let ripple = 1.0 + tacho_ripple * (tacho_ripples_per_turn * angle_rad).sin();
         let output_v = self.scales.tacho_v_s_per_rad * ((angle_rad - before_rad) / PERIOD_S).abs() * ripple;
-        self.tacho = (output_v * STEPS_PER_VOLT).clamp(0.0, 1023.0) as u16;
+        self.tacho = (output_v * STEPS_PER_VOLT).clamp(0.0, HIGHEST) as u16;
     }
 
     /// Encoder edges of the tick that has just passed. Within a period the speed is as good as constant.
@@ -352,7 +356,7 @@ impl<P: Plant> Trial<P> {
             output_v += self.surroundings.current_noise_v * noise;
         }
         let steps = self.surroundings.current_pinned_v.unwrap_or(output_v) * STEPS_PER_VOLT + dither;
-        self.sums[0] += steps.clamp(0.0, 1023.0) as i32 as u16;
+        self.sums[0] += steps.clamp(0.0, HIGHEST) as i32 as u16;
         if slot == BLOCK {
             self.sums = [0, self.sums[0], self.sums[0] + self.sums[1]];
         }
