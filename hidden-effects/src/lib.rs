@@ -53,7 +53,8 @@ pub enum Effect {
     /// `resonance_Hz` with both ends free, `load_inertia_share`; damping ratio 0.02 to 0.08; the sensor is at the motor.
     ShaftCompliance,
     /// 0.5 to 2.5 V lost while current flows.
-    /// u - `drop_V` sign(i): the range spans MOSFET bridges to the Darlingtons of an L293D.
+    /// u - `drop_V` sign(i): the range spans MOSFET bridges to the Darlingtons of an L293D. Of three, one follows the mean
+    /// current, as behind an amplifier, half of those over a knee of 0.2 to 2 % of the greatest current.
     VoltageDrop,
     /// A supply with an inner resistance of 10 to 40 % of the winding's.
     /// u = duty (supply - `resistance_ohm` duty i).
@@ -71,13 +72,14 @@ pub enum Effect {
     /// `offset_A`, of either sign: four to fifteen times the noise.
     CurrentOffset,
     /// The current is read through a filter of 3 to 15 ms.
-    /// First order, `time_constant_s`.
+    /// First order, `time_constant_s`; the sensor's own, or of two in five the program's, of the readings.
     CurrentLag,
     /// The current's reading ends at 70 to 40 % of its peak.
     CurrentClipping,
     /// The disc is off centre: 0.6 to 3 degrees.
     EncoderEccentricity,
-    /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost.
+    /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost; of two in five that share of all edges while it is
+    /// that fast.
     MissedCounts,
     /// 2 to 5 % of ripple, 11 to 31 times a revolution.
     /// Speed times 1 + ripple sin(`ripples_per_rev` angle + phase).
@@ -205,6 +207,8 @@ pub struct Recipe {
     pub duration_s: f64,
     /// Samples a second.
     pub rate_hz: f64,
+    /// Each row has the command that acted until it was read, and not the one that acts from then on.
+    pub written_after: bool,
 }
 
 impl Recipe {
@@ -217,6 +221,7 @@ impl Recipe {
             excitation: Excitation::Identify,
             duration_s: 20.0,
             rate_hz: 1000.0,
+            written_after: false,
         }
     }
 

@@ -50,6 +50,9 @@ pub struct Hidden {
     spring_hz: f64,
     spring_damping: f64,
     drop_v: f64,
+    /// The drop follows the mean current, as behind a filter or an amplifier, and comes up over a knee.
+    drop_averaged: bool,
+    drop_knee_a: f64,
     sag_ohm: f64,
     heating_k_per_w: f64,
     heating_s: f64,
@@ -64,11 +67,15 @@ pub struct Hidden {
     pub(crate) delay_s: f64,
     pub(crate) offset_a: f64,
     pub(crate) lag_s: f64,
+    /// The filter is the program's, of its readings, and not the sensor's.
+    pub(crate) lag_in_program: bool,
     pub(crate) clip_share: f64,
     pub(crate) eccentricity_rad: f64,
     pub(crate) eccentricity_phase: f64,
     pub(crate) lost_share: f64,
     pub(crate) lost_above: f64,
+    /// The share is that of all counts above, and not of what exceeds.
+    pub(crate) lost_of_all: bool,
     pub(crate) ripple: f64,
     pub(crate) ripples: f64,
     pub(crate) drift: f64,
@@ -88,6 +95,8 @@ pub struct Bench {
     pub current_a: f64,
     /// Current as it is read: without the ripple of the PWM.
     pub smooth_a: f64,
+    /// The same behind the sensor's filter.
+    pub lagged_a: f64,
     summed_as: f64,
     summed_s: f64,
     /// Current drawn from the supply behind its capacitor.
@@ -136,6 +145,7 @@ impl Bench {
             time_s: 0.0,
             current_a: 0.0,
             smooth_a: 0.0,
+            lagged_a: 0.0,
             summed_as: 0.0,
             summed_s: 0.0,
             drawn_a: 0.0,
@@ -249,6 +259,9 @@ impl Bench {
             }
             Effect::VoltageDrop => {
                 hidden.drop_v = between(0.5, 2.5);
+                hidden.drop_averaged = random.random_bool(0.3);
+                let knee_share = if random.random_bool(0.5) { 0.0 } else { random.random_range(0.002..0.02) };
+                hidden.drop_knee_a = knee_share * self.supply_v / self.motor.resistance_ohm;
                 vec![("drop_V", hidden.drop_v)]
             }
             Effect::SupplySag => {
@@ -276,6 +289,7 @@ impl Bench {
             }
             Effect::CurrentLag => {
                 hidden.lag_s = between(0.003, 0.015);
+                hidden.lag_in_program = random.random_bool(0.4);
                 vec![("time_constant_s", hidden.lag_s)]
             }
             Effect::CurrentClipping => {
@@ -290,6 +304,7 @@ impl Bench {
             Effect::MissedCounts => {
                 hidden.lost_share = between(0.05, 0.20);
                 hidden.lost_above = random.random_range(0.55..0.75);
+                hidden.lost_of_all = random.random_bool(0.4);
                 Vec::new()
             }
             Effect::TachoRipple => {
@@ -339,7 +354,7 @@ impl Bench {
     /// Where switching the supply is not the same as its mean: with diodes and with a drop, which the current's swing
     /// within each period smooths.
     fn switches(&self) -> bool {
-        self.hidden.coasts || self.hidden.drop_v > 0.0
+        self.hidden.coasts || self.hidden.drop_v > 0.0 && !self.hidden.drop_averaged
     }
 
     fn step(&mut self, duty: f64, dt: f64) {
@@ -350,6 +365,9 @@ impl Bench {
             self.oversample(dt);
         } else {
             self.smooth_a = self.current_a;
+        }
+        if self.hidden.lag_s > 0.0 {
+            self.lagged_a += dt / self.hidden.lag_s * (self.smooth_a - self.lagged_a);
         }
     }
 
@@ -415,7 +433,11 @@ impl Bench {
     /// Source and drop of the circuit.
     fn bridge(&self, duty: f64, supply_v: f64, dt: f64) -> (f64, f64) {
         if !self.switches() {
-            return (duty * supply_v, 0.0);
+            let shares = self.current_a.abs() / self.hidden.drop_knee_a.max(f64::MIN_POSITIVE);
+            return (
+                duty * supply_v,
+                self.hidden.drop_v * if self.hidden.drop_knee_a > 0.0 { shares.tanh() } else { 1.0 },
+            );
         }
         // The switching instant lies within one of the steps. Half a step's grace for the rounding of the time.
         let phase = (self.time_s / PWM_PERIOD_S + 0.5 * dt / PWM_PERIOD_S).fract() - 0.5 * dt / PWM_PERIOD_S;
@@ -424,8 +446,15 @@ impl Bench {
         (on * supply_v * duty.signum(), on * self.hidden.drop_v + (1.0 - on) * off_v)
     }
 
+    /// Speed that is not counted.
+    pub(crate) fn uncounted(&self) -> f64 {
+        let excess = self.speed.abs() - self.lost_above();
+        let counted_of = if self.hidden.lost_of_all { self.speed.abs() } else { excess };
+        if excess > 0.0 { self.hidden.lost_share * counted_of * self.speed.signum() } else { 0.0 }
+    }
+
     /// Speed that the bench reaches at nine tenths of the supply, above which share of it counts are lost.
-    pub(crate) fn lost_above(&self) -> f64 {
+    fn lost_above(&self) -> f64 {
         let friction_v = self.hidden.coulomb_nm * self.motor.resistance_ohm / self.motor.torque_constant_nm_per_a;
         let reached = (0.9 * self.supply_v - self.hidden.drop_v - friction_v) / self.motor.torque_constant_nm_per_a;
         self.hidden.lost_above * reached

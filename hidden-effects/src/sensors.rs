@@ -32,23 +32,24 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     let tacho = recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple);
     let ripple_phase = random.random_range(0.0..TAU);
     let drift_hz = random.random_range(0.05..0.15);
-    let (mut lost_rad, mut lagged_a) = (0.0, 0.0);
+    let (mut lost_rad, mut low_passed_a) = (0.0, 0.0);
     let mut rows = Vec::with_capacity(count);
     let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
     for index in 0..count {
         let hidden = &bench.hidden;
-        let excess = (bench.speed.abs() - bench.lost_above()).max(0.0) * hidden.lost_share;
-        lost_rad += excess * bench.speed.signum() * interval_s;
+        let uncounted = bench.uncounted();
+        lost_rad += uncounted * interval_s;
         let turn = bench.angle + hidden.eccentricity_phase;
         let seen_rad = bench.angle + hidden.eccentricity_rad * turn.sin() - lost_rad;
-        let mut seen_speed = bench.speed * (1.0 + hidden.eccentricity_rad * turn.cos()) - excess * bench.speed.signum();
+        let mut seen_speed = bench.speed * (1.0 + hidden.eccentricity_rad * turn.cos()) - uncounted;
         seen_speed *= 1.0 + hidden.ripple * (hidden.ripples * bench.angle + ripple_phase).sin();
         seen_speed *= 1.0 + hidden.drift * (TAU * drift_hz * bench.time_s).sin();
         if seen_speed.abs() < hidden.dead_band {
             seen_speed = 0.0;
         }
         let keep = if hidden.lag_s > 0.0 { (-interval_s / hidden.lag_s).exp() } else { 0.0 };
-        lagged_a = keep * lagged_a + (1.0 - keep) * bench.smooth_a;
+        low_passed_a = keep * low_passed_a + (1.0 - keep) * bench.smooth_a;
+        let seen_a = if hidden.lag_in_program || hidden.lag_s == 0.0 { low_passed_a } else { bench.lagged_a };
         let noise = |random: &mut _| -> f64 { StandardNormal.sample(random) };
         let speed = seen_speed + speed_noise * noise(random);
         if let Some(speed_loop) = &mut speed_loop {
@@ -59,9 +60,14 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
             duty: duty[index],
             counts: (seen_rad / TAU * bench.counts_per_rev).floor(),
             speed,
-            current_a: lagged_a + hidden.offset_a + CURRENT_NOISE_A * noise(random),
+            current_a: seen_a + hidden.offset_a + CURRENT_NOISE_A * noise(random),
         });
         pass(&mut bench, &duty, index, interval_s);
+    }
+    if recipe.written_after {
+        duty.rotate_right(1);
+        duty[0] = 0.0;
+        rows.iter_mut().zip(&duty).for_each(|(row, acted)| row.duty = *acted);
     }
     clip(&mut rows, bench.hidden.clip_share);
     csv(&rows, &bench, recipe.channels)

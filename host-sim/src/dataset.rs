@@ -5,6 +5,10 @@ use crate::rig::{Rig, Timing};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+mod row_order;
+
+pub use row_order::WRITTEN_AFTER;
+
 /// A pause of this many intervals begins a new stretch.
 const GAP_INTERVALS: f64 = 10.0;
 /// Stretches shorter than this are of no use.
@@ -104,6 +108,8 @@ pub struct Dataset {
     pub pwm_hz: f64,
     /// How it was recorded.
     pub timing: Timing,
+    /// Whether each row had the command that had acted before it was read; the commands here have been moved.
+    pub written_after: bool,
 }
 
 /// Why recordings cannot be used together with this rig file.
@@ -167,6 +173,10 @@ impl Dataset {
             measured.noise = noise(&measured.values);
             let resolution = if measured.output == Output::Current { rig.current_sensor.resolution_a } else { None };
             measured.tolerance = (TOLERANCE * spread(&measured.values)).max(resolution.unwrap_or(0.0));
+        }
+        if rig.recording.command_delay_s.is_none() && row_order::is_written_after(&all) {
+            all.written_after = true;
+            row_order::move_commands(&mut all);
         }
         all.keep_back();
         all.check(recordings.first().map_or("", |recording| &recording.name))?;

@@ -17,6 +17,10 @@ pub mod pwm_period;
 /// Longest step of a recording at 200 Hz or more; slower ones take a tenth of their interval, at most the second.
 const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 
+/// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
+const NEWTON_STEPS: usize = 12;
+const NEWTON_CLOSENESS: f64 = 1e-3;
+
 /// What the model says of each measured quantity, in the order of [`Dataset::measured`].
 pub type Prediction = Vec<Vec<f64>>;
 
@@ -49,11 +53,20 @@ pub struct Motion {
     angle_rad: Vec<f64>,
     /// Where on the revolution the shaft is, as measured and with what the model says was lost.
     shaft_rad: Vec<f64>,
+    /// By how much the mean of the current since the sample before is above the middle between the two.
+    bulge_a: Vec<f64>,
 }
 
 impl Motion {
     fn fill_up_to(&mut self, samples: usize) {
-        for values in [&mut self.current_a, &mut self.speed_rad_per_s, &mut self.angle_rad, &mut self.shaft_rad] {
+        let columns = [
+            &mut self.current_a,
+            &mut self.speed_rad_per_s,
+            &mut self.angle_rad,
+            &mut self.shaft_rad,
+            &mut self.bulge_a,
+        ];
+        for values in columns {
             values.resize(samples, f64::NAN);
         }
     }
@@ -95,17 +108,62 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
         .collect()
 }
 
+/// A motion with what a small torque adds to it, to the first order: of the linear motor, which stays at rest where it was.
+pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn(&Instant) -> f64) -> Motion {
+    let mut nudged = motion.clone();
+    let inertia_kg_m2 = inertia_kg_m2(model);
+    let mut step = LinearStep::default();
+    for range in &data.stretches {
+        let (mut current_a, mut speed_rad_per_s, mut angle_rad) = (0.0, 0.0, 0.0);
+        for index in range.start..range.end - 1 {
+            let next = index + 1;
+            let step_s = data.time_s[next] - data.time_s[index];
+            if (step_s - step.step_s).abs() > 1e-9 {
+                step = LinearStep::new(&model.motor, inertia_kg_m2, step_s);
+            }
+            let at = Instant {
+                time_s: data.time_s[index],
+                voltage_v: data.voltage_v[index],
+                duty: data.duty[index],
+                supply_v: data.supply_v[index],
+                open: data.open[index],
+                current_a: motion.current_a[index],
+                speed_rad_per_s: motion.speed_rad_per_s[index],
+                angle_rad: 0.5 * (motion.shaft_rad[index] + motion.shaft_rad[next]),
+                step_s,
+            };
+            let before = speed_rad_per_s;
+            let terms = Balance { torque_nm: torque_nm(&at), ..Balance::default() };
+            (current_a, speed_rad_per_s) = step.take(current_a, before, 0.0, at.open, &terms);
+            if at.speed_rad_per_s == 0.0 && motion.speed_rad_per_s[next] == 0.0 {
+                speed_rad_per_s = 0.0;
+            }
+            angle_rad += 0.5 * (before + speed_rad_per_s) * step_s;
+            nudged.current_a[next] += current_a;
+            nudged.speed_rad_per_s[next] += speed_rad_per_s;
+            nudged.angle_rad[next] += angle_rad;
+        }
+    }
+    nudged
+}
+
+/// What of the inertia turns with the motor's own shaft.
+fn inertia_kg_m2(model: &Model) -> f64 {
+    let share: f64 = model.terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
+    model.motor.inertia_kg_m2 * share.max(0.01)
+}
+
 /// Lets one sensor's effect act on the readings of one stretch.
 fn falsify(term: &Term, data: &Dataset, range: Range<usize>, motion: &mut Motion) {
     let mut state = vec![0.0; term.effect.states()];
     for index in range.clone() {
-        let step_s = if index > range.start { data.time_s[index] - data.time_s[index - 1] } else { data.interval_s };
+        let step_s = if index > range.start { data.time_s[index] - data.time_s[index - 1] } else { 0.0 };
         let mut readings = Readings {
             current_a: motion.current_a[index],
             speed_rad_per_s: motion.speed_rad_per_s[index],
             angle_rad: motion.angle_rad[index],
         };
-        let at = Sampling { angle_rad: motion.shaft_rad[index], step_s };
+        let at = Sampling { angle_rad: motion.shaft_rad[index], step_s, bulge_a: motion.bulge_a[index] };
         term.effect.sense(&term.values, &at, &mut state, &mut readings);
         motion.current_a[index] = readings.current_a;
         motion.speed_rad_per_s[index] = readings.speed_rad_per_s;
@@ -183,7 +241,10 @@ impl LinearStep {
         let free_a = dot(&self.current_of);
         let gain = self.current_of[2];
         let dry_a = gain * terms.ripple.mean_drop_v(terms.drops_v());
-        let flowing_a = terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms));
+        let flowing_a = match terms.drops_with_the_mean() {
+            true => eased_a(free_a, dry_a, terms.knee_a),
+            false => terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms)),
+        };
         // Quotients as products: they do not wait for what they scale.
         let current_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
         let lost_v = (free_a - current_a) * self.inverse_gains[0];
@@ -192,6 +253,22 @@ impl LinearStep {
         let lost_nm = (free - speed) * self.inverse_gains[1];
         (current_a - self.current_of[3] * lost_nm, speed)
     }
+}
+
+/// What a drop leaves of a mean current: `dry_a` of it at most, less where the current is small beside the knee. Newton's
+/// method on `i + dry_a tanh(i / knee_a) = free_a`, from the side on which it does not overshoot.
+fn eased_a(free_a: f64, dry_a: f64, knee_a: f64) -> f64 {
+    let free = free_a.abs();
+    let mut flowing = (free - dry_a).max(free / (1.0 + dry_a / knee_a));
+    for _ in 0..NEWTON_STEPS {
+        let share = (flowing / knee_a).tanh();
+        let short = free - flowing - dry_a * share;
+        if short < NEWTON_CLOSENESS * knee_a {
+            break;
+        }
+        flowing += short / (1.0 + dry_a / knee_a * (1.0 - share * share));
+    }
+    flowing.copysign(free_a)
 }
 
 /// What friction leaves of a speed; `gain`: speed gained of a torque over the step.
@@ -229,6 +306,8 @@ struct Run<'a> {
     angle_sensor: Vec<&'a Term>,
     /// Means of current and speed since the sample before.
     means: (f64, f64),
+    /// By how much the mean of the current since the sample before is above the middle between the two.
+    bulge_a: f64,
     /// By how much the current where it is sampled differs from its mean over the PWM period.
     ripple_a: f64,
     /// The PWM without a duty.
@@ -238,7 +317,6 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn new(model: &'a Model, data: &'a Dataset, range: Range<usize>, steps: Steps) -> Self {
         let terms = &model.terms;
-        let share: f64 = terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
         let first =
             |output: &[f64]| output[range.clone()].iter().take(5).copied().find(|v| v.is_finite()).unwrap_or(0.0);
         let current_a = data.current().map_or(0.0, |measured| first(&measured.values));
@@ -264,7 +342,7 @@ impl<'a> Run<'a> {
             delay_s: terms.iter().map(|term| term.effect.delay_s(&term.values)).sum::<f64>()
                 + data.timing.command_delay_s.unwrap_or(0.0),
             longest_step_s: longest_step_s(model).min(usual_step_s),
-            inertia_kg_m2: model.motor.inertia_kg_m2 * share.max(0.01),
+            inertia_kg_m2: inertia_kg_m2(model),
             step: LinearStep::default(),
             acting,
             current_a: if still { 0.0 } else { current_a },
@@ -273,6 +351,7 @@ impl<'a> Run<'a> {
             lost_rad: 0.0,
             angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == ActsOn::AngleSensor).collect(),
             means: (0.0, 0.0),
+            bulge_a: 0.0,
             ripple_a: 0.0,
             undriven: Ripple::new(model.motor.inductance_h, data.pwm_hz),
             range,
@@ -287,6 +366,7 @@ impl<'a> Run<'a> {
                 false => (self.current_a, self.speed_rad_per_s),
             };
             motion.current_a.push(current_a + self.ripple_a);
+            motion.bulge_a.push(if means { 0.0 } else { self.bulge_a });
             motion.speed_rad_per_s.push(speed_rad_per_s);
             motion.angle_rad.push(self.angle_rad);
             motion.shaft_rad.push(self.shaft_rad(self.data.angle_rad[index]));
@@ -313,7 +393,7 @@ impl<'a> Run<'a> {
         if (step_s - self.step.step_s).abs() > 1e-9 {
             self.step = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
         }
-        let (mut current_sum, angle_before_rad) = (0.0, self.angle_rad);
+        let (mut current_sum, angle_before_rad, first_a) = (0.0, self.angle_rad, self.current_a);
         for part in 0..steps as usize {
             // The middle of the step stands for it.
             let share = (part as f64 + 0.5) / steps;
@@ -341,6 +421,7 @@ impl<'a> Run<'a> {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
         }
         self.means = (current_sum / steps, (self.angle_rad - angle_before_rad) / interval_s);
+        self.bulge_a = self.means.0 - 0.5 * (first_a + self.current_a);
     }
 
     fn advance(&mut self, at: &mut Instant, load_nm: f64) -> Balance {

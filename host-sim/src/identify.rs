@@ -5,9 +5,9 @@
 //! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
 //! correlated within a block (sandwich; White, Econometrica 50 (1982)).
 
-use crate::catalogue::{CATALOGUE, Effect, Parameter, Scales};
+use crate::catalogue::{Balance, CATALOGUE, Effect, Parameter, Scales};
 use crate::dataset::{Dataset, greatest};
-use crate::free_run::{Motion, Prediction, Steps, drive, free_run, read};
+use crate::free_run::{Motion, Prediction, Steps, drive, free_run, nudged, read};
 use crate::model::{Model, Term};
 use crate::motor::MotorParameters;
 use crate::rig::NominalMotor;
@@ -33,7 +33,11 @@ const BLOCK_S: f64 = 0.2;
 const SYSTEMATIC: f64 = 7e-4;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
 const REFINED: usize = 8;
+/// Of many starts of an effect that is a torque from outside, so many are simulated whole: the best by its linear response.
+const SCREENED: usize = 3;
 const REFINEMENTS: u8 = 6;
+/// A constant that makes a law another one comes down to this share of its start at most.
+const LEAST_OF_START: f64 = 0.01;
 /// A process that takes longer than so many recordings cannot be told from what is always there.
 const SLOWEST: f64 = 5.0;
 /// Steps that locate the moment of an event.
@@ -144,7 +148,21 @@ impl<'a> Base<'a> {
             true => read(other, self.data, drive(other, self.data, self.steps)),
             false => read(other, self.data, self.motion.clone()),
         };
-        let mut change = weighted_residual(self.data, &prediction);
+        self.change_to(&prediction)
+    }
+
+    /// The same by what a torque from outside adds to the motion of `model`, to the first order.
+    fn change_by_torque(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
+        let motion = nudged(model, self.data, &self.motion, |at| {
+            let mut terms = Balance::default();
+            effect.contribute(values, &model.motor, at, &mut [], &mut terms);
+            terms.torque_nm
+        });
+        self.change_to(&read(model, self.data, motion))
+    }
+
+    fn change_to(&self, prediction: &Prediction) -> Vec<f64> {
+        let mut change = weighted_residual(self.data, prediction);
         change.iter_mut().zip(&self.residual).for_each(|(there, here)| *there -= here);
         change
     }
@@ -442,11 +460,14 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
     let scales = scales(&model.motor, data);
     let terms = model.terms.iter().enumerate().flat_map(|(term_index, term)| {
         let typical = term.effect.starts(&scales).into_iter().next().unwrap_or_default();
-        let parameters = term.effect.about().parameters.iter().enumerate().filter(|(_, parameter)| parameter.fitted);
+        let parameters = term.effect.about().parameters.iter().enumerate();
+        let parameters = parameters.filter(|(index, parameter)| parameter.moves(term.values[*index]));
         parameters
             .map(|(index, parameter)| {
                 let (min, max) = bounds(term.effect, index, &scales);
                 let size = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
+                // 0 would be another law.
+                let min = if parameter.unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
                 Unknown {
                     place: Place::Term(term_index, index),
                     logarithmic: false,
@@ -508,6 +529,19 @@ pub struct Promise {
     pub gain: f64,
 }
 
+/// What an effect changes in each direction in which its constants from `start` are looked at.
+fn lines(effect: &dyn Effect, start: &[f64], change: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<Vec<f64>> {
+    let without = |constant: usize| {
+        let mut values = start.to_vec();
+        values[constant] = 0.0;
+        values
+    };
+    match effect.about().linear_in {
+        2 => vec![change(without(1)), change(without(0))],
+        _ => vec![change(start.to_vec())],
+    }
+}
+
 impl Fit {
     /// Weighted sensitivities of the seen residuals and the inverse of their normal matrix.
     fn sensitivities(&self, data: &Dataset) -> &(Sensitivities, DMatrix<f64>) {
@@ -520,16 +554,19 @@ impl Fit {
 
     /// What each effect that the model does not have promises (score test; Rao 1948), the best start of each, best first.
     pub fn promises(&self, data: &Dataset, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
+        let base = Base::new(&self.model, data, Steps::Coarse);
+        // Here and not by the first that asks: it would wait for the others, and they for it.
+        self.sensitivities(data);
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
             .iter()
             .enumerate()
             .filter(|(_, effect)| !self.model.has(effect.about().id) && !excluded.contains(&effect.about().id))
             .filter(|(_, effect)| effect.needs().is_none_or(|needed| self.model.has(needed)))
-            .flat_map(|(index, effect)| effect.starts(scales).into_iter().map(move |start| (index, start)))
+            .flat_map(|(index, effect)| {
+                let starts = self.screened(&base, *effect, effect.starts(scales));
+                starts.into_iter().map(move |start| (index, start))
+            })
             .collect();
-        let base = Base::new(&self.model, data, Steps::Coarse);
-        // Here and not by the first that asks: it would wait for the others, and they for it.
-        self.sensitivities(data);
         let all: Vec<Promise> =
             candidates.into_par_iter().map(|(effect, start)| self.promise(&base, effect, start)).collect();
         let mut best: Vec<Promise> = Vec::new();
@@ -545,6 +582,21 @@ impl Fit {
         let mut best: Vec<Promise> = best.into_par_iter().map(|promise| self.refined(&base, scales, promise)).collect();
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         best
+    }
+
+    /// The starts of an effect that are worth a simulation.
+    fn screened(&self, base: &Base, effect: &dyn Effect, starts: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        if !effect.is_outer_torque() || starts.len() <= SCREENED {
+            return starts;
+        }
+        let promised = starts.into_par_iter().map(|start| {
+            let change = |values: Vec<f64>| base.change_by_torque(&self.model, effect, &values);
+            let (gain, _) = self.least_squares(base.data, &lines(effect, &start, change));
+            (gain, start)
+        });
+        let mut promised: Vec<(f64, Vec<f64>)> = promised.collect();
+        promised.sort_by(|a, b| b.0.total_cmp(&a.0));
+        promised.into_iter().take(SCREENED).map(|(_, start)| start).collect()
     }
 
     /// Halves the distance between the alternatives of a nonlinear constant again and again around the best.
@@ -567,20 +619,8 @@ impl Fit {
     fn promise(&self, base: &Base, index: usize, start: Vec<f64>) -> Promise {
         let effect = CATALOGUE[index];
         let about = effect.about();
-        let directions: Vec<Vec<f64>> = match about.linear_in {
-            2 => vec![
-                vec![start[0], 0.0, start.get(2).copied().unwrap_or(0.0)],
-                vec![0.0, start[1], start.get(2).copied().unwrap_or(0.0)],
-            ],
-            _ => vec![start.clone()],
-        };
-        let lines: Vec<Vec<f64>> = directions
-            .into_iter()
-            .map(|mut values| {
-                values.truncate(about.parameters.len());
-                base.change(&self.model.with(effect, values), effect.changes_motion())
-            })
-            .collect();
+        let change = |values| base.change(&self.model.with(effect, values), effect.changes_motion());
+        let lines = lines(effect, &start, change);
         let (gain, factors) = self.least_squares(base.data, &lines);
         // The derivative at zero of an effect without a sign says nothing of negative values.
         let signed = about.parameters[0].min < 0.0;

@@ -31,15 +31,18 @@ impl Term {
         self.effect.about().id
     }
 
-    /// Names and values of its constants.
-    pub fn named(&self) -> impl Iterator<Item = (&'static str, f64)> {
-        self.effect.about().parameters.iter().map(|parameter| parameter.name).zip(self.values.iter().copied())
+    /// Places, names and values of its constants, without those that go without saying.
+    pub fn said(&self) -> impl Iterator<Item = (usize, &'static str, f64)> {
+        let parameters = self.effect.about().parameters.iter().zip(&self.values).enumerate();
+        parameters
+            .filter(|(_, (parameter, value))| parameter.unsaid != Some(**value))
+            .map(|(index, (parameter, value))| (index, parameter.name, *value))
     }
 }
 
 impl std::fmt::Debug for Term {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}{:?}", self.id(), self.named().collect::<Vec<_>>())
+        write!(f, "{}{:?}", self.id(), self.said().map(|(_, name, value)| (name, value)).collect::<Vec<_>>())
     }
 }
 
@@ -112,8 +115,10 @@ impl Model {
         Self { motor, terms: Vec::new() }
     }
 
-    /// The same with one effect more.
-    pub fn with(&self, effect: &'static dyn Effect, values: Vec<f64>) -> Self {
+    /// The same with one effect more. Of its last constants those may be left out that go without saying.
+    pub fn with(&self, effect: &'static dyn Effect, mut values: Vec<f64>) -> Self {
+        let unsaid = effect.about().parameters[values.len()..].iter().map(|parameter| parameter.unsaid);
+        values.extend(unsaid.map(|value| value.expect("every constant that has to be said is given")));
         let mut terms = self.terms.clone();
         terms.push(Term { effect, values });
         Self { motor: self.motor, terms }
@@ -164,7 +169,7 @@ impl Model {
 
     /// Its effects by their identifiers, the constants of each by their names.
     pub fn effects(&self) -> BTreeMap<String, BTreeMap<String, f64>> {
-        let constants = |term: &Term| term.named().map(|(name, value)| (name.into(), value)).collect();
+        let constants = |term: &Term| term.said().map(|(_, name, value)| (name.into(), value)).collect();
         self.terms.iter().map(|term| (term.id().into(), constants(term))).collect()
     }
 
@@ -195,7 +200,8 @@ fn read_term(text: &str, id: &str, constants: &BTreeMap<String, f64>) -> Result<
     }
     let mut values = Vec::new();
     for parameter in parameters {
-        let value = *constants.get(parameter.name).ok_or_else(|| error(parameter.name, "missing".into()))?;
+        let given = constants.get(parameter.name).copied().or(parameter.unsaid);
+        let value = given.ok_or_else(|| error(parameter.name, "missing".into()))?;
         if !(parameter.min..=parameter.max).contains(&value) || !value.is_finite() {
             return Err(error(parameter.name, "out of range".into()));
         }

@@ -84,6 +84,22 @@ fn a_wrong_value_is_a_cause() {
     assert_eq!(supply, ["parameter:supply_voltage"]);
 }
 
+/// The same bench, recorded by a program that writes a row when its command has acted.
+#[test]
+fn commands_may_be_written_before_or_after_they_acted() {
+    for (seed, effect) in [(3001, Effect::Cogging), (3002, Effect::ActuationDelay), (3003, Effect::CurrentLag)] {
+        for written_after in [false, true] {
+            let diagnosis = assert_found(seed, &Recipe { written_after, ..Recipe::of(&[effect]) });
+            assert_eq!(
+                diagnosis.data.written_after,
+                written_after && effect != Effect::ActuationDelay,
+                "{}",
+                effect.id()
+            );
+        }
+    }
+}
+
 #[test]
 fn what_is_outside_the_catalogue_gets_no_name() {
     for (index, effect) in Effect::OUTSIDE.into_iter().enumerate() {

@@ -34,6 +34,10 @@ impl Effect for LoadStep {
         Some((1, scales.duration_s / 30.0))
     }
 
+    fn is_outer_torque(&self) -> bool {
+        true
+    }
+
     fn contribute(
         &self,
         values: &[f64],

@@ -1,6 +1,14 @@
 //! Missed counts: edges come faster than they are counted.
+//!
+//! A counter that polls loses what exceeds its rate; one that is interrupted now and then loses a share of all.
 
 use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
+
+/// Share of the threshold over which the loss of all counts sets in, so that the threshold can be fitted.
+const EDGE: f64 = 0.01;
+
+/// Thresholds at which all counts may suffer that seemed to suffer the more the faster, as multiples.
+const LATER: [f64; 3] = [1.0, 1.07, 1.15];
 
 /// See the module.
 pub struct MissedCounts;
@@ -9,9 +17,13 @@ static ABOUT: About = About {
     id: "missed_counts",
     title: "encoder counts lost at high speed",
     acts_on: ActsOn::AngleSensor,
-    parameters: &[Parameter::within("lost_share", 0.0, 1.0), Parameter::positive("threshold_rad_per_s")],
+    parameters: &[
+        Parameter::within("lost_share", 0.0, 1.0),
+        Parameter::positive("threshold_rad_per_s"),
+        Parameter::choice("of_all"),
+    ],
     linear_in: 1,
-    law: "of the speed above threshold_rad_per_s the share lost_share is not counted",
+    law: "of the speed above threshold_rad_per_s the share lost_share is not counted; with of_all = 1 the share of all counts, above the threshold",
     looks_like: "The measured speed bends off above a threshold while the current does not",
     confused_with: &["quadratic_drag", "tacho_ripple"],
     experiment: "Mark the shaft and count revolutions by eye or with a second sensor",
@@ -25,7 +37,23 @@ impl Effect for MissedCounts {
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        [0.0, 0.4, 0.55, 0.7, 0.85].map(|share| vec![0.08, share * scales.speed_rad_per_s]).to_vec()
+        let law = |of_all: f64| move |share: f64| vec![0.08, share * scales.speed_rad_per_s, of_all];
+        [0.0, 0.4, 0.55, 0.7, 0.85].map(law(0.0)).into_iter().chain([0.4, 0.55, 0.7, 0.85].map(law(1.0))).collect()
+    }
+
+    /// With as many lost at full speed. Where the loss sets in at once, it sets in later.
+    fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
+        let [lost_share, threshold_rad_per_s, of_all] = [values[0], values[1], values[2]];
+        let excess_share = (1.0 - threshold_rad_per_s / scales.speed_rad_per_s).max(0.05);
+        if of_all > 0.0 {
+            return vec![vec![(lost_share / excess_share).min(1.0), 0.95 * threshold_rad_per_s, 0.0]];
+        }
+        LATER.map(|later| vec![lost_share * excess_share, later * threshold_rad_per_s, 1.0]).to_vec()
+    }
+
+    fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
+        let moved = |factor: f64| vec![values[0], factor * values[1], values[2]];
+        if values[2] > 0.0 { [0.93, 1.07].map(moved).to_vec() } else { Vec::new() }
     }
 
     fn states(&self) -> usize {
@@ -38,8 +66,15 @@ impl Effect for MissedCounts {
     }
 
     fn lost_rad_per_s(&self, values: &[f64], speed_rad_per_s: f64) -> f64 {
-        let excess_rad_per_s = (speed_rad_per_s.abs() - values[1]).max(0.0);
-        values[0] * excess_rad_per_s * speed_rad_per_s.signum()
+        let [lost_share, threshold_rad_per_s, of_all] = [values[0], values[1], values[2]];
+        let speed = speed_rad_per_s.abs();
+        let excess_rad_per_s = (speed - threshold_rad_per_s).max(0.0);
+        let edge_rad_per_s = (EDGE * threshold_rad_per_s).max(f64::MIN_POSITIVE);
+        let counted_of = match of_all > 0.0 {
+            true => speed * (excess_rad_per_s / edge_rad_per_s).min(1.0),
+            false => excess_rad_per_s,
+        };
+        lost_share * counted_of * speed_rad_per_s.signum()
     }
 
     fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {

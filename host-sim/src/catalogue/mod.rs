@@ -90,6 +90,8 @@ pub struct Parameter {
     pub name: &'static str,
     /// Whether a fit may move it; the others are whole numbers or alternatives, tried one by one.
     pub fitted: bool,
+    /// The value that goes without saying, in model files and in results.
+    pub unsaid: Option<f64>,
     /// Least value that makes sense.
     pub min: f64,
     /// Greatest value that makes sense.
@@ -113,7 +115,7 @@ impl Parameter {
 
     /// A constant within bounds.
     const fn within(name: &'static str, min: f64, max: f64) -> Self {
-        Self { name, fitted: true, min, max, known: None, slow: false }
+        Self { name, fitted: true, unsaid: None, min, max, known: None, slow: false }
     }
 
     /// A constant that is nearly known.
@@ -129,6 +131,21 @@ impl Parameter {
     /// A whole number, tried and not fitted.
     const fn tried(name: &'static str) -> Self {
         Self { fitted: false, ..Self::within(name, 1.0, f64::INFINITY) }
+    }
+
+    /// A choice between two laws, 0 or 1, tried and not fitted; the usual one goes without saying.
+    const fn choice(name: &'static str) -> Self {
+        Self { fitted: false, ..Self::of_another_law(name, 1.0) }
+    }
+
+    /// A constant of another law than the usual one, which has none: 0 goes without saying.
+    const fn of_another_law(name: &'static str, max: f64) -> Self {
+        Self { unsaid: Some(0.0), ..Self::within(name, 0.0, max) }
+    }
+
+    /// Whether a fit moves it from this value: none changes the law.
+    pub fn moves(&self, value: f64) -> bool {
+        self.fitted && self.unsaid != Some(value)
     }
 }
 
@@ -219,6 +236,9 @@ pub struct Balance {
     pub ripple: Ripple,
     /// Voltage that works against the current, whichever way it flows, and lets none start below it.
     pub dry_drop_v: f64,
+    /// Current over which the drop comes up, where it acts on the mean over a period of the PWM; 0: it acts at every moment
+    /// within.
+    pub knee_a: f64,
     /// By how much it is greater in the off phase of the PWM.
     pub off_excess_v: f64,
     /// Torque that drives the shaft, in newton metres.
@@ -237,6 +257,12 @@ impl Balance {
     pub fn drops_v(&self) -> [f64; 2] {
         let pulse_v = self.dry_drop_v.max(0.0);
         [pulse_v, (pulse_v + self.off_excess_v).max(0.0)]
+    }
+
+    /// Whether the drop acts on the mean current. A coasting off phase is one within each period.
+    #[inline]
+    pub fn drops_with_the_mean(&self) -> bool {
+        self.knee_a > 0.0 && self.off_excess_v == 0.0
     }
 }
 
@@ -263,8 +289,10 @@ impl Wave {
 pub struct Sampling {
     /// Angle of the motor's shaft, from an unknown zero, as [`Instant::angle_rad`].
     pub angle_rad: f64,
-    /// Time since the last reading.
+    /// Time since the last reading, 0 at the first.
     pub step_s: f64,
+    /// By how much the mean of the current since the last reading is above the middle between the two.
+    pub bulge_a: f64,
 }
 
 /// Readings of the sensors.
@@ -305,6 +333,11 @@ pub trait Effect: Sync {
 
     /// Values from which a fit may come to another and better end than the one it has come to.
     fn elsewhere(&self, _values: &[f64]) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
+    /// The same with its other laws, where it has a choice.
+    fn other_laws(&self, _values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         Vec::new()
     }
 
@@ -361,6 +394,11 @@ pub trait Effect: Sync {
     /// The torque it adds, where that is a wave over the angle and nothing else.
     fn wave(&self, _values: &[f64]) -> Option<Wave> {
         None
+    }
+
+    /// Whether it is a torque from outside that knows of angle and time alone.
+    fn is_outer_torque(&self) -> bool {
+        self.wave(&[0.0; 3]).is_some()
     }
 
     /// Adds its terms. `motor` are the constants of the linear motor. What it remembers may go on here already, where a

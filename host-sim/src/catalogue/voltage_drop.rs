@@ -1,7 +1,14 @@
 //! Voltage drop: bridge transistors and brush contacts take a nearly constant voltage while current flows.
+//!
+//! A bridge that switches drops it at every moment: a current that swings through zero within each period of the PWM loses
+//! it both ways. Behind a filter, a linear amplifier or in a program's averages the drop follows the mean current, and comes
+//! up over a knee.
 
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
+
+/// Knees that are tried, as shares of the greatest current; 0: at every moment.
+const KNEES: [f64; 3] = [0.0, 5e-4, 1e-2];
 
 /// See the module.
 pub struct VoltageDrop;
@@ -10,9 +17,9 @@ static ABOUT: About = About {
     id: "voltage_drop",
     title: "a voltage drop in bridge or brushes",
     acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::positive("drop_V")],
+    parameters: &[Parameter::positive("drop_V"), Parameter::of_another_law("knee_A", f64::INFINITY)],
     linear_in: 1,
-    law: "U = drop_V sign(i); below it no current starts",
+    law: "U = drop_V sign(i); with a knee_A, drop_V tanh(i / knee_A) of the mean current",
     looks_like: "The missing voltage is a step at zero current; no current at all below a command voltage",
     confused_with: &["coulomb_friction", "supply_sag"],
     experiment: "Hold the rotor and step the voltage: the line of current over voltage misses zero by the drop",
@@ -26,7 +33,14 @@ impl Effect for VoltageDrop {
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![0.05 * scales.voltage_v]]
+        with_knees(0.05 * scales.voltage_v, scales)
+    }
+
+    fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
+        let mut laws = with_knees(values[0], scales);
+        // A fit has moved its knee.
+        laws.retain(|law| law[1] != values[1]);
+        laws
     }
 
     fn contribute(
@@ -38,5 +52,10 @@ impl Effect for VoltageDrop {
         balance: &mut Balance,
     ) {
         balance.dry_drop_v += values[0];
+        balance.knee_a = balance.knee_a.max(values[1]);
     }
+}
+
+fn with_knees(drop_v: f64, scales: &Scales) -> Vec<Vec<f64>> {
+    KNEES.map(|share| vec![drop_v, share * scales.current_a]).to_vec()
 }

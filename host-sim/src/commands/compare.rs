@@ -183,7 +183,7 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
         let of = |model: &Model, index: usize| model.term(about.id).map(|term| term.values[index]);
         for (index, parameter) in about.parameters.iter().enumerate() {
             let (a, b) = (of(&models[0], index), of(&models[1], index));
-            if a.or(b).is_some() {
+            if [a, b].into_iter().flatten().any(|value| Some(value) != parameter.unsaid) {
                 row(&format!("{}.{}", about.id, parameter.name), a, b);
             }
         }

@@ -374,7 +374,7 @@ fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Att
 fn hidden(truth: &Model) -> String {
     let mut text = String::new();
     for term in &truth.terms {
-        let constants: Vec<String> = term.named().map(|(name, value)| format!("{name} = {}", short(value))).collect();
+        let constants: Vec<String> = term.said().map(|(_, name, value)| format!("{name} = {}", short(value))).collect();
         text += &wrapped(&format!("{}: {}", term.id(), constants.join(", ")), "  ", "    ");
     }
     let motor = truth.motor.named().map(|(name, value)| format!("{name} = {}", short(value)));

@@ -1,7 +1,7 @@
 //! `motorbench identify`
 
 use super::{Failure, mapping, read_rig, spinner, write};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, WRITTEN_AFTER};
 use crate::diagnose::judge;
 use crate::free_run::free_run;
 use crate::identify::{Effort, Place, Prior, fit};
@@ -9,7 +9,7 @@ use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
-use crate::terminal_text::short;
+use crate::terminal_text::{short, wrapped};
 use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -45,6 +45,8 @@ pub struct Arguments {
 struct Identified {
     parameters: BTreeMap<&'static str, Constant>,
     fit: BTreeMap<&'static str, Fitted>,
+    /// What was noticed of the recording.
+    notes: Vec<&'static str>,
 }
 
 #[derive(Serialize)]
@@ -112,7 +114,8 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
         (name, Constant { value, ci95: interval.map_or([value, value], |interval| interval.ci95) })
     };
     let parameters = last.model.motor.named().into_iter().enumerate().map(constant).collect();
-    (last.model, Identified { parameters, fit: quality })
+    let notes = if data.written_after { vec![WRITTEN_AFTER] } else { Vec::new() };
+    (last.model, Identified { parameters, fit: quality, notes })
 }
 
 fn page(identified: &Identified) -> String {
@@ -128,6 +131,9 @@ fn page(identified: &Identified) -> String {
     }
     if identified.fit.values().any(|fitted| fitted.fit_percent < WELL_FITTED_PERCENT) {
         text += "The linear motor leaves much: motorbench diagnose says what it lacks.\n";
+    }
+    for note in &identified.notes {
+        text += &wrapped(note, "", "");
     }
     text
 }

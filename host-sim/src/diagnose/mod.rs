@@ -15,7 +15,7 @@ pub mod report;
 pub mod select;
 
 use crate::catalogue::ActsOn;
-use crate::dataset::{Dataset, DatasetError, Measured, Output, noise};
+use crate::dataset::{Dataset, DatasetError, Measured, Output, WRITTEN_AFTER, noise};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Interval, Place, Prior, fit};
 use crate::model::Model;
@@ -109,10 +109,15 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
 
 /// Effects that these channels say nothing of.
 fn excluded(data: &Dataset) -> Vec<&'static str> {
-    if data.current().is_some() {
-        return Vec::new();
+    let mut excluded = Vec::new();
+    if data.current().is_none() {
+        excluded.extend(["current_offset", "current_lag", "current_clipping"]);
     }
-    vec!["current_offset", "current_lag", "current_clipping"]
+    // Counts have no ripple.
+    if data.motion().output != Output::Speed {
+        excluded.push("tacho_ripple");
+    }
+    excluded
 }
 
 /// Measured minus simulated, per quantity.
@@ -210,6 +215,9 @@ impl Outcome {
                 acts_on_words(unexplained.acts_on), unexplained.depends_on
             ));
         }
+        if data.written_after {
+            advice.push(WRITTEN_AFTER.into());
+        }
         if data.current().is_none() {
             advice.push("Without the current, torque and voltage can hardly be told apart: record i_A as well.".into());
         }
@@ -262,9 +270,8 @@ fn constants(id: &str, model: &Model, intervals: &[Interval]) -> BTreeMap<String
     let term = &model.terms[term_index];
     let interval = |index| intervals.iter().find(|interval| interval.place == Place::Term(term_index, index));
     let mut constants: BTreeMap<String, Estimate> = term
-        .named()
-        .enumerate()
-        .map(|(index, (name, value))| {
+        .said()
+        .map(|(index, name, value)| {
             (name.to_string(), Estimate { value, ci95: interval(index).map(|interval| interval.ci95) })
         })
         .collect();

@@ -39,6 +39,8 @@ const LEAST_AHEAD: f64 = 0.9;
 const VISCOUS_SPREAD: f64 = 0.5;
 /// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains.
 const STRANGE: f64 = 25.0;
+/// Another law of an effect is fitted if as it stands it costs no more than this many times what the present one does.
+const NEAR: f64 = 10.0;
 /// A promise below this, in units of noise, is not worth a fit.
 const LEAST_PROMISE: f64 = 20.0;
 
@@ -139,6 +141,7 @@ impl Chooser<'_> {
 
     /// Fits until nothing is gained, also from where some effect may come to a better end.
     fn to_the_end(&self, mut last: Fit) -> Fit {
+        last = self.or_other_laws(last, |_| true);
         last = fit(&last.model, self.data, self.prior, Effort::FULL);
         for index in 0..last.model.terms.len() {
             let elsewhere = last.model.terms[index].effect.elsewhere(&last.model.terms[index].values);
@@ -153,6 +156,28 @@ impl Chooser<'_> {
             }
         }
         last
+    }
+
+    /// The effects that are chosen with another of their laws, where that comes to a better end.
+    fn or_other_laws(&self, mut found: Fit, chosen: impl Fn(&Term) -> bool) -> Fit {
+        let scales = scales(&found.model.motor, self.data);
+        for index in 0..found.model.terms.len() {
+            let term = &found.model.terms[index];
+            if !chosen(term) {
+                continue;
+            }
+            let laws = term.effect.other_laws(&term.values, &scales).into_par_iter().map(|values| {
+                let mut model = found.model.clone();
+                model.terms[index].values = values;
+                fit(&model, self.data, self.prior, Effort::NONE)
+            });
+            let near = laws.filter(|fit| fit.cost < NEAR * found.cost);
+            let fitted = near.map(|near| fit(&near.model, self.data, self.prior, Effort::TRIAL));
+            if let Some(best) = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < found.cost) {
+                found = best;
+            }
+        }
+        found
     }
 
     /// While something remains: the same effects beside the nominal motor, if that comes to a better end. A motor that was
@@ -285,7 +310,8 @@ impl Chooser<'_> {
             let Some((chosen, gain)) = chosen else { break };
             let best = fits.swap_remove(chosen);
             steps.push(Step::new(&current, &best, gain));
-            current = self.or_from_nominal(best);
+            let added = |term: &Term| !current.model.has(term.id());
+            current = self.or_from_nominal(self.or_other_laws(best, added));
         }
         (current, steps)
     }
@@ -354,7 +380,15 @@ impl Chooser<'_> {
         }
         let under = self.gain(rival, current);
         let term = current.model.term(id).expect("one of its own terms");
-        let fitted = |term: &Term| term.effect.about().parameters.iter().filter(|parameter| parameter.fitted).count();
+        let fitted = |term: &Term| {
+            term.effect
+                .about()
+                .parameters
+                .iter()
+                .zip(&term.values)
+                .filter(|(constant, value)| constant.moves(**value))
+                .count()
+        };
         let rival_term = rival.model.terms.last().expect("it was added to the model");
         is_same(&under)
             && (fitted(rival_term) < fitted(term)

@@ -13,6 +13,8 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
     let single = || Recipe::of(&[turn(&Effect::CATALOGUE)]);
     let of_the_current = [Effect::CurrentOffset, Effect::CurrentLag, Effect::CurrentClipping];
     let without_current: Vec<Effect> = Effect::CATALOGUE.into_iter().filter(|e| !of_the_current.contains(e)).collect();
+    // The ripple of a tachogenerator is not in the counts.
+    let counted: Vec<Effect> = Effect::CATALOGUE.into_iter().filter(|effect| *effect != Effect::TachoRipple).collect();
     let real = || Recipe::of(&random_effects(seed, 1, true)).on_real_rig();
     let recipe = match kind {
         "clean" => Recipe::of(&[]),
@@ -23,10 +25,11 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         "outside" => Recipe::of(&[turn(&Effect::OUTSIDE)]),
         "outside-real" => Recipe::of(&[turn(&Effect::OUTSIDE)]).on_real_rig(),
         "voltage-speed" => Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[turn(&without_current)]) },
-        "counts" => Recipe { channels: Channels::DutyCountsCurrent, ..single() },
+        "counts" => Recipe { channels: Channels::DutyCountsCurrent, ..Recipe::of(&[turn(&counted)]) },
         "levels" => Recipe { excitation: Excitation::Levels, ..single() },
         "closed-loop" => Recipe { excitation: Excitation::ClosedLoop, ..single() },
         "slow" => Recipe { rate_hz: 200.0, ..real() },
+        "after" => Recipe { written_after: true, ..single() },
         id => {
             let all = Effect::CATALOGUE.into_iter().chain(Effect::OUTSIDE);
             Recipe::of(&[all.into_iter().find(|effect| effect.id() == id).expect("KIND is known")])
