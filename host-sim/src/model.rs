@@ -31,6 +31,12 @@ impl Term {
         self.effect.about().id
     }
 
+    /// How many of its constants a fit moves.
+    pub fn moving(&self) -> usize {
+        let constants = self.effect.about().parameters.iter().zip(&self.values);
+        constants.filter(|(constant, value)| constant.moves(**value)).count()
+    }
+
     /// Places, names and values of its constants, without those that go without saying.
     pub fn said(&self) -> impl Iterator<Item = (usize, &'static str, f64)> {
         let parameters = self.effect.about().parameters.iter().zip(&self.values).enumerate();

@@ -19,7 +19,7 @@ static ABOUT: About = About {
     acts_on: ActsOn::Voltage,
     parameters: &[Parameter::positive("drop_V"), Parameter::of_another_law("knee_A", f64::INFINITY)],
     linear_in: 1,
-    law: "U = drop_V sign(i); with a knee_A, drop_V tanh(i / knee_A) of the mean current",
+    law: "U = drop_V sign(i), or drop_V tanh(i / knee_A) of the mean current",
     looks_like: "The missing voltage is a step at zero current; no current at all below a command voltage",
     confused_with: &["coulomb_friction", "supply_sag"],
     experiment: "Hold the rotor and step the voltage: the line of current over voltage misses zero by the drop",

@@ -48,7 +48,7 @@ pub struct Cause {
     pub parameters: BTreeMap<String, Estimate>,
     /// Errors on data kept back without it and with it, everything else fitted in both, per channel.
     pub gain: BTreeMap<&'static str, RmseGain>,
-    /// Effects that explain this data as well in its place.
+    /// Effects, or a wrong value, that explain this data as well in its place.
     pub not_separable_from: Vec<&'static str>,
     /// What it gains in standard errors of the gain.
     pub evidence_sigmas: f64,

@@ -41,6 +41,9 @@ const VISCOUS_SPREAD: f64 = 0.5;
 const STRANGE: f64 = 25.0;
 /// Another law of an effect is fitted if as it stands it costs no more than this many times what the present one does.
 const NEAR: f64 = 10.0;
+/// An inductance this many times the nominal one may be a late command.
+const EXCESSIVE_INDUCTANCE: f64 = 1.35;
+const LATE: &str = "actuation_delay";
 /// A promise below this, in units of noise, is not worth a fit.
 const LEAST_PROMISE: f64 = 20.0;
 
@@ -104,7 +107,7 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
         }
     }
     progress("to the end");
-    last = chooser.to_the_end(last);
+    last = chooser.or_late(chooser.to_the_end(last));
     let (last, standings) = chooser.backward(last);
     Selection { base, steps, last, standings }
 }
@@ -158,7 +161,8 @@ impl Chooser<'_> {
         last
     }
 
-    /// The effects that are chosen with another of their laws, where that comes to a better end.
+    /// The effects that are chosen with another of their laws, where that comes to a better end, or to one as good with fewer
+    /// constants.
     fn or_other_laws(&self, mut found: Fit, chosen: impl Fn(&Term) -> bool) -> Fit {
         let scales = scales(&found.model.motor, self.data);
         for index in 0..found.model.terms.len() {
@@ -172,12 +176,35 @@ impl Chooser<'_> {
                 fit(&model, self.data, self.prior, Effort::NONE)
             });
             let near = laws.filter(|fit| fit.cost < NEAR * found.cost);
-            let fitted = near.map(|near| fit(&near.model, self.data, self.prior, Effort::TRIAL));
-            if let Some(best) = fitted.min_by(|a, b| a.cost.total_cmp(&b.cost)).filter(|best| best.cost < found.cost) {
-                found = best;
-            }
+            let mut fits: Vec<Fit> = near.map(|near| fit(&near.model, self.data, self.prior, Effort::TRIAL)).collect();
+            fits.push(found);
+            fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let as_good = (0..fits.len()).filter(|law| is_same(&self.gain(&fits[*law], &fits[0])));
+            let simplest = as_good.min_by_key(|law| fits[*law].model.terms[index].moving());
+            found = fits.swap_remove(simplest.unwrap_or(0));
         }
         found
+    }
+
+    /// In place of an inductance that no data sheet has: a late command, where it says as much. A winding and a wait can hardly be
+    /// told apart by a speed.
+    fn or_late(&self, found: Fit) -> Fit {
+        let Some(nominal_h) = self.prior.nominal.inductance_h.filter(|_| self.has_excessive_inductance(&found)) else {
+            return found;
+        };
+        let Some(effect) = effect(LATE).filter(|_| !found.model.has(LATE)) else { return found };
+        let motor = found.model.motor;
+        let delay_s = (motor.inductance_h - nominal_h) / motor.resistance_ohm;
+        let mut model = found.model.with(effect, vec![delay_s]);
+        model.motor.inductance_h = nominal_h;
+        let late = fit(&model, self.data, self.prior, Effort::FULL);
+        let is_as_good = is_same(&self.gain(&late, &found));
+        if is_as_good && !self.has_excessive_inductance(&late) { late } else { found }
+    }
+
+    fn has_excessive_inductance(&self, fit: &Fit) -> bool {
+        let nominal_h = self.prior.nominal.inductance_h;
+        nominal_h.is_some_and(|nominal_h| fit.model.motor.inductance_h > EXCESSIVE_INDUCTANCE * nominal_h)
     }
 
     /// While something remains: the same effects beside the nominal motor, if that comes to a better end. A motor that was
@@ -364,7 +391,9 @@ impl Chooser<'_> {
         if keeps_the_motor {
             own.sigmas = own.sigmas.max(0.0).hypot(self.strangeness(&without).sqrt());
         }
-        let earns_its_name = keeps_the_motor || earns_its_place(&own) && own.sigmas > NAMED_SIGMAS;
+        let keeps_the_winding =
+            id == LATE && self.has_excessive_inductance(&without) && !self.has_excessive_inductance(current);
+        let earns_its_name = keeps_the_motor || keeps_the_winding || earns_its_place(&own) && own.sigmas > NAMED_SIGMAS;
         let is_named = earns_its_name && current.model.has_what_it_needs(id);
         Check { id, without, own, is_named }
     }
@@ -380,18 +409,9 @@ impl Chooser<'_> {
         }
         let under = self.gain(rival, current);
         let term = current.model.term(id).expect("one of its own terms");
-        let fitted = |term: &Term| {
-            term.effect
-                .about()
-                .parameters
-                .iter()
-                .zip(&term.values)
-                .filter(|(constant, value)| constant.moves(**value))
-                .count()
-        };
         let rival_term = rival.model.terms.last().expect("it was added to the model");
         is_same(&under)
-            && (fitted(rival_term) < fitted(term)
+            && (rival_term.moving() < term.moving()
                 || term.effect.yields_to(&term.values, rival_id, &current.model.terms))
     }
 
@@ -429,7 +449,10 @@ impl Chooser<'_> {
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {
         let mut over: Vec<_> = rivals.iter().map(|(rival, fit)| (*rival, self.gain(fit, current))).collect();
         over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
-        let same = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
+        let mut same: Vec<_> = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
+        if id == LATE && is_same(&own) {
+            same.push("parameter:inductance");
+        }
         Standing { id, gain: own, rival: over.into_iter().next(), same }
     }
 }
