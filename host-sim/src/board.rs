@@ -1,6 +1,10 @@
 //! A board with the firmware, as far as an experiment needs it: real, or the simulated chip.
 
 use motorbench_core::message::{Sample, Trip};
+use std::time::Duration;
+
+/// A board that trips without its host (`trip_host`) hears of it so often.
+pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
 
 /// Something that runs the firmware, with its binary stream on.
 pub trait Board {
@@ -16,6 +20,12 @@ pub trait Board {
     /// # Errors
     /// [`BoardError`].
     fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError>;
+
+    /// Lets the board hear of its host, when the last such word is [`KEEP_ALIVE`] old.
+    ///
+    /// # Errors
+    /// [`BoardError`], when the line is gone.
+    fn stay_alive(&mut self) -> Result<(), BoardError>;
 }
 
 /// Why the board did not do what it was told.

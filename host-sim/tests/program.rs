@@ -184,15 +184,21 @@ fn compare_tells_models_and_their_constants_apart() {
     assert!((sigmas - 3.0 / 2.0_f64.sqrt()).abs() < 1e-9, "{sigmas}");
 }
 
+/// The motor with friction, `true.toml`, and without, `linear.toml`.
+fn with_and_without_friction() -> TempDir {
+    let directory = TempDir::new().unwrap();
+    let friction = format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
+    std::fs::write(directory.path().join("true.toml"), friction).unwrap();
+    std::fs::write(directory.path().join("linear.toml"), PIVT6_TOML).unwrap();
+    directory
+}
+
 /// A loop measured on a motor with friction, simulated with one that has it and with one that has not.
 #[test]
 fn validate_sees_what_the_model_lacks() {
     let bench = bench();
-    let directory = TempDir::new().unwrap();
+    let directory = with_and_without_friction();
     let at = |name: &str| directory.path().join(name);
-    let friction = format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
-    std::fs::write(at("true.toml"), &friction).unwrap();
-    std::fs::write(at("linear.toml"), PIVT6_TOML).unwrap();
     let steps = [60, 20, -50, 40, -20, 70, 10, -60]
         .iter()
         .enumerate()
@@ -235,11 +241,8 @@ fn validate_sees_what_the_model_lacks() {
 #[test]
 fn validate_puts_laws_side_by_side() {
     let bench = bench();
-    let directory = TempDir::new().unwrap();
+    let directory = with_and_without_friction();
     let at = |name: &str| directory.path().join(name);
-    let friction = format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
-    std::fs::write(at("true.toml"), &friction).unwrap();
-    std::fs::write(at("linear.toml"), PIVT6_TOML).unwrap();
     let steps = [60, -50, 40, 10, -60].iter().enumerate();
     let steps: String = steps
         .map(|(index, value)| format!("[[reference]]\ntime_s = {}\nvalue = {value}\n", 0.1 + 0.7 * index as f64))

@@ -74,6 +74,10 @@ impl Board for Attended<'_> {
         self.chip.bench.set_load_torque_nm(if self.hands.get() == Hands::Turn { -HAND_NM } else { braked_nm });
         self.chip.samples(duration_s)
     }
+
+    fn stay_alive(&mut self) -> Result<(), BoardError> {
+        self.chip.stay_alive()
+    }
 }
 
 /// Does what is asked, in so many looks; grips loosely at first if told so.

@@ -1,9 +1,10 @@
 //! The simulated chip as a [`Board`]: its console and telemetry over the serial line.
 
 use super::bench::Bench;
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, KEEP_ALIVE};
 use crate::plant::Plant;
 use motorbench_core::message::Sample;
+use motorbench_core::pins::CPU_HZ;
 use motorbench_core::protocol::{Frame, StreamDecoder};
 
 /// Until the greeting is out and the zero of the current is taken, 256 ticks.
@@ -19,6 +20,8 @@ pub struct ChipBoard<P: Plant> {
     decoder: StreamDecoder,
     samples: Vec<Sample>,
     reply: String,
+    /// The cycle at which it was last kept alive.
+    kept_alive: u64,
 }
 
 impl<P: Plant> ChipBoard<P> {
@@ -31,7 +34,8 @@ impl<P: Plant> ChipBoard<P> {
         bench.serial().write("echo off\n");
         bench.run_s(0.03).map_err(|crash| BoardError::Failed(crash.to_string()))?;
         bench.serial().read();
-        let mut board = Self { bench, decoder: StreamDecoder::default(), samples: Vec::new(), reply: String::new() };
+        let (decoder, kept_alive) = (StreamDecoder::default(), bench.cycle());
+        let mut board = Self { bench, decoder, samples: Vec::new(), reply: String::new(), kept_alive };
         board.command("stream binary")?;
         board.samples.clear();
         Ok(board)
@@ -70,5 +74,14 @@ impl<P: Plant> Board for ChipBoard<P> {
     fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError> {
         self.run(duration_s)?;
         Ok(std::mem::take(&mut self.samples))
+    }
+
+    fn stay_alive(&mut self) -> Result<(), BoardError> {
+        let silent_s = (self.bench.cycle() - self.kept_alive) as f64 / f64::from(CPU_HZ);
+        if silent_s < KEEP_ALIVE.as_secs_f64() {
+            return Ok(());
+        }
+        self.kept_alive = self.bench.cycle();
+        self.command("alive")
     }
 }

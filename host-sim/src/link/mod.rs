@@ -10,7 +10,7 @@ pub mod record;
 #[cfg(unix)]
 pub mod virtual_control;
 
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, KEEP_ALIVE};
 use motorbench_core::message::Sample;
 use motorbench_core::protocol::{Frame, StreamDecoder};
 use motorbench_core::settings::{Param, Settings, Text, find, text};
@@ -31,9 +31,7 @@ const TRIES: u32 = 3;
 /// A late answer to a line that was given up is not waited for longer than this by both clocks.
 const LATE: Duration = Duration::from_millis(200);
 const LATE_TICKS: u32 = 200;
-/// The board hears of its host when the last word is so old by the clock here, or so many samples by its own: it may be ahead
-/// of a program that the computer has let wait.
-const KEEP_ALIVE: Duration = Duration::from_millis(100);
+/// [`KEEP_ALIVE`] in samples: by its own clock the board may be ahead of a program that the computer has let wait.
 const KEEP_ALIVE_TICKS: u32 = 100;
 /// The answer to a keep-alive is not waited for longer.
 const KEPT_ALIVE: Duration = Duration::from_millis(50);
@@ -269,25 +267,8 @@ impl<L: Line> Link<L> {
         last.starts_with("error: ").then(refused)
     }
 
-    /// [`keep_alive`](Self::keep_alive), when it is time.
-    ///
-    /// # Errors
-    /// [`BoardError`], when the line is gone.
-    pub fn stay_alive(&mut self) -> Result<(), BoardError> {
-        let (spoke, tick) = self.kept_alive;
-        let now = self.last_tick.unwrap_or(0);
-        if spoke.elapsed() > KEEP_ALIVE || now.saturating_sub(tick) > KEEP_ALIVE_TICKS {
-            self.kept_alive = (Instant::now(), now);
-            self.keep_alive()?;
-        }
-        Ok(())
-    }
-
-    /// Lets the board hear of its host, for `trip_host`. One that is damaged on its way is made good by the next.
-    ///
-    /// # Errors
-    /// [`BoardError`], when the line is gone.
-    pub fn keep_alive(&mut self) -> Result<(), BoardError> {
+    /// Lets the board hear of its host. A word that is damaged on its way is made good by the next.
+    fn keep_alive(&mut self) -> Result<(), BoardError> {
         self.say("alive")?;
         let end = Instant::now() + KEPT_ALIVE;
         while self.answers() < self.unanswered && Instant::now() < end {
@@ -456,6 +437,16 @@ impl<L: Line> Board for Link<L> {
                 return Ok(std::mem::take(&mut self.samples));
             }
         }
+    }
+
+    fn stay_alive(&mut self) -> Result<(), BoardError> {
+        let (spoke, tick) = self.kept_alive;
+        let now = self.last_tick.unwrap_or(0);
+        if spoke.elapsed() > KEEP_ALIVE || now.saturating_sub(tick) > KEEP_ALIVE_TICKS {
+            self.kept_alive = (Instant::now(), now);
+            self.keep_alive()?;
+        }
+        Ok(())
     }
 }
 

@@ -28,9 +28,6 @@ use std::f64::consts::TAU;
 
 /// How closely the telemetry is fetched.
 const SLICE_S: f64 = 0.02;
-/// A board that trips without its host hears of it after so many slices.
-const ALIVE_SLICES: u32 = 5;
-const ALIVE_TICKS: u32 = 100;
 /// So many slices without a sample are a board that is gone.
 const SILENT_SLICES: u32 = 50;
 /// Settings while the stand drives: gentle steps, and a stop by itself when this program dies.
@@ -169,19 +166,7 @@ pub fn drive(
     keeps: Keeps,
 ) -> Findings {
     let mut findings = Findings { readings: Vec::new(), positions: Vec::new(), ended: Ended::Complete };
-    let mut driver = Driver {
-        board,
-        settings,
-        motor,
-        person,
-        keeps,
-        load_nm: 0.0,
-        waiting: Vec::new(),
-        slices: 0,
-        tick: 0,
-        kept_alive: 0,
-        silent: 0,
-    };
+    let mut driver = Driver { board, settings, motor, person, keeps, load_nm: 0.0, waiting: Vec::new(), silent: 0 };
     let done = driver.prepare().and_then(|()| driver.run(plan, &mut findings));
     let off = driver.restore();
     findings.ended = match done.and(off.map_err(Ended::from)) {
@@ -219,10 +204,6 @@ struct Driver<'a, B: Board, P: Person> {
     load_nm: f64,
     /// Samples of the next window that have come already.
     waiting: Vec<Sample>,
-    slices: u32,
-    /// Of the last sample, and of that after which the board was last kept alive.
-    tick: u32,
-    kept_alive: u32,
     silent: u32,
 }
 
@@ -518,14 +499,8 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         if self.person.stops() {
             return Err(Ended::Interrupted);
         }
-        self.slices += 1;
-        // By its own clock as well: it may be ahead of a program that the computer has let wait.
-        if self.slices.is_multiple_of(ALIVE_SLICES) || self.tick.saturating_sub(self.kept_alive) > ALIVE_TICKS {
-            self.kept_alive = self.tick;
-            self.board.command("alive")?;
-        }
+        self.board.stay_alive()?;
         let samples = untripped(self.board.samples(SLICE_S)?)?;
-        self.tick = samples.last().map_or(self.tick, |sample| sample.tick);
         self.silent = if samples.is_empty() { self.silent + 1 } else { 0 };
         if self.silent > SILENT_SLICES {
             return Err(Ended::Failed("the telemetry stopped: look at the cable and the supply of the board".into()));
