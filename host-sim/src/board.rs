@@ -32,7 +32,7 @@ pub trait Board {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BoardError {
     /// The firmware refuses.
-    #[error("the board refuses `{line}`: {reply}")]
+    #[error("the board refuses `{line}`: {reply}{}", remedy(.reply))]
     Refused {
         /// What was sent.
         line: String,
@@ -46,32 +46,42 @@ pub enum BoardError {
         line: String,
     },
     /// The drive switched itself off.
-    #[error("the trip {0:?} came: clear its cause, then `clear` and `arm`")]
+    #[error("the drive tripped ({0:?}): when its cause is gone, `motorbench connect clear`")]
     Tripped(Trip),
+    /// The person stopped it.
+    #[error("stopped by hand")]
+    Interrupted,
     /// The firmware or the connection failed.
     #[error("{0}")]
     Failed(String),
 }
 
-/// Looked again so long after a board whose clock is behind.
-const AGAIN_S: f64 = 0.1;
+/// What a person does about a refusal that says what the console does about it.
+fn remedy(reply: &str) -> &'static str {
+    if reply.ends_with("clear it first") { " (`motorbench connect clear`)" } else { "" }
+}
+
+/// How closely a board is looked at that is waited for.
+const LOOK_S: f64 = 0.1;
 /// A board that sends nothing when it is looked so often has stopped.
 const SILENT: u32 = 20;
 /// A duration has passed when so much of it has.
 const PASSED: f64 = 0.98;
 
 /// The samples of a duration by the board's own clock, `rate_hz`: a busy computer that simulates it is slower than real time.
+/// The board hears of its host meanwhile.
 ///
 /// # Errors
 /// [`BoardError`].
 pub fn samples_of(board: &mut impl Board, duration_s: f64, rate_hz: f64) -> Result<Vec<Sample>, BoardError> {
-    let (mut samples, mut silent) = (board.samples(duration_s)?, 0);
+    let (mut samples, mut silent) = (Vec::new(), 0);
     let passed_s = |samples: &[Sample]| match (samples.first(), samples.last()) {
         (Some(first), Some(last)) => f64::from(last.tick.wrapping_sub(first.tick) + 1) / rate_hz,
         _ => 0.0,
     };
     while passed_s(&samples) < PASSED * duration_s && silent < SILENT {
-        let came = board.samples(AGAIN_S.min(duration_s))?;
+        board.stay_alive()?;
+        let came = board.samples(LOOK_S.min(duration_s))?;
         silent = if came.is_empty() { silent + 1 } else { 0 };
         samples.extend(came);
     }

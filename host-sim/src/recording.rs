@@ -3,6 +3,7 @@
 //! A recording has a column `t_s`; a table of steady states has none. What was not measured has no column, a sample that
 //! is missing is empty or `nan`.
 
+use crate::text_file;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Read;
@@ -170,9 +171,15 @@ impl Recording {
         if path.is_dir() {
             let message =
                 "this is a folder; a recording (CSV) is expected, and diagnose takes all in a folder with --batch";
-            return Err(RecordingError::Line { name, line: 1, message: message.into() });
+            return Err(RecordingError::Table { name, message: message.into() });
         }
         let file = std::fs::File::open(path).map_err(|source| RecordingError::Read { name: name.clone(), source })?;
+        if let Some(format) = text_file::other_format(path, "CSV") {
+            let message = format!(
+                "this is {format}; a recording (CSV) is expected, and `motorbench convert` makes one of other formats"
+            );
+            return Err(RecordingError::Table { name, message });
+        }
         Self::parse(&name, std::io::BufReader::new(file), names)
     }
 
@@ -259,8 +266,10 @@ impl Recording {
         }
         if channels.iter().all(Option::is_none) {
             return Err(error(format!(
-                "no known column; expected any of {}, or say which column is which (for instance --column speed=omega_rad_per_s)",
-                known()
+                "no known column among {}; expected any of {}, or say which column is which (for instance --column {}=omega_rad_per_s)",
+                self.ignored.join(", "),
+                known(),
+                self.ignored.last().map_or("speed", String::as_str)
             )));
         }
         Ok(channels)

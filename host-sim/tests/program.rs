@@ -73,6 +73,20 @@ fn identify_finds_the_constants_that_made_the_recording() {
     assert!(found["fit"]["omega_rad_per_s"]["fit_percent"].as_f64() > Some(97.0), "{}", found["fit"]);
 }
 
+/// As `record` writes it; without it the rig is not known.
+#[test]
+fn the_rig_file_beside_a_recording_is_taken() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let run = directory.path().join("run.csv");
+    std::fs::copy(&bench.run, &run).unwrap();
+    let identified = |arguments: &[&str]| json_of(&[&["identify", path(&run), "--json", "-"], arguments].concat());
+    let (alone, named) = (identified(&[]), identified(&["--rig", path(&bench.rig)]));
+    assert_ne!(alone, named);
+    std::fs::copy(&bench.rig, directory.path().join("run.rig.toml")).unwrap();
+    assert_eq!(identified(&[]), named);
+}
+
 #[test]
 fn identify_writes_a_model_that_others_read() {
     let bench = bench();

@@ -81,8 +81,9 @@ const TABLE: &[Row] = &[
         bad: &[
             (&["none.csv", "run.mat"], 1, "none.csv"),
             (&["bad.csv", "run.mat"], 1, "bad.csv"),
-            (&["run.csv", "/nonexistent/run.mat"], 3, "/nonexistent/run.mat"),
+            (&["run.csv", "/nonexistent/run.mat"], 3, "make its folder first"),
             (&["run.csv", "run.mat", "--from", "xls"], 2, "xls"),
+            (&["run.csv", "./run.csv"], 1, "run.csv would be overwritten"),
         ],
         ..row("convert")
     },
@@ -109,6 +110,9 @@ const TABLE: &[Row] = &[
             (&["run.csv", "--rig", "junk.csv"], 1, "junk.csv: this is no text; a rig file (TOML) is expected"),
             (&[".", "--rig", "rig.toml"], 1, "this is a folder; a recording (CSV) is expected"),
             (&["run.csv", "--rig", "."], 1, "this is a folder; a rig file (TOML) is expected"),
+            (&["run.csv", "--rig", "run.csv"], 1, "run.csv: this is CSV; a rig file (TOML) is expected"),
+            (&["rig.toml"], 1, "rig.toml: this is TOML; a recording (CSV) is expected"),
+            (&["names.csv"], 1, "no known column among time, volts;"),
             (&[], 2, "<RECORDINGS>"),
         ],
         ..row("diagnose")
@@ -143,6 +147,9 @@ const TABLE: &[Row] = &[
             (&["bad.toml"], 1, "bad.toml"),
             (&["scenario.toml", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
             (&["scenario.toml", "--plot", "a.jpg"], 2, ".svg or .png"),
+            (&["model.toml"], 1, "model.toml: this is no scenario: it has no duration_s"),
+            (&["rig.toml"], 1, "rig.toml: this is no scenario: it has no duration_s"),
+            (&["run.csv"], 1, "run.csv: this is CSV; a scenario or its model (TOML) is expected"),
             (&["scenario.toml", "--console", "bad.txt"], 1, "bad.txt, line 3: speed_kp"),
         ],
         ..row("simulate")
@@ -158,6 +165,8 @@ const TABLE: &[Row] = &[
             (&["none.csv", "--rig", "stand.toml"], 1, "none.csv"),
             (&["junk.csv", "--rig", "stand.toml"], 1, "this is no text"),
             (&["empty.csv", "--rig", "stand.toml"], 1, "the file is empty"),
+            (&["run.csv", "--rig", "stand.toml"], 1, "run.csv: a recording over time (t_s)"),
+            (&["--rig", "bare.toml"], 1, "bare.toml: a table of steady states needs [motor] resistance_ohm"),
             (&["table.csv", "--rig", "bad.toml"], 1, "bad.toml"),
             (&["table.csv", "--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
             (&["--rig", "stand.toml", "--port", "/dev/none"], 3, "motorbench ports"),
@@ -208,6 +217,8 @@ const TABLE: &[Row] = &[
             (&["--port", "/dev/none", "--out", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
             (&["--port", "/dev/none", "--motor", "bad.toml"], 1, "bad.toml"),
             (&["--live", "matplotlib"], 2, "plotjuggler or teleplot"),
+            (&["--port", "/dev/none", "--amplitude", "-5"], 3, "motorbench ports"),
+            (&["--period", "0"], 2, "1..=65535"),
             (&["--set", "speed_kp"], 2, "NAME=VALUE"),
             (&["--sequence", "nonsense"], 2, "identify"),
         ],
@@ -229,7 +240,17 @@ const TABLE: &[Row] = &[
         ],
         ..row("tune")
     },
-    Row { bad: &[(&["--port", "/dev/none"], 3, "motorbench ports")], ..row("autotune") },
+    Row {
+        bad: &[
+            (&["--port", "/dev/none"], 3, "motorbench ports"),
+            (&["--port", "/dev/none", "--from", "-6", "--to", "-8", "--reference", "-60"], 3, "motorbench ports"),
+            (&["--relay", "1", "--reference", "-60"], 1, "forwards"),
+            (&["--hold", "0.05"], 2, "0.2 to 60 seconds"),
+            (&["--reference", "0"], 2, "other than 0"),
+            (&["--closed-loop", "nan"], 2, "above 0"),
+        ],
+        ..row("autotune")
+    },
     Row {
         good: &[&["bash"], &["zsh"], &["fish"], &["powershell"], &["elvish"]],
         json: &["--json"],
@@ -252,7 +273,10 @@ const WITH_A_BOARD: &[Row] = &[
     Row {
         good: &[&["version", "status", "show speed_kp"]],
         json: &["--json"],
-        bad: &[(&["nonsense"], 1, "unknown command, see help")],
+        bad: &[
+            (&["nonsense"], 1, "unknown command, see help"),
+            (&["stream text 10"], 1, "stream is for other terminals"),
+        ],
         // The board's own lines are as long as they are.
         for_programs: true,
         ..row("connect")
@@ -290,6 +314,7 @@ const WITH_A_BOARD: &[Row] = &[
         json: &["--json", "-"],
         bad: &[
             (&["--rig", "stand.toml", "--voltages", "99"], 1, "voltage_limit"),
+            (&["--rig", "stand.toml", "--voltages", "-6,-9,9"], 1, "--voltages: 2 voltages or loads; 3 or more"),
             (&["--rig", "stand.toml", "--load-Nm=-1"], 1, "0 or more"),
         ],
         ..row("stand")
@@ -351,6 +376,8 @@ fn files() -> TempDir {
     put("bad.txt", "# the second is too much\nset speed_kp 0.05\nset speed_kp 99999\n");
     put("bad.csv", "t_s,omega_rad_per_s\n0,1\nzero,2\n");
     put("bad.toml", "[motor\n");
+    put("bare.toml", "[encoder]\ncounts_per_rev = 2000\n");
+    put("names.csv", "time,volts\n0,1\n");
     put("typo.toml", "[moter]\nresistance_ohm = 5\n");
     put("empty.csv", "");
     std::fs::write(folder.path().join("junk.csv"), [0xff, 0xfe, 0x00, b'\n']).unwrap();
@@ -578,6 +605,13 @@ fn a_wrong_command_line_is_told_apart_from_a_wrong_input() {
     }
     complaints.bad(&row(""), &["no-such-command"], 2, "no-such-command", folder.path());
     complaints.none();
+}
+
+#[test]
+fn a_reason_that_two_laws_share_is_said_once() {
+    let arguments = ["design", "--rig", "rig.toml", "--model", "model.toml", "--speed", "--bandwidth-Hz", "800"];
+    let done = piped(&arguments, files().path());
+    assert_eq!((done.code, done.err.matches("a tenth of the tick rate").count()), (Some(1), 1), "{}", done.err);
 }
 
 #[test]

@@ -214,6 +214,57 @@ fn a_blocked_rotor_trips_and_what_had_come_is_kept() {
     assert!(text(&done.stderr).contains("tripped"), "{}", text(&done.stderr));
     assert!(rows(&board.folder.join("run.csv")) > 500);
     board.motor_is_off();
+    // The trip is latched: what to do about it is said.
+    let again = board.run("record", &STEPS);
+    assert_eq!(again.status.code(), Some(1));
+    assert!(text(&again.stderr).contains("clear it first (`motorbench connect clear`)"), "{}", text(&again.stderr));
+}
+
+/// What `--set` changes is changed for one recording, also for one that does not begin.
+#[test]
+fn settings_of_a_recording_are_put_back() {
+    let board = Board::new("put_back");
+    let shown = || text(&board.run("connect", &["show current_limit", "show trip_peak"]).stdout);
+    let before = shown();
+    let set = ["--set", "current_limit=0", "--set", "trip_peak=5"];
+    let done = board.run("record", &[&STEPS[..], &set].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    assert_eq!(board.side_file()["settings"]["trip_peak"], 5.0, "those of the recording");
+    assert_eq!(shown(), before);
+    let refused = board.run("record", &[&STEPS[..], &set, &["--set", "speed_kp=99999"]].concat());
+    assert_eq!(refused.status.code(), Some(1), "{}", text(&refused.stderr));
+    assert_eq!(shown(), before);
+}
+
+/// While a person thinks, the board hears of its host; Ctrl-C leaves no drive, and a board that goes is told at once.
+#[test]
+fn a_person_at_the_console() {
+    let mut board = Board::new("console");
+    let connect = |board: &Board| {
+        let mut console = board.command("connect", &[]).stdin(Stdio::piped()).spawn().unwrap();
+        let mut answers = BufReader::new(console.stdout.take().unwrap()).lines().map(Result::unwrap);
+        assert!(answers.next().unwrap().contains("an empty line stops the motor"));
+        (console, answers)
+    };
+    let (mut console, mut answers) = connect(&board);
+    let mut fingers = console.stdin.take().unwrap();
+    fingers.write_all(b"set trip_host 500\narm\nmode open\nref 6\n").unwrap();
+    board.order("wait 2");
+    writeln!(fingers, "stream text 10\nstatus").unwrap();
+    assert!(answers.next().unwrap().starts_with("stream is for other terminals"));
+    assert_eq!(answers.next().unwrap(), "mode open armed 1 trip 0 none");
+    assert!(Command::new("kill").args(["-INT", &console.id().to_string()]).status().unwrap().success());
+    let done = console.wait_with_output().unwrap();
+    assert_eq!((done.status.code(), text(&done.stderr)), (Some(1), "motorbench: stopped by hand\n".into()));
+    board.motor_is_off();
+
+    let (mut console, _answers) = connect(&board);
+    // Nobody types, and nobody ends it.
+    let _fingers = console.stdin.take();
+    board.change("quit");
+    let done = console.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("connection is gone"), "{}", text(&done.stderr));
 }
 
 /// A drive that trips without its host is kept alive through a recording, and no longer than that.
@@ -377,6 +428,8 @@ fn motor_and_effects_change_while_it_runs() {
 #[test]
 fn gains_without_a_model_pass_their_test_or_are_refused() {
     let board = Board::new("autotune");
+    // It is kept alive meanwhile.
+    assert_eq!(board.run("connect", &["set trip_host 300"]).status.code(), Some(0));
     let done = board.run("autotune", &["--console", "gains.txt", "--json"]);
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
     let found: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
@@ -391,6 +444,13 @@ fn gains_without_a_model_pass_their_test_or_are_refused() {
     let stuck = board.run("autotune", &["--from", "1", "--to", "8", "--hold", "0.3"]);
     assert_eq!(stuck.status.code(), Some(1));
     assert!(text(&stuck.stderr).contains("friction"), "{}", text(&stuck.stderr));
+    board.motor_is_off();
+    // Ctrl-C does not wait for the end.
+    let experiment = board.command("autotune", &["--hold", "20"]).spawn().unwrap();
+    board.order("wait 2");
+    assert!(Command::new("kill").args(["-INT", &experiment.id().to_string()]).status().unwrap().success());
+    let done = experiment.wait_with_output().unwrap();
+    assert_eq!((done.status.code(), text(&done.stderr)), (Some(1), "motorbench: stopped by hand\n".into()));
     board.motor_is_off();
 }
 
@@ -588,7 +648,7 @@ fn the_tuning_console_in_a_terminal() {
     let recording = host_sim::recording::Recording::read(&board.folder.join("tune.csv"), &[]).unwrap();
     let ticks = 1 + (1000.0 * recording.time_s().unwrap().last().unwrap()).round() as u64;
     assert_eq!(ticks, side["samples"].as_u64().unwrap() + side["missing_ticks"].as_u64().unwrap());
-    assert!(side["missing_ticks"].as_u64().unwrap() < ticks / 10, "{side}");
+    assert!(side["missing_ticks"].as_u64().unwrap() < 60, "some ten for each of three lines: {side}");
     assert!(side["settings_before"]["speed_kp"].as_f64().is_some(), "{side}");
     board.motor_is_off();
 }

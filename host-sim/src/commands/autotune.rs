@@ -2,7 +2,7 @@
 
 use super::board::{PortArguments, on_interrupt};
 use super::{Failure, write};
-use crate::board::{Board, samples_of, untripped};
+use crate::board::{Board, BoardError, samples_of, untripped};
 use crate::design::on_board::{self, TuningError};
 use crate::design::relay::{Relay, tyreus_luyben};
 use crate::design::step_tuning::simc;
@@ -14,7 +14,10 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::FULL_RANGE;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The acceptance test: a second on the reference, of which the last quarter counts.
 const TEST_S: f64 = 1.0;
@@ -34,25 +37,25 @@ pub struct Arguments {
     #[command(flatten)]
     port: PortArguments,
     /// Voltage before the step, at which the motor turns.
-    #[arg(long, value_name = "V", default_value_t = 6.0)]
+    #[arg(long, value_name = "V", default_value_t = 6.0, allow_negative_numbers = true)]
     from: f64,
     /// Voltage after the step.
-    #[arg(long, value_name = "V", default_value_t = 8.0)]
+    #[arg(long, value_name = "V", default_value_t = 8.0, allow_negative_numbers = true)]
     to: f64,
     /// How long each is held.
-    #[arg(long, value_name = "S", default_value_t = 0.5)]
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold)]
     hold: f64,
     /// Time constant that the closed loop shall have, in ms.
-    #[arg(long, value_name = "MS", default_value_t = 10.0)]
+    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = positive)]
     closed_loop: f64,
     /// A relay experiment instead, with this swing of the voltage.
-    #[arg(long, value_name = "V")]
+    #[arg(long, value_name = "V", value_parser = positive)]
     relay: Option<f64>,
     /// First guess of the voltage that the relay's reference needs.
-    #[arg(long, value_name = "V", default_value_t = 7.0)]
+    #[arg(long, value_name = "V", default_value_t = 7.0, allow_negative_numbers = true)]
     bias: f64,
     /// Speed of the relay experiment and of the acceptance test, in rad/s.
-    #[arg(long, default_value_t = 60.0)]
+    #[arg(long, default_value_t = 60.0, allow_negative_numbers = true, value_parser = turning)]
     reference: f64,
     /// Writes the gains as console lines, for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
@@ -62,20 +65,69 @@ pub struct Arguments {
     json: bool,
 }
 
+/// How long a voltage may be held, in seconds: the motor has to arrive, and somebody waits.
+const HOLD_S: RangeInclusive<f64> = 0.2..=60.0;
+
+fn hold(text: &str) -> Result<f64, String> {
+    let expected = || format!("expected {} to {} seconds", HOLD_S.start(), HOLD_S.end());
+    text.parse().ok().filter(|seconds| HOLD_S.contains(seconds)).ok_or_else(expected)
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0).ok_or("expected a number above 0".into())
+}
+
+fn turning(text: &str) -> Result<f64, String> {
+    let turns = |speed: &f64| speed.is_finite() && *speed != 0.0;
+    text.parse().ok().filter(turns).ok_or("expected a speed other than 0: friction is no loop to tune".into())
+}
+
+/// A board beside which somebody stands who can stop it.
+struct Attended {
+    link: Link<Port>,
+    stopped: Arc<AtomicBool>,
+}
+
+impl Board for Attended {
+    fn command(&mut self, line: &str) -> Result<(), BoardError> {
+        self.link.command(line)
+    }
+
+    fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError> {
+        match self.stopped.load(Ordering::Relaxed) {
+            true => Err(BoardError::Interrupted),
+            false => self.link.samples(duration_s),
+        }
+    }
+
+    fn stay_alive(&mut self) -> Result<(), BoardError> {
+        self.link.stay_alive()
+    }
+}
+
 /// Runs it.
 ///
 /// # Errors
 /// [`Failure`]: the board, an experiment that says nothing, or gains that do not pass.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    // Ctrl-C waits for the end of the experiment, which lasts seconds and disarms.
-    let _stopped = on_interrupt()?;
+    if arguments.relay.is_some() && arguments.reference < 0.0 {
+        return Err(Failure::input("--relay: its --reference is forwards, above 0; a step may go backwards"));
+    }
+    let stopped = on_interrupt()?;
     let (mut link, _) = arguments.port.open()?;
     let settings = link.settings()?;
-    let (found, gains) = experiment(&mut link, &settings, arguments)?;
+    let mut board = Attended { link, stopped };
+    let (found, gains) = experiment(&mut board, &settings, arguments)?;
     let line = gains.iter().fold("set".to_string(), |line, (name, value)| format!("{line} {name} {value:.6}"));
     let before: Vec<String> = gains.iter().map(|(name, _)| shown(&settings, name)).collect();
-    link.command(&line)?;
-    let (overshoot_percent, error) = acceptance(&mut link, &settings, arguments.reference)?;
+    board.command(&line)?;
+    let restore = format!("set {}", before.join(" "));
+    let tested = acceptance(&mut board, &settings, arguments.reference);
+    if tested.is_err() {
+        // What went wrong is said below; a board that is gone has lost the gains with its supply.
+        let _ = board.command(&restore);
+    }
+    let (overshoot_percent, error) = tested?;
     let most_error = MOST_ERROR_SHARE * arguments.reference.abs();
     let accepted = overshoot_percent <= MOST_OVERSHOOT_PERCENT && error <= most_error;
     if arguments.json {
@@ -99,7 +151,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         );
     }
     if !accepted {
-        link.command(&format!("set {}", before.join(" ")))?;
+        board.command(&restore)?;
         return Err(Failure::input(format!(
             "not accepted: at most {MOST_OVERSHOOT_PERCENT} % and {most_error:.1} rad/s are; the board has its old gains again. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely"
         )));
@@ -120,7 +172,7 @@ struct Found {
 }
 
 fn experiment(
-    link: &mut Link<Port>,
+    board: &mut Attended,
     settings: &Settings,
     arguments: &Arguments,
 ) -> Result<(Found, Vec<(String, f64)>), Failure> {
@@ -130,7 +182,7 @@ fn experiment(
     };
     let Some(amplitude_v) = arguments.relay else {
         let volts = [arguments.from, arguments.to];
-        let model = on_board::step(link, settings, volts, arguments.hold).map_err(failed)?;
+        let model = on_board::step(board, settings, volts, arguments.hold).map_err(failed)?;
         let text = format!(
             "step: {:.2} rad/s per volt, time constant {:.1} ms, dead time {:.1} ms",
             model.gain_rad_per_s_per_v,
@@ -147,7 +199,7 @@ fn experiment(
         hysteresis_rad_per_s: 0.5,
         timeout_s: 10.0,
     };
-    let found = on_board::relay(link, settings, &relay).map_err(failed)?;
+    let found = on_board::relay(board, settings, &relay).map_err(failed)?;
     let text = format!(
         "relay: period {:.1} ms, ultimate gain {:.3} V s/rad, of it {:.1} ms the way to the computer and back",
         1e3 * found.cycle.period_s,
@@ -165,13 +217,13 @@ fn shown(settings: &Settings, name: &str) -> String {
 }
 
 /// Goes to the reference; overshoot in percent, and mean error at the end.
-fn acceptance(link: &mut Link<Port>, settings: &Settings, reference: f64) -> Result<(f64, f64), Failure> {
-    link.command("arm")?;
-    link.command("mode speed")?;
-    link.samples(0.0)?;
-    link.command(&format!("ref {reference}"))?;
-    let samples = samples_of(link, TEST_S, settings.get(Param::TickRate).into()).and_then(untripped);
-    link.command("disarm")?;
+fn acceptance(board: &mut Attended, settings: &Settings, reference: f64) -> Result<(f64, f64), BoardError> {
+    board.command("arm")?;
+    board.command("mode speed")?;
+    board.samples(0.0)?;
+    board.command(&format!("ref {reference}"))?;
+    let samples = samples_of(board, TEST_S, settings.get(Param::TickRate).into()).and_then(untripped);
+    board.command("disarm")?;
     let unit = f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE);
     let share = |sample: &Sample| f64::from(sample.speed) * unit / reference;
     let shares: Vec<f64> = samples?.iter().map(share).collect();

@@ -1,7 +1,7 @@
 //! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`: the commands that talk to a board.
 
 use super::live::LiveArguments;
-use super::{Failure, bar, read_rig, write};
+use super::{Failure, bar, cannot_write, read_rig, write};
 use crate::board::{Board, BoardError};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
@@ -15,19 +15,21 @@ use crate::text_file;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
-use motorbench_core::message::{Mode, Sample};
+use motorbench_core::message::{Mode, Sample, Trip};
 use motorbench_core::settings::{Param, Settings, find};
 use std::collections::BTreeMap;
 use std::io::{BufRead, IsTerminal, stdin};
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
 
 impl From<BoardError> for Failure {
     fn from(error: BoardError) -> Self {
         match error {
             BoardError::Failed(_) | BoardError::Silent { .. } => Self::machine(error),
-            BoardError::Refused { .. } | BoardError::Tripped(_) => Self::input(error),
+            BoardError::Refused { .. } | BoardError::Tripped(_) | BoardError::Interrupted => Self::input(error),
         }
     }
 }
@@ -87,7 +89,7 @@ pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
   motorbench connect --port /dev/ttyACM0 status 'show speed_kp'
 
 Without lines it takes them from the terminal; an empty line stops the motor,
-Ctrl-D ends.")]
+Ctrl-D and Ctrl-C end. The drive is off in the end.")]
 pub struct ConnectArguments {
     #[command(flatten)]
     port: PortArguments,
@@ -105,6 +107,9 @@ pub struct ConnectArguments {
 pub fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
     let (mut link, name) = arguments.port.open()?;
     for line in &arguments.lines {
+        if changes_stream(line) {
+            return Err(Failure::input(STREAM));
+        }
         say(arguments.json, line, &link.ask(line)?);
     }
     if !arguments.lines.is_empty() {
@@ -116,15 +121,55 @@ pub fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
             link.firmware
         );
     }
-    for line in stdin().lock().lines() {
-        let line = line.map_err(Failure::machine)?;
-        match link.ask(if line.is_empty() { "stop" } else { &line }) {
-            Ok(replies) => say(arguments.json, &line, &replies),
-            Err(BoardError::Refused { reply, .. }) => say(arguments.json, &line, &[reply]),
-            Err(error) => return Err(error.into()),
+    converse(&mut link, arguments.json)
+}
+
+/// Line by line from the terminal. Meanwhile the board hears of its host, and the person of a trip or of a board that is gone.
+fn converse(link: &mut Link<Port>, json: bool) -> Result<(), Failure> {
+    let stopped = on_interrupt()?;
+    let lines = typed_lines();
+    let mut trip = Trip::None;
+    while !stopped.load(Ordering::Relaxed) {
+        match lines.try_recv() {
+            Ok(line) if changes_stream(&line) => say(json, &line, &[STREAM.into()]),
+            Ok(line) => match link.ask(if line.is_empty() { "stop" } else { &line }) {
+                Ok(replies) => say(json, &line, &replies),
+                Err(BoardError::Refused { reply, .. }) => say(json, &line, &[reply]),
+                Err(error) => return Err(error.into()),
+            },
+            Err(TryRecvError::Disconnected) => return Ok(()),
+            Err(TryRecvError::Empty) => {
+                link.stay_alive()?;
+                for sample in link.samples(LOOK_S)? {
+                    if sample.trip != trip && sample.trip != Trip::None {
+                        eprintln!("the drive tripped ({:?}): `clear` when its cause is gone", sample.trip);
+                    }
+                    trip = sample.trip;
+                }
+            }
         }
     }
-    Ok(())
+    Err(BoardError::Interrupted.into())
+}
+
+/// Why `connect` does not pass a line on.
+const STREAM: &str = "stream is for other terminals (screen, tio, a serial plotter): connect has the binary stream for itself; motorbench tune shows it, motorbench record keeps it";
+
+/// Whether a line would take from this program what it hears the board by.
+fn changes_stream(line: &str) -> bool {
+    line.split_whitespace().next() == Some("stream")
+}
+
+/// The lines that are typed, or come from a pipe. Reading blocks, and Ctrl-C and the board shall be heard meanwhile.
+pub(super) fn typed_lines() -> Receiver<String> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        let lines = stdin().lock().split(b'\n').map_while(Result::ok);
+        lines
+            .map(|line| String::from_utf8_lossy(line.trim_ascii_end()).into_owned())
+            .try_for_each(|line| sender.send(line))
+    });
+    receiver
 }
 
 fn say(json: bool, line: &str, replies: &[String]) {
@@ -134,6 +179,11 @@ fn say(json: bool, line: &str, replies: &[String]) {
         replies.iter().for_each(|reply| println!("{reply}"));
     }
 }
+
+/// How closely the board is looked at while a person thinks.
+const LOOK_S: f64 = 0.02;
+/// How long a random excitation lasts when nobody says how many parts it has.
+const RANDOM_MS: u16 = 10_000;
 
 /// Excitations, by the console's names.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -151,6 +201,14 @@ enum Excitation {
 impl Excitation {
     fn kind(self) -> Kind {
         Kind::from_number(self as u8).expect("in the order of the core's own list")
+    }
+
+    /// How often it is played when nobody says: random ones for [`RANDOM_MS`].
+    fn usual_count(self, period_ms: u16) -> u16 {
+        match self {
+            Self::Prbs | Self::Levels => RANDOM_MS.div_ceil(period_ms),
+            _ => 1,
+        }
     }
 }
 
@@ -173,24 +231,24 @@ pub struct RecordArguments {
     #[arg(long, value_enum, default_value = "identify")]
     sequence: Excitation,
     /// In the unit of the mode; without it eight tenths of the supply.
-    #[arg(long)]
+    #[arg(long, allow_negative_numbers = true)]
     amplitude: Option<f64>,
     /// Added to it.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
     offset: f64,
     /// How long one part lasts, in ms.
-    #[arg(long, default_value_t = 500)]
+    #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u16).range(1..))]
     period: u16,
-    /// How often.
-    #[arg(long, default_value_t = 1)]
-    count: u16,
+    /// How often; without it once, and as many random levels or bits as take 10 s.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
+    count: Option<u16>,
     /// Of random excitations.
     #[arg(long, default_value_t = 1)]
     seed: u16,
     /// Who sets the voltage: open, speed, position, lqr_speed, lqr_position.
     #[arg(long, default_value = "open")]
     mode: String,
-    /// Settings to change for this recording: NAME=VALUE.
+    /// Settings to change for this recording, put back after it: NAME=VALUE.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, f64)>,
     /// A rig file whose nominal constants of the motor go into the new one.
@@ -222,22 +280,38 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     };
     // Before the motor turns: a wrong folder shall not cost a recording.
     let out = &arguments.out;
-    let mut growing = GrowingCsv::new(out).map_err(|error| Failure::machine(format!("{}: {error}", out.display())))?;
+    let mut growing = GrowingCsv::new(out).map_err(|error| cannot_write(out, &error))?;
     let stopped = on_interrupt()?;
     let mut live = arguments.live.open()?;
     let (mut link, _) = arguments.port.open()?;
-    let (settings, played) = prepare(&mut link, arguments)?;
+    let before = link.settings()?;
+    let done = play(arguments, &mut link, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
+    put_back(&mut link, &before, &arguments.set);
+    let (done, played) = done?;
+    finish(arguments, &done, &link.firmware, &played, nominal)
+}
+
+/// Prepares the board, plays and records; what came, and what it was told to play.
+fn play(
+    arguments: &RecordArguments,
+    link: &mut Link<Port>,
+    growing: &mut GrowingCsv,
+    live: &mut Option<Live>,
+    stop: &dyn Fn() -> bool,
+) -> Result<(Record, Played), Failure> {
+    let out = &arguments.out;
+    let (settings, played) = prepare(link, arguments)?;
     let ticks = played.asked(arguments.sequence).sequence(Mode::OpenLoop, &settings).duration_ticks();
     let mut coverage = Coverage::new(&settings);
     let bar = bar(ticks.into());
     bar.set_style(
         ProgressStyle::with_template("{bar:40} {percent} % {elapsed}\n{msg}").expect("a constant that is right"),
     );
-    let mut done = record(&mut link, settings, &played.order(), &|| stopped.load(Ordering::Relaxed), &mut |came| {
+    let mut done = record(link, settings, &played.order(), stop, &mut |came| {
         bar.inc(came.len() as u64);
         coverage.add(came);
         bar.set_message(coverage.covered().to_string());
-        send(&mut live, came, &settings);
+        send(live, came, &settings);
         growing.add(came, &settings).map_err(|error| cannot_grow(out, &error))
     });
     bar.finish_and_clear();
@@ -246,7 +320,21 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
             "the board has played another sequence than it was told: the line damages what it carries, use a shorter cable or another USB port".into(),
         );
     }
-    finish(arguments, &done, &link.firmware, &played, nominal)
+    Ok((done, played))
+}
+
+/// Gives the settings that were changed for a recording their values of before, the last first: what limits others may have
+/// been changed after them.
+fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)]) {
+    let known = changed.iter().rev().filter_map(|(name, _)| Some((name, find(name.as_bytes())?)));
+    let lines = known.map(|(name, param)| format!("set {name} {}", before.get(param)));
+    for line in iter::once("disarm".to_string()).chain(lines) {
+        // A board that is gone has lost them with its supply.
+        if let (Err(error), false) = (link.command(&line), link.is_gone()) {
+            eprintln!("motorbench: {error}; what --set has changed stays until the board's next reset");
+            return;
+        }
+    }
 }
 
 pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
@@ -366,7 +454,8 @@ fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settin
     let sequence = arguments.sequence.to_possible_value().expect("none is skipped").get_name().to_owned();
     link.command("arm")?;
     link.command(&format!("mode {}", arguments.mode))?;
-    let RecordArguments { offset, period: period_ms, count, seed, .. } = *arguments;
+    let RecordArguments { offset, period: period_ms, seed, .. } = *arguments;
+    let count = arguments.count.unwrap_or_else(|| arguments.sequence.usual_count(period_ms));
     Ok((settings, Played { time_s: 0.0, kind: "sequence", sequence, amplitude, offset, period_ms, count, seed }))
 }
 
@@ -450,7 +539,7 @@ pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failur
         Ended::Complete => Ok(()),
         Ended::Interrupted => Err(Failure::input(format!("stopped by hand; {kept}"))),
         Ended::Tripped(trip) => Err(Failure::input(format!(
-            "the drive tripped ({trip}); {kept}. Clear the cause, then `clear`; for a recording limits can be raised with --set, for instance --set current_limit=0 --set trip_peak=2"
+            "the drive tripped ({trip}); {kept}. When its cause is gone, `motorbench connect clear`; for a recording limits can be raised with --set, for instance --set current_limit=0 --set trip_peak=2"
         ))),
         Ended::Refused(why) => Err(Failure::input(why)),
         Ended::Failed(why) => Err(Failure::machine(format!("{why}; {kept}"))),
@@ -538,4 +627,16 @@ fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
         }
     }
     Ok(checked)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn random_levels_are_enough_when_nobody_says_how_many() {
+        let parts =
+            [(Excitation::Levels, 500), (Excitation::Prbs, 60), (Excitation::Levels, 60_000), (Excitation::Steps, 500)];
+        assert_eq!(parts.map(|(excitation, period_ms)| excitation.usual_count(period_ms)), [20, 167, 1, 1]);
+    }
 }

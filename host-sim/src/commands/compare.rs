@@ -1,6 +1,6 @@
 //! `motorbench compare`
 
-use super::{Failure, mapping, plot_file, read_model, read_rig, write, write_plot};
+use super::{Failure, mapping, plot_file, read_model, rig_for, write, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
@@ -10,7 +10,6 @@ use crate::model::Model;
 use crate::panels::{Panel, panels};
 use crate::plant::{Bridge, Inputs, ModelPlant, Plant};
 use crate::recording::Recording;
-use crate::rig::Rig;
 use crate::terminal_text::short;
 use crate::text_file;
 use clap::Args;
@@ -33,7 +32,8 @@ pub struct Arguments {
     first: PathBuf,
     /// The same.
     second: PathBuf,
-    /// What is known of the rig (TOML), for a recording with a model.
+    /// What is known of the rig (TOML), for a recording with a model; without it the rig file beside the recording, where
+    /// there is one.
     #[arg(long)]
     rig: Option<PathBuf>,
     /// A column that has another name: FILE_NAME=PROJECT_NAME.
@@ -135,7 +135,7 @@ pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
 
 /// A free run of the model over the recording, against everything that was measured.
 fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(), Failure> {
-    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), read_rig)?;
+    let rig = rig_for(arguments.rig.as_deref(), Some(recording))?;
     let recording = Recording::read(recording, &arguments.columns).map_err(Failure::input)?;
     let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
     let model = read_model(model)?;

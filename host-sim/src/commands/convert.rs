@@ -1,6 +1,6 @@
 //! `motorbench convert`
 
-use super::Failure;
+use super::{Failure, write};
 use crate::convert::{self, Dialect, Format, Mapping, Names};
 use crate::recording::Channel;
 use clap::Args;
@@ -68,6 +68,11 @@ fn delimiter(text: &str) -> Result<u8, String> {
     }
 }
 
+/// Whether two names are of one file that is there.
+fn is_same(one: &Path, other: &Path) -> bool {
+    one.canonicalize().ok().is_some_and(|one| other.canonicalize().is_ok_and(|other| one == other))
+}
+
 /// Runs it.
 ///
 /// # Errors
@@ -76,6 +81,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let format =
         |said: Option<Format>, path: &Path| said.map_or_else(|| Format::of_path(path), Ok).map_err(Failure::input);
     let (from, to) = (format(arguments.from, &arguments.source)?, format(arguments.to, &arguments.target)?);
+    if is_same(&arguments.source, &arguments.target) {
+        let source = arguments.source.display();
+        return Err(Failure::input(format!("{source} would be overwritten: choose another name for what is written")));
+    }
     let name = arguments.source.display().to_string();
     let bytes = std::fs::read(&arguments.source).map_err(|error| Failure::input(format!("{name}: {error}")))?;
     let dialect = Dialect { delimiter: arguments.delimiter, decimal_comma: arguments.decimal_comma };
@@ -85,7 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recording = &converted.recording;
     let written = convert::write(recording, to, &arguments.renamed, dialect).map_err(Failure::input)?;
     let target = &arguments.target;
-    std::fs::write(target, written).map_err(|error| Failure::machine(format!("{}: {error}", target.display())))?;
+    write(target, &written)?;
     let channels: Vec<&str> = recording.channels().map(Channel::column).collect();
     if arguments.json {
         let summary =

@@ -203,7 +203,7 @@ fn recording_settings() -> Settings {
 /// By the firmware on the simulated chip; where that cannot be, by its control core on this computer.
 #[cfg(feature = "chip")]
 fn record(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Result<Vec<Sample>, Failure> {
-    match crate::chip::firmware_elf() {
+    match super::firmware() {
         Ok(elf) => {
             say("   by the firmware on a simulated ATmega328P, over its serial port");
             Ok(record_on_chip(&elf, truth, &settings)?)

@@ -144,7 +144,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     busy.finish_and_clear();
     if designs.is_empty() {
-        let whys: Vec<String> = refused.into_iter().map(|refused| refused.why).collect();
+        let mut whys: Vec<String> = refused.into_iter().map(|refused| refused.why).collect();
+        whys.dedup();
         return Err(Failure::input(whys.join("\n")));
     }
     let mut settings = SettingList::default();

@@ -1,6 +1,7 @@
 //! `motorbench diagnose`
 
-use super::{Failure, mapping, read_rig, rig_beside, spinner, write};
+use super::recordings::RecordingArguments;
+use super::{Failure, rig_beside, rig_for, spinner, write};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -22,19 +23,10 @@ use std::path::{Path, PathBuf};
 A table without t_s is one of steady states. --batch takes each file alone, one
 line of JSON each.")]
 pub struct Arguments {
-    /// Recordings of one rig: CSV with units in the column names (t_s with duty or u_V and omega_rad_per_s, rpm,
-    /// theta_rad or counts, and i_A), or one table of steady states without t_s.
-    #[arg(required = true)]
-    recordings: Vec<PathBuf>,
-    /// What is known of the rig (TOML).
-    #[arg(long)]
-    rig: Option<PathBuf>,
-    /// A column of the file that has another name: FILE_NAME=PROJECT_NAME.
-    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
-    columns: Vec<(String, String)>,
+    #[command(flatten)]
+    recordings: RecordingArguments,
     /// Diagnoses each recording alone, on all cores, and prints one JSON object a line as each is done: file, rig, and outcome
-    /// or error. A folder stands for the .csv files in it. Without --rig each has the rig file beside it (run.rig.toml for
-    /// run.csv), where there is one.
+    /// or error. A folder stands for the .csv files in it. Without --rig each has the rig file beside it.
     #[arg(long, conflicts_with_all = ["json", "report", "model"])]
     batch: bool,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -53,15 +45,10 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] with what is wrong with the input, and where.
 pub fn run(args: &Arguments) -> Result<(), Failure> {
-    let rig = match &args.rig {
-        Some(path) => read_rig(path)?,
-        None => Rig::default(),
-    };
     if args.batch {
-        return batch(args, &rig);
+        return batch(args, &rig_for(args.recordings.rig.as_deref(), None)?);
     }
-    let read = |path: &PathBuf| Recording::read(path, &args.columns).map_err(Failure::input);
-    let recordings = args.recordings.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    let (rig, recordings) = (args.recordings.rig()?, args.recordings.read()?);
     if let [table] = &recordings[..]
         && table.time_s().is_none()
     {
@@ -83,15 +70,15 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
 
 /// One line for each file, in no order; a bad one does not stop the others.
 fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
-    let files = expanded(&args.recordings)?;
+    let files = expanded(&args.recordings.recordings)?;
     let bar = super::bar(files.len() as u64);
     let failed = files
         .par_iter()
         .filter(|path| {
-            let beside = if args.rig.is_none() { rig_beside(path) } else { None };
+            let beside = if args.recordings.rig.is_none() { rig_beside(path) } else { None };
             let own = beside.as_deref().map(Rig::read).transpose().map_err(|error| error.to_string());
             let result = own.and_then(|own| alone(path, args, own.as_ref().unwrap_or(rig)));
-            let rig = args.rig.as_ref().or(beside.as_ref());
+            let rig = args.recordings.rig.as_ref().or(beside.as_ref());
             let failed = result.is_err();
             let line = match result {
                 Ok(outcome) => serde_json::json!({ "file": path, "rig": rig, "outcome": outcome }),
@@ -110,7 +97,7 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
 }
 
 fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, String> {
-    let recording = Recording::read(path, &args.columns).map_err(|error| error.to_string())?;
+    let recording = Recording::read(path, &args.recordings.columns).map_err(|error| error.to_string())?;
     let outcome = if recording.time_s().is_none() {
         serde_json::to_value(steady_state::study(&recording, rig).map_err(|error| error.to_string())?)
     } else {

@@ -1,14 +1,14 @@
 //! `motorbench identify`
 
-use super::{Failure, mapping, read_rig, spinner, write};
+use super::recordings::RecordingArguments;
+use super::{Failure, spinner, write};
 use crate::dataset::{Dataset, WRITTEN_AFTER};
 use crate::diagnose::judge;
 use crate::free_run::free_run;
 use crate::identify::{Effort, Place, Prior, fit};
 use crate::model::Model;
 use crate::motor::MotorParameters;
-use crate::recording::Recording;
-use crate::rig::{NominalMotor, Rig};
+use crate::rig::NominalMotor;
 use crate::terminal_text::{short, wrapped};
 use clap::Args;
 use serde::Serialize;
@@ -23,15 +23,8 @@ use std::path::{Path, PathBuf};
   motorbench identify a.csv b.csv --json -
 What the linear motor lacks is said by motorbench diagnose.")]
 pub struct Arguments {
-    /// Recordings of one rig, as for motorbench diagnose.
-    #[arg(required = true)]
-    recordings: Vec<PathBuf>,
-    /// What is known of the rig (TOML).
-    #[arg(long)]
-    rig: Option<PathBuf>,
-    /// A column of the file that has another name: FILE_NAME=PROJECT_NAME.
-    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
-    columns: Vec<(String, String)>,
+    #[command(flatten)]
+    recordings: RecordingArguments,
     /// Writes the motor as a model file.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
@@ -68,9 +61,7 @@ struct Fitted {
 /// # Errors
 /// [`Failure`] with what is wrong with the input, and where.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let rig = arguments.rig.as_deref().map_or_else(|| Ok(Rig::default()), read_rig)?;
-    let read = |path: &PathBuf| Recording::read(path, &arguments.columns).map_err(Failure::input);
-    let recordings = arguments.recordings.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    let (rig, recordings) = (arguments.recordings.rig()?, arguments.recordings.read()?);
     let data = Dataset::new(&recordings, &rig).map_err(Failure::input)?;
     let bar = spinner();
     let (model, identified) = identify(&data, &rig.motor, &|text| bar.set_message(text.to_string()));

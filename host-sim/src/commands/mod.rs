@@ -14,12 +14,15 @@ mod diagnose;
 mod identify;
 mod live;
 mod manual;
+mod recordings;
 mod simulate;
 mod stand;
 mod tune;
 mod validate;
 mod virtual_board;
 
+#[cfg(feature = "chip")]
+use crate::chip::{ProgramError, firmware_elf};
 use crate::model::Model;
 use crate::picture::{self, Format};
 use crate::rig::Rig;
@@ -29,7 +32,7 @@ use clap::{CommandFactory, Parser, Subcommand};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::any::Any;
 use std::fmt::Display;
-use std::io::Write as _;
+use std::io::{self, ErrorKind, Write as _};
 use std::panic;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -169,6 +172,22 @@ fn rig_beside(recording: &Path) -> Option<PathBuf> {
     Some(board::beside(recording, "rig.toml")).filter(|path| path.exists())
 }
 
+/// The rig file that is named, else that beside a recording; nothing is known of the rig where there is none.
+fn rig_for(named: Option<&Path>, recording: Option<&Path>) -> Result<Rig, Failure> {
+    let beside = recording.and_then(rig_beside);
+    named.or(beside.as_deref()).map_or_else(|| Ok(Rig::default()), read_rig)
+}
+
+/// The firmware for the simulated chip, which is built when it is not there.
+#[cfg(feature = "chip")]
+fn firmware() -> Result<PathBuf, ProgramError> {
+    let bar = spinner();
+    bar.set_message("the firmware is built; the first time takes a minute");
+    let elf = firmware_elf();
+    bar.finish_and_clear();
+    elf
+}
+
 /// A model file.
 fn read_model(path: &Path) -> Result<Model, Failure> {
     let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", path.display()));
@@ -200,7 +219,18 @@ fn write_plot(path: &Path, svg: &str) -> Result<(), Failure> {
 
 /// Writes a file.
 fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Failure> {
-    std::fs::write(path, contents).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
+    std::fs::write(path, contents).map_err(|error| cannot_write(path, &error))
+}
+
+/// Why a file cannot be written, and what to do.
+fn cannot_write(path: &Path, error: &io::Error) -> Failure {
+    let remedy = match error.kind() {
+        ErrorKind::NotFound => ": make its folder first",
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => ": choose another folder",
+        ErrorKind::StorageFull => ": make room on the disk",
+        _ => "",
+    };
+    Failure::machine(format!("{}: {error}{remedy}", path.display()))
 }
 
 /// What is being done and for how long; it shows itself on a terminal only.

@@ -66,15 +66,27 @@ struct Position {
 /// [`Failure`] with file and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rig = read_rig(&arguments.rig)?;
-    let read = |path: &PathBuf| Recording::read(path, &arguments.columns).map_err(Failure::input);
-    let earlier = arguments.earlier.as_ref().map(read).transpose()?;
+    let read = |path: &Path| table(path, &arguments.columns);
+    let earlier = arguments.earlier.as_deref().map(read).transpose()?;
     let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
     match &arguments.table {
         Some(path) => report(arguments, &read(path)?, earlier.as_ref(), winding, &rig),
-        None => arguments.board.run(&rig, |table, held| {
+        None => arguments.board.run((&arguments.rig, &rig), |table, held| {
             report(arguments, table, earlier.as_ref(), Some(held).filter(|held| !held.is_empty()).or(winding), &rig)
         }),
     }
+}
+
+/// A table of steady states.
+fn table(path: &Path, columns: &[(String, String)]) -> Result<Recording, Failure> {
+    let table = Recording::read(path, columns).map_err(Failure::input)?;
+    if table.time_s().is_some() {
+        return Err(Failure::input(format!(
+            "{}: a recording over time (t_s); a table of steady states is expected, a row a reading. Recordings are for motorbench diagnose",
+            path.display()
+        )));
+    }
+    Ok(table)
 }
 
 /// Evaluates a table and prints or writes what was asked for. `resistances_ohm`: of the winding, where measured apart.

@@ -2,7 +2,7 @@
 
 use super::board::beside;
 use super::compare::{plot, table};
-use super::{Failure, mapping, plot_file, read_rig, rig_beside, spinner, write, write_plot};
+use super::{Failure, mapping, plot_file, rig_for, spinner, write, write_plot};
 use crate::compare::{Comparison, Difference, compare};
 use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
@@ -110,8 +110,7 @@ impl Arguments {
     }
 
     fn rig(&self) -> Result<Rig, Failure> {
-        let own = self.measured.first().and_then(|first| rig_beside(first));
-        self.rig.as_deref().or(own.as_deref()).map_or_else(|| Ok(Rig::default()), read_rig)
+        rig_for(self.rig.as_deref(), self.measured.first().map(PathBuf::as_path))
     }
 }
 
@@ -267,6 +266,10 @@ fn page(loops: &[Loop], remaining: &[String]) -> String {
 
 /// Figures of one loop, a line each.
 fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
+    if figures[0].is_empty() {
+        // An open loop has nothing to follow.
+        return String::new();
+    }
     let mut text = String::from("  at, s    figure                     simulated     measured\n");
     for (simulated, measured) in figures[0].iter().zip(&figures[1]) {
         let rows = [
@@ -375,4 +378,14 @@ fn ranking(loops: &[Loop]) -> String {
         each.collect::<Vec<_>>().join(", "),
         loops[measured].name
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_open_loop_has_no_table_of_figures() {
+        assert_eq!(figures_table(&[Vec::new(), Vec::new()]), "");
+    }
 }

@@ -90,10 +90,10 @@ pub use with_chip::run;
 
 #[cfg(all(feature = "chip", unix))]
 mod with_chip {
-    use super::super::read_rig;
+    use super::super::{firmware, read_rig};
     use super::surroundings::{ORDERS, Surroundings, Until};
     use super::{Arguments, Failure};
-    use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator, firmware_elf};
+    use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator};
     use crate::link::virtual_control::{VirtualControl, control_path};
     use crate::plant::ModelPlant;
     use crate::rig::Rig;
@@ -135,7 +135,7 @@ mod with_chip {
             Surroundings::new(arguments.model.as_deref(), arguments.rig.as_deref().zip(rig.as_ref()))?;
         let elf = match &arguments.firmware {
             Some(path) => path.clone(),
-            None => firmware_elf().map_err(Failure::machine)?,
+            None => firmware().map_err(Failure::machine)?,
         };
         let mut bench = Bench::new(elf, circuit(rig.as_ref()), surroundings.plant()).map_err(Failure::input)?;
         for order in &arguments.with {

@@ -44,6 +44,7 @@ impl From<BoardError> for Ended {
     fn from(error: BoardError) -> Self {
         match error {
             BoardError::Tripped(trip) => Self::Tripped(format!("{trip:?}")),
+            BoardError::Interrupted => Self::Interrupted,
             refused @ BoardError::Refused { .. } => Self::Refused(refused.to_string()),
             error => Self::Failed(error.to_string()),
         }

@@ -73,8 +73,10 @@ struct FileFault {
 pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError> {
     let name = path.display().to_string();
     let text = text_of(path)?;
-    let file: File = toml::from_str(&text)
-        .map_err(|error| ScenarioError::Syntax { path: name.clone(), message: keys::explained(&error) })?;
+    let file: File = toml::from_str(&text).map_err(|error| {
+        let message = if is_another_file(&text) { ANOTHER_FILE.into() } else { keys::explained(&error) };
+        ScenarioError::Syntax { path: name.clone(), message }
+    })?;
     let own = || {
         Model::parse(&file.model_text(path, &text)?)
             .map_err(|source| ScenarioError::Model { path: name.clone(), source: Box::new(source) })
@@ -83,8 +85,17 @@ pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError
     file.scenario(model, &text).map_err(|what| ScenarioError::Value { path: name, what })
 }
 
+/// Whether a text in TOML has nothing that could be the length of a scenario: a model or rig file.
+fn is_another_file(text: &str) -> bool {
+    let table: Option<toml::Table> = text.parse().ok();
+    table.is_some_and(|table| table.keys().all(|key| keys::nearest(key, ["duration_s"]).is_none()))
+}
+
+/// What is wrong with it.
+const ANOTHER_FILE: &str = "this is no scenario: it has no duration_s (docs/scenarios.md says what one has). A model file goes with --model, beside a scenario";
+
 fn text_of(path: &Path) -> Result<String, ScenarioError> {
-    crate::text_file::read(path, "a file in TOML")
+    crate::text_file::read(path, "a scenario or its model (TOML)")
         .map_err(|source| ScenarioError::Read { path: path.display().to_string(), source })
 }
 

@@ -28,8 +28,9 @@ use std::f64::consts::TAU;
 
 /// How closely the telemetry is fetched.
 const SLICE_S: f64 = 0.02;
-/// So many slices without a sample are a board that is gone.
-const SILENT_SLICES: u32 = 50;
+/// So many slices without a sample, five seconds, are a board that is gone: a busy computer that simulates one may leave it
+/// without time for some.
+const SILENT_SLICES: u32 = 250;
 /// Settings while the stand drives: gentle steps, and a stop by itself when this program dies.
 const SLEW_V_PER_S: f32 = 50.0;
 const LOST_AFTER_MS: f32 = 500.0;

@@ -20,7 +20,7 @@ use std::f64::consts::TAU;
 /// Readings whose voltages differ by less than this share of the greatest are one level.
 const SAME_LEVEL: f64 = 0.005;
 /// Fewer levels say nothing of a line.
-const FEWEST_LEVELS: usize = 3;
+pub const FEWEST_LEVELS: usize = 3;
 /// A term is needed when it is this many standard errors from nothing.
 const NEEDED_SIGMAS: f64 = 4.0;
 /// Two explanations whose errors at a level left out differ by less than this share cannot be told apart.

@@ -1,7 +1,7 @@
 //! A board as the test stand of `motorbench stand`.
 
-use crate::commands::board::{PortArguments, beside, ended, on_interrupt};
-use crate::commands::{Failure, write};
+use crate::commands::board::{PortArguments, beside, ended, on_interrupt, typed_lines};
+use crate::commands::{Failure, cannot_write, write};
 use crate::link::growing::GrowingFile;
 use crate::link::port::Port;
 use crate::link::record::by_name;
@@ -11,15 +11,15 @@ use crate::link::{Link, VERSION};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::stand::drive::{Findings, Found, HeldPosition, Person, Plan, drive, table};
-use crate::steady_state::StudyError;
+use crate::steady_state::{FEWEST_LEVELS, StudyError};
 use clap::Args;
 use motorbench_core::settings::{Param, Settings};
 use std::fmt::Write as _;
-use std::io::{Write as _, stderr, stdin};
+use std::io::{Write as _, stderr};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, TryRecvError};
 
 /// Levels unless others are given: eighths of the largest voltage, from where most motors turn.
 const LEVELS: std::ops::RangeInclusive<u8> = 3..=8;
@@ -33,7 +33,7 @@ pub(super) struct BoardArguments {
     #[command(flatten)]
     port: PortArguments,
     /// Voltages to go to; without it 3/8 to 8/8 of the board's voltage_limit.
-    #[arg(long, value_name = "V,V,...", value_delimiter = ',', conflicts_with = "table")]
+    #[arg(long, value_name = "V,V,...", value_delimiter = ',', allow_hyphen_values = true, conflicts_with = "table")]
     voltages: Vec<f64>,
     /// The same voltages backwards as well.
     #[arg(long, conflicts_with = "table")]
@@ -59,12 +59,12 @@ impl BoardArguments {
     /// Drives the board, writes what came, and has the table and the held resistances evaluated.
     pub(super) fn run(
         &self,
-        rig: &Rig,
+        (rig_file, rig): (&Path, &Rig),
         evaluate: impl FnOnce(&Recording, Vec<f64>) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         // Before the motor turns: a file that says too little, a full disk or a wrong folder shall not cost a test.
         if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
-            return Err(Failure::input(StudyError::NoNominal));
+            return Err(Failure::input(format!("{}: {}", rig_file.display(), StudyError::NoNominal)));
         }
         let mut files = Files::new(&self.save, !self.loads_nm.is_empty())?;
         let stopped = on_interrupt()?;
@@ -98,6 +98,13 @@ impl BoardArguments {
             return Err(Failure::input(format!(
                 "--voltages {wrong}: expected 0 to {limit_v} V, the board's voltage_limit; `motorbench connect 'set voltage_limit V'` changes it"
             )));
+        }
+        let mut levels_v: Vec<f64> = voltages_v.iter().map(|voltage| voltage.abs()).collect();
+        levels_v.sort_by(f64::total_cmp);
+        levels_v.dedup();
+        let levels = levels_v.len() * self.loads_nm.len().max(1);
+        if levels < FEWEST_LEVELS {
+            return Err(Failure::input(StudyError::TooFew { name: "--voltages".into(), levels }));
         }
         if let Some(wrong) = self.loads_nm.iter().find(|load_nm| !(load_nm.is_finite() && **load_nm >= 0.0)) {
             return Err(Failure::input(format!("--load-Nm {wrong}: expected torques of 0 or more")));
@@ -157,9 +164,7 @@ struct Files {
 
 impl Files {
     fn new(save: &Path, loaded: bool) -> Result<Self, Failure> {
-        let new = |path: &Path| {
-            GrowingFile::new(path).map_err(|error| Failure::machine(format!("{}: {error}", path.display())))
-        };
+        let new = |path: &Path| GrowingFile::new(path).map_err(|error| cannot_write(path, &error));
         Ok(Self { table: new(save)?, positions: new(&beside(save, "positions.csv"))?, loaded })
     }
 
@@ -219,12 +224,7 @@ impl Person for Terminal {
 
     fn is_asked(&mut self, request: &str) {
         self.hears(request);
-        self.lines.get_or_insert_with(|| {
-            let (sender, receiver) = channel();
-            // Reading blocks, and Ctrl-C shall be heard meanwhile.
-            std::thread::spawn(move || stdin().lines().map_while(Result::ok).try_for_each(|line| sender.send(line)));
-            receiver
-        });
+        self.lines.get_or_insert_with(typed_lines);
     }
 
     fn answers(&mut self) -> Option<bool> {
