@@ -25,6 +25,8 @@ pub const FEWEST_LEVELS: usize = 3;
 const NEEDED_SIGMAS: f64 = 4.0;
 /// Two explanations whose errors at a level left out differ by less than this share cannot be told apart.
 const SAME_SHARE: f64 = 0.5;
+/// What the published study of the PIVT-6 takes for its cause.
+const GROWING: &str = "resistance_growing_with_speed";
 
 /// Means of the readings at one voltage under one load, and what follows from them.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -289,7 +291,7 @@ fn voltage_terms(levels: &[Level], r: f64, k: f64) -> [(&'static str, &'static s
         ("voltage_drop", "drop_V", 0.0, column(&|_| 1.0)),
         ("parameter:torque_constant", "back_emf_constant_V_s", k, column(&|level| level.omega_rad_per_s)),
         ("parameter:resistance", "resistance_ohm", r, column(&|level| level.i_A)),
-        ("resistance_growing_with_speed", "growth_ohm_s", 0.0, column(&|level| level.i_A * level.omega_rad_per_s)),
+        (GROWING, "growth_ohm_s", 0.0, column(&|level| level.i_A * level.omega_rad_per_s)),
     ]
 }
 
@@ -327,7 +329,24 @@ fn explanations(levels: &[Level], r: f64, k: f64) -> Vec<Explanation> {
         }
     }
     found.sort_by(|a, b| a.left_out_rmse_v.total_cmp(&b.left_out_rmse_v));
+    prefer_constants(&mut found);
     found
+}
+
+/// A resistance that grows with the speed is no law of a motor: it is named only where nothing else does as well.
+fn prefer_constants(found: &mut [Explanation]) {
+    let best = &found[0];
+    let usual = found.iter().position(|other| !other.terms.contains(&GROWING) && best.is_like(other));
+    if let Some(place) = usual {
+        found[..=place].rotate_right(1);
+    }
+}
+
+impl Explanation {
+    /// Whether the table cannot tell this, the best, from another.
+    fn is_like(&self, other: &Self) -> bool {
+        other.terms.len() == self.terms.len() && other.left_out_rmse_v < (1.0 + SAME_SHARE) * self.left_out_rmse_v
+    }
 }
 
 /// Torque balance beside the load: Coulomb and viscous friction, with how many standard errors the former is from nothing.
@@ -360,11 +379,7 @@ fn outcome(levels: &[Level], explanations: &[Explanation], friction: &Option<Fri
     let nominal = explanations.iter().find(|explanation| explanation.terms.is_empty()).expect("it is always tried");
     let best = &explanations[0];
     let mut causes: Vec<Cause> = Vec::new();
-    let same: Vec<&Explanation> = explanations[1..]
-        .iter()
-        .filter(|other| other.terms.len() == best.terms.len())
-        .filter(|other| other.left_out_rmse_v < (1.0 + SAME_SHARE) * best.left_out_rmse_v)
-        .collect();
+    let same: Vec<&Explanation> = explanations[1..].iter().filter(|other| best.is_like(other)).collect();
     for term in &best.terms {
         causes.push(voltage_cause(term, best, nominal, &same, explanations.get(1)));
     }
@@ -408,7 +423,7 @@ fn voltage_cause(
     others.dedup();
     let own = best.terms.iter().position(|other| other == term).unwrap_or(0);
     let names = ["drop_V", "back_emf_constant_V_s", "resistance_ohm", "growth_ohm_s"];
-    let ids = ["voltage_drop", "parameter:torque_constant", "parameter:resistance", "resistance_growing_with_speed"];
+    let ids = ["voltage_drop", "parameter:torque_constant", "parameter:resistance", GROWING];
     let name = names[ids.iter().position(|id| id == term).unwrap_or(own)];
     let estimate = best.constants[name];
     Cause {
@@ -493,4 +508,28 @@ fn advice(levels: &[Level]) -> Vec<String> {
         "(P_in - P_out) / I^2 is a resistance only if nothing but a resistance takes the voltage: it contains the drop divided by the current and every error of the back-EMF constant times the speed.".into(),
     );
     advice
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_growing_resistance_is_named_only_where_nothing_else_does_as_well() {
+        let explanation = |terms: &[&'static str], left_out_rmse_v| Explanation {
+            terms: terms.into(),
+            constants: BTreeMap::new(),
+            chi2_per_dof: 1.0,
+            left_out_rmse_v,
+        };
+        let drop = "voltage_drop";
+        let best = |constant_rmse_v| {
+            let constant = explanation(&[drop, "parameter:torque_constant"], constant_rmse_v);
+            let mut found = [explanation(&[drop, GROWING], 0.1), explanation(&[drop], 0.12), constant];
+            prefer_constants(&mut found);
+            found.map(|explanation| explanation.terms.last().copied())
+        };
+        assert_eq!(best(0.14), [Some("parameter:torque_constant"), Some(GROWING), Some(drop)]);
+        assert_eq!(best(0.2), [Some(GROWING), Some(drop), Some("parameter:torque_constant")]);
+    }
 }
