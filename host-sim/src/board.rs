@@ -46,7 +46,7 @@ pub enum BoardError {
         line: String,
     },
     /// The drive switched itself off.
-    #[error("the drive tripped ({0:?}): when its cause is gone, `motorbench connect clear`")]
+    #[error("the drive tripped ({:?}): {}; then `motorbench connect clear`", .0, cause(*.0))]
     Tripped(Trip),
     /// The person stopped it.
     #[error("stopped by hand")]
@@ -54,6 +54,31 @@ pub enum BoardError {
     /// The firmware or the connection failed.
     #[error("{0}")]
     Failed(String),
+}
+
+/// What to look for after a trip, with the settings that it goes by.
+pub fn cause(trip: Trip) -> &'static str {
+    match trip {
+        Trip::None => "nothing is wrong",
+        Trip::OverCurrentPeak => "is the shaft held, or `trip_peak` too low?",
+        Trip::OverCurrentThermal => "is the shaft held, or `trip_continuous` too low?",
+        Trip::Stall => "is the shaft held, or the load too great? `trip_stall` 0 lets it stand",
+        Trip::EncoderSilent => {
+            "look at the encoder's cable; a motor that sticks looks the same, `trip_encoder` 0 lets it"
+        }
+        Trip::Runaway => "the feedback has the wrong sign: swap the encoder's A and B",
+        Trip::SensorRange => "look at the current sensor and its wires",
+        Trip::SupplyRange => "look at the motor's supply; `trip_supply_low` and `trip_supply_high` are its limits",
+        Trip::EmergencyStop => "release the emergency stop",
+        Trip::HostLost => "the program was silent for longer than `trip_host`",
+        Trip::MainLoopHung => "that is a fault of the firmware: please report it",
+    }
+}
+
+/// The same for a trip by its name.
+pub fn cause_of(name: &str) -> &'static str {
+    let mut trips = (1..).map_while(Trip::from_number);
+    trips.find(|trip| format!("{trip:?}") == name).map_or("see `motorbench connect status`", cause)
 }
 
 /// What a person does about a refusal that says what the console does about it.
@@ -96,5 +121,24 @@ pub fn untripped(samples: Vec<Sample>) -> Result<Vec<Sample>, BoardError> {
     match samples.iter().map(|sample| sample.trip).find(|trip| *trip != Trip::None) {
         Some(trip) => Err(BoardError::Tripped(trip)),
         None => Ok(samples),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_core::settings::find;
+
+    #[test]
+    fn every_trip_says_what_to_look_for() {
+        for trip in (1..).map_while(Trip::from_number) {
+            let cause = cause_of(&format!("{trip:?}"));
+            assert_eq!(cause, super::cause(trip));
+            for setting in cause.split('`').skip(1).step_by(2) {
+                assert!(find(setting.as_bytes()).is_some(), "{trip:?}: no setting {setting}");
+            }
+        }
+        let message = BoardError::Tripped(Trip::EncoderSilent).to_string();
+        assert!(message.contains("`trip_encoder` 0") && message.ends_with("`motorbench connect clear`"), "{message}");
     }
 }

@@ -2,7 +2,7 @@
 
 use super::live::LiveArguments;
 use super::{Failure, bar, cannot_write, read_rig, write};
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, cause, cause_of};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
@@ -142,7 +142,7 @@ fn converse(link: &mut Link<Port>, json: bool) -> Result<(), Failure> {
                 link.stay_alive()?;
                 for sample in link.samples(LOOK_S)? {
                     if sample.trip != trip && sample.trip != Trip::None {
-                        eprintln!("the drive tripped ({:?}): `clear` when its cause is gone", sample.trip);
+                        eprintln!("the drive tripped ({:?}): {}; then `clear`", sample.trip, cause(sample.trip));
                     }
                     trip = sample.trip;
                 }
@@ -539,7 +539,8 @@ pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failur
         Ended::Complete => Ok(()),
         Ended::Interrupted => Err(Failure::input(format!("stopped by hand; {kept}"))),
         Ended::Tripped(trip) => Err(Failure::input(format!(
-            "the drive tripped ({trip}); {kept}. When its cause is gone, `motorbench connect clear`; for a recording limits can be raised with --set, for instance --set current_limit=0 --set trip_peak=2"
+            "the drive tripped ({trip}); {kept}. {}; then `motorbench connect clear`. --set changes a limit for a recording, for instance --set trip_peak=2",
+            cause_of(trip)
         ))),
         Ended::Refused(why) => Err(Failure::input(why)),
         Ended::Failed(why) => Err(Failure::machine(format!("{why}; {kept}"))),

@@ -3,7 +3,7 @@
 use super::board::{PortArguments, beside, cannot_grow, on_interrupt, write_rig_and_side};
 use super::live::LiveArguments;
 use super::{Failure, write};
-use crate::board::BoardError;
+use crate::board::{BoardError, cause_of};
 use crate::link::growing::GrowingCsv;
 use crate::link::record::{Ended, Record, by_name};
 use crate::rig::NominalMotor;
@@ -154,7 +154,8 @@ fn outcome(ended: Ended) -> Result<(), Failure> {
         Ended::Complete => Ok(()),
         Ended::Interrupted => Err(Failure::input("stopped by hand")),
         Ended::Tripped(trip) => Err(Failure::input(format!(
-            "the drive tripped ({trip}): clear its cause, then try again; `motorbench connect status` shows it"
+            "the drive tripped ({trip}): {}; then `motorbench connect clear`",
+            cause_of(&trip)
         ))),
         Ended::Refused(why) => Err(Failure::input(why)),
         Ended::Failed(why) => Err(Failure::machine(why)),
