@@ -320,8 +320,8 @@ struct Search<'a> {
 
 impl<'a> Search<'a> {
     fn new(start: &Model, data: &'a Dataset, prior: &Prior) -> Self {
-        let unknowns = unknowns(start, data, prior);
-        let mut model = start.clone();
+        let mut model = start.clone().with_the_known();
+        let unknowns = unknowns(&model, data, prior);
         for unknown in &unknowns {
             let coordinate = unknown.get(&model);
             unknown.set(&mut model, coordinate);
@@ -458,7 +458,8 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
         }
     });
     let scales = scales(&model.motor, data);
-    let terms = model.terms.iter().enumerate().flat_map(|(term_index, term)| {
+    let fitted = model.terms.iter().enumerate().filter(|(_, term)| !model.holds(term));
+    let terms = fitted.flat_map(|(term_index, term)| {
         let typical = term.effect.starts(&scales).into_iter().next().unwrap_or_default();
         let parameters = term.effect.about().parameters.iter().enumerate();
         let parameters = parameters.filter(|(index, parameter)| parameter.moves(term.values[*index]));

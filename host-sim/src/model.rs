@@ -146,6 +146,24 @@ impl Model {
         self.terms.iter().find(|term| term.id() == id)
     }
 
+    /// The same with those constants at what is known of them that nothing else decides here.
+    pub fn with_the_known(mut self) -> Self {
+        for index in 0..self.terms.len() {
+            if self.holds(&self.terms[index]) {
+                let term = &mut self.terms[index];
+                for (value, constant) in term.values.iter_mut().zip(term.effect.about().parameters) {
+                    *value = constant.known.map_or(*value, |(mean, _)| mean);
+                }
+            }
+        }
+        self
+    }
+
+    /// Whether a term's constants are held at what is known of them.
+    pub fn holds(&self, term: &Term) -> bool {
+        term.effect.known_beside().is_some_and(|id| self.has(id))
+    }
+
     /// Whether it has the effect that one of its own makes no sense without.
     pub fn has_what_it_needs(&self, id: &str) -> bool {
         let needed = effect(id).and_then(|effect| effect.needs());

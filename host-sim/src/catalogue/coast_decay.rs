@@ -13,8 +13,8 @@ static ABOUT: About = About {
     id: "coast_decay",
     title: "an off phase of the PWM that coasts",
     acts_on: ActsOn::Voltage,
-    // Supply and diodes are known. With a drop and a motor of another size any part of it would look the same.
-    parameters: &[Parameter::about("share", 1.0, 0.03)],
+    // Supply and diodes are known, to some tenths of a volt.
+    parameters: &[Parameter { known: Some((1.0, 0.03)), ..Parameter::within("share", 0.94, 1.06) }],
     linear_in: 0,
     law: "In the off phase the current flows on against the supply and two diodes until it is nothing: (2 |duty| - 1) supply in the mean, or single pulses",
     looks_like: "Hardly any motion below half duty, then steep; no braking when the duty falls; speed hardly depends on load at small duty",
@@ -35,6 +35,11 @@ impl Effect for CoastDecay {
 
     fn changes_everything(&self) -> bool {
         true
+    }
+
+    /// A drop leaves less of the supply in the pulse: with a motor of another size, that is more of it in the off phase.
+    fn known_beside(&self) -> Option<&'static str> {
+        Some("voltage_drop")
     }
 
     /// What the bridge drops in the pulse counts there alone.

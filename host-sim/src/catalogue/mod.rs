@@ -118,11 +118,6 @@ impl Parameter {
         Self { name, fitted: true, unsaid: None, min, max, known: None, slow: false }
     }
 
-    /// A constant that is nearly known.
-    const fn about(name: &'static str, mean: f64, spread: f64) -> Self {
-        Self { known: Some((mean, spread)), ..Self::positive(name) }
-    }
-
     /// The time constant of a process that goes on while the motor runs.
     const fn slow(name: &'static str, min: f64, max: f64) -> Self {
         Self { slow: true, ..Self::within(name, min, max) }
@@ -348,6 +343,11 @@ pub trait Effect: Sync {
 
     /// An effect without which it makes no sense.
     fn needs(&self) -> Option<&'static str> {
+        None
+    }
+
+    /// An effect beside which its constants are held at what is known of them: the data say nothing of both.
+    fn known_beside(&self) -> Option<&'static str> {
         None
     }
 

@@ -447,7 +447,9 @@ impl Chooser<'_> {
     }
 
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {
-        let mut over: Vec<_> = rivals.iter().map(|(rival, fit)| (*rival, self.gain(fit, current))).collect();
+        // One with another motor is none.
+        let plausible = rivals.iter().filter(|(_, fit)| !self.is_strange(fit) || self.is_strange(current));
+        let mut over: Vec<_> = plausible.map(|(rival, fit)| (*rival, self.gain(fit, current))).collect();
         over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
         let mut same: Vec<_> = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
         if id == LATE && is_same(&own) {
