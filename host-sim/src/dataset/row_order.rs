@@ -130,6 +130,10 @@ mod tests {
     use proptest::prelude::*;
     use std::fmt::Write as _;
 
+    const STEP_S: f64 = 2e-5;
+    const INDUCTANCE_H: f64 = 6e-3;
+    const INERTIA_KG_M2: f64 = 2e-5;
+
     /// Levels, some of them held for long, through a winding and a rotor, read every millisecond.
     fn csv(seed: u64, after: bool, feedback: f64) -> String {
         let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
@@ -148,8 +152,8 @@ mod tests {
             let written_v = if after { before_v } else { voltage_v };
             let _ = writeln!(text, "{},{written_v},{read},{read_a}", 1e-3 * f64::from(row));
             for _ in 0..50 {
-                current_a += 2e-5 / 6e-3 * (voltage_v - 4.0 * current_a - 0.04 * speed);
-                speed += 2e-5 / 2e-5 * (0.04 * current_a - 2e-3 * speed.signum());
+                current_a += STEP_S / INDUCTANCE_H * (voltage_v - 4.0 * current_a - 0.04 * speed);
+                speed += STEP_S / INERTIA_KG_M2 * (0.04 * current_a - 2e-3 * speed.signum());
             }
             before_v = voltage_v;
         }
