@@ -447,9 +447,13 @@ impl Chooser<'_> {
     }
 
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {
-        // One with another motor is none.
-        let plausible = rivals.iter().filter(|(_, fit)| !self.is_strange(fit) || self.is_strange(current));
-        let mut over: Vec<_> = plausible.map(|(rival, fit)| (*rival, self.gain(fit, current))).collect();
+        let over = rivals.iter().map(|(rival, fit)| (*rival, fit, self.gain(fit, current)));
+        // What serves as well with a motor that is not the rig's does not serve.
+        let another_motor = |fit: &Fit| self.is_strange(fit) && !self.is_strange(current);
+        let mut over: Vec<_> = over
+            .filter(|(_, fit, gain)| !(is_same(gain) && another_motor(fit)))
+            .map(|(rival, _, gain)| (rival, gain))
+            .collect();
         over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
         let mut same: Vec<_> = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
         if id == LATE && is_same(&own) {
