@@ -125,7 +125,7 @@ fn the_page_on_scenarios_is_true() {
         "[[fault]]\nno = 1\n",
         "[noise]\nno = 1\n",
     ] {
-        std::fs::write(&path, wrong).unwrap();
+        std::fs::write(&path, format!("duration_s = 1.0\n{wrong}")).unwrap();
         let message = Scenario::read(&path).unwrap_err().to_string();
         let known = message.split("expected").nth(1).unwrap_or_else(|| panic!("{message}"));
         let keys: Vec<_> = known.split('`').skip(1).step_by(2).collect();
