@@ -147,10 +147,9 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
     nudged
 }
 
-/// What of the inertia turns with the motor's own shaft.
+/// Of the motor's own shaft; a fit may try to leave nothing of it.
 fn inertia_kg_m2(model: &Model) -> f64 {
-    let share: f64 = model.terms.iter().map(|term| term.effect.motor_share(&term.values)).product();
-    model.motor.inertia_kg_m2 * share.max(0.01)
+    model.motor.inertia_kg_m2 * model.motor_share().max(0.01)
 }
 
 /// Lets one sensor's effect act on the readings of one stretch.

@@ -33,9 +33,9 @@ const BLOCK_S: f64 = 0.2;
 const SYSTEMATIC: f64 = 7e-4;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
 const REFINED: usize = 8;
+const REFINEMENTS: u8 = 6;
 /// Of many starts of an effect that is a torque from outside, so many are simulated whole: the best by its linear response.
 const SCREENED: usize = 3;
-const REFINEMENTS: u8 = 6;
 /// A constant that makes a law another one comes down to this share of its start at most.
 const LEAST_OF_START: f64 = 0.01;
 /// A process that takes longer than so many recordings cannot be told from what is always there.

@@ -130,6 +130,13 @@ impl Model {
         Self { motor: self.motor, terms }
     }
 
+    /// The same with other values of one of its terms.
+    pub fn with_values(&self, term: usize, values: Vec<f64>) -> Self {
+        let mut model = self.clone();
+        model.terms[term].values = values;
+        model
+    }
+
     /// The same without an effect.
     pub fn without(&self, id: &str) -> Self {
         let terms = self.terms.iter().filter(|term| term.id() != id).cloned().collect();
@@ -162,6 +169,11 @@ impl Model {
     /// Whether a term's constants are held at what is known of them.
     pub fn holds(&self, term: &Term) -> bool {
         term.effect.known_beside().is_some_and(|id| self.has(id))
+    }
+
+    /// What of the inertia turns with the motor's own shaft.
+    pub fn motor_share(&self) -> f64 {
+        self.terms.iter().map(|term| term.effect.motor_share(&term.values)).product()
     }
 
     /// Whether it has the effect that one of its own makes no sense without.

@@ -44,22 +44,24 @@ impl Effect for CurrentLag {
         let [time_constant_s, in_program] = [values[0], values[1]];
         let (last_read_a, last_a, now_a) = (state[0], state[1], readings.current_a);
         let steps = at.step_s / time_constant_s.max(f64::MIN_POSITIVE);
+        let left = (-steps).exp();
         let read_a = if at.step_s == 0.0 {
             now_a
         } else if in_program > 0.0 {
-            now_a + (-steps).exp() * (last_read_a - now_a)
+            now_a + left * (last_read_a - now_a)
         } else {
             let rise_a = (now_a - last_a) / steps;
-            now_a - rise_a + (-steps).exp() * (last_read_a - last_a + rise_a) + at.bulge_a * of_bulge(steps)
+            now_a - rise_a + left * (last_read_a - last_a + rise_a) + at.bulge_a * of_bulge(steps, left)
         };
         state.copy_from_slice(&[read_a, now_a]);
         readings.current_a = read_a;
     }
 }
 
-/// What a parabola with mean 1 over `steps` time constants, zero at both ends, leaves in the filter.
-fn of_bulge(steps: f64) -> f64 {
-    6.0 * (steps - 2.0 + (steps + 2.0) * (-steps).exp()) / (steps * steps)
+/// What a parabola with mean 1 over `steps` time constants, zero at both ends, leaves in the filter, of whose memory `left`
+/// is left after them.
+fn of_bulge(steps: f64, left: f64) -> f64 {
+    6.0 * (steps - 2.0 + (steps + 2.0) * left) / (steps * steps)
 }
 
 #[cfg(test)]

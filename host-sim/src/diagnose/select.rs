@@ -148,11 +148,9 @@ impl Chooser<'_> {
         last = fit(&last.model, self.data, self.prior, Effort::FULL);
         for index in 0..last.model.terms.len() {
             let elsewhere = last.model.terms[index].effect.elsewhere(&last.model.terms[index].values);
-            let others = elsewhere.into_par_iter().map(|values| {
-                let mut model = last.model.clone();
-                model.terms[index].values = values;
-                fit(&model, self.data, self.prior, Effort::TRIAL)
-            });
+            let others = elsewhere
+                .into_par_iter()
+                .map(|values| fit(&last.model.with_values(index, values), self.data, self.prior, Effort::TRIAL));
             let best = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
             if let Some(better) = best.filter(|best| best.cost < last.cost) {
                 last = fit(&better.model, self.data, self.prior, Effort::FULL);
@@ -167,14 +165,13 @@ impl Chooser<'_> {
         let scales = scales(&found.model.motor, self.data);
         for index in 0..found.model.terms.len() {
             let term = &found.model.terms[index];
-            if !chosen(term) {
+            let others = term.effect.other_laws(&term.values, &scales);
+            if !chosen(term) || others.is_empty() {
                 continue;
             }
-            let laws = term.effect.other_laws(&term.values, &scales).into_par_iter().map(|values| {
-                let mut model = found.model.clone();
-                model.terms[index].values = values;
-                fit(&model, self.data, self.prior, Effort::NONE)
-            });
+            let laws = others
+                .into_par_iter()
+                .map(|values| fit(&found.model.with_values(index, values), self.data, self.prior, Effort::NONE));
             let near = laws.filter(|fit| fit.cost < NEAR * found.cost);
             let mut fits: Vec<Fit> = near.map(|near| fit(&near.model, self.data, self.prior, Effort::TRIAL)).collect();
             fits.push(found);
@@ -205,6 +202,11 @@ impl Chooser<'_> {
     fn has_excessive_inductance(&self, fit: &Fit) -> bool {
         let nominal_h = self.prior.nominal.inductance_h;
         nominal_h.is_some_and(|nominal_h| fit.model.motor.inductance_h > EXCESSIVE_INDUCTANCE * nominal_h)
+    }
+
+    /// What was just added has been tried with one law and beside one motor; this is the best of all.
+    fn with_added_at_its_best(&self, found: Fit, added: impl Fn(&Term) -> bool) -> Fit {
+        self.or_from_nominal(self.or_other_laws(found, added))
     }
 
     /// While something remains: the same effects beside the nominal motor, if that comes to a better end. A motor that was
@@ -338,7 +340,7 @@ impl Chooser<'_> {
             let best = fits.swap_remove(chosen);
             steps.push(Step::new(&current, &best, gain));
             let added = |term: &Term| !current.model.has(term.id());
-            current = self.or_from_nominal(self.or_other_laws(best, added));
+            current = self.with_added_at_its_best(best, added);
         }
         (current, steps)
     }
@@ -431,7 +433,9 @@ impl Chooser<'_> {
                 None => rivals.push((lookalike, fit)),
             }
         }
-        rivals
+        let at_its_best =
+            |(rival, fit): (&'static str, Fit)| (rival, self.with_added_at_its_best(fit, |term| term.id() == rival));
+        rivals.into_par_iter().map(at_its_best).collect()
     }
 
     /// Fits from where another effect looks most like `id`.

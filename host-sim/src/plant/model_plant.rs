@@ -367,10 +367,9 @@ impl Plant for Held {
     }
 }
 
-/// What of the inertia turns with the motor's own shaft.
+/// Of the motor's own shaft.
 fn motor_inertia_kg_m2(model: &Model) -> f64 {
-    let shares = model.terms.iter().map(|term| term.effect.motor_share(&term.values));
-    model.motor.inertia_kg_m2 * shares.product::<f64>()
+    model.motor.inertia_kg_m2 * model.motor_share()
 }
 
 /// The first constants of all terms of an effect.
