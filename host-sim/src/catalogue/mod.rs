@@ -138,6 +138,11 @@ impl Parameter {
         Self { unsaid: Some(0.0), ..Self::within(name, 0.0, max) }
     }
 
+    /// Whether it is a whole number of something.
+    pub fn is_number(&self) -> bool {
+        !self.fitted && self.unsaid.is_none()
+    }
+
     /// Whether a fit moves it from this value: none changes the law.
     pub fn moves(&self, value: f64) -> bool {
         self.fitted && self.unsaid != Some(value)

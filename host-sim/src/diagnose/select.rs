@@ -2,7 +2,7 @@
 //! then backward, and against every rival.
 
 use super::judge::{Gain, NOT_NOISE, above_floor, gain};
-use crate::catalogue::{CATALOGUE, Effect, effect};
+use crate::catalogue::{CATALOGUE, Effect, Parameter, effect};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Prior, Promise, fit, scales};
@@ -44,6 +44,10 @@ const NEAR: f64 = 10.0;
 /// An inductance this many times the nominal one may be a late command.
 const EXCESSIVE_INDUCTANCE: f64 = 1.35;
 const LATE: &str = "actuation_delay";
+/// Of a wave, so many other numbers of periods are looked at; it is none if more than half of them gain this share of what
+/// it gains.
+const OTHER_NUMBERS: usize = 6;
+const GAINED_BY_ANY: f64 = 0.5;
 /// A promise below this, in units of noise, is not worth a fit.
 const LEAST_PROMISE: f64 = 20.0;
 
@@ -396,8 +400,27 @@ impl Chooser<'_> {
         let keeps_the_winding =
             id == LATE && self.has_excessive_inductance(&without) && !self.has_excessive_inductance(current);
         let earns_its_name = keeps_the_motor || keeps_the_winding || earns_its_place(&own) && own.sigmas > NAMED_SIGMAS;
-        let is_named = earns_its_name && current.model.has_what_it_needs(id);
+        let is_named =
+            earns_its_name && current.model.has_what_it_needs(id) && self.owes_it_to_its_number(current, &without, id);
         Check { id, without, own, is_named }
+    }
+
+    /// Whether another number of periods would do worse, where an effect has one: a wave of which any number does as well
+    /// only shakes a model loose that sticks too long.
+    fn owes_it_to_its_number(&self, current: &Fit, without: &Fit, id: &str) -> bool {
+        let term = current.model.term(id).expect("one of its own terms");
+        let Some(index) = term.effect.about().parameters.iter().position(Parameter::is_number) else { return true };
+        let starts = term.effect.starts(&scales(&without.model.motor, self.data)).into_iter();
+        let others: Vec<f64> = starts.map(|start| start[index]).filter(|other| *other != term.values[index]).collect();
+        let looked_at: Vec<f64> = others.iter().step_by(others.len().div_ceil(OTHER_NUMBERS).max(1)).copied().collect();
+        let does_as_well = |other: &f64| {
+            let mut values = term.values.clone();
+            values[index] = *other;
+            let other = fit(&without.model.with(term.effect, values), self.data, self.prior, Effort::TRIAL);
+            without.cost - other.cost > GAINED_BY_ANY * (without.cost - current.cost)
+        };
+        let as_good = looked_at.par_iter().filter(|other| does_as_well(other)).count();
+        2 * as_good <= looked_at.len()
     }
 
     /// Whether a rival is to take the place of `id`: it explains more, or as much with fewer constants or more plausibly.
