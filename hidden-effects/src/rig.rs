@@ -546,18 +546,19 @@ impl Bench {
         (hidden.coulomb_nm * self.warm() + excess + hidden.asymmetry_nm * direction).max(0.0)
     }
 
+    /// Rest is rest and no band of speeds: within a period of the PWM a shaft that is about to move gains less speed than any
+    /// band would let pass.
     fn karnopp(&mut self, torque: f64, inertia: f64, dt: f64) {
-        let band = 1e-4 * self.top_speed;
-        let moves = self.speed.abs() > band;
-        let direction = if moves { self.speed.signum() } else { torque.signum() };
+        let rests = self.speed == 0.0;
+        let direction = if rests { torque.signum() } else { self.speed.signum() };
         let level = self.dry_level(direction);
-        if !moves && torque.abs() <= level {
-            self.speed = 0.0;
+        if rests && torque.abs() <= level {
             return;
         }
         let before = self.speed;
         self.speed += dt / inertia * (torque - level * direction);
-        if moves && before * self.speed < 0.0 && torque.abs() <= level {
+        // Friction stops a shaft and does not turn it round.
+        if before * self.speed < 0.0 {
             self.speed = 0.0;
         }
     }

@@ -236,6 +236,31 @@ fn coulomb_friction_holds_the_shaft_still() {
     }
 }
 
+/// A current that comes in pulses has its mean torque all the same: a shaft that it does not move is held by friction.
+#[test]
+fn coulomb_friction_holds_no_more_than_its_level_where_the_current_is_pulsed() {
+    let effects = [Effect::CoulombFriction, Effect::VoltageDrop, Effect::CoastDecay];
+    let mut rests = 0;
+    for seed in 1..9 {
+        let trial = draw(seed, &Recipe::of(&effects));
+        let columns = columns(&trial);
+        let level_nm = constant(&trial, Effect::CoulombFriction, "torque_Nm");
+        for at in (0..columns.counts.len() - 60).step_by(20) {
+            let stretch = at..at + 60;
+            let still = columns.counts[stretch.clone()].iter().all(|count| *count == columns.counts[at]);
+            let steady = columns.duty[stretch.clone()].iter().all(|duty| *duty == columns.duty[at]);
+            if still && steady && columns.duty[at] != 0.0 {
+                // From when the current has risen; a step of the sensor and its noise are averaged away.
+                let held_nm =
+                    trial.truth.motor.torque_constant_nm_per_a * mean(&columns.current_a[at + 30..at + 60]).abs();
+                rests += 1;
+                assert!(held_nm < 1.03 * level_nm, "seed {seed}, row {at}: {held_nm} held by {level_nm}");
+            }
+        }
+    }
+    assert!(rests > 100, "{rests}");
+}
+
 #[test]
 fn stribeck_friction_is_gone_at_speed_and_listed_above_zero_in_either_order() {
     let (stribeck, coulomb) = (Effect::StribeckFriction, Effect::CoulombFriction);

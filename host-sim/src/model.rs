@@ -37,6 +37,12 @@ impl Term {
         constants.filter(|(constant, value)| constant.moves(**value)).count()
     }
 
+    /// Whether it follows another of its laws than the usual one.
+    pub fn has_another_law(&self) -> bool {
+        let mut constants = self.effect.about().parameters.iter().zip(&self.values);
+        constants.any(|(constant, value)| constant.unsaid.is_some_and(|usual| usual != *value))
+    }
+
     /// Places, names and values of its constants, without those that go without saying.
     pub fn said(&self) -> impl Iterator<Item = (usize, &'static str, f64)> {
         let parameters = self.effect.about().parameters.iter().zip(&self.values).enumerate();

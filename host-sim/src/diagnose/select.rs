@@ -375,6 +375,8 @@ impl Chooser<'_> {
     /// Drops what does not earn its name, the weakest first, until everything left does.
     fn pruned(&self, mut current: Fit) -> (Fit, Vec<Check>) {
         loop {
+            // Beside what has come and gone since, the usual law may do.
+            current = self.or_other_laws(current, Term::has_another_law);
             (self.progress)(&format!("checking {} effects", current.model.terms.len()));
             let ids: Vec<_> = current.model.terms.iter().map(|term| term.id()).collect();
             let mut checks: Vec<Check> = ids.into_par_iter().map(|id| self.check(&current, id)).collect();
