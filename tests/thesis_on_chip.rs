@@ -2,29 +2,11 @@
 //! motor is identified over the serial line, PID and LQR are designed from what was found, run in the firmware, and the
 //! simulation says beforehand what they do.
 
-use host_sim::chip::{Bench, ChipBoard, Rig, firmware_elf};
-use host_sim::design::specification::{Specification, Speed};
-use host_sim::motor::MotorParameters;
-use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
-use host_sim::rig::NominalMotor;
-use host_sim::thesis::{Loop, Thesis, thesis};
+#[path = "thesis/mod.rs"]
+mod set_up;
 
-fn experiment() -> Thesis {
-    let motor =
-        DcMotorParameters { coulomb_friction_nm: 0.012, bridge: BridgeLosses::L293D, ..DcMotorParameters::PIVT6 };
-    let bench = Bench::new(firmware_elf().expect("firmware"), Rig::default(), DcMotor::new(motor)).expect("bench");
-    let mut board = ChipBoard::start(bench).expect("the firmware starts");
-    // The data sheet, a tenth off.
-    let sheet = MotorParameters::PIVT6;
-    let nominal = MotorParameters {
-        resistance_ohm: 1.1 * sheet.resistance_ohm,
-        inertia_kg_m2: 0.9 * sheet.inertia_kg_m2,
-        ..sheet
-    };
-    let specification =
-        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
-    thesis(&mut board, NominalMotor::from(nominal), &specification, &|_| ()).unwrap_or_else(|error| panic!("{error}"))
-}
+use host_sim::plant::DcMotorParameters;
+use host_sim::thesis::Loop;
 
 /// What the simulation said and what the firmware did.
 fn agrees(done: &Loop) {
@@ -44,7 +26,7 @@ fn agrees(done: &Loop) {
 
 #[test]
 fn identified_designed_run_and_foretold() {
-    let found = experiment();
+    let found = set_up::experiment(&|_| ()).unwrap_or_else(|error| panic!("{error}"));
     println!("{}", found.tables());
     let mut causes: Vec<_> = found.diagnosis.outcome.causes.iter().map(|cause| cause.effect.as_str()).collect();
     causes.sort_unstable();

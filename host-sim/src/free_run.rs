@@ -17,6 +17,8 @@ pub mod pwm_period;
 /// Longest step of a recording at 200 Hz or more; slower ones take a tenth of their interval, at most the second.
 const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 
+/// Recorded times are rounded: steps that differ by less are of one length.
+const SAME_LENGTH_S: f64 = 1e-9;
 /// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
 const NEWTON_STEPS: usize = 12;
 const NEWTON_CLOSENESS: f64 = 1e-3;
@@ -118,9 +120,7 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
         for index in range.start..range.end - 1 {
             let next = index + 1;
             let step_s = data.time_s[next] - data.time_s[index];
-            if (step_s - step.step_s).abs() > 1e-9 {
-                step = LinearStep::new(&model.motor, inertia_kg_m2, step_s);
-            }
+            step.set_length(&model.motor, inertia_kg_m2, step_s);
             let at = Instant {
                 time_s: data.time_s[index],
                 voltage_v: data.voltage_v[index],
@@ -209,6 +209,13 @@ impl LinearStep {
             resistance_ohm: motor.resistance_ohm,
             torque_constant_nm_per_a: k,
             step_s,
+        }
+    }
+
+    /// The same with steps of `step_s`, computed anew where that is another length.
+    fn set_length(&mut self, motor: &crate::motor::MotorParameters, inertia_kg_m2: f64, step_s: f64) {
+        if (step_s - self.step_s).abs() > SAME_LENGTH_S {
+            *self = Self::new(motor, inertia_kg_m2, step_s);
         }
     }
 
@@ -389,9 +396,7 @@ impl<'a> Run<'a> {
         let interval_s = data.time_s[next] - data.time_s[index];
         let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
-        if (step_s - self.step.step_s).abs() > 1e-9 {
-            self.step = LinearStep::new(&self.model.motor, self.inertia_kg_m2, step_s);
-        }
+        self.step.set_length(&self.model.motor, self.inertia_kg_m2, step_s);
         let (mut current_sum, angle_before_rad, first_a) = (0.0, self.angle_rad, self.current_a);
         for part in 0..steps as usize {
             // The middle of the step stands for it.

@@ -1,0 +1,28 @@
+//! The thesis experiment's set-up, of which `docs/thesis.md` tells: shared by the test and the example that prints it.
+
+use host_sim::chip::{Bench, ChipBoard, Rig, firmware_elf};
+use host_sim::design::specification::{Specification, Speed};
+use host_sim::motor::MotorParameters;
+use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
+use host_sim::rig::NominalMotor;
+use host_sim::thesis::{Thesis, thesis};
+use std::error::Error;
+
+/// Runs it on the simulated chip.
+pub fn experiment(progress: &dyn Fn(&str)) -> Result<Thesis, Box<dyn Error>> {
+    // What nobody but the simulated motor knows: friction, and what the L293D loses.
+    let motor =
+        DcMotorParameters { coulomb_friction_nm: 0.012, bridge: BridgeLosses::L293D, ..DcMotorParameters::PIVT6 };
+    let bench = Bench::new(firmware_elf()?, Rig::default(), DcMotor::new(motor))?;
+    let mut board = ChipBoard::start(bench)?;
+    // The data sheet, a tenth off.
+    let sheet = MotorParameters::PIVT6;
+    let nominal = MotorParameters {
+        resistance_ohm: 1.1 * sheet.resistance_ohm,
+        inertia_kg_m2: 0.9 * sheet.inertia_kg_m2,
+        ..sheet
+    };
+    let specification =
+        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+    Ok(thesis(&mut board, NominalMotor::from(nominal), &specification, progress)?)
+}
