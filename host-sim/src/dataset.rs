@@ -21,6 +21,8 @@ const OPEN_BRIDGE_S: f64 = 0.02;
 const BLOCK_S: f64 = 0.25;
 const FEWEST_BLOCKS: f64 = 24.0;
 const KEPT_BACK_EVERY: usize = 3;
+/// Which of them is kept back.
+const KEPT_BACK: usize = 1;
 /// An error below this share of a quantity's spread is not worth a name: holding terms over half a millisecond, a friction
 /// that bends before it slips and reading a speed as a mean cost up to as much.
 pub const TOLERANCE: f64 = 0.01;
@@ -178,7 +180,7 @@ impl Dataset {
             all.written_after = true;
             row_order::move_commands(&mut all);
         }
-        all.keep_back();
+        all.keep_back(KEPT_BACK);
         all.check(recordings.first().map_or("", |recording| &recording.name))?;
         Ok(all)
     }
@@ -298,11 +300,20 @@ impl Dataset {
         }
     }
 
-    fn keep_back(&mut self) {
+    /// The same data with each of the other parts kept back in turn.
+    pub fn with_others_kept_back(&self) -> impl Iterator<Item = Self> {
+        (0..KEPT_BACK_EVERY).filter(|part| *part != KEPT_BACK).map(|part| {
+            let mut other = self.clone();
+            other.keep_back(part);
+            other
+        })
+    }
+
+    fn keep_back(&mut self, part: usize) {
         let length_s: f64 =
             self.stretches.iter().map(|range| self.time_s[range.end - 1] - self.time_s[range.start]).sum();
         let block = (BLOCK_S.min(length_s / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize;
-        self.kept_back = (0..self.len()).map(|index| (index / block) % KEPT_BACK_EVERY == 1).collect();
+        self.kept_back = (0..self.len()).map(|index| (index / block) % KEPT_BACK_EVERY == part).collect();
     }
 
     fn check(&self, name: &str) -> Result<(), DatasetError> {

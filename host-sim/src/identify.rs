@@ -31,9 +31,13 @@ const BLOCK_S: f64 = 0.2;
 /// than its steps (readings at an instant), measured on benches with known constants. Effects add
 /// theirs, see [`crate::catalogue::Simplification`].
 const SYSTEMATIC: f64 = 7e-4;
+/// A promise below this, in units of noise, is not worth a fit.
+pub const LEAST_PROMISE: f64 = 20.0;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
 const REFINED: usize = 8;
 const REFINEMENTS: u8 = 6;
+/// ... or moved to a better neighbour at most so often.
+const MOST_NEIGHBOURS: usize = 8;
 /// Of many starts of an effect that is a torque from outside, so many are simulated whole: the best by its linear response.
 const SCREENED: usize = 3;
 /// A constant that makes a law another one comes down to this share of its start at most.
@@ -600,9 +604,16 @@ impl Fit {
         promised.into_iter().take(SCREENED).map(|(_, start)| start).collect()
     }
 
+    /// A better start near the best of the catalogue's.
+    fn refined(&self, base: &Base, scales: &Scales, promise: Promise) -> Promise {
+        match CATALOGUE[promise.effect].spacing(scales) {
+            Some((index, spacing)) => self.between(base, promise, index, spacing),
+            None => self.uphill(base, promise),
+        }
+    }
+
     /// Halves the distance between the alternatives of a nonlinear constant again and again around the best.
-    fn refined(&self, base: &Base, scales: &Scales, mut promise: Promise) -> Promise {
-        let Some((index, spacing)) = CATALOGUE[promise.effect].spacing(scales) else { return promise };
+    fn between(&self, base: &Base, mut promise: Promise, index: usize, spacing: f64) -> Promise {
         for round in 1..=REFINEMENTS {
             let distance = spacing / f64::from(1 << round);
             for side in [-distance, distance] {
@@ -612,6 +623,20 @@ impl Fit {
                 if other.gain > promise.gain {
                     promise = other;
                 }
+            }
+        }
+        promise
+    }
+
+    /// From neighbour to neighbour while each promises more.
+    fn uphill(&self, base: &Base, mut promise: Promise) -> Promise {
+        let most = if promise.gain > LEAST_PROMISE { MOST_NEIGHBOURS } else { 0 };
+        for _ in 0..most {
+            let neighbours = CATALOGUE[promise.effect].neighbours(&promise.start).into_par_iter();
+            let others = neighbours.map(|start| self.promise(base, promise.effect, start));
+            match others.max_by(|a, b| a.gain.total_cmp(&b.gain)) {
+                Some(better) if better.gain > promise.gain => promise = better,
+                _ => break,
             }
         }
         promise

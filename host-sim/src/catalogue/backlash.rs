@@ -9,6 +9,8 @@ use std::f64::consts::TAU;
 const LONGEST_PART_S: f64 = 25e-6;
 /// Where the steps themselves are short, somebody wants it finer.
 const LEAST_PARTS: f64 = 4.0;
+/// Of the inertia, behind the gap.
+const MOST_SHARE: f64 = 0.95;
 /// The drive is held over a step.
 const LONGEST_STEP_S: f64 = 0.5e-3;
 
@@ -59,7 +61,7 @@ impl InContact {
 
 impl Sides {
     fn new(values: &[f64], motor: &MotorParameters, state: &[f64], speed_rad_per_s: f64) -> Self {
-        let share = values[1].clamp(1e-3, 0.95);
+        let share = values[1].clamp(1e-3, MOST_SHARE);
         let rate = TAU * values[2];
         Self {
             half_gap_rad: 0.5 * values[0],
@@ -169,7 +171,7 @@ static ABOUT: About = About {
     acts_on: ActsOn::Torque,
     parameters: &[
         Parameter::within("gap_rad", 0.0, 1.0),
-        Parameter::within("load_inertia_share", 0.0, 0.95),
+        Parameter::within("load_inertia_share", 0.0, MOST_SHARE),
         // Below, it would be a springy shaft; above, all blows are alike.
         Parameter::within("contact_Hz", 100.0, 1000.0),
         Parameter::within("contact_damping", 0.05, 0.95),
@@ -190,6 +192,13 @@ impl Effect for Backlash {
 
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
         [0.02, 0.05, 0.12].map(|gap_rad| vec![gap_rad, 0.4, 300.0, 0.4]).to_vec()
+    }
+
+    /// A fit finds a gap that it is told to a fifth, and then only beside a load that is about right.
+    fn neighbours(&self, start: &[f64]) -> Vec<Vec<f64>> {
+        let scaled =
+            |[gap, share]: [f64; 2]| [&[gap * start[0], (share * start[1]).min(MOST_SHARE)], &start[2..]].concat();
+        [[1.2, 1.0], [1.0 / 1.2, 1.0], [1.0, 1.25], [1.0, 0.8]].map(scaled).to_vec()
     }
 
     /// Blows that nearly fit are many.

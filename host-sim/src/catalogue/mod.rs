@@ -331,6 +331,11 @@ pub trait Effect: Sync {
         None
     }
 
+    /// Starts around one, for an effect with too many for all of them to be tried: a way to the best of them.
+    fn neighbours(&self, _start: &[f64]) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
     /// Values from which a fit may come to another and better end than the one it has come to.
     fn elsewhere(&self, _values: &[f64]) -> Vec<Vec<f64>> {
         Vec::new()

@@ -18,6 +18,8 @@ pub struct Gain {
     /// difference of the two predictions has in common with the residuals by chance. Residuals may be correlated within a
     /// block, and an effect may show in a few blocks alone (after Diebold and Mariano 1995).
     pub sigmas: f64,
+    /// That standard error.
+    pub error: f64,
     /// Fall of the mean square error over what is left and what is tolerated, of the quantity that gains most.
     pub share: f64,
     /// Root mean square errors before and after, in the order of [`Dataset::measured`].
@@ -51,9 +53,17 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
     });
     Gain {
         sigmas: if variance > 0.0 { total / variance.sqrt() } else { 0.0 },
+        error: variance.sqrt(),
         share: share.fold(f64::NEG_INFINITY, f64::max),
         rmse,
     }
+}
+
+/// Gain over its standard error on several parts of the data together.
+pub fn sigmas_together(parts: &[Gain]) -> f64 {
+    let total: f64 = parts.iter().map(|part| part.sigmas * part.error).sum();
+    let error = parts.iter().map(|part| part.error.powi(2)).sum::<f64>().sqrt();
+    if error > 0.0 { total / error } else { 0.0 }
 }
 
 /// Root mean square error of one quantity on the data kept back.
