@@ -36,7 +36,8 @@ pub const LEAST_PROMISE: f64 = 20.0;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
 const REFINED: usize = 8;
 const REFINEMENTS: u8 = 6;
-/// ... or moved to a better neighbour at most so often.
+/// ... or, with this share of what the best promises, moved to a better neighbour at most so often.
+const WORTH_A_WALK: f64 = 0.1;
 const MOST_NEIGHBOURS: usize = 8;
 /// Of many starts of an effect that is a torque from outside, so many are simulated whole: the best by its linear response.
 const SCREENED: usize = 3;
@@ -584,7 +585,9 @@ impl Fit {
         }
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         best.truncate(REFINED);
-        let mut best: Vec<Promise> = best.into_par_iter().map(|promise| self.refined(&base, scales, promise)).collect();
+        let least = LEAST_PROMISE.max(WORTH_A_WALK * best.first().map_or(0.0, |promise| promise.gain));
+        let mut best: Vec<Promise> =
+            best.into_par_iter().map(|promise| self.refined(&base, scales, promise, least)).collect();
         best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         best
     }
@@ -605,10 +608,11 @@ impl Fit {
     }
 
     /// A better start near the best of the catalogue's.
-    fn refined(&self, base: &Base, scales: &Scales, promise: Promise) -> Promise {
+    fn refined(&self, base: &Base, scales: &Scales, promise: Promise, worth_a_walk: f64) -> Promise {
         match CATALOGUE[promise.effect].spacing(scales) {
             Some((index, spacing)) => self.between(base, promise, index, spacing),
-            None => self.uphill(base, promise),
+            None if promise.gain > worth_a_walk => self.uphill(base, promise),
+            None => promise,
         }
     }
 
@@ -630,8 +634,7 @@ impl Fit {
 
     /// From neighbour to neighbour while each promises more.
     fn uphill(&self, base: &Base, mut promise: Promise) -> Promise {
-        let most = if promise.gain > LEAST_PROMISE { MOST_NEIGHBOURS } else { 0 };
-        for _ in 0..most {
+        for _ in 0..MOST_NEIGHBOURS {
             let neighbours = CATALOGUE[promise.effect].neighbours(&promise.start).into_par_iter();
             let others = neighbours.map(|start| self.promise(base, promise.effect, start));
             match others.max_by(|a, b| a.gain.total_cmp(&b.gain)) {
