@@ -42,7 +42,7 @@ const LEAST_AHEAD: f64 = 0.9;
 const VISCOUS_SPREAD: f64 = 0.5;
 /// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains.
 const STRANGE: f64 = 25.0;
-/// Another law of an effect is fitted if as it stands it costs no more than this many times what the present one does.
+/// Another law of an effect, or a rival, is fitted further if as it stands it costs no more than this many times what there is.
 const NEAR: f64 = 10.0;
 /// An inductance this many times the nominal one may be a late command.
 const EXCESSIVE_INDUCTANCE: f64 = 1.35;
@@ -472,8 +472,10 @@ impl Chooser<'_> {
                 None => rivals.push((lookalike, fit)),
             }
         }
-        let at_its_best =
-            |(rival, fit): (&'static str, Fit)| (rival, self.with_added_at_its_best(fit, |term| term.id() == rival));
+        let at_its_best = |(rival, found): (&'static str, Fit)| match found.cost < NEAR * current.cost {
+            true => (rival, self.with_added_at_its_best(found, |term| term.id() == rival)),
+            false => (rival, found),
+        };
         rivals.into_par_iter().map(at_its_best).collect()
     }
 
