@@ -4,16 +4,14 @@
 
 pub mod drive;
 
-use crate::dataset::greatest;
 use crate::diagnose::outcome::Estimate;
-use crate::recording::{Channel, Recording};
+use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::steady_state::{Level, Study, StudyError, interval, is_loaded, levels, line, same_level, study};
+use crate::steady_state::{
+    Level, Line, Row, Rows, Study, StudyError, errors, is_loaded, levels, nominal, rows, same_level, study,
+};
 use serde::Serialize;
-use std::f64::consts::TAU;
 
-/// Rows whose back-EMF is less than this share of the voltage tell the resistance: the rotor is held or hardly turns.
-const NEARLY_AT_REST: f64 = 0.05;
 /// A change of the motor's condition is one from so many standard errors on.
 const CHANGED_SIGMAS: f64 = 3.0;
 /// Voltages and torques of the efficiency map.
@@ -40,11 +38,6 @@ impl Winding {
         let spread_ohm = (squares / (count - 1.0).max(1.0)).sqrt();
         (!resistances_ohm.is_empty()).then_some(Self { resistances_ohm, mean_ohm, spread_ohm })
     }
-}
-
-/// Whether a back-EMF says that the rotor is held or hardly turns.
-fn hardly_turns(u_v: f64, emf_v: f64) -> bool {
-    emf_v.abs() < NEARLY_AT_REST * u_v.abs()
 }
 
 /// The two directions at one voltage.
@@ -207,30 +200,39 @@ pub struct Stand {
     pub most_efficient: Vec<OperatingPoint>,
 }
 
-/// Evaluates a table. `earlier`: a table of the same motor.
+/// Evaluates a table. `earlier`: a table of the same motor; `resistances_ohm`: of the winding where it was measured apart,
+/// else the rows with the rotor held tell it.
 ///
 /// # Errors
 /// [`StudyError`].
-pub fn evaluate(table: &Recording, earlier: Option<&Recording>, rig: &Rig) -> Result<Stand, StudyError> {
-    let (running, resistances_ohm) = split(table, rig);
-    let study = study(&running, rig)?;
+pub fn evaluate(
+    table: &Recording,
+    earlier: Option<&Recording>,
+    resistances_ohm: Option<Vec<f64>>,
+    rig: &Rig,
+) -> Result<Stand, StudyError> {
+    let (_, k) = nominal(rig)?;
+    let Rows { turning, held } = rows(table, k)?;
+    let measured_apart = resistances_ohm.and_then(Winding::of);
+    let study = study(table, rig, measured_apart.as_ref())?;
     let constants = Constants::of(&study, rig).ok_or(StudyError::NoNominal)?;
     let losses = study.levels.iter().map(|level| constants.losses(level)).collect();
     let condition = match earlier {
-        Some(earlier) => condition(&split(earlier, rig).0, &running, rig)?,
+        Some(earlier) => condition(earlier, table, rig)?,
         None => Vec::new(),
     };
     let mut voltages_v: Vec<f64> = study.levels.iter().map(|level| level.u_V).collect();
     voltages_v.dedup();
     let most_efficient = voltages_v.iter().filter_map(|u_v| constants.most_efficient(*u_v)).collect();
-    let directions = study.levels.iter().filter_map(|level| directions(&running, level)).collect();
+    let directions = study.levels.iter().filter_map(|level| directions(&turning, level)).collect();
     let (mut loaded, mut load_scale) = (Vec::new(), None);
     if is_loaded(&study.levels) {
         loaded = study.levels.iter().map(|level| LoadedPoint::of(level, &constants)).collect();
         load_scale = scale_of_loads(&study.levels, constants.torque_constant_Nm_per_A);
     }
+    let of_held = || Winding::of(held.iter().map(|row| (row.u_v - k * row.omega_rad_per_s) / row.i_a).collect());
     Ok(Stand {
-        winding: Winding::of(resistances_ohm),
+        winding: measured_apart.or_else(of_held),
         constants,
         losses,
         directions,
@@ -246,23 +248,22 @@ pub fn evaluate(table: &Recording, earlier: Option<&Recording>, rig: &Rig) -> Re
 fn scale_of_loads(levels: &[Level], k: f64) -> Option<Estimate> {
     let column = |of: &dyn Fn(&Level) -> f64| levels.iter().map(of).collect::<Vec<f64>>();
     let columns = [column(&|_| 1.0), column(&|level| level.omega_rad_per_s), column(&|level| level.load_Nm)];
-    let dof = levels.len().checked_sub(columns.len()).filter(|dof| *dof > 0)?;
-    let torques = line(&columns, &column(&|level| k * level.i_A), &column(&|level| k * level.current_error))?;
-    Some(interval(&torques, 2, dof))
+    let columns = columns.each_ref().map(|column| &column[..]);
+    let errors = errors(levels, |level| k * level.current_error);
+    let torques = Line::new(&columns, &column(&|level| k * level.i_A), &errors)?;
+    (levels.len() > columns.len()).then(|| torques.estimate(2))
 }
 
 /// Means of both directions at a level; nothing where one of them is missing.
-fn directions(table: &Recording, level: &Level) -> Option<Directions> {
-    let [u, i, w] = [Channel::Voltage, Channel::Current, Channel::Speed].map(|channel| table.get(channel));
-    let (u, i, w) = (u?, i?, w?);
-    let greatest_v = greatest(u);
-    let load = table.get(Channel::LoadTorque);
-    let mean = |sign: f64, values: &[f64]| {
-        let rows = (0..u.len()).filter(|row| same_level(sign * u[*row], level.u_V, greatest_v));
-        let rows = rows.filter(|row| load.is_none_or(|load| sign * load[*row] == level.load_Nm));
-        let (count, sum) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + sign * values[row]));
+fn directions(turning: &[Row], level: &Level) -> Option<Directions> {
+    let greatest_v = turning.iter().map(|row| row.u_v.abs()).fold(0.0, f64::max);
+    let mean = |sign: f64, of: fn(&Row) -> f64| {
+        let rows = turning.iter().filter(|row| same_level(sign * row.u_v, level.u_V, greatest_v));
+        let rows = rows.filter(|row| sign * row.load_nm == level.load_Nm);
+        let (count, sum) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + sign * of(row)));
         (count > 0).then(|| sum / f64::from(count))
     };
+    let (i, w) = (|row: &Row| row.i_a, |row: &Row| row.omega_rad_per_s);
     Some(Directions {
         u_V: level.u_V,
         load_Nm: level.load_Nm,
@@ -271,29 +272,6 @@ fn directions(table: &Recording, level: &Level) -> Option<Directions> {
         forward_rad_per_s: mean(1.0, w)?,
         reverse_rad_per_s: mean(-1.0, w)?,
     })
-}
-
-/// The rows of a running motor, and the resistances of those nearly at rest.
-fn split(table: &Recording, rig: &Rig) -> (Recording, Vec<f64>) {
-    let column = |channel: Channel| table.get(channel).map(<[f64]>::to_vec);
-    let rpm = || column(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect());
-    let k = rig.motor.torque_constant_nm_per_a.unwrap_or(0.0);
-    let (Some(u), Some(i), Some(w)) =
-        (column(Channel::Voltage), column(Channel::Current), column(Channel::Speed).or_else(rpm))
-    else {
-        return (table.clone(), Vec::new());
-    };
-    let at_rest = |row: usize| i[row] != 0.0 && hardly_turns(u[row], k * w[row]);
-    let (rest, running): (Vec<usize>, Vec<usize>) = (0..u.len()).partition(|row| at_rest(*row));
-    let mut kept = Recording::new(table.name.clone());
-    let load = column(Channel::LoadTorque);
-    let columns = [(Channel::Voltage, Some(&u)), (Channel::Speed, Some(&w)), (Channel::Current, Some(&i))];
-    for (channel, values) in columns.into_iter().chain([(Channel::LoadTorque, load.as_ref())]) {
-        if let Some(values) = values {
-            kept.set(channel, running.iter().map(|row| values[*row]).collect());
-        }
-    }
-    (kept, rest.into_iter().map(|row| (u[row] - k * w[row]) / i[row]).collect())
 }
 
 impl Constants {
@@ -375,22 +353,21 @@ impl Constants {
 /// The same two lines through both tests: the voltage that nominal resistance and back-EMF leave, over speed, and the
 /// torque over speed.
 fn condition(earlier: &Recording, now: &Recording, rig: &Rig) -> Result<Vec<Condition>, StudyError> {
-    let (Some(r), Some(k)) = (rig.motor.resistance_ohm, rig.motor.torque_constant_nm_per_a) else {
-        return Err(StudyError::NoNominal);
-    };
-    let tests = [levels(earlier, r, k)?, levels(now, r, k)?];
-    let estimates = |test: &Vec<Level>| -> Option<[Estimate; 4]> {
+    let (r, k) = nominal(rig)?;
+    let of = |table: &Recording| levels(&table.name, &rows(table, k)?.turning, r, k);
+    let tests = [of(earlier)?, of(now)?];
+    let estimates = |test: &[Level]| -> Option<[Estimate; 4]> {
         let speed: Vec<f64> = test.iter().map(|level| level.omega_rad_per_s).collect();
-        let columns = [vec![1.0; speed.len()], speed];
-        let voltage: Vec<f64> = test.iter().map(|level| level.missing_V).collect();
-        let torque: Vec<f64> = test.iter().map(|level| level.torque_Nm - level.load_Nm).collect();
-        let voltage =
-            line(&columns, &voltage, &test.iter().map(|level| level.voltage_error(r, k)).collect::<Vec<_>>())?;
-        let torque = line(&columns, &torque, &test.iter().map(|level| k * level.current_error).collect::<Vec<_>>())?;
-        let dof = test.len() - 2;
-        let mut emf = interval(&voltage, 1, dof);
+        let constant = vec![1.0; speed.len()];
+        let columns: [&[f64]; 2] = [&constant, &speed];
+        let line = |of: &dyn Fn(&Level) -> f64, error: &dyn Fn(&Level) -> f64| {
+            Line::new(&columns, &test.iter().map(of).collect::<Vec<_>>(), &errors(test, error))
+        };
+        let voltage = line(&|level| level.missing_V, &|level| level.voltage_error)?;
+        let torque = line(&|level| level.torque_Nm - level.load_Nm, &|level| k * level.current_error)?;
+        let mut emf = voltage.estimate(1);
         emf = Estimate { value: k + emf.value, ci95: emf.ci95.map(|ci95| ci95.map(|end| k + end)) };
-        Some([interval(&voltage, 0, dof), emf, interval(&torque, 0, dof), interval(&torque, 1, dof)])
+        Some([voltage.estimate(0), emf, torque.estimate(0), torque.estimate(1)])
     };
     let (Some(before), Some(now)) = (estimates(&tests[0]), estimates(&tests[1])) else { return Ok(Vec::new()) };
     let parts = [

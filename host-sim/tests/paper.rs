@@ -12,7 +12,7 @@ fn data(name: &str) -> PathBuf {
 
 fn paper() -> Study {
     let table = Recording::read(&data("table2_no_load.csv"), &[]).unwrap();
-    study(&table, &Rig::read(&data("rig.toml")).unwrap()).unwrap()
+    study(&table, &Rig::read(&data("rig.toml")).unwrap(), None).unwrap()
 }
 
 /// Rows of a table of numbers, without its header.

@@ -99,7 +99,7 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
 fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, String> {
     let recording = Recording::read(path, &args.recordings.columns).map_err(|error| error.to_string())?;
     let outcome = if recording.time_s().is_none() {
-        serde_json::to_value(steady_state::study(&recording, rig).map_err(|error| error.to_string())?)
+        serde_json::to_value(steady_state::study(&recording, rig, None).map_err(|error| error.to_string())?)
     } else {
         serde_json::to_value(diagnose(&[recording], rig, &|_| ()).map_err(|error| error.to_string())?.outcome)
     };
@@ -128,7 +128,7 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 }
 
 fn run_table(args: &Arguments, table: &Recording, rig: &Rig) -> Result<(), Failure> {
-    let study = steady_state::study(table, rig).map_err(Failure::input)?;
+    let study = steady_state::study(table, rig, None).map_err(Failure::input)?;
     if let Some(path) = &args.model {
         return Err(Failure::input(format!(
             "{}: a table of steady states says nothing of inertia and inductance; a model needs a recording over time",

@@ -6,7 +6,7 @@ use super::{Failure, mapping, plot_file, read_rig, write, write_plot};
 use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, Winding, evaluate};
+use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
 use crate::terminal_text::{short, wrapped};
 use clap::Args;
 use plotters::prelude::*;
@@ -97,10 +97,7 @@ fn report(
     resistances_ohm: Option<Vec<f64>>,
     rig: &Rig,
 ) -> Result<(), Failure> {
-    let mut stand = evaluate(table, earlier, rig).map_err(Failure::input)?;
-    if let Some(resistances_ohm) = resistances_ohm {
-        stand.winding = Winding::of(resistances_ohm);
-    }
+    let stand = evaluate(table, earlier, resistances_ohm, rig).map_err(Failure::input)?;
     if let Some(path) = &arguments.map {
         let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
         write_plot(path, &map(&stand.constants.map(greatest_v)).map_err(Failure::machine)?)?;

@@ -9,7 +9,6 @@
 
 mod creep;
 
-use super::hardly_turns;
 use crate::board::{Board, BoardError, untripped};
 use crate::diagnose::outcome::Estimate;
 use crate::diagnose::page::estimate;
@@ -18,7 +17,7 @@ use crate::link::name;
 use crate::link::record::Ended;
 use crate::recording::{Channel, Recording};
 use crate::rig::{NominalMotor, Timing};
-use crate::steady_state::{interval, line};
+use crate::steady_state::{Errors, Line, hardly_turns};
 use crate::telemetry;
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::pins::PWM_HZ;
@@ -53,6 +52,8 @@ const HELD_STEPS: f64 = 8.0;
 const HELD_LEAST_SHARE: f64 = 0.3;
 /// A held rotor may yield by so much.
 const HELD_YIELDS_REV: f64 = 0.01;
+/// A converter's steps make means that scatter less than they are off.
+const LEAST_CURRENT_ERROR_A: f64 = 1e-4;
 /// Fewer points are no line with an error.
 const FEWEST_POINTS: usize = 4;
 
@@ -444,14 +445,14 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
         let column = |of: &dyn Fn(&Window) -> f64| points.iter().map(|point| of(point)).collect::<Vec<f64>>();
         let resistance = self.motor.resistance_ohm.unwrap_or(f64::from(self.settings.get(Param::Resistance)));
-        let errors = column(&|point| resistance * point.current_error_a.max(f64::MIN_POSITIVE));
-        let columns = [column(&|_| 1.0), column(&|point| point.reading.i_A)];
-        let line = line(&columns, &column(&|point| point.reading.u_V), &errors)?;
+        let errors = column(&|point| resistance * point.current_error_a.max(LEAST_CURRENT_ERROR_A));
+        let (constant, current) = (vec![1.0; points.len()], column(&|point| point.reading.i_A));
+        let line = Line::new(&[&constant, &current], &column(&|point| point.reading.u_V), &Errors::AtLeast(errors))?;
         let rev = f64::from(self.settings.get(Param::CountsPerRev));
         Some(HeldPosition {
             angle_deg: 360.0 * (f64::from(counts) / rev).rem_euclid(1.0),
-            resistance_ohm: interval(&line, 1, points.len() - columns.len()),
-            drop_V: interval(&line, 0, points.len() - columns.len()).value,
+            resistance_ohm: line.estimate(1),
+            drop_V: line.values[0],
         })
     }
 

@@ -5,15 +5,21 @@
 //! so that a resistance and a constant drop are one and the same, and so are a larger back-EMF constant and a resistance
 //! that grows with the speed. A brake whose torque is known tells them apart.
 
+mod explanation;
+mod line;
 mod report;
+
+pub use explanation::Explanation;
+use explanation::{TERMS, explanations};
+pub(crate) use line::{Errors, Line};
+use line::{left_out, rms};
 
 use crate::diagnose::outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Verdict};
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
+use crate::stand::Winding;
 use crate::terminal_text::short;
-use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
-use statrs::distribution::{ContinuousCDF, StudentsT};
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
@@ -22,11 +28,16 @@ const SAME_LEVEL: f64 = 0.005;
 /// Fewer levels say nothing of a line.
 pub const FEWEST_LEVELS: usize = 3;
 /// A term is needed when it is this many standard errors from nothing.
-const NEEDED_SIGMAS: f64 = 4.0;
-/// Two explanations whose errors at a level left out differ by less than this share cannot be told apart.
-const SAME_SHARE: f64 = 0.5;
-/// What the published study of the PIVT-6 takes for its cause.
-const GROWING: &str = "resistance_growing_with_speed";
+const NEEDED_SIGMAS: f64 = 3.0;
+/// Levels of one test are alike to this share of the voltage: winding and grease warm from one to the next. What is left below
+/// it asks for no name.
+const ALIKE_SHARE: f64 = 0.01;
+/// Rows whose back-EMF is less than this share of the voltage: the rotor is held or hardly turns.
+const NEARLY_AT_REST: f64 = 0.05;
+/// A single reading may be off by this share; only the ratios of such errors count.
+const ONE_READING: f64 = 0.01;
+/// Readings that are all the same to more digits than this are written with fewer.
+const ROUNDED: f64 = 1e-6;
 
 /// Means of the readings at one voltage under one load, and what follows from them.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -60,30 +71,12 @@ pub struct Level {
     pub dynamic_resistance_ohm: f64,
     /// What the nominal resistance and back-EMF leave of the voltage.
     pub missing_V: f64,
+    /// Standard error of the current.
     #[serde(skip)]
     pub(crate) current_error: f64,
+    /// Standard error of the missing voltage: what the shaft does is in current and speed, and cancels in it.
     #[serde(skip)]
-    speed_error: f64,
-}
-
-impl Level {
-    /// Standard error of the voltage that resistance and back-EMF leave.
-    pub(crate) fn voltage_error(&self, r: f64, k: f64) -> f64 {
-        (r * self.current_error).hypot(k * self.speed_error)
-    }
-}
-
-/// An explanation of the missing voltage.
-#[derive(Clone, Debug, Serialize)]
-pub struct Explanation {
-    /// What it takes, in the words of the catalogue and of `parameter:`.
-    pub terms: Vec<&'static str>,
-    /// Its constants.
-    pub constants: BTreeMap<&'static str, Estimate>,
-    /// Weighted sum of squares over degrees of freedom; near 1 when it is enough.
-    pub chi2_per_dof: f64,
-    /// Error of the voltage at a level that the fit has not seen.
-    pub left_out_rmse_v: f64,
+    pub(crate) voltage_error: f64,
 }
 
 /// What a table says.
@@ -133,20 +126,25 @@ fn unknown(ignored: &[String]) -> String {
     }
 }
 
-/// Studies a table.
+/// Studies a table. `winding`: its resistance where that was measured apart, for instance with the rotor held; the rows of
+/// the table in which it is held are told apart here.
 ///
 /// # Errors
 /// [`StudyError`].
-pub fn study(table: &Recording, rig: &Rig) -> Result<Study, StudyError> {
-    columns(table)?;
-    let (Some(r), Some(k)) = (rig.motor.resistance_ohm, rig.motor.torque_constant_nm_per_a) else {
-        return Err(StudyError::NoNominal);
-    };
-    let levels = levels(table, r, k)?;
-    let explanations = explanations(&levels, r, k);
+pub fn study(table: &Recording, rig: &Rig, winding: Option<&Winding>) -> Result<Study, StudyError> {
+    let (r, k) = nominal(rig)?;
+    let Rows { turning, held } = rows(table, k)?;
+    let levels = levels(&table.name, &turning, r, k)?;
+    let held: Vec<Level> = held.iter().map(|row| level(&[row.forwards()], r, k)).collect();
+    let explanations = explanations(&levels, &held, winding, (r, k));
     let friction = friction(&levels, torque_constant(&levels, &explanations[0], k));
     let outcome = outcome(&levels, &explanations, &friction, rig);
     Ok(Study { outcome, levels, explanations })
+}
+
+/// Resistance and torque constant.
+pub(crate) fn nominal(rig: &Rig) -> Result<(f64, f64), StudyError> {
+    rig.motor.resistance_ohm.zip(rig.motor.torque_constant_nm_per_a).ok_or(StudyError::NoNominal)
 }
 
 /// What turns the current into torque: the nominal constant, unless loads show how far that is off.
@@ -160,34 +158,88 @@ pub(crate) fn is_loaded(levels: &[Level]) -> bool {
     levels.iter().any(|level| level.load_Nm > 0.0)
 }
 
+/// A row of a table.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Row {
+    pub u_v: f64,
+    pub i_a: f64,
+    pub omega_rad_per_s: f64,
+    pub load_nm: f64,
+}
+
+impl Row {
+    /// The same with a voltage above zero.
+    fn forwards(self) -> Self {
+        let sign = self.u_v.signum();
+        let Self { u_v, i_a, omega_rad_per_s, load_nm } = self;
+        Self { u_v: u_v * sign, i_a: i_a * sign, omega_rad_per_s: omega_rad_per_s * sign, load_nm: load_nm * sign }
+    }
+}
+
+/// Rows of a table that say something.
+pub(crate) struct Rows {
+    pub turning: Vec<Row>,
+    /// The rotor is held or hardly turns, and a current flows.
+    pub held: Vec<Row>,
+}
+
+/// Whether a back-EMF says that the rotor is held or hardly turns.
+pub(crate) fn hardly_turns(u_v: f64, emf_v: f64) -> bool {
+    emf_v.abs() <= NEARLY_AT_REST * u_v.abs()
+}
+
+pub(crate) fn rows(table: &Recording, k: f64) -> Result<Rows, StudyError> {
+    let (voltage, current, speed) = columns(table)?;
+    let load = table.get(Channel::LoadTorque).map_or_else(|| vec![0.0; voltage.len()], <[f64]>::to_vec);
+    let row =
+        |row: usize| Row { u_v: voltage[row], i_a: current[row], omega_rad_per_s: speed[row], load_nm: load[row] };
+    let is_whole = |row: &Row| !(row.u_v + row.i_a + row.omega_rad_per_s + row.load_nm).is_nan();
+    let (mut held, turning): (Vec<Row>, Vec<Row>) =
+        (0..voltage.len()).map(row).filter(is_whole).partition(|row| hardly_turns(row.u_v, k * row.omega_rad_per_s));
+    held.retain(|row| row.i_a != 0.0);
+    Ok(Rows { turning, held })
+}
+
 /// Means of the readings at each voltage and load, with what follows from the nominal constants. Both directions count as one:
 /// what differs between them, an offset of the current or friction, is scatter of their mean.
-pub(crate) fn levels(table: &Recording, r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
-    let (voltage, current, speed) = columns(table)?;
-    let greatest = crate::dataset::greatest(voltage);
-    let load = table.get(Channel::LoadTorque).map_or_else(|| vec![0.0; voltage.len()], <[f64]>::to_vec);
-    let mut groups: Vec<([f64; 2], Readings)> = Vec::new();
-    for row in 0..voltage.len() {
-        let (u, i, w, load) = (voltage[row], current[row], speed[row], load[row]);
-        if u.is_nan() || i.is_nan() || w.is_nan() || load.is_nan() {
-            continue;
-        }
-        let (u, i, w, load) = (u.abs(), i * u.signum(), w * u.signum(), load * u.signum());
-        let u = groups.iter().map(|(of, _)| of[0]).find(|other| same_level(*other, u, greatest)).unwrap_or(u);
-        match groups.iter_mut().find(|(of, _)| *of == [u, load]) {
-            Some((_, readings)) => readings.push((i, w)),
-            None => groups.push(([u, load], vec![(i, w)])),
+pub(crate) fn levels(name: &str, turning: &[Row], r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
+    let greatest_v = turning.iter().map(|row| row.u_v.abs()).fold(0.0, f64::max);
+    let mut groups: Vec<Vec<Row>> = Vec::new();
+    for row in turning.iter().map(|row| row.forwards()) {
+        let of = |group: &Vec<Row>| same_level(group[0].u_v, row.u_v, greatest_v) && group[0].load_nm == row.load_nm;
+        match groups.iter().position(of) {
+            Some(group) => groups[group].push(row),
+            None => groups.push(vec![row]),
         }
     }
     if groups.len() < FEWEST_LEVELS {
-        return Err(StudyError::TooFew { name: table.name.clone(), levels: groups.len() });
+        return Err(StudyError::TooFew { name: name.into(), levels: groups.len() });
     }
-    groups.sort_by(|a, b| a.0.partial_cmp(&b.0).expect("numbers"));
-    Ok(groups.iter().map(|([u, load], readings)| level(*u, *load, readings, r, k)).collect())
+    let mut levels: Vec<Level> = groups.iter().map(|group| level(group, r, k)).collect();
+    levels.sort_by(|a, b| [a.u_V, a.load_Nm].partial_cmp(&[b.u_V, b.load_Nm]).expect("numbers"));
+    set_errors(&mut levels, &groups, r, k);
+    Ok(levels)
 }
 
-/// Current and speed of each.
-type Readings = Vec<(f64, f64)>;
+/// The scatter of the readings at all levels together: at one of few readings it is itself mostly chance.
+fn set_errors(levels: &mut [Level], groups: &[Vec<Row>], r: f64, k: f64) {
+    let dof = groups.iter().map(|group| group.len() - 1).sum::<usize>();
+    let scatter = |of: &dyn Fn(&Row) -> f64| {
+        let squares = |group: &Vec<Row>| {
+            let mean = mean(group, of);
+            group.iter().map(|row| (of(row) - mean).powi(2)).sum::<f64>()
+        };
+        (groups.iter().map(squares).sum::<f64>() / dof as f64).sqrt()
+    };
+    let (current_a, missing_v) =
+        (scatter(&|row| row.i_a), scatter(&|row| row.u_v - r * row.i_a - k * row.omega_rad_per_s));
+    for level in levels {
+        let share = if dof > 0 { ROUNDED } else { ONE_READING };
+        let of_mean = |scatter: f64| if dof > 0 { scatter / (level.readings as f64).sqrt() } else { 0.0 };
+        level.current_error = of_mean(current_a).max(share * level.i_A.abs());
+        level.voltage_error = of_mean(missing_v).max(share * level.u_V);
+    }
+}
 
 /// Voltage, current and speed.
 type Columns<'a> = (&'a [f64], &'a [f64], Vec<f64>);
@@ -206,13 +258,18 @@ pub(crate) fn same_level(a_v: f64, b_v: f64, greatest_v: f64) -> bool {
     (a_v - b_v).abs() < SAME_LEVEL * greatest_v
 }
 
-fn level(u: f64, load: f64, readings: &[(f64, f64)], r: f64, k: f64) -> Level {
-    let (i, current_error) = mean(readings.iter().map(|reading| reading.0));
-    let (w, speed_error) = mean(readings.iter().map(|reading| reading.1));
+fn mean(rows: &[Row], of: impl Fn(&Row) -> f64) -> f64 {
+    rows.iter().map(of).sum::<f64>() / rows.len() as f64
+}
+
+/// Of readings in one direction, still without errors.
+fn level(readings: &[Row], r: f64, k: f64) -> Level {
+    let of = |of: fn(&Row) -> f64| mean(readings, of);
+    let (u, i, w) = (of(|row| row.u_v), of(|row| row.i_a), of(|row| row.omega_rad_per_s));
     let emf = k * w;
     Level {
         u_V: u,
-        load_Nm: load,
+        load_Nm: readings[0].load_nm,
         readings: readings.len(),
         i_A: i,
         omega_rad_per_s: w,
@@ -225,127 +282,17 @@ fn level(u: f64, load: f64, readings: &[(f64, f64)], r: f64, k: f64) -> Level {
         k_mot_rad_per_s_per_V: w / u,
         dynamic_resistance_ohm: (u - emf) / i,
         missing_V: u - r * i - emf,
-        current_error,
-        speed_error,
+        current_error: 0.0,
+        voltage_error: 0.0,
     }
 }
 
-/// Mean and its standard error; of a single reading a hundredth of it.
-fn mean(values: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let count = values.clone().count() as f64;
-    let mean = values.clone().sum::<f64>() / count;
-    let spread = values.map(|value| (value - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-    let error = if count > 1.0 { (spread / count).sqrt() } else { 0.01 * mean.abs() };
-    (mean, error.max(1e-6 * mean.abs()))
-}
-
-/// A straight fit of few terms by weighted least squares.
-pub(crate) struct Line {
-    values: DVector<f64>,
-    covariance: DMatrix<f64>,
-    chi2: f64,
-    left_out_rmse: f64,
-}
-
-pub(crate) fn line(columns: &[Vec<f64>], target: &[f64], errors: &[f64]) -> Option<Line> {
-    let solve = |kept: &dyn Fn(usize) -> bool| -> Option<(DVector<f64>, DMatrix<f64>)> {
-        let size = columns.len();
-        let (mut normal, mut right) = (DMatrix::zeros(size, size), DVector::zeros(size));
-        for row in (0..target.len()).filter(|row| kept(*row)) {
-            let weight = errors[row].powi(-2);
-            for a in 0..size {
-                right[a] += weight * columns[a][row] * target[row];
-                for b in 0..size {
-                    normal[(a, b)] += weight * columns[a][row] * columns[b][row];
-                }
-            }
-        }
-        let covariance = normal.try_inverse()?;
-        Some((&covariance * right, covariance))
-    };
-    let predict =
-        |values: &DVector<f64>, row: usize| -> f64 { columns.iter().zip(values).map(|(c, v)| c[row] * v).sum() };
-    let (values, covariance) = solve(&|_| true)?;
-    let chi2 = (0..target.len()).map(|row| ((target[row] - predict(&values, row)) / errors[row]).powi(2)).sum();
-    let mut left_out = 0.0;
-    for (out, seen) in target.iter().enumerate() {
-        let (values, _) = solve(&|row| row != out)?;
-        left_out += (seen - predict(&values, out)).powi(2);
-    }
-    Some(Line { values, covariance, chi2, left_out_rmse: (left_out / target.len() as f64).sqrt() })
-}
-
-/// Interval of Student's distribution around a fitted value; errors are scaled up when the scatter is greater than they say.
-pub(crate) fn interval(line: &Line, index: usize, dof: usize) -> Estimate {
-    let value = line.values[index];
-    let scale = (line.chi2 / dof.max(1) as f64).max(1.0).sqrt();
-    let error = line.covariance[(index, index)].sqrt() * scale;
-    let quantile = StudentsT::new(0.0, 1.0, dof.max(1) as f64).map_or(2.0, |student| student.inverse_cdf(0.975));
-    Estimate { value, ci95: Some([value - quantile * error, value + quantile * error]) }
-}
-
-/// Terms for the missing voltage: identifier, constant, the constant's nominal value, and the column.
-fn voltage_terms(levels: &[Level], r: f64, k: f64) -> [(&'static str, &'static str, f64, Vec<f64>); 4] {
-    let column = |of: &dyn Fn(&Level) -> f64| levels.iter().map(of).collect::<Vec<_>>();
-    [
-        ("voltage_drop", "drop_V", 0.0, column(&|_| 1.0)),
-        ("parameter:torque_constant", "back_emf_constant_V_s", k, column(&|level| level.omega_rad_per_s)),
-        ("parameter:resistance", "resistance_ohm", r, column(&|level| level.i_A)),
-        (GROWING, "growth_ohm_s", 0.0, column(&|level| level.i_A * level.omega_rad_per_s)),
-    ]
-}
-
-fn explanations(levels: &[Level], r: f64, k: f64) -> Vec<Explanation> {
-    let terms = voltage_terms(levels, r, k);
-    let target: Vec<f64> = levels.iter().map(|level| level.missing_V).collect();
-    let errors: Vec<f64> = levels.iter().map(|level| level.voltage_error(r, k)).collect();
-    let mut found = vec![Explanation {
-        terms: Vec::new(),
-        constants: BTreeMap::new(),
-        chi2_per_dof: target.iter().zip(&errors).map(|(v, e)| (v / e).powi(2)).sum::<f64>() / target.len() as f64,
-        left_out_rmse_v: (target.iter().map(|v| v * v).sum::<f64>() / target.len() as f64).sqrt(),
-    }];
-    for first in 0..terms.len() {
-        for second in first..terms.len() {
-            let chosen: Vec<usize> = if first == second { vec![first] } else { vec![first, second] };
-            let columns: Vec<Vec<f64>> = chosen.iter().map(|term| terms[*term].3.clone()).collect();
-            let dof = target.len().saturating_sub(chosen.len());
-            let Some(line) = line(&columns, &target, &errors).filter(|_| dof > 0) else { continue };
-            let constants = chosen.iter().enumerate().map(|(index, term)| {
-                let (_, name, nominal, _) = terms[*term];
-                let Estimate { value, ci95 } = interval(&line, index, dof);
-                (name, Estimate { value: nominal + value, ci95: ci95.map(|ci95| ci95.map(|end| nominal + end)) })
-            });
-            // A resistance or a drop below zero is no explanation.
-            let constants: BTreeMap<_, _> = constants.collect();
-            if constants.values().all(|constant| constant.value > 0.0) {
-                found.push(Explanation {
-                    terms: chosen.iter().map(|term| terms[*term].0).collect(),
-                    constants,
-                    chi2_per_dof: line.chi2 / dof as f64,
-                    left_out_rmse_v: line.left_out_rmse,
-                });
-            }
-        }
-    }
-    found.sort_by(|a, b| a.left_out_rmse_v.total_cmp(&b.left_out_rmse_v));
-    prefer_constants(&mut found);
-    found
-}
-
-/// A resistance that grows with the speed is no law of a motor: it is named only where nothing else does as well.
-fn prefer_constants(found: &mut [Explanation]) {
-    let best = &found[0];
-    let usual = found.iter().position(|other| !other.terms.contains(&GROWING) && best.is_like(other));
-    if let Some(place) = usual {
-        found[..=place].rotate_right(1);
-    }
-}
-
-impl Explanation {
-    /// Whether the table cannot tell this, the best, from another.
-    fn is_like(&self, other: &Self) -> bool {
-        other.terms.len() == self.terms.len() && other.left_out_rmse_v < (1.0 + SAME_SHARE) * self.left_out_rmse_v
+/// Standard errors of something at each level.
+pub(crate) fn errors(levels: &[Level], of: impl Fn(&Level) -> f64) -> Errors {
+    let each = levels.iter().map(of).collect();
+    match levels.iter().any(|level| level.readings > 1) {
+        true => Errors::AtLeast(each),
+        false => Errors::InProportion(each),
     }
 }
 
@@ -361,17 +308,16 @@ struct Friction {
 fn friction(levels: &[Level], k: f64) -> Option<Friction> {
     let speed: Vec<f64> = levels.iter().map(|level| level.omega_rad_per_s).collect();
     let target: Vec<f64> = levels.iter().map(|level| k * level.i_A - level.load_Nm).collect();
-    let errors: Vec<f64> = levels.iter().map(|level| k * level.current_error).collect();
-    let both = line(&[vec![1.0; speed.len()], speed.clone()], &target, &errors)?;
-    let viscous_alone = line(&[speed], &target, &errors)?;
-    let dof = levels.len() - 2;
-    let scale = (both.chi2 / dof.max(1) as f64).max(1.0).sqrt();
+    let errors = errors(levels, |level| k * level.current_error);
+    let constant = vec![1.0; speed.len()];
+    let both: [&[f64]; 2] = [&constant, &speed];
+    let line = Line::new(&both, &target, &errors)?;
     Some(Friction {
-        coulomb: interval(&both, 0, dof),
-        viscous: interval(&both, 1, dof),
-        sigmas: both.values[0] / (both.covariance[(0, 0)].sqrt() * scale),
-        before: viscous_alone.left_out_rmse / k,
-        after: both.left_out_rmse / k,
+        coulomb: line.estimate(0),
+        viscous: line.estimate(1),
+        sigmas: line.sigmas(0, line.noise()),
+        before: rms(&left_out(&both[1..], &target, &errors)?) / k,
+        after: rms(&left_out(&both, &target, &errors)?) / k,
     })
 }
 
@@ -379,11 +325,12 @@ fn outcome(levels: &[Level], explanations: &[Explanation], friction: &Option<Fri
     let nominal = explanations.iter().find(|explanation| explanation.terms.is_empty()).expect("it is always tried");
     let best = &explanations[0];
     let mut causes: Vec<Cause> = Vec::new();
-    let same: Vec<&Explanation> = explanations[1..].iter().filter(|other| best.is_like(other)).collect();
-    for term in &best.terms {
-        causes.push(voltage_cause(term, best, nominal, &same, explanations.get(1)));
+    for index in 0..best.terms.len() {
+        causes.push(voltage_cause(index, explanations, nominal));
     }
-    if let Some(friction) = friction.as_ref().filter(|friction| friction.sigmas > NEEDED_SIGMAS) {
+    if let Some(friction) =
+        friction.as_ref().filter(|friction| friction.sigmas > NEEDED_SIGMAS && friction.coulomb.value > 0.0)
+    {
         causes.push(Cause {
             effect: "coulomb_friction".into(),
             confidence: 1.0 - (-friction.sigmas / 3.0).exp(),
@@ -394,7 +341,7 @@ fn outcome(levels: &[Level], explanations: &[Explanation], friction: &Option<Fri
             runner_up: None,
         });
     }
-    let verdict = match (causes.is_empty(), best.chi2_per_dof < 3.0) {
+    let verdict = match (causes.is_empty(), leaves_nothing(best, levels)) {
         (true, true) => Verdict::Sufficient,
         (true, false) => Verdict::Unexplained,
         (false, true) => Verdict::Explained,
@@ -410,36 +357,31 @@ fn outcome(levels: &[Level], explanations: &[Explanation], friction: &Option<Fri
     }
 }
 
-fn voltage_cause(
-    term: &&'static str,
-    best: &Explanation,
-    nominal: &Explanation,
-    same: &[&Explanation],
-    next: Option<&Explanation>,
-) -> Cause {
-    let mut others: Vec<&'static str> =
-        same.iter().flat_map(|other| other.terms.iter().copied()).filter(|other| !best.terms.contains(other)).collect();
-    others.sort_unstable();
-    others.dedup();
-    let own = best.terms.iter().position(|other| other == term).unwrap_or(0);
-    let names = ["drop_V", "back_emf_constant_V_s", "resistance_ohm", "growth_ohm_s"];
-    let ids = ["voltage_drop", "parameter:torque_constant", "parameter:resistance", GROWING];
-    let name = names[ids.iter().position(|id| id == term).unwrap_or(own)];
-    let estimate = best.constants[name];
+/// Whether what an explanation leaves of the voltage is no more than the levels differ by.
+fn leaves_nothing(best: &Explanation, levels: &[Level]) -> bool {
+    let most_v = levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
+    best.holds() && best.left_out_rmse_v < ALIKE_SHARE * most_v
+}
+
+fn voltage_cause(index: usize, explanations: &[Explanation], nominal: &Explanation) -> Cause {
+    let (best, others) = explanations.split_first().expect("the nominal values are always tried");
+    let effect = best.terms[index];
+    let not_separable_from = best.instead_of(effect, others);
+    let term = TERMS.iter().find(|term| term.effect == effect).expect("one of them");
     Cause {
-        effect: (*term).into(),
-        confidence: 1.0 / (1.0 + others.len() as f64),
-        parameters: BTreeMap::from([(name.to_string(), estimate)]),
+        effect: effect.into(),
+        confidence: 1.0 / (1.0 + not_separable_from.len() as f64),
+        parameters: BTreeMap::from([(term.constant.to_string(), best.constants[term.constant])]),
         gain: BTreeMap::from([(
             "u_V",
             RmseGain { rmse_before: nominal.left_out_rmse_v, rmse_after: best.left_out_rmse_v },
         )]),
-        not_separable_from: others,
-        evidence_sigmas: nominal.left_out_rmse_v / best.left_out_rmse_v.max(f64::MIN_POSITIVE),
-        runner_up: next.and_then(|next| {
-            let effect = *next.terms.first()?;
-            let share = (next.left_out_rmse_v / best.left_out_rmse_v).powi(2) - 1.0;
-            Some(RunnerUp { effect, worse_by_sigmas: next.chi2_per_dof.sqrt(), worse_by_share: share })
+        not_separable_from,
+        evidence_sigmas: best.sigmas[index],
+        runner_up: others.iter().find_map(|other| {
+            let effect = *other.terms.iter().find(|other| !best.terms.contains(other))?;
+            let share = (other.left_out_rmse_v / best.left_out_rmse_v).powi(2) - 1.0;
+            Some(RunnerUp { effect, worse_by_sigmas: other.lacks_sigmas, worse_by_share: share })
         }),
     }
 }
@@ -467,21 +409,16 @@ fn fit(
     friction: &Option<Friction>,
 ) -> BTreeMap<&'static str, BTreeMap<&'static str, Quality>> {
     let spread = |of: &dyn Fn(&Level) -> f64| {
-        let (mean, _) = mean(levels.iter().map(of).collect::<Vec<_>>().into_iter());
+        let mean = levels.iter().map(of).sum::<f64>() / levels.len() as f64;
         (levels.iter().map(|level| (of(level) - mean).powi(2)).sum::<f64>() / levels.len() as f64).sqrt()
     };
     let quality =
         |rmse: f64, unit, spread: f64| Quality { rmse, ci95: None, unit, fit_percent: 100.0 * (1.0 - rmse / spread) };
     let volts = spread(&|level| level.u_V);
     let amperes = spread(&|level| level.i_A);
-    let rms = |of: &dyn Fn(&Level) -> f64| {
-        (levels.iter().map(|level| of(level).powi(2)).sum::<f64>() / levels.len() as f64).sqrt()
-    };
-    let current_floor = rms(&|level| level.current_error);
-    let voltage_floor = rms(&|level| {
-        (level.missing_V / level.i_A.max(1e-9) * level.current_error)
-            .hypot(level.emf_V / level.omega_rad_per_s.max(1e-9) * level.speed_error)
-    });
+    let rms = |of: fn(&Level) -> f64| rms(&levels.iter().map(of).collect::<Vec<_>>());
+    let current_floor = rms(|level| level.current_error);
+    let voltage_floor = rms(|level| level.voltage_error);
     let of = |u: f64, i: f64| BTreeMap::from([("u_V", quality(u, "V", volts)), ("i_A", quality(i, "A", amperes))]);
     let current = friction.as_ref().map_or((f64::NAN, f64::NAN), |friction| (friction.before, friction.after));
     BTreeMap::from([
@@ -508,28 +445,4 @@ fn advice(levels: &[Level]) -> Vec<String> {
         "(P_in - P_out) / I^2 is a resistance only if nothing but a resistance takes the voltage: it contains the drop divided by the current and every error of the back-EMF constant times the speed.".into(),
     );
     advice
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_growing_resistance_is_named_only_where_nothing_else_does_as_well() {
-        let explanation = |terms: &[&'static str], left_out_rmse_v| Explanation {
-            terms: terms.into(),
-            constants: BTreeMap::new(),
-            chi2_per_dof: 1.0,
-            left_out_rmse_v,
-        };
-        let drop = "voltage_drop";
-        let best = |constant_rmse_v| {
-            let constant = explanation(&[drop, "parameter:torque_constant"], constant_rmse_v);
-            let mut found = [explanation(&[drop, GROWING], 0.1), explanation(&[drop], 0.12), constant];
-            prefer_constants(&mut found);
-            found.map(|explanation| explanation.terms.last().copied())
-        };
-        assert_eq!(best(0.14), [Some("parameter:torque_constant"), Some(GROWING), Some(drop)]);
-        assert_eq!(best(0.2), [Some(GROWING), Some(drop), Some("parameter:torque_constant")]);
-    }
 }
