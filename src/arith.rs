@@ -354,6 +354,7 @@ pub fn saturate_i16(value: i32) -> i16 {
 
 /// The whole part of a number of at most 2^30; zero of others.
 #[inline(never)]
+#[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
 pub fn whole(value: f32) -> i32 {
     let magnitude = if value < 0.0 { -value } else { value };
     if magnitude <= 1_073_741_824.0 {

@@ -24,6 +24,7 @@ struct SmoothSign {
 impl SmoothSign {
     /// From a width, of which the formula so far gives the bits of one unit over 64.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     fn quantised(q: &mut Quantiser, width: Param) -> Self {
         q.times(width);
         // The narrowest is 64 bits (63 mV, 1 rad/s at a range of 512): below, the slope has no place in the format.

@@ -14,6 +14,7 @@ use crate::limits::{Integral, Limits, LimitsConfig};
 use crate::low_pass::{LowPassConfig, LowPassState};
 use crate::lqr::LqrConfig;
 use crate::message::{Mode, Request, Sample, State, Trip};
+use crate::observer::{ObserverConfig, ObserverState};
 use crate::pid::PidConfig;
 use crate::pins::PWM_STEPS;
 use crate::quantiser::Quantiser;
@@ -74,6 +75,7 @@ pub struct LoopConfig {
     tacho: TachoConfig,
     tacho_used: bool,
     current: CurrentConfig,
+    observer: ObserverConfig,
     limits: LimitsConfig,
     trips: TripsConfig,
     speed_pid: PidConfig,
@@ -107,6 +109,7 @@ impl LoopConfig {
     /// # Errors
     /// As [`LoopConfig::build`].
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn rebuild(&mut self, settings: &Settings) -> Result<(), BuildError> {
         let mut quantiser = Quantiser::new(settings);
         let q = &mut quantiser;
@@ -115,6 +118,7 @@ impl LoopConfig {
         self.tacho = TachoConfig::quantised(q);
         self.tacho_used = q.is_on(Param::SpeedSensor);
         self.current = CurrentConfig::quantised(q);
+        self.observer = ObserverConfig::quantised(q);
         self.limits = LimitsConfig::quantised(q);
         self.trips.quantise(q);
         self.speed_pid = PidConfig::quantised_speed(q);
@@ -144,6 +148,7 @@ pub struct ControlLoop {
     filter: LowPassState,
     tacho: TachoState,
     current: CurrentState,
+    observer: ObserverState,
     trips: TripsState,
     /// The derivative's filter of both PIDs.
     filtered: LowPassState,
@@ -274,13 +279,13 @@ impl ControlLoop {
         sample.tick = sample.tick.wrapping_add(1);
         sample.counts = self.motion.counts.wrapping_sub(self.origin);
         sample.current = reading.current;
-        let moved = if self.config.tacho_used {
-            sample.speed = self.tacho.step(&self.config.tacho, inputs.tacho, self.voltage);
-            sample.speed != 0
-        } else {
-            sample.speed = self.filter.step(&self.config.filter, self.motion.speed);
-            moved
+        let by_tacho = self.config.tacho_used;
+        let speed = match by_tacho {
+            true => self.tacho.step(&self.config.tacho, inputs.tacho, self.voltage),
+            false => self.motion.speed,
         };
+        sample.speed = self.filter.step(&self.config.filter, speed);
+        let moved = if by_tacho { sample.speed != 0 } else { moved };
         let supply = self.config.supply_scale != 0;
         sample.supply = if supply {
             call_saturate_i16((mul_u16(inputs.supply, self.config.supply_scale) >> 8) as i32)
@@ -370,6 +375,7 @@ impl ControlLoop {
         if self.mode == Mode::Off || mode == Mode::OpenLoop {
             // Nothing was driven, or the voltage is about to be given by hand.
             self.voltage = 0;
+            self.observer = ObserverState::default();
         }
         self.mode = mode;
         self.playing = false;
@@ -496,6 +502,7 @@ impl ControlLoop {
         if limits.align {
             self.filtered.settle(speed);
         }
+        let current = self.observer.step(&config.observer, self.voltage, speed, current);
         let value = saturate_i16(reference.value);
         let (law, terms) = match self.mode {
             Mode::SpeedPid | Mode::PositionPid => {

@@ -16,6 +16,7 @@ pub mod limits;
 pub mod low_pass;
 pub mod lqr;
 pub mod message;
+pub mod observer;
 pub mod pid;
 pub mod pins;
 pub mod protocol;

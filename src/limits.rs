@@ -110,6 +110,7 @@ pub struct IntegralConfig {
 impl IntegralConfig {
     /// From a gain and a tracking time, of at least two ticks.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn quantised(q: &mut Quantiser, gain: Param, time: Param) -> Self {
         let ki = q.bits(gain);
         q.scale(Format::Ticks).times(time);

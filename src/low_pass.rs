@@ -14,15 +14,23 @@ pub struct LowPassConfig(u16);
 impl LowPassConfig {
     /// From the setting `time`, a time constant in ms; zero is no filter.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn quantised(q: &mut Quantiser, time: Param) -> Self {
         if q.is_on(time) { Self::always(q, time) } else { Self(0) }
     }
 
     /// The same, but a time constant of zero is the fastest filter instead of none: for who needs the difference to it.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn always(q: &mut Quantiser, time: Param) -> Self {
         q.scale(Format::Ticks).times(time);
         Self(q.one_over(time, 1.0))
+    }
+
+    /// Whether it filters at all.
+    #[inline(always)]
+    pub fn is_on(&self) -> bool {
+        self.0 != 0
     }
 
     /// The part, for the tests of who uses the filter.

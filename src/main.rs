@@ -20,7 +20,8 @@ mod firmware {
     /// The machine the console talks to.
     struct Uno {
         memory: ChipEeprom,
-        sample: Sample,
+        /// Of the latest sample.
+        supply: i16,
         reset_cause: ResetCause,
         host_spoke: bool,
         /// The supply the scale was worked out for, and the scale: a division for each change, not for each round.
@@ -29,18 +30,18 @@ mod firmware {
     }
 
     impl Uno {
-        /// Takes the samples that have come; the latest stays.
+        /// The next sample that has come.
         fn take_sample(&mut self) -> Option<Sample> {
             let sample = tick::next_sample()?;
-            self.sample = sample;
+            self.supply = sample.supply;
             Some(sample)
         }
 
         /// Shows the tick that the main loop goes round.
         fn keep_alive(&mut self) {
-            if self.sample.supply != self.scaled_supply {
-                self.scaled_supply = self.sample.supply;
-                self.duty_scale = duty_scale(self.sample.supply);
+            if self.supply != self.scaled_supply {
+                self.scaled_supply = self.supply;
+                self.duty_scale = duty_scale(self.supply);
             }
             tick::keep_alive(core::mem::take(&mut self.host_spoke), self.duty_scale);
         }
@@ -95,7 +96,7 @@ mod firmware {
         watchdog::start(&peripherals);
         let mut uno = Uno {
             memory: ChipEeprom(board::registers().EEPROM),
-            sample: Sample::default(),
+            supply: 0,
             reset_cause,
             host_spoke: false,
             scaled_supply: 0,
@@ -109,7 +110,7 @@ mod firmware {
             watchdog::panicked(&peripherals)
         }
         avr_device::asm::wdr();
-        tick::enable(&peripherals);
+        tick::run(&peripherals);
         // SAFETY: every handler's state has been set up.
         unsafe { avr_device::interrupt::enable() };
         uno.request(Request::ZeroCurrent);

@@ -2,7 +2,9 @@
 //!
 //! A [`Quantiser`] goes on after a value that does not fit and keeps the first error, so that sixty conversions are
 //! sixty short calls and not sixty branches: on the chip that is a third of the flash it would take otherwise. How a
-//! setting becomes bits stands beside it in the list of settings, as its [`Format`].
+//! setting becomes bits stands beside it in the list of settings, as its [`Format`]. On the chip these functions, who calls
+//! them most and the floating-point routines lie side by side (`.lowtext` comes before all else), so that a call among them
+//! takes two bytes instead of four: 300 in all.
 
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::{AMPERE, FULL_RANGE, GAIN_LIMIT, Rule, VOLT, quantise};
@@ -95,6 +97,7 @@ impl<'a> Quantiser<'a> {
 
     /// Begins a formula.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn of(&mut self, value: f32) -> &mut Self {
         self.value = value;
         self
@@ -102,6 +105,7 @@ impl<'a> Quantiser<'a> {
 
     /// Times a setting in its unit.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn times(&mut self, param: Param) -> &mut Self {
         self.value *= self.settings.get(param);
         self
@@ -109,6 +113,7 @@ impl<'a> Quantiser<'a> {
 
     /// Over a setting in its unit.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn over(&mut self, param: Param) -> &mut Self {
         self.value /= self.settings.get(param);
         self
@@ -122,18 +127,21 @@ impl<'a> Quantiser<'a> {
 
     /// Whether a setting that is a switch is on.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn is_on(&self, param: Param) -> bool {
         self.settings.get(param) != 0.0
     }
 
     /// Whether the tick is the fast one of 2 kHz.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn is_fast(&self) -> bool {
         self.settings.get(Param::TickRate) == 2000.0
     }
 
     /// `param` breaks `rule`.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn refuse(&mut self, param: Param, rule: Rule) {
         if self.first_error.is_none() {
             self.first_error = Some(rule.of(param));
@@ -142,6 +150,7 @@ impl<'a> Quantiser<'a> {
 
     /// A setting in the bits of its format.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn bits(&mut self, param: Param) -> i16 {
         let format = param.format();
         self.scale(format);
@@ -151,6 +160,7 @@ impl<'a> Quantiser<'a> {
 
     /// Begins a formula with the bits of one unit.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn scale(&mut self, format: Format) -> &mut Self {
         self.of(match format {
             Format::Own => 1.0,
@@ -176,6 +186,7 @@ impl<'a> Quantiser<'a> {
     /// The formula's value, rounded to the nearest whole number of at most `limit` either way; negative ones in two's
     /// complement.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn round(&mut self, param: Param, limit: u16) -> u16 {
         match quantise(self.value, 1.0, limit) {
             Ok(bits) => bits as u16,
@@ -188,6 +199,7 @@ impl<'a> Quantiser<'a> {
 
     /// The same; what is above the limit is the limit.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn saturate(&mut self, param: Param, limit: u16) -> u16 {
         if self.value > limit as f32 {
             return limit;
@@ -197,6 +209,7 @@ impl<'a> Quantiser<'a> {
 
     /// One over the formula's value and `more`, bits of [`crate::units::Fraction`].
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn one_over(&mut self, param: Param, more: f32) -> u16 {
         self.value = 65536.0 / (self.value + more);
         self.saturate(param, u16::MAX)
@@ -204,6 +217,7 @@ impl<'a> Quantiser<'a> {
 
     /// Refuses a range that is not a power of two.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn power_of_two(&mut self, param: Param) {
         // A power of two is a number without mantissa bits.
         if self.settings.get(param).to_bits() & 0x007f_ffff != 0 {

@@ -90,6 +90,8 @@ settings! {
     SupplyDivider "supply_divider" ["ratio"] Own = 0.0 in 0.0..=20.0, "divider on A2, 0 not wired";
     CurrentGain "current_gain" ["mV/A"] Own = 185.0 in 20.0..=1000.0, "current sensor";
     Resistance "resistance" ["ohm"] Own = 5.84 in 0.05..=500.0, "armature, tells a stall from a dead encoder";
+    TorqueConstant "torque_constant" ["V s/rad"] Own = 0.0 in 0.0..=1000.0, "back-EMF, for an observed current";
+    WindingTime "winding_time" ["ms"] Own = 0.0 in 0.0..=1000.0, "LQR observes the current; 0 sensor";
     TickRate "tick_rate" ["Hz"] Own = 1000.0 in 1000.0..=2000.0, "control rate, 1000 or 2000";
     // Limits the controllers work within.
     VoltageLimit "voltage_limit" ["V"] Volt = 12.0 in 0.0..=31.0, "largest voltage commanded";

@@ -7,7 +7,6 @@
 
 use crate::arith::{call_saturate_i16, mul_u16};
 use crate::converter::STEP_V;
-use crate::low_pass::{LowPassConfig, LowPassState};
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::{FULL_RANGE, VOLT};
@@ -21,22 +20,21 @@ const LEAST_VOLTAGE: i16 = (LEAST_VOLTAGE_V * VOLT) as i16;
 /// What the divider leaves of its voltage.
 pub const DIVIDER: f32 = 0.5;
 
-/// Scale and filter.
+/// The scale.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct TachoConfig {
     /// Bits of speed an ADC step, times 2^8.
     scale: u16,
-    filter: LowPassConfig,
 }
 
 impl TachoConfig {
-    /// From `tacho_gain`, `speed_range` and `speed_filter`. A scale outside the format is blamed on `tacho_gain`.
+    /// From `tacho_gain` and `speed_range`. A scale outside the format is blamed on `tacho_gain`.
     #[inline(always)]
     pub fn quantised(q: &mut Quantiser) -> Self {
         // V per rad/s after the divider, and rad/s an ADC step.
         const GAIN: f32 = 60.0 / core::f32::consts::TAU / 1000.0 * DIVIDER;
         q.of(STEP_V / GAIN * 256.0 * FULL_RANGE).over(Param::SpeedRange).over(Param::TachoGain);
-        Self { scale: q.round(Param::TachoGain, u16::MAX), filter: LowPassConfig::quantised(q, Param::SpeedFilter) }
+        Self { scale: q.round(Param::TachoGain, u16::MAX) }
     }
 
     /// The same, on its own.
@@ -48,22 +46,21 @@ impl TachoConfig {
     }
 }
 
-/// Direction and filter.
+/// The direction.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct TachoState {
     backward: bool,
-    filter: LowPassState,
 }
 
 impl TachoState {
-    /// One tick: conversion 0..=1023 and the voltage of the tick before; speed in bits.
+    /// One tick: conversion 0..=1023 and the voltage of the tick before; speed in bits, not filtered yet.
     #[inline(never)]
     pub fn step(&mut self, config: &TachoConfig, sample: u16, voltage: i16) -> i16 {
         if sample < NEAR_ZERO && voltage.saturating_abs() >= LEAST_VOLTAGE {
             self.backward = voltage < 0;
         }
         let magnitude = call_saturate_i16((mul_u16(sample, config.scale) >> 8) as i32);
-        self.filter.step(&config.filter, if self.backward { -magnitude } else { magnitude })
+        if self.backward { -magnitude } else { magnitude }
     }
 }
 

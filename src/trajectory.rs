@@ -93,6 +93,7 @@ fn power_of_two(ticks: f32) -> u8 {
 
 /// The next whole number.
 #[inline(never)]
+#[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
 fn round_up(value: f32) -> i32 {
     let below = whole(value);
     if (below as f32) < value { below + 1 } else { below }
@@ -106,6 +107,7 @@ struct RampConfig([i32; 2]);
 impl RampConfig {
     /// The formula's value reached in `steps` steps, rounded up; `far` is to blame for a way too long, `slow` for a step of nothing.
     #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     fn quantise(&mut self, q: &mut Quantiser, steps: f32, far: Param, slow: Param) {
         let limit = q.value();
         // A whole number of steps, so that the limit is reached exactly.

@@ -91,6 +91,7 @@ fn heat_rate(q: &mut Quantiser) -> u16 {
 
 /// A limit of the supply; one beyond the format is never reached.
 #[inline(never)]
+#[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
 fn supply_bits(q: &mut Quantiser, param: Param) -> i16 {
     q.of(VOLT).times(param).saturate(param, i16::MAX as u16) as i16
 }

@@ -3,7 +3,7 @@
 //! Timer1's compare B triggers; sample and hold follows two ADC clocks (128 cycles) and the synchronisation later, at
 //! [`pins::CURRENT_SAMPLING_STEP`]: the end of the off phase, where nothing has switched lately unless the duty is above 96 %. A
 //! conversion takes 13.5 ADC clocks of 4 us, longer than one period, so the handler arms the trigger for the period
-//! after. Ten slots make one millisecond: 4 x current, tachogenerator, 4 x current, supply.
+//! after. Ten slots make one millisecond, a round that begins with a tick: 4 x current, tachogenerator, 4 x current, supply.
 
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;
@@ -40,8 +40,10 @@ static SAMPLES: Mutex<Samples> = Mutex::new(Samples {
     supply: Cell::new(0),
 });
 
-/// Starts sampling.
+/// Starts sampling with the next trigger.
 pub fn start(p: &Peripherals) {
+    // SAFETY: writing a one clears the flag; set, it would be the first trigger itself.
+    p.TC1.tifr1().write(|w| unsafe { w.bits(0b100) });
     // SAFETY: documented values: AVcc reference, current channel; trigger on compare B; enabled, auto trigger,
     // interrupt, prescaler 64; digital inputs of the three channels off.
     unsafe {

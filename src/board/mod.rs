@@ -16,7 +16,8 @@ pub mod watchdog;
 use avr_device::atmega328p::Peripherals;
 use motorbench_core::pins;
 
-/// Sets up everything, bridge first and off; interrupts stay disabled until all handlers may run.
+/// Sets up everything but the sampling, which the tick starts; bridge first and off, interrupts disabled until all handlers
+/// may run.
 pub fn start(peripherals: &Peripherals) {
     bridge::start(peripherals);
     // Inputs with pull-up: encoder (open collector outputs are common) and emergency stop.
@@ -24,7 +25,6 @@ pub fn start(peripherals: &Peripherals) {
     // SAFETY: any value is valid for a port's output register.
     peripherals.PORTD.portd().modify(|r, w| unsafe { w.bits(r.bits() | inputs) });
     serial::start(peripherals);
-    adc::start(peripherals);
     encoder::start(peripherals);
     tick::start(peripherals);
 }

@@ -115,8 +115,17 @@ pub fn start(p: &Peripherals) {
     p.TC0.ocr0a().write(|w| unsafe { w.bits(p.TC0.tcnt0().read().bits().wrapping_add(250)) });
 }
 
-/// Lets the tick run.
-pub fn enable(p: &Peripherals) {
+/// Lets the tick run, and with it the sampling: a round of conversions begins where a tick is due, so that each tick finds
+/// those of the millisecond before it, however long the start has taken.
+pub fn run(p: &Peripherals) {
+    // SAFETY: writing a one clears the flag; it comes within 256 counts.
+    p.TC0.tifr0().write(|w| unsafe { w.bits(OCIE0A) });
+    while p.TC0.tifr0().read().bits() & OCIE0A == 0 {}
+    adc::start(p);
+    enable(p);
+}
+
+fn enable(p: &Peripherals) {
     // SAFETY: the compare interrupt and nothing else.
     p.TC0.timsk0().write(|w| unsafe { w.bits(OCIE0A) });
 }

@@ -59,14 +59,15 @@ fn exponent_of(text: &[u8]) -> Option<i8> {
 /// Reads a whole number of 0..=65535.
 #[inline(never)]
 pub fn parse_u16(text: &[u8]) -> Option<u16> {
-    let mut value = 0u32;
+    let mut value = 0u16;
     for &digit in text {
-        if !digit.is_ascii_digit() || value > 6553 {
+        let digit = digit.wrapping_sub(b'0');
+        if digit > 9 || value > 6553 {
             return None;
         }
-        value = value * 10 + (digit - b'0') as u32;
+        value = (10 * value).checked_add(digit as u16)?;
     }
-    if text.is_empty() { None } else { u16::try_from(value).ok() }
+    (!text.is_empty()).then_some(value)
 }
 
 /// A number in print.

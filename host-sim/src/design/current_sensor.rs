@@ -1,7 +1,7 @@
 //! What a missing current sensor costs an LQR: the loops for one specification with the current measured, with the current
-//! of an observer, and without it.
+//! of the core's observer and of a Kalman filter, and without it.
 //!
-//! The core runs the first and the last; the gains are not quantised, so that the three differ in the current alone.
+//! The core runs all but the Kalman filter; the gains are not quantised, so that the four differ in the current alone.
 
 use super::law::{ControlLaw, Signal};
 use super::observer::{CurrentObserver, Unknown};
@@ -12,8 +12,8 @@ use super::specification::{Specification, Speed};
 use crate::motor::MotorParameters;
 use serde::Serialize;
 
-/// What an observer may take for granted: of these the one whose loop withstands most is taken.
-const OBSERVERS: [Unknown; 4] = [
+/// What a Kalman filter may take for granted: of these the one whose loop withstands most is taken.
+const FILTERS: [Unknown; 4] = [
     Unknown { voltage: 1.0, torque: 0.1, speed: 0.1 },
     Unknown { voltage: 1.0, torque: 0.1, speed: 1.0 },
     Unknown { voltage: 1.0, torque: 1.0, speed: 0.1 },
@@ -28,8 +28,10 @@ const PLAIN_STEP_TICKS: usize = 1000;
 pub enum CurrentFrom {
     /// A sensor.
     Sensor,
-    /// [`CurrentObserver`], from speed and voltage.
+    /// The core's observer, from speed and voltage.
     Observer,
+    /// A Kalman filter.
+    Kalman,
     /// It does without.
     Nothing,
 }
@@ -67,7 +69,7 @@ pub struct Comparison {
     pub found: Option<LoopWith>,
 }
 
-/// The three loops of an LQR; none of a PID, which does not use the current.
+/// The four loops of an LQR; none of a PID, which does not use the current.
 pub fn compare(
     motor: &MotorParameters,
     period_s: f64,
@@ -82,13 +84,15 @@ pub fn compare(
     let all = vec![true; current.len()];
     let without: Vec<bool> = current.iter().map(|is_current| !is_current).collect();
     let with = |used, observer| best(&Search { motor, law, period_s, speed, used, observer }, specification);
-    let observed = OBSERVERS
+    let observer = CurrentObserver::of_core(motor, period_s, speed);
+    let filtered = FILTERS
         .iter()
         .filter_map(|unknown| with(&all, Some(CurrentObserver::new(motor, period_s, speed, unknown).ok()?)))
         .max_by(|a, b| a.worst_modulus.total_cmp(&b.worst_modulus));
     vec![
         Comparison { current: CurrentFrom::Sensor, found: with(&all, None) },
-        Comparison { current: CurrentFrom::Observer, found: observed },
+        Comparison { current: CurrentFrom::Observer, found: with(&all, Some(observer)) },
+        Comparison { current: CurrentFrom::Kalman, found: filtered },
         Comparison { current: CurrentFrom::Nothing, found: with(&without, None) },
     ]
 }
@@ -144,6 +148,7 @@ pub fn table(law: ControlLaw, comparison: &[Comparison]) -> String {
         let name = match current {
             CurrentFrom::Sensor => "measured",
             CurrentFrom::Observer => "observer",
+            CurrentFrom::Kalman => "Kalman",
             CurrentFrom::Nothing => "without",
         };
         text += &match found {
@@ -167,19 +172,19 @@ pub fn table(law: ControlLaw, comparison: &[Comparison]) -> String {
 mod tests {
     use super::*;
 
-    fn loops(motor: &MotorParameters, hz: f64) -> [LoopWith; 3] {
+    fn loops(motor: &MotorParameters, hz: f64) -> [LoopWith; 4] {
         let specification =
             Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: 1.0 };
         let comparison = compare(motor, 1e-3, SpeedPath::Mean, ControlLaw::SpeedLqr, &specification);
         print!("{}", table(ControlLaw::SpeedLqr, &comparison));
-        [0, 1, 2].map(|at: usize| comparison[at].found.unwrap())
+        [0, 1, 2, 3].map(|at: usize| comparison[at].found.unwrap())
     }
 
     /// A current that follows the voltage within 2 ms tells a 10 Hz loop nothing new.
     #[test]
     fn a_slow_loop_needs_neither_sensor_nor_observer() {
-        let [measured, observer, without] = loops(&MotorParameters::PIVT6, 10.0);
-        for other in [measured, observer] {
+        let [measured, observer, kalman, without] = loops(&MotorParameters::PIVT6, 10.0);
+        for other in [measured, observer, kalman] {
             assert!((other.modulus - without.modulus).abs() < 0.05, "{other:?} {without:?}");
             assert!((other.error_integral_per_nm / without.error_integral_per_nm - 1.0).abs() < 0.03);
         }
@@ -189,8 +194,11 @@ mod tests {
     #[test]
     fn where_the_current_is_slow_the_observer_is_worth_nearly_the_sensor() {
         let motor = MotorParameters { inductance_h: 29.2e-3, inertia_kg_m2: 4.4e-5, ..MotorParameters::PIVT6 };
-        let [measured, observer, without] = loops(&motor, 20.0);
-        assert!((observer.modulus - measured.modulus).abs() < 0.03, "{observer:?} {measured:?}");
+        let [measured, observer, kalman, without] = loops(&motor, 20.0);
+        for observer in [observer, kalman] {
+            assert!((observer.modulus - measured.modulus).abs() < 0.03, "{observer:?} {measured:?}");
+        }
+        assert!(observer.worst_modulus > kalman.worst_modulus, "{observer:?} {kalman:?}");
         assert!(observer.modulus > without.modulus + 0.1, "{observer:?} {without:?}");
         assert!(observer.error_integral_per_nm < 0.5 * without.error_integral_per_nm, "{observer:?} {without:?}");
     }

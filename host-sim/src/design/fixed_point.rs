@@ -1,10 +1,11 @@
 //! A design as the core holds it: settings, and the gains its fixed-point formats make of them.
 
 use super::law::{ControlLaw, Signal, setting_name, setting_unit};
+use super::observer::winding_time_ms;
 use super::sampled_loop::{Gains, Sampling, SpeedPath};
 use super::specification::Specification;
 use super::tachogenerator::is_speed_sensor;
-use super::{Bench, DesignError};
+use super::{Bench, DesignError, observes_current};
 use crate::linear::motor_model;
 use crate::motor::MotorParameters;
 use motorbench_core::control_loop::LoopConfig;
@@ -192,6 +193,7 @@ fn advice(error: BuildError) -> &'static str {
             | Param::VoltageLimit
             | Param::SlewLimit
             | Param::Resistance
+            | Param::TorqueConstant
             | Param::CountsPerRev
             | Param::SpeedRange
             | Param::CompFrictionWidth
@@ -243,6 +245,12 @@ pub fn rig_settings(
         list.set(param, value)?;
     }
     set_speed_sensor(&mut list, motor, bench, specification)?;
+    if observes_current(bench) {
+        list.set(Param::TorqueConstant, motor.torque_constant_nm_per_a)?;
+        list.set(Param::WindingTime, winding_time_ms(motor, 1.0 / bench.tick_rate_hz))?;
+    } else {
+        list.set(Param::WindingTime, 0.0)?;
+    }
     Ok(list)
 }
 

@@ -15,7 +15,7 @@
 //! | [`fixed_point`] | settings, and the gains the core's formats make of them |
 //! | [`robustness`] | what a loop must withstand |
 //! | [`trial`] | the core in closed loop with a simulated motor |
-//! | [`observer`], [`current_sensor`] | a Kalman filter for the current; what it, or a sensor, would be worth where there is none |
+//! | [`observer`], [`current_sensor`] | the current of the core's observer, and of a Kalman filter; what these, or a sensor, are worth |
 //! | [`relay`], [`step_tuning`] | gains from an experiment, without a model |
 //! | [`on_board`] | these experiments on a board |
 //! | [`report`] | one page on a design |
@@ -67,7 +67,7 @@ pub struct Bench {
     pub tachogenerator: Option<Tachogenerator>,
     /// Control rate: 1000 or 2000 Hz.
     pub tick_rate_hz: f64,
-    /// Whether the current is measured; without it an LQR has no gain on it.
+    /// Whether the current is measured; without it an LQR has that of the core's observer, by an encoder.
     pub current_measured: bool,
 }
 
@@ -264,7 +264,7 @@ pub struct Design {
     /// The current.
     #[serde(rename = "plain_step_peak_A")]
     pub plain_step_peak_a: f64,
-    /// An LQR of a rig without a current sensor: what the sensor, or an observer, would bring. Else empty.
+    /// An LQR of a rig without a current sensor: what the sensor would bring, the observer does, and nothing would. Else empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub current_sensor: Vec<current_sensor::Comparison>,
     /// What measures the speed in place of the encoder.
@@ -339,7 +339,7 @@ pub fn design(
 }
 
 /// The design with the first shape of weights that passes all checks, or by the weights given; without a gain on the current
-/// where one would not be robust.
+/// where one would not be robust, nor the speed fit to observe it.
 fn best_shape(
     motor: &MotorParameters,
     bench: &Bench,
@@ -350,23 +350,31 @@ fn best_shape(
     let rig = fixed_point::rig_settings(motor, bench, specification)?;
     let speed = fixed_point::speed_path(&rig)?;
     let rig = Rig { settings: rig, tachogenerator: bench.tachogenerator };
+    let observer = observes_current(bench).then(|| observer::CurrentObserver::of_core(motor, period_s, speed));
     let with = |current_used: bool| {
         let used: Vec<bool> =
             law.feedback().iter().map(|(_, signal)| current_used || *signal != Signal::Current).collect();
-        let search = Search { motor, law, period_s, speed, used: &used, observer: None };
+        let search =
+            Search { motor, law, period_s, speed, used: &used, observer: observer.clone().filter(|_| current_used) };
         match specification.speed {
             Speed::Weights(weights) => weighed(&search, &rig, specification, &weights),
             Speed::BandwidthHz(_) | Speed::SettlingS(_) => searched(&search, &rig, specification),
         }
     };
-    match with(bench.current_measured) {
+    let current_known = bench.current_measured || observer.is_some();
+    match with(current_known) {
         // Of a fast winding the current tells the speed sooner than a low-pass does. A gain that makes use of it is cheap,
         // and bears no delay.
-        Err(DesignError::NotRobust { law: title, weakness }) if bench.current_measured && law.uses_current() => {
+        Err(DesignError::NotRobust { law: title, weakness }) if current_known && law.uses_current() => {
             with(false).map_err(|_| DesignError::NotRobust { law: title, weakness })
         }
         designed => designed,
     }
+}
+
+/// Whether the core has to observe the current: a tachogenerator's speed is too coarse, and filtered.
+fn observes_current(bench: &Bench) -> bool {
+    !bench.current_measured && bench.tachogenerator.is_none()
 }
 
 /// The loop of weights that are searched.

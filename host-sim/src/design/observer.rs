@@ -1,4 +1,5 @@
-//! An estimate of the current where it is not measured: a Kalman filter in steady state, from speed and voltage.
+//! An estimate of the current where it is not measured, from speed and voltage: the core's observer of the armature
+//! (`motorbench_core::observer`), and a Kalman filter in steady state, with which it is compared.
 //!
 //! ```text
 //! x(k+1) = A x(k) + B u(k) + w(k)        y(k) = C x(k) + v(k)
@@ -6,14 +7,20 @@
 //! estimate(k+1|k) = A estimate(k|k) + B u(k)
 //! ```
 //! `x` is speed, current, the voltages on their way and the measured speed `y`, as [`motor_seen`] has them; `w` (a voltage
-//! and a torque that the model does not know) and `v` are white. The core has no observer: this one tells what it would
-//! be worth.
+//! and a torque that the model does not know) and `v` are white. The less is known of the torque, the more the filter becomes
+//! the armature alone: what accelerates the motor then says nothing of its current.
 
 use super::sampled_loop::{SpeedPath, motor_seen};
 use crate::linear::Matrix;
 use crate::linear::riccati::{self, NoSolution};
 use crate::linear::state_space::Discrete;
 use crate::motor::MotorParameters;
+
+/// Places of the current and of the voltage of the tick before.
+const CURRENT: usize = 1;
+const VOLTAGE: usize = 2;
+/// A winding faster than that follows the voltage within the tick; zero would be the sensor.
+const LEAST_WINDING_TIME_MS: f64 = 1e-3;
 
 /// Standard deviations of what the model does not know, relative to each other, as voltages: in the armature, as the
 /// torque that a voltage brings about at standstill, and as the back-EMF of the measured speed's error.
@@ -42,8 +49,36 @@ pub struct CurrentObserver {
     pub direct: f64,
 }
 
+/// The core's `winding_time` with which its low-pass is the winding's own, in ms: `a = T / (time + T) = 1 - exp(-T R / L)`.
+pub fn winding_time_ms(motor: &MotorParameters, period_s: f64) -> f64 {
+    let time_s = period_s / (period_s * motor.resistance_ohm / motor.inductance_h).exp_m1();
+    (1e3 * time_s).max(LEAST_WINDING_TIME_MS)
+}
+
 impl CurrentObserver {
-    /// For a motor whose speed is measured by `speed` once in `period_s`.
+    /// The core's: `i(k) = (1 - a) i(k-1) + a (u(k-1) - k w(k)) / R`, in the places of [`motor_seen`]'s current and its
+    /// youngest voltage.
+    pub fn of_core(motor: &MotorParameters, period_s: f64, speed: SpeedPath) -> Self {
+        let states = motor_seen(motor, period_s, speed).a.nrows();
+        let part = period_s / (1e-3 * winding_time_ms(motor, period_s) + period_s);
+        let conductance = part / motor.resistance_ohm;
+        let of_speed = -conductance * motor.torque_constant_nm_per_a;
+        let mut observer = Self {
+            a: Matrix::zeros(states, states),
+            of_voltage: Matrix::zeros(states, 1),
+            of_speed: Matrix::zeros(states, 1),
+            current: Matrix::zeros(1, states),
+            direct: of_speed,
+        };
+        observer.current[CURRENT] = 1.0 - part;
+        observer.current[VOLTAGE] = conductance;
+        observer.a.row_mut(CURRENT).copy_from(&observer.current);
+        observer.of_speed[CURRENT] = of_speed;
+        observer.of_voltage[VOLTAGE] = 1.0;
+        observer
+    }
+
+    /// The Kalman filter, for a motor whose speed is measured by `speed` once in `period_s`.
     ///
     /// # Errors
     /// [`NoSolution`] if the current does not show in the speed.
@@ -130,6 +165,43 @@ mod tests {
                 x = &system.a * x + &system.b * u;
             }
             assert!(largest > 0.5, "{largest}");
+        }
+    }
+
+    /// The core's own arithmetic with the settings of a design, against the observer that the design reckons with.
+    #[test]
+    fn the_core_observes_what_the_design_says() {
+        use motorbench_core::observer::{ObserverConfig, ObserverState};
+        use motorbench_core::quantiser::Quantiser;
+        use motorbench_core::settings::{Param, Settings};
+        use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
+        for (inductance_h, period_s) in [(11.7e-3, 1e-3), (58.4e-3, 1e-3), (11.7e-3, 0.5e-3), (0.3e-3, 1e-3)] {
+            let motor = MotorParameters { inductance_h, ..MotorParameters::PIVT6 };
+            let mut settings = Settings::defaults();
+            for (param, value) in [
+                (Param::TickRate, 1.0 / period_s),
+                (Param::Resistance, motor.resistance_ohm),
+                (Param::TorqueConstant, motor.torque_constant_nm_per_a),
+                (Param::WindingTime, winding_time_ms(&motor, period_s)),
+            ] {
+                settings.set(param, value as f32).unwrap();
+            }
+            let config = Quantiser::build(&settings, ObserverConfig::quantised).unwrap();
+            let range = f64::from(settings.get(Param::SpeedRange));
+            let mut core = ObserverState::default();
+            let observer = CurrentObserver::of_core(&motor, period_s, SpeedPath::Mean);
+            let mut z = nalgebra::DVector::zeros(observer.a.nrows());
+            let mut before_v = 0.0;
+            for tick in 0..400 {
+                let (u, speed) = (if tick / 30 % 2 == 0 { 7.0 } else { -5.0 }, 60.0 * (f64::from(tick) * 0.02).sin());
+                let bits = [before_v * f64::from(VOLT), speed / range * f64::from(FULL_RANGE)].map(|bits| bits as i16);
+                let found_a = f64::from(core.step(&config, bits[0], bits[1], 0)) / f64::from(AMPERE);
+                let current_a = (&observer.current * &z)[0] + observer.direct * speed;
+                // The rounding of both constants.
+                assert!((found_a - current_a).abs() < 6e-3, "{tick}: {found_a} A for {current_a} A");
+                z = &observer.a * z + &observer.of_voltage * u + &observer.of_speed * speed;
+                before_v = u;
+            }
         }
     }
 

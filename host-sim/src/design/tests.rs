@@ -39,10 +39,7 @@ fn the_core_follows_the_linear_loop() {
         (ControlLaw::PositionLqr, 5.0),
     ] {
         let design = pivt6(law, hz, 10.0).unwrap();
-        let linear = design.linear_response(&MotorParameters::PIVT6);
-        let output = |point: &Point| if law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
-        let differences = linear.iter().zip(&design.points).map(|(linear, point)| (linear - output(point)).abs());
-        let worst = differences.fold(0.0, f64::max) / design.trial.step;
+        let worst = farthest_from_linear(&design, &MotorParameters::PIVT6);
         println!("{law:?}: core and linear loop differ by {:.2} % of the step at most", 100.0 * worst);
         assert!(worst < 0.02, "{law:?}: {worst}");
     }
@@ -60,12 +57,37 @@ fn settling_is_a_specification_too() {
 }
 
 #[test]
-fn without_a_current_sensor_the_current_has_no_gain() {
+fn without_a_current_sensor_the_core_observes_the_current() {
     let specification =
         Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
     let bench = Bench { current_measured: false, ..Bench::default() };
+    let slow_winding = MotorParameters { inductance_h: 29.2e-3, ..MotorParameters::PIVT6 };
+    for (motor, law) in [
+        (MotorParameters::PIVT6, ControlLaw::SpeedLqr),
+        (slow_winding, ControlLaw::SpeedLqr),
+        (slow_winding, ControlLaw::PositionLqr),
+    ] {
+        let design = design(&motor, &bench, law, &specification).unwrap();
+        let on_current = law.feedback().iter().position(|(_, signal)| *signal == Signal::Current).unwrap();
+        assert!(design.held.feedback[on_current] != 0.0, "{:?}", design.held);
+        assert_eq!(f64::from(design.settings.all.get(Param::TorqueConstant)), f64::from(0.072_f32));
+        assert!(design.settings.all.get(Param::WindingTime) > 1.0);
+        let worst = farthest_from_linear(&design, &motor);
+        println!("{law:?} with an observed current: core and linear loop differ by {:.2} % at most", 100.0 * worst);
+        assert!(worst < 0.02, "{law:?}: {worst}");
+    }
+    let tachogenerator = Tachogenerator { gain_v_per_krpm: 3.0, ripple: 0.02, ripples_per_rev: 24.0 };
+    let bench = Bench { tachogenerator: Some(tachogenerator), ..bench };
     let design = design(&MotorParameters::PIVT6, &bench, ControlLaw::SpeedLqr, &specification).unwrap();
     assert_eq!((design.gains[1].name.as_str(), design.gains[1].value), ("lqr_speed_kc", 0.0));
+}
+
+/// Between the core's trial and the linear loop, of the step.
+fn farthest_from_linear(design: &Design, motor: &MotorParameters) -> f64 {
+    let linear = design.linear_response(motor);
+    let output = |point: &Point| if design.law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
+    let differences = linear.iter().zip(&design.points).map(|(linear, point)| (linear - output(point)).abs());
+    differences.fold(0.0, f64::max) / design.trial.step
 }
 
 /// Every line is one that the console reads, and both laws of a kind can be pasted one after the other.
@@ -207,10 +229,7 @@ fn at_two_kilohertz_the_core_follows_as_well() {
         let speed = Speed::BandwidthHz(if law.is_position() { 10.0 } else { 20.0 });
         let specification = Specification { speed, overshoot_percent: 10.0, current_limit_a: 1.0 };
         let design = design(&MotorParameters::PIVT6, &bench, law, &specification).unwrap();
-        let linear = design.linear_response(&MotorParameters::PIVT6);
-        let output = |point: &Point| if law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
-        let differences = linear.iter().zip(&design.points).map(|(linear, point)| (linear - output(point)).abs());
-        let worst = differences.fold(0.0, f64::max) / design.trial.step;
+        let worst = farthest_from_linear(&design, &MotorParameters::PIVT6);
         println!("{law:?} at 2 kHz: core and linear loop differ by {:.2} % of the step at most", 100.0 * worst);
         assert!(worst < 0.02, "{law:?}: {worst}");
     }
@@ -377,7 +396,7 @@ struct Tally {
     refused: std::collections::BTreeMap<&'static str, usize>,
 }
 
-/// Random motors, both laws of both kinds: what is offered holds on the core in closed loop, with the motor of the model and
+/// Random motors, both laws of both kinds, the LQRs with the current measured and observed: what is offered holds on the core in closed loop, with the motor of the model and
 /// with one 30 % off in every parameter; and what is refused stays the exception, for every law by itself.
 #[test]
 fn what_is_offered_is_stable_on_the_core() {
@@ -388,13 +407,17 @@ fn what_is_offered_is_stable_on_the_core() {
         let [least, most] = decades.fold([1.0_f64, 0.0_f64], |[low, high], part| [low.min(part), high.max(part)]);
         assert!(least < 0.1 && most > 0.9, "parameter {at} is drawn from {least:.2} to {most:.2} of its decades alone");
     }
-    let cases = ControlLaw::ALL;
+    let observed = [ControlLaw::SpeedLqr, ControlLaw::PositionLqr].map(|law| (law, false));
+    let cases = [&ControlLaw::ALL.map(|law| (law, true))[..], &observed].concat();
+    let cases = &cases;
     let results: Vec<(usize, Option<DesignError>)> = (0..MOTORS)
         .into_par_iter()
         .flat_map_iter(|seed| (0..cases.len()).map(move |case| (seed, case)))
         .map(|(seed, case)| {
-            let draw = Draw::new(seed);
-            let design = match draw.design(cases[case]) {
+            let mut draw = Draw::new(seed);
+            let (law, current_measured) = cases[case];
+            draw.bench.current_measured = current_measured;
+            let design = match draw.design(law) {
                 Ok(design) => design,
                 Err(error) => return (case, Some(error)),
             };
@@ -416,8 +439,9 @@ fn what_is_offered_is_stable_on_the_core() {
             }
         }
     }
-    for (law, Tally { offered, refused }) in cases.iter().zip(&tallies) {
-        println!("{}: {offered} of {MOTORS} offered; refused: {refused:?}", law.title());
+    for ((law, current_measured), Tally { offered, refused }) in cases.iter().zip(&tallies) {
+        let current = if *current_measured { "" } else { ", the current observed" };
+        println!("{}{current}: {offered} of {MOTORS} offered; refused: {refused:?}", law.title());
         assert!(10 * offered >= 9 * MOTORS as usize, "{law:?}: {refused:?}");
     }
     let refused = results.iter().filter(|(_, error)| error.is_some()).count();
