@@ -3,7 +3,9 @@
 
 mod common;
 
-use common::figures;
+use common::{Uno, figures};
+use host_sim::chip::registers::vector;
+use motorbench_core::pins::SUPPLY_SENSE;
 
 #[test]
 fn controllers() {
@@ -22,6 +24,31 @@ fn interrupts_are_short_and_come_on_time() {
     assert_eq!(interrupts.sampling_jitter_cycles, 0);
     // The longest of the other handlers.
     assert!(interrupts.tick_jitter_cycles <= 120, "{}", interrupts.tick_jitter_cycles);
+}
+
+/// A start from saved settings takes longer than one from the defaults: the last conversion of a round, the supply's, comes
+/// before each tick all the same.
+#[test]
+fn a_round_of_conversions_ends_with_each_tick() {
+    let mut uno = Uno::start();
+    uno.order("set cruise_speed 55");
+    uno.order("save");
+    uno.run_s(2.0);
+    let saved = uno.bench.chip().eeprom();
+    for eeprom in [None, Some(saved)] {
+        let mut uno = Uno::power_on();
+        if let Some(image) = &eeprom {
+            uno.bench.chip_mut().set_eeprom(image);
+        }
+        uno.listen();
+        uno.bench.chip_mut().measure(None);
+        uno.run_s(0.05);
+        let meter = uno.bench.chip().meter();
+        let before = |cycle| meter.samples().iter().rfind(|sample| sample.cycle < cycle).map(|sample| sample.channel);
+        let ticks = meter.handler_runs(vector::TIMER0_COMPA).iter();
+        let channels: Vec<u8> = ticks.filter_map(|tick| before(tick.entry_cycle)).collect();
+        assert!(channels.len() > 40 && channels.iter().all(|channel| *channel == SUPPLY_SENSE.bit), "{channels:?}");
+    }
 }
 
 #[test]
