@@ -413,11 +413,14 @@ fn what_is_offered_is_stable_on_the_core() {
     let results: Vec<(usize, Option<DesignError>)> = (0..MOTORS)
         .into_par_iter()
         .flat_map_iter(|seed| (0..cases.len()).map(move |case| (seed, case)))
+        // An observer makes the loop larger and the search slower: every other motor.
+        .filter(|(seed, case)| cases[*case].1 || seed % 2 == 0)
         .map(|(seed, case)| {
             let mut draw = Draw::new(seed);
             let (law, current_measured) = cases[case];
             draw.bench.current_measured = current_measured;
-            let design = match draw.design(law) {
+            // The design alone, without what other sensors would bring.
+            let design = match best_shape(&draw.motor, &draw.bench, law, &draw.specification(law)) {
                 Ok(design) => design,
                 Err(error) => return (case, Some(error)),
             };
@@ -441,8 +444,9 @@ fn what_is_offered_is_stable_on_the_core() {
     }
     for ((law, current_measured), Tally { offered, refused }) in cases.iter().zip(&tallies) {
         let current = if *current_measured { "" } else { ", the current observed" };
-        println!("{}{current}: {offered} of {MOTORS} offered; refused: {refused:?}", law.title());
-        assert!(10 * offered >= 9 * MOTORS as usize, "{law:?}: {refused:?}");
+        let motors = offered + refused.values().sum::<usize>();
+        println!("{}{current}: {offered} of {motors} offered; refused: {refused:?}", law.title());
+        assert!(10 * offered >= 9 * motors && motors >= MOTORS as usize / 2, "{law:?}: {refused:?}");
     }
     let refused = results.iter().filter(|(_, error)| error.is_some()).count();
     assert!(refused * 20 <= results.len(), "{refused} of {} are refused", results.len());
