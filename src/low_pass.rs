@@ -48,7 +48,7 @@ impl LowPassState {
     /// One tick: input and output in the same bits.
     #[inline(always)]
     pub fn step(&mut self, config: &LowPassConfig, input: i16) -> i16 {
-        if config.0 == 0 { input } else { self.filter(config, input) }
+        if config.is_on() { self.filter(config, input) } else { input }
     }
 
     #[inline(never)]

@@ -8,11 +8,12 @@ use hidden_effects::{Effect, LiveBench, Recipe, Switch, Truth};
 use host_sim::chip::Rig;
 use host_sim::diagnose::diagnose;
 use host_sim::diagnose::page::page;
+use host_sim::link::name;
 use host_sim::plant::{Bridge, Inputs, Plant};
 use host_sim::recording::Recording;
 use host_sim::rig::NominalMotor;
 use host_sim::telemetry;
-use motorbench_core::settings::{Param, Settings, Text, text};
+use motorbench_core::settings::{Param, Settings};
 
 /// The ACS712 ends at 5 A: a reversal at full speed must not reach it.
 const LEAST_RESISTANCE_OHM: f64 = 6.0;
@@ -78,8 +79,7 @@ fn record(bench: LiveBench, settings: &Settings) -> Recording {
     let defaults = Settings::defaults();
     // The range of the speed last: the widths of the compensation have to suit it.
     for param in Param::ALL.iter().rev().copied().filter(|param| settings.get(*param) != defaults.get(*param)) {
-        let name: String = text(param, Text::Name).map(char::from).collect();
-        uno.order(&format!("set {name} {}", settings.get(param)));
+        uno.order(&format!("set {} {}", name(param), settings.get(param)));
     }
     uno.order("arm");
     uno.order("mode open");

@@ -4,13 +4,14 @@
 //! tick; the host's copy of the core gets them and must produce every sample the chip sent over its serial line.
 
 use host_sim::chip::{Bench, Rig, firmware_elf};
+use host_sim::link::name;
 use host_sim::plant::{DcMotor, DcMotorParameters};
 use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig};
 use motorbench_core::encoder::Edges;
 use motorbench_core::excitation::{Kind, Sequence};
 use motorbench_core::message::{Mode, Request, Sample};
 use motorbench_core::protocol::{Frame, StreamDecoder};
-use motorbench_core::settings::{Param, Settings, Text, text};
+use motorbench_core::settings::{Param, Settings};
 use std::collections::BTreeMap;
 
 /// One tick as the chip saw it.
@@ -140,8 +141,7 @@ fn agree(changed: &[(Param, f32)], runs: &[[&str; 3]]) -> Observer {
     let mut settings = Settings::defaults();
     for &(param, value) in changed {
         settings.set(param, value).expect("within its range");
-        let name: String = text(param, Text::Name).map(char::from).collect();
-        chip.order(&format!("set {name} {value}"));
+        chip.order(&format!("set {} {value}", name(param)));
     }
     chip.listening = true;
     chip.order("stream binary");
@@ -170,7 +170,7 @@ fn agree(changed: &[(Param, f32)], runs: &[[&str; 3]]) -> Observer {
     }
     println!("{compared} ticks agree bit for bit");
     let driven = chip.samples.values().filter(|sample| sample.duty != 0).count();
-    assert!(compared > 1200 * runs.len() && driven > 1000 * runs.len(), "{compared}, {driven}");
+    assert!(compared > 1400 * runs.len() && driven > 1000 * runs.len(), "{compared}, {driven}");
     assert_eq!((chip.decoder.lost, chip.decoder.damaged), (0, 0));
     chip
 }

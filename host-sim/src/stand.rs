@@ -211,26 +211,26 @@ pub fn evaluate(
     resistances_ohm: Option<Vec<f64>>,
     rig: &Rig,
 ) -> Result<Stand, StudyError> {
-    let (_, k) = nominal(rig)?;
-    let Rows { turning, held } = rows(table, k)?;
     let measured_apart = resistances_ohm.and_then(Winding::of);
     let study = study(table, rig, measured_apart.as_ref())?;
     let constants = Constants::of(&study, rig).ok_or(StudyError::NoNominal)?;
     let losses = study.levels.iter().map(|level| constants.losses(level)).collect();
     let condition = match earlier {
-        Some(earlier) => condition(earlier, table, rig)?,
+        Some(earlier) => condition(earlier, &study.levels, rig)?,
         None => Vec::new(),
     };
     let mut voltages_v: Vec<f64> = study.levels.iter().map(|level| level.u_V).collect();
     voltages_v.dedup();
     let most_efficient = voltages_v.iter().filter_map(|u_v| constants.most_efficient(*u_v)).collect();
-    let directions = study.levels.iter().filter_map(|level| directions(&turning, level)).collect();
+    let directions = study.levels.iter().filter_map(|level| directions(&study.rows, level)).collect();
     let (mut loaded, mut load_scale) = (Vec::new(), None);
     if is_loaded(&study.levels) {
         loaded = study.levels.iter().map(|level| LoadedPoint::of(level, &constants)).collect();
         load_scale = scale_of_loads(&study.levels, constants.torque_constant_Nm_per_A);
     }
-    let of_held = || Winding::of(held.iter().map(|row| (row.u_v - k * row.omega_rad_per_s) / row.i_a).collect());
+    let (_, k) = nominal(rig)?;
+    let held = study.rows.held.iter();
+    let of_held = || Winding::of(held.map(|row| (row.u_v - k * row.omega_rad_per_s) / row.i_a).collect());
     Ok(Stand {
         winding: measured_apart.or_else(of_held),
         constants,
@@ -255,10 +255,10 @@ fn scale_of_loads(levels: &[Level], k: f64) -> Option<Estimate> {
 }
 
 /// Means of both directions at a level; nothing where one of them is missing.
-fn directions(turning: &[Row], level: &Level) -> Option<Directions> {
-    let greatest_v = turning.iter().map(|row| row.u_v.abs()).fold(0.0, f64::max);
+fn directions(rows: &Rows, level: &Level) -> Option<Directions> {
+    let greatest_v = rows.greatest_v();
     let mean = |sign: f64, of: fn(&Row) -> f64| {
-        let rows = turning.iter().filter(|row| same_level(sign * row.u_v, level.u_V, greatest_v));
+        let rows = rows.turning.iter().filter(|row| same_level(sign * row.u_v, level.u_V, greatest_v));
         let rows = rows.filter(|row| sign * row.load_nm == level.load_Nm);
         let (count, sum) = rows.fold((0, 0.0), |(count, sum), row| (count + 1, sum + sign * of(row)));
         (count > 0).then(|| sum / f64::from(count))
@@ -352,10 +352,9 @@ impl Constants {
 
 /// The same two lines through both tests: the voltage that nominal resistance and back-EMF leave, over speed, and the
 /// torque over speed.
-fn condition(earlier: &Recording, now: &Recording, rig: &Rig) -> Result<Vec<Condition>, StudyError> {
+fn condition(earlier: &Recording, now: &[Level], rig: &Rig) -> Result<Vec<Condition>, StudyError> {
     let (r, k) = nominal(rig)?;
-    let of = |table: &Recording| levels(&table.name, &rows(table, k)?.turning, r, k);
-    let tests = [of(earlier)?, of(now)?];
+    let earlier = levels(&earlier.name, &rows(earlier, k)?, r, k)?;
     let estimates = |test: &[Level]| -> Option<[Estimate; 4]> {
         let speed: Vec<f64> = test.iter().map(|level| level.omega_rad_per_s).collect();
         let constant = vec![1.0; speed.len()];
@@ -369,7 +368,7 @@ fn condition(earlier: &Recording, now: &Recording, rig: &Rig) -> Result<Vec<Cond
         emf = Estimate { value: k + emf.value, ci95: emf.ci95.map(|ci95| ci95.map(|end| k + end)) };
         Some([voltage.estimate(0), emf, torque.estimate(0), torque.estimate(1)])
     };
-    let (Some(before), Some(now)) = (estimates(&tests[0]), estimates(&tests[1])) else { return Ok(Vec::new()) };
+    let (Some(before), Some(now)) = (estimates(&earlier), estimates(now)) else { return Ok(Vec::new()) };
     let parts = [
         (
             "brushes",

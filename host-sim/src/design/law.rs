@@ -1,5 +1,6 @@
 //! The four control laws of the core, and the settings their gains go to.
 
+pub use crate::link::name as setting_name;
 use motorbench_core::message::Mode;
 use motorbench_core::settings::{Param, Text, text};
 use serde::Serialize;
@@ -113,11 +114,6 @@ impl ControlLaw {
             Self::PositionLqr => "position LQR",
         }
     }
-}
-
-/// A setting's name on the console.
-pub fn setting_name(param: Param) -> String {
-    text(param, Text::Name).map(char::from).collect()
 }
 
 /// A setting's unit.

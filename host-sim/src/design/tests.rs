@@ -396,8 +396,9 @@ struct Tally {
     refused: std::collections::BTreeMap<&'static str, usize>,
 }
 
-/// Random motors, both laws of both kinds, the LQRs with the current measured and observed: what is offered holds on the core in closed loop, with the motor of the model and
-/// with one 30 % off in every parameter; and what is refused stays the exception, for every law by itself.
+/// Random motors, both laws of both kinds, the LQRs with the current measured and observed: what is offered holds on the
+/// core in closed loop, with the motor of the model and with one 30 % off in every parameter; and what is refused stays the
+/// exception, for every law by itself.
 #[test]
 fn what_is_offered_is_stable_on_the_core() {
     const MOTORS: u64 = 40;

@@ -199,9 +199,11 @@ mod tests {
         for _ in 0..300 {
             let period: Vec<f64> = (0..STEPS)
                 .map(|step| {
-                    let on = (step as f64 + 0.5) / (STEPS as f64) < duty.abs();
-                    let source_v = if on { duty.signum() * SUPPLY_V } else { 0.0 };
-                    let drop_v = volts.drops_v[usize::from(!on)];
+                    // The pulse ends within a step; a whole one more or less would be seen in a short pulse.
+                    let on = (duty.abs() * STEPS as f64 - step as f64).clamp(0.0, 1.0);
+                    let source_v = on * duty.signum() * SUPPLY_V;
+                    let [pulse_drop_v, off_drop_v] = volts.drops_v;
+                    let drop_v = off_drop_v + on * (pulse_drop_v - off_drop_v);
                     let free_a: f64 = current_a + step_a_per_v * (source_v - volts.emf_v);
                     current_a = free_a.signum() * (free_a.abs() - step_a_per_v * drop_v).max(0.0);
                     current_a

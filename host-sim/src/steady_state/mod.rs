@@ -89,6 +89,9 @@ pub struct Study {
     pub levels: Vec<Level>,
     /// Everything that was tried for the missing voltage, best first.
     pub explanations: Vec<Explanation>,
+    /// What the levels are the means of.
+    #[serde(skip)]
+    pub(crate) rows: Rows,
 }
 
 /// Why a table cannot be studied.
@@ -133,13 +136,13 @@ fn unknown(ignored: &[String]) -> String {
 /// [`StudyError`].
 pub fn study(table: &Recording, rig: &Rig, winding: Option<&Winding>) -> Result<Study, StudyError> {
     let (r, k) = nominal(rig)?;
-    let Rows { turning, held } = rows(table, k)?;
-    let levels = levels(&table.name, &turning, r, k)?;
-    let held: Vec<Level> = held.iter().map(|row| level(&[row.forwards()], r, k)).collect();
+    let rows = rows(table, k)?;
+    let levels = levels(&table.name, &rows, r, k)?;
+    let held: Vec<Level> = rows.held.iter().map(|row| level(&[row.forwards()], r, k)).collect();
     let explanations = explanations(&levels, &held, winding, (r, k));
     let friction = friction(&levels, torque_constant(&levels, &explanations[0], k));
     let outcome = outcome(&levels, &explanations, &friction, rig);
-    Ok(Study { outcome, levels, explanations })
+    Ok(Study { outcome, levels, explanations, rows })
 }
 
 /// Resistance and torque constant.
@@ -177,10 +180,18 @@ impl Row {
 }
 
 /// Rows of a table that say something.
+#[derive(Clone, Debug)]
 pub(crate) struct Rows {
     pub turning: Vec<Row>,
     /// The rotor is held or hardly turns, and a current flows.
     pub held: Vec<Row>,
+}
+
+impl Rows {
+    /// Of a turning motor, either way.
+    pub(crate) fn greatest_v(&self) -> f64 {
+        self.turning.iter().map(|row| row.u_v.abs()).fold(0.0, f64::max)
+    }
 }
 
 /// Whether a back-EMF says that the rotor is held or hardly turns.
@@ -202,10 +213,10 @@ pub(crate) fn rows(table: &Recording, k: f64) -> Result<Rows, StudyError> {
 
 /// Means of the readings at each voltage and load, with what follows from the nominal constants. Both directions count as one:
 /// what differs between them, an offset of the current or friction, is scatter of their mean.
-pub(crate) fn levels(name: &str, turning: &[Row], r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
-    let greatest_v = turning.iter().map(|row| row.u_v.abs()).fold(0.0, f64::max);
+pub(crate) fn levels(name: &str, rows: &Rows, r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
+    let greatest_v = rows.greatest_v();
     let mut groups: Vec<Vec<Row>> = Vec::new();
-    for row in turning.iter().map(|row| row.forwards()) {
+    for row in rows.turning.iter().map(|row| row.forwards()) {
         let of = |group: &Vec<Row>| same_level(group[0].u_v, row.u_v, greatest_v) && group[0].load_nm == row.load_nm;
         match groups.iter().position(of) {
             Some(group) => groups[group].push(row),
