@@ -240,15 +240,26 @@ pub struct Effort {
     pub least_gain: f64,
     /// How finely the sensitivities are simulated.
     pub sensitivities: Steps,
+    /// It is given up when the steps left, each gaining what the better of the last two did, would not bring it below this
+    /// cost.
+    pub useless_above: f64,
 }
 
 impl Effort {
     /// Where it starts, with its sensitivities.
-    pub const NONE: Self = Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse };
+    pub const NONE: Self =
+        Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, useless_above: f64::INFINITY };
     /// To see whether an effect is worth it.
-    pub const TRIAL: Self = Self { steps: 8, least_gain: 5e-3, sensitivities: Steps::Coarse };
+    pub const TRIAL: Self = Self { steps: 8, least_gain: 5e-3, ..Self::NONE };
+    /// What was fitted to other parts of the same data.
+    pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
     /// To the end.
-    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine };
+    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ..Self::NONE };
+
+    /// The same for a fit that is of no use above a cost.
+    pub fn useless_above(self, cost: f64) -> Self {
+        Self { useless_above: cost, ..self }
+    }
 }
 
 /// A fitted model.
@@ -359,19 +370,24 @@ impl<'a> Search<'a> {
             Sensitivities::simulated(&search.model, search.data, &search.unknowns, effort.sensitivities)
         };
         let mut sensitivities = (effort.steps > 0).then(|| simulated(self))?;
+        let mut gained_before = f64::INFINITY;
         for step in 1..=effort.steps {
             let before = self.cost;
             if !self.step(&sensitivities, &mut damping) {
                 return Some(sensitivities);
             }
             self.settle();
-            if before - self.cost < effort.least_gain * before {
+            let gained = before - self.cost;
+            if gained < effort.least_gain * before {
                 // So near the end they no longer change.
                 return Some(sensitivities);
             }
-            if step < effort.steps {
-                sensitivities = simulated(self);
+            let steps_left = effort.steps - step;
+            let pace = gained.max(std::mem::replace(&mut gained_before, gained));
+            if steps_left == 0 || self.cost - steps_left as f64 * pace > effort.useless_above {
+                return None;
             }
+            sensitivities = simulated(self);
         }
         None
     }
@@ -441,11 +457,13 @@ fn event_bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<(f
     Some((0.6 * spacing, scales.duration_s - 0.6 * spacing))
 }
 
-/// What a recording of this length can tell of a constant.
-fn bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> (f64, f64) {
-    let Parameter { min, max, slow, .. } = effect.about().parameters[index];
+/// Between what a fit may move a constant: what a recording of this length can tell of it, and so that its law stays one.
+fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
+    let Parameter { min, max, slow, unsaid, .. } = term.effect.about().parameters[index];
     let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
-    event_bounds(effect, index, scales).unwrap_or((min, max.min(longest)))
+    // 0 would be another law.
+    let min = if unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
+    event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest)))
 }
 
 fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
@@ -470,10 +488,8 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
         let parameters = parameters.filter(|(index, parameter)| parameter.moves(term.values[*index]));
         parameters
             .map(|(index, parameter)| {
-                let (min, max) = bounds(term.effect, index, &scales);
+                let (min, max) = bounds(term, index, &scales);
                 let size = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
-                // 0 would be another law.
-                let min = if parameter.unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
                 Unknown {
                     place: Place::Term(term_index, index),
                     logarithmic: false,

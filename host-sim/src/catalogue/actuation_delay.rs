@@ -1,6 +1,6 @@
 //! Actuation delay: the voltage comes later than the recording says.
 
-use super::{About, ActsOn, Effect, Parameter, Scales};
+use super::{About, ActsOn, Effect, INDUCTANCE, Parameter, Scales};
 
 /// See the module.
 pub struct ActuationDelay;
@@ -26,6 +26,11 @@ impl Effect for ActuationDelay {
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         vec![vec![2.0 * scales.interval_s.min(0.005)]]
+    }
+
+    /// By a speed a winding and a wait can hardly be told apart.
+    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        (rival == INDUCTANCE).then(|| values.to_vec())
     }
 
     fn delay_s(&self, values: &[f64]) -> f64 {

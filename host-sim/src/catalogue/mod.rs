@@ -64,6 +64,10 @@ pub static CATALOGUE: [&dyn Effect; 22] = [
     &tacho_ripple::TachoRipple,
 ];
 
+/// A rival that is no effect: more inductance than the winding has. Its one value is by how many seconds that lengthens the
+/// winding's time constant.
+pub const INDUCTANCE: &str = "parameter:inductance";
+
 /// The effect with this identifier.
 pub fn effect(id: &str) -> Option<&'static dyn Effect> {
     CATALOGUE.iter().copied().find(|effect| effect.about().id == id)
@@ -346,7 +350,7 @@ pub trait Effect: Sync {
         Vec::new()
     }
 
-    /// Values with which it looks most like a rival that has `values`.
+    /// Values with which it looks most like a rival that has `values`: another effect, or [`INDUCTANCE`].
     fn instead_of(&self, _rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
         None
     }

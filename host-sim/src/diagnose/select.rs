@@ -2,7 +2,7 @@
 //! then backward, and against every rival.
 
 use super::judge::{Gain, NOT_NOISE, above_floor, gain, sigmas_together};
-use crate::catalogue::{CATALOGUE, Effect, Parameter, effect};
+use crate::catalogue::{CATALOGUE, Effect, INDUCTANCE, Parameter, effect};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
@@ -44,9 +44,8 @@ const VISCOUS_SPREAD: f64 = 0.5;
 const STRANGE: f64 = 25.0;
 /// Another law of an effect, or a rival, is fitted further if as it stands it costs no more than this many times what there is.
 const NEAR: f64 = 10.0;
-/// An inductance this many times the nominal one may be a late command.
+/// An inductance this many times the nominal one may be an effect.
 const EXCESSIVE_INDUCTANCE: f64 = 1.35;
-const LATE: &str = "actuation_delay";
 /// Of a wave, so many other numbers of periods are looked at; it is none if more than half of them gain this share of what
 /// it gains.
 const OTHER_NUMBERS: usize = 6;
@@ -112,7 +111,7 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
         }
     }
     progress("to the end");
-    last = chooser.or_late(chooser.to_the_end(last));
+    last = chooser.or_instead_of_inductance(chooser.to_the_end(last));
     let (last, standings) = chooser.backward(last);
     Selection { base, steps, last, standings }
 }
@@ -188,25 +187,25 @@ impl Chooser<'_> {
         found
     }
 
-    /// In place of an inductance that no data sheet has: a late command, where it says as much. A winding and a wait can hardly be
-    /// told apart by a speed.
-    fn or_late(&self, found: Fit) -> Fit {
-        let Some(nominal_h) = self.prior.nominal.inductance_h.filter(|_| self.has_excessive_inductance(&found)) else {
-            return found;
-        };
-        let Some(effect) = effect(LATE).filter(|_| !found.model.has(LATE)) else { return found };
-        let motor = found.model.motor;
-        let delay_s = (motor.inductance_h - nominal_h) / motor.resistance_ohm;
-        let mut model = found.model.with(effect, vec![delay_s]);
-        model.motor.inductance_h = nominal_h;
-        let late = fit(&model, self.data, self.prior, Effort::FULL);
-        let is_as_good = is_same(&self.gain(&late, &found));
-        if is_as_good && !self.has_excessive_inductance(&late) { late } else { found }
+    /// In place of an inductance that no data sheet has: an effect that looks like it, where that says as much.
+    fn or_instead_of_inductance(&self, found: Fit) -> Fit {
+        let Some(excess_h) = self.excessive_inductance_h(&found) else { return found };
+        let excess_s = excess_h / found.model.motor.resistance_ohm;
+        let mut others = self.possible().filter(|effect| !found.model.has(effect.about().id));
+        let like_it = others.find_map(|effect| Some((effect, effect.instead_of(INDUCTANCE, &[excess_s])?)));
+        let Some((effect, values)) = like_it else { return found };
+        let mut model = found.model.with(effect, values);
+        model.motor.inductance_h -= excess_h;
+        let other = fit(&model, self.data, self.prior, Effort::FULL);
+        let is_as_good = is_same(&self.gain(&other, &found));
+        if is_as_good && self.excessive_inductance_h(&other).is_none() { other } else { found }
     }
 
-    fn has_excessive_inductance(&self, fit: &Fit) -> bool {
-        let nominal_h = self.prior.nominal.inductance_h;
-        nominal_h.is_some_and(|nominal_h| fit.model.motor.inductance_h > EXCESSIVE_INDUCTANCE * nominal_h)
+    /// By how much the inductance is above the nominal one, where that is much.
+    fn excessive_inductance_h(&self, fit: &Fit) -> Option<f64> {
+        let nominal_h = self.prior.nominal.inductance_h?;
+        let found_h = fit.model.motor.inductance_h;
+        (found_h > EXCESSIVE_INDUCTANCE * nominal_h).then_some(found_h - nominal_h)
     }
 
     /// What was just added has been tried with one law and beside one motor; this is the best of all.
@@ -250,7 +249,9 @@ impl Chooser<'_> {
 
     /// Fits from the nominal motor: of the effects that leave nothing of the linear fit, and of the two that hardly any
     /// bench is without, together and with the former.
-    fn fresh(&self, from: &Model) -> Vec<Fit> {
+    fn fresh(&self, current: &Fit) -> Vec<Fit> {
+        let from = &current.model;
+        let effort = Effort::TRIAL.useless_above(current.cost);
         let scales = scales(&self.prior.motor, self.data);
         let strange = CATALOGUE.iter().filter(|effect| effect.changes_everything()).map(|effect| effect.about().id);
         strange
@@ -265,7 +266,7 @@ impl Chooser<'_> {
             })
             .collect::<Vec<_>>()
             .into_par_iter()
-            .map(|model| fit(&model, self.data, self.prior, Effort::TRIAL))
+            .map(|model| fit(&model, self.data, self.prior, effort))
             .collect()
     }
 
@@ -327,10 +328,10 @@ impl Chooser<'_> {
             let best = promises.first().map_or(0.0, |promise| promise.gain);
             promises.retain(|promise| promise.gain > TRIED_SHARE * best);
             (self.progress)(&format!("{} effects, trying {}", current.model.terms.len(), promises.len()));
-            let tried = self.try_all(&current.model, &promises, Effort::TRIAL);
+            let tried = self.try_all(&current.model, &promises, Effort::TRIAL.useless_above(current.cost));
             let mut fits: Vec<Fit> = tried.into_iter().map(|(_, fit)| fit).collect();
             if steps.is_empty() && !promises.is_empty() {
-                fits.extend(self.fresh(&current.model));
+                fits.extend(self.fresh(&current));
             }
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let gained = |index: usize| (index, self.gain(&current, &fits[index]));
@@ -400,8 +401,8 @@ impl Chooser<'_> {
         if keeps_the_motor {
             own.sigmas = own.sigmas.max(0.0).hypot(self.strangeness(&without).sqrt());
         }
-        let keeps_the_winding =
-            id == LATE && self.has_excessive_inductance(&without) && !self.has_excessive_inductance(current);
+        let is_excessive = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
+        let keeps_the_winding = looks_like_inductance(id) && is_excessive(&without) && !is_excessive(current);
         let is_certain =
             || own.sigmas > NAMED_SIGMAS || self.sigmas_on_all(current, &without, &own) > NAMED_ON_ALL_SIGMAS;
         let earns_its_name = keeps_the_motor || keeps_the_winding || earns_its_place(&own) && is_certain();
@@ -413,7 +414,7 @@ impl Chooser<'_> {
     /// What an effect gains on all data, each part judged by fits that have not seen it.
     fn sigmas_on_all(&self, current: &Fit, without: &Fit, on_kept_back: &Gain) -> f64 {
         let on_other = |data: Dataset| {
-            let anew = |found: &Fit| fit(&found.model, &data, self.prior, Effort::FULL);
+            let anew = |found: &Fit| fit(&found.model, &data, self.prior, Effort::AGAIN);
             Chooser { data: &data, ..*self }.gain(&anew(without), &anew(current))
         };
         let mut parts: Vec<Gain> = self.data.with_others_kept_back().map(on_other).collect();
@@ -464,7 +465,7 @@ impl Chooser<'_> {
         promises.truncate(RIVALS);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
-        let mut rivals = self.try_all(&without.model, &promises, Effort::TRIAL);
+        let mut rivals = self.try_all(&without.model, &promises, Effort::TRIAL.useless_above(without.cost));
         for (lookalike, fit) in self.lookalikes(&current.model, id) {
             match rivals.iter_mut().find(|(rival, _)| *rival == lookalike) {
                 Some((_, other)) if other.cost > fit.cost => *other = fit,
@@ -501,11 +502,16 @@ impl Chooser<'_> {
             .collect();
         over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
         let mut same: Vec<_> = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
-        if id == LATE && is_same(&own) {
-            same.push("parameter:inductance");
+        if looks_like_inductance(id) && is_same(&own) {
+            same.push(INDUCTANCE);
         }
         Standing { id, gain: own, rival: over.into_iter().next(), same }
     }
+}
+
+/// Whether an effect can look like more inductance than the winding has.
+fn looks_like_inductance(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.instead_of(INDUCTANCE, &[0.0]).is_some())
 }
 
 /// Whether a model is no better than the other.
