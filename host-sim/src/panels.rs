@@ -1,6 +1,6 @@
 //! Plots over time or frequency, one under the other, as SVG.
 
-use crate::web_page::{PLOT_LETTERS, PLOT_SIZE};
+use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
@@ -125,7 +125,10 @@ where
         .configure_mesh()
         .x_desc(x_title)
         .y_desc(&panel.title)
+        .x_labels(PLOT_LABELS)
+        .x_label_formatter(&axis_label)
         .y_labels(6)
+        .y_label_formatter(&axis_label)
         .label_style(letters)
         .axis_desc_style(letters)
         .light_line_style(WHITE)
@@ -193,7 +196,7 @@ mod tests {
         let at: Vec<f64> = (0..=40).map(|k| 0.05 * 10f64.powf(f64::from(k) / 10.0)).collect();
         let gain = at.iter().map(|f| -10.0 * (1.0 + f * f).log10()).collect();
         let svg = panels(1e-3, &[Panel::over_frequencies("gain, dB", at).line("a", gain)]);
-        let places: Vec<f64> = ["0.1", "1.0", "10.0", "100.0"].map(|label| x_of_label(&svg, label)).to_vec();
+        let places: Vec<f64> = ["0.1", "1", "10", "100"].map(|label| x_of_label(&svg, label)).to_vec();
         let apart: Vec<f64> = places.windows(2).map(|pair| pair[1] - pair[0]).collect();
         assert!(apart.iter().all(|by| *by > 100.0 && (by - apart[0]).abs() < 3.0), "{places:?}");
     }

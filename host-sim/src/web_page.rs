@@ -2,11 +2,13 @@
 
 /// Size of a plot in its own units; the page scales it to the width there is.
 pub const PLOT_SIZE: (u32, u32) = (560, 300);
+/// Numbers along an axis at most: so many stand side by side on a phone.
+pub const PLOT_LABELS: usize = 8;
 /// Letters of a plot, of which the drawing takes 1/1.24 as the size: a phone, 390 px wide, still shows them 9.8 px high.
 pub const PLOT_LETTERS: (&str, i32) = ("sans-serif", 19);
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:820px;margin:0 auto;padding:1rem;color:#111}\
-h1{font-size:1.4rem}h2{font-size:1.15rem;margin-top:2rem}svg{max-width:100%;height:auto;display:block}\
+h1{font-size:1.4rem}h2{font-size:1.15rem;margin-top:2rem}h2::first-letter{text-transform:uppercase}svg{max-width:100%;height:auto;display:block}\
 h1,h2,p,li{overflow-wrap:anywhere}code{overflow-wrap:normal}table{border-collapse:collapse;width:100%;font-size:.9rem}\
 td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}\
 .pairs{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(340px,100%),1fr));gap:0 1rem}.wide,pre{overflow-x:auto}\
@@ -47,8 +49,29 @@ pub fn table<Row: IntoIterator<Item = String>>(header: &[&str], rows: impl IntoI
     format!("<div class=\"wide\"><table>{head}{body}</table></div>\n")
 }
 
+/// What stands at a place of an axis, as short as the number is. The places are sums of steps: what is nearly zero is zero.
+pub fn axis_label(value: &f64) -> String {
+    const NEARLY_ZERO: f64 = 1e-9;
+    if value.abs() < NEARLY_ZERO {
+        return "0".into();
+    }
+    let rounded = format!("{value:.5e}");
+    rounded.parse::<f64>().map_or(rounded, |value| value.to_string())
+}
+
 /// A list of texts.
 pub fn list<'a>(items: impl IntoIterator<Item = &'a str>) -> String {
     let items: String = items.into_iter().map(|item| format!("<li>{}</li>", escaped(item))).collect();
     format!("<ul>{items}</ul>\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_label_is_as_short_as_its_number() {
+        let labels = [-1e-17, 0.1 + 0.2, -100.0, 2.5e-5, 3000.0].map(|value| axis_label(&value));
+        assert_eq!(labels, ["0", "0.3", "-100", "0.000025", "3000"]);
+    }
 }

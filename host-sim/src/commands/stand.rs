@@ -8,6 +8,7 @@ use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
 use crate::terminal_text::{short, wrapped};
+use crate::web_page::axis_label;
 use clap::Args;
 use plotters::prelude::*;
 use serde::Deserialize;
@@ -301,6 +302,8 @@ fn map(map: &EfficiencyMap) -> Result<String, Box<dyn Error>> {
             .disable_mesh()
             .x_desc("voltage, V")
             .y_desc("torque at the shaft, Nm")
+            .x_label_formatter(&axis_label)
+            .y_label_formatter(&axis_label)
             .label_style(("sans-serif", 16))
             .draw()?;
         chart.draw_series(points.iter().map(|point| {

@@ -12,7 +12,7 @@ use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
 use crate::terminal_text::wrapped;
-use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, document, escaped};
+use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, document, escaped};
 use motorbench_core::settings::Param;
 use nalgebra::Complex;
 use plotters::prelude::*;
@@ -191,6 +191,7 @@ fn lines(title: &str, x_title: &str, y_title: &str, lines: &[Line]) -> Plot {
         let mut chart = ChartBuilder::on(&root)
             .caption(title, PLOT_LETTERS)
             .margin(8)
+            .margin_right(24)
             .x_label_area_size(44)
             .y_label_area_size(72)
             .build_cartesian_2d(x, y)?;
@@ -198,6 +199,9 @@ fn lines(title: &str, x_title: &str, y_title: &str, lines: &[Line]) -> Plot {
             .configure_mesh()
             .x_desc(x_title)
             .y_desc(y_title)
+            .x_labels(PLOT_LABELS)
+            .x_label_formatter(&axis_label)
+            .y_label_formatter(&axis_label)
             .label_style(PLOT_LETTERS)
             .axis_desc_style(PLOT_LETTERS)
             .light_line_style(WHITE)
@@ -286,6 +290,7 @@ fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
         let mut chart = ChartBuilder::on(&root)
             .caption("Roots of the sampled loop: red with parameters +-30 %", PLOT_LETTERS)
             .margin(8)
+            .margin_right(24)
             .x_label_area_size(44)
             .y_label_area_size(72)
             .build_cartesian_2d(-2.1..2.1, -1.2..1.2)?;
@@ -293,6 +298,8 @@ fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
             .configure_mesh()
             .x_desc("real")
             .y_desc("imaginary")
+            .x_label_formatter(&axis_label)
+            .y_label_formatter(&axis_label)
             .label_style(PLOT_LETTERS)
             .axis_desc_style(PLOT_LETTERS)
             .light_line_style(WHITE)

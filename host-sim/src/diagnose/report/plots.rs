@@ -7,7 +7,7 @@ use crate::diagnose::missing::{Dependence, Lack};
 use crate::diagnose::outcome::Parameter;
 use crate::identify::NOMINAL_SPREAD;
 use crate::terminal_text::short;
-use crate::web_page::{PLOT_LETTERS, PLOT_SIZE, escaped};
+use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, escaped};
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
@@ -75,6 +75,7 @@ fn axes<'a, 'b>(
 ) -> Result<Axes<'a, 'b>, Box<dyn std::error::Error>> {
     let mut chart = ChartBuilder::on(area)
         .margin(8)
+        .margin_right(24)
         .x_label_area_size(44)
         .y_label_area_size(name_width)
         .build_cartesian_2d(horizontal, vertical)?;
@@ -82,6 +83,9 @@ fn axes<'a, 'b>(
         .configure_mesh()
         .x_desc(across)
         .y_desc(up)
+        .x_labels(PLOT_LABELS)
+        .x_label_formatter(&axis_label)
+        .y_label_formatter(&axis_label)
         .label_style(PLOT_LETTERS)
         .axis_desc_style(PLOT_LETTERS)
         .light_line_style(WHITE)
