@@ -465,7 +465,7 @@ impl Chooser<'_> {
         promises.truncate(RIVALS);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
-        let mut rivals = self.try_all(&without.model, &promises, Effort::TRIAL.useless_above(without.cost));
+        let mut rivals = self.try_all(&without.model, &promises, Effort::TRIAL);
         for (lookalike, fit) in self.lookalikes(&current.model, id) {
             match rivals.iter_mut().find(|(rival, _)| *rival == lookalike) {
                 Some((_, other)) if other.cost > fit.cost => *other = fit,
