@@ -262,7 +262,8 @@ impl LinearStep {
             true => eased_a(free_a, dry_a, terms.knee_a),
             false => terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms)),
         };
-        let current_a = flowing_a * share_left(gain * terms.resistance_ohm);
+        // Quotients as products: they do not wait for what they scale.
+        let current_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
         let lost_v = (free_a - current_a) * self.inverse_gains[0];
         let free = dot(&self.speed_of) - self.speed_of[2] * lost_v;
         let speed = oppose_motion(free, self.speed_of[3], terms);
@@ -293,21 +294,7 @@ pub(crate) fn oppose_motion(free: f64, gain: f64, terms: &Balance) -> f64 {
     let forward = gain * terms.dry_forward_nm.max(0.0);
     let backward = gain * terms.dry_backward_nm.max(0.0);
     let moving = if free > forward { free - forward } else { (free + backward).min(0.0) };
-    moving * share_left(gain * terms.viscous_nm_s)
-}
-
-/// What a term proportional to its state leaves of it. A factor, so that the quotient does not wait for the state; most
-/// models have no such term.
-#[inline]
-fn share_left(taken: f64) -> f64 {
-    if taken == 0.0 { 1.0 } else { 1.0 / (1.0 + taken) }
-}
-
-/// The least whole number from 1 that is no less than `steps`: `ceil` is a call on processors of the oldest kind.
-#[inline]
-fn whole_steps(steps: f64) -> usize {
-    let whole = steps as usize;
-    (whole + usize::from(steps > whole as f64)).max(1)
+    moving * (1.0 / (1.0 + gain * terms.viscous_nm_s))
 }
 
 /// A term of the model at work on the motor.
@@ -418,12 +405,11 @@ impl<'a> Run<'a> {
         let data = self.data;
         let index = next - 1;
         let interval_s = data.time_s[next] - data.time_s[index];
-        let count = whole_steps(interval_s / self.longest_step_s - 1e-6);
-        let steps = count as f64;
+        let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
         self.step.set_length(&self.model.motor, self.inertia_kg_m2, step_s);
         let (mut current_sum, angle_before_rad, first_a) = (0.0, self.angle_rad, self.current_a);
-        for part in 0..count {
+        for part in 0..steps as usize {
             // The middle of the step stands for it.
             let share = (part as f64 + 0.5) / steps;
             let (voltage_v, duty) = self.command(index, part as f64 * step_s - self.delay_s, step_s);
@@ -441,7 +427,7 @@ impl<'a> Run<'a> {
             };
             let before_a = self.current_a;
             let terms = self.advance(&mut at, data.load_nm[index]);
-            if let (Some(sampled_at), true) = (data.timing.current_sampled_at, part + 1 == count) {
+            if let (Some(sampled_at), true) = (data.timing.current_sampled_at, part + 1 == steps as usize) {
                 self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
             }
             current_sum += 0.5 * (before_a + self.current_a);
