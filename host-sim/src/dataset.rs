@@ -6,8 +6,10 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 mod row_order;
+mod speed_window;
 
 pub use row_order::WRITTEN_AFTER;
+pub use speed_window::{CENTRED, Window};
 
 /// A pause of this many intervals begins a new stretch.
 const GAP_INTERVALS: f64 = 10.0;
@@ -38,6 +40,8 @@ pub enum Output {
     Current,
     /// Speed as recorded.
     Speed,
+    /// Speed as recorded, which is a difference of counts.
+    MeanSpeed(Window),
     /// Speed as the difference of recorded angles over this many samples.
     AngleDifference(usize),
 }
@@ -47,7 +51,7 @@ impl Output {
     pub fn channel(self) -> &'static str {
         match self {
             Self::Current => Channel::Current.column(),
-            Self::Speed => Channel::Speed.column(),
+            Self::Speed | Self::MeanSpeed(_) => Channel::Speed.column(),
             Self::AngleDifference(_) => "omega_from_angle_rad_per_s",
         }
     }
@@ -56,7 +60,7 @@ impl Output {
     pub fn unit(self) -> &'static str {
         match self {
             Self::Current => "A",
-            Self::Speed | Self::AngleDifference(_) => "rad/s",
+            Self::Speed | Self::MeanSpeed(_) | Self::AngleDifference(_) => "rad/s",
         }
     }
 }
@@ -108,10 +112,16 @@ pub struct Dataset {
     pub interval_s: f64,
     /// PWM frequency.
     pub pwm_hz: f64,
+    /// Whether that is from the rig file.
+    pub pwm_is_known: bool,
     /// How it was recorded.
     pub timing: Timing,
     /// Whether each row had the command that had acted before it was read; the commands here have been moved.
     pub written_after: bool,
+    /// Whether an encoder counts the motion.
+    pub is_counted: bool,
+    /// Whether the rig file says where in its window a mean speed stands.
+    pub window_end_is_known: bool,
 }
 
 /// Why recordings cannot be used together with this rig file.
@@ -205,6 +215,27 @@ impl Dataset {
         self.measured.iter().find(|measured| measured.output != Output::Current).expect("checked when it was made")
     }
 
+    /// The same with another part of a mean speed's window after its row; `None` where the speed is none.
+    pub fn with_window_ahead(&self, share: f64) -> Option<Self> {
+        let mut other = self.clone();
+        for measured in &mut other.measured {
+            if let Output::MeanSpeed(window) = &mut measured.output {
+                window.ahead = (share * window.span as f64) as usize;
+                other.integrate_mean_speed();
+                return Some(other);
+            }
+        }
+        None
+    }
+
+    /// The angle, of which a mean speed was made, from it.
+    fn integrate_mean_speed(&mut self) {
+        let motion = self.motion();
+        if let Output::MeanSpeed(window) = motion.output {
+            self.angle_rad = speed_window::angle_rad(&held(&motion.values), window, self.interval_s);
+        }
+    }
+
     fn of(recording: &Recording, rig: &Rig) -> Result<Self, DatasetError> {
         let name = || recording.name.clone();
         let time_s = recording.time_s().ok_or_else(|| DatasetError::NoTime(name()))?.to_vec();
@@ -212,8 +243,14 @@ impl Dataset {
         if time_s.len() < 4 * SHORTEST_STRETCH {
             return Err(DatasetError::TooShort(name(), time_s.len()));
         }
-        let mut data =
-            Self { interval_s, pwm_hz: rig.bridge.pwm_hz.unwrap_or(PWM_HZ), timing: rig.recording, ..Self::default() };
+        let mut data = Self {
+            interval_s,
+            pwm_hz: rig.bridge.pwm_hz.unwrap_or(PWM_HZ),
+            pwm_is_known: rig.bridge.pwm_hz.is_some(),
+            timing: rig.recording,
+            is_counted: rig.encoder.counts_per_rev.is_some(),
+            ..Self::default()
+        };
         data.read_drive(recording, rig, &time_s)?;
         data.read_motion(recording, rig, &time_s)?;
         data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
@@ -265,20 +302,42 @@ impl Dataset {
             }
             _ => None,
         };
+        self.is_counted |= angle.is_some() || counts.is_some();
         self.angle_rad = match (&angle, &speed) {
             (Some(angle), _) => held(angle),
             (None, Some(speed)) => integrated(speed, time_s),
             (None, None) => return Err(DatasetError::NoMotion(recording.name.clone())),
         };
         match (speed, angle) {
-            (Some(speed), _) => self.add(Output::Speed, speed),
-            (None, Some(angle)) => {
-                let span = (DIFFERENCE_SPAN_S / self.interval_s).round().max(1.0) as usize;
-                self.add(Output::AngleDifference(span), difference(&angle, time_s, span));
+            // Then the angle says more.
+            (Some(speed), Some(angle)) if speed_window::is_made_of(&speed, &angle, self.interval_s) => {
+                self.add_difference(&angle, time_s);
             }
+            (Some(speed), _) => self.add_speed(speed, rig, time_s),
+            (None, Some(angle)) => self.add_difference(&angle, time_s),
             (None, None) => unreachable!("one of them was there a line ago"),
         }
         Ok(())
+    }
+
+    fn add_difference(&mut self, angle_rad: &[f64], time_s: &[f64]) {
+        let span = (DIFFERENCE_SPAN_S / self.interval_s).round().max(1.0) as usize;
+        self.add(Output::AngleDifference(span), difference(angle_rad, time_s, Window::up_to_now(span)));
+    }
+
+    /// A speed, and the angle that it was made of where it is a difference of counts.
+    fn add_speed(&mut self, speed: Vec<f64>, rig: &Rig, time_s: &[f64]) {
+        let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
+        let given = rig.recording.speed_window_s.map(rows);
+        let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
+        let Some(span) = given.or_else(found).filter(|span| *span > 1) else {
+            return self.add(Output::Speed, speed);
+        };
+        let ahead = rig.recording.speed_ahead_s.map(rows);
+        self.window_end_is_known = ahead.is_some();
+        let window = Window { span, ahead: ahead.unwrap_or(0).min(span) };
+        self.add(Output::MeanSpeed(window), speed);
+        self.integrate_mean_speed();
     }
 
     fn add(&mut self, output: Output, values: Vec<f64>) {
@@ -421,14 +480,14 @@ fn integrated(speed: &[f64], time_s: &[f64]) -> Vec<f64> {
     angle_rad
 }
 
-/// Mean speed over the last `span` samples; missing before there are as many.
-pub fn difference(angle_rad: &[f64], time_s: &[f64], span: usize) -> Vec<f64> {
-    (0..angle_rad.len())
-        .map(|index| match index.checked_sub(span) {
-            Some(before) => (angle_rad[index] - angle_rad[before]) / (time_s[index] - time_s[before]),
-            None => f64::NAN,
-        })
-        .collect()
+/// Mean speed over a window; missing where that is not whole.
+pub fn difference(angle_rad: &[f64], time_s: &[f64], window: Window) -> Vec<f64> {
+    let of = |index: usize| {
+        let last = index + window.ahead;
+        let first = last.checked_sub(window.span)?;
+        Some((angle_rad.get(last)? - angle_rad[first]) / (time_s[last] - time_s[first]))
+    };
+    (0..angle_rad.len()).map(|index| of(index).unwrap_or(f64::NAN)).collect()
 }
 
 fn stretches(time_s: &[f64], interval_s: f64) -> Vec<Range<usize>> {

@@ -5,7 +5,7 @@
 //! beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
 
 use crate::catalogue::{ActsOn, Balance, Effect, Instant, Readings, Sampling};
-use crate::dataset::{Dataset, Output, difference};
+use crate::dataset::{Dataset, Output, Window, difference};
 use crate::model::{Model, Term};
 use crate::plant::closed_form::{Family, combine};
 use crate::rig;
@@ -109,16 +109,19 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
             // Each of them is measured once at most.
             Output::Current => std::mem::take(&mut motion.current_a),
             Output::Speed => std::mem::take(&mut motion.speed_rad_per_s),
-            Output::AngleDifference(span) => {
-                let mut speed = vec![f64::NAN; data.len()];
-                for range in &data.stretches {
-                    let differences = difference(&motion.angle_rad[range.clone()], &data.time_s[range.clone()], span);
-                    speed[range.clone()].copy_from_slice(&differences);
-                }
-                speed
-            }
+            Output::MeanSpeed(window) => mean_speed(&motion, data, window),
+            Output::AngleDifference(span) => mean_speed(&motion, data, Window::up_to_now(span)),
         })
         .collect()
+}
+
+fn mean_speed(motion: &Motion, data: &Dataset, window: Window) -> Vec<f64> {
+    let mut speed = vec![f64::NAN; data.len()];
+    for range in &data.stretches {
+        let differences = difference(&motion.angle_rad[range.clone()], &data.time_s[range.clone()], window);
+        speed[range.clone()].copy_from_slice(&differences);
+    }
+    speed
 }
 
 /// A motion with what a small torque adds to it, to the first order: of the linear motor, which stays at rest where it was.

@@ -14,9 +14,11 @@ use crate::rig::NominalMotor;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use sensitivities::Sensitivities;
+pub use speed_window::with_window_settled;
 use std::sync::OnceLock;
 
 mod sensitivities;
+mod speed_window;
 mod torque_scale;
 
 /// Standard deviation of the logarithm of a nominal value.

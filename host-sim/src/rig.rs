@@ -19,6 +19,8 @@
 //! [recording]               # how the program that recorded works; left out: readings of the very moment
 //! command_delay_s = 0.0002  # from a sample to the voltage it records
 //! readings = "mean"         # speed and current are means since the sample before
+//! speed_window_s = 0.008    # the speed is a difference of counts over so long; left out: found from the counts
+//! speed_ahead_s = 0.004     # so much of that after the row; left out: none or half, as fits
 //! [motor]                   # nominal values, each optional
 //! resistance_ohm = 5.84
 //! inductance_H = 11.7e-3
@@ -157,6 +159,12 @@ pub struct Timing {
     /// the mean.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub current_sampled_at: Option<f64>,
+    /// Length of the window over which a speed is a difference of counts.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_window_s: Option<f64>,
+    /// How much of that is after the row.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub speed_ahead_s: Option<f64>,
 }
 
 impl Timing {
@@ -166,6 +174,8 @@ impl Timing {
         command_delay_s: Some(0.2e-3),
         readings: Readings::Mean,
         current_sampled_at: Some(CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64),
+        speed_window_s: None,
+        speed_ahead_s: None,
     };
 }
 
@@ -301,6 +311,7 @@ impl Rig {
             "current_sensor.resolution_A",
             "tachogenerator.ripple",
             "recording.command_delay_s",
+            "recording.speed_ahead_s",
         ];
         for (key, value) in self.numbers() {
             let Some(value) = value else { continue };
@@ -313,7 +324,7 @@ impl Rig {
         Ok(())
     }
 
-    fn numbers(&self) -> [(&'static str, Option<f64>); 14] {
+    fn numbers(&self) -> [(&'static str, Option<f64>); 16] {
         [
             ("supply.voltage_V", self.supply.voltage_v),
             ("bridge.drop_V", self.bridge.drop_v),
@@ -324,6 +335,8 @@ impl Rig {
             ("tachogenerator.ripple", self.tachogenerator.ripple),
             ("tachogenerator.ripples_per_rev", self.tachogenerator.ripples_per_rev),
             ("recording.command_delay_s", self.recording.command_delay_s),
+            ("recording.speed_window_s", self.recording.speed_window_s),
+            ("recording.speed_ahead_s", self.recording.speed_ahead_s),
             ("motor.resistance_ohm", self.motor.resistance_ohm),
             ("motor.inductance_H", self.motor.inductance_h),
             ("motor.torque_constant_Nm_per_A", self.motor.torque_constant_nm_per_a),

@@ -1,6 +1,7 @@
 //! Tachogenerator ripple: its commutator lets the voltage fall between segments.
 
 use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
+use crate::model::Term;
 
 /// Most commutator ripples a revolution that are looked for.
 const MOST_RIPPLES: u8 = 40;
@@ -32,7 +33,12 @@ impl Effect for TachoRipple {
     }
 
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        (2..=MOST_RIPPLES).map(|ripples| vec![0.02, 0.02, f64::from(ripples)]).collect()
+        (1..=MOST_RIPPLES).map(|ripples| vec![0.02, 0.02, f64::from(ripples)]).collect()
+    }
+
+    /// Once a revolution they are the same, and an encoder has no commutator.
+    fn yields_to(&self, values: &[f64], rival: &str, _others: &[Term]) -> bool {
+        rival == "encoder_eccentricity" && values[2] == 1.0
     }
 
     fn sense(&self, values: &[f64], at: &Sampling, _state: &mut [f64], readings: &mut Readings) {

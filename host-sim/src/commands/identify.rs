@@ -5,7 +5,7 @@ use super::{Failure, spinner, write};
 use crate::dataset::{Dataset, WRITTEN_AFTER};
 use crate::diagnose::judge;
 use crate::free_run::free_run;
-use crate::identify::{Effort, Place, Prior, fit};
+use crate::identify::{Effort, Place, Prior, fit, with_window_settled};
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::rig::NominalMotor;
@@ -62,7 +62,7 @@ struct Fitted {
 /// [`Failure`] with what is wrong with the input, and where.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (rig, recordings) = (arguments.recordings.rig()?, arguments.recordings.read()?);
-    let data = Dataset::new(&recordings, &rig).map_err(Failure::input)?;
+    let data = with_window_settled(Dataset::new(&recordings, &rig).map_err(Failure::input)?, &rig.motor);
     let bar = spinner();
     let (model, identified) = identify(&data, &rig.motor, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();

@@ -16,8 +16,10 @@ pub const WRITTEN_AFTER: &str = "The motor answers each command in the row in wh
 const ROWS: usize = 12;
 /// The answer in the command's own row counts from this many standard errors on...
 const LEAST_SIGMAS: f64 = 8.0;
-/// ... if it is this share of the greatest in any row: a feedback of the readings themselves is far smaller.
-const LEAST_SHARE: f64 = 0.08;
+/// ... if it is this share of the greatest in any row: a feedback of the readings themselves is far smaller, and so is what
+/// a winding answers before a sensor that is read a little after the command. A motion begins slowly.
+const LEAST_SHARE_OF_CURRENT: f64 = 0.2;
+const LEAST_SHARE_OF_MOTION: f64 = 0.08;
 /// Rows for each coefficient, at least.
 const ROWS_PER_COEFFICIENT: usize = 10;
 
@@ -34,8 +36,12 @@ pub(super) fn is_written_after(data: &Dataset) -> bool {
     let Some(answers) = Answers::of(data) else { return false };
     let (own, own_error) = answers.coefficient(OWN);
     let (ahead, _) = answers.coefficient(AHEAD);
-    let greatest = (AHEAD..=LAST_CHANGE).map(|row| answers.coefficient(row).0).fold(0.0, f64::max);
-    own > LEAST_SIGMAS * own_error && own > LEAST_SHARE * greatest && own > 2.0 * ahead.abs()
+    // The level of a row holds the change that led to it.
+    let (level, _) = answers.coefficient(COEFFICIENTS - 1);
+    let later = (OWN + 1..=LAST_CHANGE).map(|row| answers.coefficient(row).0 + level);
+    let greatest = later.fold(own.max(ahead), f64::max);
+    let least_share = if data.current().is_some() { LEAST_SHARE_OF_CURRENT } else { LEAST_SHARE_OF_MOTION };
+    own > LEAST_SIGMAS * own_error && own > least_share * greatest && own > 2.0 * ahead.abs()
 }
 
 /// Puts each command into the row that was read before it acted.
@@ -66,13 +72,17 @@ impl Answers {
             (Some(current), _) => current,
             // A difference over several rows blurs what is looked for.
             (None, Output::AngleDifference(span)) if span > 1 => return None,
+            (None, Output::MeanSpeed(_)) => return None,
             (None, _) => motion,
         };
-        let rows = || data.stretches.iter().flat_map(|range| range.start + ROWS + 1..range.end - 1);
+        // A window may reach ahead, and what is yet to come would answer every command before it is given.
+        let motion_before = 1 + if let Output::MeanSpeed(window) = motion.output { window.span } else { 0 };
+        let first = ROWS.max(motion_before) + 1;
+        let rows = || data.stretches.iter().flat_map(|range| range.start + first..range.end - 1);
         let regressors = |row: usize| -> [f64; COEFFICIENTS] {
             std::array::from_fn(|index| match index {
                 0..=LAST_CHANGE => data.voltage_v[row + 1 - index] - data.voltage_v[row - index],
-                index => [1.0, reading.values[row - 1], motion.values[row - 1], data.voltage_v[row - 1]]
+                index => [1.0, reading.values[row - 1], motion.values[row - motion_before], data.voltage_v[row - 1]]
                     [index - LAST_CHANGE - 1],
             })
         };

@@ -7,7 +7,7 @@
 //! diffusion term points at the deficient equation.)
 
 use crate::catalogue::ActsOn;
-use crate::dataset::{Dataset, Output};
+use crate::dataset::{Dataset, Output, Window, difference};
 use crate::motor::MotorParameters;
 use nalgebra::{Matrix4, Vector4};
 
@@ -180,7 +180,7 @@ pub fn dependences(data: &Dataset, values: &[f64]) -> Vec<Dependence> {
     let motion = &data.motion().values;
     let angle: Vec<f64> = data.angle_rad.iter().map(|angle| angle.rem_euclid(std::f64::consts::TAU)).collect();
     let direction: Vec<f64> = motion.iter().map(|speed| speed.signum()).collect();
-    let acceleration = crate::dataset::difference(motion, &data.time_s, 5);
+    let acceleration = difference(motion, &data.time_s, Window::up_to_now(5));
     let mut found = vec![
         dependence("speed", "rad/s", motion, values, 24),
         dependence("direction", "", &direction, values, 2),

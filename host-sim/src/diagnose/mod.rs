@@ -11,13 +11,14 @@ pub mod judge;
 pub mod missing;
 pub mod outcome;
 pub mod page;
+mod pwm_frequency;
 pub mod report;
 pub mod select;
 
 use crate::catalogue::ActsOn;
 use crate::dataset::{Dataset, DatasetError, Measured, Output, WRITTEN_AFTER, noise};
 use crate::free_run::{Prediction, free_run};
-use crate::identify::{Effort, Interval, Place, Prior, fit};
+use crate::identify::{Effort, Interval, Place, Prior, fit, with_window_settled};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
@@ -68,9 +69,14 @@ pub struct Diagnosis {
 /// # Errors
 /// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
-    let data = Dataset::new(recordings, rig)?;
+    let mut data = with_window_settled(Dataset::new(recordings, rig)?, &rig.motor);
     let prior = Prior::new(&rig.motor, &data);
+    let beginnings = pwm_frequency::beginnings(&data, &prior);
+    pwm_frequency::settle(&mut data, &prior, &beginnings);
     let mut selection = select(&data, &prior, &excluded(&data), progress);
+    if pwm_frequency::settle(&mut data, &prior, std::slice::from_ref(&selection.last)) {
+        selection = select(&data, &prior, &excluded(&data), progress);
+    }
     distrust(&data, &prior, &mut selection);
     let motion = data.measured.iter().position(|measured| measured.output != Output::Current).unwrap_or(0);
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
@@ -116,6 +122,9 @@ fn excluded(data: &Dataset) -> Vec<&'static str> {
     // Counts have no ripple.
     if data.motion().output != Output::Speed {
         excluded.push("tacho_ripple");
+    }
+    if !data.is_counted {
+        excluded.push("encoder_eccentricity");
     }
     excluded
 }
@@ -180,6 +189,8 @@ impl Outcome {
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
+        let order = row_order_s(data, model);
+        causes.retain(|cause| order.is_none() || !delays(&cause.effect, model));
         let parameters = parameters(model, &prior.nominal, intervals);
         let unexplained = unexplained(data, selection);
         if unexplained.is_none() {
@@ -229,6 +240,17 @@ impl Outcome {
         }
         advice
     }
+}
+
+/// Where rows were written after their commands had acted: for how long a command had acted, if that is less than a row. Then
+/// it is a matter of the row, and no delay of the bridge.
+fn row_order_s(data: &Dataset, model: &Model) -> Option<f64> {
+    let late_s: f64 = model.terms.iter().map(|term| term.effect.delay_s(&term.values)).sum();
+    (data.written_after && late_s > 0.0 && late_s < data.interval_s).then_some(data.interval_s - late_s)
+}
+
+fn delays(id: &str, model: &Model) -> bool {
+    model.term(id).is_some_and(|term| term.effect.delay_s(&term.values) > 0.0)
 }
 
 /// In words.

@@ -46,6 +46,8 @@ const STRANGE: f64 = 25.0;
 const NEAR: f64 = 10.0;
 /// An inductance this many times the nominal one may be an effect.
 const EXCESSIVE_INDUCTANCE: f64 = 1.35;
+/// Spread of the logarithm of an inductance that is held.
+const CERTAIN: f64 = 0.01;
 /// Of a wave, so many other numbers of periods are looked at; it is none if more than half of them gain this share of what
 /// it gains.
 const OTHER_NUMBERS: usize = 6;
@@ -402,13 +404,24 @@ impl Chooser<'_> {
             own.sigmas = own.sigmas.max(0.0).hypot(self.strangeness(&without).sqrt());
         }
         let is_excessive = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
-        let keeps_the_winding = looks_like_inductance(id) && is_excessive(&without) && !is_excessive(current);
+        let keeps_the_winding = looks_like_inductance(id)
+            && is_excessive(&without)
+            && !is_excessive(current)
+            && !is_same(&self.gain(&self.with_nominal_inductance(&without), current));
         let is_certain =
             || own.sigmas > NAMED_SIGMAS || self.sigmas_on_all(current, &without, &own) > NAMED_ON_ALL_SIGMAS;
         let earns_its_name = keeps_the_motor || keeps_the_winding || earns_its_place(&own) && is_certain();
         let is_named =
             earns_its_name && current.model.has_what_it_needs(id) && self.owes_it_to_its_number(current, &without, id);
         Check { id, without, own, is_named }
+    }
+
+    fn with_nominal_inductance(&self, found: &Fit) -> Fit {
+        let mut prior = self.prior.clone();
+        prior.spread[1] = CERTAIN;
+        let mut model = found.model.clone();
+        model.motor.inductance_h = prior.motor.inductance_h;
+        fit(&model, self.data, &prior, Effort::TRIAL)
     }
 
     /// What an effect gains on all data, each part judged by fits that have not seen it.

@@ -1,0 +1,62 @@
+//! The frequency of the PWM, where the rig file does not give it. It shows where a drop or diodes stop the current within each
+//! period; what it changes there, another inductance changes as well.
+
+use crate::catalogue::{Effect, effect};
+use crate::dataset::Dataset;
+use crate::identify::{Effort, Fit, Prior, fit, scales};
+use crate::model::Model;
+use rayon::prelude::*;
+
+/// Of an Uno's timers with the usual settings, and of this project's firmware.
+const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, 20_000.0];
+/// Another frequency is fitted where it changes the cost by this share as it stands...
+const SHOWS: f64 = 1e-3;
+/// ... and as good as the best if it costs no more than this many times as much: then the inductance nearest to its nominal
+/// value decides...
+const AS_GOOD: f64 = 1.02;
+/// ... if it is nearer by this factor than the one there is.
+const NEARER: f64 = 1.3;
+
+/// Models in which it shows, if it does: the nominal motor behind a bridge with a drop, with an off phase that brakes and with
+/// one that coasts.
+pub(super) fn beginnings(data: &Dataset, prior: &Prior) -> Vec<Fit> {
+    if data.pwm_is_known {
+        return Vec::new();
+    }
+    let scales = scales(&prior.motor, data);
+    let with = |model: Model, effect: &'static dyn Effect| model.with(effect, effect.starts(&scales).swap_remove(0));
+    let usual = ["coulomb_friction", "voltage_drop"].iter().filter_map(|id| effect(id));
+    let slow = usual.fold(Model::linear(prior.motor), with);
+    let coasting = effect("coast_decay").map(|effect| with(slow.clone(), effect));
+    let models: Vec<Model> = [Some(slow), coasting].into_iter().flatten().collect();
+    models.into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL)).collect()
+}
+
+/// Sets the one with which the best of some models explains more; whether it is another one.
+pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &[Fit]) -> bool {
+    let best = found.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+    let Some(best) = best.filter(|_| !data.pwm_is_known) else { return false };
+    let other = likelier_hz(data, prior, best);
+    if let Some(hz) = other {
+        data.pwm_hz = hz;
+    }
+    other.is_some()
+}
+
+fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
+    let at = |hz: f64| Dataset { pwm_hz: hz, ..data.clone() };
+    let shows = |hz: f64| (fit(&found.model, &at(hz), prior, Effort::NONE).cost / found.cost - 1.0).abs() > SHOWS;
+    let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.pwm_hz && shows(*hz)).map(|hz| {
+        let mut model = found.model.clone();
+        // A period's ripple stays what it is.
+        model.motor.inductance_h *= data.pwm_hz / hz;
+        (hz, fit(&model, &at(hz), prior, Effort::TRIAL))
+    });
+    let fits: Vec<(f64, Fit)> = fits.collect();
+    let off = |fit: &Fit| (fit.model.motor.inductance_h / prior.motor.inductance_h).ln().abs();
+    let least = fits.iter().map(|(_, fit)| fit.cost).fold(found.cost, f64::min);
+    let is_as_good = |fit: &Fit| fit.cost <= AS_GOOD * least;
+    let (hz, best) = fits.iter().filter(|(_, fit)| is_as_good(fit)).min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)))?;
+    let better = !is_as_good(found) || off(best) + NEARER.ln() < off(found);
+    better.then_some(*hz)
+}
