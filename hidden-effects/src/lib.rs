@@ -190,6 +190,8 @@ pub enum Channels {
     DutyCountsCurrent,
     /// `t_s, u_V, omega_rad_per_s`.
     VoltageSpeed,
+    /// `t_s, u_V, omega_rad_per_s, i_A`, the speed being a difference of counts over some rows, up to its own or around it.
+    VoltageMeanSpeedCurrent,
 }
 
 /// What to draw.
@@ -209,6 +211,8 @@ pub struct Recipe {
     pub rate_hz: f64,
     /// Each row has the command that acted until it was read, and not the one that acts from then on.
     pub written_after: bool,
+    /// The PWM is one of the Uno's timers as they come, and the rig file does not say which.
+    pub timer_of_the_uno: bool,
 }
 
 impl Recipe {
@@ -222,6 +226,7 @@ impl Recipe {
             duration_s: 20.0,
             rate_hz: 1000.0,
             written_after: false,
+            timer_of_the_uno: false,
         }
     }
 
@@ -343,8 +348,9 @@ fn wrong(motor: Motor, random: &mut impl Rng) -> Motor {
 fn rig_toml(bench: &rig::Bench, nominal: &Motor, recipe: &Recipe) -> String {
     let tacho =
         if recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple) { "[tachogenerator]\n" } else { "" };
+    let pwm = if recipe.timer_of_the_uno { "" } else { "pwm_Hz = 20000.0\n" };
     format!(
-        "[supply]\nvoltage_V = {}\n[bridge]\ndecay = \"slow\"\npwm_Hz = 20000.0\n[encoder]\ncounts_per_rev = {}\n\
+        "[supply]\nvoltage_V = {}\n[bridge]\ndecay = \"slow\"\n{pwm}[encoder]\ncounts_per_rev = {}\n\
          [current_sensor]\nresolution_A = {}\n{tacho}[motor]\nresistance_ohm = {}\ninductance_H = {}\n\
          torque_constant_Nm_per_A = {}\ninertia_kg_m2 = {}\nviscous_friction_Nm_s = {}\n",
         bench.supply_v,

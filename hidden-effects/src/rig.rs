@@ -9,6 +9,8 @@ use std::f64::consts::TAU;
 const STEP_S: f64 = 20e-6;
 const SWITCHED_STEP_S: f64 = 2.5e-6;
 const PWM_PERIOD_S: f64 = 50e-6;
+/// Of the Uno's timers, prescaled by eight: phase correct and fast.
+const UNO_PERIODS_S: [f64; 2] = [255e-6, 128e-6];
 const DIODE_V: f64 = 1.0;
 /// The supply's capacitor evens out the pulses.
 const SUPPLY_SMOOTHING_S: f64 = 0.5e-3;
@@ -91,6 +93,7 @@ pub struct Bench {
     pub counts_per_rev: f64,
     pub top_speed: f64,
     friction: Friction,
+    pwm_period_s: f64,
     pub time_s: f64,
     pub current_a: f64,
     /// Current as it is read: without the ripple of the PWM.
@@ -142,6 +145,10 @@ impl Bench {
             counts_per_rev,
             top_speed,
             friction,
+            pwm_period_s: match recipe.timer_of_the_uno {
+                true => UNO_PERIODS_S[random.random_range(0..UNO_PERIODS_S.len())],
+                false => PWM_PERIOD_S,
+            },
             time_s: 0.0,
             current_a: 0.0,
             smooth_a: 0.0,
@@ -375,7 +382,7 @@ impl Bench {
     fn oversample(&mut self, dt: f64) {
         self.summed_as += dt * self.current_a;
         self.summed_s += dt;
-        if self.summed_s > PWM_PERIOD_S - 0.5 * dt {
+        if self.summed_s > self.pwm_period_s - 0.5 * dt {
             self.smooth_a = self.summed_as / self.summed_s;
             (self.summed_as, self.summed_s) = (0.0, 0.0);
         }
@@ -440,8 +447,9 @@ impl Bench {
             );
         }
         // The switching instant lies within one of the steps. Half a step's grace for the rounding of the time.
-        let phase = (self.time_s / PWM_PERIOD_S + 0.5 * dt / PWM_PERIOD_S).fract() - 0.5 * dt / PWM_PERIOD_S;
-        let on = ((duty.abs() - phase) * PWM_PERIOD_S / dt).clamp(0.0, 1.0);
+        let period_s = self.pwm_period_s;
+        let phase = (self.time_s / period_s + 0.5 * dt / period_s).fract() - 0.5 * dt / period_s;
+        let on = ((duty.abs() - phase) * period_s / dt).clamp(0.0, 1.0);
         let off_v = if self.hidden.coasts { supply_v + 2.0 * DIODE_V } else { self.hidden.drop_v };
         (on * supply_v * duty.signum(), on * self.hidden.drop_v + (1.0 - on) * off_v)
     }

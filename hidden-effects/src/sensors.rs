@@ -69,6 +69,9 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         duty[0] = 0.0;
         rows.iter_mut().zip(&duty).for_each(|(row, acted)| row.duty = *acted);
     }
+    if recipe.channels == Channels::VoltageMeanSpeedCurrent {
+        average_speed(&mut rows, bench.counts_per_rev, recipe.rate_hz, random);
+    }
     clip(&mut rows, bench.hidden.clip_share);
     csv(&rows, &bench, recipe.channels)
 }
@@ -87,6 +90,18 @@ fn pass(bench: &mut Bench, duty: &[f64], index: usize, interval_s: f64) {
     }
 }
 
+/// Puts differences of counts in place of the speeds: over four to ten rows, up to the row itself or as far ahead as back.
+fn average_speed(rows: &mut [Row], counts_per_rev: f64, rate_hz: f64, random: &mut impl Rng) {
+    let half = random.random_range(2..=5);
+    let (back, ahead) = if random.random_bool(0.5) { (2 * half, 0) } else { (half, half) };
+    let counts: Vec<f64> = rows.iter().map(|row| row.counts).collect();
+    let last = rows.len() - 1;
+    for (index, row) in rows.iter_mut().enumerate() {
+        let (from, to) = (index.saturating_sub(back), (index + ahead).min(last));
+        row.speed = (counts[to] - counts[from]) / counts_per_rev * TAU * rate_hz / (to - from).max(1) as f64;
+    }
+}
+
 fn clip(rows: &mut [Row], share: f64) {
     let peak_a = rows.iter().fold(0.0, |most: f64, row| most.max(row.current_a.abs()));
     let limit_a = share * peak_a;
@@ -99,7 +114,7 @@ fn clip(rows: &mut [Row], share: f64) {
 fn csv(rows: &[Row], bench: &Bench, channels: Channels) -> String {
     let mut text = String::from(match channels {
         Channels::Full => "t_s,duty,u_V,counts,omega_rad_per_s,i_A\n",
-        Channels::VoltageSpeedCurrent => "t_s,u_V,omega_rad_per_s,i_A\n",
+        Channels::VoltageSpeedCurrent | Channels::VoltageMeanSpeedCurrent => "t_s,u_V,omega_rad_per_s,i_A\n",
         Channels::DutyCountsCurrent => "t_s,duty,counts,i_A\n",
         Channels::VoltageSpeed => "t_s,u_V,omega_rad_per_s\n",
     });
@@ -108,7 +123,9 @@ fn csv(rows: &[Row], bench: &Bench, channels: Channels) -> String {
         let volts = duty * bench.supply_v;
         let _ = match channels {
             Channels::Full => writeln!(text, "{time_s:.4},{duty:.5},{volts:.4},{counts},{speed:.4},{current_a:.4}"),
-            Channels::VoltageSpeedCurrent => writeln!(text, "{time_s:.4},{volts:.4},{speed:.4},{current_a:.4}"),
+            Channels::VoltageSpeedCurrent | Channels::VoltageMeanSpeedCurrent => {
+                writeln!(text, "{time_s:.4},{volts:.4},{speed:.4},{current_a:.4}")
+            }
             Channels::DutyCountsCurrent => writeln!(text, "{time_s:.4},{duty:.5},{counts},{current_a:.4}"),
             Channels::VoltageSpeed => writeln!(text, "{time_s:.4},{volts:.4},{speed:.4}"),
         };

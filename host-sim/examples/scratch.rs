@@ -7,6 +7,14 @@ fn main() {
         let bytes = std::fs::read(format!("{dir}/recording.csv")).unwrap();
         let rec = Recording::parse("r.csv", &bytes[..], &[]).unwrap();
         println!("{dir}");
-        match Dataset::new(&[rec], &rig) { Ok(d) => println!("  written_after {} motion {:?} noise {:.4}", d.written_after, d.motion().output, d.motion().noise), Err(e) => println!("{e}") }
+        match Dataset::new(&[rec], &rig) {
+            Ok(d) => println!(
+                "  written_after {} motion {:?} noise {:.4}",
+                d.written_after,
+                d.motion().output,
+                d.motion().noise
+            ),
+            Err(e) => println!("{e}"),
+        }
     }
 }

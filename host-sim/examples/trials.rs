@@ -23,7 +23,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 /// Kinds of trials, and what each is.
-const KINDS: [(&str, &str); 13] = [
+const KINDS: [(&str, &str); 15] = [
     ("clean", "nothing hidden"),
     ("single", "each effect alone"),
     ("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway"),
@@ -37,6 +37,8 @@ const KINDS: [(&str, &str); 13] = [
     ("closed-loop", "one effect, recorded in a closed speed loop"),
     ("slow", "one effect on the rig with friction and bridge drop, recorded at 200 Hz"),
     ("after", "one effect, each row with the command that had acted before it was read"),
+    ("window", "one effect on the rig with friction and bridge drop, the speed a difference of counts over some rows"),
+    ("timer", "one effect on that rig, the PWM of a timer of the Uno's that the rig file does not name"),
 ];
 /// Bounds of the bands of confidence.
 const CONFIDENCES: [f64; 6] = [0.0, 0.4, 0.6, 0.8, 0.95, 1.01];

@@ -8,7 +8,6 @@ use std::ops::Range;
 mod row_order;
 mod speed_window;
 
-pub use row_order::WRITTEN_AFTER;
 pub use speed_window::{CENTRED, Window};
 
 /// A pause of this many intervals begins a new stretch.
@@ -213,6 +212,26 @@ impl Dataset {
     /// Speed or what stands for it.
     pub fn motion(&self) -> &Measured {
         self.measured.iter().find(|measured| measured.output != Output::Current).expect("checked when it was made")
+    }
+
+    /// What was found of how the recordings were made, where the rig file does not say it.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        if self.written_after {
+            notes.push(row_order::WRITTEN_AFTER.into());
+        }
+        if let Output::MeanSpeed(window) = self.motion().output
+            && self.timing.speed_window_s.is_none()
+        {
+            notes.push(window.note(self.interval_s));
+        }
+        if !self.pwm_is_known && self.pwm_hz != PWM_HZ {
+            notes.push(format!(
+                "The PWM is taken to have {:.0} Hz, with which the model explains most. [bridge] pwm_Hz in the rig file says what it is.",
+                self.pwm_hz
+            ));
+        }
+        notes
     }
 
     /// The same with another part of a mean speed's window after its row; `None` where the speed is none.

@@ -241,10 +241,10 @@ impl LinearStep {
     /// What drives the current through a period of the PWM.
     #[inline]
     fn volts(&self, current_a: f64, speed: f64, voltage_v: f64, terms: &Balance) -> Volts {
-        let lost_v = (self.resistance_ohm + terms.resistance_ohm) * current_a;
         Volts {
             mean_v: voltage_v + terms.voltage_v,
-            emf_v: self.torque_constant_nm_per_a * speed + lost_v,
+            emf_v: self.torque_constant_nm_per_a * speed,
+            lost_v: (self.resistance_ohm + terms.resistance_ohm) * current_a,
             drops_v: terms.drops_v(),
         }
     }
@@ -373,7 +373,7 @@ impl<'a> Run<'a> {
             means: (0.0, 0.0),
             bulge_a: 0.0,
             ripple_a: 0.0,
-            undriven: Ripple::new(model.motor.inductance_h, data.pwm_hz),
+            undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.pwm_hz),
             range,
         }
     }

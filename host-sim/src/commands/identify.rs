@@ -2,7 +2,7 @@
 
 use super::recordings::RecordingArguments;
 use super::{Failure, spinner, write};
-use crate::dataset::{Dataset, WRITTEN_AFTER};
+use crate::dataset::Dataset;
 use crate::diagnose::judge;
 use crate::free_run::free_run;
 use crate::identify::{Effort, Place, Prior, fit, with_window_settled};
@@ -39,7 +39,7 @@ struct Identified {
     parameters: BTreeMap<&'static str, Constant>,
     fit: BTreeMap<&'static str, Fitted>,
     /// What was noticed of the recording.
-    notes: Vec<&'static str>,
+    notes: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -105,8 +105,7 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
         (name, Constant { value, ci95: interval.map_or([value, value], |interval| interval.ci95) })
     };
     let parameters = last.model.motor.named().into_iter().enumerate().map(constant).collect();
-    let notes = if data.written_after { vec![WRITTEN_AFTER] } else { Vec::new() };
-    (last.model, Identified { parameters, fit: quality, notes })
+    (last.model, Identified { parameters, fit: quality, notes: data.notes() })
 }
 
 fn page(identified: &Identified) -> String {

@@ -37,6 +37,15 @@ impl Window {
     pub fn up_to_now(span: usize) -> Self {
         Self { span, ahead: 0 }
     }
+
+    /// What is said of a speed that was found to be made over it.
+    pub(super) fn note(self, interval_s: f64) -> String {
+        let [span_s, ahead_s] = [self.span, self.ahead].map(|rows| rows as f64 * interval_s);
+        format!(
+            "The speed is a difference of counts over {:.3} s, {:.3} s of them after its row, and is compared as that: record the counts as well, they say more. [recording] speed_window_s and speed_ahead_s in the rig file say what it is.",
+            span_s, ahead_s
+        )
+    }
 }
 
 /// Whether a speed is a difference of the angle over some window, and says nothing that the angle does not.
@@ -101,4 +110,72 @@ fn mostly(rows: impl Iterator<Item = bool>) -> bool {
         }
     }
     all >= FEWEST_ROWS && f64::from(right) >= LEAST_SHARE * all as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::difference;
+    use proptest::prelude::*;
+
+    const INTERVAL_S: f64 = 1e-3;
+    const ROWS: usize = 4000;
+
+    /// A shaft that speeds up, slows down and reverses, from rest.
+    fn turned_rad() -> Vec<f64> {
+        let mut angle_rad = 0.0;
+        let speed = |time_s: f64| 80.0 * (2.0 * time_s).sin() + 30.0 * (1.0 - (7.3 * time_s).cos());
+        (0..ROWS)
+            .map(|row| {
+                angle_rad += INTERVAL_S * speed((row as f64 - 20.0).max(0.0) * INTERVAL_S);
+                angle_rad
+            })
+            .collect()
+    }
+
+    fn counted_rad(counts_per_rev: f64) -> Vec<f64> {
+        let count_rad = TAU / counts_per_rev;
+        turned_rad().iter().map(|angle| (angle / count_rad).floor() * count_rad).collect()
+    }
+
+    fn time_s() -> Vec<f64> {
+        (0..ROWS).map(|row| row as f64 * INTERVAL_S).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(60))]
+        /// Whatever the encoder and the window, printed with four digits; and the angle comes back to a count.
+        #[test]
+        fn a_speed_made_of_counts_is_known(counts_per_rev in 100_u32..2400, span in 2_usize..30, ahead in 0_usize..30) {
+            let counts_per_rev = f64::from(counts_per_rev);
+            let window = Window { span, ahead: ahead.min(span) };
+            let angle_rad = counted_rad(counts_per_rev);
+            let printed = |speed: f64| (speed * 1e4).round() / 1e4;
+            let speed: Vec<f64> = difference(&angle_rad, &time_s(), window).into_iter().map(printed).collect();
+            prop_assert!(is_made_of(&speed, &angle_rad, INTERVAL_S));
+            prop_assert_eq!(of_counts(&speed, &time_s(), INTERVAL_S, counts_per_rev), Some(span));
+            let whole: Vec<f64> = speed.iter().map(|speed| if speed.is_finite() { *speed } else { 0.0 }).collect();
+            let found_rad = super::angle_rad(&whole, window, INTERVAL_S);
+            // Rows without a whole window at the end have no speed.
+            for row in 0..ROWS - 2 * span {
+                let off_counts = (found_rad[row] - angle_rad[row]) * counts_per_rev / TAU;
+                prop_assert!(off_counts.abs() < 1.5, "{row}: {off_counts} counts");
+            }
+        }
+
+        /// A speed timed by edges, or of a tachogenerator, is none.
+        #[test]
+        fn another_speed_is_not(counts_per_rev in 100_u32..2400, step in 1e-3_f64..0.5) {
+            let counts_per_rev = f64::from(counts_per_rev);
+            let turned_rad = turned_rad();
+            let exact = difference(&turned_rad, &time_s(), Window { span: 2, ahead: 1 });
+            let read: Vec<f64> = exact.iter().map(|speed| (speed / step).round() * step).collect();
+            prop_assert!(!is_made_of(&exact, &counted_rad(counts_per_rev), INTERVAL_S));
+            prop_assert_eq!(of_counts(&exact, &time_s(), INTERVAL_S, counts_per_rev), None);
+            // By chance a step of the converter is a count in some window, or nearly.
+            let counts = step * counts_per_rev / TAU * INTERVAL_S;
+            let by_chance = (1..=100).any(|span| (counts * f64::from(span) - 1.0).abs() < 0.01);
+            prop_assert!(by_chance || of_counts(&read, &time_s(), INTERVAL_S, counts_per_rev).is_none());
+        }
+    }
 }

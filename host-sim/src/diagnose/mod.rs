@@ -16,7 +16,7 @@ pub mod report;
 pub mod select;
 
 use crate::catalogue::ActsOn;
-use crate::dataset::{Dataset, DatasetError, Measured, Output, WRITTEN_AFTER, noise};
+use crate::dataset::{Dataset, DatasetError, Measured, Output, noise};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Interval, Place, Prior, fit, with_window_settled};
 use crate::model::Model;
@@ -43,6 +43,9 @@ const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
 const LEAST_SPREAD: f64 = 0.02;
 /// Resistance, torque constant and inertia that are wrong by the same factor, to this, mean the supply.
 const SAME_FACTOR: f64 = 0.06;
+
+/// What is said of constants that were found beside something unknown.
+const BESIDE_UNEXPLAINED: &str = "While that is missing the constants found beside it hold only roughly: their intervals know of the noise and not of what is missing.";
 
 /// A diagnosis with everything that a report shows.
 pub struct Diagnosis {
@@ -189,8 +192,7 @@ impl Outcome {
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
-        let order = row_order_s(data, model);
-        causes.retain(|cause| order.is_none() || !delays(&cause.effect, model));
+        causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
         let parameters = parameters(model, &prior.nominal, intervals);
         let unexplained = unexplained(data, selection);
         if unexplained.is_none() {
@@ -225,10 +227,11 @@ impl Outcome {
                 "Something is missing that has no name here: it acts on {} and depends on {}. Look at the report's plots of what is missing.",
                 acts_on_words(unexplained.acts_on), unexplained.depends_on
             ));
+            if !self.causes.is_empty() {
+                advice.push(BESIDE_UNEXPLAINED.into());
+            }
         }
-        if data.written_after {
-            advice.push(WRITTEN_AFTER.into());
-        }
+        advice.extend(data.notes());
         if data.current().is_none() {
             advice.push("Without the current, torque and voltage can hardly be told apart: record i_A as well.".into());
         }
@@ -242,15 +245,11 @@ impl Outcome {
     }
 }
 
-/// Where rows were written after their commands had acted: for how long a command had acted, if that is less than a row. Then
-/// it is a matter of the row, and no delay of the bridge.
-fn row_order_s(data: &Dataset, model: &Model) -> Option<f64> {
-    let late_s: f64 = model.terms.iter().map(|term| term.effect.delay_s(&term.values)).sum();
-    (data.written_after && late_s > 0.0 && late_s < data.interval_s).then_some(data.interval_s - late_s)
-}
-
-fn delays(id: &str, model: &Model) -> bool {
-    model.term(id).is_some_and(|term| term.effect.delay_s(&term.values) > 0.0)
+/// Whether an effect is a delay of less than a row where rows were written after their commands had acted: it tells where in
+/// its row a command acts, and is no delay of the bridge.
+fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
+    let delay_s = model.term(id).map_or(0.0, |term| term.effect.delay_s(&term.values));
+    data.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
 }
 
 /// In words.

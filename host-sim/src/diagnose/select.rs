@@ -40,8 +40,9 @@ const MOST_AHEAD: usize = 3;
 const LEAST_AHEAD: f64 = 0.9;
 /// Standard deviation of the logarithm of a nominal viscous friction.
 const VISCOUS_SPREAD: f64 = 0.5;
-/// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains.
-const STRANGE: f64 = 25.0;
+/// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains:
+/// as many for each that has one.
+const STRANGE_EACH: f64 = 8.0;
 /// Another law of an effect, or a rival, is fitted further if as it stands it costs no more than this many times what there is.
 const NEAR: f64 = 10.0;
 /// An inductance this many times the nominal one may be an effect.
@@ -274,7 +275,10 @@ impl Chooser<'_> {
 
     /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
     fn is_strange(&self, fit: &Fit) -> bool {
-        self.strangeness(fit) > STRANGE
+        let nominal = &self.prior.nominal;
+        let given = [nominal.resistance_ohm, nominal.torque_constant_nm_per_a, nominal.inertia_kg_m2];
+        let given = given.iter().flatten().count().max(1);
+        self.strangeness(fit) > STRANGE_EACH * given as f64
     }
 
     /// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says

@@ -1,13 +1,21 @@
-//! The current within one period of the PWM. It rises and falls in straight lines: a period is short beside the electrical
-//! time constant.
+//! The current within one period of the PWM. Where that is short beside the electrical time constant it rises and falls in
+//! straight lines; at the few hundred hertz of an Uno's timers as they come it does so in exponentials.
+
+/// A period of less than this share of the electrical time constant has straight lines.
+const STRAIGHT: f64 = 0.2;
+/// Steps of Newton's method for a current that reverses twice in each period, and how close they come, as a share of it.
+const NEWTON_STEPS: usize = 8;
+const NEWTON_CLOSENESS: f64 = 1e-6;
 
 /// What drives the current through a period, in the direction of positive motion.
 #[derive(Clone, Copy, Debug)]
 pub struct Volts {
     /// Mean over the period that the bridge puts out.
     pub mean_v: f64,
-    /// What motion and resistance take of it.
+    /// What motion takes of it.
     pub emf_v: f64,
+    /// What the mean current loses in the resistance.
+    pub lost_v: f64,
     /// What is lost in the pulse and in the off phase, whichever way the current flows.
     pub drops_v: [f64; 2],
 }
@@ -19,12 +27,15 @@ pub struct Ripple {
     pulse: f64,
     /// What the current gains of a volt over a period; 0 if its ripple is left out.
     a_per_v: f64,
+    /// The period over the electrical time constant; 0 for straight lines.
+    decay: f64,
 }
 
 impl Ripple {
     /// Of a motor at rest.
-    pub fn new(inductance_h: f64, pwm_hz: f64) -> Self {
-        Self { pulse: 0.0, a_per_v: 1.0 / (inductance_h * pwm_hz) }
+    pub fn new(inductance_h: f64, resistance_ohm: f64, pwm_hz: f64) -> Self {
+        let decay = resistance_ohm / (inductance_h * pwm_hz);
+        Self { pulse: 0.0, a_per_v: 1.0 / (inductance_h * pwm_hz), decay: if decay < STRAIGHT { 0.0 } else { decay } }
     }
 
     /// The same with a duty from -1 to 1.
@@ -53,10 +64,13 @@ impl Ripple {
             return within(0.0);
         }
         let volts = volts();
-        let widest_a = 0.5 * self.swing_a(&volts);
-        if least_a >= widest_a {
+        let swing = self.swing(&volts);
+        // As far as the mean is above the least current, and below the greatest.
+        let [above_a, below_a] =
+            if self.pulse > 0.0 { [swing.low_a, swing.high_a] } else { [swing.high_a, swing.low_a] };
+        if least_a >= above_a {
             least_a
-        } else if most_a <= -widest_a {
+        } else if most_a <= -below_a {
             most_a
         } else {
             within(self.settled_a(&volts))
@@ -66,24 +80,37 @@ impl Ripple {
     /// The current at the share `at` of a period with the mean `mean_a`.
     pub fn sampled_a(self, mean_a: f64, at: f64, volts: &Volts) -> f64 {
         let sense = self.pulse.signum();
-        let swing_a = self.swing_a(volts);
-        if mean_a.abs() < 0.5 * swing_a
+        let swing = self.swing(volts);
+        if -swing.high_a < sense * mean_a
+            && sense * mean_a < swing.low_a
             && let Regime::Touching(cycle) = self.regime(volts)
         {
             return mean_a + sense * self.a_per_v * (cycle.at_v(at) - cycle.mean_v());
         }
-        let pulse = self.pulse.abs();
-        let risen = if at < pulse { at / pulse } else { (1.0 - at) / (1.0 - pulse).max(f64::MIN_POSITIVE) };
-        mean_a + sense * swing_a * (risen - 0.5)
+        mean_a + sense * swing.at_a(at)
     }
 
-    /// From the least to the greatest current of a period in which it drives and does not touch zero.
+    /// Of a period in which the PWM drives and the current does not touch zero.
     #[inline]
-    fn swing_a(self, volts: &Volts) -> f64 {
+    fn swing(self, volts: &Volts) -> Swing {
         let pulse = self.pulse.abs();
         let [pulse_drop_v, off_drop_v] = volts.drops_v;
         let driven_v = volts.mean_v.abs() + pulse * (off_drop_v - pulse_drop_v);
-        self.a_per_v * (1.0 - pulse) * driven_v.abs()
+        let whole_a = self.a_per_v * driven_v.abs();
+        if self.decay == 0.0 {
+            let half_a = 0.5 * (1.0 - pulse) * whole_a;
+            return Swing { pulse, decay: 0.0, low_a: half_a, high_a: half_a, towards_a: 0.0 };
+        }
+        // Towards which the current goes in a pulse without an end, above the mean; `whole_a` is of the pulse alone.
+        let step_a = whole_a / (pulse * self.decay);
+        let risen = -(-self.decay * pulse).exp_m1() / -(-self.decay).exp_m1();
+        Swing {
+            pulse,
+            decay: self.decay,
+            low_a: step_a * (pulse - risen * (-self.decay * (1.0 - pulse)).exp()),
+            high_a: step_a * (risen - pulse),
+            towards_a: step_a * (1.0 - pulse),
+        }
     }
 
     /// Mean current of a period in which it touches zero; at the bound of that beyond.
@@ -91,19 +118,21 @@ impl Ripple {
         let sense = self.pulse.signum();
         match self.regime(volts) {
             Regime::Touching(cycle) => sense * self.a_per_v * cycle.mean_v(),
-            Regime::Above => sense * 0.5 * self.swing_a(volts),
-            Regime::Below => -sense * 0.5 * self.swing_a(volts),
+            Regime::Above => sense * self.swing(volts).low_a,
+            Regime::Below => -sense * self.swing(volts).high_a,
         }
     }
 
     fn regime(self, volts: &Volts) -> Regime {
         let (sense, pulse) = (self.pulse.signum(), self.pulse.abs());
         let off = 1.0 - pulse;
-        let emf_v = sense * volts.emf_v;
+        // In exponentials the resistance takes its share of the current of each moment.
+        let emf_v = sense * if self.decay == 0.0 { volts.emf_v + volts.lost_v } else { volts.emf_v };
         let supply_v = sense * volts.mean_v / pulse;
         let [pulse_drop_v, off_drop_v] = volts.drops_v;
         let cycle = Cycle {
             pulse,
+            decay: self.decay,
             rise_v: supply_v - pulse_drop_v - emf_v,
             return_v: supply_v + pulse_drop_v - emf_v,
             fall_v: emf_v + off_drop_v,
@@ -112,23 +141,53 @@ impl Ripple {
             high_v: 0.0,
         };
         let Cycle { rise_v, return_v, fall_v, reverse_v, .. } = cycle;
-        if fall_v <= 0.0 || rise_v * pulse >= fall_v * off {
+        let (from_rest_v, to_rest_v) = (cycle.reached_v(rise_v, pulse), cycle.reached_v(reverse_v, off));
+        if fall_v <= 0.0 || rise_v > 0.0 && cycle.until_zero(from_rest_v, fall_v) >= off {
             return Regime::Above;
         }
-        if return_v <= 0.0 || reverse_v > 0.0 && return_v * pulse <= reverse_v * off {
+        if return_v <= 0.0 || reverse_v > 0.0 && cycle.until_zero(to_rest_v, return_v) >= pulse {
             return Regime::Below;
         }
         let (low_v, high_v) = match (rise_v > 0.0, reverse_v > 0.0) {
             (false, false) => (0.0, 0.0),
             // The pulse drives and the off phase ends that, or the other way round.
-            (true, false) => (0.0, rise_v * pulse),
-            (false, true) => (reverse_v * off, 0.0),
-            (true, true) => {
-                let high_v = (return_v * pulse / reverse_v - off) / (return_v / (rise_v * reverse_v) - 1.0 / fall_v);
-                (return_v * (pulse - high_v / rise_v), high_v)
-            }
+            (true, false) => (0.0, from_rest_v),
+            (false, true) => (to_rest_v, 0.0),
+            (true, true) => cycle.reversing_v(),
         };
         Regime::Touching(Cycle { low_v, high_v, ..cycle })
+    }
+}
+
+/// The current of a period, as against its mean.
+struct Swing {
+    /// Share of the period.
+    pulse: f64,
+    decay: f64,
+    /// How far below the mean it is where the pulse begins...
+    low_a: f64,
+    /// ... and above where it ends.
+    high_a: f64,
+    /// Above the mean, where a pulse without an end would lead; not of straight lines.
+    towards_a: f64,
+}
+
+impl Swing {
+    /// At a share of the period.
+    fn at_a(&self, at: f64) -> f64 {
+        let Self { pulse, decay, low_a, high_a, towards_a } = *self;
+        let off = (1.0 - pulse).max(f64::MIN_POSITIVE);
+        if decay == 0.0 {
+            let risen = if at < pulse { at / pulse } else { (1.0 - at) / off };
+            return (low_a + high_a) * risen - low_a;
+        }
+        if at < pulse {
+            towards_a - (towards_a + low_a) * (-decay * at).exp()
+        } else {
+            // The mean of where both lead is the mean.
+            let towards_a = towards_a * pulse / off;
+            (high_a + towards_a) * (-decay * (at - pulse)).exp() - towards_a
+        }
     }
 }
 
@@ -142,15 +201,18 @@ enum Regime {
     Touching(Cycle),
 }
 
-/// A current that touches zero in each period; currents as the volts that make them in a period.
+/// A current that touches zero in each period; currents as the volts that make them in a period without resistance.
+#[derive(Clone, Copy)]
 struct Cycle {
     /// Share of the period.
     pulse: f64,
-    /// How it rises in the pulse from zero...
+    /// The period over the electrical time constant; 0 for straight lines.
+    decay: f64,
+    /// How it is driven in the pulse from zero...
     rise_v: f64,
     /// ... and towards zero.
     return_v: f64,
-    /// How it falls in the off phase towards zero...
+    /// How it is driven in the off phase towards zero...
     fall_v: f64,
     /// ... and from zero.
     reverse_v: f64,
@@ -161,7 +223,55 @@ struct Cycle {
 }
 
 impl Cycle {
+    /// What drives from zero, after a share of the period.
+    #[inline]
+    fn reached_v(&self, driving_v: f64, share: f64) -> f64 {
+        if self.decay == 0.0 { driving_v * share } else { driving_v * -(-self.decay * share).exp_m1() / self.decay }
+    }
+
+    /// The share of the period that a current needs to come to zero against what drives it there.
+    #[inline]
+    fn until_zero(&self, height_v: f64, driving_v: f64) -> f64 {
+        let straight = height_v / driving_v;
+        if self.decay == 0.0 { straight } else { (self.decay * straight).ln_1p() / self.decay }
+    }
+
+    /// Below and above zero of a current that reverses in the pulse and in the off phase.
+    fn reversing_v(&self) -> (f64, f64) {
+        let Self { pulse, rise_v, return_v, fall_v, reverse_v, .. } = *self;
+        let off = 1.0 - pulse;
+        let high_v = (return_v * pulse / reverse_v - off) / (return_v / (rise_v * reverse_v) - 1.0 / fall_v);
+        let low_v = return_v * (pulse - high_v / rise_v);
+        if self.decay == 0.0 {
+            return (low_v, high_v);
+        }
+        // What a period makes of what is below zero at its beginning, and the derivative of that.
+        let round = |low_v: f64| {
+            let rising = (pulse - self.until_zero(low_v, return_v)).max(0.0);
+            let high_v = self.reached_v(rise_v, rising);
+            let reversing = (off - self.until_zero(high_v, fall_v)).max(0.0);
+            let slope = rise_v / (return_v + self.decay * low_v) * reverse_v / (fall_v + self.decay * high_v)
+                * (-self.decay * (rising + reversing)).exp();
+            (self.reached_v(reverse_v, reversing), slope, high_v)
+        };
+        let mut low_v = low_v.max(0.0);
+        let mut high_v = high_v;
+        for _ in 0..NEWTON_STEPS {
+            let (next_v, slope, high_now_v) = round(low_v);
+            high_v = high_now_v;
+            let change_v = (next_v - low_v) / (1.0 - slope);
+            low_v = (low_v + change_v).max(0.0);
+            if change_v.abs() <= NEWTON_CLOSENESS * (low_v + high_v) {
+                break;
+            }
+        }
+        (low_v, high_v)
+    }
+
     fn mean_v(&self) -> f64 {
+        if self.decay != 0.0 {
+            return self.balance_v() / self.decay;
+        }
         // Triangles: half of base times height.
         let side = |height_v: f64, rates_v: [f64; 2]| match height_v > 0.0 {
             true => 0.5 * height_v * rates_v.map(|rate_v| height_v / rate_v).iter().sum::<f64>(),
@@ -170,14 +280,28 @@ impl Cycle {
         side(self.high_v, [self.rise_v, self.fall_v]) - side(self.low_v, [self.return_v, self.reverse_v])
     }
 
+    /// Mean of what drives the current while it flows: over a period the resistance takes all of it.
+    fn balance_v(&self) -> f64 {
+        let Self { pulse, low_v, high_v, .. } = *self;
+        let returning = if low_v > 0.0 { self.until_zero(low_v, self.return_v) } else { 0.0 };
+        let falling = if high_v > 0.0 { self.until_zero(high_v, self.fall_v) } else { 0.0 };
+        let rising = if high_v > 0.0 { pulse - returning } else { 0.0 };
+        let reversing = if low_v > 0.0 { 1.0 - pulse - falling } else { 0.0 };
+        self.return_v * returning + self.rise_v * rising - self.fall_v * falling - self.reverse_v * reversing
+    }
+
     /// At a share of the period.
     fn at_v(&self, at: f64) -> f64 {
+        // From zero, or back to it: before, the same current seen backwards.
+        let around_zero = |since_zero: f64, [towards_v, from_v]: [f64; 2]| {
+            let driving_v = if since_zero < 0.0 { towards_v } else { from_v.max(0.0) };
+            self.reached_v(driving_v, since_zero)
+        };
         if at < self.pulse {
-            let since_zero = at - self.low_v / self.return_v;
-            since_zero * if since_zero < 0.0 { self.return_v } else { self.rise_v.max(0.0) }
+            around_zero(at - self.until_zero(self.low_v, self.return_v), [self.return_v, self.rise_v])
         } else {
-            let since_zero = at - self.pulse - self.high_v / self.fall_v;
-            -since_zero * if since_zero < 0.0 { self.fall_v } else { self.reverse_v.max(0.0) }
+            let since_zero = at - self.pulse - self.until_zero(self.high_v, self.fall_v);
+            -around_zero(since_zero, [self.fall_v, self.reverse_v])
         }
     }
 }
@@ -193,7 +317,7 @@ mod tests {
     const STEPS: usize = 2000;
 
     /// The current over a period after many, switched in small steps; `None` while it still drifts.
-    fn switched_a(duty: f64, volts: &Volts) -> Option<Vec<f64>> {
+    fn switched_a(duty: f64, decay: f64, volts: &Volts) -> Option<Vec<f64>> {
         let step_a_per_v = 1.0 / (PWM_HZ * INDUCTANCE_H * STEPS as f64);
         let (mut current_a, mut last) = (0.0, vec![f64::NAN; STEPS]);
         for _ in 0..300 {
@@ -204,8 +328,11 @@ mod tests {
                     let source_v = on * duty.signum() * SUPPLY_V;
                     let [pulse_drop_v, off_drop_v] = volts.drops_v;
                     let drop_v = off_drop_v + on * (pulse_drop_v - off_drop_v);
-                    let free_a: f64 = current_a + step_a_per_v * (source_v - volts.emf_v);
-                    current_a = free_a.signum() * (free_a.abs() - step_a_per_v * drop_v).max(0.0);
+                    let free_a: f64 =
+                        current_a * (1.0 - 0.5 * decay / STEPS as f64) + step_a_per_v * (source_v - volts.emf_v);
+                    let left_a = free_a.signum() * (free_a.abs() - step_a_per_v * drop_v).max(0.0);
+                    // The middle of the step stands for its loss.
+                    current_a = left_a / (1.0 + 0.5 * decay / STEPS as f64);
                     current_a
                 })
                 .collect();
@@ -217,23 +344,42 @@ mod tests {
         None
     }
 
+    fn is_of_one_sign(period: &[f64]) -> bool {
+        period.iter().all(|current_a| *current_a > 0.0) || period.iter().all(|current_a| *current_a < 0.0)
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(300))]
         /// Wherever the switched current comes to rest, mean and moments are those computed; without resistance it drifts
-        /// for ever where it does not touch zero. The off phase brakes or coasts.
+        /// for ever where it does not touch zero, with it comes to rest there as well. The off phase brakes or coasts.
         #[test]
         fn the_switched_current(
             duty in prop_oneof![-0.95f64..-0.02, 0.02f64..0.95],
             emf_v in -9.0f64..9.0,
             drop_v in 0.05f64..3.0,
             coasts: bool,
+            decay in prop_oneof![Just(0.0), STRAIGHT..5.0],
         ) {
             let off_drop_v = if coasts { SUPPLY_V + 2.0 } else { drop_v };
-            let volts = Volts { mean_v: duty * SUPPLY_V, emf_v, drops_v: [drop_v, off_drop_v] };
-            let ripple = Ripple::new(INDUCTANCE_H, PWM_HZ).with_duty(duty);
-            let (found_a, swing_a) = (ripple.settled_a(&volts), ripple.swing_a(&volts));
-            match switched_a(duty, &volts) {
+            let volts = Volts { mean_v: duty * SUPPLY_V, emf_v, lost_v: 0.0, drops_v: [drop_v, off_drop_v] };
+            let ripple = Ripple::new(INDUCTANCE_H, decay * INDUCTANCE_H * PWM_HZ, PWM_HZ).with_duty(duty);
+            let swing = ripple.swing(&volts);
+            let (found_a, swing_a) = (ripple.settled_a(&volts), swing.low_a + swing.high_a);
+            match switched_a(duty, decay, &volts) {
                 None => prop_assert!(found_a.abs() > 0.49 * swing_a, "{found_a} A of {swing_a} A"),
+                Some(period) if period.iter().all(|current_a| *current_a != 0.0) && is_of_one_sign(&period) => {
+                    // It stays on one side: at the bound, and the course around the mean is the swing's.
+                    let mean_a = period.iter().sum::<f64>() / STEPS as f64;
+                    let bound_a = if duty * mean_a > 0.0 { swing.low_a } else { swing.high_a };
+                    prop_assert!(mean_a.abs() > bound_a - 1e-2 * swing_a, "{mean_a} A, {bound_a} A");
+                    prop_assert!((found_a.abs() - bound_a).abs() < 1e-6 * swing_a, "{found_a} A, {bound_a} A");
+                    if mean_a * duty > 0.0 {
+                        for step in [STEPS / 30, STEPS / 4, STEPS / 2, 3 * STEPS / 4] {
+                            let found_a = ripple.sampled_a(mean_a, (step + 1) as f64 / STEPS as f64, &volts);
+                            prop_assert!((found_a - period[step]).abs() < 1e-2 * swing_a, "{step}: {found_a} A, {} A", period[step]);
+                        }
+                    }
+                }
                 Some(period) => {
                     let mean_a = period.iter().sum::<f64>() / STEPS as f64;
                     prop_assert!((found_a - mean_a).abs() < 5e-3 * swing_a, "{found_a} A, {mean_a} A of {swing_a} A");

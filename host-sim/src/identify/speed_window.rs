@@ -26,8 +26,7 @@ fn cost(data: &Dataset, nominal: &NominalMotor) -> f64 {
     let scales = scales(&prior.motor, data);
     let effects = BESIDE.iter().filter_map(|id| effect(id));
     let possible = effects.filter(|effect| data.current().is_some() || effect.about().acts_on != ActsOn::CurrentSensor);
-    let model = possible.fold(Model::linear(prior.motor), |model, effect| {
-        model.with(effect, effect.starts(&scales).swap_remove(0))
-    });
+    let model = possible
+        .fold(Model::linear(prior.motor), |model, effect| model.with(effect, effect.starts(&scales).swap_remove(0)));
     fit(&model, data, &prior, Effort::TRIAL).cost
 }

@@ -545,10 +545,11 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     /// By how much the current, where it is sampled in the PWM period, is above its mean. Wired so that the off phase
     /// coasts, it is not known.
     fn sampled_above_mean_a(&self, duty: f64, voltage_v: f64) -> f64 {
+        let resistance_ohm = self.motor.resistance_ohm.unwrap_or(0.0);
         match (self.motor.inductance_h, Timing::FIRMWARE.current_sampled_at) {
             (Some(inductance_h), Some(at)) if self.settings.get(Param::Wiring) == 0.0 && duty != 0.0 => {
-                let volts = Volts { mean_v: voltage_v, emf_v: 0.0, drops_v: [0.0, 0.0] };
-                Ripple::new(inductance_h, f64::from(PWM_HZ)).with_duty(duty).sampled_a(0.0, at, &volts)
+                let volts = Volts { mean_v: voltage_v, emf_v: 0.0, lost_v: 0.0, drops_v: [0.0, 0.0] };
+                Ripple::new(inductance_h, resistance_ohm, f64::from(PWM_HZ)).with_duty(duty).sampled_a(0.0, at, &volts)
             }
             _ => 0.0,
         }

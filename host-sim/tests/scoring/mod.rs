@@ -29,6 +29,10 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         "levels" => Recipe { excitation: Excitation::Levels, ..single() },
         "closed-loop" => Recipe { excitation: Excitation::ClosedLoop, ..single() },
         "slow" => Recipe { rate_hz: 200.0, ..real() },
+        "window" => {
+            Recipe { channels: Channels::VoltageMeanSpeedCurrent, ..Recipe::of(&[turn(&counted)]).on_real_rig() }
+        }
+        "timer" => Recipe { timer_of_the_uno: true, ..real() },
         "after" => Recipe { written_after: true, ..single() },
         id => {
             let all = Effect::CATALOGUE.into_iter().chain(Effect::OUTSIDE);
