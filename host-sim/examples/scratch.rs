@@ -1,20 +1,15 @@
-use host_sim::dataset::Dataset;
-use host_sim::recording::Recording;
-use host_sim::rig::Rig;
+#[path = "../tests/scoring/mod.rs"]
+mod scoring;
+use hidden_effects::draw;
 fn main() {
-    for dir in std::env::args().skip(1) {
-        let rig = Rig::parse("rig.toml", &std::fs::read_to_string(format!("{dir}/rig.toml")).unwrap()).unwrap();
-        let bytes = std::fs::read(format!("{dir}/recording.csv")).unwrap();
-        let rec = Recording::parse("r.csv", &bytes[..], &[]).unwrap();
-        println!("{dir}");
-        match Dataset::new(&[rec], &rig) {
-            Ok(d) => println!(
-                "  written_after {} motion {:?} noise {:.4}",
-                d.written_after,
-                d.motion().output,
-                d.motion().noise
-            ),
-            Err(e) => println!("{e}"),
-        }
+    let kind = std::env::args().nth(1).unwrap();
+    for seed in std::env::args().skip(2) {
+        let seed: u64 = seed.parse().unwrap();
+        let trial = draw(seed, &scoring::recipe(&kind, seed));
+        let dir = format!("/tmp/own/{kind}_{seed}");
+        std::fs::create_dir_all(&dir).unwrap();
+        std::fs::write(format!("{dir}/recording.csv"), &trial.csv).unwrap();
+        std::fs::write(format!("{dir}/rig.toml"), &trial.rig_toml).unwrap();
+        std::fs::write(format!("{dir}/truth.txt"), format!("{:#?}", trial.truth)).unwrap();
     }
 }

@@ -8,7 +8,7 @@ use std::ops::Range;
 mod row_order;
 mod speed_window;
 
-pub use speed_window::{CENTRED, Window};
+pub use speed_window::Window;
 
 /// A pause of this many intervals begins a new stretch.
 const GAP_INTERVALS: f64 = 10.0;
@@ -234,12 +234,13 @@ impl Dataset {
         notes
     }
 
-    /// The same with another part of a mean speed's window after its row; `None` where the speed is none.
-    pub fn with_window_ahead(&self, share: f64) -> Option<Self> {
+    /// The same with the row in the middle of a mean speed's window and not at its end, where neither the columns nor the rig
+    /// file say which.
+    pub fn with_window_centred(&self) -> Option<Self> {
         let mut other = self.clone();
-        for measured in &mut other.measured {
+        for measured in other.measured.iter_mut().filter(|_| !self.window_end_is_known) {
             if let Output::MeanSpeed(window) = &mut measured.output {
-                window.ahead = (share * window.span as f64) as usize;
+                window.ahead = window.span / 2;
                 other.integrate_mean_speed();
                 return Some(other);
             }

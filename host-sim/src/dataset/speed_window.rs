@@ -20,8 +20,6 @@ const SAME: f64 = 0.25;
 const FEWEST_COUNTS: f64 = 3.0;
 /// Intervals are equal when they differ by less than this share.
 const EVEN: f64 = 0.01;
-/// Share of a window after its row where that stands in the middle.
-pub const CENTRED: f64 = 0.5;
 
 /// Rows over which a mean speed is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -18,13 +18,14 @@ pub mod select;
 use crate::catalogue::ActsOn;
 use crate::dataset::{Dataset, DatasetError, Measured, Output, noise};
 use crate::free_run::{Prediction, free_run};
-use crate::identify::{Effort, Interval, Place, Prior, fit, with_window_settled};
+use crate::identify::{Effort, Interval, Place, Prior, fit};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
 use judge::{NOT_NOISE, above_floor};
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict};
 use select::{Selection, Standing, select};
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 /// A model that explains less than this of the motion, with nothing but noise left, has had nothing to explain.
@@ -72,14 +73,9 @@ pub struct Diagnosis {
 /// # Errors
 /// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
-    let mut data = with_window_settled(Dataset::new(recordings, rig)?, &rig.motor);
+    let data = Dataset::new(recordings, rig)?;
     let prior = Prior::new(&rig.motor, &data);
-    let beginnings = pwm_frequency::beginnings(&data, &prior);
-    pwm_frequency::settle(&mut data, &prior, &beginnings);
-    let mut selection = select(&data, &prior, &excluded(&data), progress);
-    if pwm_frequency::settle(&mut data, &prior, std::slice::from_ref(&selection.last)) {
-        selection = select(&data, &prior, &excluded(&data), progress);
-    }
+    let (data, mut selection) = best_understood(data, &prior, progress);
     distrust(&data, &prior, &mut selection);
     let motion = data.measured.iter().position(|measured| measured.output != Output::Current).unwrap_or(0);
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
@@ -114,6 +110,28 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         steps: selection.steps,
         data,
     })
+}
+
+/// The data with what the rig file leaves open of how they were recorded as they are understood best, and what they are
+/// understood by: down to the noise, by the motor of the rig, by few effects.
+fn best_understood(data: Dataset, prior: &Prior, progress: select::Progress) -> (Dataset, Selection) {
+    let centred = data.with_window_centred();
+    let ways = [Some(data), centred].into_iter().flatten().map(|data| understood(data, prior, progress));
+    let rank = |(data, selection): &(Dataset, Selection)| {
+        let last = &selection.last;
+        (above_floor(data, last) > NOT_NOISE, select::is_strange(prior, last), last.model.terms.len(), last.cost)
+    };
+    ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
+}
+
+fn understood(mut data: Dataset, prior: &Prior, progress: select::Progress) -> (Dataset, Selection) {
+    let beginnings = pwm_frequency::beginnings(&data, prior);
+    pwm_frequency::settle(&mut data, prior, &beginnings);
+    let mut selection = select(&data, prior, &excluded(&data), progress);
+    if pwm_frequency::settle(&mut data, prior, std::slice::from_ref(&selection.last)) {
+        selection = select(&data, prior, &excluded(&data), progress);
+    }
+    (data, selection)
 }
 
 /// Effects that these channels say nothing of.

@@ -273,27 +273,8 @@ impl Chooser<'_> {
             .collect()
     }
 
-    /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
     fn is_strange(&self, fit: &Fit) -> bool {
-        let nominal = &self.prior.nominal;
-        let given = [nominal.resistance_ohm, nominal.torque_constant_nm_per_a, nominal.inertia_kg_m2];
-        let given = given.iter().flatten().count().max(1);
-        self.strangeness(fit) > STRANGE_EACH * given as f64
-    }
-
-    /// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says
-    /// little; many times as much is another friction.
-    fn strangeness(&self, fit: &Fit) -> f64 {
-        let values =
-            |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
-        let spread = [self.prior.spread[0], self.prior.spread[2], self.prior.spread[3]];
-        let off = values(&fit.model.motor).into_iter().zip(values(&self.prior.motor)).zip(spread);
-        let constants: f64 = off.map(|((found, nominal), spread)| ((found / nominal).ln() / spread).powi(2)).sum();
-        let viscous =
-            self.prior.nominal.viscous_friction_nm_s.filter(|nominal| *nominal > 0.0).map_or(0.0, |nominal| {
-                ((fit.model.motor.viscous_friction_nm_s / nominal).max(1.0).ln() / VISCOUS_SPREAD).powi(2)
-            });
-        constants + viscous
+        is_strange(self.prior, fit)
     }
 
     /// Where the way from the linear fit has led to a dead end or to a strange motor, another: from the nominal motor, each
@@ -405,7 +386,7 @@ impl Chooser<'_> {
         // Without it only another motor fits: then the data sheet speaks for it as well.
         let keeps_the_motor = self.is_strange(&without) && !self.is_strange(current);
         if keeps_the_motor {
-            own.sigmas = own.sigmas.max(0.0).hypot(self.strangeness(&without).sqrt());
+            own.sigmas = own.sigmas.max(0.0).hypot(strangeness(self.prior, &without).sqrt());
         }
         let is_excessive = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
         let keeps_the_winding = looks_like_inductance(id)
@@ -524,6 +505,27 @@ impl Chooser<'_> {
         }
         Standing { id, gain: own, rival: over.into_iter().next(), same }
     }
+}
+
+/// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
+pub(super) fn is_strange(prior: &Prior, fit: &Fit) -> bool {
+    let nominal = &prior.nominal;
+    let given = [nominal.resistance_ohm, nominal.torque_constant_nm_per_a, nominal.inertia_kg_m2];
+    let given = given.iter().flatten().count().max(1);
+    strangeness(prior, fit) > STRANGE_EACH * given as f64
+}
+
+/// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says
+/// little; many times as much is another friction.
+fn strangeness(prior: &Prior, fit: &Fit) -> f64 {
+    let values = |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
+    let spread = [prior.spread[0], prior.spread[2], prior.spread[3]];
+    let off = values(&fit.model.motor).into_iter().zip(values(&prior.motor)).zip(spread);
+    let constants: f64 = off.map(|((found, nominal), spread)| ((found / nominal).ln() / spread).powi(2)).sum();
+    let viscous = prior.nominal.viscous_friction_nm_s.filter(|nominal| *nominal > 0.0).map_or(0.0, |nominal| {
+        ((fit.model.motor.viscous_friction_nm_s / nominal).max(1.0).ln() / VISCOUS_SPREAD).powi(2)
+    });
+    constants + viscous
 }
 
 /// Whether an effect can look like more inductance than the winding has.

@@ -64,6 +64,14 @@ impl Ripple {
             return within(0.0);
         }
         let volts = volts();
+        // However it decays, it swings no wider than in straight lines.
+        let widest_a = self.straight_swing_a(&volts);
+        if least_a >= widest_a {
+            return least_a;
+        }
+        if most_a <= -widest_a {
+            return most_a;
+        }
         let swing = self.swing(&volts);
         // As far as the mean is above the least current, and below the greatest.
         let [above_a, below_a] =
@@ -90,19 +98,26 @@ impl Ripple {
         mean_a + sense * swing.at_a(at)
     }
 
+    /// From the least to the greatest current of a period without resistance.
+    #[inline]
+    fn straight_swing_a(self, volts: &Volts) -> f64 {
+        let pulse = self.pulse.abs();
+        let [pulse_drop_v, off_drop_v] = volts.drops_v;
+        let driven_v = volts.mean_v.abs() + pulse * (off_drop_v - pulse_drop_v);
+        self.a_per_v * (1.0 - pulse) * driven_v.abs()
+    }
+
     /// Of a period in which the PWM drives and the current does not touch zero.
     #[inline]
     fn swing(self, volts: &Volts) -> Swing {
         let pulse = self.pulse.abs();
-        let [pulse_drop_v, off_drop_v] = volts.drops_v;
-        let driven_v = volts.mean_v.abs() + pulse * (off_drop_v - pulse_drop_v);
-        let whole_a = self.a_per_v * driven_v.abs();
-        if self.decay == 0.0 {
-            let half_a = 0.5 * (1.0 - pulse) * whole_a;
+        let straight_a = self.straight_swing_a(volts);
+        if self.decay == 0.0 || pulse == 1.0 {
+            let half_a = 0.5 * straight_a;
             return Swing { pulse, decay: 0.0, low_a: half_a, high_a: half_a, towards_a: 0.0 };
         }
-        // Towards which the current goes in a pulse without an end, above the mean; `whole_a` is of the pulse alone.
-        let step_a = whole_a / (pulse * self.decay);
+        // What a pulse without an end and an off phase without one lead to are so far apart.
+        let step_a = straight_a / (pulse * (1.0 - pulse) * self.decay);
         let risen = -(-self.decay * pulse).exp_m1() / -(-self.decay).exp_m1();
         Swing {
             pulse,

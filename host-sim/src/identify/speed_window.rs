@@ -1,22 +1,20 @@
 //! Where in its window a mean speed stands: at the end, or in the middle.
 
 use super::{Effort, Prior, fit, scales};
-use crate::catalogue::{ActsOn, effect};
-use crate::dataset::{CENTRED, Dataset};
+use crate::catalogue::effect;
+use crate::dataset::Dataset;
 use crate::model::Model;
 use crate::rig::NominalMotor;
 
-/// What has to be in a model before it can tell: what hardly any bench is without, and what comes late as well.
-const BESIDE: [&str; 4] = ["coulomb_friction", "voltage_drop", "actuation_delay", "current_lag"];
+/// What has to be in a model before it can tell: what hardly any bench is without. Not what comes late as well: a diagnosis
+/// that may name that compares whole explanations.
+const BESIDE: [&str; 2] = ["coulomb_friction", "voltage_drop"];
 /// A window that reaches ahead has to lower the cost to this share: most programs know nothing of what is to come.
 const LEAST_SHARE: f64 = 0.97;
 
 /// The data with that settled by the better fit, where neither the columns nor the rig file say it.
 pub fn with_window_settled(data: Dataset, nominal: &NominalMotor) -> Dataset {
-    if data.window_end_is_known {
-        return data;
-    }
-    let Some(centred) = data.with_window_ahead(CENTRED) else { return data };
+    let Some(centred) = data.with_window_centred() else { return data };
     let (ended, middle) = rayon::join(|| cost(&data, nominal), || cost(&centred, nominal));
     if middle < LEAST_SHARE * ended { centred } else { data }
 }
@@ -25,8 +23,7 @@ fn cost(data: &Dataset, nominal: &NominalMotor) -> f64 {
     let prior = Prior::new(nominal, data);
     let scales = scales(&prior.motor, data);
     let effects = BESIDE.iter().filter_map(|id| effect(id));
-    let possible = effects.filter(|effect| data.current().is_some() || effect.about().acts_on != ActsOn::CurrentSensor);
-    let model = possible
+    let model = effects
         .fold(Model::linear(prior.motor), |model, effect| model.with(effect, effect.starts(&scales).swap_remove(0)));
     fit(&model, data, &prior, Effort::TRIAL).cost
 }
