@@ -15,7 +15,7 @@ mod pwm_frequency;
 pub mod report;
 pub mod select;
 
-use crate::catalogue::ActsOn;
+use crate::catalogue::{ActsOn, INDUCTANCE};
 use crate::dataset::{Dataset, DatasetError, Measured, Output, noise};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Interval, Place, Prior, fit};
@@ -215,7 +215,9 @@ impl Outcome {
         let unexplained = unexplained(data, selection);
         if unexplained.is_none() {
             // While something is missing it falsifies the constants as well.
-            causes.extend(wrong_values(&parameters));
+            causes.extend(
+                wrong_values(&parameters).into_iter().filter(|cause| !is_of_the_pwm(&cause.effect, data, model)),
+            );
         }
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Sufficient,
@@ -268,6 +270,13 @@ impl Outcome {
 fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
     let delay_s = model.term(id).map_or(0.0, |term| term.effect.delay_s(&term.values));
     data.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
+}
+
+/// Whether a wrong value is an inductance that the frequency of the PWM may have made: where a drop or diodes show it, and the
+/// rig file does not give it, only their product is certain.
+fn is_of_the_pwm(cause: &str, data: &Dataset, model: &Model) -> bool {
+    let shows = model.terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage);
+    cause == INDUCTANCE && shows && !data.pwm_is_known
 }
 
 /// In words.
