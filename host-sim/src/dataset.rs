@@ -111,7 +111,7 @@ pub struct Dataset {
     pub interval_s: f64,
     /// PWM frequency.
     pub pwm_hz: f64,
-    /// Whether that is from the rig file.
+    /// Whether that is known, and not to be found.
     pub pwm_is_known: bool,
     /// How it was recorded.
     pub timing: Timing,
@@ -266,7 +266,8 @@ impl Dataset {
         let mut data = Self {
             interval_s,
             pwm_hz: rig.bridge.pwm_hz.unwrap_or(PWM_HZ),
-            pwm_is_known: rig.bridge.pwm_hz.is_some(),
+            // Who knows where in its period the current is sampled has this project's firmware, or says so.
+            pwm_is_known: rig.bridge.pwm_hz.is_some() || rig.recording.current_sampled_at.is_some(),
             timing: rig.recording,
             is_counted: rig.encoder.counts_per_rev.is_some(),
             ..Self::default()
