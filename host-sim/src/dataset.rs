@@ -168,8 +168,7 @@ impl Dataset {
     /// [`DatasetError`], which says what to record or to write into the rig file.
     pub fn new(recordings: &[Recording], rig: &Rig) -> Result<Self, DatasetError> {
         let mut all = Self::default();
-        for recording in recordings {
-            let one = Self::of(recording, rig)?;
+        for (recording, one) in recordings.iter().zip(Self::each(recordings, rig)?) {
             if all.stretches.is_empty() {
                 all = one;
                 continue;
@@ -248,12 +247,32 @@ impl Dataset {
         None
     }
 
-    /// The angle, of which a mean speed was made, from it.
+    /// The angle, of which a mean speed was made, from it: in each stretch from zero.
     fn integrate_mean_speed(&mut self) {
         let motion = self.motion();
-        if let Output::MeanSpeed(window) = motion.output {
-            self.angle_rad = speed_window::angle_rad(&held(&motion.values), window, self.interval_s);
+        let Output::MeanSpeed(window) = motion.output else { return };
+        let speed = held(&motion.values);
+        self.angle_rad = speed_window::angle_rad(&speed, window, self.interval_s);
+        for range in &self.stretches {
+            let of_stretch = speed_window::angle_rad(&speed[range.clone()], window, self.interval_s);
+            self.angle_rad[range.clone()].copy_from_slice(&of_stretch);
         }
+    }
+
+    /// Recordings one by one. Where a mean speed was found in some, it is one in all of them: too little may move in the others.
+    fn each(recordings: &[Recording], rig: &Rig) -> Result<Vec<Self>, DatasetError> {
+        let mut each = recordings.iter().map(|recording| Self::of(recording, rig)).collect::<Result<Vec<_>, _>>()?;
+        let found_s = each.iter().find_map(|one| match one.motion().output {
+            Output::MeanSpeed(window) => Some(window.span as f64 * one.interval_s),
+            _ => None,
+        });
+        for (recording, one) in recordings.iter().zip(&mut each).filter(|_| found_s.is_some()) {
+            if one.motion().output == Output::Speed {
+                let recording_of = Timing { speed_window_s: found_s, ..rig.recording };
+                *one = Self::of(recording, &Rig { recording: recording_of, ..rig.clone() })?;
+            }
+        }
+        Ok(each)
     }
 
     fn of(recording: &Recording, rig: &Rig) -> Result<Self, DatasetError> {

@@ -113,8 +113,11 @@ fn mostly(rows: impl Iterator<Item = bool>) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::dataset::difference;
+    use crate::dataset::{Dataset, Output, difference};
+    use crate::recording::Recording;
+    use crate::rig::Rig;
     use proptest::prelude::*;
+    use std::fmt::Write as _;
 
     const INTERVAL_S: f64 = 1e-3;
     const ROWS: usize = 4000;
@@ -161,6 +164,32 @@ mod tests {
                 let off_counts = (found_rad[row] - angle_rad[row]) * counts_per_rev / TAU;
                 prop_assert!(off_counts.abs() < 0.5, "{row}: {off_counts} counts");
             }
+        }
+
+        /// Two recordings of one rig: in one of them hardly anything moves.
+        #[test]
+        fn one_recording_tells_of_the_others(span in 2_usize..20, still_first: bool) {
+            let counts_per_rev = 400.0;
+            let speed = difference(&counted_rad(counts_per_rev), &time_s(), Window::up_to_now(span));
+            let csv = |rows: usize| {
+                let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
+                for (row, speed) in speed.iter().take(rows).enumerate() {
+                    let speed = if speed.is_finite() { *speed } else { 0.0 };
+                    let _ = writeln!(text, "{:.4},{},{speed:.4}", row as f64 * INTERVAL_S, 5.0 * (row as f64 / 300.0).sin());
+                }
+                Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()
+            };
+            let mut recordings = [csv(90), csv(ROWS)];
+            if !still_first {
+                recordings.reverse();
+            }
+            let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12.0\n[encoder]\ncounts_per_rev = 400\n").unwrap();
+            let data = Dataset::new(&recordings, &rig).unwrap();
+            prop_assert_eq!(data.motion().output, Output::MeanSpeed(Window::up_to_now(span)));
+            let centred = data.with_window_centred().unwrap();
+            prop_assert_eq!(centred.motion().output, Output::MeanSpeed(Window { span, ahead: span / 2 }));
+            prop_assert!(data.stretches.iter().all(|range| data.angle_rad[range.start] == 0.0));
+            prop_assert!(centred.stretches.iter().all(|range| centred.angle_rad[range.start] == 0.0));
         }
 
         /// A speed timed by edges, or of a tachogenerator, is none.
