@@ -9,7 +9,7 @@
 //! torque_Nm = 0.004
 //! ```
 
-use crate::catalogue::{Effect, effect};
+use crate::catalogue::{Effect, Scales, effect};
 use crate::keys;
 use crate::motor::{MotorParameters, NonPhysical};
 use serde::{Deserialize, Serialize};
@@ -134,6 +134,11 @@ impl Model {
         let mut terms = self.terms.clone();
         terms.push(Term { effect, values });
         Self { motor: self.motor, terms }
+    }
+
+    /// The same with one effect more, at the first of its starts.
+    pub fn with_start(&self, effect: &'static dyn Effect, scales: &Scales) -> Self {
+        self.with(effect, effect.starts(scales).swap_remove(0))
     }
 
     /// The same with other values of one of its terms.

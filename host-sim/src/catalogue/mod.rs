@@ -64,6 +64,9 @@ pub static CATALOGUE: [&dyn Effect; 22] = [
     &tacho_ripple::TachoRipple,
 ];
 
+/// Effects that hardly any bench is without.
+pub const USUAL: [&str; 2] = ["coulomb_friction", "voltage_drop"];
+
 /// A rival that is no effect: more inductance than the winding has. Its one value is by how many seconds that lengthens the
 /// winding's time constant.
 pub const INDUCTANCE: &str = "parameter:inductance";

@@ -1,7 +1,7 @@
 //! The frequency of the PWM, where the rig file does not give it. It shows where a drop or diodes stop the current within each
 //! period; what it changes there, another inductance changes as well.
 
-use crate::catalogue::{Effect, effect};
+use crate::catalogue::{USUAL, effect};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use crate::model::Model;
@@ -24,10 +24,9 @@ pub(super) fn beginnings(data: &Dataset, prior: &Prior) -> Vec<Fit> {
         return Vec::new();
     }
     let scales = scales(&prior.motor, data);
-    let with = |model: Model, effect: &'static dyn Effect| model.with(effect, effect.starts(&scales).swap_remove(0));
-    let usual = ["coulomb_friction", "voltage_drop"].iter().filter_map(|id| effect(id));
-    let slow = usual.fold(Model::linear(prior.motor), with);
-    let coasting = effect("coast_decay").map(|effect| with(slow.clone(), effect));
+    let usual = USUAL.iter().filter_map(|id| effect(id));
+    let slow = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
+    let coasting = effect("coast_decay").map(|effect| slow.with_start(effect, &scales));
     let models: Vec<Model> = [Some(slow), coasting].into_iter().flatten().collect();
     models.into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL)).collect()
 }
@@ -44,13 +43,14 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &[Fit]) -> bool {
 }
 
 fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
-    let at = |hz: f64| Dataset { pwm_hz: hz, ..data.clone() };
-    let shows = |hz: f64| (fit(&found.model, &at(hz), prior, Effort::NONE).cost / found.cost - 1.0).abs() > SHOWS;
-    let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.pwm_hz && shows(*hz)).map(|hz| {
+    let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.pwm_hz).filter_map(|hz| {
+        let other = Dataset { pwm_hz: hz, ..data.clone() };
+        let as_it_stands = fit(&found.model, &other, prior, Effort::NONE);
+        let shows = (as_it_stands.cost / found.cost - 1.0).abs() > SHOWS;
         let mut model = found.model.clone();
         // A period's ripple stays what it is.
         model.motor.inductance_h *= data.pwm_hz / hz;
-        (hz, fit(&model, &at(hz), prior, Effort::TRIAL))
+        shows.then(|| (hz, fit(&model, &other, prior, Effort::TRIAL)))
     });
     let fits: Vec<(f64, Fit)> = fits.collect();
     let off = |fit: &Fit| (fit.model.motor.inductance_h / prior.motor.inductance_h).ln().abs();

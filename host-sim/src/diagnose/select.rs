@@ -2,7 +2,7 @@
 //! then backward, and against every rival.
 
 use super::judge::{Gain, NOT_NOISE, above_floor, gain, sigmas_together};
-use crate::catalogue::{CATALOGUE, Effect, INDUCTANCE, Parameter, effect};
+use crate::catalogue::{CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
@@ -27,8 +27,6 @@ const LEAST_SHARE: f64 = 0.02;
 /// Two models closer than this cannot be told apart.
 const SAME_SIGMAS: f64 = 2.5;
 const SAME_SHARE: f64 = 0.02;
-/// Effects that hardly any bench is without.
-const USUAL: [&str; 2] = ["coulomb_friction", "voltage_drop"];
 /// Rivals fitted in place of each effect found; beside the best only those that promise this share of what it gains.
 const RIVALS: usize = 3;
 const RIVAL_SHARE: f64 = 0.7;
@@ -263,9 +261,7 @@ impl Chooser<'_> {
             .filter(|ids| ids.iter().all(|id| !from.has(id) && !self.excluded.contains(id)))
             .map(|ids| {
                 let nominal = Model { motor: self.prior.motor, terms: from.terms.clone() };
-                ids.iter()
-                    .filter_map(|id| effect(id))
-                    .fold(nominal, |model, effect| model.with(effect, effect.starts(&scales).swap_remove(0)))
+                ids.iter().filter_map(|id| effect(id)).fold(nominal, |model, effect| model.with_start(effect, &scales))
             })
             .collect::<Vec<_>>()
             .into_par_iter()
@@ -283,8 +279,7 @@ impl Chooser<'_> {
     fn anew(&self, base: &Fit) -> Option<(Fit, Step)> {
         (self.progress)("other ways");
         let scales = scales(&self.prior.motor, self.data);
-        let with =
-            |model: Model, effect: &'static dyn Effect| model.with(effect, effect.starts(&scales).swap_remove(0));
+        let with = |model: Model, effect: &'static dyn Effect| model.with_start(effect, &scales);
         let usual = self.possible().filter(|effect| USUAL.contains(&effect.about().id));
         let strange = self.possible().filter(|effect| effect.changes_everything());
         let nominal = Model::linear(self.prior.motor);

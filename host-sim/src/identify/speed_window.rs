@@ -1,14 +1,11 @@
 //! Where in its window a mean speed stands: at the end, or in the middle.
 
 use super::{Effort, Prior, fit, scales};
-use crate::catalogue::effect;
+use crate::catalogue::{USUAL, effect};
 use crate::dataset::Dataset;
 use crate::model::Model;
 use crate::rig::NominalMotor;
 
-/// What has to be in a model before it can tell: what hardly any bench is without. Not what comes late as well: a diagnosis
-/// that may name that compares whole explanations.
-const BESIDE: [&str; 2] = ["coulomb_friction", "voltage_drop"];
 /// A window that reaches ahead has to lower the cost to this share: most programs know nothing of what is to come.
 const LEAST_SHARE: f64 = 0.97;
 
@@ -19,11 +16,12 @@ pub fn with_window_settled(data: Dataset, nominal: &NominalMotor) -> Dataset {
     if middle < LEAST_SHARE * ended { centred } else { data }
 }
 
+/// Of a motor with what hardly any bench is without, and not with what comes late as well: a diagnosis that may name that
+/// compares whole explanations.
 fn cost(data: &Dataset, nominal: &NominalMotor) -> f64 {
     let prior = Prior::new(nominal, data);
     let scales = scales(&prior.motor, data);
-    let effects = BESIDE.iter().filter_map(|id| effect(id));
-    let model = effects
-        .fold(Model::linear(prior.motor), |model, effect| model.with(effect, effect.starts(&scales).swap_remove(0)));
+    let usual = USUAL.iter().filter_map(|id| effect(id));
+    let model = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
     fit(&model, data, &prior, Effort::TRIAL).cost
 }

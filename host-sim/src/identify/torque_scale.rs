@@ -114,7 +114,7 @@ mod tests {
         let of_the_current = ["current_offset", "current_lag", "current_clipping"];
         for effect in CATALOGUE.iter().filter(|effect| !of_the_current.contains(&effect.about().id)) {
             let linear = Model::linear(prior.motor);
-            let model = linear.with(*effect, effect.starts(&scales(&prior.motor, &data)).swap_remove(0));
+            let model = linear.with_start(*effect, &scales(&prior.motor, &data));
             let other = scaled(&model, &unknowns(&model, &data, &prior), 0.4);
             assert!(other.motor.resistance_ohm < 0.7 * model.motor.resistance_ohm);
             let (here, there) = (free_run(&model, &data), free_run(&other, &data));
