@@ -8,10 +8,13 @@ use std::ops::Range;
 mod row_order;
 mod speed_window;
 
+use speed_window::Found;
 pub use speed_window::Window;
 
-/// A pause of this many intervals begins a new stretch.
+/// A pause of this many intervals begins a new stretch...
 const GAP_INTERVALS: f64 = 10.0;
+/// ... unless it is no longer than this and the command after it is the one before: then that was held.
+const LONGEST_HELD_S: f64 = 1.0;
 /// Stretches shorter than this are of no use.
 const SHORTEST_STRETCH: usize = 20;
 /// Span over which an angle is differentiated: short against the motor, long against the encoder's step.
@@ -29,6 +32,8 @@ const KEPT_BACK: usize = 1;
 pub const TOLERANCE: f64 = 0.01;
 /// PWM frequency of the firmware, where the rig file gives none.
 const PWM_HZ: f64 = 20_000.0;
+/// By how much an angle within a revolution may be beyond it.
+const ROUNDED: f64 = 1e-3;
 /// Wrap-arounds of counters.
 const COUNTER_SPANS: [f64; 2] = [65_536.0, 4_294_967_296.0];
 
@@ -115,6 +120,8 @@ pub struct Dataset {
     pub pwm_is_known: bool,
     /// How it was recorded.
     pub timing: Timing,
+    /// Over how long before its row each current is a mean; 0: it is that of the moment.
+    pub current_window_s: f64,
     /// Whether each row had the command that had acted before it was read; the commands here have been moved.
     pub written_after: bool,
     /// Whether an encoder counts the motion.
@@ -224,6 +231,12 @@ impl Dataset {
         {
             notes.push(window.note(self.interval_s));
         }
+        if self.timing.current_window_s.is_none() && self.current_window_s > 0.0 {
+            notes.push(format!(
+                "The current is taken for a mean over the {:.4} s before its row, which explains it as well as a lag or more inductance would: [recording] current_window_s in the rig file says what it is.",
+                self.current_window_s
+            ));
+        }
         if !self.pwm_is_known && self.pwm_hz != PWM_HZ {
             notes.push(format!(
                 "The PWM is taken to have {:.0} Hz, with which the model explains most. [bridge] pwm_Hz in the rig file says what it is.",
@@ -252,9 +265,9 @@ impl Dataset {
         let motion = self.motion();
         let Output::MeanSpeed(window) = motion.output else { return };
         let speed = held(&motion.values);
-        self.angle_rad = speed_window::angle_rad(&speed, window, self.interval_s);
+        self.angle_rad = speed_window::angle_rad(&speed, window, &self.time_s);
         for range in &self.stretches {
-            let of_stretch = speed_window::angle_rad(&speed[range.clone()], window, self.interval_s);
+            let of_stretch = speed_window::angle_rad(&speed[range.clone()], window, &self.time_s[range.clone()]);
             self.angle_rad[range.clone()].copy_from_slice(&of_stretch);
         }
     }
@@ -288,15 +301,15 @@ impl Dataset {
             // Who knows where in its period the current is sampled has this project's firmware, or says so.
             pwm_is_known: rig.bridge.pwm_hz.is_some() || rig.recording.current_sampled_at.is_some(),
             timing: rig.recording,
+            current_window_s: rig.recording.current_window_s.unwrap_or(0.0),
             is_counted: rig.encoder.counts_per_rev.is_some(),
+            time_s: time_s.iter().map(|t_s| t_s - time_s[0]).collect(),
             ..Self::default()
         };
         data.read_drive(recording, rig, &time_s)?;
         data.read_motion(recording, rig, &time_s)?;
         data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
-        data.stretches = stretches(&time_s, interval_s);
-        let start_s = time_s[0];
-        data.time_s = time_s.iter().map(|t_s| t_s - start_s).collect();
+        data.stretches = stretches(&time_s, interval_s, &data.voltage_v);
         Ok(data)
     }
 
@@ -335,7 +348,7 @@ impl Dataset {
             .or_else(|| recording.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect()));
         let counts = recording.get(Channel::Counts);
         let angle = match (recording.get(Channel::Angle), counts, rig.encoder.counts_per_rev) {
-            (Some(angle), _, _) => Some(angle.to_vec()),
+            (Some(angle), _, _) => Some(unrolled(angle)),
             (None, Some(counts), Some(per_rev)) => Some(unwrapped(counts).iter().map(|c| c * TAU / per_rev).collect()),
             (None, Some(_), None) if speed.is_none() => {
                 return Err(DatasetError::NoCountsPerRev(recording.name.clone()));
@@ -368,12 +381,12 @@ impl Dataset {
     /// A speed, and the angle that it was made of where it is a difference of counts.
     fn add_speed(&mut self, speed: Vec<f64>, rig: &Rig, time_s: &[f64]) {
         let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
-        let given = rig.recording.speed_window_s.map(rows);
+        let given = rig.recording.speed_window_s.map(|length_s| Found { span: rows(length_s), ahead: None });
         let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
-        let Some(span) = given.or_else(found).filter(|span| *span > 1) else {
+        let Some(Found { span, ahead }) = given.or_else(found).filter(|found| found.span > 1) else {
             return self.add(Output::Speed, speed);
         };
-        let ahead = rig.recording.speed_ahead_s.map(rows);
+        let ahead = rig.recording.speed_ahead_s.map(rows).or(ahead);
         self.window_end_is_known = ahead.is_some();
         let window = Window { span, ahead: ahead.unwrap_or(0).min(span) };
         self.add(Output::MeanSpeed(window), speed);
@@ -495,19 +508,34 @@ fn open_bridge(command: &[f64], time_s: &[f64]) -> Vec<bool> {
     open
 }
 
-/// A counter without its wrap-arounds.
+/// A counter without its wrap-arounds; missing values stay missing.
 fn unwrapped(counts: &[f64]) -> Vec<f64> {
-    let counts = held(counts);
-    let mut offset = 0.0;
-    let mut result = vec![counts[0]];
-    for pair in counts.windows(2) {
-        let step = pair[1] - pair[0];
-        if let Some(span) = COUNTER_SPANS.into_iter().find(|span| (step.abs() - span).abs() < 0.1 * span) {
-            offset -= span * step.signum();
-        }
-        result.push(pair[1] + offset);
+    let span_of = |step: f64| COUNTER_SPANS.into_iter().find(|span| (step.abs() - span).abs() < 0.1 * span);
+    without_jumps(counts, |step| span_of(step).map_or(0.0, |span| span * step.signum()))
+}
+
+/// An angle that is recorded within one revolution, as it goes on beyond; missing values stay missing.
+fn unrolled(angle_rad: &[f64]) -> Vec<f64> {
+    let finite = || angle_rad.iter().copied().filter(|angle| angle.is_finite());
+    let width_rad = finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min);
+    match width_rad <= TAU * (1.0 + ROUNDED) {
+        // The shorter way round.
+        true => without_jumps(angle_rad, |step| TAU * (step / TAU).round()),
+        false => angle_rad.to_vec(),
     }
-    result
+}
+
+/// Values less what `jump` says of each step from one that is there to the next.
+fn without_jumps(values: &[f64], jump: impl Fn(f64) -> f64) -> Vec<f64> {
+    let (mut last, mut offset) = (None, 0.0);
+    let mut continued = |value: f64| {
+        if value.is_finite() {
+            offset -= last.map_or(0.0, |last| jump(value - last));
+            last = Some(value);
+        }
+        value + offset
+    };
+    values.iter().map(|value| continued(*value)).collect()
 }
 
 fn integrated(speed: &[f64], time_s: &[f64]) -> Vec<f64> {
@@ -523,18 +551,22 @@ fn integrated(speed: &[f64], time_s: &[f64]) -> Vec<f64> {
 /// Mean speed over a window; missing where that is not whole.
 pub fn difference(angle_rad: &[f64], time_s: &[f64], window: Window) -> Vec<f64> {
     let of = |index: usize| {
-        let last = index + window.ahead;
-        let first = last.checked_sub(window.span)?;
-        Some((angle_rad.get(last)? - angle_rad[first]) / (time_s[last] - time_s[first]))
+        let (first, last) = window.rows(index, angle_rad.len())?;
+        Some((angle_rad[last] - angle_rad[first]) / (time_s[last] - time_s[first]))
     };
     (0..angle_rad.len()).map(|index| of(index).unwrap_or(f64::NAN)).collect()
 }
 
-fn stretches(time_s: &[f64], interval_s: f64) -> Vec<Range<usize>> {
+fn stretches(time_s: &[f64], interval_s: f64, voltage_v: &[f64]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut start = 0;
+    let is_gap = |index: usize| {
+        let pause_s = time_s[index] - time_s[index - 1];
+        let is_held = pause_s < LONGEST_HELD_S && voltage_v[index] == voltage_v[index - 1];
+        pause_s > GAP_INTERVALS * interval_s && !is_held
+    };
     for index in 1..=time_s.len() {
-        if index == time_s.len() || time_s[index] - time_s[index - 1] > GAP_INTERVALS * interval_s {
+        if index == time_s.len() || is_gap(index) {
             if index - start >= SHORTEST_STRETCH {
                 found.push(start..index);
             }

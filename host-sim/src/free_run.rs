@@ -5,7 +5,7 @@
 //! beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
 
 use crate::catalogue::{ActsOn, Balance, Effect, Instant, Readings, Sampling};
-use crate::dataset::{Dataset, Output, Window, difference};
+use crate::dataset::{Dataset, Measured, Output, Window, difference};
 use crate::model::{Model, Term};
 use crate::plant::closed_form::{Family, combine};
 use crate::rig;
@@ -98,6 +98,9 @@ pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
 
 /// Reads a motion with the sensors of the model.
 pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
+    if data.current_window_s > 0.0 && data.timing.readings == rig::Readings::Instant {
+        motion.current_a = mean_current(&motion, data);
+    }
     for term in model.terms.iter().filter(|term| !term.effect.acts_on_motor()) {
         for range in &data.stretches {
             falsify(term, data, range.clone(), &mut motion);
@@ -113,6 +116,29 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
             Output::AngleDifference(span) => mean_speed(&motion, data, Window::up_to_now(span)),
         })
         .collect()
+}
+
+/// The current as a mean over the window before each row, as far as that reaches back in the stretch. Between two rows it is a
+/// parabola with the right mean.
+fn mean_current(motion: &Motion, data: &Dataset) -> Vec<f64> {
+    let mut means = motion.current_a.clone();
+    let (time_s, current_a) = (&data.time_s, &motion.current_a);
+    for range in &data.stretches {
+        for row in range.start + 1..range.end {
+            let (mut charge, mut length_s, mut last) = (0.0, 0.0, row);
+            while last > range.start && length_s < data.current_window_s {
+                let interval_s = time_s[last] - time_s[last - 1];
+                let share = ((data.current_window_s - length_s) / interval_s).min(1.0);
+                let rise_a = current_a[last] - current_a[last - 1];
+                let bulge_a = 6.0 * motion.bulge_a[last] * (0.5 - share / 3.0) * share;
+                charge += share * interval_s * (current_a[last] - 0.5 * share * rise_a + bulge_a);
+                length_s += share * interval_s;
+                last -= 1;
+            }
+            means[row] = charge / length_s;
+        }
+    }
+    means
 }
 
 fn mean_speed(motion: &Motion, data: &Dataset, window: Window) -> Vec<f64> {
@@ -300,6 +326,25 @@ pub(crate) fn oppose_motion(free: f64, gain: f64, terms: &Balance) -> f64 {
     moving * (1.0 / (1.0 + gain * terms.viscous_nm_s))
 }
 
+fn first(values: &[f64]) -> f64 {
+    values.iter().take(5).copied().find(|value| value.is_finite()).unwrap_or(0.0)
+}
+
+/// Speed at the start of a stretch. Means over a window that begins there say it of its middle and not of its start: two, one
+/// after the other, lead back to that.
+fn first_speed(motion: &Measured, range: Range<usize>) -> f64 {
+    let Window { span, ahead } = match motion.output {
+        Output::MeanSpeed(window) => window,
+        Output::AngleDifference(span) => Window::up_to_now(span),
+        Output::Speed | Output::Current => return first(&motion.values[range]),
+    };
+    let mean = |windows: usize| motion.values[range.clone()].get(windows * span - ahead).copied();
+    match (mean(1), mean(2)) {
+        (Some(one), Some(two)) if one.is_finite() && two.is_finite() => 1.5 * one - 0.5 * two,
+        _ => 0.0,
+    }
+}
+
 /// A term of the model at work on the motor.
 struct Acting<'a> {
     effect: &'static dyn Effect,
@@ -337,11 +382,9 @@ struct Run<'a> {
 impl<'a> Run<'a> {
     fn new(model: &'a Model, data: &'a Dataset, range: Range<usize>, steps: Steps) -> Self {
         let terms = &model.terms;
-        let first =
-            |output: &[f64]| output[range.clone()].iter().take(5).copied().find(|v| v.is_finite()).unwrap_or(0.0);
-        let current_a = data.current().map_or(0.0, |measured| first(&measured.values));
+        let current_a = data.current().map_or(0.0, |measured| first(&measured.values[range.clone()]));
         let motion = data.motion();
-        let speed_rad_per_s = first(&motion.values);
+        let speed_rad_per_s = first_speed(motion, range.clone());
         let usual_step_s = (0.1 * data.interval_s).clamp(LONGEST_STEPS_S[0], LONGEST_STEPS_S[1]);
         let usual_step_s = match steps {
             Steps::Fine => usual_step_s,

@@ -13,10 +13,12 @@ use crate::motor::MotorParameters;
 use crate::rig::NominalMotor;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
+use search::Search;
 use sensitivities::Sensitivities;
 pub use speed_window::with_window_settled;
 use std::sync::OnceLock;
 
+mod search;
 mod sensitivities;
 mod speed_window;
 mod torque_scale;
@@ -242,6 +244,8 @@ pub struct Effort {
     pub least_gain: f64,
     /// How finely the sensitivities are simulated.
     pub sensitivities: Steps,
+    /// Whether it may end with sensitivities that the steps before have only corrected.
+    pub ends_on_corrected: bool,
     /// It is given up when the steps left, each gaining what the better of the last two did, would not bring it below this
     /// cost.
     pub useless_above: f64,
@@ -249,14 +253,19 @@ pub struct Effort {
 
 impl Effort {
     /// Where it starts, with its sensitivities.
-    pub const NONE: Self =
-        Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, useless_above: f64::INFINITY };
+    pub const NONE: Self = Self {
+        steps: 0,
+        least_gain: 0.0,
+        sensitivities: Steps::Coarse,
+        ends_on_corrected: true,
+        useless_above: f64::INFINITY,
+    };
     /// To see whether an effect is worth it.
     pub const TRIAL: Self = Self { steps: 8, least_gain: 5e-3, ..Self::NONE };
     /// What was fitted to other parts of the same data.
     pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
     /// To the end.
-    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ..Self::NONE };
+    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ends_on_corrected: false, ..Self::NONE };
 
     /// The same for a fit that is of no use above a cost.
     pub fn useless_above(self, cost: f64) -> Self {
@@ -325,132 +334,6 @@ fn located(model: &Model, data: &Dataset, term: usize, index: usize, spacing: f6
     let mut found = model.clone();
     found.terms[term].values[index] = best;
     found
-}
-
-struct Search<'a> {
-    data: &'a Dataset,
-    unknowns: Vec<Unknown>,
-    model: Model,
-    prediction: Prediction,
-    residual: Vec<f64>,
-    cost: f64,
-}
-
-impl<'a> Search<'a> {
-    fn new(start: &Model, data: &'a Dataset, prior: &Prior) -> Self {
-        let mut model = start.clone().with_the_known();
-        let unknowns = unknowns(&model, data, prior);
-        for unknown in &unknowns {
-            let coordinate = unknown.get(&model);
-            unknown.set(&mut model, coordinate);
-        }
-        let (prediction, residual, cost) = judged(&model, data, &unknowns);
-        Self { data, unknowns, model, prediction, residual, cost }
-    }
-
-    fn run(mut self, effort: Effort) -> Fit {
-        self.settle();
-        let sensitivities = self.descend(effort);
-        Fit {
-            model: self.model,
-            prediction: self.prediction,
-            cost: self.cost,
-            unknowns: self.unknowns,
-            residual: self.residual,
-            steps: effort.sensitivities,
-            sensitivities: sensitivities.map_or_else(OnceLock::new, |found| {
-                let inverse = found.inverse();
-                OnceLock::from((found, inverse))
-            }),
-        }
-    }
-
-    /// Steps until none gains any more. Returns the sensitivities if those simulated last still hold.
-    fn descend(&mut self, effort: Effort) -> Option<Sensitivities> {
-        let mut damping = 1e-3;
-        let simulated = |search: &Self| {
-            Sensitivities::simulated(&search.model, search.data, &search.unknowns, effort.sensitivities)
-        };
-        let mut sensitivities = (effort.steps > 0).then(|| simulated(self))?;
-        let mut gained_before = f64::INFINITY;
-        for step in 1..=effort.steps {
-            let before = self.cost;
-            if !self.step(&sensitivities, &mut damping) {
-                return Some(sensitivities);
-            }
-            self.settle();
-            let gained = before - self.cost;
-            if gained < effort.least_gain * before {
-                // So near the end they no longer change.
-                return Some(sensitivities);
-            }
-            let steps_left = effort.steps - step;
-            let pace = gained.max(std::mem::replace(&mut gained_before, gained));
-            if steps_left == 0 || self.cost - steps_left as f64 * pace > effort.useless_above {
-                return None;
-            }
-            sensitivities = simulated(self);
-        }
-        None
-    }
-
-    /// Goes to the most plausible scale of all torques, where the data say nothing of it.
-    fn settle(&mut self) {
-        if !torque_scale::is_unknown(self.data) {
-            return;
-        }
-        let model = torque_scale::most_plausible(&self.model, &self.unknowns);
-        self.take_if_better(model);
-    }
-
-    /// Goes to a model if it costs less than the present one; whether it did.
-    fn take_if_better(&mut self, model: Model) -> bool {
-        let (prediction, residual, cost) = judged(&model, self.data, &self.unknowns);
-        let better = cost < self.cost;
-        if better {
-            (self.model, self.prediction, self.residual, self.cost) = (model, prediction, residual, cost);
-        }
-        better
-    }
-
-    /// One step; `false` when none is better.
-    fn step(&mut self, sensitivities: &Sensitivities, damping: &mut f64) -> bool {
-        let normal = &sensitivities.normal;
-        let gradient = sensitivities.gradient(&self.model, &self.residual, &self.unknowns);
-        for _ in 0..6 {
-            let mut damped = normal.clone();
-            for index in 0..damped.nrows() {
-                damped[(index, index)] += *damping * normal[(index, index)].max(1e-9);
-            }
-            let Some(step) = damped.cholesky().map(|cholesky| cholesky.solve(&gradient)) else {
-                *damping = (*damping * 10.0).max(1e-6);
-                continue;
-            };
-            if self.try_step(&step) {
-                *damping = (*damping * 0.2).max(1e-9);
-                return true;
-            }
-            *damping = (*damping * 8.0).max(1e-4);
-        }
-        false
-    }
-
-    fn try_step(&mut self, step: &DVector<f64>) -> bool {
-        let mut model = self.model.clone();
-        for (unknown, step) in self.unknowns.iter().zip(step.iter()) {
-            let limit = if unknown.logarithmic { 1.0 } else { 5.0 };
-            unknown.set(&mut model, unknown.get(&self.model) - step.clamp(-limit, limit));
-        }
-        self.take_if_better(model)
-    }
-}
-
-/// What a model says of the data, how far off it is, and what that costs.
-fn judged(model: &Model, data: &Dataset, unknowns: &[Unknown]) -> (Prediction, Vec<f64>, f64) {
-    let prediction = free_run(model, data);
-    let residual = weighted_residual(data, &prediction);
-    let cost = square(&residual) + prior_cost(model, unknowns);
-    (prediction, residual, cost)
 }
 
 /// An event lies within the recording, not at its ends: there it would be none.

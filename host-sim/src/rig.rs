@@ -19,6 +19,7 @@
 //! [recording]               # how the program that recorded works; left out: readings of the very moment
 //! command_delay_s = 0.0002  # from a sample to the voltage it records
 //! readings = "mean"         # speed and current are means since the sample before
+//! current_window_s = 0.001   # current is a mean over so long before the row; left out: found where it shows
 //! speed_window_s = 0.008    # the speed is a difference of counts over so long; left out: found from the counts
 //! speed_ahead_s = 0.004     # so much of that after the row; left out: none or half, as fits
 //! [motor]                   # nominal values, each optional
@@ -159,6 +160,9 @@ pub struct Timing {
     /// the mean.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub current_sampled_at: Option<f64>,
+    /// Over how long before its row the program averages the current; 0: not at all.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub current_window_s: Option<f64>,
     /// Length of the window over which a speed is a difference of counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_window_s: Option<f64>,
@@ -174,6 +178,7 @@ impl Timing {
         command_delay_s: Some(0.2e-3),
         readings: Readings::Mean,
         current_sampled_at: Some(CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64),
+        current_window_s: None,
         speed_window_s: None,
         speed_ahead_s: None,
     };
@@ -312,6 +317,7 @@ impl Rig {
             "tachogenerator.ripple",
             "recording.command_delay_s",
             "recording.speed_ahead_s",
+            "recording.current_window_s",
         ];
         for (key, value) in self.numbers() {
             let Some(value) = value else { continue };
@@ -324,7 +330,7 @@ impl Rig {
         Ok(())
     }
 
-    fn numbers(&self) -> [(&'static str, Option<f64>); 16] {
+    fn numbers(&self) -> [(&'static str, Option<f64>); 17] {
         [
             ("supply.voltage_V", self.supply.voltage_v),
             ("bridge.drop_V", self.bridge.drop_v),
@@ -335,6 +341,7 @@ impl Rig {
             ("tachogenerator.ripple", self.tachogenerator.ripple),
             ("tachogenerator.ripples_per_rev", self.tachogenerator.ripples_per_rev),
             ("recording.command_delay_s", self.recording.command_delay_s),
+            ("recording.current_window_s", self.recording.current_window_s),
             ("recording.speed_window_s", self.recording.speed_window_s),
             ("recording.speed_ahead_s", self.recording.speed_ahead_s),
             ("motor.resistance_ohm", self.motor.resistance_ohm),

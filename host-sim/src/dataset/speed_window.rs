@@ -36,6 +36,17 @@ impl Window {
         Self { span, ahead: 0 }
     }
 
+    /// First and last row of the window of a row, where it is whole.
+    pub(super) fn rows(self, row: usize, rows: usize) -> Option<(usize, usize)> {
+        let last = row + self.ahead;
+        (last < rows).then_some((last.checked_sub(self.span)?, last))
+    }
+
+    fn length_s(self, row: usize, time_s: &[f64]) -> Option<f64> {
+        let (first, last) = self.rows(row, time_s.len())?;
+        Some(time_s[last] - time_s[first])
+    }
+
     /// What is said of a speed that was found to be made over it.
     pub(super) fn note(self, interval_s: f64) -> String {
         let [span_s, ahead_s] = [self.span, self.ahead].map(|rows| rows as f64 * interval_s);
@@ -66,29 +77,43 @@ pub(super) fn is_made_of(speed: &[f64], angle_rad: &[f64], interval_s: f64) -> b
     spans(interval_s).any(|span| (0..=span).any(|ahead| agrees(Window { span, ahead })))
 }
 
-/// How many intervals a speed's window has, if it is one of counts: every speed is a whole number of them.
-pub(super) fn of_counts(speed: &[f64], time_s: &[f64], interval_s: f64, counts_per_rev: f64) -> Option<usize> {
+/// What is found of the window of a speed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Found {
+    /// How many intervals it has.
+    pub span: usize,
+    /// How many of them are after the row; even intervals do not tell.
+    pub ahead: Option<usize>,
+}
+
+/// The window of a speed, if it is one of counts: every speed is a whole number of them.
+pub(super) fn of_counts(speed: &[f64], time_s: &[f64], interval_s: f64, counts_per_rev: f64) -> Option<Found> {
     let is_even = |pair: &[f64]| ((pair[1] - pair[0]) / interval_s - 1.0).abs() < EVEN;
-    if !time_s.windows(2).all(is_even) {
-        return None;
-    }
-    spans(interval_s).find(|span| {
-        let counts_of = *span as f64 * interval_s * counts_per_rev / TAU;
-        let counts = || speed.iter().map(|speed| speed * counts_of).filter(|counts| counts.is_finite());
+    let are_even = time_s.windows(2).all(is_even);
+    let are_whole = |length_s: &dyn Fn(usize) -> Option<f64>| {
+        let counts_of = |row: usize| Some(speed[row] * length_s(row)? * counts_per_rev / TAU);
+        let counts = || (0..speed.len()).filter_map(counts_of).filter(|counts| counts.is_finite());
         let is_whole = |counts: f64| (counts - counts.round()).abs() < CLOSE;
         let changes_by_one = counts().zip(counts().skip(1)).any(|(a, b)| (b - a).abs().round() == 1.0);
         changes_by_one && mostly(counts().filter(|counts| counts.abs() > 0.5).map(is_whole))
-    })
+    };
+    if are_even {
+        let span = spans(interval_s).find(|span| are_whole(&|_| Some(*span as f64 * interval_s)))?;
+        return Some(Found { span, ahead: None });
+    }
+    let windows = spans(interval_s).flat_map(|span| (0..=span).map(move |ahead| Window { span, ahead }));
+    let mut found = windows.filter(|window| are_whole(&|row| window.length_s(row, time_s)));
+    found.next().map(|Window { span, ahead }| Found { span, ahead: Some(ahead) })
 }
 
 /// The angle of which a mean speed was made, where the first window was as fast as its row says.
-pub(super) fn angle_rad(speed: &[f64], window: Window, interval_s: f64) -> Vec<f64> {
-    let Window { span, ahead } = window;
+pub(super) fn angle_rad(speed: &[f64], window: Window, time_s: &[f64]) -> Vec<f64> {
     let mut angle_rad = vec![0.0; speed.len()];
     for row in 0..speed.len() {
-        angle_rad[row] = match row.checked_sub(ahead) {
-            Some(written) if row >= span => angle_rad[row - span] + speed[written] * span as f64 * interval_s,
-            _ => speed[0] * row as f64 * interval_s,
+        let whole = row.checked_sub(window.ahead).and_then(|written| Some((written, window.length_s(written, time_s)?)));
+        angle_rad[row] = match whole {
+            Some((written, length_s)) => angle_rad[row - window.span] + speed[written] * length_s,
+            None => speed[0] * (time_s[row] - time_s[0]),
         };
     }
     angle_rad
@@ -156,14 +181,28 @@ mod tests {
             let printed = |speed: f64| (speed * 1e4).round() / 1e4;
             let speed: Vec<f64> = difference(&angle_rad, &time_s(), window).into_iter().map(printed).collect();
             prop_assert!(is_made_of(&speed, &angle_rad, INTERVAL_S));
-            prop_assert_eq!(of_counts(&speed, &time_s(), INTERVAL_S, counts_per_rev), Some(span));
+            prop_assert_eq!(of_counts(&speed, &time_s(), INTERVAL_S, counts_per_rev), Some(Found { span, ahead: None }));
             let whole: Vec<f64> = speed.iter().map(|speed| if speed.is_finite() { *speed } else { 0.0 }).collect();
-            let found_rad = super::angle_rad(&whole, window, INTERVAL_S);
+            let found_rad = super::angle_rad(&whole, window, &time_s());
             // Rows without a whole window at the end have no speed.
             for row in 0..ROWS - 2 * span {
                 let off_counts = (found_rad[row] - angle_rad[row]) * counts_per_rev / TAU;
                 prop_assert!(off_counts.abs() < 0.5, "{row}: {off_counts} counts");
             }
+        }
+
+        /// Uneven rows tell as well where in its window a speed stands.
+        #[test]
+        fn uneven_rows_tell_the_end_of_the_window(counts_per_rev in 100_u32..2400, span in 2_usize..12, seed: u64) {
+            let counts_per_rev = f64::from(counts_per_rev);
+            let window = Window { span, ahead: seed as usize % (span + 1) };
+            // A congruential generator is random enough for a jitter.
+            let jitter = (0..ROWS as u64).map(|row| (seed ^ row.wrapping_mul(6_364_136_223_846_793_005)) >> 40);
+            let time_s: Vec<f64> =
+                time_s().iter().zip(jitter).map(|(t_s, j)| t_s + 0.6 * INTERVAL_S * j as f64 / (1 << 24) as f64).collect();
+            let speed = difference(&counted_rad(counts_per_rev), &time_s, window);
+            let found = of_counts(&speed, &time_s, INTERVAL_S, counts_per_rev);
+            prop_assert_eq!(found, Some(Found { span, ahead: Some(window.ahead) }));
         }
 
         /// Two recordings of one rig: in one of them hardly anything moves.

@@ -7,6 +7,7 @@
 //! 3. What remains above the sensors' noise is located by the lack that makes it most likely ([`missing`]).
 //! 4. The constants that are reported are fitted once more to all the data.
 
+mod current_window;
 pub mod judge;
 pub mod missing;
 pub mod outcome;
@@ -129,6 +130,9 @@ fn understood(mut data: Dataset, prior: &Prior, progress: select::Progress) -> (
     pwm_frequency::settle(&mut data, prior, &beginnings);
     let mut selection = select(&data, prior, &excluded(&data), progress);
     if pwm_frequency::settle(&mut data, prior, std::slice::from_ref(&selection.last)) {
+        selection = select(&data, prior, &excluded(&data), progress);
+    }
+    if current_window::settle(&mut data, prior, &selection.last) {
         selection = select(&data, prior, &excluded(&data), progress);
     }
     (data, selection)

@@ -51,6 +51,26 @@ impl Sensitivities {
         Self { columns, normal }
     }
 
+    /// Corrects them by a step that moved the unknowns by `moved` and the residuals by `changed`: they are to say just that
+    /// of it, and across it what they did (Broyden's rule). What was known before stays in the normal matrix.
+    pub fn correct(&mut self, moved: &[f64], changed: &[f64]) {
+        let length: f64 = moved.iter().map(|moved| moved * moved).sum();
+        if length == 0.0 {
+            return;
+        }
+        let mut missed = changed.to_vec();
+        for (column, moved) in self.columns.iter().zip(moved) {
+            missed.iter_mut().zip(column).for_each(|(missed, column)| *missed -= moved * column);
+        }
+        let shares = DVector::from_iterator(moved.len(), moved.iter().map(|moved| moved / length));
+        let along = DVector::from_iterator(moved.len(), self.columns.iter().map(|column| dot(column, &missed)));
+        let across = &along * shares.transpose();
+        self.normal += &across + across.transpose() + &shares * shares.transpose() * dot(&missed, &missed);
+        for (column, share) in self.columns.iter_mut().zip(shares.iter()) {
+            column.iter_mut().zip(&missed).for_each(|(column, missed)| *column += share * missed);
+        }
+    }
+
     /// Half the gradient of the cost.
     pub fn gradient(&self, model: &Model, residual: &[f64], unknowns: &[Unknown]) -> DVector<f64> {
         let pulls = self.columns.iter().zip(unknowns).map(|(column, unknown)| {
