@@ -79,7 +79,7 @@ pub enum Effect {
     /// The disc is off centre: 0.6 to 3 degrees.
     EncoderEccentricity,
     /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost; of two in five that share of all edges while it is
-    /// that fast.
+    /// that fast, of half of these coming up gradually, over a tenth to half of that speed.
     MissedCounts,
     /// 2 to 5 % of ripple, 11 to 31 times a revolution.
     /// Speed times 1 + ripple sin(`ripples_per_rev` angle + phase).

@@ -78,6 +78,8 @@ pub struct Hidden {
     pub(crate) lost_above: f64,
     /// The share is that of all counts above, and not of what exceeds.
     pub(crate) lost_of_all: bool,
+    /// Over which multiple of that speed it comes up; 0: at once.
+    pub(crate) lost_onset: f64,
     pub(crate) ripple: f64,
     pub(crate) ripples: f64,
     pub(crate) drift: f64,
@@ -312,6 +314,8 @@ impl Bench {
                 hidden.lost_share = between(0.05, 0.20);
                 hidden.lost_above = random.random_range(0.55..0.75);
                 hidden.lost_of_all = random.random_bool(0.4);
+                let is_gradual = hidden.lost_of_all && random.random_bool(0.5);
+                hidden.lost_onset = if is_gradual { random.random_range(0.1..0.5) } else { 0.0 };
                 Vec::new()
             }
             Effect::TachoRipple => {
@@ -457,8 +461,9 @@ impl Bench {
     /// Speed that is not counted.
     pub(crate) fn uncounted(&self) -> f64 {
         let excess = self.speed.abs() - self.lost_above();
-        let counted_of = if self.hidden.lost_of_all { self.speed.abs() } else { excess };
-        if excess > 0.0 { self.hidden.lost_share * counted_of * self.speed.signum() } else { 0.0 }
+        let onset = (excess / (self.hidden.lost_onset * self.lost_above()).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let lost_of = if self.hidden.lost_of_all { onset * self.speed.abs() } else { excess.max(0.0) };
+        self.hidden.lost_share * lost_of * self.speed.signum()
     }
 
     /// Speed that the bench reaches at nine tenths of the supply, above which share of it counts are lost.

@@ -44,10 +44,10 @@ pub enum Output {
     Current,
     /// Speed as recorded.
     Speed,
-    /// Speed as recorded, which is a difference of counts.
-    MeanSpeed(Window),
-    /// Speed as the difference of recorded angles over this many samples.
-    AngleDifference(usize),
+    /// Speed as recorded, which is a difference of counts over a [`Stretch::window`].
+    MeanSpeed,
+    /// Speed as the difference of recorded angles over a [`Stretch::window`].
+    AngleDifference,
 }
 
 impl Output {
@@ -55,8 +55,8 @@ impl Output {
     pub fn channel(self) -> &'static str {
         match self {
             Self::Current => Channel::Current.column(),
-            Self::Speed | Self::MeanSpeed(_) => Channel::Speed.column(),
-            Self::AngleDifference(_) => "omega_from_angle_rad_per_s",
+            Self::Speed | Self::MeanSpeed => Channel::Speed.column(),
+            Self::AngleDifference => "omega_from_angle_rad_per_s",
         }
     }
 
@@ -64,7 +64,7 @@ impl Output {
     pub fn unit(self) -> &'static str {
         match self {
             Self::Current => "A",
-            Self::Speed | Self::MeanSpeed(_) | Self::AngleDifference(_) => "rad/s",
+            Self::Speed | Self::MeanSpeed | Self::AngleDifference => "rad/s",
         }
     }
 }
@@ -78,22 +78,41 @@ pub struct Measured {
     pub values: Vec<f64>,
     /// Standard deviation of its noise, from its own sample-to-sample unrest.
     pub noise: f64,
+    /// What rounding to whole counts makes of it; 0 of what is not counted.
+    pub of_counting: f64,
     /// What no model of a bench is asked to know better: [`TOLERANCE`] of its spread, or the reading's own step.
     pub tolerance: f64,
 }
 
 impl Measured {
+    /// Standard deviation of the noise in what a model leaves of it. Where counts are few they go up so evenly that their
+    /// unrest tells less than all of it.
+    pub fn noise_in(&self, residual: &[f64]) -> f64 {
+        noise(residual).max(self.of_counting)
+    }
+
     /// Error of a model that is as good as can be asked, where the sensor has this noise.
     pub fn least_error(&self, noise: f64) -> f64 {
         noise.hypot(self.tolerance)
     }
 }
 
+/// Rows without a gap; the simulation begins anew with them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Stretch {
+    /// Which.
+    pub rows: Range<usize>,
+    /// Usual time between them.
+    pub interval_s: f64,
+    /// Over which a speed that is a mean was taken.
+    pub window: Window,
+}
+
 /// Recordings of one rig, one after the other.
 #[derive(Clone, Debug, Default)]
 pub struct Dataset {
-    /// Stretches without a gap; the simulation begins anew in each.
-    pub stretches: Vec<Range<usize>>,
+    /// Its parts; those of one recording are alike.
+    pub stretches: Vec<Stretch>,
     /// Time of each sample since the start of its recording.
     pub time_s: Vec<f64>,
     /// Voltage asked of the bridge from this sample to the next.
@@ -112,8 +131,10 @@ pub struct Dataset {
     pub measured: Vec<Measured>,
     /// Samples that no fit sees.
     pub kept_back: Vec<bool>,
-    /// Usual time between samples.
+    /// Usual time between samples; of several recordings the first one's.
     pub interval_s: f64,
+    /// Step of the encoder; 0 without one.
+    pub count_rad: f64,
     /// PWM frequency.
     pub pwm_hz: f64,
     /// Whether that is known, and not to be found.
@@ -150,8 +171,8 @@ pub enum DatasetError {
         "{0}: no measured motion: record omega_rad_per_s, rpm, theta_rad or counts (and i_A if there is a current sensor)"
     )]
     NoMotion(String),
-    /// Recordings of one rig with other columns or rates.
-    #[error("{0}: its columns or its rate differ from those of {1}: diagnose them one by one")]
+    /// Recordings of one rig with other columns.
+    #[error("{0}: its columns differ from those of {1}: diagnose them one by one")]
     Mixed(String, String),
     /// Too short.
     #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
@@ -180,14 +201,17 @@ impl Dataset {
                 all = one;
                 continue;
             }
-            let same = all.measured.iter().map(|m| m.output).eq(one.measured.iter().map(|m| m.output));
-            if !same || (all.interval_s / one.interval_s - 1.0).abs() > 0.2 {
+            if !all.measured.iter().map(|m| m.output).eq(one.measured.iter().map(|m| m.output)) {
                 return Err(DatasetError::Mixed(recording.name.clone(), recordings[0].name.clone()));
             }
             all.append(one);
         }
+        let of_counting = all.noise_of_counting();
         for measured in &mut all.measured {
-            measured.noise = noise(&measured.values);
+            if matches!(measured.output, Output::MeanSpeed | Output::AngleDifference) {
+                measured.of_counting = of_counting;
+            }
+            measured.noise = measured.noise_in(&measured.values);
             let resolution = if measured.output == Output::Current { rig.current_sensor.resolution_a } else { None };
             measured.tolerance = (TOLERANCE * spread(&measured.values)).max(resolution.unwrap_or(0.0));
         }
@@ -226,10 +250,11 @@ impl Dataset {
         if self.written_after {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
-        if let Output::MeanSpeed(window) = self.motion().output
+        if let Some(Stretch { window, interval_s, .. }) = self.stretches.first()
+            && self.motion().output == Output::MeanSpeed
             && self.timing.speed_window_s.is_none()
         {
-            notes.push(window.note(self.interval_s));
+            notes.push(window.note(*interval_s));
         }
         if self.timing.current_window_s.is_none() && self.current_window_s > 0.0 {
             notes.push(format!(
@@ -249,36 +274,40 @@ impl Dataset {
     /// The same with the row in the middle of a mean speed's window and not at its end, where neither the columns nor the rig
     /// file say which.
     pub fn with_window_centred(&self) -> Option<Self> {
-        let mut other = self.clone();
-        for measured in other.measured.iter_mut().filter(|_| !self.window_end_is_known) {
-            if let Output::MeanSpeed(window) = &mut measured.output {
-                window.ahead = window.span / 2;
-                other.integrate_mean_speed();
-                return Some(other);
-            }
+        if self.motion().output != Output::MeanSpeed || self.window_end_is_known {
+            return None;
         }
-        None
+        let mut other = self.clone();
+        for Stretch { window, .. } in &mut other.stretches {
+            window.ahead = window.span / 2;
+        }
+        other.integrate_mean_speed();
+        Some(other)
     }
 
     /// The angle, of which a mean speed was made, from it: in each stretch from zero.
     fn integrate_mean_speed(&mut self) {
-        let motion = self.motion();
-        let Output::MeanSpeed(window) = motion.output else { return };
-        let speed = held(&motion.values);
-        self.angle_rad = speed_window::angle_rad(&speed, window, &self.time_s);
-        for range in &self.stretches {
-            let of_stretch = speed_window::angle_rad(&speed[range.clone()], window, &self.time_s[range.clone()]);
-            self.angle_rad[range.clone()].copy_from_slice(&of_stretch);
+        let speed = held(&self.motion().values);
+        for Stretch { rows, window, .. } in &self.stretches {
+            let of_stretch = speed_window::angle_rad(&speed[rows.clone()], *window, &self.time_s[rows.clone()]);
+            self.angle_rad[rows.clone()].copy_from_slice(&of_stretch);
         }
+    }
+
+    /// What rounding to whole counts makes of a speed at both ends of its window.
+    fn noise_of_counting(&self) -> f64 {
+        let of_stretch = |stretch: &Stretch| {
+            let length_s = stretch.window.span.max(1) as f64 * stretch.interval_s;
+            (self.count_rad / 6_f64.sqrt() / length_s).powi(2) * stretch.rows.len() as f64
+        };
+        (self.stretches.iter().map(of_stretch).sum::<f64>() / self.len().max(1) as f64).sqrt()
     }
 
     /// Recordings one by one. Where a mean speed was found in some, it is one in all of them: too little may move in the others.
     fn each(recordings: &[Recording], rig: &Rig) -> Result<Vec<Self>, DatasetError> {
         let mut each = recordings.iter().map(|recording| Self::of(recording, rig)).collect::<Result<Vec<_>, _>>()?;
-        let found_s = each.iter().find_map(|one| match one.motion().output {
-            Output::MeanSpeed(window) => Some(window.span as f64 * one.interval_s),
-            _ => None,
-        });
+        let mean = each.iter().find(|one| one.motion().output == Output::MeanSpeed);
+        let found_s = mean.and_then(|one| Some(one.stretches.first()?.window.span as f64 * one.interval_s));
         for (recording, one) in recordings.iter().zip(&mut each).filter(|_| found_s.is_some()) {
             if one.motion().output == Output::Speed {
                 let recording_of = Timing { speed_window_s: found_s, ..rig.recording };
@@ -307,9 +336,13 @@ impl Dataset {
             ..Self::default()
         };
         data.read_drive(recording, rig, &time_s)?;
-        data.read_motion(recording, rig, &time_s)?;
+        let window = data.read_motion(recording, rig, &time_s)?;
         data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
-        data.stretches = stretches(&time_s, interval_s, &data.voltage_v);
+        let stretches = stretches(&time_s, interval_s, &data.voltage_v).into_iter();
+        data.stretches = stretches.map(|rows| Stretch { rows, interval_s, window }).collect();
+        if data.motion().output == Output::MeanSpeed {
+            data.integrate_mean_speed();
+        }
         Ok(data)
     }
 
@@ -338,7 +371,8 @@ impl Dataset {
         Ok(())
     }
 
-    fn read_motion(&mut self, recording: &Recording, rig: &Rig, time_s: &[f64]) -> Result<(), DatasetError> {
+    /// Returns the window of a speed that is a mean.
+    fn read_motion(&mut self, recording: &Recording, rig: &Rig, time_s: &[f64]) -> Result<Window, DatasetError> {
         if let Some(current) = recording.get(Channel::Current) {
             self.add(Output::Current, current.to_vec());
         }
@@ -361,45 +395,50 @@ impl Dataset {
             (None, Some(speed)) => integrated(speed, time_s),
             (None, None) => return Err(DatasetError::NoMotion(recording.name.clone())),
         };
-        match (speed, angle) {
+        if let Some(angle) = &angle {
+            self.count_rad = speed_window::count_rad(angle).unwrap_or(0.0);
+        }
+        Ok(match (speed, angle) {
             // Then the angle says more.
             (Some(speed), Some(angle)) if speed_window::is_made_of(&speed, &angle, self.interval_s) => {
-                self.add_difference(&angle, time_s);
+                self.add_difference(&angle, time_s)
             }
             (Some(speed), _) => self.add_speed(speed, rig, time_s),
             (None, Some(angle)) => self.add_difference(&angle, time_s),
             (None, None) => unreachable!("one of them was there a line ago"),
-        }
-        Ok(())
+        })
     }
 
-    fn add_difference(&mut self, angle_rad: &[f64], time_s: &[f64]) {
-        let span = (DIFFERENCE_SPAN_S / self.interval_s).round().max(1.0) as usize;
-        self.add(Output::AngleDifference(span), difference(angle_rad, time_s, Window::up_to_now(span)));
+    fn add_difference(&mut self, angle_rad: &[f64], time_s: &[f64]) -> Window {
+        let window = Window::up_to_now((DIFFERENCE_SPAN_S / self.interval_s).round().max(1.0) as usize);
+        self.add(Output::AngleDifference, difference(angle_rad, time_s, window));
+        window
     }
 
-    /// A speed, and the angle that it was made of where it is a difference of counts.
-    fn add_speed(&mut self, speed: Vec<f64>, rig: &Rig, time_s: &[f64]) {
+    /// A speed, and over which window it was taken where it is a difference of counts.
+    fn add_speed(&mut self, speed: Vec<f64>, rig: &Rig, time_s: &[f64]) -> Window {
         let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
         let given = rig.recording.speed_window_s.map(|length_s| Found { span: rows(length_s), ahead: None });
         let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
         let Some(Found { span, ahead }) = given.or_else(found).filter(|found| found.span > 1) else {
-            return self.add(Output::Speed, speed);
+            self.add(Output::Speed, speed);
+            return Window::up_to_now(0);
         };
         let ahead = rig.recording.speed_ahead_s.map(rows).or(ahead);
         self.window_end_is_known = ahead.is_some();
-        let window = Window { span, ahead: ahead.unwrap_or(0).min(span) };
-        self.add(Output::MeanSpeed(window), speed);
-        self.integrate_mean_speed();
+        self.count_rad = rig.encoder.counts_per_rev.map_or(0.0, |per_rev| TAU / per_rev);
+        self.add(Output::MeanSpeed, speed);
+        Window { span, ahead: ahead.unwrap_or(0).min(span) }
     }
 
     fn add(&mut self, output: Output, values: Vec<f64>) {
-        self.measured.push(Measured { output, values, noise: 0.0, tolerance: 0.0 });
+        self.measured.push(Measured { output, values, noise: 0.0, of_counting: 0.0, tolerance: 0.0 });
     }
 
     fn append(&mut self, other: Self) {
         let before = self.len();
-        self.stretches.extend(other.stretches.iter().map(|range| range.start + before..range.end + before));
+        let moved = |rows: Range<usize>| rows.start + before..rows.end + before;
+        self.stretches.extend(other.stretches.into_iter().map(|one| Stretch { rows: moved(one.rows), ..one }));
         self.time_s.extend(other.time_s);
         self.voltage_v.extend(other.voltage_v);
         self.duty.extend(other.duty);
@@ -422,14 +461,14 @@ impl Dataset {
     }
 
     fn keep_back(&mut self, part: usize) {
-        let length_s: f64 =
-            self.stretches.iter().map(|range| self.time_s[range.end - 1] - self.time_s[range.start]).sum();
+        let length_s = |Stretch { rows, .. }: &Stretch| self.time_s[rows.end - 1] - self.time_s[rows.start];
+        let length_s: f64 = self.stretches.iter().map(length_s).sum();
         let block = (BLOCK_S.min(length_s / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize;
         self.kept_back = (0..self.len()).map(|index| (index / block) % KEPT_BACK_EVERY == part).collect();
     }
 
     fn check(&self, name: &str) -> Result<(), DatasetError> {
-        let longest = self.stretches.iter().map(ExactSizeIterator::len).max().unwrap_or(0);
+        let longest = self.stretches.iter().map(|stretch| stretch.rows.len()).max().unwrap_or(0);
         if longest < 4 * SHORTEST_STRETCH {
             return Err(DatasetError::TooShort(name.into(), longest));
         }

@@ -5,7 +5,7 @@
 //! beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
 
 use crate::catalogue::{ActsOn, Balance, Effect, Instant, Readings, Sampling};
-use crate::dataset::{Dataset, Measured, Output, Window, difference};
+use crate::dataset::{Dataset, Measured, Output, Stretch, Window, difference};
 use crate::model::{Model, Term};
 use crate::plant::closed_form::{Family, combine};
 use crate::rig;
@@ -88,9 +88,9 @@ impl Motion {
 /// Drives the motor of the model with what drove the real one.
 pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
     let mut motion = Motion::with_capacity(data.len());
-    for range in &data.stretches {
-        motion.fill_up_to(range.start);
-        Run::new(model, data, range.clone(), steps).whole(&mut motion);
+    for stretch in &data.stretches {
+        motion.fill_up_to(stretch.rows.start);
+        Run::new(model, data, stretch, steps).whole(&mut motion);
     }
     motion.fill_up_to(data.len());
     motion
@@ -102,8 +102,8 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
         motion.current_a = mean_current(&motion, data);
     }
     for term in model.terms.iter().filter(|term| !term.effect.acts_on_motor()) {
-        for range in &data.stretches {
-            falsify(term, data, range.clone(), &mut motion);
+        for stretch in &data.stretches {
+            falsify(term, data, stretch.rows.clone(), &mut motion);
         }
     }
     data.measured
@@ -112,8 +112,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
             // Each of them is measured once at most.
             Output::Current => std::mem::take(&mut motion.current_a),
             Output::Speed => std::mem::take(&mut motion.speed_rad_per_s),
-            Output::MeanSpeed(window) => mean_speed(&motion, data, window),
-            Output::AngleDifference(span) => mean_speed(&motion, data, Window::up_to_now(span)),
+            Output::MeanSpeed | Output::AngleDifference => mean_speed(&motion, data),
         })
         .collect()
 }
@@ -123,7 +122,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
 fn mean_current(motion: &Motion, data: &Dataset) -> Vec<f64> {
     let mut means = motion.current_a.clone();
     let (time_s, current_a) = (&data.time_s, &motion.current_a);
-    for range in &data.stretches {
+    for Stretch { rows: range, .. } in &data.stretches {
         for row in range.start + 1..range.end {
             let (mut charge, mut length_s, mut last) = (0.0, 0.0, row);
             while last > range.start && length_s < data.current_window_s {
@@ -141,11 +140,11 @@ fn mean_current(motion: &Motion, data: &Dataset) -> Vec<f64> {
     means
 }
 
-fn mean_speed(motion: &Motion, data: &Dataset, window: Window) -> Vec<f64> {
+fn mean_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     let mut speed = vec![f64::NAN; data.len()];
-    for range in &data.stretches {
-        let differences = difference(&motion.angle_rad[range.clone()], &data.time_s[range.clone()], window);
-        speed[range.clone()].copy_from_slice(&differences);
+    for Stretch { rows, window, .. } in &data.stretches {
+        let differences = difference(&motion.angle_rad[rows.clone()], &data.time_s[rows.clone()], *window);
+        speed[rows.clone()].copy_from_slice(&differences);
     }
     speed
 }
@@ -155,7 +154,7 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
     let mut nudged = motion.clone();
     let inertia_kg_m2 = inertia_kg_m2(model);
     let mut step = LinearStep::default();
-    for range in &data.stretches {
+    for Stretch { rows: range, .. } in &data.stretches {
         let (mut current_a, mut speed_rad_per_s, mut angle_rad) = (0.0, 0.0, 0.0);
         for index in range.start..range.end - 1 {
             let next = index + 1;
@@ -332,13 +331,13 @@ fn first(values: &[f64]) -> f64 {
 
 /// Speed at the start of a stretch. Means over a window that begins there say it of its middle and not of its start: two, one
 /// after the other, lead back to that.
-fn first_speed(motion: &Measured, range: Range<usize>) -> f64 {
-    let Window { span, ahead } = match motion.output {
-        Output::MeanSpeed(window) => window,
-        Output::AngleDifference(span) => Window::up_to_now(span),
-        Output::Speed | Output::Current => return first(&motion.values[range]),
-    };
-    let mean = |windows: usize| motion.values[range.clone()].get(windows * span - ahead).copied();
+fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
+    let values = &motion.values[stretch.rows.clone()];
+    if motion.output == Output::Speed {
+        return first(values);
+    }
+    let Window { span, ahead } = stretch.window;
+    let mean = |windows: usize| values.get(windows * span - ahead).copied();
     match (mean(1), mean(2)) {
         (Some(one), Some(two)) if one.is_finite() && two.is_finite() => 1.5 * one - 0.5 * two,
         _ => 0.0,
@@ -380,12 +379,13 @@ struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    fn new(model: &'a Model, data: &'a Dataset, range: Range<usize>, steps: Steps) -> Self {
+    fn new(model: &'a Model, data: &'a Dataset, stretch: &Stretch, steps: Steps) -> Self {
         let terms = &model.terms;
+        let range = stretch.rows.clone();
         let current_a = data.current().map_or(0.0, |measured| first(&measured.values[range.clone()]));
         let motion = data.motion();
-        let speed_rad_per_s = first_speed(motion, range.clone());
-        let usual_step_s = (0.1 * data.interval_s).clamp(LONGEST_STEPS_S[0], LONGEST_STEPS_S[1]);
+        let speed_rad_per_s = first_speed(motion, stretch);
+        let usual_step_s = (0.1 * stretch.interval_s).clamp(LONGEST_STEPS_S[0], LONGEST_STEPS_S[1]);
         let usual_step_s = match steps {
             Steps::Fine => usual_step_s,
             Steps::Coarse => 2.0 * usual_step_s,

@@ -265,7 +265,8 @@ impl Effort {
     /// What was fitted to other parts of the same data.
     pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
     /// To the end.
-    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ends_on_corrected: false, ..Self::NONE };
+    pub const FULL: Self =
+        Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ends_on_corrected: false, ..Self::NONE };
 
     /// The same for a fit that is of no use above a cost.
     pub fn useless_above(self, cost: f64) -> Self {

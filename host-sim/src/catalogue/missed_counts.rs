@@ -4,8 +4,10 @@
 
 use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 
-/// Share of the threshold over which the loss of all counts sets in, so that the threshold can be fitted.
+/// Share of the threshold over which the loss of all counts sets in at least, so that the threshold can be fitted.
 const EDGE: f64 = 0.01;
+/// The same where it comes up gradually, for a start.
+const GRADUAL: f64 = 0.5;
 
 /// Thresholds at which all counts may suffer that seemed to suffer the more the faster, as multiples.
 const LATER: [f64; 3] = [1.0, 1.07, 1.15];
@@ -21,9 +23,10 @@ static ABOUT: About = About {
         Parameter::within("lost_share", 0.0, 1.0),
         Parameter::positive("threshold_rad_per_s"),
         Parameter::choice("of_all"),
+        Parameter::of_another_law("onset_share", 10.0),
     ],
     linear_in: 1,
-    law: "of the speed above threshold_rad_per_s the share lost_share is not counted; with of_all = 1 the share of all counts, above the threshold",
+    law: "of the speed above threshold_rad_per_s the share lost_share is not counted; with of_all = 1 the share of all counts, coming up over onset_share of the threshold above it",
     looks_like: "The measured speed bends off above a threshold while the current does not",
     confused_with: &["quadratic_drag", "tacho_ripple"],
     experiment: "Mark the shaft and count revolutions by eye or with a second sensor",
@@ -37,22 +40,29 @@ impl Effect for MissedCounts {
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        let law = |of_all: f64| move |share: f64| vec![0.08, share * scales.speed_rad_per_s, of_all];
+        let law = |of_all: f64| move |share: f64| vec![0.08, share * scales.speed_rad_per_s, of_all, 0.0];
         [0.0, 0.4, 0.55, 0.7, 0.85].map(law(0.0)).into_iter().chain([0.4, 0.55, 0.7, 0.85].map(law(1.0))).collect()
     }
 
     /// With as many lost at full speed. Where the loss sets in at once, it sets in later.
     fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
-        let [lost_share, threshold_rad_per_s, of_all] = [values[0], values[1], values[2]];
+        let [lost_share, threshold_rad_per_s, of_all, onset_share] = [values[0], values[1], values[2], values[3]];
         let excess_share = (1.0 - threshold_rad_per_s / scales.speed_rad_per_s).max(0.05);
-        if of_all > 0.0 {
-            return vec![vec![(lost_share / excess_share).min(1.0), 0.95 * threshold_rad_per_s, 0.0]];
+        let at_once = |lost_share: f64, later: f64| vec![lost_share, later * threshold_rad_per_s, 1.0, 0.0];
+        let gradual = |lost_share: f64| vec![lost_share, 0.95 * threshold_rad_per_s, 1.0, GRADUAL];
+        let of_excess = vec![(lost_share / excess_share).min(1.0), 0.95 * threshold_rad_per_s, 0.0, 0.0];
+        match (of_all > 0.0, onset_share > 0.0) {
+            (true, true) => vec![at_once(lost_share, 1.07), of_excess],
+            (true, false) => vec![gradual(lost_share), of_excess],
+            (false, _) => {
+                let lost_share = lost_share * excess_share;
+                LATER.map(|later| at_once(lost_share, later)).into_iter().chain([gradual(lost_share)]).collect()
+            }
         }
-        LATER.map(|later| vec![lost_share * excess_share, later * threshold_rad_per_s, 1.0]).to_vec()
     }
 
     fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
-        let moved = |factor: f64| vec![values[0], factor * values[1], values[2]];
+        let moved = |factor: f64| vec![values[0], factor * values[1], values[2], values[3]];
         if values[2] > 0.0 { [0.93, 1.07].map(moved).to_vec() } else { Vec::new() }
     }
 
@@ -66,10 +76,10 @@ impl Effect for MissedCounts {
     }
 
     fn lost_rad_per_s(&self, values: &[f64], speed_rad_per_s: f64) -> f64 {
-        let [lost_share, threshold_rad_per_s, of_all] = [values[0], values[1], values[2]];
+        let [lost_share, threshold_rad_per_s, of_all, onset_share] = [values[0], values[1], values[2], values[3]];
         let speed = speed_rad_per_s.abs();
         let excess_rad_per_s = (speed - threshold_rad_per_s).max(0.0);
-        let edge_rad_per_s = (EDGE * threshold_rad_per_s).max(f64::MIN_POSITIVE);
+        let edge_rad_per_s = (onset_share.max(EDGE) * threshold_rad_per_s).max(f64::MIN_POSITIVE);
         let counted_of = match of_all > 0.0 {
             true => speed * (excess_rad_per_s / edge_rad_per_s).min(1.0),
             false => excess_rad_per_s,

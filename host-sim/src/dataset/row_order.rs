@@ -5,7 +5,7 @@
 //! row. Everything then seems to move a row before it is driven, which no constant of a motor explains. The impulse response
 //! tells: nothing answers a command that has not been given.
 
-use super::{Dataset, Output};
+use super::{Dataset, Output, Stretch};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
@@ -46,10 +46,10 @@ pub(super) fn is_written_after(data: &Dataset) -> bool {
 
 /// Puts each command into the row that was read before it acted.
 pub(super) fn move_commands(data: &mut Dataset) {
-    for range in data.stretches.clone() {
-        earlier(&mut data.voltage_v, range.clone());
-        earlier(&mut data.duty, range.clone());
-        earlier(&mut data.open, range);
+    for Stretch { rows, .. } in &data.stretches {
+        earlier(&mut data.voltage_v, rows.clone());
+        earlier(&mut data.duty, rows.clone());
+        earlier(&mut data.open, rows.clone());
     }
 }
 
@@ -68,17 +68,18 @@ impl Answers {
     /// Of the current, which answers first, or of the motion; `None` where neither tells.
     fn of(data: &Dataset) -> Option<Self> {
         let motion = data.motion();
+        let longest = data.stretches.iter().map(|stretch| stretch.window.span).max().unwrap_or(0);
         let reading = match (data.current(), motion.output) {
             (Some(current), _) => current,
             // A difference over several rows blurs what is looked for.
-            (None, Output::AngleDifference(span)) if span > 1 => return None,
-            (None, Output::MeanSpeed(_)) => return None,
+            (None, Output::AngleDifference) if longest > 1 => return None,
+            (None, Output::MeanSpeed) => return None,
             (None, _) => motion,
         };
         // A window may reach ahead, and what is yet to come would answer every command before it is given.
-        let motion_before = 1 + if let Output::MeanSpeed(window) = motion.output { window.span } else { 0 };
+        let motion_before = 1 + if motion.output == Output::MeanSpeed { longest } else { 0 };
         let first = ROWS.max(motion_before) + 1;
-        let rows = || data.stretches.iter().flat_map(|range| range.start + first..range.end - 1);
+        let rows = || data.stretches.iter().flat_map(|Stretch { rows, .. }| rows.start + first..rows.end - 1);
         let regressors = |row: usize| -> [f64; COEFFICIENTS] {
             std::array::from_fn(|index| match index {
                 0..=LAST_CHANGE => data.voltage_v[row + 1 - index] - data.voltage_v[row - index],

@@ -59,11 +59,7 @@ impl Window {
 
 /// Whether a speed is a difference of the angle over some window, and says nothing that the angle does not.
 pub(super) fn is_made_of(speed: &[f64], angle_rad: &[f64], interval_s: f64) -> bool {
-    let steps = angle_rad.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
-    let count_rad = steps.fold(f64::INFINITY, f64::min);
-    if !count_rad.is_finite() {
-        return false;
-    }
+    let Some(count_rad) = count_rad(angle_rad) else { return false };
     let counts = |window: Window, row: usize| {
         let last = row + window.ahead;
         let turned_rad = angle_rad.get(last)? - angle_rad[last.checked_sub(window.span)?];
@@ -75,6 +71,12 @@ pub(super) fn is_made_of(speed: &[f64], angle_rad: &[f64], interval_s: f64) -> b
         mostly(rows.map(|counts| counts.abs() < SAME))
     };
     spans(interval_s).any(|span| (0..=span).any(|ahead| agrees(Window { span, ahead })))
+}
+
+/// The least step of an angle.
+pub(super) fn count_rad(angle_rad: &[f64]) -> Option<f64> {
+    let steps = angle_rad.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
+    Some(steps.fold(f64::INFINITY, f64::min)).filter(|least| least.is_finite())
 }
 
 /// What is found of the window of a speed.
@@ -110,7 +112,8 @@ pub(super) fn of_counts(speed: &[f64], time_s: &[f64], interval_s: f64, counts_p
 pub(super) fn angle_rad(speed: &[f64], window: Window, time_s: &[f64]) -> Vec<f64> {
     let mut angle_rad = vec![0.0; speed.len()];
     for row in 0..speed.len() {
-        let whole = row.checked_sub(window.ahead).and_then(|written| Some((written, window.length_s(written, time_s)?)));
+        let whole =
+            row.checked_sub(window.ahead).and_then(|written| Some((written, window.length_s(written, time_s)?)));
         angle_rad[row] = match whole {
             Some((written, length_s)) => angle_rad[row - window.span] + speed[written] * length_s,
             None => speed[0] * (time_s[row] - time_s[0]),
@@ -224,11 +227,13 @@ mod tests {
             }
             let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12.0\n[encoder]\ncounts_per_rev = 400\n").unwrap();
             let data = Dataset::new(&recordings, &rig).unwrap();
-            prop_assert_eq!(data.motion().output, Output::MeanSpeed(Window::up_to_now(span)));
             let centred = data.with_window_centred().unwrap();
-            prop_assert_eq!(centred.motion().output, Output::MeanSpeed(Window { span, ahead: span / 2 }));
-            prop_assert!(data.stretches.iter().all(|range| data.angle_rad[range.start] == 0.0));
-            prop_assert!(centred.stretches.iter().all(|range| centred.angle_rad[range.start] == 0.0));
+            for (data, ahead) in [(data, 0), (centred, span / 2)] {
+                prop_assert_eq!(data.motion().output, Output::MeanSpeed);
+                let window = Window { span, ahead };
+                prop_assert!(data.stretches.iter().all(|stretch| stretch.window == window));
+                prop_assert!(data.stretches.iter().all(|stretch| data.angle_rad[stretch.rows.start] == 0.0));
+            }
         }
 
         /// A speed timed by edges, or of a tachogenerator, is none.

@@ -60,8 +60,7 @@ fn best_window(data: &Dataset, prior: &Prior, model: &Model) -> Option<(f64, Fit
     let longest_s = LOOKED_AT_S[LOOKED_AT_S.len() - 1];
     for factor in CLOSER {
         let sides = [best.0 / factor, (best.0 * factor).min(longest_s)];
-        let mut fits: Vec<(f64, Fit)> =
-            sides.into_par_iter().map(|window_s| fitted(window_s, &best.1.model)).collect();
+        let mut fits: Vec<(f64, Fit)> = sides.into_par_iter().map(|window_s| fitted(window_s, &best.1.model)).collect();
         fits.push(best);
         best = least(fits)?;
     }

@@ -1,6 +1,6 @@
 //! Judging models on data that no fit has seen.
 
-use crate::dataset::{Dataset, noise};
+use crate::dataset::Dataset;
 use crate::free_run::Prediction;
 use crate::identify::Fit;
 use rand::{RngExt, SeedableRng};
@@ -85,7 +85,8 @@ pub fn rmse(data: &Dataset, prediction: &Prediction, output: usize) -> f64 {
 /// Error over noise floor of the worst channel.
 pub fn above_floor(data: &Dataset, fit: &Fit) -> f64 {
     let ratio = |output: usize| {
-        let floor = data.measured[output].least_error(noise(&fit.residual_of(data, output)));
+        let measured = &data.measured[output];
+        let floor = measured.least_error(measured.noise_in(&fit.residual_of(data, output)));
         rmse(data, &fit.prediction, output) / floor
     };
     (0..data.measured.len()).map(ratio).fold(0.0, f64::max)

@@ -7,7 +7,7 @@
 //! diffusion term points at the deficient equation.)
 
 use crate::catalogue::ActsOn;
-use crate::dataset::{Dataset, Output, Window, difference};
+use crate::dataset::{Dataset, Output, Stretch, Window, difference};
 use crate::motor::MotorParameters;
 use nalgebra::{Matrix4, Vector4};
 
@@ -69,11 +69,20 @@ fn typical(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_
 
 /// States: errors of current and speed, the lack, unused.
 struct Filter {
-    step: Matrix4<f64>,
-    walk_variance: f64,
+    /// Of each stretch.
+    steps: Vec<Step>,
+    walk_per_s: f64,
     /// Row of each measured quantity: what it sees of the states.
     rows: Vec<(Vector4<f64>, f64)>,
     history: Vec<Moment>,
+}
+
+/// From one row of a stretch to the next.
+struct Step {
+    /// Where the stretch ends.
+    end: usize,
+    of_state: Matrix4<f64>,
+    walk_variance: f64,
 }
 
 /// State and covariance before and after the sample was seen.
@@ -98,19 +107,19 @@ impl Filter {
             let row = if current { Vector4::new(1.0, 0.0, bias, 0.0) } else { Vector4::new(0.0, 1.0, bias, 0.0) };
             (row, measured.least_error(measured.noise).powi(2))
         });
-        Self {
-            step: (rates * data.interval_s).exp(),
-            walk_variance: walk_per_s * walk_per_s * data.interval_s,
-            rows: rows.collect(),
-            history: Vec::new(),
-        }
+        let step = |Stretch { rows, interval_s, .. }: &Stretch| Step {
+            end: rows.end,
+            of_state: (rates * *interval_s).exp(),
+            walk_variance: walk_per_s * walk_per_s * interval_s,
+        };
+        Self { steps: data.stretches.iter().map(step).collect(), walk_per_s, rows: rows.collect(), history: Vec::new() }
     }
 
     /// Filters forward; the logarithm of the likelihood of what was measured.
     fn run(&mut self, data: &Dataset, residual: &[Vec<f64>], keep: bool) -> f64 {
         let mut state = Vector4::zeros();
         let mut covariance = Matrix4::zeros();
-        covariance[(2, 2)] = self.walk_variance / data.interval_s;
+        covariance[(2, 2)] = self.walk_per_s * self.walk_per_s;
         let mut log_likelihood = 0.0;
         for index in 0..data.len() {
             let (before, before_covariance) = (state, covariance);
@@ -129,11 +138,17 @@ impl Filter {
             if keep {
                 self.history.push((before, before_covariance, state, covariance));
             }
-            state = self.step * state;
-            covariance = self.step * covariance * self.step.transpose();
-            covariance[(2, 2)] += self.walk_variance;
+            let Step { of_state, walk_variance, .. } = self.step(index);
+            state = of_state * state;
+            covariance = of_state * covariance * of_state.transpose();
+            covariance[(2, 2)] += walk_variance;
         }
         log_likelihood
+    }
+
+    fn step(&self, index: usize) -> &Step {
+        let stretch = self.steps.partition_point(|step| step.end <= index);
+        &self.steps[stretch.min(self.steps.len() - 1)]
     }
 
     /// The lack, seen with the whole recording.
@@ -151,7 +166,7 @@ impl Filter {
                 regular[(place, place)] *= 1.0 + 1e-9;
             }
             if let Some(inverse) = regular.try_inverse() {
-                let gain = covariance * self.step.transpose() * inverse;
+                let gain = covariance * self.step(index).of_state.transpose() * inverse;
                 state = filtered + gain * (state - predicted);
             } else {
                 state = *filtered;

@@ -17,7 +17,7 @@ pub mod report;
 pub mod select;
 
 use crate::catalogue::{ActsOn, INDUCTANCE};
-use crate::dataset::{Dataset, DatasetError, Measured, Output, noise};
+use crate::dataset::{Dataset, DatasetError, Measured, Output};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Interval, Place, Prior, fit};
 use crate::model::Model;
@@ -175,7 +175,7 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
             let (mut own, mut rest) = (0.0, 0.0);
             for (output, (before, after)) in standing.gain.rmse.iter().enumerate() {
                 own += weighed(*before, output) - weighed(*after, output);
-                let floor = noise(&selection.last.residual_of(data, output));
+                let floor = data.measured[output].noise_in(&selection.last.residual_of(data, output));
                 rest += weighed(*after, output) - weighed(floor, output);
             }
             own < LEAST_OF_REST * rest
@@ -419,7 +419,7 @@ fn unexplained(data: &Dataset, selection: &Selection) -> Option<Unexplained> {
     let dependence = missing::dependences(data, &lack.values).into_iter().next()?;
     let rest = |output: usize| {
         let after = judge::rmse(data, &selection.last.prediction, output);
-        1.0 - (noise(&residuals[output]).min(after) / after).powi(2)
+        1.0 - (data.measured[output].noise_in(&residuals[output]).min(after) / after).powi(2)
     };
     Some(Unexplained {
         acts_on: lack.acts_on,
@@ -444,7 +444,7 @@ fn fits(data: &Dataset, selection: &Selection) -> BTreeMap<&'static str, BTreeMa
             .collect()
     };
     let floor = data.measured.iter().enumerate().map(|(output, Measured { output: kind, .. })| {
-        let rmse = noise(&selection.last.residual_of(data, output));
+        let rmse = data.measured[output].noise_in(&selection.last.residual_of(data, output));
         let reached = judge::fit_percent(data, &selection.last.prediction, output);
         let after = judge::rmse(data, &selection.last.prediction, output);
         // The same spread of the signal, the floor in place of the error.
