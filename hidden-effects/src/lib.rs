@@ -213,6 +213,8 @@ pub struct Recipe {
     pub written_after: bool,
     /// The PWM is one of the Uno's timers as they come, and the rig file does not say which.
     pub timer_of_the_uno: bool,
+    /// The current of a row is the mean of four to nineteen conversions that ended with it.
+    pub burst: bool,
 }
 
 impl Recipe {
@@ -227,6 +229,7 @@ impl Recipe {
             rate_hz: 1000.0,
             written_after: false,
             timer_of_the_uno: false,
+            burst: false,
         }
     }
 

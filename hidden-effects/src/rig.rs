@@ -353,6 +353,12 @@ impl Bench {
         }
     }
 
+    /// What the sensor shows of the current.
+    pub fn reading_a(&self) -> f64 {
+        let has_filter = self.hidden.lag_s > 0.0 && !self.hidden.lag_in_program;
+        if has_filter { self.lagged_a } else { self.smooth_a }
+    }
+
     /// Lets time pass under one duty.
     pub fn run(&mut self, duty: f64, duration_s: f64) {
         let step_s = if self.switches() { SWITCHED_STEP_S } else { STEP_S };

@@ -5,6 +5,7 @@ use crate::rig::Bench;
 use crate::{Channels, Effect, Recipe};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
+use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
@@ -13,6 +14,32 @@ pub const CURRENT_STEP_A: f64 = 0.0066;
 const CURRENT_NOISE_A: f64 = 0.010;
 /// Noise of the speed as a share of the top speed.
 const SPEED_NOISE: f64 = 0.0015;
+
+/// A conversion of the Uno's converter.
+const CONVERSION_S: f64 = 0.104e-3;
+
+/// Conversions one after the other, of which each row has the mean of those that ended with it.
+struct Burst {
+    conversions: usize,
+    readings_a: VecDeque<f64>,
+}
+
+impl Burst {
+    fn new(random: &mut impl Rng) -> Self {
+        Self { conversions: random.random_range(4..=19), readings_a: VecDeque::new() }
+    }
+
+    fn add(&mut self, reading_a: f64) {
+        self.readings_a.push_back(reading_a);
+        if self.readings_a.len() > self.conversions {
+            self.readings_a.pop_front();
+        }
+    }
+
+    fn mean_a(&self) -> f64 {
+        self.readings_a.iter().sum::<f64>() / self.readings_a.len().max(1) as f64
+    }
+}
 
 struct Row {
     time_s: f64,
@@ -32,6 +59,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     let tacho = recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple);
     let ripple_phase = random.random_range(0.0..TAU);
     let drift_hz = random.random_range(0.05..0.15);
+    let mut burst = recipe.burst.then(|| Burst::new(random));
     let (mut lost_rad, mut low_passed_a) = (0.0, 0.0);
     let mut rows = Vec::with_capacity(count);
     let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
@@ -48,8 +76,9 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
             seen_speed = 0.0;
         }
         let keep = if hidden.lag_s > 0.0 { (-interval_s / hidden.lag_s).exp() } else { 0.0 };
-        low_passed_a = keep * low_passed_a + (1.0 - keep) * bench.smooth_a;
-        let seen_a = if hidden.lag_in_program || hidden.lag_s == 0.0 { low_passed_a } else { bench.lagged_a };
+        let converted_a = burst.as_ref().map_or(bench.reading_a(), Burst::mean_a);
+        low_passed_a = keep * low_passed_a + (1.0 - keep) * converted_a;
+        let seen_a = if hidden.lag_in_program { low_passed_a } else { converted_a };
         let noise = |random: &mut _| -> f64 { StandardNormal.sample(random) };
         let speed = seen_speed + speed_noise * noise(random);
         if let Some(speed_loop) = &mut speed_loop {
@@ -62,7 +91,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
             speed,
             current_a: seen_a + hidden.offset_a + CURRENT_NOISE_A * noise(random),
         });
-        pass(&mut bench, &duty, index, interval_s);
+        pass(&mut bench, &duty, index, interval_s, burst.as_mut());
     }
     if recipe.written_after {
         duty.rotate_right(1);
@@ -77,16 +106,26 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
 }
 
 /// One sampling interval, the command late by the hidden delay.
-fn pass(bench: &mut Bench, duty: &[f64], index: usize, interval_s: f64) {
+fn pass(bench: &mut Bench, duty: &[f64], index: usize, interval_s: f64, mut burst: Option<&mut Burst>) {
     let late = bench.hidden.delay_s / interval_s;
     let whole = late.floor() as usize;
     let part = late - late.floor();
     let at = |back: usize| index.checked_sub(back).map_or(0.0, |index| duty[index]);
     if part > 0.01 {
-        bench.run(at(whole + 1), part * interval_s);
+        converting(bench, at(whole + 1), part * interval_s, burst.as_deref_mut());
     }
     if part < 0.99 {
-        bench.run(at(whole), (1.0 - part) * interval_s);
+        converting(bench, at(whole), (1.0 - part) * interval_s, burst);
+    }
+}
+
+/// Lets time pass under one duty, and the converter at work.
+fn converting(bench: &mut Bench, duty: f64, duration_s: f64, burst: Option<&mut Burst>) {
+    let Some(burst) = burst else { return bench.run(duty, duration_s) };
+    let conversions = (duration_s / CONVERSION_S).round().max(1.0);
+    for _ in 0..conversions as usize {
+        bench.run(duty, duration_s / conversions);
+        burst.add(bench.reading_a());
     }
 }
 

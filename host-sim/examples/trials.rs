@@ -23,7 +23,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 /// Kinds of trials, and what each is.
-const KINDS: [(&str, &str); 15] = [
+const KINDS: [(&str, &str); 16] = [
     ("clean", "nothing hidden"),
     ("single", "each effect alone"),
     ("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway"),
@@ -39,6 +39,7 @@ const KINDS: [(&str, &str); 15] = [
     ("after", "one effect, each row with the command that had acted before it was read"),
     ("window", "one effect on the rig with friction and bridge drop, the speed a difference of counts over some rows"),
     ("timer", "one effect on that rig, the PWM of a timer of the Uno's that the rig file does not name"),
+    ("burst", "one effect on that rig, each current the mean of conversions that ended with its row"),
 ];
 /// Bounds of the bands of confidence.
 const CONFIDENCES: [f64; 6] = [0.0, 0.4, 0.6, 0.8, 0.95, 1.01];
@@ -282,9 +283,10 @@ fn report(done: &Done, count: u64, first: u64) {
     text += "\n## What a confidence is worth\nAll names of all kinds.\n\n";
     text += BELIEFS;
     text += &beliefs(&all);
-    text += "\n## Errors of the constants\nKinds with every column recorded.\n\n";
+    text +=
+        "\n## Errors of the constants\nThe first five kinds: every column recorded, every cause in the catalogue.\n\n";
     text += ERRORS;
-    text += &errors(&all[..7]);
+    text += &errors(&all[..5]);
     text += "\n## Power\nEach effect alone, at strengths from a thirtieth of the weakest that matters up to the strongest.\n\n";
     text += &power(done, (count / POWER_SHARE).max(4), first);
     text += "\n## Every trial that was not exact\n";

@@ -614,3 +614,94 @@ fn stretches(time_s: &[f64], interval_s: f64, voltage_v: &[f64]) -> Vec<Range<us
     }
     found
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::fmt::Write as _;
+
+    const COUNTS_PER_REV: f64 = 400.0;
+
+    /// Counts of a shaft that goes both ways, and the duty of each half second.
+    fn counts(time_s: f64) -> f64 {
+        ((300.0 * (1.0 - (2.0 * time_s).cos()) - 40.0 * time_s) * COUNTS_PER_REV / TAU).floor()
+    }
+
+    fn duty(time_s: f64) -> f64 {
+        (7.0 * (2.0 * time_s).floor()).sin()
+    }
+
+    /// Rows of time, duty and what `reading` says.
+    fn recording(time_s: &[f64], column: &str, reading: impl Fn(f64) -> String) -> Recording {
+        let mut text = format!("t_s,duty,{column}\n");
+        for time_s in time_s {
+            let _ = writeln!(text, "{time_s:.4},{:.4},{}", duty(*time_s), reading(*time_s));
+        }
+        Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()
+    }
+
+    fn dataset(recordings: &[Recording]) -> Dataset {
+        let rig = format!("[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = {COUNTS_PER_REV}\n");
+        Dataset::new(recordings, &Rig::parse("rig.toml", &rig).unwrap()).unwrap()
+    }
+
+    fn rows(interval_s: f64, length_s: f64) -> Vec<f64> {
+        (0..(length_s / interval_s) as usize).map(|row| row as f64 * interval_s).collect()
+    }
+
+    /// Where it begins does not matter, nor where the sketch lets it wrap.
+    #[test]
+    fn an_angle_within_a_revolution_goes_on_beyond_it() {
+        let time_s = rows(1e-3, 4.0);
+        let angle_rad = |time_s: f64| counts(time_s) * TAU / COUNTS_PER_REV;
+        let whole = dataset(&[recording(&time_s, "theta_rad", |t_s| format!("{:.5}", angle_rad(t_s)))]);
+        for least_rad in [0.0, -0.5 * TAU, -1.0] {
+            let wrapped = |t_s: f64| format!("{:.5}", least_rad + (angle_rad(t_s) - least_rad).rem_euclid(TAU));
+            let wrapped = dataset(&[recording(&time_s, "theta_rad", wrapped)]);
+            for (row, (angle, other)) in wrapped.angle_rad.iter().zip(&whole.angle_rad).enumerate() {
+                let since = [angle - wrapped.angle_rad[0], other - whole.angle_rad[0]];
+                assert!((since[0] - since[1]).abs() < 1e-4, "row {row}: {since:?}");
+            }
+        }
+    }
+
+    /// A count that is not there is none that stands still.
+    #[test]
+    fn missing_counts_are_missing() {
+        let time_s = rows(1e-3, 4.0);
+        let whole = dataset(&[recording(&time_s, "counts", |t_s| counts(t_s).to_string())]);
+        let is_missing = |t_s: f64| (t_s * 1e3).round() as usize % 97 == 50;
+        let some = |t_s: f64| if is_missing(t_s) { String::new() } else { (counts(t_s) as i64 as i16).to_string() };
+        let some = dataset(&[recording(&time_s, "counts", some)]);
+        let pairs = || some.motion().values.iter().zip(&whole.motion().values);
+        assert!(pairs().all(|(some, whole)| some.is_nan() || (some - whole).abs() < 1e-9));
+        assert_eq!(pairs().filter(|(some, whole)| some.is_nan() && whole.is_finite()).count(), 2 * 41);
+    }
+
+    proptest! {
+        /// Over a pause the motor goes on as it was told, if it was told nothing else.
+        #[test]
+        fn a_pause_divides_where_the_command_may_have_changed(from_s in 0.6_f64..3.4, length_s in 0.02_f64..0.4) {
+            let mut time_s = rows(1e-3, 4.0);
+            time_s.retain(|t_s| !(from_s..from_s + length_s).contains(t_s));
+            let data = dataset(&[recording(&time_s, "counts", |t_s| counts(t_s).to_string())]);
+            let after = time_s.iter().position(|t_s| *t_s > from_s).unwrap();
+            let is_held = duty(time_s[after - 1]) == duty(time_s[after]);
+            prop_assert_eq!(data.stretches.len(), if is_held { 1 } else { 2 });
+        }
+    }
+
+    /// Each has speeds over as long as its own rows let it.
+    #[test]
+    fn recordings_of_one_rig_may_have_other_rates() {
+        let at = |interval_s: f64| recording(&rows(interval_s, 4.0), "counts", |t_s| counts(t_s).to_string());
+        let data = dataset(&[at(5e-3), at(1e-3), at(2.5e-3)]);
+        let of = |stretch: &Stretch| (stretch.rows.len(), stretch.window.span);
+        assert_eq!(data.stretches.iter().map(of).collect::<Vec<_>>(), [(800, 1), (4000, 5), (1600, 2)]);
+        for Stretch { rows, .. } in &data.stretches {
+            let greatest = greatest(&data.motion().values[rows.clone()]);
+            assert!((greatest / 600.0 - 1.0).abs() < 0.1, "{greatest}");
+        }
+    }
+}

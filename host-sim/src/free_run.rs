@@ -539,3 +539,75 @@ impl<'a> Run<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::motor::MotorParameters;
+    use crate::recording::Recording;
+    use crate::rig::Rig;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+    use std::fmt::Write as _;
+
+    /// Steps of the command, recorded every `interval_s`; nothing was measured that matters.
+    fn stepped(interval_s: f64) -> Dataset {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for row in 0..(0.4 / interval_s).round() as usize {
+            let time_s = row as f64 * interval_s;
+            let volts = if (time_s * 50.0 + 1e-6).floor() % 2.0 == 0.0 { 12.0 } else { -3.0 };
+            let _ = writeln!(text, "{time_s:.6},{volts},{},0", if row % 2 == 0 { 100.0 } else { 101.0 });
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// Against the mean of a simulation with rows twenty times as close.
+        #[test]
+        fn a_current_is_averaged_before_its_row(window_s in 0.2e-3_f64..3e-3) {
+            let model = Model::linear(MotorParameters::PIVT6);
+            let mut data = stepped(1e-3);
+            data.current_window_s = window_s;
+            let means = &free_run(&model, &data)[0];
+            let fine = stepped(50e-6);
+            let currents = &free_run(&model, &fine)[0];
+            let mut charges = vec![0.0];
+            for pair in currents.windows(2) {
+                charges.push(charges[charges.len() - 1] + 50e-6 * 0.5 * (pair[0] + pair[1]));
+            }
+            let charge = |time_s: f64| {
+                let place = (time_s / 50e-6).max(0.0);
+                let (row, part) = (place.floor() as usize, place.fract());
+                charges[row] + part * (charges[row + 1] - charges[row])
+            };
+            let greatest = currents.iter().fold(0.0, |most: f64, current| most.max(current.abs()));
+            for row in 4..390 {
+                let time_s = row as f64 * 1e-3;
+                let mean = (charge(time_s) - charge(time_s - window_s)) / window_s;
+                prop_assert!((means[row] - mean).abs() < 0.01 * greatest, "row {row}: {} {mean}", means[row]);
+            }
+        }
+
+        /// A stretch that begins in motion begins as fast as that, and one from rest at rest.
+        #[test]
+        fn a_stretch_begins_as_fast_as_its_counts_say(speed in -300.0_f64..300.0, from_rest: bool) {
+            let mut text = String::from("t_s,u_V,counts\n");
+            let acceleration = if from_rest { 20.0 * speed } else { 0.0 };
+            let start = if from_rest { 0.0 } else { speed };
+            for row in 0..200 {
+                let time_s = f64::from(row) * 1e-3;
+                let counts = (start * time_s + 0.5 * acceleration * time_s * time_s) * 2000.0 / TAU;
+                let _ = writeln!(text, "{time_s},{},{}", if row < 50 { 12 } else { 0 }, counts.floor());
+            }
+            prop_assume!(speed.abs() > 20.0);
+            let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+            let rig = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 2000\n";
+            let data = Dataset::new(&[recording], &Rig::parse("rig.toml", rig).unwrap()).unwrap();
+            let first = first_speed(data.motion(), &data.stretches[0]);
+            // A count over the window, at the worst.
+            prop_assert!((first - start).abs() < 2.0 * TAU / 2000.0 / 5e-3, "{first} {start}");
+        }
+    }
+}

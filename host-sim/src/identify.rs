@@ -257,16 +257,17 @@ impl Effort {
         steps: 0,
         least_gain: 0.0,
         sensitivities: Steps::Coarse,
-        ends_on_corrected: true,
+        ends_on_corrected: false,
         useless_above: f64::INFINITY,
     };
     /// To see whether an effect is worth it.
-    pub const TRIAL: Self = Self { steps: 8, least_gain: 5e-3, ..Self::NONE };
+    pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, ends_on_corrected: true, ..Self::NONE };
+    /// To judge another model by what it cannot do.
+    pub const CHECK: Self = Self { ends_on_corrected: false, ..Self::TRIAL };
     /// What was fitted to other parts of the same data.
     pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
     /// To the end.
-    pub const FULL: Self =
-        Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ends_on_corrected: false, ..Self::NONE };
+    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ..Self::NONE };
 
     /// The same for a fit that is of no use above a cost.
     pub fn useless_above(self, cost: f64) -> Self {

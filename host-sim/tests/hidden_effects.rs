@@ -100,11 +100,11 @@ fn commands_may_be_written_before_or_after_they_acted() {
     }
 }
 
-/// What a sketch makes of a bench: a speed that is a difference of counts, up to its row or around it, and a PWM of which the
-/// rig file says nothing.
+/// What a sketch makes of a bench: a speed that is a difference of counts, up to its row or around it, a PWM of which the rig
+/// file says nothing, a current that is the mean of a burst of conversions.
 #[test]
 fn a_sketch_may_have_recorded_it() {
-    for (kind, seed) in [("window", 2), ("window", 16), ("timer", 3)] {
+    for (kind, seed) in [("window", 2), ("window", 16), ("timer", 3), ("burst", 1), ("burst", 2)] {
         assert_found(seed, &recipe(kind, seed));
     }
 }

@@ -200,7 +200,7 @@ fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) ->
 /// Takes a name back.
 fn take_back(data: &Dataset, prior: &Prior, selection: &mut Selection, index: usize) {
     let taken = selection.standings.remove(index);
-    let without = fit(&selection.last.model.without(taken.id), data, prior, Effort::TRIAL);
+    let without = fit(&selection.last.model.without(taken.id), data, prior, Effort::CHECK);
     for standing in &mut selection.standings {
         for (output, rmse) in standing.gain.rmse.iter_mut().enumerate() {
             rmse.1 = judge::rmse(data, &without.prediction, output);

@@ -298,6 +298,8 @@ impl Chooser<'_> {
             .collect();
         let key = |fit: &Fit| (self.is_strange(fit), fit.cost);
         let best = fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"))?;
+        // From so far away a trial does not arrive.
+        let best = fit(&best.model, self.data, self.prior, Effort::AGAIN);
         let step = Step::new(base, &best, self.gain(base, &best));
         Some((best, step))
     }
@@ -376,7 +378,7 @@ impl Chooser<'_> {
 
     /// What the model would be without one of its effects.
     fn check(&self, current: &Fit, id: &'static str) -> Check {
-        let without = fit(&current.model.without(id), self.data, self.prior, Effort::TRIAL);
+        let without = fit(&current.model.without(id), self.data, self.prior, Effort::CHECK);
         let mut own = self.gain(&without, current);
         // Without it only another motor fits: then the data sheet speaks for it as well.
         let keeps_the_motor = self.is_strange(&without) && !self.is_strange(current);
@@ -401,7 +403,7 @@ impl Chooser<'_> {
         prior.spread[1] = CERTAIN;
         let mut model = found.model.clone();
         model.motor.inductance_h = prior.motor.inductance_h;
-        fit(&model, self.data, &prior, Effort::TRIAL)
+        fit(&model, self.data, &prior, Effort::CHECK)
     }
 
     /// What an effect gains on all data, each part judged by fits that have not seen it.
@@ -426,7 +428,7 @@ impl Chooser<'_> {
         let does_as_well = |other: &f64| {
             let mut values = term.values.clone();
             values[index] = *other;
-            let other = fit(&without.model.with(term.effect, values), self.data, self.prior, Effort::TRIAL);
+            let other = fit(&without.model.with(term.effect, values), self.data, self.prior, Effort::CHECK);
             without.cost - other.cost > GAINED_BY_ANY * (without.cost - current.cost)
         };
         let as_good = looked_at.par_iter().filter(|other| does_as_well(other)).count();
@@ -458,7 +460,7 @@ impl Chooser<'_> {
         promises.truncate(RIVALS);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
-        let mut rivals = self.try_all(&without.model, &promises, Effort::TRIAL);
+        let mut rivals = self.try_all(&without.model, &promises, Effort::CHECK);
         for (lookalike, fit) in self.lookalikes(&current.model, id) {
             match rivals.iter_mut().find(|(rival, _)| *rival == lookalike) {
                 Some((_, other)) if other.cost > fit.cost => *other = fit,
@@ -480,7 +482,7 @@ impl Chooser<'_> {
             .filter(|effect| !model.has(effect.about().id))
             .filter_map(|effect| {
                 let start = model.without(id).with(effect, effect.instead_of(id, values)?);
-                Some((effect.about().id, fit(&start, self.data, self.prior, Effort::TRIAL)))
+                Some((effect.about().id, fit(&start, self.data, self.prior, Effort::CHECK)))
             })
             .collect()
     }

@@ -33,6 +33,7 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
             Recipe { channels: Channels::VoltageMeanSpeedCurrent, ..Recipe::of(&[turn(&counted)]).on_real_rig() }
         }
         "timer" => Recipe { timer_of_the_uno: true, ..real() },
+        "burst" => Recipe { burst: true, ..real() },
         "after" => Recipe { written_after: true, ..single() },
         id => {
             let all = Effect::CATALOGUE.into_iter().chain(Effect::OUTSIDE);
