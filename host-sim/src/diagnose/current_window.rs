@@ -12,8 +12,9 @@ use rayon::prelude::*;
 const LOOKED_AT_S: [f64; 6] = [0.2e-3, 0.4e-3, 0.7e-3, 1.0e-3, 1.5e-3, 2.05e-3];
 /// Then closer and closer around the best.
 const CLOSER: [f64; 3] = [1.2, 1.1, 1.05];
-/// A lag with a longer time constant than the longest window makes late is none of these.
-const LONGEST_LAG_S: f64 = 1.25e-3;
+/// What comes late by a window: a lag or a delay that is no longer than the longest makes late.
+const LATE: [&str; 2] = ["current_lag", "actuation_delay"];
+const LATEST_S: f64 = 1.25e-3;
 /// A window that costs no more than this many times as much does as well as a lag...
 const AS_GOOD: f64 = 1.02;
 /// ... and has to bring the cost down to this share of it where there is none.
@@ -34,13 +35,14 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
 }
 
 fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
-    let lag_s = found.model.term("current_lag").map(|lag| lag.values[0]);
-    let is_late = lag_s.is_some_and(|lag_s| lag_s < LONGEST_LAG_S);
+    let is_short = |id: &&str| found.model.term(id).is_some_and(|late| late.values[0] < LATEST_S);
+    let late: Vec<&str> = LATE.into_iter().filter(is_short).collect();
+    let is_late = !late.is_empty();
     let has_rest = above_floor(data, found) > NOT_NOISE;
     if !(is_late || has_rest || is_excessive(prior, found)) {
         return None;
     }
-    let model = if is_late { found.model.without("current_lag") } else { found.model.clone() };
+    let model = late.iter().fold(found.model.clone(), |model, id| model.without(id));
     let (window_s, best) = best_window(data, prior, &model)?;
     let explains = match (is_late, has_rest) {
         (true, _) => best.cost <= AS_GOOD * found.cost,
