@@ -244,8 +244,9 @@ pub struct Effort {
     pub least_gain: f64,
     /// How finely the sensitivities are simulated.
     pub sensitivities: Steps,
-    /// Whether it may end with sensitivities that the steps before have only corrected.
-    pub ends_on_corrected: bool,
+    /// Whether a step corrects the sensitivities by what it changed, where they are to be simulated anew otherwise: much
+    /// faster, and now and then it stops short.
+    pub corrects: bool,
     /// It is given up when the steps left, each gaining what the better of the last two did, would not bring it below this
     /// cost.
     pub useless_above: f64,
@@ -253,17 +254,12 @@ pub struct Effort {
 
 impl Effort {
     /// Where it starts, with its sensitivities.
-    pub const NONE: Self = Self {
-        steps: 0,
-        least_gain: 0.0,
-        sensitivities: Steps::Coarse,
-        ends_on_corrected: false,
-        useless_above: f64::INFINITY,
-    };
+    pub const NONE: Self =
+        Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, corrects: false, useless_above: f64::INFINITY };
     /// To see whether an effect is worth it.
-    pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, ends_on_corrected: true, ..Self::NONE };
+    pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, corrects: true, ..Self::NONE };
     /// To judge another model by what it cannot do.
-    pub const CHECK: Self = Self { ends_on_corrected: false, ..Self::TRIAL };
+    pub const CHECK: Self = Self { steps: 8, corrects: false, ..Self::TRIAL };
     /// What was fitted to other parts of the same data.
     pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
     /// To the end.

@@ -1,5 +1,5 @@
-//! The way down from a start: Levenberg and Marquardt's method. The sensitivities are simulated at the start; while the steps
-//! are short, each corrects them by what it changed (Broyden, Mathematics of Computation 19 (1965)).
+//! The way down from a start: Levenberg and Marquardt's method. The sensitivities are simulated at each step or, where the
+//! effort says so and the step is short, corrected by what it changed (Broyden, Mathematics of Computation 19 (1965)).
 
 use super::sensitivities::Sensitivities;
 use super::{Effort, Fit, Unknown, prior_cost, square, torque_scale, unknowns, weighted_residual};
@@ -89,6 +89,8 @@ impl<'a> Search<'a> {
             ),
             is_simulated: true,
         };
+        // Without a scale of the torques they leave out what a step changes along it.
+        let corrects = effort.corrects && !torque_scale::is_unknown(self.data);
         let mut known = simulated(self);
         let mut gained_before = f64::INFINITY;
         let mut steps_left = effort.steps;
@@ -109,13 +111,13 @@ impl<'a> Search<'a> {
             steps_left -= 1;
             let pace = gained.max(std::mem::replace(&mut gained_before, gained));
             let is_useless = self.at.cost - steps_left as f64 * pace > effort.useless_above;
-            if steps_left == 0 || is_useless || is_near && effort.ends_on_corrected {
+            if steps_left == 0 || is_useless || is_near && effort.corrects {
                 return None;
             }
-            if is_near || gained > FAR * before.cost || torque_scale::is_unknown(self.data) {
-                known = simulated(self);
-            } else {
+            if corrects && !is_near && gained < FAR * before.cost {
                 known.correct(&self.moved(&before), &self.changed(&before));
+            } else {
+                known = simulated(self);
             }
         }
     }
