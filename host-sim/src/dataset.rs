@@ -1,7 +1,7 @@
 //! Recordings made ready for identification: what drove the motor, what was measured, and which part is kept back.
 
 use crate::recording::{Channel, Recording};
-use crate::rig::{Rig, Timing};
+use crate::rig::{Readings, Rig, Timing};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -330,7 +330,11 @@ impl Dataset {
             // Who knows where in its period the current is sampled has this project's firmware, or says so.
             pwm_is_known: rig.bridge.pwm_hz.is_some() || rig.recording.current_sampled_at.is_some(),
             timing: rig.recording,
-            current_window_s: rig.recording.current_window_s.unwrap_or(0.0),
+            current_window_s: match rig.recording.readings {
+                Readings::Instant => rig.recording.current_window_s.unwrap_or(0.0),
+                // That is a window by itself.
+                Readings::Mean => 0.0,
+            },
             is_counted: rig.encoder.counts_per_rev.is_some(),
             time_s: time_s.iter().map(|t_s| t_s - time_s[0]).collect(),
             ..Self::default()

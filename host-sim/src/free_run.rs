@@ -98,7 +98,7 @@ pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
 
 /// Reads a motion with the sensors of the model.
 pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
-    if data.current_window_s > 0.0 && data.timing.readings == rig::Readings::Instant {
+    if data.current_window_s > 0.0 {
         motion.current_a = mean_current(&motion, data);
     }
     for term in model.terms.iter().filter(|term| !term.effect.acts_on_motor()) {

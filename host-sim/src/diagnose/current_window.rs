@@ -27,7 +27,6 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     let is_open = data.timing.readings == Readings::Instant
         && data.timing.current_sampled_at.is_none()
         && data.timing.current_window_s.is_none()
-        && data.current_window_s == 0.0
         && data.current().is_some();
     let best = if is_open { likelier_s(data, prior, found) } else { None };
     data.current_window_s = best.unwrap_or(data.current_window_s);

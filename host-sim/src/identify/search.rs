@@ -2,10 +2,9 @@
 //! effort says so and the step is short, corrected by what it changed (Broyden, Mathematics of Computation 19 (1965)).
 
 use super::sensitivities::Sensitivities;
-use super::{Effort, Fit, Unknown, prior_cost, square, torque_scale, unknowns, weighted_residual};
+use super::{Effort, Fit, Prior, Unknown, prior_cost, square, torque_scale, unknowns, weighted_residual};
 use crate::dataset::Dataset;
 use crate::free_run::{Prediction, free_run};
-use crate::identify::Prior;
 use crate::model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
@@ -26,7 +25,6 @@ pub(super) struct Search<'a> {
 }
 
 /// Where it is.
-#[derive(Clone)]
 struct Point {
     model: Model,
     prediction: Prediction,
@@ -95,26 +93,27 @@ impl<'a> Search<'a> {
         let mut gained_before = f64::INFINITY;
         let mut steps_left = effort.steps;
         loop {
-            let before = self.at.clone();
-            let gains = self.step(&known);
+            let left = self.step(&known);
             self.settle();
-            let gained = before.cost - self.at.cost;
-            // So near the end the sensitivities no longer change.
-            let is_near = !gains || gained < effort.least_gain * before.cost;
-            if is_near && known.is_simulated {
-                return Some(known.sensitivities);
-            }
-            if !gains {
+            let Some(before) = left else {
+                if known.is_simulated {
+                    return Some(known.sensitivities);
+                }
                 known = simulated(self);
                 continue;
+            };
+            let gained = before.cost - self.at.cost;
+            if gained < effort.least_gain * before.cost {
+                // So near the end they no longer change.
+                return known.is_simulated.then_some(known.sensitivities);
             }
             steps_left -= 1;
             let pace = gained.max(std::mem::replace(&mut gained_before, gained));
             let is_useless = self.at.cost - steps_left as f64 * pace > effort.useless_above;
-            if steps_left == 0 || is_useless || is_near && effort.corrects {
+            if steps_left == 0 || is_useless {
                 return None;
             }
-            if corrects && !is_near && gained < FAR * before.cost {
+            if corrects && gained < FAR * before.cost {
                 known.correct(&self.moved(&before), &self.changed(&before));
             } else {
                 known = simulated(self);
@@ -129,18 +128,14 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Goes to a model if it costs less than the present one; whether it did.
-    fn take_if_better(&mut self, model: Model) -> bool {
+    /// Goes to a model if it costs less than the present one; the point that it has left then.
+    fn take_if_better(&mut self, model: Model) -> Option<Point> {
         let there = Point::new(model, self.data, &self.unknowns);
-        let better = there.cost < self.at.cost;
-        if better {
-            self.at = there;
-        }
-        better
+        (there.cost < self.at.cost).then(|| std::mem::replace(&mut self.at, there))
     }
 
-    /// One step; `false` when none is better.
-    fn step(&mut self, known: &Known) -> bool {
+    /// One step; the point that it has left, `None` when no step is better.
+    fn step(&mut self, known: &Known) -> Option<Point> {
         let normal = &known.sensitivities.normal;
         let gradient = known.sensitivities.gradient(&self.at.model, &self.at.residual, &self.unknowns);
         let before = self.damping;
@@ -153,19 +148,19 @@ impl<'a> Search<'a> {
                 self.damping = (self.damping * 10.0).max(1e-6);
                 continue;
             };
-            if self.try_step(&step) {
+            if let Some(left) = self.try_step(&step) {
                 self.damping = (self.damping * 0.2).max(1e-9);
-                return true;
+                return Some(left);
             }
             self.damping = (self.damping * 8.0).max(1e-4);
         }
         if !known.is_simulated {
             self.damping = before;
         }
-        false
+        None
     }
 
-    fn try_step(&mut self, step: &DVector<f64>) -> bool {
+    fn try_step(&mut self, step: &DVector<f64>) -> Option<Point> {
         let mut model = self.at.model.clone();
         for (unknown, step) in self.unknowns.iter().zip(step.iter()) {
             let limit = if unknown.logarithmic { 1.0 } else { 5.0 };
