@@ -256,7 +256,7 @@ impl Bench {
             Effect::Backlash => {
                 hidden.gap_rad = between(2.0, 8.0).to_radians();
                 hidden.load_share = random.random_range(0.3..0.6);
-                hidden.contact_hz = log_uniform(random, 150.0, 600.0);
+                hidden.contact_hz = log_uniform(random, 60.0, 600.0);
                 hidden.contact_damping = random.random_range(0.2..0.6);
                 vec![("gap_rad", hidden.gap_rad), ("load_inertia_share", hidden.load_share)]
             }

@@ -173,7 +173,7 @@ static ABOUT: About = About {
         Parameter::within("gap_rad", 0.0, 1.0),
         Parameter::within("load_inertia_share", 0.0, MOST_SHARE),
         // Below, it would be a springy shaft; above, all blows are alike.
-        Parameter::within("contact_Hz", 100.0, 1000.0),
+        Parameter::within("contact_Hz", 40.0, 1000.0),
         Parameter::within("contact_damping", 0.05, 0.95),
     ],
     linear_in: 0,
@@ -191,7 +191,8 @@ impl Effect for Backlash {
     }
 
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        [0.02, 0.05, 0.12].map(|gap_rad| vec![gap_rad, 0.4, 300.0, 0.4]).to_vec()
+        let of_contact = |contact_hz: f64| [0.02, 0.05, 0.12, 0.3].map(|gap_rad| vec![gap_rad, 0.4, contact_hz, 0.3]);
+        [300.0, 90.0].map(of_contact).concat()
     }
 
     /// A fit finds a gap that it is told to a fifth, and then only beside a load that is about right.
@@ -208,7 +209,7 @@ impl Effect for Backlash {
 
     /// The blows that a gap foretells a little too early or too late fit the readings as badly as none.
     fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
-        [0.9, 1.1].map(|factor| [&[factor * values[0]], &values[1..]].concat()).to_vec()
+        [0.75, 0.9, 1.1, 1.35].map(|factor| [&[factor * values[0]], &values[1..]].concat()).to_vec()
     }
 
     /// Twist, speed of the load, and what becomes of a step in contact.

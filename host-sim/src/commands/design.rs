@@ -2,18 +2,19 @@
 
 use super::analyse::motor_of;
 use super::{Failure, read_model, read_rig, spinner, write};
-use crate::design::compensation::{Losses, Standstill, compensation, near_standstill};
+use crate::design::compensation::{CompensationSetting, Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::{ControlLaw, setting_name};
 use crate::design::specification::{Specification, Speed};
 use crate::design::tachogenerator::Tachogenerator;
 use crate::design::weights::{BadWeight, Weights};
-use crate::design::{Bench, Design, TrialWithEffects, design, report, trial_with_effects};
+use crate::design::{Bench, Design, DesignError, TrialWithEffects, design, report, trial_with_effects};
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
 use crate::terminal_text::wrapped;
 use clap::{ArgGroup, Args};
+use motorbench_core::settings::Settings;
 use std::path::PathBuf;
 
 /// Designs PID and LQR for a motor, by a specification or by weights.
@@ -133,12 +134,22 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (motor, bench, rig) = arguments.problem()?;
     let specification = arguments.specification(&bench)?;
+    let compensation = arguments.compensation(&motor, &rig)?;
+    let model = arguments.extended()?;
     let busy = spinner();
-    let (mut designs, mut refused) = (Vec::new(), Vec::new());
+    let (mut designs, mut refused, mut trials) = (Vec::new(), Vec::new(), Vec::new());
     for law in arguments.laws() {
         busy.set_message(format!("{}: weights, margins, 30 % off in everything, on the core", law.title()));
-        match design(&motor, &bench, law, &specification) {
-            Ok(design) => designs.push(design),
+        let offered = design(&motor, &bench, law, &specification).and_then(|design| {
+            let settings = compensation.added_to(&design.settings)?;
+            let trial = model.as_ref().map(|model| trial_with_effects(model, &design, &settings.all)).transpose()?;
+            Ok((design, trial))
+        });
+        match offered {
+            Ok((design, trial)) => {
+                designs.push(design);
+                trials.extend(trial);
+            }
             Err(error) => refused.push(Refused { law, why: error.to_string() }),
         }
     }
@@ -150,33 +161,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let mut settings = SettingList::default();
     designs.iter().for_each(|design| settings.merge(&design.settings));
-    let mut standstill = Vec::new();
-    if arguments.compensate {
-        let losses = arguments.losses(&rig)?;
-        let found = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
-        for setting in found.map_err(Failure::input)? {
-            settings.set(setting.param, setting.value).map_err(Failure::input)?;
-        }
-        let model = losses.model(&motor);
-        for design in &designs {
-            standstill.push(
-                near_standstill(&model, &settings.all, design.law, design.tachogenerator.as_ref()).map_err(
-                    |error| {
-                        Failure::input(format!(
-                            "{}: the core's formats refuse it: {:?}",
-                            setting_name(error.param),
-                            error.rule
-                        ))
-                    },
-                )?,
-            );
-        }
-    }
-    let model = arguments.extended()?;
-    let trials: Vec<_> = designs
-        .iter()
-        .filter_map(|design| Some((design.law, trial_with_effects(model.as_ref()?, design, &settings.all))))
-        .collect();
+    let settings = compensation.added_to(&settings).map_err(Failure::input)?;
+    let standstill = compensation.near_standstill(&designs, &settings.all)?;
     let commands = settings.commands();
     let json_to_output = arguments.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
     if !json_to_output {
@@ -203,7 +189,43 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
+/// What the core is to make up for.
+struct Compensation {
+    settings: Vec<CompensationSetting>,
+    /// A motor that loses that, if anything is made up for.
+    model: Option<Model>,
+}
+
+impl Compensation {
+    fn added_to(&self, settings: &SettingList) -> Result<SettingList, DesignError> {
+        let mut settings = settings.clone();
+        for setting in &self.settings {
+            settings.set(setting.param, setting.value)?;
+        }
+        Ok(settings)
+    }
+
+    /// What it brings to each design.
+    fn near_standstill(&self, designs: &[Design], settings: &Settings) -> Result<Vec<Standstill>, Failure> {
+        let Some(model) = &self.model else { return Ok(Vec::new()) };
+        let found =
+            designs.iter().map(|design| near_standstill(model, settings, design.law, design.tachogenerator.as_ref()));
+        found.collect::<Result<_, _>>().map_err(|error| {
+            Failure::input(format!("{}: the core's formats refuse it: {:?}", setting_name(error.param), error.rule))
+        })
+    }
+}
+
 impl Arguments {
+    fn compensation(&self, motor: &MotorParameters, rig: &Rig) -> Result<Compensation, Failure> {
+        if !self.compensate {
+            return Ok(Compensation { settings: Vec::new(), model: None });
+        }
+        let losses = self.losses(rig)?;
+        let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
+        Ok(Compensation { settings: settings.map_err(Failure::input)?, model: Some(losses.model(motor)) })
+    }
+
     fn laws(&self) -> Vec<ControlLaw> {
         let (pid, lqr) = if self.position {
             (ControlLaw::PositionPid, ControlLaw::PositionLqr)
@@ -313,10 +335,8 @@ fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
     }))
 }
 
-fn written((law, trial): &TrialWithEffects) -> serde_json::Value {
-    let failure = trial.as_ref().err().map(ToString::to_string);
-    let figures = trial.as_ref().ok().map(|(figures, _)| figures);
-    serde_json::json!({ "law": law, "trial": figures, "failure": failure })
+fn written((law, figures, _): &TrialWithEffects) -> serde_json::Value {
+    serde_json::json!({ "law": law, "trial": figures })
 }
 
 /// Half a page.
@@ -368,6 +388,23 @@ mod tests {
             console: None,
             report: None,
         }
+    }
+
+    /// A motor that the supply cannot even turn against its friction: the linear design holds, the loop would not.
+    #[test]
+    fn what_trips_with_the_models_effects_is_not_offered() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, model, console] = ["rig.toml", "model.toml", "gains.txt"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG).unwrap();
+        std::fs::write(&model, format!("{RIG}[effects.coulomb_friction]\ntorque_Nm = 0.5\n")).unwrap();
+        let extended = Arguments { model: Some(model), console: Some(console.clone()), ..arguments(&rig) };
+        let failure = run(&extended).unwrap_err();
+        assert!(
+            failure.message.contains("with the effects of the model the speed PID does not work"),
+            "{}",
+            failure.message
+        );
+        assert!(failure.code == 1 && !console.exists());
     }
 
     #[test]

@@ -201,8 +201,9 @@ mod tests {
             }
             let found = near_standstill(&losses.model(&motor), &settings, law, None).unwrap();
             print!("{}", found.text());
-            let (without, with) = (found.without.unwrap(), found.with.unwrap());
-            assert!(with < 0.6 * without, "{found:?}");
+            // Stuck for too long without it, a loop trips.
+            let with = found.with.unwrap();
+            assert!(found.without.is_none_or(|without| with < 0.6 * without), "{found:?}");
         }
     }
 

@@ -324,8 +324,22 @@ fn position_range(motor: &MotorParameters, bench: &Bench, specification: &Specif
     power_of_two(POSITION_SUPPLIES * supply_rad).min(finest).clamp(1.0, 4096.0)
 }
 
-/// Switches off the gains of other laws that do not fit the ranges of this rig, and puts the unused tachogenerator's
-/// within its format, until all settings can be held.
+/// Whether a range is too fine for the few counts of an encoder: the core scales counts by a sixteen-bit number that a
+/// range divides, so that what is too large is the scale and not the range.
+fn is_too_fine(error: BuildError) -> bool {
+    error.rule == Rule::TooLarge && matches!(error.param, Param::SpeedRange | Param::PositionRange)
+}
+
+fn double_range(list: &mut SettingList, range: Param) -> Result<(), DesignError> {
+    let doubled = 2.0 * f64::from(list.all.get(range));
+    if range == Param::SpeedRange {
+        list.set(Param::CompFrictionWidth, doubled / WIDTHS_A_RANGE)?;
+    }
+    list.set(range, doubled)
+}
+
+/// Doubles ranges that are too fine for the encoder, switches off the gains of other laws that do not fit the ranges of
+/// this rig, and puts the unused tachogenerator's within its format, until all settings can be held.
 fn fit(list: &mut SettingList, law: ControlLaw) -> Result<(), DesignError> {
     let others = |param: Param| {
         let laws = ControlLaw::ALL.into_iter().filter(|other| *other != law);
@@ -334,6 +348,7 @@ fn fit(list: &mut SettingList, law: ControlLaw) -> Result<(), DesignError> {
     loop {
         match LoopConfig::build(&list.all) {
             Ok(_) => return Ok(()),
+            Err(error) if is_too_fine(error) => double_range(list, error.param)?,
             Err(error) if others(error.param) && list.all.get(error.param) != 0.0 => list.set(error.param, 0.0)?,
             Err(error)
                 if error.param == Param::TachoGain

@@ -203,6 +203,16 @@ pub enum DesignError {
         /// What went wrong.
         what: String,
     },
+    /// The same with the effects of the model.
+    #[error(
+        "with the effects of the model the {law} does not work: {what}; compensate them (--compensate), raise current-limit-A, or ask for a slower loop"
+    )]
+    WithEffects {
+        /// Which law.
+        law: &'static str,
+        /// What went wrong.
+        what: String,
+    },
 }
 
 /// A gain of a design.
@@ -363,8 +373,7 @@ fn best_shape(
     };
     let current_known = bench.current_measured || observer.is_some();
     match with(current_known) {
-        // Of a fast winding the current tells the speed sooner than a low-pass does. A gain that makes use of it is cheap,
-        // and bears no delay.
+        // The current may tell the speed sooner than the speed's own way does: a gain that lives on it bears no delay.
         Err(DesignError::NotRobust { law: title, weakness }) if current_known && law.uses_current() => {
             with(false).map_err(|_| DesignError::NotRobust { law: title, weakness })
         }
@@ -670,23 +679,28 @@ impl StepTrial<'_> {
     }
 }
 
-/// A law's trial with the effects of the model: its figures and its course, or what went wrong.
-pub type TrialWithEffects = (ControlLaw, Result<(TrialFigures, Vec<Point>), DesignError>);
+/// A law's trial with the effects of the model: its figures and its course.
+pub type TrialWithEffects = (ControlLaw, TrialFigures, Vec<Point>);
 
-/// The design's own trial again, with `settings` that may compensate, and with a motor that has effects the design does not
-/// know. What comes of it is told and not judged: compensation, slower profiles and other motors are the reader's choice.
+/// The design's own trial again, with the board's `settings`, which may compensate, and with a motor that has effects the
+/// design does not know. Its figures are told and not judged: compensation, slower profiles and other motors are the
+/// reader's choice.
 ///
 /// # Errors
-/// [`DesignError::Trial`] if a trip comes.
+/// [`DesignError::WithEffects`] if a trip comes: nobody can use such a loop.
 pub fn trial_with_effects(
     model: &Model,
     design: &Design,
     settings: &Settings,
-) -> Result<(TrialFigures, Vec<Point>), DesignError> {
+) -> Result<TrialWithEffects, DesignError> {
     let duration_s = design.points.last().map_or(0.0, |point| point.t_s);
     let plant = ModelPlant::new(model.clone());
     let mut trial = started(plant, design.law, design.tachogenerator.as_ref(), settings)?;
-    follow_step(&mut trial, design.law, design.trial.step, duration_s)
+    match follow_step(&mut trial, design.law, design.trial.step, duration_s) {
+        Ok((figures, points)) => Ok((design.law, figures, points)),
+        Err(DesignError::Trial { law, what }) => Err(DesignError::WithEffects { law, what }),
+        Err(other) => Err(other),
+    }
 }
 
 /// The core with a motor, armed, in the mode of a law.

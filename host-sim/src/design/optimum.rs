@@ -30,7 +30,8 @@ pub struct Optimum {
 }
 
 /// The gains on the signals marked in `used` that cost least: `weights` on the states, one on the square of the
-/// voltage; from deviations of `scales` in each state. `None` if no stabilising gains were found.
+/// voltage; from [`SampledLoop::deviations`] of `scales`, each as likely as the others. `None` if no stabilising gains
+/// were found.
 pub fn optimum(sampled: &SampledLoop, weights: &Matrix, scales: &DVector<f64>, used: &[bool]) -> Option<Optimum> {
     let problem = Problem::new(sampled, weights, scales, used)?;
     let mut best = problem.start()?;
@@ -58,7 +59,8 @@ struct Problem {
     /// The used signals.
     c: Matrix,
     q: Matrix,
-    identity: Matrix,
+    /// Covariance of what it starts from.
+    start: Matrix,
     /// Scale of each used signal, and its place among all.
     signals: Vec<(f64, usize)>,
     all_signals: usize,
@@ -79,6 +81,7 @@ impl Problem {
         let scale = Matrix::from_diagonal(scales);
         let unscale = Matrix::from_diagonal(&scales.map(f64::recip));
         let all = sampled.signals() * &scale;
+        let deviations = sampled.deviations();
         let signals: Vec<(f64, usize)> =
             (0..all.nrows()).filter(|&row| used[row]).map(|row| (all.row(row).norm(), row)).collect();
         let c = Matrix::from_fn(signals.len(), a.nrows(), |row, column| {
@@ -90,7 +93,7 @@ impl Problem {
             b: &unscale * b,
             c,
             q: &scale * weights * &scale,
-            identity: Matrix::identity(a.nrows(), a.nrows()),
+            start: &deviations * deviations.transpose(),
             signals,
             all_signals: used.len(),
         })
@@ -100,7 +103,7 @@ impl Problem {
     fn start(&self) -> Option<State> {
         let one = Matrix::identity(1, 1);
         let full = riccati::feedback(&self.a, &self.b, &self.q, &one).ok()?;
-        let covariance = lyapunov(&(&self.a - &self.b * &full), &self.identity)?;
+        let covariance = lyapunov(&(&self.a - &self.b * &full), &self.start)?;
         let fitted = self.fit(&full, &covariance)?;
         // Seldom the fit does not stabilise; less of what it feeds back does.
         (0..MAX_HALVINGS).find_map(|halving| self.state_of(&fitted * 0.5_f64.powi(halving as i32)))
@@ -119,7 +122,7 @@ impl Problem {
 
     /// Where the conditions of the optimum, with everything else held, have their solution.
     fn improved(&self, state: &State) -> Option<Matrix> {
-        let covariance = lyapunov(&state.closed, &self.identity)?;
+        let covariance = lyapunov(&state.closed, &self.start)?;
         let weight = 1.0 + (self.b.transpose() * &state.p * &self.b)[(0, 0)];
         let full = self.b.transpose() * &state.p * &self.a / weight;
         self.fit(&full, &covariance)
@@ -130,7 +133,7 @@ impl Problem {
         let row = &gain * &self.c;
         let closed = &self.a - &self.b * &row;
         let p = lyapunov(&closed.transpose(), &(&self.q + row.transpose() * &row))?;
-        let cost = p.trace();
+        let cost = (&p * &self.start).trace();
         (cost.is_finite() && cost > 0.0).then_some(State { gain, cost, p, closed })
     }
 

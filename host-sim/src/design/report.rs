@@ -11,7 +11,6 @@ use super::{Design, TrialFigures, TrialWithEffects, current_sensor};
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
-use crate::terminal_text::wrapped;
 use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, document, escaped};
 use motorbench_core::settings::Param;
 use nalgebra::Complex;
@@ -123,11 +122,8 @@ pub fn beyond_linear(trials: &[TrialWithEffects], standstill: &[Standstill]) -> 
     text
 }
 
-fn with_effects((law, trial): &TrialWithEffects) -> String {
-    match trial {
-        Ok((trial, _)) => format!("  {:16} {}", law.title(), trial_text(trial, unit(*law))),
-        Err(error) => wrapped(&error.to_string(), "  ", "  "),
-    }
+fn with_effects((law, trial, _): &TrialWithEffects) -> String {
+    format!("  {:16} {}", law.title(), trial_text(trial, unit(*law)))
 }
 
 fn unit(law: ControlLaw) -> &'static str {
@@ -142,12 +138,12 @@ pub fn html(
     standstill: &[Standstill],
     commands: &[String],
 ) -> String {
-    let mut body = String::from("<h1>Design</h1>\n");
+    let constants = motor.named().map(|(name, value)| format!("{name} = {value:.4e}"));
+    let mut body = format!("<h1>Design</h1>\n<p>For a motor with {}.</p>\n", constants.join(", "));
     for design in designs {
         body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n", design.law.title(), escaped(&summary(design)));
         let [gain, phase] = loop_plots(motor, design);
-        let course = trials.iter().find(|(law, _)| *law == design.law).and_then(|(_, trial)| trial.as_ref().ok());
-        let course = course.map_or(&[][..], |(_, points)| points);
+        let course = trials.iter().find(|(law, ..)| *law == design.law).map_or(&[][..], |(.., points)| points);
         for plot in
             [step_plot(motor, design, course), effort_plot(design, course), gain, phase, root_plot(motor, design)]
         {

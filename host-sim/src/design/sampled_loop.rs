@@ -275,6 +275,27 @@ impl SampledLoop {
         scales
     }
 
+    /// What a loop starts from, a column each, in units of the scales: speed, current, position and integral as they were
+    /// for long, so that sensors, filters and observer agree with them. A measured speed that differs from the speed would
+    /// be an error of the sensor, and the loop that costs least would guard against it.
+    pub fn deviations(&self) -> Matrix {
+        let Places { speed, current, position, measured_speed, mean_current, filter, integral, estimate, .. } =
+            self.places;
+        let estimated = |seen: usize| (estimate < self.states()).then(|| estimate + seen);
+        let last_seen = self.places.seen().count() - 1;
+        let of_speed = [Some(speed), Some(measured_speed), Some(filter), estimated(0), estimated(last_seen)];
+        let of_current = [Some(current), Some(mean_current), estimated(1), None, None];
+        let alone = |place: Option<usize>| [place, None, None, None, None];
+        let columns = [of_speed, of_current, alone(position), alone(Some(integral))];
+        let mut deviations = Matrix::zeros(self.states(), columns.len());
+        for (column, places) in columns.iter().enumerate() {
+            for place in places.iter().flatten() {
+                deviations[(*place, column)] = 1.0;
+            }
+        }
+        deviations
+    }
+
     /// From the reference to the controlled quantity, the voltage and the current.
     pub fn closed(&self, gains: &Gains) -> Discrete {
         let feedback = self.feedback_row(gains);

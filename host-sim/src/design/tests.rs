@@ -169,8 +169,8 @@ fn bad_input_is_refused_each_with_its_own_message() {
         (of(Specification { overshoot_percent: 150.0, ..good }), "overshoot-percent = 150"),
         (of(Specification { current_limit_a: 0.0, ..good }), "current-limit-A = 0"),
         (
-            of(Specification { speed: Speed::BandwidthHz(100.0), ..good }),
-            "does not become fast enough: its bandwidth reaches 9",
+            of(Specification { speed: Speed::SettlingS(0.006), ..good }),
+            "does not become fast enough: it settles in 0.0",
         ),
         (
             refused(MotorParameters { inertia_kg_m2: -1.0, ..motor }, Bench::default(), good),
@@ -232,6 +232,29 @@ fn at_two_kilohertz_the_core_follows_as_well() {
         let worst = farthest_from_linear(&design, &MotorParameters::PIVT6);
         println!("{law:?} at 2 kHz: core and linear loop differ by {:.2} % of the step at most", 100.0 * worst);
         assert!(worst < 0.02, "{law:?}: {worst}");
+    }
+}
+
+/// An encoder of few counts is scaled more coarsely and not refused, however slow the motor.
+#[test]
+fn a_coarse_encoder_is_no_reason_to_refuse() {
+    let geared = MotorParameters {
+        resistance_ohm: 6.57,
+        inductance_h: 7e-3,
+        torque_constant_nm_per_a: 0.129,
+        inertia_kg_m2: 9.5e-5,
+        viscous_friction_nm_s: 4.6e-4,
+    };
+    let specification = Specification { speed: Speed::BandwidthHz(3.0), overshoot_percent: 10.0, current_limit_a: 0.8 };
+    for (motor, supply_v) in [(MotorParameters::PIVT6, 12.0), (geared, 6.0)] {
+        for counts_per_rev in [28.0, 48.0, 64.0, 100.0] {
+            let bench = Bench { supply_v, counts_per_rev: Some(counts_per_rev), ..Bench::default() };
+            for law in [ControlLaw::SpeedPid, ControlLaw::SpeedLqr] {
+                if let Err(error) = design(&motor, &bench, law, &specification) {
+                    panic!("{law:?} with {counts_per_rev} counts at {supply_v} V: {error}");
+                }
+            }
+        }
     }
 }
 
@@ -570,8 +593,8 @@ fn given_weights_are_checked() {
         design(&motor, &Bench::default(), law, &specification).unwrap_err().to_string()
     };
     for (message, expected) in [
-        (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1.0], 1e-6, 10.0), "is larger than its format holds"),
-        (refused(ControlLaw::SpeedPid, &[0.0, 0.0, 1.0], 3e-4, 10.0), "would not be robust"),
+        (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1.0], 1e-6, 20.0), "is larger than its format holds"),
+        (refused(ControlLaw::SpeedPid, &[0.0, 0.0, 1.0], 1e-3, 10.0), "would not be robust"),
         (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1e-9], 1.0, 10.0), "no gains with which a step settles within 20 s"),
         (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by 36.6 %"),
         (refused(ControlLaw::PositionLqr, &[1.0, 0.0, 1.0], 1.0, 10.0), "the weights are those of a speed loop"),
@@ -598,12 +621,13 @@ fn with_a_tachogenerator_the_loop_has_its_delay_its_steps_and_its_ripple() {
         assert!(report::summary(&with_tacho).contains("3 V at 1000 rpm: steps of 0.341 rad/s"));
         assert!((0.99 * 10.0..1.05 * 10.0).contains(&with_tacho.figures.bandwidth_hz));
         // With the same gains low-pass and conversion take what they delay from the margin: half a tick more than the mean
-        // over a tick has, and 3.2 ms.
+        // over a tick has, and 3.2 ms; less where the current, which they do not delay, is fed back as well.
         let margin_s =
             |sampling: &Sampling| robustness::check(&motor, law, sampling, &with_tacho.held).unwrap().margins.delay_s;
         let lost_s = margin_s(&with_encoder.sampling) - margin_s(&with_tacho.sampling);
         println!("{law:?}: conversion and low-pass take {:.2} ms of the delay margin", 1e3 * lost_s);
-        assert!((3.2e-3..3.9e-3).contains(&lost_s), "{lost_s}");
+        let least_s = if law == ControlLaw::SpeedPid { 3.2e-3 } else { 2.9e-3 };
+        assert!((least_s..3.9e-3).contains(&lost_s), "{lost_s}");
         assert!(with_tacho.robustness.margins.modulus > 0.6, "{:?}", with_tacho.robustness.margins);
         // What the ripple makes of the voltage is told, and the encoder has none.
         assert!(with_tacho.trial.swing_v > 2.0 * with_encoder.trial.swing_v, "{:?}", with_tacho.trial);

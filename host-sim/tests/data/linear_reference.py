@@ -167,7 +167,8 @@ def sampled_loop(position, filter_part):
 
 def weighted(position, q_diagonal, r):
     """LQI of the PIVT-6: the Riccati equation's feedback of all states, and the cheapest feedback of what the core
-    measures, from deviations of each state of the size that a volt brings about at the crossover."""
+    measures, from deviations of speed, current, angle and integral, each of the size that a volt brings about at the
+    crossover and as it was for long: what is measured of it agrees."""
     a, b, c, weighed = sampled_loop(position, 1.0)
     n = len(a)
     q = np.zeros((n, n))
@@ -188,7 +189,15 @@ def weighted(position, q_diagonal, r):
     speed, current = 1 / motor["k"], 1 / motor["R"]
     states = [speed, current] + ([speed / crossover] if position else []) + [1, speed, current, speed]
     scales = np.array(states + [speed / crossover ** (2 if position else 1)])
-    start = np.diag(scales**2)
+    mean_speed, mean_current, filtered, integral = range(n - 4, n)
+    deviations = np.zeros((n, 4))
+    deviations[[0, mean_speed, filtered], 0] = 1
+    deviations[[1, mean_current], 1] = 1
+    if position:
+        deviations[2, 2] = 1
+    deviations[integral, 3] = 1
+    deviations *= scales[:, None]
+    start = deviations @ deviations.T
 
     size = np.linalg.norm(c * scales, axis=1)
 
