@@ -1,6 +1,6 @@
 //! `motorbench analyse`: what the linear model of a motor says.
 
-use super::{Failure, write};
+use super::{Failure, Outputs, write};
 use crate::design::fixed_point::rounded;
 use crate::linear::frequency_response::{bode, log_spaced};
 use crate::linear::motor_model::{TimeConstants, angle, current, speed};
@@ -49,6 +49,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let outputs = Outputs::new([&arguments.rig], arguments.written().iter())?;
     let (motor, _) = motor_of(&arguments.rig)?;
     let sampled = arguments.sampled(&motor)?;
     if arguments.json {
@@ -59,13 +60,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         println!("{figures:#}");
     } else {
-        print!("{}", analysis(&motor));
-        if sampled.is_some() {
-            println!();
-        }
-        for (name, form) in sampled.iter().flatten() {
-            print!("{}", equation(name, &form.text("z")));
-        }
+        let forms = sampled.iter().flatten().map(|(name, form)| equation(name, &form.text("z")));
+        let gap = if sampled.is_some() { "\n" } else { "" };
+        outputs.say(&(analysis(&motor) + gap + &forms.collect::<String>()));
     }
     if let Some(path) = &arguments.bode {
         write(path, &bode_csv(&motor))?;
@@ -80,6 +77,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 type Named = (&'static str, TransferFunction);
 
 impl Arguments {
+    /// What is written where.
+    fn written(&self) -> Vec<PathBuf> {
+        let json = self.json.then(|| PathBuf::from("-"));
+        [&self.bode, &self.step, &json].into_iter().flatten().cloned().collect()
+    }
+
     /// The forms in `z`, if they are asked for.
     fn sampled(&self, motor: &MotorParameters) -> Result<Option<[Named; 3]>, Failure> {
         let Some(period_ms) = self.period_ms else { return Ok(None) };

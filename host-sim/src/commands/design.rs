@@ -1,7 +1,7 @@
 //! `motorbench design`: gains for a specification or for weights.
 
 use super::analyse::motor_of;
-use super::{Failure, read_model, read_rig, spinner, write};
+use super::{Failure, Outputs, read_model, read_rig, spinner, write};
 use crate::design::compensation::{Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::{ControlLaw, setting_name};
@@ -118,8 +118,8 @@ pub struct Arguments {
         conflicts_with = "model"
     )]
     coulomb_nm: f64,
-    /// Writes the designs as JSON; `-` to the standard output, instead of the text.
-    #[arg(long, value_name = "FILE")]
+    /// Writes the designs as JSON into a file, - for the terminal instead of the text.
+    #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
     /// Writes the lines for the board's console, for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
@@ -131,6 +131,8 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let files = [&arguments.json, &arguments.console, &arguments.report].into_iter().flatten();
+    let outputs = Outputs::new(arguments.rig.iter().chain(&arguments.model), files)?;
     let (motor, bench, rig) = arguments.problem()?;
     let specification = arguments.specification(&bench)?;
     let busy = spinner();
@@ -178,21 +180,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .filter_map(|design| Some((design.law, trial_with_effects(model.as_ref()?, design, &settings.all))))
         .collect();
     let commands = settings.commands();
-    let json_to_output = arguments.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
-    if !json_to_output {
-        print!("{}", page(&designs, &refused, &trials, &standstill, &commands));
-    }
+    outputs.say(&page(&designs, &refused, &trials, &standstill, &commands));
     if let Some(path) = &arguments.json {
         let result = serde_json::json!({
             "motor": motor, "designs": designs, "refused": refused, "with_effects": trials.iter().map(written).collect::<Vec<_>>(),
             "near_standstill": standstill, "commands": commands
         });
-        let text = serde_json::to_string_pretty(&result).map_err(Failure::machine)?;
-        if json_to_output {
-            println!("{text}");
-        } else {
-            write(path, &text)?;
-        }
+        write(path, &(serde_json::to_string_pretty(&result).map_err(Failure::machine)? + "\n"))?;
     }
     if let Some(path) = &arguments.console {
         write(path, &(commands.join("\n") + "\n"))?;

@@ -1,7 +1,7 @@
 //! `motorbench diagnose`
 
 use super::recordings::RecordingArguments;
-use super::{Failure, rig_beside, rig_for, spinner, write};
+use super::{Failure, Outputs, rig_beside, rig_for, spinner, write};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -48,11 +48,13 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     if args.batch {
         return batch(args, &rig_for(args.recordings.rig.as_deref(), None)?);
     }
+    let outputs =
+        Outputs::new(&args.recordings.files(), [&args.json, &args.report, &args.model].into_iter().flatten())?;
     let (rig, recordings) = (args.recordings.rig()?, args.recordings.read()?);
     if let [table] = &recordings[..]
         && table.time_s().is_none()
     {
-        return run_table(args, table, &rig);
+        return run_table(args, &outputs, table, &rig);
     }
     let bar = spinner();
     let result = diagnose(&recordings, &rig, &|text| bar.set_message(text.to_string()));
@@ -65,7 +67,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &args.report {
         write(path, &report::report(&diagnosis, &names))?;
     }
-    finish(args, &diagnosis.outcome, || page::page(&diagnosis))
+    finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))
 }
 
 /// One line for each file, in no order; a bad one does not stop the others.
@@ -127,7 +129,7 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-fn run_table(args: &Arguments, table: &Recording, rig: &Rig) -> Result<(), Failure> {
+fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) -> Result<(), Failure> {
     let study = steady_state::study(table, rig, None).map_err(Failure::input)?;
     if let Some(path) = &args.model {
         return Err(Failure::input(format!(
@@ -138,19 +140,19 @@ fn run_table(args: &Arguments, table: &Recording, rig: &Rig) -> Result<(), Failu
     if let Some(path) = &args.report {
         write(path, &study.html(&table.name))?;
     }
-    finish(args, &study, || study.page())
+    finish(args, outputs, &study, || study.page())
 }
 
-/// JSON where it was asked for, the page unless the terminal is taken by the JSON.
-fn finish(args: &Arguments, result: &impl serde::Serialize, page: impl FnOnce() -> String) -> Result<(), Failure> {
-    let json = serde_json::to_string_pretty(result).map_err(Failure::input)? + "\n";
-    match &args.json {
-        Some(path) if path == Path::new("-") => print!("{json}"),
-        Some(path) => {
-            write(path, &json)?;
-            print!("{}", page());
-        }
-        None => print!("{}", page()),
+/// JSON where it was asked for, and the page.
+fn finish(
+    args: &Arguments,
+    outputs: &Outputs,
+    result: &impl serde::Serialize,
+    page: impl FnOnce() -> String,
+) -> Result<(), Failure> {
+    if let Some(path) = &args.json {
+        write(path, &(serde_json::to_string_pretty(result).map_err(Failure::input)? + "\n"))?;
     }
+    outputs.say(&page());
     Ok(())
 }

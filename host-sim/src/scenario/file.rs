@@ -11,7 +11,7 @@ use motorbench_core::message::{Mode, Trip};
 use motorbench_core::settings::{Param, Settings, Text, text};
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Longest scenario.
 const LONGEST_S: f64 = 3600.0;
@@ -81,8 +81,12 @@ pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError
         Model::parse(&file.model_text(path, &text)?)
             .map_err(|source| ScenarioError::Model { path: name.clone(), source: Box::new(source) })
     };
-    let model = model.map_or_else(own, Ok)?;
-    file.scenario(model, &text).map_err(|what| ScenarioError::Value { path: name, what })
+    let named = || file.model.as_ref().map(|model| path.with_file_name(model));
+    let (model, model_file) = match model {
+        Some(model) => (model, None),
+        None => (own()?, named()),
+    };
+    file.scenario((model, model_file), &text).map_err(|what| ScenarioError::Value { path: name, what })
 }
 
 /// Whether a text in TOML has nothing that could be the length of a scenario: a model or rig file.
@@ -117,7 +121,7 @@ impl File {
         Ok(text.into())
     }
 
-    fn scenario(self, model: Model, text: &str) -> Result<Scenario, String> {
+    fn scenario(self, (model, model_file): (Model, Option<PathBuf>), text: &str) -> Result<Scenario, String> {
         let mode = mode(&self.mode)?;
         if !(self.duration_s > 0.0 && self.duration_s <= LONGEST_S) {
             return Err(format!("duration_s = {}: expected more than 0 and at most {LONGEST_S}", self.duration_s));
@@ -146,6 +150,7 @@ impl File {
             duration_s: self.duration_s,
             mode,
             model,
+            model_file,
             settings,
             references,
             loads,

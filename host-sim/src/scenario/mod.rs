@@ -30,7 +30,7 @@ use motorbench_core::message::{Mode, Request, Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
 use reference::{Course, Reference};
 use serde::Deserialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// By how much a sum of times may be beyond the tick it means: without it, rounding would put off what is due by a tick.
 const ROUNDING_S: f64 = 1e-9;
@@ -100,6 +100,8 @@ pub struct Scenario {
     pub mode: Mode,
     /// The motor.
     pub model: Model,
+    /// The file that it names for that, where it does and no other model was given.
+    pub model_file: Option<PathBuf>,
     /// The firmware's settings.
     pub settings: Settings,
     /// In the order of time.
