@@ -73,6 +73,29 @@ impl Channel {
         }
     }
 
+    /// Magnitude beyond which a value is a slip or a glitch, and no measurement: of no small motor's bench by far.
+    fn greatest(self) -> f64 {
+        match self {
+            // Nanoseconds since 1970 are still a time.
+            Self::Time => 1e19,
+            Self::Duty | Self::Voltage | Self::Current | Self::Supply | Self::LoadTorque => 1e6,
+            Self::Speed | Self::SpeedReference => 1e7,
+            Self::Rpm => 1e8,
+            Self::Angle | Self::AngleReference => 1e9,
+            Self::Counts => 1e12,
+        }
+    }
+
+    /// What is said against a value that nothing has measured.
+    fn refusal(self, value: f64) -> Option<String> {
+        let (column, greatest) = (self.column(), self.greatest());
+        (value.abs() > greatest).then(|| {
+            format!(
+                "column {column}: {value:e} is no measurement (more than {greatest:e}): leave the cell empty, as for a sample that is missing, or mend its unit"
+            )
+        })
+    }
+
     /// The channel with this column name.
     pub fn of_column(column: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|channel| channel.column() == column)
@@ -209,11 +232,12 @@ impl Recording {
             let line = row.position().map_or(0, csv::Position::line);
             for ((column, values), text) in channels.iter().zip(&mut columns).zip(&row) {
                 let Some(channel) = column else { continue };
-                values.push(number(text).ok_or_else(|| RecordingError::Line {
-                    name: name.into(),
-                    line,
-                    message: format!("column {}: expected a number, found \"{text}\"", channel.column()),
-                })?);
+                let wrong = |message| RecordingError::Line { name: name.into(), line, message };
+                let value = number(text).ok_or_else(|| {
+                    wrong(format!("column {}: expected a number, found \"{text}\"", channel.column()))
+                })?;
+                channel.refusal(value).map_or(Ok(()), |message| Err(wrong(message)))?;
+                values.push(value);
             }
         }
         for (channel, values) in channels.into_iter().zip(columns) {
@@ -279,6 +303,13 @@ impl Recording {
         let error = |message: String| RecordingError::Table { name: self.name.clone(), message };
         if self.is_empty() {
             return Err(error("no samples after the header line".into()));
+        }
+        for (channel, values) in &self.columns {
+            if let Some((row, what)) =
+                values.iter().enumerate().find_map(|(row, value)| Some((row, channel.refusal(*value)?)))
+            {
+                return Err(error(format!("sample {}, {what}", row + 1)));
+            }
         }
         let Some(time_s) = self.time_s() else { return Ok(()) };
         for (row, pair) in time_s.windows(2).enumerate() {
@@ -368,6 +399,12 @@ mod tests {
             assert!(message(other).contains("`motorbench convert test.csv NEW.csv`"), "{}", message(other));
         }
         assert!(message("t_s,u_V\n").contains("no samples"));
+        for (column, value) in [("omega_rad_per_s", "1e300"), ("omega_rad_per_s", "-1e12"), ("i_A", "1e7")] {
+            let found = parse(&format!("t_s,{column}\n0,1\n1,{value}\n")).unwrap_err().to_string();
+            assert!(found.contains(&format!("line 3: column {column}: {value} is no measurement")), "{found}");
+        }
+        // A counter of 32 bits, and a clock since 1970.
+        assert!(parse("t_s,counts\n1.7e9,4294967295\n1.8e9,nan\n").is_ok());
     }
 
     #[test]

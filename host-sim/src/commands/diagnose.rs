@@ -8,6 +8,7 @@ use crate::rig::Rig;
 use crate::steady_state;
 use clap::Args;
 use rayon::prelude::*;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
 /// Shows what a simulation gets wrong, names the cause, extends the model and measures the gain.
@@ -79,7 +80,7 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
         .filter(|path| {
             let beside = if args.recordings.rig.is_none() { rig_beside(path) } else { None };
             let own = beside.as_deref().map(Rig::read).transpose().map_err(|error| error.to_string());
-            let result = own.and_then(|own| alone(path, args, own.as_ref().unwrap_or(rig)));
+            let result = own.and_then(|own| guarded(|| alone(path, args, own.as_ref().unwrap_or(rig))));
             let rig = args.recordings.rig.as_ref().or(beside.as_ref());
             let failed = result.is_err();
             let line = match result {
@@ -96,6 +97,15 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
         0 => Ok(()),
         failed => Err(Failure::input(format!("{failed} of {} recordings could not be diagnosed", files.len()))),
     }
+}
+
+/// A fault of the program in one file is that file's error, and stops no others.
+fn guarded<T>(study: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    panic::catch_unwind(AssertUnwindSafe(study)).unwrap_or_else(|payload| {
+        let text = payload.downcast_ref::<String>().map(String::as_str);
+        let why = text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no reason is known");
+        Err(format!("a fault of motorbench itself ({why}): please report it, with the recording"))
+    })
 }
 
 fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, String> {
@@ -155,4 +165,18 @@ fn finish(
     }
     outputs.say(&page());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_of_the_program_is_the_error_of_one_file() {
+        assert_eq!(guarded(|| Ok(1)), Ok(1));
+        let text = String::from("min > max");
+        for error in [guarded::<()>(|| panic!("min > max")), guarded(|| panic!("{text}"))] {
+            assert!(error.is_err_and(|why| why.contains("a fault of motorbench itself (min > max)")));
+        }
+    }
 }
