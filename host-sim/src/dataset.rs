@@ -17,6 +17,8 @@ const GAP_INTERVALS: f64 = 10.0;
 const LONGEST_HELD_S: f64 = 1.0;
 /// Stretches shorter than this are of no use.
 const SHORTEST_STRETCH: usize = 20;
+/// Rows farther apart show nothing of a motor's dynamics.
+const LONGEST_INTERVAL_S: f64 = 0.1;
 /// Span over which an angle is differentiated: short against the motor, long against the encoder's step.
 const DIFFERENCE_SPAN_S: f64 = 0.005;
 /// A command missing for longer than this means that the bridge was off.
@@ -174,6 +176,20 @@ pub enum DatasetError {
     /// Recordings of one rig with other columns.
     #[error("{0}: its columns differ from those of {1}: diagnose them one by one")]
     Mixed(String, String),
+    /// Too slow, or with times in another unit.
+    #[error(
+        "{name}: {interval_s} s from sample to sample (t_s): nothing of a motor's dynamics is left; record at 100 Hz or more. Are the times in {unit}? Then `motorbench convert {name} NEW.csv --map t_s=t_s*{factor}`"
+    )]
+    TooSlow {
+        /// Which recording.
+        name: String,
+        /// Usual time between samples.
+        interval_s: f64,
+        /// In which the times would make sense.
+        unit: &'static str,
+        /// What brings them to seconds.
+        factor: f64,
+    },
     /// Too short.
     #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
     TooShort(String, usize),
@@ -321,6 +337,9 @@ impl Dataset {
         let name = || recording.name.clone();
         let time_s = recording.time_s().ok_or_else(|| DatasetError::NoTime(name()))?.to_vec();
         let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
+        if interval_s > LONGEST_INTERVAL_S {
+            return Err(too_slow(name(), interval_s));
+        }
         if time_s.len() < 4 * SHORTEST_STRETCH {
             return Err(DatasetError::TooShort(name(), time_s.len()));
         }
@@ -496,6 +515,14 @@ pub fn spread(values: &[f64]) -> f64 {
     let count = finite().count().max(1) as f64;
     let mean = finite().sum::<f64>() / count;
     (finite().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
+}
+
+fn too_slow(name: String, interval_s: f64) -> DatasetError {
+    let (unit, factor) = match 1e-3 * interval_s > LONGEST_INTERVAL_S {
+        true => ("microseconds", 1e-6),
+        false => ("milliseconds", 1e-3),
+    };
+    DatasetError::TooSlow { name, interval_s, unit, factor }
 }
 
 /// Middle of what is not missing; 0 of nothing.
@@ -693,6 +720,17 @@ mod tests {
             let after = time_s.iter().position(|t_s| *t_s > from_s).unwrap();
             let is_held = duty(time_s[after - 1]) == duty(time_s[after]);
             prop_assert_eq!(data.stretches.len(), if is_held { 1 } else { 2 });
+        }
+    }
+
+    /// A program that writes milliseconds into t_s, or microseconds; a table by hand.
+    #[test]
+    fn what_is_too_slow_to_show_a_motor_is_refused() {
+        for (scale, expected) in [(1e3, "in milliseconds? Then"), (1e6, "--map t_s=t_s*0.000001")] {
+            let time_s: Vec<f64> = rows(1e-3, 4.0).iter().map(|t_s| scale * t_s).collect();
+            let slow = recording(&time_s, "counts", |t_s| counts(t_s / scale).to_string());
+            let error = Dataset::new(&[slow], &Rig::default()).unwrap_err().to_string();
+            assert!(error.contains(expected) && error.contains("100 Hz or more"), "{error}");
         }
     }
 
