@@ -149,6 +149,8 @@ pub struct Dataset {
     pub written_after: bool,
     /// Whether an encoder counts the motion.
     pub is_counted: bool,
+    /// Columns in which there is no number.
+    pub empty: Vec<Channel>,
     /// Whether the rig file says where in its window a mean speed stands.
     pub window_end_is_known: bool,
 }
@@ -159,6 +161,9 @@ pub enum DatasetError {
     /// A recording without time, among others with.
     #[error("{0}: no column t_s; a table of steady states is diagnosed alone")]
     NoTime(String),
+    /// The same, with a column that looks like it.
+    #[error("{0}")]
+    OtherTime(String),
     /// Nothing says what drove the motor.
     #[error("{0}: neither u_V nor duty: record what the bridge was asked for")]
     NoDrive(String),
@@ -262,7 +267,7 @@ impl Dataset {
 
     /// What was found of how the recordings were made, where the rig file does not say it.
     pub fn notes(&self) -> Vec<String> {
-        let mut notes = Vec::new();
+        let mut notes: Vec<String> = self.empty.iter().map(|channel| without_a_number(*channel)).collect();
         if self.written_after {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
@@ -335,7 +340,9 @@ impl Dataset {
 
     fn of(recording: &Recording, rig: &Rig) -> Result<Self, DatasetError> {
         let name = || recording.name.clone();
-        let time_s = recording.time_s().ok_or_else(|| DatasetError::NoTime(name()))?.to_vec();
+        let no_time =
+            || recording.advice_on_time().map_or_else(|| DatasetError::NoTime(name()), DatasetError::OtherTime);
+        let time_s = recording.time_s().ok_or_else(no_time)?.to_vec();
         let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
         if interval_s > LONGEST_INTERVAL_S {
             return Err(too_slow(name(), interval_s));
@@ -355,6 +362,7 @@ impl Dataset {
                 Readings::Mean => 0.0,
             },
             is_counted: rig.encoder.counts_per_rev.is_some(),
+            empty: recording.empty.clone(),
             time_s: time_s.iter().map(|t_s| t_s - time_s[0]).collect(),
             ..Self::default()
         };
@@ -515,6 +523,10 @@ pub fn spread(values: &[f64]) -> f64 {
     let count = finite().count().max(1) as f64;
     let mean = finite().sum::<f64>() / count;
     (finite().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
+}
+
+fn without_a_number(channel: Channel) -> String {
+    format!("{} has no number in any row, and is taken for not recorded.", channel.column())
 }
 
 fn too_slow(name: String, interval_s: f64) -> DatasetError {
@@ -732,6 +744,17 @@ mod tests {
             let error = Dataset::new(&[slow], &Rig::default()).unwrap_err().to_string();
             assert!(error.contains(expected) && error.contains("100 Hz or more"), "{error}");
         }
+    }
+
+    #[test]
+    fn a_current_of_nothing_is_none() {
+        let mut text = String::from("t_s,duty,counts,i_A\n");
+        for t_s in rows(1e-3, 4.0) {
+            let _ = writeln!(text, "{t_s:.4},{:.4},{},nan", duty(t_s), counts(t_s));
+        }
+        let data = dataset(&[Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()]);
+        assert!(data.current().is_none());
+        assert!(data.notes().iter().any(|note| note.starts_with("i_A has no number")), "{:?}", data.notes());
     }
 
     /// Each has speeds over as long as its own rows let it.

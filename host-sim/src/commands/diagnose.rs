@@ -110,6 +110,7 @@ fn guarded<T>(study: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
 
 fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, String> {
     let recording = Recording::read(path, &args.recordings.columns).map_err(|error| error.to_string())?;
+    recording.advice_on_time().map_or(Ok(()), Err)?;
     let outcome = if recording.time_s().is_none() {
         serde_json::to_value(steady_state::study(&recording, rig, None).map_err(|error| error.to_string())?)
     } else {
@@ -140,6 +141,7 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 }
 
 fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) -> Result<(), Failure> {
+    table.advice_on_time().map_or(Ok(()), |advice| Err(Failure::input(advice)))?;
     let study = steady_state::study(table, rig, None).map_err(Failure::input)?;
     if let Some(path) = &args.model {
         return Err(Failure::input(format!(
