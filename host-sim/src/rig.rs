@@ -10,7 +10,7 @@
 //! counts_per_rev = 1024     # after x4 decoding
 //! [current_sensor]
 //! resolution_A = 0.0265
-//! present = true            # false: there is none, a design does without the current
+//! present = true            # false: there is none, a design observes the current
 //! [tachogenerator]          # on the motor's shaft
 //! gain_V_per_krpm = 3.0     # at 1000 rpm, before the divider by two
 //! ripple = 0.05             # amplitude over the mean
@@ -123,7 +123,7 @@ pub struct CurrentSensor {
     /// Step of its reading, in amperes.
     #[serde(rename = "resolution_A", skip_serializing_if = "Option::is_none")]
     pub resolution_a: Option<f64>,
-    /// `false` where there is none: a design then does without the current.
+    /// `false` where there is none: a design then observes the current.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub present: Option<bool>,
 }
@@ -253,7 +253,7 @@ pub enum RigError {
     },
     /// What is counted comes in whole numbers.
     #[error(
-        "{path}: encoder.counts_per_rev = {value}: expected a whole number of counts, four for each line of the disc"
+        "{path}: encoder.counts_per_rev = {value}: expected a whole number, the counts of one turn of the motor's own shaft"
     )]
     CountsPerRev {
         /// Which file.
@@ -464,6 +464,7 @@ mod tests {
                 "decay" => "bridge.decay = 'slow'\n".into(),
                 "present" => "current_sensor.present = false\n".into(),
                 "feedback" => "tachogenerator.feedback = true\n".into(),
+                "counts_per_rev" => "encoder.counts_per_rev = 2000\n".into(),
                 "readings" => "recording.readings = 'mean'\n".into(),
                 _ => format!("{table}.{key} = 0.5\n"),
             })

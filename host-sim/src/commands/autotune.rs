@@ -43,13 +43,13 @@ pub struct Arguments {
     #[arg(long, value_name = "V", default_value_t = 8.0, allow_negative_numbers = true)]
     to: f64,
     /// How long each is held.
-    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold)]
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold, allow_negative_numbers = true)]
     hold: f64,
     /// Time constant that the closed loop shall have, in ms.
-    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = positive)]
+    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     closed_loop: f64,
     /// A relay experiment instead, with this swing of the voltage.
-    #[arg(long, value_name = "V", value_parser = positive)]
+    #[arg(long, value_name = "V", value_parser = positive, allow_negative_numbers = true)]
     relay: Option<f64>,
     /// First guess of the voltage that the relay's reference needs.
     #[arg(long, value_name = "V", default_value_t = 7.0, allow_negative_numbers = true)]

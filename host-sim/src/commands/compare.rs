@@ -43,7 +43,7 @@ pub struct Arguments {
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
     delay: Option<f64>,
     /// Voltage of the step that two models answer.
-    #[arg(long, default_value_t = 6.0, value_name = "VOLTS")]
+    #[arg(long, default_value_t = 6.0, value_name = "VOLTS", allow_negative_numbers = true)]
     voltage: f64,
     /// Draws both: over time; of models the step and the frequency response.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]

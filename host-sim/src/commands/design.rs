@@ -4,7 +4,7 @@ use super::analyse::motor_of;
 use super::{Failure, Outputs, read_model, read_rig, spinner, write};
 use crate::design::compensation::{Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
-use crate::design::law::{ControlLaw, setting_name};
+use crate::design::law::ControlLaw;
 use crate::design::specification::{Specification, Speed};
 use crate::design::tachogenerator::Tachogenerator;
 use crate::design::weights::{BadWeight, Weights};
@@ -12,6 +12,7 @@ use crate::design::{Bench, Design, TrialWithEffects, design, report, trial_with_
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
+use crate::scenario::refusal;
 use crate::terminal_text::wrapped;
 use clap::{ArgGroup, Args};
 use std::path::PathBuf;
@@ -101,8 +102,8 @@ pub struct Arguments {
     /// Current limit.
     #[arg(long = "current-limit-A", default_value_t = 1.0, value_name = "A", allow_negative_numbers = true)]
     current_limit_a: f64,
-    /// The rig has no current sensor, as with current_sensor.present = false in its file: the LQR does without the current,
-    /// and what that costs against a sensor and against an observer is told.
+    /// The rig has no current sensor, as with current_sensor.present = false in its file: the LQR has the current from the
+    /// firmware's observer, and what that costs against a sensor is told.
     #[arg(long)]
     no_current_sensor: bool,
     /// Compensate voltage drop and friction: from the effects of the model file; without one from bridge.drop_V of the
@@ -115,7 +116,9 @@ pub struct Arguments {
         default_value_t = 0.0,
         value_name = "NM",
         requires = "compensate",
-        conflicts_with = "model"
+        conflicts_with = "model",
+        allow_negative_numbers = true,
+        value_parser = friction
     )]
     coulomb_nm: f64,
     /// Writes the designs as JSON into a file, - for the terminal instead of the text.
@@ -127,6 +130,11 @@ pub struct Arguments {
     /// Writes a page with step responses, margins and roots.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
+}
+
+fn friction(text: &str) -> Result<f64, String> {
+    let is_one = |torque: &f64| torque.is_finite() && *torque >= 0.0;
+    text.parse().ok().filter(is_one).ok_or("expected 0 or more: friction brakes in both directions".into())
 }
 
 /// Runs the command.
@@ -162,15 +170,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let model = losses.model(&motor);
         for design in &designs {
             standstill.push(
-                near_standstill(&model, &settings.all, design.law, design.tachogenerator.as_ref()).map_err(
-                    |error| {
-                        Failure::input(format!(
-                            "{}: the core's formats refuse it: {:?}",
-                            setting_name(error.param),
-                            error.rule
-                        ))
-                    },
-                )?,
+                near_standstill(&model, &settings.all, design.law, design.tachogenerator.as_ref())
+                    .map_err(|error| Failure::input(refusal(&settings.all, error)))?,
             );
         }
     }
