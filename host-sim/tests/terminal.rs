@@ -71,7 +71,7 @@ const TABLE: &[Row] = &[
     Row {
         good: &[
             &["run.csv", "run.csv"],
-            &["model.toml", "other.toml"],
+            &["model.toml", "other.toml", "--voltage", "-6"],
             &["run.csv", "model.toml", "--rig", "rig.toml"],
             &["found.json", "found.json"],
         ],
@@ -95,6 +95,8 @@ const TABLE: &[Row] = &[
             (&["run.csv", "/nonexistent/run.mat"], 3, "make its folder first"),
             (&["run.csv", "run.mat", "--from", "xls"], 2, "xls"),
             (&["run.csv", "./run.csv"], 1, "run.csv would be overwritten"),
+            (&["run.csv", "a.csv", "--rename", "omega_rad_per_s=u_V"], 1, "two columns would be called u_V"),
+            (&["run.csv", "a.csv", "--map", "u_V=u_V*nan"], 2, "a number other than 0"),
         ],
         ..row("convert")
     },
@@ -108,6 +110,7 @@ const TABLE: &[Row] = &[
             (&["--rig", "none.toml", "--speed", "--bandwidth-Hz", "10"], 1, "none.toml"),
             (&["--rig", "model.toml", "--speed", "--bandwidth-Hz", "10"], 1, "encoder.counts_per_rev"),
             (&["--rig", "rig.toml", "--speed"], 2, "--bandwidth-Hz"),
+            (&["--rig", "rig.toml", "--speed", "--compensate", "--coulomb-Nm", "-1"], 2, "expected 0 or more"),
             (
                 &["--rig", "rig.toml", "--speed", "--bandwidth-Hz", "10", "--report", "./rig.toml"],
                 1,
@@ -129,6 +132,10 @@ const TABLE: &[Row] = &[
             (&["run.csv", "--rig", "run.csv"], 1, "run.csv: this is CSV; a rig file (TOML) is expected"),
             (&["rig.toml"], 1, "rig.toml: this is TOML; a recording (CSV) is expected"),
             (&["names.csv"], 1, "no known column among time, volts;"),
+            (&["slow.csv"], 1, "`motorbench convert slow.csv NEW.csv --map t_s=t_s*0.001`"),
+            (&["slow.csv", "--batch"], 1, "1 of 1 recordings"),
+            (&["time.csv"], 1, "time.csv: no column t_s"),
+            (&["glitch.csv"], 1, "glitch.csv, line 3: column omega_rad_per_s: 1e300 is no measurement"),
             (&["run.csv", "--model", "run.csv"], 1, "run.csv would be overwritten"),
             (&["run.csv", "--rig", "rig.toml", "--report", "rig.toml"], 1, "rig.toml would be overwritten"),
             (&["run.csv", "--json", "-", "--model", "-"], 1, "would mix on the standard output"),
@@ -269,6 +276,8 @@ const TABLE: &[Row] = &[
             (&["--port", "/dev/none", "--from", "-6", "--to", "-8", "--reference", "-60"], 3, "motorbench ports"),
             (&["--relay", "1", "--reference", "-60"], 1, "forwards"),
             (&["--hold", "0.05"], 2, "0.2 to 60 seconds"),
+            (&["--hold", "-1"], 2, "0.2 to 60 seconds"),
+            (&["--relay", "-1"], 2, "above 0"),
             (&["--reference", "0"], 2, "other than 0"),
             (&["--closed-loop", "nan"], 2, "above 0"),
         ],
@@ -397,6 +406,10 @@ fn files() -> TempDir {
     put("found.json", "{\"parameters\": {\"resistance_ohm\": {\"value\": 5.8, \"ci95\": [5.7, 5.9]}}}");
     put("gains.txt", "# from a design\nset speed_kp 0.05 speed_ki 1\n");
     put("bad.txt", "# the second is too much\nset speed_kp 0.05\nset speed_kp 99999\n");
+    let rows = |from: usize| (from..from + 100).map(|row| format!("{row},{},1\n", row % 7)).collect::<String>();
+    put("slow.csv", &format!("t_s,u_V,omega_rad_per_s\n{}", rows(0)));
+    put("time.csv", &format!("time,u_V,omega_rad_per_s\n{}", rows(0)));
+    put("glitch.csv", &format!("t_s,u_V,omega_rad_per_s\n0,1,1\n1,1,1e300\n{}", rows(2)));
     put("bad.csv", "t_s,omega_rad_per_s\n0,1\nzero,2\n");
     put("bad.toml", "[motor\n");
     put("bare.toml", "[encoder]\ncounts_per_rev = 2000\n");

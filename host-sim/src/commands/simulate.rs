@@ -139,7 +139,7 @@ fn table(figures: &[Figures]) -> String {
         );
         let _ = writeln!(
             text,
-            "          tracking error {} rms, {} summed; voltage {} V rms; peak {} A",
+            "          error {} rms, {} summed; asked {} V rms; peak {} A",
             short(row.tracking_rms),
             short(row.iae),
             short(row.effort_v),

@@ -248,7 +248,9 @@ fn remaining(loops: &[Loop], rig: &Rig, progress: crate::diagnose::select::Progr
                 true => "the model has every effect that the measured loop shows".to_string(),
                 false => format!("the measured loop shows what the model lacks: {}", new.join(", ")),
             };
-            vec![lacks, verdict(&diagnosis.outcome)]
+            let verdict = verdict(&diagnosis.outcome).replace('\n', " ");
+            let alone = format!("By itself, beside a motor without effects, the measured loop says: {verdict}");
+            vec![lacks, alone]
         }
     }
 }
