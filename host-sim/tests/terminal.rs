@@ -133,7 +133,6 @@ const TABLE: &[Row] = &[
             (&["rig.toml"], 1, "rig.toml: this is TOML; a recording (CSV) is expected"),
             (&["names.csv"], 1, "no known column among time, volts;"),
             (&["slow.csv"], 1, "`motorbench convert slow.csv NEW.csv --map t_s=t_s*0.001`"),
-            (&["slow.csv", "--batch"], 1, "1 of 1 recordings"),
             (&["time.csv"], 1, "time.csv: no column t_s"),
             (&["glitch.csv"], 1, "glitch.csv, line 3: column omega_rad_per_s: 1e300 is no measurement"),
             (&["run.csv", "--model", "run.csv"], 1, "run.csv would be overwritten"),
