@@ -17,6 +17,8 @@ const GAP_INTERVALS: f64 = 10.0;
 const LONGEST_HELD_S: f64 = 1.0;
 /// Stretches shorter than this are of no use.
 const SHORTEST_STRETCH: usize = 20;
+/// Rows farther apart show nothing of a motor's dynamics.
+const LONGEST_INTERVAL_S: f64 = 0.1;
 /// Span over which an angle is differentiated: short against the motor, long against the encoder's step.
 const DIFFERENCE_SPAN_S: f64 = 0.005;
 /// A command missing for longer than this means that the bridge was off.
@@ -147,6 +149,8 @@ pub struct Dataset {
     pub written_after: bool,
     /// Whether an encoder counts the motion.
     pub is_counted: bool,
+    /// Columns in which there is no number.
+    pub empty: Vec<Channel>,
     /// Whether the rig file says where in its window a mean speed stands.
     pub window_end_is_known: bool,
 }
@@ -157,6 +161,9 @@ pub enum DatasetError {
     /// A recording without time, among others with.
     #[error("{0}: no column t_s; a table of steady states is diagnosed alone")]
     NoTime(String),
+    /// The same, with a column that looks like it.
+    #[error("{0}")]
+    OtherTime(String),
     /// Nothing says what drove the motor.
     #[error("{0}: neither u_V nor duty: record what the bridge was asked for")]
     NoDrive(String),
@@ -174,6 +181,20 @@ pub enum DatasetError {
     /// Recordings of one rig with other columns.
     #[error("{0}: its columns differ from those of {1}: diagnose them one by one")]
     Mixed(String, String),
+    /// Too slow, or with times in another unit.
+    #[error(
+        "{name}: {interval_s} s from sample to sample (t_s): nothing of a motor's dynamics is left; record at 100 Hz or more. Are the times in {unit}? Then `motorbench convert {name} NEW.csv --map t_s=t_s*{factor}`"
+    )]
+    TooSlow {
+        /// Which recording.
+        name: String,
+        /// Usual time between samples.
+        interval_s: f64,
+        /// In which the times would make sense.
+        unit: &'static str,
+        /// What brings them to seconds.
+        factor: f64,
+    },
     /// Too short.
     #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
     TooShort(String, usize),
@@ -246,7 +267,7 @@ impl Dataset {
 
     /// What was found of how the recordings were made, where the rig file does not say it.
     pub fn notes(&self) -> Vec<String> {
-        let mut notes = Vec::new();
+        let mut notes: Vec<String> = self.empty.iter().map(|channel| without_a_number(*channel)).collect();
         if self.written_after {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
@@ -319,8 +340,13 @@ impl Dataset {
 
     fn of(recording: &Recording, rig: &Rig) -> Result<Self, DatasetError> {
         let name = || recording.name.clone();
-        let time_s = recording.time_s().ok_or_else(|| DatasetError::NoTime(name()))?.to_vec();
+        let no_time =
+            || recording.advice_on_time().map_or_else(|| DatasetError::NoTime(name()), DatasetError::OtherTime);
+        let time_s = recording.time_s().ok_or_else(no_time)?.to_vec();
         let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
+        if interval_s > LONGEST_INTERVAL_S {
+            return Err(too_slow(name(), interval_s));
+        }
         if time_s.len() < 4 * SHORTEST_STRETCH {
             return Err(DatasetError::TooShort(name(), time_s.len()));
         }
@@ -336,6 +362,7 @@ impl Dataset {
                 Readings::Mean => 0.0,
             },
             is_counted: rig.encoder.counts_per_rev.is_some(),
+            empty: recording.empty.clone(),
             time_s: time_s.iter().map(|t_s| t_s - time_s[0]).collect(),
             ..Self::default()
         };
@@ -496,6 +523,18 @@ pub fn spread(values: &[f64]) -> f64 {
     let count = finite().count().max(1) as f64;
     let mean = finite().sum::<f64>() / count;
     (finite().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
+}
+
+fn without_a_number(channel: Channel) -> String {
+    format!("{} has no number in any row, and is taken for not recorded.", channel.column())
+}
+
+fn too_slow(name: String, interval_s: f64) -> DatasetError {
+    let (unit, factor) = match 1e-3 * interval_s > LONGEST_INTERVAL_S {
+        true => ("microseconds", 1e-6),
+        false => ("milliseconds", 1e-3),
+    };
+    DatasetError::TooSlow { name, interval_s, unit, factor }
 }
 
 /// Middle of what is not missing; 0 of nothing.
@@ -694,6 +733,28 @@ mod tests {
             let is_held = duty(time_s[after - 1]) == duty(time_s[after]);
             prop_assert_eq!(data.stretches.len(), if is_held { 1 } else { 2 });
         }
+    }
+
+    /// A program that writes milliseconds into t_s, or microseconds; a table by hand.
+    #[test]
+    fn what_is_too_slow_to_show_a_motor_is_refused() {
+        for (scale, expected) in [(1e3, "in milliseconds? Then"), (1e6, "--map t_s=t_s*0.000001")] {
+            let time_s: Vec<f64> = rows(1e-3, 4.0).iter().map(|t_s| scale * t_s).collect();
+            let slow = recording(&time_s, "counts", |t_s| counts(t_s / scale).to_string());
+            let error = Dataset::new(&[slow], &Rig::default()).unwrap_err().to_string();
+            assert!(error.contains(expected) && error.contains("100 Hz or more"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_current_of_nothing_is_none() {
+        let mut text = String::from("t_s,duty,counts,i_A\n");
+        for t_s in rows(1e-3, 4.0) {
+            let _ = writeln!(text, "{t_s:.4},{:.4},{},nan", duty(t_s), counts(t_s));
+        }
+        let data = dataset(&[Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()]);
+        assert!(data.current().is_none());
+        assert!(data.notes().iter().any(|note| note.starts_with("i_A has no number")), "{:?}", data.notes());
     }
 
     /// Each has speeds over as long as its own rows let it.

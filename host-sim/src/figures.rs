@@ -31,7 +31,7 @@ pub struct Figures {
     pub tracking_rms: f64,
     /// Integral of the error's magnitude: against the end of a step, against the profile otherwise.
     pub iae: f64,
-    /// Root mean square of the voltage.
+    /// Root mean square of the voltage asked of the bridge; a fault of the supply puts out another.
     #[serde(rename = "effort_V")]
     pub effort_v: f64,
     /// Largest current.

@@ -28,15 +28,28 @@ pub fn line(text: &str, path: &[&str]) -> Option<usize> {
     Some(text[..key.span().start].lines().count().max(1) + usize::from(text[..key.span().start].ends_with('\n')))
 }
 
-/// The reader's error, with the key that was meant where it is one that the reader does not know.
+/// The reader's error, with the key that was meant where it is one that the reader does not know, and the number that was
+/// where its unit stands beside it.
 pub fn explained(error: &toml::de::Error) -> String {
     let text = error.to_string();
     let mut names = error.message().split('`').skip(1).step_by(2);
     let meant = names.next().filter(|_| error.message().starts_with("unknown ")).and_then(|key| nearest(key, names));
-    match meant {
-        Some(meant) => format!("{}\ndid you mean `{meant}`?\n", text.trim_end()),
+    let advice = meant.map(|meant| format!("did you mean `{meant}`?")).or_else(|| number_advice(error.message()));
+    match advice {
+        Some(advice) => format!("{}\n{advice}\n", text.trim_end()),
         None => text,
     }
+}
+
+/// What to write in place of a text where a number is expected.
+fn number_advice(message: &str) -> Option<String> {
+    let (text, expected) = message.strip_prefix("invalid type: string \"")?.split_once("\", expected ")?;
+    if !["f32", "f64"].contains(&expected) && !expected.starts_with(['u', 'i']) {
+        return None;
+    }
+    let digits = text.trim().split(char::is_whitespace).next()?.replace(',', ".");
+    let example = digits.parse().ok().filter(|value: &f64| value.is_finite()).map(|_| format!(": {digits}"));
+    Some(format!("write a number without its unit and without quotes{}", example.unwrap_or_default()))
 }
 
 /// ` (did you mean …?)`, or nothing.

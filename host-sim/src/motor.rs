@@ -27,14 +27,59 @@ pub struct MotorParameters {
 
 /// A constant that no motor has.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-#[error("{name} = {value}: it must be {rule}")]
+#[error("{name} = {}: {rule}", written(*.value))]
 pub struct NonPhysical {
     /// Name of the constant as in a rig file.
     pub name: &'static str,
     /// What it was.
     pub value: f64,
     /// What it has to be.
-    pub rule: &'static str,
+    pub rule: String,
+}
+
+/// A value as a person writes it.
+fn written(value: f64) -> String {
+    if value == 0.0 || (1e-4..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
+}
+
+/// What a constant of a motor can be: decades around anything from a watch to a ship, so that what is outside is a slip.
+struct Range {
+    name: &'static str,
+    least: f64,
+    most: f64,
+    unit: &'static str,
+    /// The unit that is most often left unconverted.
+    slip: &'static str,
+}
+
+const RANGES: [Range; 5] = [
+    Range { name: "resistance_ohm", least: 1e-5, most: 1e6, unit: "ohm", slip: "1 mohm is 1e-3 ohm" },
+    Range { name: "inductance_H", least: 1e-9, most: 1e3, unit: "H", slip: "1 mH is 1e-3 H" },
+    Range { name: "torque_constant_Nm_per_A", least: 1e-7, most: 1e4, unit: "Nm/A", slip: "1 mNm/A is 1e-3 Nm/A" },
+    Range { name: "inertia_kg_m2", least: 1e-12, most: 1e4, unit: "kg m^2", slip: "1 g cm^2 is 1e-7 kg m^2" },
+    Range { name: "viscous_friction_Nm_s", least: 0.0, most: 1e4, unit: "Nm s", slip: "1 uNm s is 1e-6 Nm s" },
+];
+
+/// Refuses a value that no motor has; other names have no range here.
+///
+/// # Errors
+/// [`NonPhysical`], which says what it has to be.
+pub fn check_constant(name: &str, value: f64) -> Result<(), NonPhysical> {
+    let Some(range) = RANGES.iter().find(|range| range.name == name) else { return Ok(()) };
+    let refused = |rule| Err(NonPhysical { name: range.name, value, rule });
+    if !value.is_finite() || value < 0.0 || value == 0.0 && range.least > 0.0 {
+        let positive = if range.least > 0.0 { "a positive number" } else { "zero or a positive number" };
+        return refused(format!("it must be {positive}"));
+    }
+    if !(range.least..=range.most).contains(&value) {
+        let Range { least, most, unit, slip, .. } = range;
+        return refused(format!(
+            "no motor has that; expected {} to {} {unit} ({slip})",
+            written(*least),
+            written(*most)
+        ));
+    }
+    Ok(())
 }
 
 impl MotorParameters {
@@ -62,15 +107,31 @@ impl MotorParameters {
     /// Refuses what no motor has.
     ///
     /// # Errors
-    /// The first constant that is not finite, not positive, or (viscous friction) negative.
+    /// The first constant that is not finite, not positive, (viscous friction) negative, or out of all proportion.
     pub fn check(&self) -> Result<(), NonPhysical> {
-        for (name, value) in self.named() {
-            let may_be_zero = name == "viscous_friction_Nm_s";
-            if !(value > 0.0 || may_be_zero && value == 0.0) || !value.is_finite() {
-                let rule = if may_be_zero { "zero or a positive number" } else { "a positive number" };
-                return Err(NonPhysical { name, value, rule });
-            }
-        }
-        Ok(())
+        self.named().into_iter().try_for_each(|(name, value)| check_constant(name, value))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_no_motor_has_is_refused_with_the_likely_slip() {
+        assert_eq!(MotorParameters::PIVT6.check(), Ok(()));
+        let of = |motor: MotorParameters| motor.check().unwrap_err().to_string();
+        let pivt6 = MotorParameters::PIVT6;
+        assert_eq!(
+            of(MotorParameters { inertia_kg_m2: -1.0, ..pivt6 }),
+            "inertia_kg_m2 = -1: it must be a positive number"
+        );
+        assert_eq!(
+            of(MotorParameters { inertia_kg_m2: 1e-300, ..pivt6 }),
+            "inertia_kg_m2 = 1e-300: no motor has that; expected 1e-12 to 10000 kg m^2 (1 g cm^2 is 1e-7 kg m^2)"
+        );
+        assert!(of(MotorParameters { inductance_h: 1e-20, ..pivt6 }).contains("1 mH is 1e-3 H"));
+        assert!(of(MotorParameters { viscous_friction_nm_s: -1e-9, ..pivt6 }).ends_with("zero or a positive number"));
+        assert!(of(MotorParameters { resistance_ohm: f64::NAN, ..pivt6 }).ends_with("it must be a positive number"));
     }
 }

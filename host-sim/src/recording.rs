@@ -73,11 +73,39 @@ impl Channel {
         }
     }
 
+    /// Magnitude beyond which a value is a slip or a glitch, and no measurement: of no small motor's bench by far.
+    fn greatest(self) -> f64 {
+        match self {
+            // Nanoseconds since 1970 are still a time.
+            Self::Time => 1e19,
+            Self::Duty | Self::Voltage | Self::Current | Self::Supply | Self::LoadTorque => 1e6,
+            Self::Speed | Self::SpeedReference => 1e7,
+            Self::Rpm => 1e8,
+            Self::Angle | Self::AngleReference => 1e9,
+            Self::Counts => 1e12,
+        }
+    }
+
+    /// What is said against a value that nothing has measured.
+    fn refusal(self, value: f64) -> Option<String> {
+        let (column, greatest) = (self.column(), self.greatest());
+        (value.abs() > greatest).then(|| {
+            format!(
+                "column {column}: {value:e} is no measurement (more than {greatest:e}): leave the cell empty, as for a sample that is missing, or mend its unit"
+            )
+        })
+    }
+
     /// The channel with this column name.
     pub fn of_column(column: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|channel| channel.column() == column)
     }
 }
+
+/// How the names of columns begin that most likely hold the time.
+const TIMES: [&str; 8] = ["time", "t_", "t(", "t [", "zeit", "milli", "micro", "second"];
+/// Rows of a table of steady states that may have a time of day beside it.
+const LONGEST_TABLE: usize = 80;
 
 /// Columns of equal length. See the module.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,6 +115,8 @@ pub struct Recording {
     columns: BTreeMap<Channel, Vec<f64>>,
     /// Column names that have no meaning here.
     pub ignored: Vec<String>,
+    /// Columns in which there is no number: not recorded.
+    pub empty: Vec<Channel>,
 }
 
 /// Why a recording cannot be read.
@@ -193,8 +223,9 @@ impl Recording {
             line: error.position().map_or(1, csv::Position::line),
             message: match error.kind() {
                 csv::ErrorKind::Utf8 { .. } => {
-                    "this is no text; a CSV table is expected, and `motorbench convert` makes one of other formats"
-                        .into()
+                    format!(
+                        "this is no text in UTF-8; a CSV table is expected, and `motorbench convert {name} NEW.csv` makes one of UTF-16 (a spreadsheet's \"Unicode text\") and of other formats"
+                    )
                 }
                 _ => error.to_string(),
             },
@@ -209,11 +240,12 @@ impl Recording {
             let line = row.position().map_or(0, csv::Position::line);
             for ((column, values), text) in channels.iter().zip(&mut columns).zip(&row) {
                 let Some(channel) = column else { continue };
-                values.push(number(text).ok_or_else(|| RecordingError::Line {
-                    name: name.into(),
-                    line,
-                    message: format!("column {}: expected a number, found \"{text}\"", channel.column()),
-                })?);
+                let wrong = |message| RecordingError::Line { name: name.into(), line, message };
+                let value = number(text).ok_or_else(|| {
+                    wrong(format!("column {}: expected a number, found \"{text}\"", channel.column()))
+                })?;
+                channel.refusal(value).map_or(Ok(()), |message| Err(wrong(message)))?;
+                values.push(value);
             }
         }
         for (channel, values) in channels.into_iter().zip(columns) {
@@ -222,7 +254,31 @@ impl Recording {
             }
         }
         recording.check()?;
+        recording.leave_empty_out();
         Ok(recording)
+    }
+
+    /// Of columns without a number nothing is known; what is left has at least one.
+    fn leave_empty_out(&mut self) {
+        let is_empty = |values: &Vec<f64>| values.iter().all(|value| value.is_nan());
+        if !self.columns.values().all(is_empty) {
+            self.empty =
+                self.columns.extract_if(.., |_, values| is_empty(values)).map(|(channel, _)| channel).collect();
+        }
+    }
+
+    /// What is to be done where a column for the time has another name: `None` where there is one, where there is nothing that
+    /// looks like it, and of few rows, which a person has read.
+    pub fn advice_on_time(&self) -> Option<String> {
+        let looks_like_time = |name: &&String| TIMES.iter().any(|time| name.to_lowercase().starts_with(time));
+        if self.time_s().is_some() || self.len() < LONGEST_TABLE {
+            return None;
+        }
+        let found = self.ignored.iter().find(looks_like_time)?;
+        let (name, rows) = (&self.name, self.len());
+        Some(format!(
+            "{name}: no column t_s, and {rows} rows are no table of steady states. Is {found} the time in seconds? Then --column {found}=t_s; in milliseconds `motorbench convert {name} NEW.csv --map {found}=t_s*0.001`"
+        ))
     }
 
     fn read_header(
@@ -231,6 +287,12 @@ impl Recording {
         names: &[(String, String)],
     ) -> Result<Vec<Option<Channel>>, RecordingError> {
         let error = |message| RecordingError::Line { name: self.name.clone(), line: 1, message };
+        if let Some(delimiter) = header.get(0).filter(|_| header.len() == 1).and_then(other_delimiter) {
+            return Err(error(format!(
+                "its values stand between {delimiter} and not between commas: `motorbench convert {} NEW.csv` makes the project's CSV of it, with --decimal-comma where numbers are 1,5",
+                self.name
+            )));
+        }
         let known = || Channel::ALL.map(Channel::column).join(", ");
         for (from, to) in names {
             if Channel::of_column(to).is_none() {
@@ -256,14 +318,6 @@ impl Recording {
             }
             channels.push(channel);
         }
-        if let ([only], true) = (&self.ignored[..], header.len() == 1)
-            && only.contains([';', '\t'])
-        {
-            return Err(error(format!(
-                "its values do not stand between commas: `motorbench convert {} NEW.csv` makes the project's CSV of it, with --decimal-comma where numbers are 1,5",
-                self.name
-            )));
-        }
         if channels.iter().all(Option::is_none) {
             return Err(error(format!(
                 "no known column among {}; expected any of {}, or say which column is which (for instance --column {}=omega_rad_per_s)",
@@ -279,6 +333,13 @@ impl Recording {
         let error = |message: String| RecordingError::Table { name: self.name.clone(), message };
         if self.is_empty() {
             return Err(error("no samples after the header line".into()));
+        }
+        for (channel, values) in &self.columns {
+            if let Some((row, what)) =
+                values.iter().enumerate().find_map(|(row, value)| Some((row, channel.refusal(*value)?)))
+            {
+                return Err(error(format!("sample {}, {what}", row + 1)));
+            }
         }
         let Some(time_s) = self.time_s() else { return Ok(()) };
         for (row, pair) in time_s.windows(2).enumerate() {
@@ -329,6 +390,13 @@ impl Recording {
     }
 }
 
+/// What stands between the names of a header line that is all one name.
+fn other_delimiter(header: &str) -> Option<&'static str> {
+    let found =
+        [(';', "semicolons"), ('\t', "tabs"), ('|', "bars")].into_iter().find(|(sign, _)| header.contains(*sign));
+    found.map(|(_, name)| name)
+}
+
 /// A number; empty and `nan` stand for a missing sample.
 fn number(text: &str) -> Option<f64> {
     if text.is_empty() || text.eq_ignore_ascii_case("nan") || text == "NA" {
@@ -368,6 +436,36 @@ mod tests {
             assert!(message(other).contains("`motorbench convert test.csv NEW.csv`"), "{}", message(other));
         }
         assert!(message("t_s,u_V\n").contains("no samples"));
+        for (column, value) in [("omega_rad_per_s", "1e300"), ("omega_rad_per_s", "-1e12"), ("i_A", "1e7")] {
+            let found = parse(&format!("t_s,{column}\n0,1\n1,{value}\n")).unwrap_err().to_string();
+            assert!(found.contains(&format!("line 3: column {column}: {value} is no measurement")), "{found}");
+        }
+        let utf_16: Vec<u8> = "\u{feff}t_s\n0\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        let unreadable = Recording::parse("test.csv", &utf_16[..], &[]).unwrap_err().to_string();
+        assert!(unreadable.contains("`motorbench convert test.csv NEW.csv` makes one of UTF-16"), "{unreadable}");
+        // A counter of 32 bits, and a clock since 1970.
+        assert!(parse("t_s,counts\n1.7e9,4294967295\n1.8e9,nan\n").is_ok());
+    }
+
+    #[test]
+    fn a_column_without_a_number_was_not_recorded() {
+        let read = parse("t_s,u_V,i_A\n0,1,nan\n1,2,\n").unwrap();
+        assert_eq!((read.get(Channel::Current), &read.empty[..]), (None, &[Channel::Current][..]));
+        // It is still a table of two rows.
+        assert_eq!(parse("u_V,i_A\nnan,\n,\n").unwrap().len(), 2);
+    }
+
+    #[test]
+    fn a_time_of_another_name_is_recognised() {
+        let advice = |header: &str, rows: usize| {
+            let rows = (0..rows).map(|row| format!("{row},1\n")).collect::<String>();
+            parse(&format!("{header}\n{rows}")).unwrap().advice_on_time()
+        };
+        let long = advice("t_ms,u_V", 100).unwrap();
+        assert!(long.contains("--column t_ms=t_s;") && long.contains("--map t_ms=t_s*0.001`"), "{long}");
+        for (header, rows) in [("time,u_V", 20), ("t_s,u_V", 100), ("temperature_C,u_V", 100), ("load,u_V", 100)] {
+            assert_eq!(advice(header, rows), None, "{header}");
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@
 //! counts_per_rev = 1024     # after x4 decoding
 //! [current_sensor]
 //! resolution_A = 0.0265
-//! present = true            # false: there is none, a design does without the current
+//! present = true            # false: there is none, a design observes the current
 //! [tachogenerator]          # on the motor's shaft
 //! gain_V_per_krpm = 3.0     # at 1000 rpm, before the divider by two
 //! ripple = 0.05             # amplitude over the mean
@@ -31,7 +31,7 @@
 //! ```
 
 use crate::keys;
-use crate::motor::MotorParameters;
+use crate::motor::{self, MotorParameters, NonPhysical};
 use motorbench_core::pins::{CURRENT_SAMPLING_STEP, PWM_STEPS};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -123,7 +123,7 @@ pub struct CurrentSensor {
     /// Step of its reading, in amperes.
     #[serde(rename = "resolution_A", skip_serializing_if = "Option::is_none")]
     pub resolution_a: Option<f64>,
-    /// `false` where there is none: a design then does without the current.
+    /// `false` where there is none: a design then observes the current.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub present: Option<bool>,
 }
@@ -243,6 +243,24 @@ pub enum RigError {
         /// The nearest key of this table.
         meant: &'static str,
     },
+    /// A constant that no motor has.
+    #[error("{path}: motor.{source}")]
+    Motor {
+        /// Which file.
+        path: String,
+        /// Which, and what it has to be.
+        source: NonPhysical,
+    },
+    /// What is counted comes in whole numbers.
+    #[error(
+        "{path}: encoder.counts_per_rev = {value}: expected a whole number, the counts of one turn of the motor's own shaft"
+    )]
+    CountsPerRev {
+        /// Which file.
+        path: String,
+        /// What it was.
+        value: f64,
+    },
     /// A value that nothing can have.
     #[error("{path}: {key} = {value}: it must be a positive number{unless_zero}")]
     Value {
@@ -274,7 +292,7 @@ impl Rig {
     /// # Errors
     /// [`RigError`], which names line or key.
     pub fn parse(name: &str, text: &str) -> Result<Self, RigError> {
-        let syntax = |error: toml::de::Error| RigError::Syntax { path: name.into(), message: error.to_string() };
+        let syntax = |error: toml::de::Error| RigError::Syntax { path: name.into(), message: keys::explained(&error) };
         let mut ignored = Vec::new();
         let mut rig: Self = serde_ignored::deserialize(toml::Deserializer::parse(text).map_err(syntax)?, |key| {
             ignored.push(key.to_string())
@@ -321,11 +339,17 @@ impl Rig {
         ];
         for (key, value) in self.numbers() {
             let Some(value) = value else { continue };
+            if let Some(name) = key.strip_prefix("motor.") {
+                motor::check_constant(name, value).map_err(|source| RigError::Motor { path: path.into(), source })?;
+            }
             let zero_allowed = may_be_zero.contains(&key);
             if !value.is_finite() || value < 0.0 || value == 0.0 && !zero_allowed {
                 let unless_zero = if zero_allowed { " or zero" } else { "" };
                 return Err(RigError::Value { path: path.into(), key, value, unless_zero });
             }
+        }
+        if let Some(value) = self.encoder.counts_per_rev.filter(|counts| counts.fract() != 0.0) {
+            return Err(RigError::CountsPerRev { path: path.into(), value });
         }
         Ok(())
     }
@@ -410,6 +434,19 @@ mod tests {
         assert_eq!(rig.ignored, ["motor.colour"]);
     }
 
+    #[test]
+    fn values_that_nothing_has_are_refused() {
+        let message = |text: &str| Rig::parse("rig.toml", text).unwrap_err().to_string();
+        let counts = message("[encoder]\ncounts_per_rev = 2000.5");
+        assert!(counts.contains("encoder.counts_per_rev = 2000.5: expected a whole number"), "{counts}");
+        let inertia = message("[motor]\ninertia_kg_m2 = 1e-300");
+        assert!(inertia.contains("rig.toml: motor.inertia_kg_m2 = 1e-300: no motor has that"), "{inertia}");
+        for text in ["[motor]\nresistance_ohm = \"5.84 ohm\"", "[motor]\nresistance_ohm = '5,84'"] {
+            let unit = message(text);
+            assert!(unit.contains("line 2") && unit.contains("a number without its unit"), "{unit}");
+        }
+    }
+
     /// A slip that would read as a missing constant is named with its line; every key of the example is one.
     #[test]
     fn a_mistyped_key_is_named_with_its_line_and_the_one_that_was_meant() {
@@ -427,6 +464,7 @@ mod tests {
                 "decay" => "bridge.decay = 'slow'\n".into(),
                 "present" => "current_sensor.present = false\n".into(),
                 "feedback" => "tachogenerator.feedback = true\n".into(),
+                "counts_per_rev" => "encoder.counts_per_rev = 2000\n".into(),
                 "readings" => "recording.readings = 'mean'\n".into(),
                 _ => format!("{table}.{key} = 0.5\n"),
             })

@@ -217,6 +217,7 @@ fn in_simulation(
         duration_s: BEFORE_S + last_s + STRETCH_S,
         mode: law.mode(),
         model: diagnosis.model.clone(),
+        model_file: None,
         settings: list.all,
         references: steps
             .iter()

@@ -149,6 +149,9 @@ fn a_wrong_scenario_says_where() {
     };
     for (from, to, expected) in [
         ("mode = \"lqr_position\"", "mode = \"fast\"", "expected open, speed, position"),
+        ("mode = \"lqr_position\"", "", "mode is missing: expected open, speed, position"),
+        ("time_s = 1.0", "time_s = 0.1", "two [[reference]] at time_s = 0.1"),
+        ("acceleration = 500", "speed_kp = 1000", "[settings] speed_kp = 1000: the core's numbers cannot hold that"),
         ("acceleration = 500", "acceleration = -1", "[settings] acceleration = -1: expected 0.1 to 1000000"),
         ("acceleration = 500", "accelaration = 500", "accelaration: no such setting"),
         ("duration_s = 2.0", "duration_s = 0", "duration_s = 0: expected more than 0"),

@@ -1,6 +1,6 @@
 //! `motorbench analyse`: what the linear model of a motor says.
 
-use super::{Failure, write};
+use super::{Failure, Outputs, write};
 use crate::design::fixed_point::rounded;
 use crate::linear::frequency_response::{bode, log_spaced};
 use crate::linear::motor_model::{TimeConstants, angle, current, speed};
@@ -9,10 +9,11 @@ use crate::linear::step_response::StepFigures;
 use crate::linear::transfer_function::TransferFunction;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
-use crate::terminal_text::COLUMNS;
+use crate::terminal_text::{COLUMNS, wrapped};
 use clap::Args;
 use nalgebra::Complex;
 use serde_json::{Value, json};
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 /// Prints transfer functions, poles, time constants and gains of a motor.
@@ -49,6 +50,7 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let outputs = Outputs::new([&arguments.rig], arguments.written().iter())?;
     let (motor, _) = motor_of(&arguments.rig)?;
     let sampled = arguments.sampled(&motor)?;
     if arguments.json {
@@ -59,13 +61,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
         println!("{figures:#}");
     } else {
-        print!("{}", analysis(&motor));
-        if sampled.is_some() {
-            println!();
-        }
-        for (name, form) in sampled.iter().flatten() {
-            print!("{}", equation(name, &form.text("z")));
-        }
+        let forms = sampled.iter().flatten().map(|(name, form)| equation(name, &form.text("z")));
+        let gap = if sampled.is_some() { "\n" } else { "" };
+        outputs.say(&(analysis(&motor) + gap + &forms.collect::<String>()));
     }
     if let Some(path) = &arguments.bode {
         write(path, &bode_csv(&motor))?;
@@ -80,11 +78,20 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 type Named = (&'static str, TransferFunction);
 
 impl Arguments {
+    /// What is written where.
+    fn written(&self) -> Vec<PathBuf> {
+        let json = self.json.then(|| PathBuf::from("-"));
+        [&self.bode, &self.step, &json].into_iter().flatten().cloned().collect()
+    }
+
     /// The forms in `z`, if they are asked for.
     fn sampled(&self, motor: &MotorParameters) -> Result<Option<[Named; 3]>, Failure> {
         let Some(period_ms) = self.period_ms else { return Ok(None) };
-        if !(period_ms > 0.0 && period_ms.is_finite()) {
-            return Err(Failure::input(format!("--period-ms = {period_ms}: it must be a positive number")));
+        if !PERIOD_MS.contains(&period_ms) {
+            let (least, most) = (PERIOD_MS.start(), PERIOD_MS.end());
+            return Err(Failure::input(format!(
+                "--period-ms = {period_ms:?}: expected {least} to {most} milliseconds"
+            )));
         }
         let delay_ms = self.delay_ms;
         if !(0.0..=MOST_PERIODS_LATE * period_ms).contains(&delay_ms) {
@@ -100,6 +107,8 @@ impl Arguments {
     }
 }
 
+/// Sampling of loops, with decades to spare; what is far beyond tells nothing in the digits that a number has.
+const PERIOD_MS: RangeInclusive<f64> = 1e-3..=1e4;
 /// Longest delay for which the form in `z` is worth writing down.
 const MOST_PERIODS_LATE: f64 = 10.0;
 /// Points of a frequency response, and how far beyond the poles it reaches.
@@ -157,10 +166,21 @@ pub fn motor_of(path: &Path) -> Result<(MotorParameters, Rig), Failure> {
     Ok((motor, rig))
 }
 
-/// Numerator over denominator, on two lines where one is too long for a terminal.
+/// Numerator over denominator, on lines of their own where one is too long for a terminal.
 fn equation(name: &str, function: &str) -> String {
     let line = format!("{name:14} {function}\n");
-    if line.len() <= COLUMNS + 1 { line } else { line.replace(" / ", &format!("\n{:14} / ", "")) }
+    let Some((numerator, denominator)) = function.split_once(" / ").filter(|_| line.len() > COLUMNS + 1) else {
+        return line;
+    };
+    // A sign, its number and its power stay together.
+    let glued = |polynomial: &str| {
+        let signs = polynomial.replace("+ ", "+_").replace("- ", "-_");
+        signs.replace(" s", "_s").replace(" z", "_z")
+    };
+    let other = format!("{:18}", "");
+    let lines = wrapped(&glued(numerator), &format!("{name:14} "), &other)
+        + &wrapped(&glued(denominator), &format!("{:14} /_", ""), &other);
+    lines.replace('_', " ")
 }
 
 /// Poles and zeros as pairs of real and imaginary part.
@@ -200,6 +220,8 @@ fn analysis(motor: &MotorParameters) -> String {
             1e3 * step.settling_s,
             step.overshoot_percent
         );
+    } else {
+        text += "step    not settled in what can be simulated: the poles are too far apart\n";
     }
     text
 }
@@ -263,23 +285,47 @@ mod tests {
         assert!((area / end[3] - 1.0).abs() < 1e-4, "{area} {end:?}");
     }
 
+    /// As printed, and read back: fast sampling leaves the gain in the last digits. No line is wider than a terminal.
+    #[test]
+    fn printed_forms_have_the_gain_of_the_motor() {
+        let motor = MotorParameters::PIVT6;
+        for (period_ms, delay_ms) in [(1e-3, 0.0), (0.1, 0.02), (1.0, 9.7)] {
+            let [speed_z, current_z, angle_z] = asked(period_ms, delay_ms).sampled(&motor).unwrap().unwrap();
+            for (name, form) in [&speed_z, &current_z, &angle_z] {
+                let text = equation(name, &form.text("z"));
+                assert!(text.lines().all(|line| line.len() <= COLUMNS) && !text.contains("+ -"), "{text}");
+            }
+            let text = equation(speed_z.0, &speed_z.1.text("z"));
+            let (above, below) = text[14..].split_once('/').unwrap();
+            let ratio = at_one(above) / at_one(below);
+            assert!((ratio / speed(&motor).dc_gain() - 1.0).abs() < 2e-3, "{ratio} {text}");
+        }
+    }
+
+    /// Sum of the coefficients of a printed polynomial.
+    fn at_one(polynomial: &str) -> f64 {
+        let bare = polynomial.replace(['(', ')', '\n'], " ").replace("+ ", "+").replace("- ", "-");
+        let numbers = bare.split_whitespace().filter_map(|word| match word.trim_start_matches(['+', '-']) {
+            power if power.starts_with('z') => None,
+            _ => word.parse::<f64>().ok(),
+        });
+        numbers.sum()
+    }
+
+    fn asked(period_ms: f64, delay_ms: f64) -> Arguments {
+        Arguments { rig: PathBuf::new(), json: false, period_ms: Some(period_ms), delay_ms, bode: None, step: None }
+    }
+
     #[test]
     fn sampled_forms_and_their_refusals() {
         let motor = MotorParameters::PIVT6;
-        let asked = |period_ms, delay_ms| Arguments {
-            rig: PathBuf::new(),
-            json: false,
-            period_ms: Some(period_ms),
-            delay_ms,
-            bode: None,
-            step: None,
-        };
         let forms = asked(1.0, 0.2).sampled(&motor).unwrap().unwrap();
         let at_one = forms[0].1.at(Complex::new(1.0, 0.0)).re;
         assert!((at_one / speed(&motor).dc_gain() - 1.0).abs() < 1e-9, "{at_one}");
         for (arguments, expected) in [
-            (asked(0.0, 0.0), "--period-ms = 0: it must be a positive number"),
+            (asked(0.0, 0.0), "--period-ms = 0.0: expected 0.001 to 10000 milliseconds"),
             (asked(f64::NAN, 0.0), "--period-ms = NaN"),
+            (asked(1e-9, 0.0), "--period-ms = 1e-9: expected"),
             (asked(1.0, -0.1), "--delay-ms = -0.1: it must be between 0 and 10 periods"),
             (asked(1.0, 20.0), "--delay-ms = 20"),
         ] {

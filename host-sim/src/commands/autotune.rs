@@ -1,7 +1,7 @@
 //! `motorbench autotune`
 
 use super::board::{PortArguments, on_interrupt};
-use super::{Failure, write};
+use super::{Failure, Outputs, write};
 use crate::board::{Board, BoardError, samples_of, untripped};
 use crate::design::on_board::{self, TuningError};
 use crate::design::relay::{Relay, tyreus_luyben};
@@ -43,13 +43,13 @@ pub struct Arguments {
     #[arg(long, value_name = "V", default_value_t = 8.0, allow_negative_numbers = true)]
     to: f64,
     /// How long each is held.
-    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold)]
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold, allow_negative_numbers = true)]
     hold: f64,
     /// Time constant that the closed loop shall have, in ms.
-    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = positive)]
+    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     closed_loop: f64,
     /// A relay experiment instead, with this swing of the voltage.
-    #[arg(long, value_name = "V", value_parser = positive)]
+    #[arg(long, value_name = "V", value_parser = positive, allow_negative_numbers = true)]
     relay: Option<f64>,
     /// First guess of the voltage that the relay's reference needs.
     #[arg(long, value_name = "V", default_value_t = 7.0, allow_negative_numbers = true)]
@@ -113,6 +113,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.relay.is_some() && arguments.reference < 0.0 {
         return Err(Failure::input("--relay: its --reference is forwards, above 0; a step may go backwards"));
     }
+    let json = arguments.json.then(|| PathBuf::from("-"));
+    let outputs = Outputs::new([], arguments.console.iter().chain(&json))?;
     let stopped = on_interrupt()?;
     let (mut link, _) = arguments.port.open()?;
     let settings = link.settings()?;
@@ -143,12 +145,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         });
         println!("{result:#}");
     } else {
-        println!("{}\ngains", found.text);
-        gains.iter().for_each(|(name, value)| println!("  {name} {value:.6}"));
-        println!(
-            "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s",
+        outputs.say(&format!("{}\ngains\n", found.text));
+        gains.iter().for_each(|(name, value)| outputs.say(&format!("  {name} {value:.6}\n")));
+        outputs.say(&format!(
+            "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s\n",
             arguments.reference
-        );
+        ));
     }
     if !accepted {
         board.command(&restore)?;
@@ -159,9 +161,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.console {
         write(path, &(line + "\n"))?;
     }
-    if !arguments.json {
-        println!("accepted; the board has them until its next reset:\n`motorbench connect save` keeps them");
-    }
+    outputs.say("accepted; the board has them until its next reset:\n`motorbench connect save` keeps them\n");
     Ok(())
 }
 

@@ -1,6 +1,6 @@
 //! `motorbench compare`
 
-use super::{Failure, mapping, plot_file, read_model, rig_for, write, write_plot};
+use super::{Failure, Outputs, mapping, plot_file, read_model, rig_file, rig_for, write, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
@@ -43,7 +43,7 @@ pub struct Arguments {
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
     delay: Option<f64>,
     /// Voltage of the step that two models answer.
-    #[arg(long, default_value_t = 6.0, value_name = "VOLTS")]
+    #[arg(long, default_value_t = 6.0, value_name = "VOLTS", allow_negative_numbers = true)]
     voltage: f64,
     /// Draws both: over time; of models the step and the frequency response.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
@@ -78,6 +78,7 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
 /// [`Failure`] with file and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (first, second) = (&arguments.first, &arguments.second);
+    arguments.outputs()?;
     match (kind(first)?, kind(second)?) {
         (Kind::Recording, Kind::Recording) => recordings(arguments),
         (Kind::Recording, Kind::Model) => with_model(arguments, first, second),
@@ -92,17 +93,19 @@ fn finish(arguments: &Arguments, result: &Value, text: &str, plot: impl FnOnce()
     if let Some(path) = &arguments.plot {
         write_plot(path, &plot())?;
     }
-    let json = serde_json::to_string_pretty(result).map_err(Failure::machine)? + "\n";
-    match &arguments.json {
-        Some(path) if path == Path::new("-") => {
-            print!("{json}");
-            return Ok(());
-        }
-        Some(path) => write(path, &json)?,
-        None => {}
+    if let Some(path) = &arguments.json {
+        write(path, &(serde_json::to_string_pretty(result).map_err(Failure::machine)? + "\n"))?;
     }
-    print!("{text}");
+    arguments.outputs()?.say(text);
     Ok(())
+}
+
+impl Arguments {
+    fn outputs(&self) -> Result<Outputs, Failure> {
+        let inputs = [&self.first, &self.second];
+        let rigs: Vec<PathBuf> = inputs.iter().filter_map(|path| rig_file(self.rig.as_deref(), Some(path))).collect();
+        Outputs::new(inputs.into_iter().chain(&rigs), self.plot.iter().chain(&self.json))
+    }
 }
 
 fn recordings(arguments: &Arguments) -> Result<(), Failure> {

@@ -1,6 +1,6 @@
 //! `motorbench convert`
 
-use super::{Failure, write};
+use super::{Failure, Outputs, is_terminal, write};
 use crate::convert::{self, Dialect, Format, Mapping, Names};
 use crate::recording::Channel;
 use clap::Args;
@@ -21,7 +21,7 @@ docs/formats.md says what each format holds.")]
 pub struct Arguments {
     /// What is there; its ending says the format.
     source: PathBuf,
-    /// What is to be written; its ending says the format.
+    /// What is to be written; its ending says the format. - for the terminal, as CSV unless --to says another format.
     target: PathBuf,
     /// Format of the source, whatever its ending says.
     #[arg(long, value_name = "FORMAT")]
@@ -68,11 +68,6 @@ fn delimiter(text: &str) -> Result<u8, String> {
     }
 }
 
-/// Whether two names are of one file that is there.
-fn is_same(one: &Path, other: &Path) -> bool {
-    one.canonicalize().ok().is_some_and(|one| other.canonicalize().is_ok_and(|other| one == other))
-}
-
 /// Runs it.
 ///
 /// # Errors
@@ -80,11 +75,11 @@ fn is_same(one: &Path, other: &Path) -> bool {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let format =
         |said: Option<Format>, path: &Path| said.map_or_else(|| Format::of_path(path), Ok).map_err(Failure::input);
-    let (from, to) = (format(arguments.from, &arguments.source)?, format(arguments.to, &arguments.target)?);
-    if is_same(&arguments.source, &arguments.target) {
-        let source = arguments.source.display();
-        return Err(Failure::input(format!("{source} would be overwritten: choose another name for what is written")));
-    }
+    // Without a file there is no ending.
+    let wanted = arguments.to.or_else(|| is_terminal(&arguments.target).then_some(Format::Csv));
+    let (from, to) = (format(arguments.from, &arguments.source)?, format(wanted, &arguments.target)?);
+    let json = arguments.json.then(|| PathBuf::from("-"));
+    let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&json))?;
     let name = arguments.source.display().to_string();
     let bytes = std::fs::read(&arguments.source).map_err(|error| Failure::input(format!("{name}: {error}")))?;
     let dialect = Dialect { delimiter: arguments.delimiter, decimal_comma: arguments.decimal_comma };
@@ -102,9 +97,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("{summary}");
         return Ok(());
     }
-    println!("{}: {} samples of {}", target.display(), recording.len(), channels.join(", "));
+    let (count, channels) = (recording.len(), channels.join(", "));
+    outputs.say(&format!("{}: {count} samples of {channels}\n", target.display()));
     if !converted.ignored.is_empty() {
-        println!("not used, for they are no channel (--map NAME=CHANNEL): {}", converted.ignored.join(", "));
+        let ignored = converted.ignored.join(", ");
+        outputs.say(&format!("not used, for they are no channel (--map NAME=CHANNEL): {ignored}\n"));
     }
     Ok(())
 }

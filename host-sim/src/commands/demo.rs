@@ -1,6 +1,6 @@
 //! `motorbench demo`
 
-use super::Failure;
+use super::{Failure, Outputs, is_terminal};
 #[cfg(feature = "chip")]
 use crate::board::{Board, BoardError, untripped};
 use crate::catalogue::{Effect, Scales, effect};
@@ -27,7 +27,7 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Effects of a motor and its load that the demonstration hides, beside friction and the bridge's drop.
@@ -81,11 +81,8 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let clock = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let seed = arguments.seed.unwrap_or(clock);
-    let say = |text: &str| {
-        if !arguments.json {
-            println!("{text}");
-        }
-    };
+    let outputs = arguments.outputs()?;
+    let say = |text: &str| outputs.say(&format!("{text}\n"));
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     say(&format!("A motor with something hidden in it (seed {seed})."));
     let truth = draw(&mut random);
@@ -97,7 +94,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.csv {
         super::write(path, &recording.to_csv())?;
         let rig = telemetry::rig(&settings, NominalMotor::from(nominal));
-        super::write(&path.with_extension("rig.toml"), &toml::to_string(&rig).map_err(Failure::machine)?)?;
+        super::write(&rig_of(path), &toml::to_string(&rig).map_err(Failure::machine)?)?;
     }
     let missing: u32 = samples.windows(2).map(|pair| pair[1].tick - pair[0].tick - 1).sum();
     say(&format!("   {} samples, {missing} missing.\n\n2. Diagnosis ...\n", samples.len()));
@@ -128,6 +125,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("{result:#}");
     }
     Ok(())
+}
+
+/// The rig file of a recording.
+fn rig_of(recording: &Path) -> PathBuf {
+    recording.with_extension("rig.toml")
+}
+
+impl Arguments {
+    fn outputs(&self) -> Result<Outputs, Failure> {
+        if self.csv.as_deref().is_some_and(is_terminal) {
+            return Err(Failure::input("--csv -: a rig file is written beside the recording: give it a name"));
+        }
+        let (rig, json) = (self.csv.as_deref().map(rig_of), self.json.then(|| PathBuf::from("-")));
+        Outputs::new([], [&self.report, &self.csv, &rig, &json].into_iter().flatten())
+    }
 }
 
 /// A bench that has friction and a bridge drop, and one thing more.

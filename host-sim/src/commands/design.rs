@@ -1,10 +1,10 @@
 //! `motorbench design`: gains for a specification or for weights.
 
 use super::analyse::motor_of;
-use super::{Failure, read_model, read_rig, spinner, write};
+use super::{Failure, Outputs, read_model, read_rig, spinner, write};
 use crate::design::compensation::{CompensationSetting, Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
-use crate::design::law::{ControlLaw, setting_name};
+use crate::design::law::ControlLaw;
 use crate::design::specification::{Specification, Speed};
 use crate::design::tachogenerator::Tachogenerator;
 use crate::design::weights::{BadWeight, Weights};
@@ -12,6 +12,7 @@ use crate::design::{Bench, Design, DesignError, TrialWithEffects, design, report
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::rig::Rig;
+use crate::scenario::refusal;
 use crate::terminal_text::wrapped;
 use clap::{ArgGroup, Args};
 use motorbench_core::settings::Settings;
@@ -102,8 +103,8 @@ pub struct Arguments {
     /// Current limit.
     #[arg(long = "current-limit-A", default_value_t = 1.0, value_name = "A", allow_negative_numbers = true)]
     current_limit_a: f64,
-    /// The rig has no current sensor, as with current_sensor.present = false in its file: the LQR does without the current,
-    /// and what that costs against a sensor and against an observer is told.
+    /// The rig has no current sensor, as with current_sensor.present = false in its file: the LQR has the current from the
+    /// firmware's observer, and what that costs against a sensor is told.
     #[arg(long)]
     no_current_sensor: bool,
     /// Compensate voltage drop and friction: from the effects of the model file; without one from bridge.drop_V of the
@@ -116,11 +117,13 @@ pub struct Arguments {
         default_value_t = 0.0,
         value_name = "NM",
         requires = "compensate",
-        conflicts_with = "model"
+        conflicts_with = "model",
+        allow_negative_numbers = true,
+        value_parser = friction
     )]
     coulomb_nm: f64,
-    /// Writes the designs as JSON; `-` to the standard output, instead of the text.
-    #[arg(long, value_name = "FILE")]
+    /// Writes the designs as JSON into a file, - for the terminal instead of the text.
+    #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
     /// Writes the lines for the board's console, for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
@@ -130,8 +133,15 @@ pub struct Arguments {
     report: Option<PathBuf>,
 }
 
+fn friction(text: &str) -> Result<f64, String> {
+    let is_one = |torque: &f64| torque.is_finite() && *torque >= 0.0;
+    text.parse().ok().filter(is_one).ok_or("expected 0 or more: friction brakes in both directions".into())
+}
+
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let files = [&arguments.json, &arguments.console, &arguments.report].into_iter().flatten();
+    let outputs = Outputs::new(arguments.rig.iter().chain(&arguments.model), files)?;
     let (motor, bench, rig) = arguments.problem()?;
     let specification = arguments.specification(&bench)?;
     let compensation = arguments.compensation(&motor, &rig)?;
@@ -164,21 +174,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let settings = compensation.added_to(&settings).map_err(Failure::input)?;
     let standstill = compensation.near_standstill(&designs, &settings.all)?;
     let commands = settings.commands();
-    let json_to_output = arguments.json.as_ref().is_some_and(|path| path.as_os_str() == "-");
-    if !json_to_output {
-        print!("{}", page(&designs, &refused, &trials, &standstill, &commands));
-    }
+    outputs.say(&page(&designs, &refused, &trials, &standstill, &commands));
     if let Some(path) = &arguments.json {
         let result = serde_json::json!({
             "motor": motor, "designs": designs, "refused": refused, "with_effects": trials.iter().map(written).collect::<Vec<_>>(),
             "near_standstill": standstill, "commands": commands
         });
-        let text = serde_json::to_string_pretty(&result).map_err(Failure::machine)?;
-        if json_to_output {
-            println!("{text}");
-        } else {
-            write(path, &text)?;
-        }
+        write(path, &(serde_json::to_string_pretty(&result).map_err(Failure::machine)? + "\n"))?;
     }
     if let Some(path) = &arguments.console {
         write(path, &(commands.join("\n") + "\n"))?;
@@ -210,9 +212,7 @@ impl Compensation {
         let Some(model) = &self.model else { return Ok(Vec::new()) };
         let found =
             designs.iter().map(|design| near_standstill(model, settings, design.law, design.tachogenerator.as_ref()));
-        found.collect::<Result<_, _>>().map_err(|error| {
-            Failure::input(format!("{}: the core's formats refuse it: {:?}", setting_name(error.param), error.rule))
-        })
+        found.collect::<Result<_, _>>().map_err(|error| Failure::input(refusal(settings, error)))
     }
 }
 

@@ -1,13 +1,14 @@
 //! `motorbench diagnose`
 
 use super::recordings::RecordingArguments;
-use super::{Failure, rig_beside, rig_for, spinner, write};
+use super::{Failure, Outputs, rig_beside, rig_for, spinner, write};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::steady_state;
 use clap::Args;
 use rayon::prelude::*;
+use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
 /// Shows what a simulation gets wrong, names the cause, extends the model and measures the gain.
@@ -48,11 +49,13 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     if args.batch {
         return batch(args, &rig_for(args.recordings.rig.as_deref(), None)?);
     }
+    let outputs =
+        Outputs::new(&args.recordings.files(), [&args.json, &args.report, &args.model].into_iter().flatten())?;
     let (rig, recordings) = (args.recordings.rig()?, args.recordings.read()?);
     if let [table] = &recordings[..]
         && table.time_s().is_none()
     {
-        return run_table(args, table, &rig);
+        return run_table(args, &outputs, table, &rig);
     }
     let bar = spinner();
     let result = diagnose(&recordings, &rig, &|text| bar.set_message(text.to_string()));
@@ -65,7 +68,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &args.report {
         write(path, &report::report(&diagnosis, &names))?;
     }
-    finish(args, &diagnosis.outcome, || page::page(&diagnosis))
+    finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))
 }
 
 /// One line for each file, in no order; a bad one does not stop the others.
@@ -77,7 +80,7 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
         .filter(|path| {
             let beside = if args.recordings.rig.is_none() { rig_beside(path) } else { None };
             let own = beside.as_deref().map(Rig::read).transpose().map_err(|error| error.to_string());
-            let result = own.and_then(|own| alone(path, args, own.as_ref().unwrap_or(rig)));
+            let result = own.and_then(|own| guarded(|| alone(path, args, own.as_ref().unwrap_or(rig))));
             let rig = args.recordings.rig.as_ref().or(beside.as_ref());
             let failed = result.is_err();
             let line = match result {
@@ -96,8 +99,18 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
     }
 }
 
+/// A fault of the program in one file is that file's error, and stops no others.
+fn guarded<T>(study: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+    panic::catch_unwind(AssertUnwindSafe(study)).unwrap_or_else(|payload| {
+        let text = payload.downcast_ref::<String>().map(String::as_str);
+        let why = text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no reason is known");
+        Err(format!("a fault of motorbench itself ({why}): please report it, with the recording"))
+    })
+}
+
 fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, String> {
     let recording = Recording::read(path, &args.recordings.columns).map_err(|error| error.to_string())?;
+    recording.advice_on_time().map_or(Ok(()), Err)?;
     let outcome = if recording.time_s().is_none() {
         serde_json::to_value(steady_state::study(&recording, rig, None).map_err(|error| error.to_string())?)
     } else {
@@ -127,7 +140,8 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-fn run_table(args: &Arguments, table: &Recording, rig: &Rig) -> Result<(), Failure> {
+fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) -> Result<(), Failure> {
+    table.advice_on_time().map_or(Ok(()), |advice| Err(Failure::input(advice)))?;
     let study = steady_state::study(table, rig, None).map_err(Failure::input)?;
     if let Some(path) = &args.model {
         return Err(Failure::input(format!(
@@ -138,19 +152,33 @@ fn run_table(args: &Arguments, table: &Recording, rig: &Rig) -> Result<(), Failu
     if let Some(path) = &args.report {
         write(path, &study.html(&table.name))?;
     }
-    finish(args, &study, || study.page())
+    finish(args, outputs, &study, || study.page())
 }
 
-/// JSON where it was asked for, the page unless the terminal is taken by the JSON.
-fn finish(args: &Arguments, result: &impl serde::Serialize, page: impl FnOnce() -> String) -> Result<(), Failure> {
-    let json = serde_json::to_string_pretty(result).map_err(Failure::input)? + "\n";
-    match &args.json {
-        Some(path) if path == Path::new("-") => print!("{json}"),
-        Some(path) => {
-            write(path, &json)?;
-            print!("{}", page());
-        }
-        None => print!("{}", page()),
+/// JSON where it was asked for, and the page.
+fn finish(
+    args: &Arguments,
+    outputs: &Outputs,
+    result: &impl serde::Serialize,
+    page: impl FnOnce() -> String,
+) -> Result<(), Failure> {
+    if let Some(path) = &args.json {
+        write(path, &(serde_json::to_string_pretty(result).map_err(Failure::input)? + "\n"))?;
     }
+    outputs.say(&page());
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_fault_of_the_program_is_the_error_of_one_file() {
+        assert_eq!(guarded(|| Ok(1)), Ok(1));
+        let text = String::from("min > max");
+        for error in [guarded::<()>(|| panic!("min > max")), guarded(|| panic!("{text}"))] {
+            assert!(error.is_err_and(|why| why.contains("a fault of motorbench itself (min > max)")));
+        }
+    }
 }

@@ -1,7 +1,7 @@
 //! `motorbench identify`
 
 use super::recordings::RecordingArguments;
-use super::{Failure, spinner, write};
+use super::{Failure, Outputs, spinner, write};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
 use crate::free_run::free_run;
@@ -14,7 +14,7 @@ use clap::Args;
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Finds the five constants of the linear motor, with their uncertainty and with the fit on data that no fit has seen.
 #[derive(Args)]
@@ -61,6 +61,7 @@ struct Fitted {
 /// # Errors
 /// [`Failure`] with what is wrong with the input, and where.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let outputs = Outputs::new(&arguments.recordings.files(), arguments.model.iter().chain(&arguments.json))?;
     let (rig, recordings) = (arguments.recordings.rig()?, arguments.recordings.read()?);
     let data = with_window_settled(Dataset::new(&recordings, &rig).map_err(Failure::input)?, &rig.motor);
     let bar = spinner();
@@ -69,15 +70,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.model {
         write(path, &model.to_toml())?;
     }
-    let json = serde_json::to_string_pretty(&identified).map_err(Failure::machine)? + "\n";
-    match &arguments.json {
-        Some(path) if path == Path::new("-") => print!("{json}"),
-        Some(path) => {
-            write(path, &json)?;
-            print!("{}", page(&identified));
-        }
-        None => print!("{}", page(&identified)),
+    if let Some(path) = &arguments.json {
+        write(path, &(serde_json::to_string_pretty(&identified).map_err(Failure::machine)? + "\n"))?;
     }
+    outputs.say(&page(&identified));
     Ok(())
 }
 

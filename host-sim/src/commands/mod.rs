@@ -11,6 +11,7 @@ mod convert;
 mod demo;
 mod design;
 mod diagnose;
+mod files;
 mod identify;
 mod live;
 mod manual;
@@ -29,6 +30,7 @@ use crate::rig::Rig;
 use crate::scenario::Scenario;
 use crate::text_file;
 use clap::{CommandFactory, Parser, Subcommand};
+use files::{Outputs, is_terminal};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::any::Any;
 use std::fmt::Display;
@@ -103,25 +105,36 @@ pub fn command() -> clap::Command {
 pub fn main() -> ExitCode {
     let usual = panic::take_hook();
     panic::set_hook(Box::new(move |information| {
-        if !is_closed_pipe(information.payload()) {
+        if why_not_printed(information.payload()).is_none() {
             usual(information);
         }
     }));
-    match panic::catch_unwind(|| run(Program::parse())) {
-        Ok(Ok(())) => ExitCode::SUCCESS,
-        Ok(Err(failure)) => {
-            // The exit code says it as well, to who has closed the terminal.
-            let _ = writeln!(std::io::stderr(), "motorbench: {}", failure.message);
-            ExitCode::from(failure.code)
+    let result = panic::catch_unwind(|| match Program::try_parse() {
+        Ok(program) => run(program).map(|()| ExitCode::SUCCESS),
+        Err(error) => {
+            error.print().or_else(|error| cannot_print(&error))?;
+            Ok(ExitCode::from(error.exit_code() as u8))
         }
-        Err(payload) if is_closed_pipe(&*payload) => ExitCode::SUCCESS,
-        Err(payload) => panic::resume_unwind(payload),
-    }
+    });
+    let failure = match result {
+        Ok(Ok(code)) => return code,
+        Ok(Err(failure)) => failure,
+        Err(payload) => match why_not_printed(&*payload) {
+            Some(why) if why.contains("Broken pipe") => return ExitCode::SUCCESS,
+            Some(why) => not_printed(why),
+            None => panic::resume_unwind(payload),
+        },
+    };
+    // The exit code says it as well, to who has closed the terminal.
+    let _ = writeln!(std::io::stderr(), "motorbench: {}", failure.message);
+    ExitCode::from(failure.code)
 }
 
-/// Whether `println!` gave up because the reader has had enough, as `head` has. Unwinding, unlike the signal, stops a motor.
-fn is_closed_pipe(payload: &(dyn Any + Send)) -> bool {
-    payload.downcast_ref::<String>().is_some_and(|text| text.contains("Broken pipe"))
+/// What the system said when `println!` gave up: the reader has had enough, as `head` has, or a disk is full. Unwinding,
+/// unlike a signal or an exit in its place, stops a motor.
+fn why_not_printed(payload: &(dyn Any + Send)) -> Option<&str> {
+    let (_, after) = payload.downcast_ref::<String>()?.split_once("failed printing to std")?;
+    after.split_once(": ").map(|(_, why)| why)
 }
 
 fn run(program: Program) -> Result<(), Failure> {
@@ -172,10 +185,14 @@ fn rig_beside(recording: &Path) -> Option<PathBuf> {
     Some(board::beside(recording, "rig.toml")).filter(|path| path.exists())
 }
 
-/// The rig file that is named, else that beside a recording; nothing is known of the rig where there is none.
+/// The rig file that is named, else that beside a recording.
+fn rig_file(named: Option<&Path>, recording: Option<&Path>) -> Option<PathBuf> {
+    named.map(Path::to_path_buf).or_else(|| recording.and_then(rig_beside))
+}
+
+/// What [`rig_file`] says; nothing is known of the rig where there is none.
 fn rig_for(named: Option<&Path>, recording: Option<&Path>) -> Result<Rig, Failure> {
-    let beside = recording.and_then(rig_beside);
-    named.or(beside.as_deref()).map_or_else(|| Ok(Rig::default()), read_rig)
+    rig_file(named, recording).map_or_else(|| Ok(Rig::default()), |path| read_rig(&path))
 }
 
 /// The firmware for the simulated chip, which is built when it is not there.
@@ -217,9 +234,26 @@ fn write_plot(path: &Path, svg: &str) -> Result<(), Failure> {
     }
 }
 
-/// Writes a file.
+/// Writes a file, or to the standard output where it is called `-`.
 fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Failure> {
+    if is_terminal(path) {
+        let mut output = io::stdout();
+        return output.write_all(contents.as_ref()).and_then(|()| output.flush()).or_else(|error| cannot_print(&error));
+    }
     std::fs::write(path, contents).map_err(|error| cannot_write(path, &error))
+}
+
+/// A reader that has had enough, as `head` has, is no failure.
+fn cannot_print(error: &io::Error) -> Result<(), Failure> {
+    match error.kind() {
+        ErrorKind::BrokenPipe => Ok(()),
+        _ => Err(not_printed(error)),
+    }
+}
+
+/// Why the standard output cannot be written, and what to do.
+fn not_printed(why: impl Display) -> Failure {
+    Failure::machine(format!("the standard output cannot be written: {why}: make room there, or send it elsewhere"))
 }
 
 /// Why a file cannot be written, and what to do.

@@ -1,6 +1,6 @@
 //! What `diagnose` and `identify` take: recordings of one rig.
 
-use super::{Failure, mapping, rig_for};
+use super::{Failure, mapping, rig_file, rig_for};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use clap::Args;
@@ -27,6 +27,12 @@ impl RecordingArguments {
     pub fn read(&self) -> Result<Vec<Recording>, Failure> {
         let read = |path: &PathBuf| Recording::read(path, &self.columns).map_err(Failure::input);
         self.recordings.iter().map(read).collect()
+    }
+
+    /// Every file that is read.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let rig = rig_file(self.rig.as_deref(), self.recordings.first().map(PathBuf::as_path));
+        self.recordings.iter().cloned().chain(rig).collect()
     }
 
     /// Their rig.

@@ -1,6 +1,6 @@
 //! `motorbench simulate`
 
-use super::{Failure, plot_file, spinner, write, write_plot};
+use super::{Failure, Outputs, plot_file, spinner, write, write_plot};
 use crate::design::trial::Point;
 use crate::figures::Figures;
 use crate::panels::{Panel, panels};
@@ -12,6 +12,7 @@ use motorbench_core::message::{Mode, Trip};
 use motorbench_core::settings::{Settings, find};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
+use std::slice;
 
 /// Runs the firmware's control core in closed loop with a motor on this computer.
 #[derive(Args)]
@@ -21,7 +22,7 @@ use std::path::{Path, PathBuf};
 pub struct Arguments {
     /// The scenario; its keys are in docs/scenarios.md.
     scenario: PathBuf,
-    /// Writes the recording as the firmware would have sent it.
+    /// Writes the recording as the firmware would have sent it, - for the terminal instead of the table.
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
     /// Another model than the scenario's; one that `record` wrote has none.
@@ -44,6 +45,7 @@ pub struct Arguments {
 /// [`Failure`] with what is wrong with the scenario, or when the drive tripped.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut scenario = super::scenario(&arguments.scenario, arguments.model.as_deref())?;
+    let outputs = arguments.outputs(&scenario)?;
     if let Some(path) = &arguments.console {
         set(&mut scenario.settings, path)?;
     }
@@ -60,16 +62,22 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let trip = (outcome.trip != Trip::None).then(|| format!("{:?}", outcome.trip));
     let result = serde_json::json!({ "figures": outcome.figures, "trip": trip, "trip_s": outcome.trip_s });
-    let json = serde_json::to_string_pretty(&result).map_err(Failure::machine)? + "\n";
-    if let Some(path) = arguments.json.as_ref().filter(|path| path.as_path() != Path::new("-")) {
-        write(path, &json)?;
+    if let Some(path) = &arguments.json {
+        write(path, &(serde_json::to_string_pretty(&result).map_err(Failure::machine)? + "\n"))?;
     }
-    match &arguments.json {
-        Some(path) if path == Path::new("-") => print!("{json}"),
-        _ if outcome.figures.is_empty() => println!("{} s without a reference to judge", scenario.duration_s),
-        _ => print!("{}", table(&outcome.figures)),
+    match outcome.figures.is_empty() {
+        true => outputs.say(&format!("{} s without a reference to judge\n", scenario.duration_s)),
+        false => outputs.say(&table(&outcome.figures)),
     }
     judged(&scenario, &outcome)
+}
+
+impl Arguments {
+    fn outputs(&self, scenario: &Scenario) -> Result<Outputs, Failure> {
+        let given = [&self.model, &self.console, &scenario.model_file].into_iter().flatten();
+        let written = [&self.csv, &self.plot, &self.json].into_iter().flatten();
+        Outputs::new(slice::from_ref(&self.scenario).iter().chain(given), written)
+    }
 }
 
 /// Takes the `set` lines of a file for a board's console.
@@ -131,7 +139,7 @@ fn table(figures: &[Figures]) -> String {
         );
         let _ = writeln!(
             text,
-            "          tracking error {} rms, {} summed; voltage {} V rms; peak {} A",
+            "          error {} rms, {} summed; asked {} V rms; peak {} A",
             short(row.tracking_rms),
             short(row.iae),
             short(row.effort_v),

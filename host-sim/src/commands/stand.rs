@@ -2,7 +2,7 @@
 
 mod board;
 
-use super::{Failure, mapping, plot_file, read_rig, write, write_plot};
+use super::{Failure, Outputs, mapping, plot_file, read_rig, write, write_plot};
 use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -66,6 +66,7 @@ struct Position {
 /// # Errors
 /// [`Failure`] with file and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.outputs()?;
     let rig = read_rig(&arguments.rig)?;
     let read = |path: &Path| table(path, &arguments.columns);
     let earlier = arguments.earlier.as_deref().map(read).transpose()?;
@@ -103,17 +104,18 @@ fn report(
         let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
         write_plot(path, &map(&stand.constants.map(greatest_v)).map_err(Failure::machine)?)?;
     }
-    let json = serde_json::to_string_pretty(&stand).map_err(Failure::machine)? + "\n";
-    match &arguments.json {
-        Some(path) if path == Path::new("-") => {
-            print!("{json}");
-            return Ok(());
-        }
-        Some(path) => write(path, &json)?,
-        None => {}
+    if let Some(path) = &arguments.json {
+        write(path, &(serde_json::to_string_pretty(&stand).map_err(Failure::machine)? + "\n"))?;
     }
-    print!("{}", page(&stand, rig.motor.resistance_ohm));
+    arguments.outputs()?.say(&page(&stand, rig.motor.resistance_ohm));
     Ok(())
+}
+
+impl Arguments {
+    fn outputs(&self) -> Result<Outputs, Failure> {
+        let others = [&self.table, &self.resistance, &self.earlier].into_iter().flatten();
+        Outputs::new([&self.rig].into_iter().chain(others), self.map.iter().chain(&self.json))
+    }
 }
 
 fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {

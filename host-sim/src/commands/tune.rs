@@ -2,7 +2,7 @@
 
 use super::board::{PortArguments, beside, cannot_grow, on_interrupt, write_rig_and_side};
 use super::live::LiveArguments;
-use super::{Failure, write};
+use super::{Failure, Outputs, write};
 use crate::board::{BoardError, cause_of};
 use crate::link::growing::GrowingCsv;
 use crate::link::record::{Ended, Record, by_name};
@@ -12,7 +12,7 @@ use clap::Args;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::Settings;
 use std::io::IsTerminal;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::Ordering;
 
 /// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
@@ -111,18 +111,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             "tune needs a terminal, or --keys for a session without a person; for programs also: `motorbench connect`, `send` and `record`",
         ));
     }
+    let outputs = Outputs::new([], [&arguments.out].into_iter().chain(&arguments.json))?;
     let stopped = on_interrupt()?;
     let stop = || stopped.load(Ordering::Relaxed);
     let live = arguments.live.open()?;
     let (link, _) = arguments.port.open()?;
     let keeper = Numbered { out: arguments.out.clone(), kept: 0, growing: None };
     let mut session = Session::new(link, arguments.reference, live, Box::new(keeper))?;
-    let json_to_output = arguments.json.as_deref() == Some(Path::new("-"));
-    let says = |text: &str| {
-        if !json_to_output {
-            println!("{text}");
-        }
-    };
+    let says = |text: &str| outputs.say(&format!("{text}\n"));
     let mut ended = match &arguments.keys {
         Some(keys) => {
             session.play(keys, &stop, &|key, did| says(&format!("{:10} {did}", format!("{key:?}").to_lowercase())))
@@ -142,8 +138,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         screen::figure_lines(&account.step_tests).iter().for_each(|line| says(line));
     }
     if let Some(path) = &arguments.json {
-        let json = serde_json::to_string_pretty(&account).map_err(Failure::machine)? + "\n";
-        if json_to_output { print!("{json}") } else { write(path, &json)? }
+        write(path, &(serde_json::to_string_pretty(&account).map_err(Failure::machine)? + "\n"))?;
     }
     outcome(account.ended)
 }

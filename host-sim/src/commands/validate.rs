@@ -2,7 +2,7 @@
 
 use super::board::beside;
 use super::compare::{plot, table};
-use super::{Failure, mapping, plot_file, rig_for, spinner, write, write_plot};
+use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write, write_plot};
 use crate::compare::{Comparison, Difference, compare};
 use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
@@ -69,11 +69,13 @@ struct Loop {
 /// # Errors
 /// [`Failure`] with file and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    arguments.outputs(&[])?;
     let rig = arguments.rig()?;
     let mut loops = Vec::new();
     for (measured, scenario) in arguments.measured.iter().zip(arguments.scenarios()?) {
         loops.push(Loop::new(arguments, measured, &scenario, &rig)?);
     }
+    let outputs = arguments.outputs(&loops)?;
     name(&mut loops, &arguments.measured);
     let bar = spinner();
     let remaining = remaining(&loops, &rig, &|text| bar.set_message(text.to_string()));
@@ -81,16 +83,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
         write_plot(path, &picture(&loops))?;
     }
-    let json = serde_json::to_string_pretty(&result(&loops, &remaining)).map_err(Failure::machine)? + "\n";
-    match &arguments.json {
-        Some(path) if path == Path::new("-") => {
-            print!("{json}");
-            return Ok(());
-        }
-        Some(path) => write(path, &json)?,
-        None => {}
+    if let Some(path) = &arguments.json {
+        write(path, &(serde_json::to_string_pretty(&result(&loops, &remaining)).map_err(Failure::machine)? + "\n"))?;
     }
-    print!("{}", page(&loops, &remaining));
+    outputs.say(&page(&loops, &remaining));
     Ok(())
 }
 
@@ -107,6 +103,15 @@ impl Arguments {
             )));
         }
         Ok(self.scenario.clone())
+    }
+
+    /// The loops that have been read name more files.
+    fn outputs(&self, loops: &[Loop]) -> Result<Outputs, Failure> {
+        let scenarios = self.scenarios()?;
+        let models = loops.iter().filter_map(|one| one.scenario.model_file.as_ref());
+        let rig = rig_file(self.rig.as_deref(), self.measured.first().map(PathBuf::as_path));
+        let read = self.measured.iter().chain(&scenarios).chain(&self.model).chain(&rig).chain(models);
+        Outputs::new(read, self.plot.iter().chain(&self.json))
     }
 
     fn rig(&self) -> Result<Rig, Failure> {
@@ -243,7 +248,9 @@ fn remaining(loops: &[Loop], rig: &Rig, progress: crate::diagnose::select::Progr
                 true => "the model has every effect that the measured loop shows".to_string(),
                 false => format!("the measured loop shows what the model lacks: {}", new.join(", ")),
             };
-            vec![lacks, verdict(&diagnosis.outcome)]
+            let verdict = verdict(&diagnosis.outcome).replace('\n', " ");
+            let alone = format!("By itself, beside a motor without effects, the measured loop says: {verdict}");
+            vec![lacks, alone]
         }
     }
 }

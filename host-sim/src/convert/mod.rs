@@ -126,7 +126,9 @@ impl std::str::FromStr for Mapping {
         let (column, factor) = right.split_once('*').unwrap_or((right, "1"));
         let channel = Channel::of_column(column.trim())
             .ok_or_else(|| format!("no channel is called \"{column}\"; there are {}", all_columns()))?;
-        let factor = factor.trim().parse().map_err(|_| format!("{factor} is not a number; {expected}"))?;
+        let is_one = |factor: &f64| factor.is_finite() && *factor != 0.0;
+        let factor = factor.trim().parse().ok().filter(is_one);
+        let factor = factor.ok_or_else(|| format!("its factor has to be a number other than 0; {expected}"))?;
         Ok(Self { name: name.trim().into(), channel, factor })
     }
 }
@@ -252,6 +254,11 @@ pub fn write(
             Column { name: renamed.unwrap_or_else(|| channel.column().into()), values }
         })
         .collect();
+    let is_another = |(at, column): &(usize, &Column)| columns[..*at].iter().any(|other| other.name == column.name);
+    if let Some((_, column)) = columns.iter().enumerate().find(is_another) {
+        let what = format!("two columns would be called {}: choose another name with --rename", column.name);
+        return Err(ConvertError::new(&recording.name, Fault::whole(what)));
+    }
     match format {
         Format::Csv if renamed.is_empty() && dialect == Dialect::default() => Ok(recording.to_csv().into_bytes()),
         Format::Csv => csv::write(&columns, dialect),

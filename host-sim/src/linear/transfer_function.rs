@@ -36,19 +36,17 @@ impl TransferFunction {
         Self { numerator: (0..impulse.len()).map(coefficient).collect(), denominator }
     }
 
-    /// In a variable of this name.
+    /// In a variable of this name. In `z` the poles lie close to 1, and what tells them apart in the last digits.
     pub fn text(&self, variable: &str) -> String {
+        let decimals = if variable == "z" { 11 } else { 4 };
         let print = |coefficients: &[f64]| {
-            let degree = coefficients.len() - 1;
-            let terms = coefficients.iter().enumerate().filter(|(_, value)| **value != 0.0);
-            let terms: Vec<_> = terms
-                .map(|(index, value)| match degree - index {
-                    0 => format!("{value:.4e}"),
-                    1 => format!("{value:.4e} {variable}"),
-                    power => format!("{value:.4e} {variable}^{power}"),
-                })
-                .collect();
-            terms.join(" + ")
+            let powers = coefficients.iter().zip((0..coefficients.len()).rev());
+            let terms = powers.filter(|(value, _)| **value != 0.0).map(|(value, power)| match power {
+                0 => format!("{value:.decimals$e}"),
+                1 => format!("{value:.decimals$e} {variable}"),
+                power => format!("{value:.decimals$e} {variable}^{power}"),
+            });
+            terms.collect::<Vec<_>>().join(" + ").replace("+ -", "- ")
         };
         format!("({}) / ({})", print(&self.numerator), print(&self.denominator))
     }

@@ -1,6 +1,7 @@
 //! The scenario file: read, and everything in it checked. Messages say file, table and key.
 
 use super::reference::{Course, Reference};
+use super::refusal::refusal;
 use super::{Fault, FaultKind, Load, Noise, Scenario, ScenarioError};
 use crate::keys;
 use crate::link::name;
@@ -11,7 +12,7 @@ use motorbench_core::message::{Mode, Trip};
 use motorbench_core::settings::{Param, Settings, Text, text};
 use serde::Deserialize;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Longest scenario.
 const LONGEST_S: f64 = 3600.0;
@@ -24,7 +25,7 @@ const LARGEST_RAD: f64 = 1e5;
 #[serde(deny_unknown_fields)]
 struct File {
     duration_s: f64,
-    mode: String,
+    mode: Option<String>,
     model: Option<String>,
     motor: Option<toml::Table>,
     effects: Option<toml::Table>,
@@ -81,8 +82,12 @@ pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError
         Model::parse(&file.model_text(path, &text)?)
             .map_err(|source| ScenarioError::Model { path: name.clone(), source: Box::new(source) })
     };
-    let model = model.map_or_else(own, Ok)?;
-    file.scenario(model, &text).map_err(|what| ScenarioError::Value { path: name, what })
+    let named = || file.model.as_ref().map(|model| path.with_file_name(model));
+    let (model, model_file) = match model {
+        Some(model) => (model, None),
+        None => (own()?, named()),
+    };
+    file.scenario((model, model_file), &text).map_err(|what| ScenarioError::Value { path: name, what })
 }
 
 /// Whether a text in TOML has nothing that could be the length of a scenario: a model or rig file.
@@ -117,8 +122,8 @@ impl File {
         Ok(text.into())
     }
 
-    fn scenario(self, model: Model, text: &str) -> Result<Scenario, String> {
-        let mode = mode(&self.mode)?;
+    fn scenario(self, (model, model_file): (Model, Option<PathBuf>), text: &str) -> Result<Scenario, String> {
+        let mode = mode(self.mode.as_deref())?;
         if !(self.duration_s > 0.0 && self.duration_s <= LONGEST_S) {
             return Err(format!("duration_s = {}: expected more than 0 and at most {LONGEST_S}", self.duration_s));
         }
@@ -140,12 +145,19 @@ impl File {
         }
         let mut loads = self.load;
         references.sort_by(|a: &Reference, b| a.time_s.total_cmp(&b.time_s));
+        if let Some(pair) = references.windows(2).find(|pair| pair[0].time_s == pair[1].time_s) {
+            let time_s = pair[0].time_s;
+            return Err(format!(
+                "two [[reference]] at time_s = {time_s}: one would take the other's place; leave one out"
+            ));
+        }
         loads.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
         let expected_trip = self.expected_trip.as_deref().map_or(Ok(Trip::None), trip)?;
         Ok(Scenario {
             duration_s: self.duration_s,
             mode,
             model,
+            model_file,
             settings,
             references,
             loads,
@@ -325,14 +337,15 @@ fn largest(mode: Mode, settings: &Settings) -> f64 {
     }
 }
 
-fn mode(name: &str) -> Result<Mode, String> {
-    Ok(match name {
+fn mode(name: Option<&str>) -> Result<Mode, String> {
+    let expected = "expected open, speed, position, lqr_speed or lqr_position";
+    Ok(match name.ok_or_else(|| format!("mode is missing: {expected}"))? {
         "open" => Mode::OpenLoop,
         "speed" => Mode::SpeedPid,
         "position" => Mode::PositionPid,
         "lqr_speed" => Mode::SpeedLqr,
         "lqr_position" => Mode::PositionLqr,
-        _ => return Err(format!("mode = \"{name}\": expected open, speed, position, lqr_speed or lqr_position")),
+        other => return Err(format!("mode = \"{other}\": {expected}")),
     })
 }
 
@@ -373,8 +386,9 @@ fn settings(given: &BTreeMap<String, f64>, text_of_file: &str) -> Result<Setting
     match LoopConfig::build(&settings) {
         Ok(_) => Ok(settings),
         Err(error) => {
-            let name = name(error.param);
-            Err(format!("[settings] {name}: the core's fixed-point formats refuse it: {:?}", error.rule))
+            let at = keys::line(text_of_file, &["settings", &name(error.param)]);
+            let line = at.map_or_else(String::new, |line| format!("line {line}: "));
+            Err(format!("{line}[settings] {}", refusal(&settings, error)))
         }
     }
 }

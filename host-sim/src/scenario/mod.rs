@@ -19,6 +19,7 @@
 
 mod file;
 pub mod reference;
+mod refusal;
 
 use crate::design::trial::{Point, Surroundings, Trial};
 use crate::figures::{Figures, step_figures, tracking_figures};
@@ -29,8 +30,9 @@ use crate::telemetry;
 use motorbench_core::message::{Mode, Request, Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
 use reference::{Course, Reference};
+pub(crate) use refusal::refusal;
 use serde::Deserialize;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// By how much a sum of times may be beyond the tick it means: without it, rounding would put off what is due by a tick.
 const ROUNDING_S: f64 = 1e-9;
@@ -100,6 +102,8 @@ pub struct Scenario {
     pub mode: Mode,
     /// The motor.
     pub model: Model,
+    /// The file that it names for that, where it does and no other model was given.
+    pub model_file: Option<PathBuf>,
     /// The firmware's settings.
     pub settings: Settings,
     /// In the order of time.
@@ -189,10 +193,7 @@ impl Scenario {
     /// # Errors
     /// [`ScenarioError::Value`] for a setting that the core's formats cannot hold.
     pub fn run(&self) -> Result<Outcome, ScenarioError> {
-        let refused = |error| ScenarioError::Value {
-            path: "settings".into(),
-            what: format!("the core's fixed-point formats refuse: {error:?}"),
-        };
+        let refused = |error| ScenarioError::Value { path: "settings".into(), what: refusal(&self.settings, error) };
         let mut trial = Trial::new(ModelPlant::new(self.model.clone()), self.settings).map_err(refused)?;
         trial.seed(self.noise.seed);
         trial.enter(self.mode);

@@ -1,0 +1,107 @@
+//! The files of one command line: none is written over another that it reads or writes, and the terminal has one thing.
+
+use super::Failure;
+use std::path::{Path, PathBuf};
+
+/// The name that stands for the standard output.
+const TERMINAL: &str = "-";
+
+/// Whether a name stands for the standard output.
+pub(super) fn is_terminal(path: &Path) -> bool {
+    path == Path::new(TERMINAL)
+}
+
+/// Where what a command has to say goes.
+pub(super) struct Outputs {
+    /// One of its results goes to the terminal, and its text does not.
+    pub terminal_is_taken: bool,
+}
+
+impl Outputs {
+    /// Of a command that reads and writes these files, before it does either.
+    ///
+    /// # Errors
+    /// [`Failure`] where one of them would be lost.
+    pub(super) fn new<'a>(
+        read: impl IntoIterator<Item = &'a PathBuf>,
+        written: impl IntoIterator<Item = &'a PathBuf>,
+    ) -> Result<Self, Failure> {
+        let (terminal, files): (Vec<&PathBuf>, Vec<&PathBuf>) = written.into_iter().partition(|path| is_terminal(path));
+        if terminal.len() > 1 {
+            return Err(Failure::input(
+                "two results would mix on the standard output (-): write all but one of them into files",
+            ));
+        }
+        let read: Vec<PathBuf> = read.into_iter().filter_map(|path| own_name(path)).collect();
+        let mut taken: Vec<PathBuf> = Vec::new();
+        for path in files {
+            let Some(name) = own_name(path) else { continue };
+            let path = path.display();
+            if read.contains(&name) {
+                return Err(Failure::input(format!(
+                    "{path} would be overwritten: choose another name for what is written"
+                )));
+            }
+            if taken.contains(&name) {
+                return Err(Failure::input(format!(
+                    "{path} would be written twice: choose another name for one of the two"
+                )));
+            }
+            taken.push(name);
+        }
+        Ok(Self { terminal_is_taken: !terminal.is_empty() })
+    }
+
+    /// Text for a person.
+    pub(super) fn say(&self, text: &str) {
+        if !self.terminal_is_taken {
+            print!("{text}");
+        }
+    }
+}
+
+/// A file's own name, whatever path leads to it; one that is not there yet has it already. None of a device: nothing in it
+/// can be lost.
+fn own_name(path: &Path) -> Option<PathBuf> {
+    match path.canonicalize() {
+        Ok(name) => Some(name).filter(|name| name.is_file()),
+        Err(_) => {
+            let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
+            Some(folder.canonicalize().ok()?.join(path.file_name()?))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tempfile::TempDir;
+
+    #[test]
+    fn nothing_is_written_over_anything_else() {
+        let directory = TempDir::new().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        std::fs::create_dir(at("folder")).unwrap();
+        std::fs::write(at("run.csv"), "").unwrap();
+        let refusal = |read: &str, written: &[&str]| {
+            let written: Vec<PathBuf> = written.iter().map(|name| at(name)).collect();
+            Outputs::new([&at(read)], &written).err().map(|failure| failure.message)
+        };
+        assert_eq!(refusal("run.csv", &["a.json", "b.html"]), None);
+        for same in ["run.csv", "folder/../run.csv"] {
+            assert!(refusal("run.csv", &[same]).is_some_and(|why| why.contains("run.csv would be overwritten")));
+        }
+        // Neither is there yet.
+        let twice = refusal("run.csv", &["folder/a.html", "folder/../folder/a.html"]);
+        assert!(twice.is_some_and(|why| why.contains("a.html would be written twice")));
+    }
+
+    #[test]
+    fn devices_hold_nothing_and_the_terminal_one_thing() {
+        let [terminal, null] = ["-", "/dev/null"].map(PathBuf::from);
+        assert!(Outputs::new([&null], [&terminal, &null, &null]).is_ok_and(|outputs| outputs.terminal_is_taken));
+        assert!(Outputs::new([], [&null]).is_ok_and(|outputs| !outputs.terminal_is_taken));
+        let mixed = Outputs::new([], [&terminal, &terminal]).err().unwrap();
+        assert!(mixed.message.contains("would mix on the standard output"), "{}", mixed.message);
+    }
+}
