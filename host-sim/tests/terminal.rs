@@ -171,6 +171,7 @@ const TABLE: &[Row] = &[
             (&["table.csv", "--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
             (&["--rig", "stand.toml", "--port", "/dev/none"], 3, "motorbench ports"),
             (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "/nonexistent/a.csv"], 3, "/nonexistent/a.csv"),
+            (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "stand.json"], 2, "ends in .csv"),
             (&["table.csv"], 2, "--rig"),
         ],
         ..row("stand")
@@ -218,6 +219,9 @@ const TABLE: &[Row] = &[
             (&["--port", "/dev/none", "--motor", "bad.toml"], 1, "bad.toml"),
             (&["--live", "matplotlib"], 2, "plotjuggler or teleplot"),
             (&["--port", "/dev/none", "--amplitude", "-5"], 3, "motorbench ports"),
+            (&["--out", "run.json"], 2, "ends in .csv, for instance run.csv"),
+            (&["--out", "run.mat"], 2, "`motorbench convert` makes other formats"),
+            (&["--out", "."], 2, "ends in .csv"),
             (&["--period", "0"], 2, "1..=65535"),
             (&["--set", "speed_kp"], 2, "NAME=VALUE"),
             (&["--sequence", "nonsense"], 2, "identify"),
@@ -237,6 +241,7 @@ const TABLE: &[Row] = &[
             (&["--port", "/dev/none"], 3, "needs a terminal"),
             (&["--port", "/dev/none", "--keys", "a"], 3, "motorbench ports"),
             (&["--keys", "a x"], 2, "space tab up down left right"),
+            (&["--port", "/dev/none", "--keys", "a", "--out", "s.json"], 2, "ends in .csv"),
         ],
         ..row("tune")
     },

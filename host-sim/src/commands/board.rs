@@ -254,8 +254,8 @@ pub struct RecordArguments {
     /// A rig file whose nominal constants of the motor go into the new one.
     #[arg(long, value_name = "RIG.toml")]
     motor: Option<PathBuf>,
-    /// Where to.
-    #[arg(long, default_value = "run.csv")]
+    /// Where to, a .csv.
+    #[arg(long, default_value = "run.csv", value_parser = table_file)]
     out: PathBuf,
     #[command(flatten)]
     live: LiveArguments,
@@ -457,6 +457,18 @@ fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settin
     let RecordArguments { offset, period: period_ms, seed, .. } = *arguments;
     let count = arguments.count.unwrap_or_else(|| arguments.sequence.usual_count(period_ms));
     Ok((settings, Played { time_s: 0.0, kind: "sequence", sequence, amplitude, offset, period_ms, count, seed }))
+}
+
+/// A table that is measured: its other files stand beside it under its name, so that one with another ending could be one of them.
+pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
+        return Ok(path);
+    }
+    Err(format!(
+        "expected a name that ends in .csv, for instance {}; `motorbench convert` makes other formats of it",
+        path.with_extension("csv").display()
+    ))
 }
 
 pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {

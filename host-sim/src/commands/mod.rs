@@ -228,6 +228,7 @@ fn cannot_write(path: &Path, error: &io::Error) -> Failure {
         ErrorKind::NotFound => ": make its folder first",
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => ": choose another folder",
         ErrorKind::StorageFull => ": make room on the disk",
+        ErrorKind::IsADirectory => ": it is a folder, name a file in it",
         _ => "",
     };
     Failure::machine(format!("{}: {error}{remedy}", path.display()))

@@ -1,6 +1,6 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
-use super::board::{PortArguments, beside, cannot_grow, on_interrupt, write_rig_and_side};
+use super::board::{PortArguments, beside, cannot_grow, on_interrupt, table_file, write_rig_and_side};
 use super::live::LiveArguments;
 use super::{Failure, write};
 use crate::board::{BoardError, cause_of};
@@ -37,8 +37,8 @@ pub struct Arguments {
     /// Speed that a step test goes to, in rad/s.
     #[arg(long, default_value_t = 40.0, allow_negative_numbers = true)]
     reference: f64,
-    /// Where recordings go, with rig and side file; those after the first get a number.
-    #[arg(long, default_value = "tune.csv")]
+    /// Where recordings go, a .csv, with rig and side file; those after the first get a number.
+    #[arg(long, default_value = "tune.csv", value_parser = table_file)]
     out: PathBuf,
     #[command(flatten)]
     live: LiveArguments,

@@ -1,6 +1,6 @@
 //! A board as the test stand of `motorbench stand`.
 
-use crate::commands::board::{PortArguments, beside, ended, on_interrupt, typed_lines};
+use crate::commands::board::{PortArguments, beside, ended, on_interrupt, table_file, typed_lines};
 use crate::commands::{Failure, cannot_write, write};
 use crate::link::growing::GrowingFile;
 use crate::link::port::Port;
@@ -51,7 +51,7 @@ pub(super) struct BoardArguments {
     #[arg(long, value_name = "SECTORS", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=360), conflicts_with = "table")]
     slow_turn: u16,
     /// Where the table goes; beside it the positions (.positions.csv) and firmware, settings and losses (.json).
-    #[arg(long, value_name = "TABLE.csv", default_value = "stand.csv", conflicts_with = "table")]
+    #[arg(long, value_name = "TABLE.csv", default_value = "stand.csv", value_parser = table_file, conflicts_with = "table")]
     save: PathBuf,
 }
 
