@@ -1,10 +1,14 @@
 //! A board with the firmware, as far as an experiment needs it: real, or the simulated chip.
 
+use motorbench_core::console::trip_text;
 use motorbench_core::message::{Sample, Trip};
+use motorbench_core::settings::{Param, Settings};
 use std::time::Duration;
 
 /// A board that trips without its host (`trip_host`) hears of it so often.
 pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
+/// The drive stops by itself when the program is silent for longer, whatever became of it.
+const LOST_AFTER_MS: f32 = 500.0;
 
 /// Something that runs the firmware, with its binary stream on.
 pub trait Board {
@@ -46,7 +50,7 @@ pub enum BoardError {
         line: String,
     },
     /// The drive switched itself off.
-    #[error("the drive tripped ({:?}): {}; then `motorbench connect clear`", .0, cause(*.0))]
+    #[error("the drive tripped ({}): {}; then `motorbench connect clear`", words(*.0), cause(*.0))]
     Tripped(Trip),
     /// The person stopped it.
     #[error("stopped by hand")]
@@ -75,15 +79,45 @@ pub fn cause(trip: Trip) -> &'static str {
     }
 }
 
-/// The same for a trip by its name.
-pub fn cause_of(name: &str) -> &'static str {
-    let mut trips = (1..).map_while(Trip::from_number);
-    trips.find(|trip| format!("{trip:?}") == name).map_or("see `motorbench connect status`", cause)
+/// A trip in the words of the board's own `status`.
+pub fn words(trip: Trip) -> String {
+    trip_text(trip).map(char::from).collect()
+}
+
+/// The trip of a name, as files have it.
+pub fn trip_named(name: &str) -> Option<Trip> {
+    (1..).map_while(Trip::from_number).find(|trip| format!("{trip:?}") == name)
+}
+
+/// The limit that a trip goes by, where a setting is one.
+pub fn limit(trip: Trip) -> Option<&'static str> {
+    cause(trip).split('`').nth(1)
 }
 
 /// What a person does about a refusal that says what the console does about it.
 fn remedy(reply: &str) -> &'static str {
     if reply.ends_with("clear it first") { " (`motorbench connect clear`)" } else { "" }
+}
+
+/// Has the drive stop by itself when this program dies, where the board's own `trip_host` is off; who calls this keeps the board
+/// alive. `settings` are those of the board.
+///
+/// # Errors
+/// [`BoardError`].
+pub fn watch_host(board: &mut impl Board, settings: &Settings) -> Result<(), BoardError> {
+    if settings.get(Param::TripHost) > 0.0 {
+        return Ok(());
+    }
+    board.command(&format!("set trip_host {LOST_AFTER_MS}"))
+}
+
+/// The drive off, and then the board's own `trip_host` again.
+///
+/// # Errors
+/// [`BoardError`].
+pub fn leave_host(board: &mut impl Board, settings: &Settings) -> Result<(), BoardError> {
+    board.command("disarm")?;
+    board.command(&format!("set trip_host {}", settings.get(Param::TripHost)))
 }
 
 /// How closely a board is looked at that is waited for.
@@ -132,12 +166,14 @@ mod tests {
     #[test]
     fn every_trip_says_what_to_look_for() {
         for trip in (1..).map_while(Trip::from_number) {
-            let cause = cause_of(&format!("{trip:?}"));
-            assert_eq!(cause, super::cause(trip));
+            assert_eq!(trip_named(&format!("{trip:?}")), Some(trip));
+            let (cause, words) = (cause(trip), words(trip));
+            assert!(words.contains(' ') && words.to_lowercase() == words, "{trip:?}: {words}");
             for setting in cause.split('`').skip(1).step_by(2) {
                 assert!(find(setting.as_bytes()).is_some(), "{trip:?}: no setting {setting}");
             }
         }
+        assert_eq!([Trip::Runaway, Trip::EmergencyStop, Trip::Stall].map(limit), [None, None, Some("trip_stall")]);
         let message = BoardError::Tripped(Trip::EncoderSilent).to_string();
         assert!(message.contains("`trip_encoder` 0") && message.ends_with("`motorbench connect clear`"), "{message}");
     }

@@ -196,6 +196,7 @@ fn a_brake_that_nobody_sets_leaves_its_load_out() {
     fellow.absent = true;
     let findings = board.drive(&Plan { loads_nm: vec![0.01], ..plan(&[9.0], 0) }, &mut fellow);
     assert_eq!((&findings.ended, findings.readings.len()), (&Ended::Complete, 0));
+    assert_eq!(findings.left_out, ["the other loads"]);
     assert_eq!(fellow.heard, ["set the brake to 0.01 Nm, press Enter", "nobody answers: the other loads are left out"]);
 }
 

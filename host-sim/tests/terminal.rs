@@ -198,6 +198,7 @@ const TABLE: &[Row] = &[
             (&["table.csv", "--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
             (&["--rig", "stand.toml", "--port", "/dev/none"], 3, "motorbench ports"),
             (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "/nonexistent/a.csv"], 3, "/nonexistent/a.csv"),
+            (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "stand.json"], 2, "ends in .csv"),
             (&["table.csv"], 2, "--rig"),
             (&["table.csv", "--rig", "stand.toml", "--json", "table.csv"], 1, "table.csv would be overwritten"),
         ],
@@ -225,6 +226,17 @@ const TABLE: &[Row] = &[
             (&["--rig", "none.toml"], 1, "none.toml"),
             (&["--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
             (&["--with", "nonsense"], 1, "nonsense"),
+            (&["--with", "quit"], 1, "that is for a board that runs"),
+            (&["--link", "/nonexistent/board", "--tell", "wait 1"], 3, "no virtual board runs there"),
+            (&["--with", "supply -5"], 1, "-5: expected 0 to 40.0 V"),
+            (&["--with", "supply 1e9"], 1, "0 to 40.0 V"),
+            (&["--with", "load 1e30"], 1, "expected -0.493 to 0.493 Nm"),
+            (&["--with", "brake -1"], 1, "expected 0 to 0.493 Nm"),
+            (&["--with", "turn 1e12"], 1, "0 to 36000 degrees"),
+            (&["--with", "wait nan"], 1, "expected a number"),
+            (&["--with", "effect cogging off"], 1, "does not have it, its effects are coulomb_friction"),
+            (&["--seconds", "nan"], 2, "expected seconds"),
+            (&["--seconds=-1"], 2, "expected seconds"),
             (&["--seconds", "0.2", "--link", "/nonexistent/board"], 3, "/nonexistent/board"),
         ],
         #[cfg(not(feature = "chip"))]
@@ -247,6 +259,10 @@ const TABLE: &[Row] = &[
             (&["--port", "/dev/none", "--motor", "bad.toml"], 1, "bad.toml"),
             (&["--live", "matplotlib"], 2, "plotjuggler or teleplot"),
             (&["--port", "/dev/none", "--amplitude", "-5"], 3, "motorbench ports"),
+            (&["--amplitude", "nan"], 2, "expected a number, for instance 6"),
+            (&["--out", "run.json"], 2, "ends in .csv, for instance run.csv"),
+            (&["--out", "run.mat"], 2, "`motorbench convert` makes other formats"),
+            (&["--out", "."], 2, "ends in .csv"),
             (&["--period", "0"], 2, "1..=65535"),
             (&["--set", "speed_kp"], 2, "NAME=VALUE"),
             (&["--sequence", "nonsense"], 2, "identify"),
@@ -266,6 +282,7 @@ const TABLE: &[Row] = &[
             (&["--port", "/dev/none"], 3, "needs a terminal"),
             (&["--port", "/dev/none", "--keys", "a"], 3, "motorbench ports"),
             (&["--keys", "a x"], 2, "space tab up down left right"),
+            (&["--port", "/dev/none", "--keys", "a", "--out", "s.json"], 2, "ends in .csv"),
         ],
         ..row("tune")
     },
@@ -331,7 +348,11 @@ const WITH_A_BOARD: &[Row] = &[
     Row {
         good: &[&["--keys", "a s right s r tab r w"]],
         json: &["--json", "-"],
-        bad: &[(&["--keys", "s"], 1, "a arms first")],
+        bad: &[
+            (&["--keys", "s"], 1, "a arms first"),
+            (&["--keys", "a r s r", "--out", "/nonexistent/t.csv"], 3, "/nonexistent/t.csv: No such file"),
+            (&["--keys", "r", "--out", "/nonexistent/t.csv"], 3, "make its folder first; --out names another"),
+        ],
         ..row("tune")
     },
     Row {
@@ -347,6 +368,11 @@ const WITH_A_BOARD: &[Row] = &[
             (&["--rig", "stand.toml", "--voltages", "99"], 1, "voltage_limit"),
             (&["--rig", "stand.toml", "--voltages", "-6,-9,9"], 1, "--voltages: 2 voltages or loads; 3 or more"),
             (&["--rig", "stand.toml", "--load-Nm=-1"], 1, "0 or more"),
+            (
+                &["--rig", "stand.toml", "--voltages", "6,9,12", "--readings", "2", "--positions", "1"],
+                1,
+                "nobody answered, so that the other positions are left out",
+            ),
         ],
         ..row("stand")
     },

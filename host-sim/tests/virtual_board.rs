@@ -267,14 +267,22 @@ fn a_person_at_the_console() {
     assert!(text(&done.stderr).contains("connection is gone"), "{}", text(&done.stderr));
 }
 
-/// A drive that trips without its host is kept alive through a recording, and no longer than that.
+/// The drive of a board whose own `trip_host` is off does not outlive a recording's program either; it is kept alive through the
+/// recording, and what a person sets stays.
 #[test]
 fn a_lost_host_is_not_mistaken_for_a_busy_one() {
     let board = Board::new("alive");
-    let done = board.run("record", &[&STEPS[..], &["--set", "trip_host=500"]].concat());
-    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let shown = || text(&board.run("connect", &["show trip_host"]).stdout);
+    let before = shown();
+    assert!(before.starts_with("trip_host 0 "), "{before}");
+    for set in [&[][..], &["--set", "trip_host=300"], &["--set", "trip_host=0"]] {
+        let done = board.run("record", &[&STEPS[..], set].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        assert_eq!(shown(), before);
+    }
     std::fs::remove_file(board.folder.join("run.csv")).unwrap();
-    let mut killed = board.command("record", &["--set", "trip_host=500"]).spawn().unwrap();
+    let steps = ["--sequence", "steps", "--amplitude", "6", "--period", "60000"];
+    let mut killed = board.command("record", &steps).spawn().unwrap();
     board.has_recorded(300);
     killed.kill().unwrap();
     killed.wait().unwrap();
@@ -425,6 +433,37 @@ fn motor_and_effects_change_while_it_runs() {
 }
 
 /// The motor has friction and a bridge that loses voltage: gains come from where it turns, and not from where it sticks.
+/// The board does what another process tells it, and answers however fast its motor turns; where it has not the terminal it does
+/// not wait for what is typed there.
+#[test]
+fn a_board_in_the_background() {
+    let folder = std::env::temp_dir().join(format!("motorbench-background-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let board = Board { process: Command::new("true").spawn().unwrap(), folder };
+    let name = board.folder.file_name().unwrap().to_string_lossy().into_owned();
+    let link = board.port().display().to_string();
+    let shell = format!("bash -mc '{MOTORBENCH} virtual --seconds 900 --link {link} & sleep 600'");
+    if Command::new("tmux").args(["-L", &name, "new-session", "-d", "-s", &name, &shell]).status().is_err() {
+        return;
+    }
+    let terminal = Terminal(name);
+    until("a port", || board.port().exists());
+    terminal.press("Enter");
+    let tell = |line: &str| board.run_alone(&["virtual", "--link", &link, "--tell", line]);
+    // Twice as long as it looks at the terminal.
+    assert_eq!(tell("wait 0.4").status.code(), Some(0));
+    assert!(text(&board.run("connect", &["version"]).stdout).starts_with("motorbench "));
+    assert_eq!(tell("load 0.4").status.code(), Some(0));
+    assert_eq!(tell("wait 2").status.code(), Some(0));
+    assert!(text(&board.run("connect", &["version"]).stdout).starts_with("motorbench "), "the motor races");
+    let refused = tell("load 1e30");
+    assert_eq!((refused.status.code(), text(&refused.stderr).contains("expected -0.493")), (Some(1), true));
+    assert_eq!(tell("quit").status.code(), Some(0));
+    until("the end", || !board.port().exists());
+    let none = tell("wait 1");
+    assert_eq!(none.status.code(), Some(3), "{}", text(&none.stderr));
+}
+
 #[test]
 fn gains_without_a_model_pass_their_test_or_are_refused() {
     let board = Board::new("autotune");
@@ -610,6 +649,14 @@ impl Terminal {
         });
     }
 
+    /// Waits until the screen shows all of some texts.
+    fn shows_at_once(&self, wanted: &[&str]) {
+        until(&format!("{wanted:?} on the screen"), || {
+            let screen = self.screen();
+            wanted.iter().all(|text| screen.contains(text))
+        });
+    }
+
     /// Presses a key and waits for what it does.
     fn does(&self, key: &str, wanted: &str) {
         self.press(key);
@@ -634,6 +681,12 @@ fn the_tuning_console_in_a_terminal() {
     terminal.does("s", "step test done");
     terminal.shows("error peak A");
     terminal.shows("│speed       0.");
+    // In a small terminal a person still sees that the motor is driven, and what stops it.
+    for (size, gain) in [(["40", "12"], "> speed_kp"), (["20", "5"], "q quit")] {
+        terminal.tmux(&["resize-window", "-t", &terminal.0, "-x", size[0], "-y", size[1]]);
+        terminal.shows_at_once(&["speed ARMED to 30", "step test done", "space stop  a arm", gain]);
+    }
+    terminal.tmux(&["resize-window", "-t", &terminal.0, "-x", "80", "-y", "30"]);
     terminal.does("r", "recording; r ends it");
     terminal.does("Right", "> speed_kp         0.05500");
     terminal.does("u", "> speed_kp         0.05000");

@@ -13,7 +13,7 @@ pub mod number;
 use crate::arith::whole;
 use crate::excitation::{Kind, Sequence};
 use crate::flash_text::{self, FlashText, Table};
-use crate::message::{Mode, Request, Sample, State};
+use crate::message::{Mode, Request, Sample, State, Trip};
 use crate::pins::PWM_STEPS;
 use crate::protocol::{self, FRAME, Framer, TEXT_CHUNK};
 use crate::settings::{self, BuildError, Param, Settings};
@@ -231,6 +231,11 @@ texts! { Word WORDS:
     PositionPid "position";
     SpeedLqr "lqr_speed";
     PositionLqr "lqr_position";
+}
+
+/// The words for a trip, as `status` has them.
+pub fn trip_text(trip: Trip) -> FlashText {
+    FlashText::of(Table::Words, Word::Trips as u8 + trip as u8)
 }
 
 /// What is streamed, by the place of the word in the command's choice.

@@ -9,6 +9,13 @@ use motorbench_core::pins::{CPU_HZ, ENCODER_A, ENCODER_B};
 
 use super::rig::Rig;
 
+/// The lines pass no more edges of the motor than this, as those of an encoder do; it is more than the firmware is meant for.
+const MOST_EDGES_PER_S: u32 = 125_000;
+const EDGE_CYCLES: u64 = (CPU_HZ / MOST_EDGES_PER_S) as u64;
+/// So many counts the lines may be late, for instance after a blow; what is beyond that is lost, in whole rounds of their levels.
+const MOST_LATE: i64 = 64;
+const ROUND: i64 = 4;
+
 /// A lasting fault of the encoder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EncoderFault {
@@ -34,6 +41,10 @@ pub(super) struct Encoder {
     counts_per_rad: f64,
     swapped: bool,
     count: i64,
+    /// Counts that the lines were too slow for.
+    lost: i64,
+    /// The lines pass the next edge of the motor from this cycle on.
+    passes_from: u64,
     train: Option<Train>,
     fault: Option<EncoderFault>,
     /// Lines inverted by a disturbance right now, and further inversions by their cycle.
@@ -47,6 +58,8 @@ impl Encoder {
             counts_per_rad: rig.counts_per_turn * rig.encoder_gear / TAU,
             swapped: rig.encoder_swapped,
             count: 0,
+            lost: 0,
+            passes_from: 0,
             train: None,
             fault: None,
             inverted: 0,
@@ -59,7 +72,7 @@ impl Encoder {
         angle_rad * self.counts_per_rad + 0.5
     }
 
-    /// The count that a perfect counter would have, positive when turning forward.
+    /// The count that a perfect counter of the lines would have, positive when turning forward.
     pub fn count(&self) -> i64 {
         self.count
     }
@@ -68,7 +81,7 @@ impl Encoder {
         self.fault = fault;
     }
 
-    /// Starts or ends a train of edges. Its end leaves a jump to the motor's true position, which follows edge by edge.
+    /// Starts or ends a train of edges. After it the lines go on from where they are.
     pub fn set_train(&mut self, now: u64, edges_per_s: Option<f64>) {
         self.train = edges_per_s.filter(|rate| *rate != 0.0).map(|rate| {
             let interval_cycles = f64::from(CPU_HZ) / rate.abs();
@@ -98,11 +111,20 @@ impl Encoder {
                 train.next_cycle += train.interval_cycles;
             }
             Some(_) => {}
-            None => {
-                // One step at a time, or the lines would skip a state.
-                let target = self.position(angle_rad).floor() as i64;
-                self.count += (target - self.count).signum();
-            }
+            None => self.follow(cycle, angle_rad),
+        }
+    }
+
+    /// One step at a time, or the lines would skip a state, and none too soon after another.
+    fn follow(&mut self, cycle: u64, angle_rad: f64) {
+        let late = (self.position(angle_rad).floor() as i64).saturating_sub(self.lost).saturating_sub(self.count);
+        if late == 0 || cycle < self.passes_from {
+            return;
+        }
+        self.count += late.signum();
+        self.passes_from = cycle + EDGE_CYCLES;
+        if late.unsigned_abs() > MOST_LATE as u64 {
+            self.lost = self.lost.saturating_add((late - late.signum()) / ROUND * ROUND);
         }
     }
 
@@ -110,7 +132,10 @@ impl Encoder {
     pub fn next_edge(&self, cycle: u64, angle_rad: f64, speed_rad_per_s: f64) -> Option<u64> {
         let own = match &self.train {
             Some(train) => Some(train.next_cycle.ceil() as u64),
-            None => self.next_crossing(angle_rad, speed_rad_per_s).map(|cycles| cycle + cycles),
+            None => {
+                let crossing = self.next_crossing(angle_rad, speed_rad_per_s);
+                crossing.map(|cycles| (cycle + cycles).max(self.passes_from))
+            }
         };
         let disturbance = self.disturbances.keys().next().copied();
         own.into_iter().chain(disturbance).min().map(|at| at.max(cycle + 1))
@@ -118,7 +143,7 @@ impl Encoder {
 
     /// Cycles until the position leaves the present count.
     fn next_crossing(&self, angle_rad: f64, speed_rad_per_s: f64) -> Option<u64> {
-        let inside = self.position(angle_rad) - self.count as f64;
+        let inside = self.position(angle_rad) - self.lost as f64 - self.count as f64;
         let per_cycle = speed_rad_per_s * self.counts_per_rad / f64::from(CPU_HZ);
         let distance = if !(0.0..1.0).contains(&inside) {
             return Some(1);
@@ -163,7 +188,7 @@ mod tests {
         (1..=steps.abs())
             .map(|step| {
                 let count = from + step * steps.signum();
-                encoder.update(0, count as f64 / encoder.counts_per_rad);
+                encoder.update(encoder.passes_from, count as f64 / encoder.counts_per_rad);
                 encoder.lines()
             })
             .collect()
@@ -198,6 +223,29 @@ mod tests {
         encoder.disturb(100, Some(10), A | B);
         let seen: Vec<u8> = [99, 100, 109, 110].map(|cycle| (encoder.update(cycle, 0.0), encoder.lines()).1).into();
         assert_eq!(seen, [0, A | B, A | B, 0]);
+    }
+
+    /// The lines go on at their own rate, at any speed, and are right again when the motor is.
+    #[test]
+    fn a_motor_too_fast_for_the_lines_loses_whole_rounds() {
+        for fast in [1e4, -1e7, 1e300, -1e300, f64::INFINITY, f64::NAN] {
+            let mut encoder = Encoder::new(&Rig::default());
+            let mut edges = 0;
+            for cycle in 0..u64::from(CPU_HZ / 1000) {
+                let (before, angle_rad) = (encoder.count, fast * cycle as f64 / f64::from(CPU_HZ));
+                encoder.update(cycle, angle_rad);
+                edges += (encoder.count - before).abs();
+                assert!(encoder.next_edge(cycle, angle_rad, fast).is_none_or(|at| at > cycle));
+            }
+            assert!(edges <= i64::from(MOST_EDGES_PER_S / 1000), "{edges} at {fast}");
+        }
+        let mut encoder = Encoder::new(&Rig::default());
+        let angle_rad = |counts: i64| counts as f64 / encoder.counts_per_rad;
+        let (far, near) = (angle_rad(1_000_002), angle_rad(1_000_003));
+        (0..10).for_each(|edge| encoder.update(edge * EDGE_CYCLES, far));
+        assert_eq!((encoder.lines(), encoder.count), (A | B, 2), "as if none had been lost");
+        encoder.update(10 * EDGE_CYCLES, near);
+        assert_eq!(encoder.lines(), B);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! `motorbench autotune`
 
-use super::board::{PortArguments, on_interrupt};
+use super::board::{PortArguments, finite, on_interrupt};
 use super::{Failure, Outputs, write};
-use crate::board::{Board, BoardError, samples_of, untripped};
+use crate::board::{Board, BoardError, leave_host, samples_of, untripped, watch_host};
 use crate::design::on_board::{self, TuningError};
 use crate::design::relay::{Relay, tyreus_luyben};
 use crate::design::step_tuning::simc;
@@ -37,10 +37,10 @@ pub struct Arguments {
     #[command(flatten)]
     port: PortArguments,
     /// Voltage before the step, at which the motor turns.
-    #[arg(long, value_name = "V", default_value_t = 6.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "V", default_value_t = 6.0, allow_negative_numbers = true, value_parser = finite)]
     from: f64,
     /// Voltage after the step.
-    #[arg(long, value_name = "V", default_value_t = 8.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "V", default_value_t = 8.0, allow_negative_numbers = true, value_parser = finite)]
     to: f64,
     /// How long each is held.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold, allow_negative_numbers = true)]
@@ -52,7 +52,7 @@ pub struct Arguments {
     #[arg(long, value_name = "V", value_parser = positive, allow_negative_numbers = true)]
     relay: Option<f64>,
     /// First guess of the voltage that the relay's reference needs.
-    #[arg(long, value_name = "V", default_value_t = 7.0, allow_negative_numbers = true)]
+    #[arg(long, value_name = "V", default_value_t = 7.0, allow_negative_numbers = true, value_parser = finite)]
     bias: f64,
     /// Speed of the relay experiment and of the acceptance test, in rad/s.
     #[arg(long, default_value_t = 60.0, allow_negative_numbers = true, value_parser = turning)]
@@ -119,12 +119,21 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (mut link, _) = arguments.port.open()?;
     let settings = link.settings()?;
     let mut board = Attended { link, stopped };
-    let (found, gains) = experiment(&mut board, &settings, arguments)?;
+    watch_host(&mut board, &settings)?;
+    let tuned = tuned(&mut board, &settings, arguments, &outputs);
+    let left = leave_host(&mut board, &settings);
+    // Why it did not come to gains is the first to say.
+    tuned.and(left.map_err(Failure::from))
+}
+
+/// Experiment, gains, acceptance test.
+fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outputs: &Outputs) -> Result<(), Failure> {
+    let (found, gains) = experiment(board, settings, arguments)?;
     let line = gains.iter().fold("set".to_string(), |line, (name, value)| format!("{line} {name} {value:.6}"));
-    let before: Vec<String> = gains.iter().map(|(name, _)| shown(&settings, name)).collect();
+    let before: Vec<String> = gains.iter().map(|(name, _)| shown(settings, name)).collect();
     board.command(&line)?;
     let restore = format!("set {}", before.join(" "));
-    let tested = acceptance(&mut board, &settings, arguments.reference);
+    let tested = acceptance(board, settings, arguments.reference);
     if tested.is_err() {
         // What went wrong is said below; a board that is gone has lost the gains with its supply.
         let _ = board.command(&restore);

@@ -2,7 +2,7 @@
 
 use super::live::LiveArguments;
 use super::{Failure, bar, cannot_write, read_rig, write};
-use crate::board::{Board, BoardError, cause, cause_of};
+use crate::board::{Board, BoardError, cause, leave_host, limit, trip_named, watch_host, words};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
@@ -19,7 +19,6 @@ use motorbench_core::message::{Mode, Sample, Trip};
 use motorbench_core::settings::{Param, Settings, find};
 use std::collections::BTreeMap;
 use std::io::{BufRead, IsTerminal, stdin};
-use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -142,7 +141,7 @@ fn converse(link: &mut Link<Port>, json: bool) -> Result<(), Failure> {
                 link.stay_alive()?;
                 for sample in link.samples(LOOK_S)? {
                     if sample.trip != trip && sample.trip != Trip::None {
-                        eprintln!("the drive tripped ({:?}): {}; then `clear`", sample.trip, cause(sample.trip));
+                        eprintln!("the drive tripped ({}): {}; then `clear`", words(sample.trip), cause(sample.trip));
                     }
                     trip = sample.trip;
                 }
@@ -231,10 +230,10 @@ pub struct RecordArguments {
     #[arg(long, value_enum, default_value = "identify")]
     sequence: Excitation,
     /// In the unit of the mode; without it eight tenths of the supply.
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long, allow_negative_numbers = true, value_parser = finite)]
     amplitude: Option<f64>,
     /// Added to it.
-    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     offset: f64,
     /// How long one part lasts, in ms.
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u16).range(1..))]
@@ -254,8 +253,8 @@ pub struct RecordArguments {
     /// A rig file whose nominal constants of the motor go into the new one.
     #[arg(long, value_name = "RIG.toml")]
     motor: Option<PathBuf>,
-    /// Where to.
-    #[arg(long, default_value = "run.csv")]
+    /// Where to, a .csv.
+    #[arg(long, default_value = "run.csv", value_parser = table_file)]
     out: PathBuf,
     #[command(flatten)]
     live: LiveArguments,
@@ -264,8 +263,13 @@ pub struct RecordArguments {
     json: bool,
 }
 
+/// A number that the console takes.
+pub(super) fn finite(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|value: &f64| value.is_finite()).ok_or("expected a number, for instance 6 or -2.5".into())
+}
+
 fn assignment(text: &str) -> Result<(String, f64), String> {
-    let parts = text.split_once('=').and_then(|(name, value)| Some((name.into(), value.parse().ok()?)));
+    let parts = text.split_once('=').and_then(|(name, value)| Some((name.into(), finite(value).ok()?)));
     parts.ok_or("expected NAME=VALUE, for instance current_limit=0".into())
 }
 
@@ -326,19 +330,17 @@ fn play(
 /// Gives the settings that were changed for a recording their values of before, the last first: what limits others may have
 /// been changed after them.
 fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)]) {
-    let known = changed.iter().rev().filter_map(|(name, _)| Some((name, find(name.as_bytes())?)));
-    let lines = known.map(|(name, param)| format!("set {name} {}", before.get(param)));
-    for line in iter::once("disarm".to_string()).chain(lines) {
-        // A board that is gone has lost them with its supply.
-        if let (Err(error), false) = (link.command(&line), link.is_gone()) {
-            eprintln!("motorbench: {error}; what --set has changed stays until the board's next reset");
-            return;
-        }
+    let mut known = changed.iter().rev().filter_map(|(name, _)| Some((name, find(name.as_bytes())?)));
+    let done = leave_host(link, before)
+        .and_then(|()| known.try_for_each(|(name, param)| link.command(&format!("set {name} {}", before.get(param)))));
+    // A board that is gone has lost them with its supply.
+    if let (Err(error), false) = (done, link.is_gone()) {
+        eprintln!("motorbench: {error}; trip_host and what --set has changed stay until the board's next reset");
     }
 }
 
 pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
-    format!("{}: {error}: make room on the disk, or choose another with --out", path.display())
+    format!("{}; --out names another file", cannot_write(path, error).message)
 }
 
 /// Writes what belongs beside the recording and says what became of it.
@@ -356,12 +358,24 @@ fn finish(
         _ => report(arguments, done),
     }
     // How it ended comes before what cannot be written any more.
-    ended(&done.ended, done.samples.len(), &arguments.out)?;
+    ended(&done.ended, done.samples.len(), &arguments.out).map_err(|failure| with_limit(failure, &done.ended))?;
     side?;
     if !arguments.json {
         next(arguments);
     }
     Ok(())
+}
+
+/// What `record` can do about a trip that goes by a limit.
+fn with_limit(failure: Failure, ended: &Ended) -> Failure {
+    let Ended::Tripped(name) = ended else { return failure };
+    match trip_named(name).and_then(limit) {
+        Some(limit) => Failure {
+            message: format!("{}. --set {limit}=VALUE changes its limit for one recording", failure.message),
+            ..failure
+        },
+        None => failure,
+    }
 }
 
 /// Sends samples on to plotters, and no more of them once that fails: a plotter shall not cost a recording.
@@ -449,6 +463,10 @@ fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settin
     for (name, value) in &arguments.set {
         reads_back(&settings, name, *value as f32)?;
     }
+    // Off where a person says so.
+    if !arguments.set.iter().any(|(name, _)| find(name.as_bytes()) == Some(Param::TripHost)) {
+        watch_host(link, &settings)?;
+    }
     let amplitude =
         arguments.amplitude.unwrap_or_else(|| (8.0 * f64::from(settings.get(Param::SupplyVoltage))).round() / 10.0);
     let sequence = arguments.sequence.to_possible_value().expect("none is skipped").get_name().to_owned();
@@ -457,6 +475,18 @@ fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settin
     let RecordArguments { offset, period: period_ms, seed, .. } = *arguments;
     let count = arguments.count.unwrap_or_else(|| arguments.sequence.usual_count(period_ms));
     Ok((settings, Played { time_s: 0.0, kind: "sequence", sequence, amplitude, offset, period_ms, count, seed }))
+}
+
+/// A table that is measured: its other files stand beside it under its name, so that one with another ending could be one of them.
+pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
+        return Ok(path);
+    }
+    Err(format!(
+        "expected a name that ends in .csv, for instance {}; `motorbench convert` makes other formats of it",
+        path.with_extension("csv").display()
+    ))
 }
 
 pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
@@ -529,6 +559,14 @@ fn next(arguments: &RecordArguments) {
     }
 }
 
+/// A trip by its name, for a person.
+pub(super) fn tripped(name: &str) -> String {
+    match trip_named(name) {
+        Some(trip) => BoardError::Tripped(trip).to_string(),
+        None => format!("the drive tripped ({name}): see `motorbench connect status`"),
+    }
+}
+
 /// An end before its time is a failure, with what was kept.
 pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failure> {
     let kept = match kept {
@@ -538,10 +576,7 @@ pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failur
     match ended {
         Ended::Complete => Ok(()),
         Ended::Interrupted => Err(Failure::input(format!("stopped by hand; {kept}"))),
-        Ended::Tripped(trip) => Err(Failure::input(format!(
-            "the drive tripped ({trip}); {kept}. {}; then `motorbench connect clear`. --set changes a limit for a recording, for instance --set trip_peak=2",
-            cause_of(trip)
-        ))),
+        Ended::Tripped(name) => Err(Failure::input(format!("{}; {kept}", tripped(name)))),
         Ended::Refused(why) => Err(Failure::input(why)),
         Ended::Failed(why) => Err(Failure::machine(format!("{why}; {kept}"))),
     }

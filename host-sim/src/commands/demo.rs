@@ -2,7 +2,7 @@
 
 use super::{Failure, Outputs, is_terminal};
 #[cfg(feature = "chip")]
-use crate::board::{Board, BoardError, untripped};
+use crate::board::{Board, BoardError, untripped, words};
 use crate::catalogue::{Effect, Scales, effect};
 use crate::design::compensation::{Losses, compensation};
 use crate::design::law::ControlLaw;
@@ -269,7 +269,7 @@ fn record_on_host(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Resu
     }
     match trial.sample().trip {
         Trip::None => Ok(samples),
-        trip => Err(Failure::input(format!("the drive switched off while recording: {trip:?}"))),
+        trip => Err(Failure::input(format!("the drive switched off while recording: {}", words(trip)))),
     }
 }
 

@@ -1,6 +1,6 @@
 //! `motorbench man`, `motorbench completions`: the command line itself, for readers, shells and programs.
 
-use super::{Failure, command};
+use super::{EXIT_CODES, Failure, command};
 use clap::{Arg, Args, Command};
 use serde_json::{Value, json};
 
@@ -65,8 +65,14 @@ pub fn man(arguments: &ManArguments) -> Result<(), Failure> {
     }
     let mut page = Vec::new();
     clap_mangen::Man::new(of).render(&mut page).map_err(Failure::machine)?;
-    print!("{}", String::from_utf8_lossy(&page));
+    print!("{}{}", String::from_utf8_lossy(&page), exit_status());
     Ok(())
+}
+
+/// The section of a manual page about them.
+fn exit_status() -> String {
+    let codes = EXIT_CODES.iter().map(|(code, meaning)| format!(".TP\n\\fB{code}\\fR\n{meaning}\n"));
+    format!(".SH \"EXIT STATUS\"\n{}", codes.collect::<String>())
 }
 
 /// A command and those below it.
@@ -94,4 +100,19 @@ fn argument(argument: &Arg) -> Value {
             argument.get_default_values().iter().map(|value| value.to_string_lossy().into_owned()).collect()
         ),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exit_codes_are_those_of_the_page() {
+        let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/commands.md")).unwrap();
+        let status = exit_status();
+        for (code, meaning) in EXIT_CODES {
+            assert!(page.contains(&format!("| {code} | {meaning} |")), "{code}");
+            assert!(status.contains(&format!("{code}\\fR\n{meaning}\n")), "{status}");
+        }
+    }
 }

@@ -1,7 +1,6 @@
 //! The commands of the program `motorbench`, one file each.
 //!
-//! Exit codes: 0 done · 1 the input or the result is not usable, the message says where and what to do · 2 the command
-//! line was wrong · 3 something the program needs is missing or not permitted on this machine.
+//! Exit codes: [`EXIT_CODES`].
 
 mod analyse;
 mod autotune;
@@ -75,12 +74,20 @@ enum Command {
     Man(manual::ManArguments),
 }
 
+/// What a script may go by, in the words of docs/commands.md.
+const EXIT_CODES: [(u8, &str); 4] = [
+    (0, "done"),
+    (1, "the input or the result is not usable: the message says which file, where in it and what to do"),
+    (2, "the command line is wrong"),
+    (3, "something is missing or not permitted on this machine: a file that cannot be written, a port, a library"),
+];
+
 /// Why a command ended without its result.
 #[derive(Debug)]
 pub struct Failure {
     /// What happened, where, and what to do.
     pub message: String,
-    /// Exit code, see the module.
+    /// Exit code, see [`EXIT_CODES`].
     pub code: u8,
 }
 
@@ -261,7 +268,8 @@ fn cannot_write(path: &Path, error: &io::Error) -> Failure {
     let remedy = match error.kind() {
         ErrorKind::NotFound => ": make its folder first",
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => ": choose another folder",
-        ErrorKind::StorageFull => ": make room on the disk",
+        ErrorKind::StorageFull | ErrorKind::FileTooLarge | ErrorKind::QuotaExceeded => ": make room on the disk",
+        ErrorKind::IsADirectory => ": it is a folder, name a file in it",
         _ => "",
     };
     Failure::machine(format!("{}: {error}{remedy}", path.display()))

@@ -1,6 +1,7 @@
 //! `motorbench simulate`
 
 use super::{Failure, Outputs, plot_file, spinner, write, write_plot};
+use crate::board::words;
 use crate::design::trial::Point;
 use crate::figures::Figures;
 use crate::panels::{Panel, panels};
@@ -113,7 +114,9 @@ fn judged(scenario: &Scenario, outcome: &Outcome) -> Result<(), Failure> {
             eprintln!("tripped as expected: {trip:?}{at}");
             Ok(())
         }
-        (Trip::None, trip) => Err(Failure::input(format!("the drive switched itself off{at}: {trip:?}"))),
+        (Trip::None, trip) => {
+            Err(Failure::input(format!("the drive switched itself off{at}: {trip:?}, {}", words(trip))))
+        }
         (expected, Trip::None) => Err(Failure::input(format!("the expected trip {expected:?} did not come"))),
         (expected, trip) => {
             Err(Failure::input(format!("the drive switched itself off{at}: {trip:?} instead of {expected:?}")))

@@ -1,9 +1,9 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
-use super::board::{PortArguments, beside, cannot_grow, on_interrupt, write_rig_and_side};
+use super::board::{PortArguments, beside, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, write};
-use crate::board::{BoardError, cause_of};
+use crate::board::BoardError;
 use crate::link::growing::GrowingCsv;
 use crate::link::record::{Ended, Record, by_name};
 use crate::rig::NominalMotor;
@@ -30,15 +30,15 @@ Examples:
 --keys needs no terminal: each key is pressed when what the one before began is
 over; a step test takes two seconds with the way back to rest. Keys are written
 as above, and space, tab, up, down, left, right. It ends with exit code 1 at the
-first that is refused, and at a trip.")]
+first that is refused, and at a trip, and with 3 where r cannot write.")]
 pub struct Arguments {
     #[command(flatten)]
     port: PortArguments,
     /// Speed that a step test goes to, in rad/s.
-    #[arg(long, default_value_t = 40.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 40.0, allow_negative_numbers = true, value_parser = finite)]
     reference: f64,
-    /// Where recordings go, with rig and side file; those after the first get a number.
-    #[arg(long, default_value = "tune.csv")]
+    /// Where recordings go, a .csv, with rig and side file; those after the first get a number.
+    #[arg(long, default_value = "tune.csv", value_parser = table_file)]
     out: PathBuf,
     #[command(flatten)]
     live: LiveArguments,
@@ -60,7 +60,7 @@ fn key(name: &str) -> Result<Key, String> {
 struct Numbered {
     out: PathBuf,
     kept: u32,
-    /// That under way, once something of it has come.
+    /// That under way.
     growing: Option<GrowingCsv>,
 }
 
@@ -75,12 +75,15 @@ impl Numbered {
 }
 
 impl Keeper for Numbered {
+    fn begin(&mut self) -> Result<(), String> {
+        let path = self.path();
+        self.growing = Some(GrowingCsv::new(&path).map_err(|error| cannot_grow(&path, &error))?);
+        Ok(())
+    }
+
     fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String> {
         let path = self.path();
-        let grown = match &mut self.growing {
-            Some(growing) => growing.add(samples, settings),
-            None => GrowingCsv::new(&path).and_then(|new| self.growing.insert(new).add(samples, settings)),
-        };
+        let grown = self.growing.as_mut().map_or(Ok(()), |growing| growing.add(samples, settings));
         grown.map_err(|error| cannot_grow(&path, &error))
     }
 
@@ -148,10 +151,7 @@ fn outcome(ended: Ended) -> Result<(), Failure> {
     match ended {
         Ended::Complete => Ok(()),
         Ended::Interrupted => Err(Failure::input("stopped by hand")),
-        Ended::Tripped(trip) => Err(Failure::input(format!(
-            "the drive tripped ({trip}): {}; then `motorbench connect clear`",
-            cause_of(&trip)
-        ))),
+        Ended::Tripped(name) => Err(Failure::input(tripped(&name))),
         Ended::Refused(why) => Err(Failure::input(why)),
         Ended::Failed(why) => Err(Failure::machine(why)),
     }

@@ -4,6 +4,7 @@
 mod surroundings;
 
 use super::Failure;
+use crate::link::port::USUAL_LINK;
 use clap::Args;
 use std::path::PathBuf;
 
@@ -11,7 +12,7 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench virtual &
-  motorbench record --port /tmp/motorbench --out run.csv
+  motorbench record --out run.csv
   motorbench virtual --rig rig.toml --model model.toml --link /tmp/mine
   motorbench virtual --link /tmp/board12 --json > board12.json &
   motorbench virtual --eeprom board.bin \\
@@ -26,9 +27,10 @@ While it runs it takes lines, as --with does for its start:
   load NM, brake NM, supply V, block on|off, turn DEGREES (and hold)
   encoder ok|unplugged|swapped, current ok|open|high|low
   stop on|off (the emergency stop), reset, quit, wait S
-The socket beside the port takes them as well, and answers ok or error; turn
-once the rotor is there, wait after so many seconds of the chip's time:
-  echo 'brake 0.01' | nc -UN /tmp/motorbench.control")]
+From elsewhere --tell says them to the board that runs, and comes back when they
+are done: turn once the rotor is there, wait after so many seconds of the chip's
+time. The socket beside the port takes them as well, and answers ok or error.
+  motorbench virtual --tell 'brake 0.01' --tell 'wait 2'")]
 pub struct Arguments {
     /// Motor and supply from a rig file; without it the test stand's motor with friction and an L293D.
     #[arg(long)]
@@ -36,8 +38,8 @@ pub struct Arguments {
     /// A model with effects, as motorbench diagnose writes it.
     #[arg(long)]
     model: Option<PathBuf>,
-    /// Where the port is to be found.
-    #[arg(long, default_value = "/tmp/motorbench")]
+    /// Where the port is to be found; at the usual place the other commands find it without --port.
+    #[arg(long, default_value = USUAL_LINK)]
     link: PathBuf,
     /// Keeps the board's EEPROM between runs, 1024 bytes; it is made when it is not there.
     #[arg(long, value_name = "FILE")]
@@ -45,22 +47,25 @@ pub struct Arguments {
     /// A line as while it runs, for its start.
     #[arg(long = "with", value_name = "LINE")]
     with: Vec<String>,
+    /// Says a line to the board that runs at --link, instead of starting one.
+    #[arg(long, value_name = "LINE", conflicts_with_all = ["rig", "model", "eeprom", "with", "firmware", "seconds"])]
+    tell: Vec<String>,
     /// Firmware to run, as ELF file; without it this program's own is built.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
     /// Holds the chip's time for a program that is late in reading, so many seconds; on a busy computer more.
-    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = waits)]
+    #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = seconds)]
     wait_for_reader: f64,
     /// Ends after so many seconds.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
     /// Prints one line of JSON when the board is ready, and one for each line from the terminal.
     #[arg(long)]
     json: bool,
 }
 
-fn waits(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|seconds| (0.0..=1e6).contains(seconds)).ok_or("expected seconds, 0 or more".into())
+fn seconds(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|seconds| (0.0..=1e6).contains(seconds)).ok_or("expected seconds, 0 to 1e6".into())
 }
 
 /// Says what is missing.
@@ -75,6 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         link: _,
         eeprom: _,
         with: _,
+        tell: _,
         firmware: _,
         wait_for_reader: _,
         seconds: _,
@@ -100,8 +106,10 @@ mod with_chip {
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
     use rustix::fs::OFlags;
     use rustix::io::{ioctl_fionbio, ioctl_fionread};
+    use rustix::process::getpgrp;
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-    use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+    use rustix::stdio::stdin;
+    use rustix::termios::{OptionalActions, tcgetattr, tcgetpgrp, tcsetattr};
     use std::fs::File;
     use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
     use std::os::unix::fs::OpenOptionsExt;
@@ -110,6 +118,8 @@ mod with_chip {
     use std::sync::mpsc::{Sender, channel};
     use std::time::{Duration, Instant};
 
+    /// The line that ends it.
+    const QUIT: &str = "quit";
     /// The chip runs this long between two looks at the line.
     const SLICE_S: f64 = 2e-3;
     /// Behind by more than this the clock is set anew: the computer was busy.
@@ -119,6 +129,8 @@ mod with_chip {
     const UNREAD: usize = 1024;
     /// How often it is looked meanwhile.
     const LOOK_AGAIN: Duration = Duration::from_millis(1);
+    /// The same for the terminal.
+    const LOOK_AT_TERMINAL: Duration = Duration::from_millis(200);
     const COUNTS_PER_REV: f64 = 2000.0;
     /// The firmware says what it is within so much of its time; another one may say nothing.
     const GREETS_WITHIN_S: f64 = 0.5;
@@ -130,6 +142,9 @@ mod with_chip {
     /// # Errors
     /// [`Failure`] with what is missing or wrong.
     pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+        if !arguments.tell.is_empty() {
+            return tell(arguments);
+        }
         let rig = arguments.rig.as_deref().map(read_rig).transpose()?;
         let mut surroundings =
             Surroundings::new(arguments.model.as_deref(), arguments.rig.as_deref().zip(rig.as_ref()))?;
@@ -139,6 +154,9 @@ mod with_chip {
         };
         let mut bench = Bench::new(elf, circuit(rig.as_ref()), surroundings.plant()).map_err(Failure::input)?;
         for order in &arguments.with {
+            if order.trim() == QUIT {
+                return Err(Failure::input("--with quit: that is for a board that runs; --seconds 1 ends this one"));
+            }
             surroundings.obey(&mut bench, order).map_err(|why| Failure::input(format!("--with {why}")))?;
         }
         let mut eeprom = arguments.eeprom.clone().map(Eeprom).map(|eeprom| eeprom.load(&mut bench)).transpose()?;
@@ -147,6 +165,23 @@ mod with_chip {
             eeprom.keep(&bench)?;
         }
         ended
+    }
+
+    /// Has the board that runs do some lines.
+    fn tell(arguments: &Arguments) -> Result<(), Failure> {
+        let mut board = VirtualControl::of(&arguments.link).map(VirtualControl::patient).ok_or_else(|| {
+            Failure::machine(format!(
+                "{}: no virtual board runs there: start one with `motorbench virtual &`, or name its --link",
+                arguments.link.display()
+            ))
+        })?;
+        for line in &arguments.tell {
+            board.order(line).map_err(Failure::input)?;
+            if arguments.json {
+                println!("{}", serde_json::json!({ "line": line, "error": null }));
+            }
+        }
+        Ok(())
     }
 
     fn circuit(rig: Option<&Rig>) -> Circuit {
@@ -276,7 +311,8 @@ mod with_chip {
             && arguments.seconds.is_none_or(|limit_s| begun.elapsed().as_secs_f64() < limit_s)
         {
             for order in orders.try_iter() {
-                if order.line.trim() == "quit" {
+                if order.line.trim() == QUIT {
+                    order.answer(Ok(()), arguments.json);
                     return Ok(());
                 }
                 match surroundings.obey(bench, &order.line) {
@@ -473,10 +509,39 @@ mod with_chip {
         }
     }
 
+    /// Standard input while this program has the terminal: who reads from it in the background (`&`) is stopped by the system,
+    /// and the board with it.
+    struct Foreground;
+
+    impl Foreground {
+        /// What is no terminal, or another's, is read at any time.
+        fn has_terminal() -> bool {
+            !tcgetpgrp(stdin()).is_ok_and(|group| group != getpgrp())
+        }
+
+        /// Whether a read would come back at once: with a line, or with the end of the input.
+        fn has_come() -> std::io::Result<bool> {
+            let within = Timespec { tv_sec: 0, tv_nsec: LOOK_AT_TERMINAL.subsec_nanos().into() };
+            Ok(poll(&mut [PollFd::new(&stdin(), PollFlags::IN)], Some(&within))? > 0)
+        }
+    }
+
+    impl Read for Foreground {
+        fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+            loop {
+                if !Self::has_terminal() {
+                    std::thread::sleep(LOOK_AT_TERMINAL);
+                } else if Self::has_come()? && Self::has_terminal() {
+                    return Ok(rustix::io::read(stdin(), buffer)?);
+                }
+            }
+        }
+    }
+
     /// Lines from the terminal, as they come.
     fn from_terminal(orders: Sender<Order>) {
         std::thread::spawn(move || {
-            for line in std::io::stdin().lock().lines().map_while(Result::ok) {
+            for line in BufReader::new(Foreground).lines().map_while(Result::ok) {
                 if orders.send(Order { line, from: None }).is_err() {
                     return;
                 }

@@ -114,6 +114,7 @@ fn cycle(board: &mut impl Board, settings: &Settings, relay: &Relay) -> Result<B
     board.command(&format!("ref {:.3}", switching.voltage_v()))?;
     let (mut first, mut last): (Option<u32>, Option<u32>) = (None, None);
     loop {
+        board.stay_alive()?;
         for sample in untripped(board.samples(LOOK_S)?)? {
             let ticks = last.map_or(0, |last| sample.tick.wrapping_sub(last));
             let begun = *first.get_or_insert(sample.tick);

@@ -227,6 +227,8 @@ impl<L: Line> Link<L> {
 
     /// Sends a line, whose answer then begins `reply`.
     fn say(&mut self, line: &str) -> Result<(), BoardError> {
+        // Any line tells the board of its host.
+        self.kept_alive = (Instant::now(), self.last_tick.unwrap_or(0));
         self.unanswered = self.unanswered.saturating_sub(self.answers()) + 1;
         self.reply.clear();
         // What a damaged line has left at the board ends before this one begins.
@@ -443,7 +445,6 @@ impl<L: Line> Board for Link<L> {
         let (spoke, tick) = self.kept_alive;
         let now = self.last_tick.unwrap_or(0);
         if spoke.elapsed() > KEEP_ALIVE || now.saturating_sub(tick) > KEEP_ALIVE_TICKS {
-            self.kept_alive = (Instant::now(), now);
             self.keep_alive()?;
         }
         Ok(())

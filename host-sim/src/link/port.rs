@@ -1,11 +1,14 @@
 //! Serial ports: which may be a board, and opening one for this program alone.
 
 use super::Link;
+#[cfg(unix)]
+use super::virtual_control::VirtualControl;
 use crate::board::BoardError;
 use motorbench_core::pins::BAUD;
 use serialport::{SerialPort, SerialPortType};
 use std::fs::File;
 use std::io;
+use std::path::Path;
 use std::time::Duration;
 
 /// A read waits this long.
@@ -23,6 +26,9 @@ const BOARDS: [(u16, u16, &str); 9] = [
     (0x10C4, 0xEA60, "CP2102, as on clones"),
 ];
 
+/// Where `motorbench virtual` has its board unless it is told otherwise.
+pub const USUAL_LINK: &str = "/tmp/motorbench";
+
 /// A port on this computer.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Found {
@@ -32,40 +38,65 @@ pub struct Found {
     pub what: String,
     /// It is probably a board.
     pub board: bool,
+    /// It is `motorbench virtual`.
+    pub simulated: bool,
 }
 
-/// The ports of this computer, boards first.
+/// The ports of this computer, boards first, the simulated one behind the real ones.
 ///
 /// # Errors
 /// When the operating system does not tell.
 pub fn ports() -> Result<Vec<Found>, String> {
     let ports = serialport::available_ports().map_err(|error| format!("the serial ports cannot be listed: {error}"))?;
     let mut found: Vec<Found> = ports.into_iter().map(|port| describe(port.port_name, &port.port_type)).collect();
-    found.sort_by_key(|port| !port.board);
+    found.extend(simulated(Path::new(USUAL_LINK)));
+    found.sort_by_key(|port| (!port.board, port.simulated));
     Ok(found)
+}
+
+/// The simulated board at a link, if one runs there.
+#[cfg(unix)]
+fn simulated(link: &Path) -> Option<Found> {
+    VirtualControl::of(link)?;
+    Some(Found {
+        port: link.display().to_string(),
+        what: "simulated (motorbench virtual)".into(),
+        board: true,
+        simulated: true,
+    })
+}
+
+#[cfg(not(unix))]
+fn simulated(_link: &Path) -> Option<Found> {
+    None
 }
 
 fn describe(port: String, kind: &SerialPortType) -> Found {
     let SerialPortType::UsbPort(usb) = kind else {
-        return Found { port, what: "not USB".into(), board: false };
+        return Found { port, what: "not USB".into(), board: false, simulated: false };
     };
     let known = BOARDS.iter().find(|(vendor, product, _)| (*vendor, *product) == (usb.vid, usb.pid));
     let what = known.map_or_else(
         || usb.product.clone().unwrap_or_else(|| format!("USB {:04x}:{:04x}", usb.vid, usb.pid)),
         |(.., name)| (*name).to_string(),
     );
-    Found { port, what, board: known.is_some() }
+    Found { port, what, board: known.is_some(), simulated: false }
 }
 
-/// The port that is meant when none is named: the only board there is.
+/// The port that is meant when none is named: the only board there is, the simulated one where there is no other.
 ///
 /// # Errors
 /// When there is none, or more than one.
 pub fn only_board() -> Result<String, String> {
-    let boards: Vec<Found> = ports()?.into_iter().filter(|port| port.board).collect();
+    only_board_of(&ports()?)
+}
+
+fn only_board_of(found: &[Found]) -> Result<String, String> {
+    let boards: Vec<&Found> = found.iter().filter(|port| port.board).collect();
     match &boards[..] {
         [board] => Ok(board.port.clone()),
-        [] => Err("no board found: plug it in, or name its port with --port (`motorbench ports` lists all; without a board: `motorbench virtual`)".into()),
+        [board, simulated] if simulated.simulated => Ok(board.port.clone()),
+        [] => Err("no board found: plug it in, or name its port with --port (`motorbench ports` lists all; without a board: `motorbench virtual &`)".into()),
         many => {
             let names: Vec<&str> = many.iter().map(|board| board.port.as_str()).collect();
             Err(format!("several boards: choose one with --port {}", names.join(" or ")))
@@ -106,5 +137,38 @@ fn cannot_open(name: &str, error: &io::Error) -> String {
         ),
         io::ErrorKind::ResourceBusy => busy(name),
         _ => format!("{name}: {error}; is it a serial port? `motorbench ports` lists them"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn board(port: &str, simulated: bool) -> Found {
+        Found { port: port.into(), what: String::new(), board: true, simulated }
+    }
+
+    #[test]
+    fn a_real_board_goes_before_the_simulated_one() {
+        let (one, two, simulated) = (board("/dev/ttyACM0", false), board("/dev/ttyACM1", false), board("/tmp/s", true));
+        let other = Found { board: false, ..board("/dev/ttyS0", false) };
+        assert_eq!(only_board_of(&[simulated.clone(), other.clone()]), Ok("/tmp/s".into()));
+        assert_eq!(only_board_of(&[one.clone(), simulated.clone(), other.clone()]), Ok("/dev/ttyACM0".into()));
+        let two = only_board_of(&[one, two, simulated]).unwrap_err();
+        assert!(two.contains("--port /dev/ttyACM0 or /dev/ttyACM1 or /tmp/s"), "{two}");
+        assert!(only_board_of(&[other]).unwrap_err().contains("no board found"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_simulated_board_is_found_while_it_runs() {
+        let folder = tempfile::tempdir().unwrap();
+        let link = folder.path().join("board");
+        assert_eq!(simulated(&link), None);
+        let control = super::super::virtual_control::control_path(&link);
+        let runs = std::os::unix::net::UnixListener::bind(&control).unwrap();
+        assert_eq!(simulated(&link).map(|found| found.port), Some(link.display().to_string()));
+        drop(runs);
+        assert_eq!(simulated(&link), None, "what is left of one that was killed is none");
     }
 }

@@ -117,8 +117,7 @@ pub fn record<L: Line>(
     hears: Hears,
 ) -> Record {
     let mut samples = Vec::new();
-    let alive = settings.get(Param::TripHost) > 0.0;
-    let mut ended = play(link, order, alive, &mut samples, stop, hears).unwrap_or_else(Ended::from);
+    let mut ended = play(link, order, &mut samples, stop, hears).unwrap_or_else(Ended::from);
     if matches!(ended, Ended::Failed(_)) {
         // What had come before the line failed, and was still on its way from the link to here.
         let before = samples.len();
@@ -152,7 +151,6 @@ fn switched_off<L: Line>(link: &mut Link<L>) -> Result<(), BoardError> {
 fn play<L: Line>(
     link: &mut Link<L>,
     order: &str,
-    alive: bool,
     samples: &mut Vec<Sample>,
     stop: &dyn Fn() -> bool,
     hears: Hears,
@@ -162,9 +160,7 @@ fn play<L: Line>(
     let mut silent = Duration::ZERO;
     let begun = Instant::now();
     loop {
-        if alive {
-            link.stay_alive()?;
-        }
+        link.stay_alive()?;
         let slice = Instant::now();
         let came = link.samples(SLICE_S)?;
         silent = if came.is_empty() { silent + slice.elapsed().min(SLICE_AT_MOST) } else { Duration::ZERO };

@@ -26,6 +26,14 @@ impl VirtualControl {
         Some(Self(stream))
     }
 
+    /// For lines that take their time.
+    #[must_use]
+    pub fn patient(self) -> Self {
+        // Where that is refused it waits as long as for any other.
+        let _ = self.0.set_read_timeout(None);
+        self
+    }
+
     /// Has it do a line.
     ///
     /// # Errors

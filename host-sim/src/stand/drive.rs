@@ -9,7 +9,7 @@
 
 mod creep;
 
-use crate::board::{Board, BoardError, untripped};
+use crate::board::{Board, BoardError, leave_host, untripped, watch_host};
 use crate::diagnose::outcome::Estimate;
 use crate::diagnose::page::estimate;
 use crate::free_run::pwm_period::{Ripple, Volts};
@@ -30,9 +30,8 @@ const SLICE_S: f64 = 0.02;
 /// So many slices without a sample, five seconds, are a board that is gone: a busy computer that simulates one may leave it
 /// without time for some.
 const SILENT_SLICES: u32 = 250;
-/// Settings while the stand drives: gentle steps, and a stop by itself when this program dies.
+/// While the stand drives: gentle steps.
 const SLEW_V_PER_S: f32 = 50.0;
-const LOST_AFTER_MS: f32 = 500.0;
 
 /// Shortest window, and how long one may take to end with a whole revolution.
 const WINDOW_S: f64 = 0.2;
@@ -140,6 +139,8 @@ pub struct Findings {
     pub readings: Vec<Reading>,
     /// The winding test.
     pub positions: Vec<HeldPosition>,
+    /// What nobody was there for.
+    pub left_out: Vec<&'static str>,
     /// How it ended.
     pub ended: Ended,
 }
@@ -167,7 +168,8 @@ pub fn drive(
     person: &mut impl Person,
     keeps: Keeps,
 ) -> Findings {
-    let mut findings = Findings { readings: Vec::new(), positions: Vec::new(), ended: Ended::Complete };
+    let mut findings =
+        Findings { readings: Vec::new(), positions: Vec::new(), left_out: Vec::new(), ended: Ended::Complete };
     let mut driver = Driver { board, settings, motor, person, keeps, load_nm: 0.0, waiting: Vec::new(), silent: 0 };
     let done = driver.prepare().and_then(|()| driver.run(plan, &mut findings));
     let off = driver.restore();
@@ -221,7 +223,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         // A motor that sticks behind a bridge that drops its voltage looks like a silent encoder.
         self.set(Param::TripEncoder, 0.0)?;
         self.set(Param::SlewLimit, SLEW_V_PER_S)?;
-        self.set(Param::TripHost, LOST_AFTER_MS)
+        Ok(watch_host(self.board, self.settings)?)
     }
 
     /// The brake open, the board without drive and with its own settings.
@@ -231,8 +233,8 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         {
             self.person.hears(&why);
         }
-        self.board.command("disarm")?;
-        for param in [Param::SlewLimit, Param::TripHost, Param::TripStall, Param::TripEncoder] {
+        leave_host(self.board, self.settings)?;
+        for param in [Param::SlewLimit, Param::TripStall, Param::TripEncoder] {
             self.board.command(&format!("set {} {}", name(param), self.settings.get(param)))?;
         }
         Ok(())
@@ -244,7 +246,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
         for &load_nm in &plan.loads_nm {
             if !self.is_braked(load_nm)? {
-                self.person.hears("nobody answers: the other loads are left out");
+                self.leaves_out("the other loads", findings);
                 break;
             }
             self.levels(plan, findings)?;
@@ -253,7 +255,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
             let request =
                 format!("position {} of {}: turn the rotor on, hold it, press Enter", index + 1, plan.positions);
             let Some(position) = self.position(&request)? else {
-                self.person.hears("nobody answers: the other positions are left out");
+                self.leaves_out("the other positions", findings);
                 break;
             };
             self.keep_positions(vec![position], findings)?;
@@ -262,6 +264,11 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
             self.creep(plan.sectors, findings)?;
         }
         Ok(())
+    }
+
+    fn leaves_out(&mut self, what: &'static str, findings: &mut Findings) {
+        self.person.hears(&format!("nobody answers: {what} are left out"));
+        findings.left_out.push(what);
     }
 
     /// A load for all that follows; false when nobody sets it.

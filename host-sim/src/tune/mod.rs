@@ -4,7 +4,7 @@
 
 pub mod screen;
 
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, cause, leave_host, watch_host, words};
 use crate::design::trial::Point;
 use crate::figures::{Figures, step_figures};
 use crate::link::record::{Ended, Record, missing_ticks};
@@ -22,8 +22,6 @@ use std::time::{Duration, Instant};
 pub const SHOWN_S: f64 = 5.0;
 /// A step test lasts this long.
 const STEP_S: f64 = 1.0;
-/// The drive stops by itself when the program is silent for longer, whatever became of it.
-const LOST_AFTER_MS: f32 = 500.0;
 /// A session without a person gives up when nothing has come for so long.
 const SILENT: Duration = Duration::from_secs(5);
 /// A key changes a value by this factor; one that is zero becomes this share of its range first.
@@ -76,6 +74,12 @@ pub struct Kept {
 
 /// Where recordings go.
 pub trait Keeper {
+    /// Finds out whether one can be kept.
+    ///
+    /// # Errors
+    /// Why it cannot, with what to do.
+    fn begin(&mut self) -> Result<(), String>;
+
     /// Keeps what has come of the recording under way, so that a program that dies costs none of it.
     ///
     /// # Errors
@@ -141,8 +145,8 @@ pub struct Session<L: Line> {
     live: Option<Live>,
     keeper: Box<dyn Keeper>,
     recording: Option<Recorded>,
-    /// What the board's own `trip_host` was.
-    trip_host: f32,
+    /// Why the last one could not be kept.
+    not_kept: Option<String>,
     loop_index: usize,
     selected: usize,
     armed: bool,
@@ -173,15 +177,14 @@ impl<L: Line> Session<L> {
     ) -> Result<Self, BoardError> {
         link.command("disarm")?;
         let settings = link.settings()?;
-        let trip_host = settings.get(Param::TripHost);
-        link.command(&format!("set {} {LOST_AFTER_MS}", name(Param::TripHost)))?;
+        watch_host(&mut link, &settings)?;
         Ok(Self {
             link,
             settings,
             live,
             keeper,
             recording: None,
-            trip_host,
+            not_kept: None,
             loop_index: 0,
             selected: 0,
             armed: false,
@@ -216,7 +219,7 @@ impl<L: Line> Session<L> {
             self.armed = false;
             self.step = None;
             self.trip = Some(trip);
-            self.message = format!("the drive tripped: {trip:?}. a clears it and arms again");
+            self.message = format!("the drive tripped ({}): {}; then a clears it and arms", words(trip), cause(trip));
         }
         if let Some(step) = &mut self.step {
             step.extend(came.iter().copied());
@@ -302,6 +305,7 @@ impl<L: Line> Session<L> {
             match self.trip {
                 Some(trip) => return Err(Ended::Tripped(format!("{trip:?}"))),
                 None if stop() => return Err(Ended::Interrupted),
+                None if self.not_kept.is_some() => return Err(Ended::Failed(self.not_kept.take().unwrap_or_default())),
                 None if is(self) => return Ok(()),
                 None => {}
             }
@@ -423,15 +427,25 @@ impl<L: Line> Session<L> {
     }
 
     fn record(&mut self) -> Result<(), BoardError> {
-        self.message = match self.end_recording(None) {
-            Some(kept) => kept,
-            None => {
+        if let Some(kept) = self.end_recording(None) {
+            self.message = kept;
+            return Ok(());
+        }
+        match self.keeper.begin() {
+            Ok(()) => {
                 let begun = Recorded { samples: Vec::new(), losses: self.link.losses(), settings: self.settings };
                 self.recording = Some(begun);
-                "recording; r ends it".into()
+                self.message = "recording; r ends it".into();
             }
-        };
+            Err(why) => self.is_not_kept(why),
+        }
         Ok(())
+    }
+
+    /// A person reads it; a session without one ends.
+    fn is_not_kept(&mut self, why: String) {
+        self.message.clone_from(&why);
+        self.not_kept = Some(why);
     }
 
     /// Adds to the recording under way, if there is one; one that cannot be kept ends.
@@ -441,7 +455,7 @@ impl<L: Line> Session<L> {
             Ok(()) => recording.samples.extend(came),
             Err(why) => {
                 self.end_recording(Some(&BoardError::Failed(why.clone())));
-                self.message = why;
+                self.is_not_kept(why);
             }
         }
     }
@@ -466,12 +480,11 @@ impl<L: Line> Session<L> {
 
     fn save(&mut self) -> Result<(), BoardError> {
         // The board keeps the host trip it came with.
-        self.link.command("disarm")?;
         self.armed = false;
-        self.link.command(&format!("set {} {}", name(Param::TripHost), self.trip_host))?;
+        leave_host(&mut self.link, &self.settings)?;
         self.link.save()?;
         self.saved = Some(all_gains(&self.settings));
-        self.link.command(&format!("set {} {LOST_AFTER_MS}", name(Param::TripHost)))?;
+        watch_host(&mut self.link, &self.settings)?;
         self.message = "saved on the board; disarmed".into();
         Ok(())
     }
@@ -481,8 +494,7 @@ impl<L: Line> Session<L> {
     /// # Errors
     /// [`BoardError`], when the board is gone.
     pub fn leave(&mut self) -> Result<(), BoardError> {
-        self.link.command("disarm")?;
-        self.link.command(&format!("set {} {}", name(Param::TripHost), self.trip_host))
+        leave_host(&mut self.link, &self.settings)
     }
 
     fn point(&self, sample: &Sample) -> Point {

@@ -16,6 +16,12 @@ use std::time::Duration;
 
 /// Points drawn of a trace.
 const POINTS: usize = 400;
+/// Gains and figures fit side by side into a terminal of this width; so high are they, and message and keys below.
+const WIDE: u16 = 70;
+const BOXES: u16 = 9;
+const WORDS: u16 = 3;
+/// A plot of fewer rows shows nothing.
+const PLOT: u16 = 5;
 /// Least range of an axis.
 const LEAST: f64 = 0.1;
 
@@ -87,23 +93,66 @@ fn key(code: KeyCode) -> Option<Key> {
     })
 }
 
+/// A space that no line ends at.
+const NO_BREAK: &str = "\u{a0}";
+/// What the keys do, those that stop and end first.
+const KEYS: [&str; 2] = [
+    "space stop  a arm  q quit  s step test  r record",
+    "arrows gain  -/+ reference  tab PID/LQR  u undo  w save on the board",
+];
+
+/// What a person has to know of a motor that turns comes first; the traces get what is left.
 fn draw<L: Line>(frame: &mut Frame, session: &Session<L>) {
-    let [speed, drive, below, message] =
-        Layout::vertical([Constraint::Min(8), Constraint::Min(6), Constraint::Length(9), Constraint::Length(3)])
-            .areas(frame.area());
-    let [gains, figures] = Layout::horizontal([Constraint::Length(30), Constraint::Min(40)]).areas(below);
-    draw_traces(frame, session, speed, drive);
-    frame.render_widget(gain_list(session), gains);
-    frame.render_widget(figure_table(session), figures);
-    let keys = [
-        "a arm  space stop  s step test  r record  q quit",
-        "arrows gain  -/+ reference  tab PID/LQR  u undo  w save on the board",
-    ];
-    let lines: Vec<TextLine> = [session.message.as_str()].into_iter().chain(keys).map(TextLine::from).collect();
-    frame.render_widget(Paragraph::new(lines), message);
+    let area = frame.area();
+    let traces = if area.width >= WIDE && area.height >= BOXES + WORDS {
+        draw_boxes(frame, session, area)
+    } else {
+        draw_lines(frame, session, area)
+    };
+    draw_traces(frame, session, traces);
 }
 
-fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, speed: Rect, drive: Rect) {
+/// Gains beside figures, message and keys below them; what is left above.
+fn draw_boxes<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) -> Rect {
+    let heights = [Constraint::Fill(1), Constraint::Length(BOXES), Constraint::Length(WORDS)];
+    let [traces, below, message] = Layout::vertical(heights).areas(area);
+    let [gains, figures] = Layout::horizontal([Constraint::Length(30), Constraint::Min(40)]).areas(below);
+    let lines: Vec<TextLine> = gain_lines(session).collect();
+    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(state(session))), gains);
+    frame.render_widget(figure_table(session), figures);
+    let lines = [session.message.as_str()].into_iter().chain(KEYS).map(TextLine::from);
+    frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), message);
+    traces
+}
+
+/// A terminal too small for boxes: state, keys and message, then gains and figures as far as there is room; what is left above.
+fn draw_lines<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) -> Rect {
+    let width = usize::from(area.width);
+    // The message between: however long it is, it does not push away what stops the motor.
+    let texts = [state(session), together(KEYS[0]), session.message.clone(), together(KEYS[1])];
+    let words = texts.iter().flat_map(|text| textwrap::wrap(text, width));
+    let figures = figure_lines(&session.step_tests).into_iter().map(TextLine::from);
+    let lines: Vec<TextLine> = words
+        .map(|line| TextLine::from(line.replace(NO_BREAK, " ")))
+        .chain(gain_lines(session))
+        .chain(figures)
+        .collect();
+    let height = u16::try_from(lines.len()).unwrap_or(u16::MAX);
+    let [traces, below] = Layout::vertical([Constraint::Fill(1), Constraint::Max(height)]).areas(area);
+    frame.render_widget(Paragraph::new(lines), below);
+    traces
+}
+
+/// Keys that a line may end between, but none within.
+fn together(keys: &str) -> String {
+    let keys: Vec<String> = keys.split("  ").map(|key| key.replace(' ', NO_BREAK)).collect();
+    keys.join("  ")
+}
+
+/// The speed, and the drive below it where there is room for both.
+fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) {
+    let below = if area.height < 2 * PLOT { Constraint::Length(0) } else { Constraint::Fill(3) };
+    let [speed, drive] = Layout::vertical([Constraint::Fill(4), below]).areas(area);
     let every = (session.traces.len() / POINTS).max(1);
     let points: Vec<_> = session.traces.iter().step_by(every).map(|sample| session.point(sample)).collect();
     let end_s = points.last().map_or(0.0, |point| point.t_s);
@@ -119,9 +168,13 @@ fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, speed: Rect, dr
     };
     let first =
         [(title("reference", &reference, "rad/s"), &reference), (title("speed", &measured, "rad/s"), &measured)];
-    frame.render_widget(chart(&first), speed);
+    if speed.height >= PLOT {
+        frame.render_widget(chart(&first), speed);
+    }
     let second = [(title("duty", &duty, "of 1"), &duty), (title("current", &current, "A"), &current)];
-    frame.render_widget(chart(&second), drive);
+    if drive.height > 0 {
+        frame.render_widget(chart(&second), drive);
+    }
 }
 
 fn chart<'a>(traces: &'a [(String, &'a Vec<(f64, f64)>); 2]) -> Chart<'a> {
@@ -139,22 +192,25 @@ fn chart<'a>(traces: &'a [(String, &'a Vec<(f64, f64)>); 2]) -> Chart<'a> {
         .y_axis(Axis::default().bounds([low, high]).labels([format!("{low:.1}"), format!("{high:.1}")]))
 }
 
-fn gain_list<L: Line>(session: &Session<L>) -> Paragraph<'_> {
-    let lines = session.tuned().gains.iter().enumerate().map(|(index, param)| {
+fn gain_lines<L: Line>(session: &Session<L>) -> impl Iterator<Item = TextLine<'static>> + '_ {
+    session.tuned().gains.iter().enumerate().map(|(index, param)| {
         let chosen = index == session.selected;
         let text =
             format!("{} {:16} {:.5}", if chosen { ">" } else { " " }, name(*param), session.settings.get(*param));
         let style = if chosen { Style::new().add_modifier(Modifier::BOLD) } else { Style::new() };
         TextLine::styled(text, style)
-    });
-    let title = format!(
+    })
+}
+
+/// Which loop, whether it drives, and where to.
+fn state<L: Line>(session: &Session<L>) -> String {
+    format!(
         "{} {} to {:.0}{}",
         session.tuned().mode,
         if session.armed { "ARMED" } else { "off" },
         session.reference,
         if session.recording.is_some() { " REC" } else { "" }
-    );
-    Paragraph::new(lines.collect::<Vec<_>>()).block(Block::bordered().title(title))
+    )
 }
 
 fn figure_table<L: Line>(session: &Session<L>) -> Paragraph<'_> {

@@ -1,6 +1,6 @@
 //! A board as the test stand of `motorbench stand`.
 
-use crate::commands::board::{PortArguments, beside, ended, on_interrupt, typed_lines};
+use crate::commands::board::{PortArguments, beside, ended, on_interrupt, table_file, typed_lines};
 use crate::commands::{Failure, cannot_write, write};
 use crate::link::growing::GrowingFile;
 use crate::link::port::Port;
@@ -51,7 +51,7 @@ pub(super) struct BoardArguments {
     #[arg(long, value_name = "SECTORS", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=360), conflicts_with = "table")]
     slow_turn: u16,
     /// Where the table goes; beside it the positions (.positions.csv) and firmware, settings and losses (.json).
-    #[arg(long, value_name = "TABLE.csv", default_value = "stand.csv", conflicts_with = "table")]
+    #[arg(long, value_name = "TABLE.csv", default_value = "stand.csv", value_parser = table_file, conflicts_with = "table")]
     save: PathBuf,
 }
 
@@ -85,7 +85,20 @@ impl BoardArguments {
         let held = findings.positions.iter().map(|position| position.resistance_ohm.value).collect();
         let evaluated = as_written(table).and_then(|table| evaluate(&table, held));
         ended(&findings.ended, findings.readings.len(), &self.save)?;
-        evaluated.and(saved)
+        evaluated.and(saved)?;
+        self.whole(&findings)
+    }
+
+    /// A script shall hear that something is lacking.
+    fn whole(&self, findings: &Findings) -> Result<(), Failure> {
+        if findings.left_out.is_empty() {
+            return Ok(());
+        }
+        Err(Failure::input(format!(
+            "nobody answered, so that {} are left out; {} has the rest. Run it where somebody can press Enter, or without --positions, --slow-turn and --load-Nm",
+            findings.left_out.join(" and "),
+            self.save.display()
+        )))
     }
 
     fn plan(&self, settings: &Settings) -> Result<Plan, Failure> {
@@ -128,6 +141,7 @@ impl BoardArguments {
             "ended": findings.ended,
             "losses": link.losses(),
             "positions": findings.positions,
+            "left_out": findings.left_out,
             "settings": by_name(settings),
         });
         let side = serde_json::to_string_pretty(&side).map_err(Failure::machine)?;
@@ -177,7 +191,7 @@ impl Files {
             Found::Positions(new) => (&mut self.positions, "angle_deg,resistance_ohm,drop_V\n".into(), rows(new)),
         };
         let lines = if file.is_empty() { header + &rows } else { rows };
-        file.add(&lines).map_err(|error| format!("{}: {error}: make room on the disk", file.path().display()))
+        file.add(&lines).map_err(|error| cannot_write(file.path(), &error).message)
     }
 }
 

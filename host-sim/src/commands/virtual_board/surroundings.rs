@@ -8,12 +8,20 @@ use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::plant::{BridgeLosses, ModelPlant};
 use crate::rig::Rig;
+use crate::terminal_text::short;
 use motorbench_core::pins::CPU_HZ;
+use std::ops::RangeInclusive;
 use std::path::Path;
 use toml::{Table, Value};
 
-/// By how much a hand that turns the rotor pushes harder in each slice.
+/// By how much a hand that turns the rotor pushes harder in each slice, and how fast it turns it at most.
 const PUSH_NM: f64 = 1e-3;
+const HAND_RAD_PER_S: f64 = 30.0;
+/// What a supply for such motors gives.
+const SUPPLY_V: RangeInclusive<f64> = 0.0..=40.0;
+/// How far a hand turns the rotor, and how long a script waits.
+const TURN_DEGREES: RangeInclusive<f64> = 0.0..=36_000.0;
+const WAIT_S: RangeInclusive<f64> = 0.0..=1e6;
 /// Dry friction of the motor when none is given.
 const COULOMB_NM: f64 = 0.012;
 /// The lines' first words.
@@ -92,7 +100,7 @@ impl Surroundings {
         match words[..] {
             [] => {}
             ["motor", ref pairs @ ..] if !pairs.is_empty() => self.become_motor(bench, self.with_motor(pairs)?),
-            ["effect", id, "off"] if self.model.has(id) => self.become_motor(bench, self.model.without(id)),
+            ["effect", id, "off"] => self.become_motor(bench, self.without_effect(id)?),
             ["effect", id, ref pairs @ ..] => self.become_motor(bench, self.with_effect(id, pairs)?),
             ["model", path] => {
                 self.bridge = BridgeLosses::DIODES;
@@ -100,25 +108,25 @@ impl Surroundings {
                 self.become_motor(bench, model);
             }
             ["load", torque_nm] => {
-                self.load_nm = number(torque_nm)?;
+                let most_nm = self.most_torque_nm();
+                self.load_nm = within(torque_nm, -most_nm..=most_nm, "Nm")?;
                 bench.set_load_torque_nm(self.load_nm);
             }
             ["brake", torque_nm] => {
-                self.brake_nm = Some(number(torque_nm)?)
-                    .filter(|torque_nm| *torque_nm >= 0.0)
-                    .ok_or("brake: expected a torque of 0 or more")?;
+                self.brake_nm = within(torque_nm, 0.0..=self.most_torque_nm(), "Nm")?;
                 self.become_motor(bench, self.model.clone());
             }
             ["turn", degrees] => {
+                let angle_rad = within(degrees, TURN_DEGREES, "degrees")?.to_radians();
                 bench.block_rotor(false);
-                self.turning = Some((bench.now().angle_rad + number(degrees)?.max(0.0).to_radians(), 0.0));
+                self.turning = Some((bench.now().angle_rad + angle_rad, 0.0));
                 return Ok(Until::Turned);
             }
             ["wait", duration_s] => {
-                let cycles = number(duration_s)?.max(0.0) * f64::from(CPU_HZ);
+                let cycles = within(duration_s, WAIT_S, "s")? * f64::from(CPU_HZ);
                 return Ok(Until::Cycle(bench.cycle() + cycles as u64));
             }
-            ["supply", supply_v] => bench.set_supply_v(number(supply_v)?.clamp(0.0, 40.0)),
+            ["supply", supply_v] => bench.set_supply_v(within(supply_v, SUPPLY_V, "V")?),
             ["block", on @ ("on" | "off")] => bench.block_rotor(on == "on"),
             ["stop", on @ ("on" | "off")] => bench.press_emergency_stop(on == "on"),
             ["encoder", "ok"] => bench.set_encoder_fault(None),
@@ -143,11 +151,18 @@ impl Surroundings {
         }
     }
 
-    /// A hand that turns the rotor pushes harder until it is there, and holds it.
+    /// The most that a hand or a load takes at the shaft: what the motor itself gives at rest with the greatest supply.
+    fn most_torque_nm(&self) -> f64 {
+        let motor = &self.model.motor;
+        SUPPLY_V.end() / motor.resistance_ohm * motor.torque_constant_nm_per_a
+    }
+
+    /// A hand that turns the rotor pushes harder until it turns, not too fast, and holds it where it shall be.
     pub(super) fn push(&mut self, bench: &mut Bench<ModelPlant>) {
         let Some((until_rad, torque_nm)) = &mut self.turning else { return };
-        let there = bench.now().angle_rad >= *until_rad;
-        *torque_nm += PUSH_NM;
+        let now = bench.now();
+        let there = now.angle_rad >= *until_rad;
+        *torque_nm += if now.speed_rad_per_s < HAND_RAD_PER_S { PUSH_NM } else { -PUSH_NM };
         bench.set_load_torque_nm(if there { self.load_nm } else { self.load_nm - *torque_nm });
         if there {
             bench.block_rotor(true);
@@ -162,6 +177,17 @@ impl Surroundings {
 
     fn with_motor(&self, pairs: &[&str]) -> Result<Model, String> {
         self.changed(|file| set(file, "motor", pairs))
+    }
+
+    fn without_effect(&self, id: &str) -> Result<Model, String> {
+        if self.model.has(id) {
+            return Ok(self.model.without(id));
+        }
+        let present = self.model.terms.iter().map(|term| term.id()).collect::<Vec<_>>().join(", ");
+        Err(match present.is_empty() {
+            true => format!("effect {id} off: the motor has no effects"),
+            false => format!("effect {id} off: the motor does not have it, its effects are {present}"),
+        })
     }
 
     /// With other constants of an effect; those that are not given stay.
@@ -203,4 +229,13 @@ fn set(file: &mut Table, section: &str, pairs: &[&str]) -> Result<(), String> {
 
 fn number(text: &str) -> Result<f64, String> {
     text.parse::<f64>().ok().filter(|value| value.is_finite()).ok_or_else(|| format!("{text}: expected a number"))
+}
+
+/// A number that the bench can have.
+fn within(text: &str, range: RangeInclusive<f64>, unit: &str) -> Result<f64, String> {
+    let (least, most) = (short(*range.start()), short(*range.end()));
+    let value = number(text)?;
+    Some(value)
+        .filter(|value| range.contains(value))
+        .ok_or_else(|| format!("{text}: expected {least} to {most} {unit}"))
 }

@@ -24,7 +24,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     /// One position a sector; none where the person does not want to, or the rotor does not creep.
     pub(super) fn creep(&mut self, sectors: usize, findings: &mut Findings) -> Result<(), Ended> {
         if !self.is_done("hold the rotor back so that it creeps, a turn in some seconds; press Enter")? {
-            self.person.hears("nobody answers: the slow turns are left out");
+            self.leaves_out("the slow turns", findings);
             return Ok(());
         }
         // A motor that hardly turns is what it looks for.
