@@ -247,6 +247,8 @@ fn validate_sees_what_the_model_lacks() {
     assert!(fit(&good, "i_A") > fit(&bad, "i_A") + 20.0, "{} and {}", fit(&good, "i_A"), fit(&bad, "i_A"));
     assert!(bad["remaining"][0].as_str().unwrap().contains("coulomb_friction"), "{}", bad["remaining"]);
     assert!(!good["remaining"][0].as_str().unwrap().contains("coulomb_friction"), "{}", good["remaining"]);
+    // The verdict is of the recording, and not of the model that has what it lacks.
+    assert!(good["remaining"][1].as_str().unwrap().starts_with("By itself, beside a motor without effects"));
     let rise = |which: &str| good["figures"][which][0]["rise_s"].as_f64().unwrap();
     assert!((rise("measured") / rise("simulated") - 1.0).abs() < 0.1, "{} and {}", rise("measured"), rise("simulated"));
 }

@@ -166,7 +166,7 @@ const TABLE: &[Row] = &[
         ..row("live")
     },
     Row {
-        good: &[&["scenario.toml"], &["run.toml"], &["scenario.toml", "--console", "gains.txt"]],
+        good: &[&["scenario.toml"], &["position.toml"], &["run.toml"], &["scenario.toml", "--console", "gains.txt"]],
         json: &["--json", "-"],
         bad: &[
             (&["none.toml"], 1, "none.toml"),
@@ -409,6 +409,8 @@ fn files() -> TempDir {
         "scenario.toml",
         &format!("duration_s = 0.5\nmode = \"speed\"\n{PIVT6_TOML}[[reference]]\ntime_s = 0.1\nvalue = 40\n"),
     );
+    // With numbers as long as they come.
+    put("position.toml", include_str!("../../scenarios/position_lqr.toml"));
     put("model.toml", PIVT6_TOML);
     put("other.toml", &format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n"));
     put("stand.toml", PIVT6_TOML);
