@@ -251,16 +251,6 @@ pub enum RigError {
         /// Which, and what it has to be.
         source: NonPhysical,
     },
-    /// What is counted comes in whole numbers.
-    #[error(
-        "{path}: encoder.counts_per_rev = {value}: expected a whole number, the counts of one turn of the motor's own shaft"
-    )]
-    CountsPerRev {
-        /// Which file.
-        path: String,
-        /// What it was.
-        value: f64,
-    },
     /// A value that nothing can have.
     #[error("{path}: {key} = {value}: it must be a positive number{unless_zero}")]
     Value {
@@ -348,9 +338,6 @@ impl Rig {
                 return Err(RigError::Value { path: path.into(), key, value, unless_zero });
             }
         }
-        if let Some(value) = self.encoder.counts_per_rev.filter(|counts| counts.fract() != 0.0) {
-            return Err(RigError::CountsPerRev { path: path.into(), value });
-        }
         Ok(())
     }
 
@@ -437,8 +424,6 @@ mod tests {
     #[test]
     fn values_that_nothing_has_are_refused() {
         let message = |text: &str| Rig::parse("rig.toml", text).unwrap_err().to_string();
-        let counts = message("[encoder]\ncounts_per_rev = 2000.5");
-        assert!(counts.contains("encoder.counts_per_rev = 2000.5: expected a whole number"), "{counts}");
         let inertia = message("[motor]\ninertia_kg_m2 = 1e-300");
         assert!(inertia.contains("rig.toml: motor.inertia_kg_m2 = 1e-300: no motor has that"), "{inertia}");
         for text in ["[motor]\nresistance_ohm = \"5.84 ohm\"", "[motor]\nresistance_ohm = '5,84'"] {

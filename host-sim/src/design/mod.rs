@@ -728,7 +728,10 @@ fn follow_step(
 ) -> Result<(TrialFigures, Vec<Point>), DesignError> {
     let points = trial.follow(step, duration_s);
     if trial.sample().trip != Trip::None {
-        return Err(DesignError::Trial { law: law.title(), what: format!("the trip {:?} comes", trial.sample().trip) });
+        return Err(DesignError::Trial {
+            law: law.title(),
+            what: format!("the trip `{}` comes", crate::board::words(trial.sample().trip)),
+        });
     }
     let tail = &points[points.len() - points.len() / SETTLED_PART..];
     let output = |point: &Point| if law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
