@@ -1,6 +1,7 @@
 //! Which effects the data ask for: forward by what the derivatives promise, fitted in free run, judged on data kept back;
 //! then backward, and against every rival.
 
+use super::DATA_SHEET_TOLERANCE;
 use super::judge::{Gain, NOT_NOISE, above_floor, gain, sigmas_together};
 use crate::catalogue::{CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use crate::dataset::Dataset;
@@ -104,11 +105,14 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
     let (mut last, mut steps) = chooser.forward(base.clone(), Vec::new());
-    if (above_floor(data, &last) > NOT_NOISE || chooser.is_strange(&last))
+    let key = |fit: &Fit| {
+        let remains = above_floor(data, fit) > NOT_NOISE;
+        (remains, chooser.is_strange(fit), has_wrong_values(prior, fit), fit.cost)
+    };
+    if (above_floor(data, &last) > NOT_NOISE || chooser.is_strange(&last) || has_wrong_values(prior, &last))
         && let Some((anew, step)) = chooser.anew(&base)
     {
         let (other, other_steps) = chooser.forward(anew, vec![step]);
-        let key = |fit: &Fit| (above_floor(data, fit) > NOT_NOISE, chooser.is_strange(fit), fit.cost);
         if key(&other) < key(&last) {
             (last, steps) = (other, other_steps);
         }
@@ -530,6 +534,21 @@ pub(super) fn is_strange(prior: &Prior, fit: &Fit) -> bool {
     let given = [nominal.resistance_ohm, nominal.torque_constant_nm_per_a, nominal.inertia_kg_m2];
     let given = given.iter().flatten().count().max(1);
     strangeness(prior, fit) > STRANGE_EACH * given as f64
+}
+
+/// Whether several of the motor's constants are farther from the data sheet than it is wrong by itself: more likely something
+/// else has been made up for.
+fn has_wrong_values(prior: &Prior, fit: &Fit) -> bool {
+    let (nominal, found) = (&prior.nominal, &fit.model.motor);
+    let off = [
+        (nominal.resistance_ohm, found.resistance_ohm),
+        (nominal.torque_constant_nm_per_a, found.torque_constant_nm_per_a),
+        (nominal.inertia_kg_m2, found.inertia_kg_m2),
+    ];
+    let is_wrong = |(nominal, found): &(Option<f64>, f64)| {
+        nominal.is_some_and(|nominal| (found / nominal).ln().abs() > DATA_SHEET_TOLERANCE)
+    };
+    off.iter().filter(|constant| is_wrong(constant)).count() > 1
 }
 
 /// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says
