@@ -1,6 +1,8 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
-use super::board::{PortArguments, beside, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side};
+use super::board::{
+    PortArguments, apart, beside, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side,
+};
 use super::live::LiveArguments;
 use super::{Failure, write};
 use crate::board::BoardError;
@@ -114,6 +116,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             "tune needs a terminal, or --keys for a session without a person; for programs also: `motorbench connect`, `send` and `record`",
         ));
     }
+    apart(arguments.json.as_deref(), &arguments.out)?;
     let stopped = on_interrupt()?;
     let stop = || stopped.load(Ordering::Relaxed);
     let live = arguments.live.open()?;
