@@ -236,6 +236,16 @@ fn settings_of_a_recording_are_put_back() {
     assert_eq!(shown(), before);
 }
 
+/// At 2000 ticks a second the line is too slow for all samples: some are missing, and none has the tick of another.
+#[test]
+fn a_line_that_is_too_slow_mixes_no_samples() {
+    let board = Board::new("fast");
+    let done = board.run("record", &[&STEPS[..], &["--set", "tick_rate=2000"]].concat());
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    let side = board.side_file();
+    assert!(side["missing_ticks"].as_u64().unwrap() > 100, "{side}");
+}
+
 /// While a person thinks, the board hears of its host; Ctrl-C leaves no drive, and a board that goes is told at once.
 #[test]
 fn a_person_at_the_console() {

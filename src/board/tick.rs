@@ -174,6 +174,8 @@ pub fn next_sample() -> Option<Sample> {
     }
     // SAFETY: this place was written before `written` passed it, and is not written again before `read` does.
     let sample = unsafe { (*(&raw const SAMPLES))[read as usize % RING].assume_init() };
+    // The tick takes the place at once: the copy must not come later.
+    compiler_fence(Ordering::SeqCst);
     shared!(read = read.wrapping_add(1));
     Some(sample)
 }

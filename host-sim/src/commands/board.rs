@@ -489,6 +489,18 @@ pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
     ))
 }
 
+/// A result for a program must not take the place of the table or of what stands beside it.
+pub(super) fn apart(json: Option<&Path>, out: &Path) -> Result<(), Failure> {
+    match json.filter(|json| *json == out || *json == beside(out, "json")) {
+        Some(json) => Err(Failure::input(format!(
+            "--json {0}: {1} and what stands beside it go there: name another file",
+            json.display(),
+            out.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
 pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
     out.with_extension(extension)
 }

@@ -1,8 +1,9 @@
 //! `motorbench demo`
 
 use super::{Failure, Outputs, is_terminal};
+use crate::board::words;
 #[cfg(feature = "chip")]
-use crate::board::{Board, BoardError, untripped, words};
+use crate::board::{Board, BoardError, untripped};
 use crate::catalogue::{Effect, Scales, effect};
 use crate::design::compensation::{Losses, compensation};
 use crate::design::law::ControlLaw;

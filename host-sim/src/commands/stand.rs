@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
     match &arguments.table {
         Some(path) => report(arguments, &read(path)?, earlier.as_ref(), winding, &rig),
-        None => arguments.board.run((&arguments.rig, &rig), |table, held| {
+        None => arguments.board.run((&arguments.rig, &rig), arguments.json.as_deref(), |table, held| {
             report(arguments, table, earlier.as_ref(), Some(held).filter(|held| !held.is_empty()).or(winding), &rig)
         }),
     }

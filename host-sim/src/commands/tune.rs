@@ -1,6 +1,8 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
-use super::board::{PortArguments, beside, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side};
+use super::board::{
+    PortArguments, apart, beside, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side,
+};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, write};
 use crate::board::BoardError;
@@ -115,6 +117,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         ));
     }
     let outputs = Outputs::new([], [&arguments.out].into_iter().chain(&arguments.json))?;
+    apart(arguments.json.as_deref(), &arguments.out)?;
     let stopped = on_interrupt()?;
     let stop = || stopped.load(Ordering::Relaxed);
     let live = arguments.live.open()?;

@@ -1,6 +1,6 @@
 //! A board as the test stand of `motorbench stand`.
 
-use crate::commands::board::{PortArguments, beside, ended, on_interrupt, table_file, typed_lines};
+use crate::commands::board::{PortArguments, apart, beside, ended, on_interrupt, table_file, typed_lines};
 use crate::commands::{Failure, cannot_write, write};
 use crate::link::growing::GrowingFile;
 use crate::link::port::Port;
@@ -60,12 +60,14 @@ impl BoardArguments {
     pub(super) fn run(
         &self,
         (rig_file, rig): (&Path, &Rig),
+        json: Option<&Path>,
         evaluate: impl FnOnce(&Recording, Vec<f64>) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         // Before the motor turns: a file that says too little, a full disk or a wrong folder shall not cost a test.
         if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
             return Err(Failure::input(format!("{}: {}", rig_file.display(), StudyError::NoNominal)));
         }
+        apart(json, &self.save)?;
         let mut files = Files::new(&self.save, !self.loads_nm.is_empty())?;
         let stopped = on_interrupt()?;
         let (mut link, port) = self.port.open()?;
