@@ -304,11 +304,11 @@ impl Chooser<'_> {
         (self.progress)("other ways");
         let scales = scales(&self.prior.motor, self.data);
         let with = |model: Model, effect: &'static dyn Effect| model.with_start(effect, &scales);
-        let usual = self.possible().filter(|effect| USUAL.contains(&effect.about().id));
-        let strange = self.possible().filter(|effect| effect.changes_everything());
+        let usual = |model| self.possible().filter(|effect| USUAL.contains(&effect.about().id)).fold(model, with);
+        let strange = || self.possible().filter(|effect| effect.changes_everything());
         let nominal = Model::linear(self.prior.motor);
         let beginnings =
-            [usual.fold(nominal.clone(), with)].into_iter().chain(strange.map(|effect| with(nominal.clone(), effect)));
+            [usual(nominal.clone())].into_iter().chain(strange().map(|effect| with(nominal.clone(), effect)));
         let models = beginnings.flat_map(|from| {
             // Of an effect with alternatives the one that promises most.
             let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
@@ -321,9 +321,13 @@ impl Chooser<'_> {
             .map(|model| fit(&model, self.data, self.prior, Effort::TRIAL))
             .collect();
         let key = |fit: &Fit| (self.is_strange(fit), fit.cost);
-        let best = fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"))?;
-        // From so far away a trial does not arrive.
-        let best = fit(&best.model, self.data, self.prior, Effort::AGAIN);
+        let best =
+            |fits: Vec<Fit>| fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"));
+        // From so far away a trial does not arrive, with many effects at once not even near.
+        let whole = strange().map(|effect| usual(with(nominal.clone(), effect)));
+        let last: Vec<Model> = [best(fits)?.model].into_iter().chain(whole).collect();
+        let last = last.into_par_iter().map(|model| fit(&model, self.data, self.prior, Effort::AGAIN)).collect();
+        let best = best(last)?;
         let step = Step::new(base, &best, self.gain(base, &best));
         Some((best, step))
     }
