@@ -156,6 +156,7 @@ fn in_simulation(design: &Design, lengths: &[usize]) -> Vec<Vec<Point>> {
         duration_s: BEFORE_S + lengths.iter().sum::<usize>() as f64 * 1e-3,
         mode: design.law.mode(),
         model: motor(),
+        model_file: None,
         settings: design.settings.all,
         references,
         loads,
