@@ -191,8 +191,9 @@ impl Effect for Backlash {
     }
 
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        let of_contact = |contact_hz: f64| [0.02, 0.05, 0.12, 0.3].map(|gap_rad| vec![gap_rad, 0.4, contact_hz, 0.3]);
-        [300.0, 90.0].map(of_contact).concat()
+        let hard = [0.02, 0.05, 0.12].map(|gap_rad| vec![gap_rad, 0.4, 300.0, 0.4]);
+        let soft = [0.12, 0.3].map(|gap_rad| vec![gap_rad, 0.4, 90.0, 0.3]);
+        [&hard[..], &soft].concat()
     }
 
     /// A fit finds a gap that it is told to a fifth, and then only beside a load that is about right.

@@ -11,9 +11,11 @@ use super::{Design, TrialFigures, TrialWithEffects, current_sensor};
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
+use crate::terminal_text::short;
 use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, document, escaped};
 use motorbench_core::settings::Param;
 use nalgebra::Complex;
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -138,7 +140,7 @@ pub fn html(
     standstill: &[Standstill],
     commands: &[String],
 ) -> String {
-    let constants = motor.named().map(|(name, value)| format!("{name} = {value:.4e}"));
+    let constants = motor.named().map(|(name, value)| format!("{name} = {}", short(value)));
     let mut body = format!("<h1>Design</h1>\n<p>For a motor with {}.</p>\n", constants.join(", "));
     for design in designs {
         body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n", design.law.title(), escaped(&summary(design)));
@@ -176,10 +178,18 @@ impl Line {
     }
 }
 
+/// Lines over time.
+fn over_time(title: &str, y_title: &str, drawn: &[Line]) -> Plot {
+    let times = drawn.iter().flat_map(|line| line.points.iter().map(|point| point.0));
+    lines(title, "t in s", y_title, span(times, 0.0), drawn)
+}
+
 /// Lines over a common axis.
-fn lines(title: &str, x_title: &str, y_title: &str, lines: &[Line]) -> Plot {
-    let all = || lines.iter().flat_map(|line| &line.points);
-    let (x, y) = (span(all().map(|point| point.0), 0.0), span(all().map(|point| point.1), 0.05));
+fn lines<X: AsRangedCoord<Value = f64>>(title: &str, x_title: &str, y_title: &str, x: X, lines: &[Line]) -> Plot
+where
+    X::CoordDescType: ValueFormatter<f64>,
+{
+    let y = span(lines.iter().flat_map(|line| line.points.iter().map(|point| point.1)), 0.05);
     let mut svg = String::new();
     {
         let root = SVGBackend::with_string(&mut svg, PLOT_SIZE).into_drawing_area();
@@ -238,7 +248,7 @@ fn step_plot(motor: &MotorParameters, design: &Design, course: &[Point]) -> Plot
         let with_effects = course.iter().map(|point| (point.t_s, output(point)));
         drawn.push(Line::new("core, with the model's effects", EFFECTS, with_effects));
     }
-    lines("Step through the profile", "t in s", unit(design.law), &drawn)
+    over_time("Step through the profile", unit(design.law), &drawn)
 }
 
 fn effort_plot(design: &Design, course: &[Point]) -> Plot {
@@ -253,23 +263,36 @@ fn effort_plot(design: &Design, course: &[Point]) -> Plot {
         drawn.push(Line::new("voltage with the effects", EFFECTS, volts));
         drawn.push(Line::new("current with the effects", EFFECTS_CURRENT, amperes));
     }
-    lines("Voltage and current on the core", "t in s", "V, A", &drawn)
+    over_time("Voltage and current on the core", "V, A", &drawn)
 }
 
-/// The open loop's gain and its phase over the frequency, a plot each, two decades about the crossover.
+/// The open loop's gain and its phase over the frequency, a plot each, two decades about the crossover; with the lines from
+/// which the margins are read.
 fn loop_plots(motor: &MotorParameters, design: &Design) -> [Plot; 2] {
     let points = SampledLoop::new(motor, design.law, &design.sampling).open_loop(&design.held);
-    let crossover = TAU * design.robustness.margins.crossover_hz;
-    let near = |point: &&BodePoint| (0.01..100.0).contains(&(point.omega_rad_per_s / crossover));
+    let crossover_hz = design.robustness.margins.crossover_hz;
+    let near = |point: &&BodePoint| (0.01..100.0).contains(&(point.omega_rad_per_s / TAU / crossover_hz));
     let near: Vec<&BodePoint> = points.iter().filter(near).collect();
-    let plot = |title, y_title, label, colour, value: fn(&BodePoint) -> f64| {
-        let decade = |point: &BodePoint| (point.omega_rad_per_s / TAU).log10();
-        let line = Line::new(label, colour, near.iter().map(|point| (decade(point), value(point))));
-        lines(title, "log10 of the frequency in Hz", y_title, &[line])
+    let hz = |point: &BodePoint| point.omega_rad_per_s / TAU;
+    let plot = |title, y_title, label, colour, value: fn(&BodePoint) -> f64, level: (&'static str, f64)| {
+        let (Some(first), Some(last)) = (near.first().map(|point| hz(point)), near.last().map(|point| hz(point)))
+        else {
+            return Err("no frequency about the crossover".into());
+        };
+        let course = Line::new(label, colour, near.iter().map(|point| (hz(point), value(point))));
+        let ends = span(course.points.iter().map(|point| point.1), 0.0);
+        let drawn = [
+            Line::new(level.0, BLACK, [(first, level.1), (last, level.1)].into_iter()),
+            Line::new("crossover", EFFECTS, [(crossover_hz, ends.start), (crossover_hz, ends.end)].into_iter()),
+            course,
+        ];
+        lines(title, "frequency in Hz", y_title, (first..last).log_scale(), &drawn)
     };
+    let decibels = |point: &BodePoint| 20.0 * point.magnitude.log10();
+    let degrees = |point: &BodePoint| point.phase_rad.to_degrees();
     [
-        plot("Open loop: gain", "dB", "gain", BLUE, |point| 20.0 * point.magnitude.log10()),
-        plot("Open loop: phase", "degrees", "phase", RED, |point| point.phase_rad.to_degrees()),
+        plot("Open loop: gain", "dB", "gain", BLUE, decibels, ("0 dB", 0.0)),
+        plot("Open loop: phase", "degrees", "phase", RED, degrees, ("-180 degrees", -180.0)),
     ]
 }
 
