@@ -79,7 +79,10 @@ const EXIT_CODES: [(u8, &str); 4] = [
     (0, "done"),
     (1, "the input or the result is not usable: the message says which file, where in it and what to do"),
     (2, "the command line is wrong"),
-    (3, "something is missing or not permitted on this machine: a file that cannot be written, a port, a library"),
+    (
+        3,
+        "something is missing or not permitted on this machine: a file or an output that cannot be written, a port, a library",
+    ),
 ];
 
 /// Why a command ended without its result.

@@ -596,7 +596,7 @@ fn given_weights_are_checked() {
         (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1.0], 1e-6, 20.0), "is larger than its format holds"),
         (refused(ControlLaw::SpeedPid, &[0.0, 0.0, 1.0], 1e-3, 10.0), "would not be robust"),
         (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1e-9], 1.0, 10.0), "no gains with which a step settles within 20 s"),
-        (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by 36.6 %"),
+        (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by 36.7 %"),
         (refused(ControlLaw::PositionLqr, &[1.0, 0.0, 1.0], 1.0, 10.0), "the weights are those of a speed loop"),
     ] {
         println!("{message}");
