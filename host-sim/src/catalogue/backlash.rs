@@ -210,7 +210,7 @@ impl Effect for Backlash {
 
     /// The blows that a gap foretells a little too early or too late fit the readings as badly as none.
     fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
-        [0.75, 0.9, 1.1, 1.35].map(|factor| [&[factor * values[0]], &values[1..]].concat()).to_vec()
+        [0.9, 1.1].map(|factor| [&[factor * values[0]], &values[1..]].concat()).to_vec()
     }
 
     /// Twist, speed of the load, and what becomes of a step in contact.

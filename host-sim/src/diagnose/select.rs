@@ -42,8 +42,6 @@ const VISCOUS_SPREAD: f64 = 0.5;
 /// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains:
 /// as many for each that has one.
 const STRANGE_EACH: f64 = 8.0;
-/// From elsewhere an effect is fitted so often at most.
-const MOST_ELSEWHERE: usize = 4;
 /// Another law of an effect, or a rival, is fitted further if as it stands it costs no more than this many times what there is.
 const NEAR: f64 = 10.0;
 /// An inductance this many times the nominal one may be an effect.
@@ -158,28 +156,16 @@ impl Chooser<'_> {
         last = self.or_other_laws(last, |_| true);
         last = fit(&last.model, self.data, self.prior, Effort::FULL);
         for index in 0..last.model.terms.len() {
-            last = self.or_from_elsewhere(last, index);
-        }
-        last
-    }
-
-    /// Where one of the effects comes to a better end from somewhere else, that one; again while something remains.
-    fn or_from_elsewhere(&self, mut found: Fit, index: usize) -> Fit {
-        for _ in 0..MOST_ELSEWHERE {
-            let term = &found.model.terms[index];
-            let others = term
-                .effect
-                .elsewhere(&term.values)
+            let elsewhere = last.model.terms[index].effect.elsewhere(&last.model.terms[index].values);
+            let others = elsewhere
                 .into_par_iter()
-                .map(|values| fit(&found.model.with_values(index, values), self.data, self.prior, Effort::TRIAL));
+                .map(|values| fit(&last.model.with_values(index, values), self.data, self.prior, Effort::TRIAL));
             let best = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
-            let Some(better) = best.filter(|best| best.cost < found.cost) else { break };
-            found = fit(&better.model, self.data, self.prior, Effort::FULL);
-            if above_floor(self.data, &found) < NOT_NOISE {
-                break;
+            if let Some(better) = best.filter(|best| best.cost < last.cost) {
+                last = fit(&better.model, self.data, self.prior, Effort::FULL);
             }
         }
-        found
+        last
     }
 
     /// The effects that are chosen with another of their laws, where that comes to a better end, or to one as good with fewer
@@ -229,13 +215,7 @@ impl Chooser<'_> {
 
     /// What was just added has been tried with one law and beside one motor; this is the best of all.
     fn with_added_at_its_best(&self, found: Fit, added: impl Fn(&Term) -> bool) -> Fit {
-        let mut found = self.or_from_nominal(self.or_other_laws(found, &added));
-        for index in 0..found.model.terms.len() {
-            if added(&found.model.terms[index]) && above_floor(self.data, &found) > NOT_NOISE {
-                found = self.or_from_elsewhere(found, index);
-            }
-        }
-        found
+        self.or_from_nominal(self.or_other_laws(found, added))
     }
 
     /// While something remains: the same effects beside the nominal motor, if that comes to a better end. A motor that was
