@@ -1,6 +1,6 @@
 //! `motorbench analyse`: what the linear model of a motor says.
 
-use super::{Failure, Outputs, write};
+use super::{Failure, Outputs, terminal, write};
 use crate::design::fixed_point::rounded;
 use crate::linear::frequency_response::{bode, log_spaced};
 use crate::linear::motor_model::{TimeConstants, angle, current, speed};
@@ -80,7 +80,7 @@ type Named = (&'static str, TransferFunction);
 impl Arguments {
     /// What is written where.
     fn written(&self) -> Vec<PathBuf> {
-        let json = self.json.then(|| PathBuf::from("-"));
+        let json = terminal(self.json);
         [&self.bode, &self.step, &json].into_iter().flatten().cloned().collect()
     }
 

@@ -1,7 +1,7 @@
 //! `motorbench autotune`
 
 use super::board::{PortArguments, finite, on_interrupt};
-use super::{Failure, Outputs, write};
+use super::{Failure, Outputs, terminal, write};
 use crate::board::{Board, BoardError, leave_host, samples_of, untripped, watch_host};
 use crate::design::on_board::{self, TuningError};
 use crate::design::relay::{Relay, tyreus_luyben};
@@ -113,7 +113,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.relay.is_some() && arguments.reference < 0.0 {
         return Err(Failure::input("--relay: its --reference is forwards, above 0; a step may go backwards"));
     }
-    let json = arguments.json.then(|| PathBuf::from("-"));
+    let json = terminal(arguments.json);
     let outputs = Outputs::new([], arguments.console.iter().chain(&json))?;
     let stopped = on_interrupt()?;
     let (mut link, _) = arguments.port.open()?;

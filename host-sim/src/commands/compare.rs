@@ -1,6 +1,6 @@
 //! `motorbench compare`
 
-use super::{Failure, Outputs, mapping, plot_file, read_model, rig_file, rig_for, write, write_plot};
+use super::{Failure, Outputs, mapping, plot_file, read_model, rig_file, rig_for, write_json, write_plot};
 use crate::compare::{Comparison, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
@@ -94,7 +94,7 @@ fn finish(arguments: &Arguments, result: &Value, text: &str, plot: impl FnOnce()
         write_plot(path, &plot())?;
     }
     if let Some(path) = &arguments.json {
-        write(path, &(serde_json::to_string_pretty(result).map_err(Failure::machine)? + "\n"))?;
+        write_json(path, result)?;
     }
     arguments.outputs()?.say(text);
     Ok(())

@@ -1,6 +1,6 @@
 //! `motorbench convert`
 
-use super::{Failure, Outputs, is_terminal, write};
+use super::{Failure, Outputs, is_terminal, terminal, write};
 use crate::convert::{self, Dialect, Format, Mapping, Names};
 use crate::recording::Channel;
 use clap::Args;
@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     // Without a file there is no ending.
     let wanted = arguments.to.or_else(|| is_terminal(&arguments.target).then_some(Format::Csv));
     let (from, to) = (format(arguments.from, &arguments.source)?, format(wanted, &arguments.target)?);
-    let json = arguments.json.then(|| PathBuf::from("-"));
+    let json = terminal(arguments.json);
     let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&json))?;
     let name = arguments.source.display().to_string();
     let bytes = std::fs::read(&arguments.source).map_err(|error| Failure::input(format!("{name}: {error}")))?;

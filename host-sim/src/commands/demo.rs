@@ -1,6 +1,6 @@
 //! `motorbench demo`
 
-use super::{Failure, Outputs, is_terminal};
+use super::{Failure, Outputs, is_terminal, terminal};
 use crate::board::words;
 #[cfg(feature = "chip")]
 use crate::board::{Board, BoardError, untripped};
@@ -138,7 +138,7 @@ impl Arguments {
         if self.csv.as_deref().is_some_and(is_terminal) {
             return Err(Failure::input("--csv -: a rig file is written beside the recording: give it a name"));
         }
-        let (rig, json) = (self.csv.as_deref().map(rig_of), self.json.then(|| PathBuf::from("-")));
+        let (rig, json) = (self.csv.as_deref().map(rig_of), terminal(self.json));
         Outputs::new([], [&self.report, &self.csv, &rig, &json].into_iter().flatten())
     }
 }

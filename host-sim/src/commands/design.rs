@@ -1,7 +1,7 @@
 //! `motorbench design`: gains for a specification or for weights.
 
 use super::analyse::motor_of;
-use super::{Failure, Outputs, read_model, read_rig, spinner, write};
+use super::{Failure, Outputs, read_model, read_rig, spinner, write, write_json};
 use crate::design::compensation::{CompensationSetting, Losses, Standstill, compensation, near_standstill};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::ControlLaw;
@@ -180,7 +180,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             "motor": motor, "designs": designs, "refused": refused, "with_effects": trials.iter().map(written).collect::<Vec<_>>(),
             "near_standstill": standstill, "commands": commands
         });
-        write(path, &(serde_json::to_string_pretty(&result).map_err(Failure::machine)? + "\n"))?;
+        write_json(path, &result)?;
     }
     if let Some(path) = &arguments.console {
         write(path, &(commands.join("\n") + "\n"))?;

@@ -1,7 +1,7 @@
 //! `motorbench diagnose`
 
 use super::recordings::RecordingArguments;
-use super::{Failure, Outputs, rig_beside, rig_for, spinner, write};
+use super::{Failure, Outputs, rig_beside, rig_for, spinner, write, write_json};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -163,7 +163,7 @@ fn finish(
     page: impl FnOnce() -> String,
 ) -> Result<(), Failure> {
     if let Some(path) = &args.json {
-        write(path, &(serde_json::to_string_pretty(result).map_err(Failure::input)? + "\n"))?;
+        write_json(path, result)?;
     }
     outputs.say(&page());
     Ok(())

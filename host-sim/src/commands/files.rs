@@ -11,6 +11,11 @@ pub(super) fn is_terminal(path: &Path) -> bool {
     path == Path::new(TERMINAL)
 }
 
+/// The name of the standard output, where a result goes there.
+pub(super) fn terminal(is_asked_for: bool) -> Option<PathBuf> {
+    is_asked_for.then(|| PathBuf::from(TERMINAL))
+}
+
 /// Where what a command has to say goes.
 pub(super) struct Outputs {
     /// One of its results goes to the terminal, and its text does not.

@@ -1,7 +1,7 @@
 //! `motorbench identify`
 
 use super::recordings::RecordingArguments;
-use super::{Failure, Outputs, spinner, write};
+use super::{Failure, Outputs, spinner, write, write_json};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
 use crate::free_run::free_run;
@@ -71,7 +71,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write(path, &model.to_toml())?;
     }
     if let Some(path) = &arguments.json {
-        write(path, &(serde_json::to_string_pretty(&identified).map_err(Failure::machine)? + "\n"))?;
+        write_json(path, &identified)?;
     }
     outputs.say(&page(&identified));
     Ok(())

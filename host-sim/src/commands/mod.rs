@@ -29,8 +29,9 @@ use crate::rig::Rig;
 use crate::scenario::Scenario;
 use crate::text_file;
 use clap::{CommandFactory, Parser, Subcommand};
-use files::{Outputs, is_terminal};
+use files::{Outputs, is_terminal, terminal};
 use indicatif::{ProgressBar, ProgressStyle};
+use serde::Serialize;
 use std::any::Any;
 use std::fmt::Display;
 use std::io::{self, ErrorKind, Write as _};
@@ -251,6 +252,11 @@ fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Fail
         return output.write_all(contents.as_ref()).and_then(|()| output.flush()).or_else(|error| cannot_print(&error));
     }
     std::fs::write(path, contents).map_err(|error| cannot_write(path, &error))
+}
+
+/// Writes a result for a program.
+fn write_json(path: &Path, result: &impl Serialize) -> Result<(), Failure> {
+    write(path, &(serde_json::to_string_pretty(result).map_err(Failure::machine)? + "\n"))
 }
 
 /// A reader that has had enough, as `head` has, is no failure.

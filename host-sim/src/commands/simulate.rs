@@ -1,6 +1,6 @@
 //! `motorbench simulate`
 
-use super::{Failure, Outputs, plot_file, spinner, write, write_plot};
+use super::{Failure, Outputs, plot_file, spinner, write, write_json, write_plot};
 use crate::board::words;
 use crate::design::trial::Point;
 use crate::figures::Figures;
@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let trip = (outcome.trip != Trip::None).then(|| format!("{:?}", outcome.trip));
     let result = serde_json::json!({ "figures": outcome.figures, "trip": trip, "trip_s": outcome.trip_s });
     if let Some(path) = &arguments.json {
-        write(path, &(serde_json::to_string_pretty(&result).map_err(Failure::machine)? + "\n"))?;
+        write_json(path, &result)?;
     }
     match outcome.figures.is_empty() {
         true => outputs.say(&format!("{} s without a reference to judge\n", scenario.duration_s)),

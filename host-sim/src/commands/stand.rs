@@ -2,7 +2,7 @@
 
 mod board;
 
-use super::{Failure, Outputs, mapping, plot_file, read_rig, write, write_plot};
+use super::{Failure, Outputs, mapping, plot_file, read_rig, write_json, write_plot};
 use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -66,15 +66,16 @@ struct Position {
 /// # Errors
 /// [`Failure`] with file and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    arguments.outputs()?;
+    let outputs = arguments.outputs()?;
     let rig = read_rig(&arguments.rig)?;
     let read = |path: &Path| table(path, &arguments.columns);
     let earlier = arguments.earlier.as_deref().map(read).transpose()?;
     let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
     match &arguments.table {
-        Some(path) => report(arguments, &read(path)?, earlier.as_ref(), winding, &rig),
+        Some(path) => report(arguments, &outputs, &read(path)?, (earlier.as_ref(), winding), &rig),
         None => arguments.board.run((&arguments.rig, &rig), arguments.json.as_deref(), |table, held| {
-            report(arguments, table, earlier.as_ref(), Some(held).filter(|held| !held.is_empty()).or(winding), &rig)
+            let winding = Some(held).filter(|held| !held.is_empty()).or(winding);
+            report(arguments, &outputs, table, (earlier.as_ref(), winding), &rig)
         }),
     }
 }
@@ -94,9 +95,9 @@ fn table(path: &Path, columns: &[(String, String)]) -> Result<Recording, Failure
 /// Evaluates a table and prints or writes what was asked for. `resistances_ohm`: of the winding, where measured apart.
 fn report(
     arguments: &Arguments,
+    outputs: &Outputs,
     table: &Recording,
-    earlier: Option<&Recording>,
-    resistances_ohm: Option<Vec<f64>>,
+    (earlier, resistances_ohm): (Option<&Recording>, Option<Vec<f64>>),
     rig: &Rig,
 ) -> Result<(), Failure> {
     let stand = evaluate(table, earlier, resistances_ohm, rig).map_err(Failure::input)?;
@@ -105,9 +106,9 @@ fn report(
         write_plot(path, &map(&stand.constants.map(greatest_v)).map_err(Failure::machine)?)?;
     }
     if let Some(path) = &arguments.json {
-        write(path, &(serde_json::to_string_pretty(&stand).map_err(Failure::machine)? + "\n"))?;
+        write_json(path, &stand)?;
     }
-    arguments.outputs()?.say(&page(&stand, rig.motor.resistance_ohm));
+    outputs.say(&page(&stand, rig.motor.resistance_ohm));
     Ok(())
 }
 

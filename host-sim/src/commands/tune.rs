@@ -4,7 +4,7 @@ use super::board::{
     PortArguments, apart, beside, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side,
 };
 use super::live::LiveArguments;
-use super::{Failure, Outputs, write};
+use super::{Failure, Outputs, write_json};
 use crate::board::BoardError;
 use crate::link::growing::GrowingCsv;
 use crate::link::record::{Ended, Record, by_name};
@@ -144,7 +144,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         screen::figure_lines(&account.step_tests).iter().for_each(|line| says(line));
     }
     if let Some(path) = &arguments.json {
-        write(path, &(serde_json::to_string_pretty(&account).map_err(Failure::machine)? + "\n"))?;
+        write_json(path, &account)?;
     }
     outcome(account.ended)
 }

@@ -2,7 +2,7 @@
 
 use super::board::beside;
 use super::compare::{plot, table};
-use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write, write_plot};
+use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write_json, write_plot};
 use crate::compare::{Comparison, Difference, compare};
 use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
@@ -84,7 +84,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write_plot(path, &picture(&loops))?;
     }
     if let Some(path) = &arguments.json {
-        write(path, &(serde_json::to_string_pretty(&result(&loops, &remaining)).map_err(Failure::machine)? + "\n"))?;
+        write_json(path, &result(&loops, &remaining))?;
     }
     outputs.say(&page(&loops, &remaining));
     Ok(())

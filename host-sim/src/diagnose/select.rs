@@ -514,25 +514,25 @@ impl Chooser<'_> {
 
 /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
 pub(super) fn is_strange(prior: &Prior, fit: &Fit) -> bool {
-    let nominal = &prior.nominal;
-    let given = [nominal.resistance_ohm, nominal.torque_constant_nm_per_a, nominal.inertia_kg_m2];
-    let given = given.iter().flatten().count().max(1);
+    let given = off_data_sheet(prior, fit).count().max(1);
     strangeness(prior, fit) > STRANGE_EACH * given as f64
 }
 
 /// Whether several of the motor's constants are farther from the data sheet than it is wrong by itself: more likely something
 /// else has been made up for.
 fn has_wrong_values(prior: &Prior, fit: &Fit) -> bool {
+    off_data_sheet(prior, fit).filter(|off| off.abs() > DATA_SHEET_TOLERANCE).count() > 1
+}
+
+/// Logarithms of resistance, torque constant and inertia over those of them that the data sheet gives.
+fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = f64> {
     let (nominal, found) = (&prior.nominal, &fit.model.motor);
-    let off = [
+    let constants = [
         (nominal.resistance_ohm, found.resistance_ohm),
         (nominal.torque_constant_nm_per_a, found.torque_constant_nm_per_a),
         (nominal.inertia_kg_m2, found.inertia_kg_m2),
     ];
-    let is_wrong = |(nominal, found): &(Option<f64>, f64)| {
-        nominal.is_some_and(|nominal| (found / nominal).ln().abs() > DATA_SHEET_TOLERANCE)
-    };
-    off.iter().filter(|constant| is_wrong(constant)).count() > 1
+    constants.into_iter().filter_map(|(nominal, found)| Some((found / nominal?).ln()))
 }
 
 /// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says
