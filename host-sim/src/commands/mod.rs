@@ -1,6 +1,6 @@
 //! The commands of the program `motorbench`, one file each.
 //!
-//! Exit codes: [`EXIT_CODES`].
+//! Exit codes: `EXIT_CODES`, which the manual pages show.
 
 mod analyse;
 mod autotune;
@@ -91,7 +91,7 @@ const EXIT_CODES: [(u8, &str); 4] = [
 pub struct Failure {
     /// What happened, where, and what to do.
     pub message: String,
-    /// Exit code, see [`EXIT_CODES`].
+    /// Exit code, one of `EXIT_CODES`.
     pub code: u8,
 }
 
