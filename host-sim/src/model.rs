@@ -127,6 +127,11 @@ impl Model {
         Self { motor, terms: Vec::new() }
     }
 
+    /// By how much the voltage comes later than it was asked for.
+    pub fn delay_s(&self) -> f64 {
+        self.terms.iter().map(|term| term.effect.delay_s(&term.values)).sum()
+    }
+
     /// The same with one effect more. Of its last constants those may be left out that go without saying.
     pub fn with(&self, effect: &'static dyn Effect, mut values: Vec<f64>) -> Self {
         let unsaid = effect.about().parameters[values.len()..].iter().map(|parameter| parameter.unsaid);

@@ -3,7 +3,7 @@
 
 use host_sim::design::law::ControlLaw;
 use host_sim::design::observer::kalman_gain;
-use host_sim::design::sampled_loop::{SampledLoop, Sampling, SpeedPath};
+use host_sim::design::sampled_loop::{SampledLoop, Sampling, Seen};
 use host_sim::design::search::Search;
 use host_sim::design::weights::Weights;
 use host_sim::linear::frequency_response::bode;
@@ -267,8 +267,8 @@ fn given_weights() {
             assert!((gain - expected).abs() < 1e-8 * scale, "{what}: {full} {:?}", case.all_states);
         }
         let used = vec![true; law.feedback().len()];
-        let (motor, speed) = (&MotorParameters::PIVT6, SpeedPath::Mean);
-        let search = Search { motor, law, period_s: 1e-3, speed, used: &used, observer: None };
+        let motor = &MotorParameters::PIVT6;
+        let search = Search { motor, law, seen: Seen::by_encoder(1e-3), used: &used, observer: None };
         let candidate = search.candidate(&weights, 100.0).unwrap();
         assert_close(&what, candidate.crossover_rad_per_s, case.crossover_rad_per_s, 1e-6);
         for (gain, expected) in candidate.gains.feedback.iter().zip(&case.measured) {

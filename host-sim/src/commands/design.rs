@@ -305,6 +305,7 @@ impl Arguments {
             counts_per_rev: rig.encoder.counts_per_rev,
             tachogenerator,
             current_measured: !self.no_current_sensor && rig.current_sensor.present != Some(false),
+            delay_s: self.extended()?.map_or(0.0, |model| model.delay_s()),
             ..Bench::default()
         };
         Ok((motor, bench, rig))

@@ -7,7 +7,6 @@ use crate::catalogue::effect;
 use crate::linear::motor_model;
 use crate::model::Model;
 use crate::motor::MotorParameters;
-use crate::plant::ModelPlant;
 use motorbench_core::message::Trip;
 use motorbench_core::settings::{BuildError, Param, Settings};
 use serde::Serialize;
@@ -113,7 +112,7 @@ pub fn near_standstill(
                 settings.set(param, 0.0).map_err(|rule| rule.of(param))?;
             }
         }
-        let mut trial = Trial::new(ModelPlant::new(model.clone()), settings)?;
+        let mut trial = Trial::of_model(model, settings)?;
         if let Some(tachogenerator) = tachogenerator {
             tachogenerator.onto(&mut trial);
         }

@@ -6,7 +6,7 @@
 use super::law::{ControlLaw, Signal};
 use super::observer::{CurrentObserver, Unknown};
 use super::robustness::{self, Robustness};
-use super::sampled_loop::{Gains, SampledLoop, SpeedPath};
+use super::sampled_loop::{Gains, SampledLoop, Seen};
 use super::search::{Candidate, Search};
 use super::specification::{Specification, Speed};
 use crate::motor::MotorParameters;
@@ -70,24 +70,18 @@ pub struct Comparison {
 }
 
 /// The four loops of an LQR; none of a PID, which does not use the current.
-pub fn compare(
-    motor: &MotorParameters,
-    period_s: f64,
-    speed: SpeedPath,
-    law: ControlLaw,
-    specification: &Specification,
-) -> Vec<Comparison> {
+pub fn compare(motor: &MotorParameters, seen: Seen, law: ControlLaw, specification: &Specification) -> Vec<Comparison> {
     let current: Vec<bool> = law.feedback().iter().map(|(_, signal)| *signal == Signal::Current).collect();
     if !current.contains(&true) {
         return Vec::new();
     }
     let all = vec![true; current.len()];
     let without: Vec<bool> = current.iter().map(|is_current| !is_current).collect();
-    let with = |used, observer| best(&Search { motor, law, period_s, speed, used, observer }, specification);
-    let observer = CurrentObserver::of_core(motor, period_s, speed);
+    let with = |used, observer| best(&Search { motor, law, seen, used, observer }, specification);
+    let observer = CurrentObserver::of_core(motor, &seen);
     let filtered = FILTERS
         .iter()
-        .filter_map(|unknown| with(&all, Some(CurrentObserver::new(motor, period_s, speed, unknown).ok()?)))
+        .filter_map(|unknown| with(&all, Some(CurrentObserver::new(motor, &seen, unknown).ok()?)))
         .max_by(|a, b| a.worst_modulus.total_cmp(&b.worst_modulus));
     vec![
         Comparison { current: CurrentFrom::Sensor, found: with(&all, None) },
@@ -175,7 +169,7 @@ mod tests {
     fn loops(motor: &MotorParameters, hz: f64) -> [LoopWith; 4] {
         let specification =
             Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: 1.0 };
-        let comparison = compare(motor, 1e-3, SpeedPath::Mean, ControlLaw::SpeedLqr, &specification);
+        let comparison = compare(motor, Seen::by_encoder(1e-3), ControlLaw::SpeedLqr, &specification);
         print!("{}", table(ControlLaw::SpeedLqr, &comparison));
         [0, 1, 2, 3].map(|at: usize| comparison[at].found.unwrap())
     }
@@ -208,6 +202,6 @@ mod tests {
         let specification =
             Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
         let (motor, law) = (MotorParameters::PIVT6, ControlLaw::SpeedPid);
-        assert!(compare(&motor, 1e-3, SpeedPath::Mean, law, &specification).is_empty());
+        assert!(compare(&motor, Seen::by_encoder(1e-3), law, &specification).is_empty());
     }
 }

@@ -14,7 +14,7 @@
 //! | [`search`], [`optimum`] | weights for a specification, gains for weights |
 //! | [`fixed_point`] | settings, and the gains the core's formats make of them |
 //! | [`robustness`] | what a loop must withstand |
-//! | [`trial`] | the core in closed loop with a simulated motor |
+//! | [`trial`], [`sensor_effects`] | the core in closed loop with a simulated motor, and what a model says of its sensors |
 //! | [`observer`], [`current_sensor`] | the current of the core's observer, and of a Kalman filter; what these, or a sensor, are worth |
 //! | [`relay`], [`step_tuning`] | gains from an experiment, without a model |
 //! | [`on_board`] | these experiments on a board |
@@ -33,6 +33,7 @@ pub mod report;
 pub mod robustness;
 pub mod sampled_loop;
 pub mod search;
+pub mod sensor_effects;
 pub mod specification;
 pub mod step_tuning;
 pub mod tachogenerator;
@@ -42,13 +43,13 @@ pub mod weights;
 use crate::linear::motor_model;
 use crate::model::Model;
 use crate::motor::{MotorParameters, NonPhysical};
-use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters, ModelPlant, Plant};
+use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters, Plant};
 use fixed_point::SettingList;
 use law::{ControlLaw, Signal, setting_name, setting_unit};
 use motorbench_core::message::Trip;
 use motorbench_core::settings::{BuildError, Param, Settings};
 use robustness::{Robustness, Weakness};
-use sampled_loop::{Gains, SampledLoop, Sampling};
+use sampled_loop::{Gains, SampledLoop, Sampling, Seen};
 use search::{Candidate, LoopFigures, Reached, Search};
 use serde::Serialize;
 use specification::{ImpossibleSpecification, Specification, Speed};
@@ -69,6 +70,8 @@ pub struct Bench {
     pub tick_rate_hz: f64,
     /// Whether the current is measured; without it an LQR has that of the core's observer, by an encoder.
     pub current_measured: bool,
+    /// By how much the voltage comes later than the firmware's own, as a model says it.
+    pub delay_s: f64,
 }
 
 impl Default for Bench {
@@ -81,6 +84,7 @@ impl Default for Bench {
             tachogenerator: None,
             tick_rate_hz: settings.get(Param::TickRate).into(),
             current_measured: true,
+            delay_s: 0.0,
         }
     }
 }
@@ -173,6 +177,16 @@ pub enum DesignError {
         law: &'static str,
         /// What it does not withstand.
         weakness: Weakness,
+    },
+    /// The voltage comes too late for a loop that has it in its states.
+    #[error(
+        "the model's actuation_delay.delay_s = {delay_s}: a design reckons with {most_s} at most at this tick rate; find what holds the voltage up, and take it away"
+    )]
+    Delay {
+        /// The model's.
+        delay_s: f64,
+        /// The longest.
+        most_s: f64,
     },
     /// They are no weights.
     #[error(transparent)]
@@ -325,6 +339,9 @@ impl Design {
     }
 }
 
+/// Ticks that a voltage may be on its way: each is a state of the loop, and the search takes time with their cube.
+const MOST_DELAY_TICKS: f64 = 20.0;
+
 /// Designs one law for a motor.
 ///
 /// # Errors
@@ -338,12 +355,17 @@ pub fn design(
     motor.check()?;
     let period_s = 1.0 / bench.tick_rate_hz;
     specification.check(period_s)?;
+    let most_s = MOST_DELAY_TICKS * period_s;
+    if bench.delay_s > most_s {
+        return Err(DesignError::Delay { delay_s: bench.delay_s, most_s });
+    }
     if bench.counts_per_rev.is_none() && (law.is_position() || bench.tachogenerator.is_none()) {
         return Err(DesignError::NoEncoder { law: law.title() });
     }
     let mut design = best_shape(motor, bench, law, specification)?;
     if !bench.current_measured {
-        design.current_sensor = current_sensor::compare(motor, period_s, design.sampling.speed, law, specification);
+        let Sampling { delay_s, speed, .. } = design.sampling;
+        design.current_sensor = current_sensor::compare(motor, Seen { period_s, delay_s, speed }, law, specification);
     }
     Ok(design)
 }
@@ -358,14 +380,13 @@ fn best_shape(
 ) -> Result<Design, DesignError> {
     let period_s = 1.0 / bench.tick_rate_hz;
     let rig = fixed_point::rig_settings(motor, bench, specification)?;
-    let speed = fixed_point::speed_path(&rig)?;
+    let seen = Seen { period_s, delay_s: bench.delay_s, speed: fixed_point::speed_path(&rig)? };
     let rig = Rig { settings: rig, tachogenerator: bench.tachogenerator };
-    let observer = observes_current(bench).then(|| observer::CurrentObserver::of_core(motor, period_s, speed));
+    let observer = observes_current(bench).then(|| observer::CurrentObserver::of_core(motor, &seen));
     let with = |current_used: bool| {
         let used: Vec<bool> =
             law.feedback().iter().map(|(_, signal)| current_used || *signal != Signal::Current).collect();
-        let search =
-            Search { motor, law, period_s, speed, used: &used, observer: observer.clone().filter(|_| current_used) };
+        let search = Search { motor, law, seen, used: &used, observer: observer.clone().filter(|_| current_used) };
         match specification.speed {
             Speed::Weights(weights) => weighed(&search, &rig, specification, &weights),
             Speed::BandwidthHz(_) | Speed::SettlingS(_) => searched(&search, &rig, specification),
@@ -433,7 +454,7 @@ fn weighed(
     let options = weights.options();
     let asked_percent = specification.overshoot_percent;
     let candidate = search.candidate(weights, asked_percent).ok_or_else(|| {
-        let within_s = search::MAX_SAMPLES as f64 * search.period_s;
+        let within_s = search::MAX_SAMPLES as f64 * search.seen.period_s;
         DesignError::NoGains { law: law.title(), options: options.clone(), within_s }
     })?;
     let found_percent = candidate.figures.step.overshoot_percent;
@@ -507,13 +528,17 @@ fn tried(
 ) -> Result<Design, DesignError> {
     let mut settings = fixed_point::law_settings(&rig.settings, motor, law, &candidate.sampling, &candidate.gains)?;
     let (held, sampling) = fixed_point::read_back(&settings, law)?;
+    // Of the settings they know the filters; the delay and the observer's constants are the model's.
+    let Sampling { delay_s, observer, .. } = candidate.sampling.clone();
+    let sampling = Sampling { delay_s, observer, ..sampling };
     let not_robust = |weakness| DesignError::NotRobust { law: law.title(), weakness };
     let robustness = robustness::check(motor, law, &sampling, &held).map_err(not_robust)?;
     let sampled = SampledLoop::new(motor, law, &sampling);
     let figures = search::figures(&sampled, &held, candidate.crossover_rad_per_s)
         .ok_or_else(|| not_robust(Weakness::Unstable { radius: robustness.spectral_radius }))?;
     kept(law, specification, &candidate.figures, &figures)?;
-    let trials = StepTrial { motor, law, tachogenerator: rig.tachogenerator, settling_s: figures.step.settling_s };
+    let trials =
+        StepTrial { motor, law, tachogenerator: rig.tachogenerator, delay_s, settling_s: figures.step.settling_s };
     let (trial, points) = trials.gentle(&mut settings, specification)?;
     let [peak_v, peak_a] = current_sensor::plain_step_peaks(&sampled, &held);
     let gains = law.feedback().iter().zip(&held.feedback).map(|(&(param, _), &held)| DesignedGain {
@@ -594,6 +619,8 @@ struct StepTrial<'a> {
     motor: &'a MotorParameters,
     law: ControlLaw,
     tachogenerator: Option<Tachogenerator>,
+    /// Of the voltage.
+    delay_s: f64,
     /// Of the linear loop.
     settling_s: f64,
 }
@@ -649,7 +676,11 @@ impl StepTrial<'_> {
     }
 
     fn started(&self, settings: &Settings) -> Result<Trial<DcMotor>, DesignError> {
-        started(DcMotor::new(ideal(self.motor)), self.law, self.tachogenerator.as_ref(), settings)
+        let mut trial =
+            Trial::new(DcMotor::new(ideal(self.motor)), *settings).map_err(|error| refused(error, settings))?;
+        trial.delay_by(self.delay_s);
+        start(&mut trial, self.law, self.tachogenerator.as_ref());
+        Ok(trial)
     }
 
     fn settled(&self, settings: &SettingList, step: f64, last_deviation: f64) -> Result<(), DesignError> {
@@ -694,8 +725,8 @@ pub fn trial_with_effects(
     settings: &Settings,
 ) -> Result<TrialWithEffects, DesignError> {
     let duration_s = design.points.last().map_or(0.0, |point| point.t_s);
-    let plant = ModelPlant::new(model.clone());
-    let mut trial = started(plant, design.law, design.tachogenerator.as_ref(), settings)?;
+    let mut trial = Trial::of_model(model, *settings).map_err(|error| refused(error, settings))?;
+    start(&mut trial, design.law, design.tachogenerator.as_ref());
     match follow_step(&mut trial, design.law, design.trial.step, duration_s) {
         Ok((figures, points)) => Ok((design.law, figures, points)),
         Err(DesignError::Trial { law, what }) => Err(DesignError::WithEffects { law, what }),
@@ -703,20 +734,16 @@ pub fn trial_with_effects(
     }
 }
 
-/// The core with a motor, armed, in the mode of a law.
-fn started<P: Plant>(
-    plant: P,
-    law: ControlLaw,
-    tachogenerator: Option<&Tachogenerator>,
-    settings: &Settings,
-) -> Result<Trial<P>, DesignError> {
-    let refused = |error: BuildError| fixed_point::refusal(error, settings.get(error.param).into());
-    let mut trial = Trial::new(plant, *settings).map_err(refused)?;
+fn refused(error: BuildError, settings: &Settings) -> DesignError {
+    fixed_point::refusal(error, settings.get(error.param).into())
+}
+
+/// Arms the core, in the mode of a law.
+fn start(trial: &mut Trial<impl Plant>, law: ControlLaw, tachogenerator: Option<&Tachogenerator>) {
     if let Some(tachogenerator) = tachogenerator {
-        tachogenerator.onto(&mut trial);
+        tachogenerator.onto(trial);
     }
     trial.enter(law.mode());
-    Ok(trial)
 }
 
 /// The core follows a step through its profile.

@@ -10,13 +10,13 @@
 //! and a torque that the model does not know) and `v` are white. The less is known of the torque, the more the filter becomes
 //! the armature alone: what accelerates the motor then says nothing of its current.
 
-use super::sampled_loop::{SpeedPath, motor_seen};
+use super::sampled_loop::{Seen, SpeedPath, motor_seen};
 use crate::linear::Matrix;
 use crate::linear::riccati::{self, NoSolution};
 use crate::linear::state_space::Discrete;
 use crate::motor::MotorParameters;
 
-/// Places of the current and of the voltage of the tick before.
+/// Places of the current and of the voltage that has been on its way for longest.
 const CURRENT: usize = 1;
 const VOLTAGE: usize = 2;
 /// A winding faster than that follows the voltage within the tick; zero would be the sensor.
@@ -58,9 +58,11 @@ pub fn winding_time_ms(motor: &MotorParameters, period_s: f64) -> f64 {
 impl CurrentObserver {
     /// The core's: `i(k) = (1 - a) i(k-1) + a (u(k-1) - k w(k)) / R`, in the places of [`motor_seen`]'s current and its
     /// youngest voltage.
-    pub fn of_core(motor: &MotorParameters, period_s: f64, speed: SpeedPath) -> Self {
-        let states = motor_seen(motor, period_s, speed).a.nrows();
-        let part = period_s / (1e-3 * winding_time_ms(motor, period_s) + period_s);
+    pub fn of_core(motor: &MotorParameters, seen: &Seen) -> Self {
+        let states = motor_seen(motor, seen).a.nrows();
+        // The core knows of no delay: it takes the voltage of the tick before.
+        let youngest = states - 2;
+        let part = seen.period_s / (1e-3 * winding_time_ms(motor, seen.period_s) + seen.period_s);
         let conductance = part / motor.resistance_ohm;
         let of_speed = -conductance * motor.torque_constant_nm_per_a;
         let mut observer = Self {
@@ -71,34 +73,31 @@ impl CurrentObserver {
             direct: of_speed,
         };
         observer.current[CURRENT] = 1.0 - part;
-        observer.current[VOLTAGE] = conductance;
+        observer.current[youngest] = conductance;
         observer.a.row_mut(CURRENT).copy_from(&observer.current);
         observer.of_speed[CURRENT] = of_speed;
-        observer.of_voltage[VOLTAGE] = 1.0;
+        observer.of_voltage[youngest] = 1.0;
         observer
     }
 
-    /// The Kalman filter, for a motor whose speed is measured by `speed` once in `period_s`.
+    /// The Kalman filter.
     ///
     /// # Errors
     /// [`NoSolution`] if the current does not show in the speed.
-    pub fn new(
-        motor: &MotorParameters,
-        period_s: f64,
-        speed: SpeedPath,
-        unknown: &Unknown,
-    ) -> Result<Self, NoSolution> {
-        let system = motor_seen(motor, period_s, speed);
+    pub fn new(motor: &MotorParameters, seen: &Seen, unknown: &Unknown) -> Result<Self, NoSolution> {
+        let system = motor_seen(motor, seen);
         let (a, b, c) = (&system.a, &system.b, &system.c);
         let states = a.nrows();
         // What a volt that acts for the whole tick does, and a torque: on the mean over the tick by half, on a conversion
         // that is as old as the tick not at all.
-        let mut voltage = a.column(2) + b.column(0);
-        voltage[2] = 0.0;
-        let per_volt = motor.torque_constant_nm_per_a / motor.resistance_ohm / motor.inertia_kg_m2 * period_s;
+        let waiting = VOLTAGE..states - 1;
+        let next = if waiting.len() > 1 { a.column(VOLTAGE + 1) } else { b.column(0) };
+        let mut voltage = a.column(VOLTAGE) + next;
+        voltage.rows_mut(VOLTAGE, waiting.len()).fill(0.0);
+        let per_volt = motor.torque_constant_nm_per_a / motor.resistance_ohm / motor.inertia_kg_m2 * seen.period_s;
         let mut torque = nalgebra::DVector::zeros(states);
         torque[0] = per_volt;
-        if speed == SpeedPath::Mean {
+        if seen.speed == SpeedPath::Mean {
             torque[states - 1] = 0.5 * per_volt;
         }
         let scatter = unknown.speed / motor.torque_constant_nm_per_a;
@@ -145,10 +144,10 @@ mod tests {
     #[test]
     fn the_current_follows_from_speed_and_voltage() {
         let motor = MotorParameters::PIVT6;
-        let system = motor_seen(&motor, 1e-3, SpeedPath::Mean);
+        let system = motor_seen(&motor, &Seen::by_encoder(1e-3));
         for (voltage, torque) in [(1.0, 0.1), (0.1, 1.0)] {
             let unknown = Unknown { voltage, torque, speed: 0.1 };
-            let observer = CurrentObserver::new(&motor, 1e-3, SpeedPath::Mean, &unknown).unwrap();
+            let observer = CurrentObserver::new(&motor, &Seen::by_encoder(1e-3), &unknown).unwrap();
             assert!(spectral_radius(&observer.a) < 0.99);
             let mut x = nalgebra::DVector::zeros(system.a.nrows());
             let mut z = nalgebra::DVector::repeat(x.len(), 3.0);
@@ -189,7 +188,7 @@ mod tests {
             let config = Quantiser::build(&settings, ObserverConfig::quantised).unwrap();
             let range = f64::from(settings.get(Param::SpeedRange));
             let mut core = ObserverState::default();
-            let observer = CurrentObserver::of_core(&motor, period_s, SpeedPath::Mean);
+            let observer = CurrentObserver::of_core(&motor, &Seen::by_encoder(period_s));
             let mut z = nalgebra::DVector::zeros(observer.a.nrows());
             let mut before_v = 0.0;
             for tick in 0..400 {

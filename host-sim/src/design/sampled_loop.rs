@@ -39,11 +39,31 @@ pub enum SpeedPath {
     },
 }
 
+/// How a motor is driven and its speed seen, whatever the law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Seen {
+    /// Time between two ticks.
+    pub period_s: f64,
+    /// By how much the voltage comes later than after [`DRIVE_DELAY_S`].
+    pub delay_s: f64,
+    /// How the speed is measured.
+    pub speed: SpeedPath,
+}
+
+impl Seen {
+    /// By an encoder, behind a bridge that follows the core at once.
+    pub fn by_encoder(period_s: f64) -> Self {
+        Self { period_s, delay_s: 0.0, speed: SpeedPath::Mean }
+    }
+}
+
 /// How a law is sampled.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampling {
     /// Time between two ticks.
     pub period_s: f64,
+    /// By how much the voltage comes later than after [`DRIVE_DELAY_S`].
+    pub delay_s: f64,
     /// How the law comes by the speed.
     pub speed: SpeedPath,
     /// Part of the way the PID's derivative filter goes in a tick; any number for an LQR.
@@ -58,7 +78,7 @@ impl Sampling {
     /// A tick of `period_s` with an encoder, and a derivative filter of `filter_s`.
     pub fn new(period_s: f64, filter_s: f64) -> Self {
         let filter_part = period_s / (filter_s + period_s);
-        Self { period_s, speed: SpeedPath::Mean, filter_s, filter_part, observer: None }
+        Self { period_s, delay_s: 0.0, speed: SpeedPath::Mean, filter_s, filter_part, observer: None }
     }
 }
 
@@ -89,7 +109,7 @@ struct Places {
     speed: usize,
     current: usize,
     position: Option<usize>,
-    /// Voltages on their way, one or none.
+    /// Voltages on their way.
     waiting: usize,
     measured_speed: usize,
     mean_current: usize,
@@ -147,8 +167,10 @@ fn with_integrals(motor: &MotorParameters) -> StateSpace {
 
 /// The motor as its measured speed shows it: speed, current, voltages on their way, measured speed; from the voltage to the
 /// last.
-pub fn motor_seen(motor: &MotorParameters, period_s: f64, speed: SpeedPath) -> Discrete {
-    let sampled = SampledLoop::new(motor, ControlLaw::SpeedLqr, &Sampling { speed, ..Sampling::new(period_s, 0.0) });
+pub fn motor_seen(motor: &MotorParameters, seen: &Seen) -> Discrete {
+    let Seen { period_s, delay_s, speed } = *seen;
+    let sampling = Sampling { speed, delay_s, ..Sampling::new(period_s, 0.0) };
+    let sampled = SampledLoop::new(motor, ControlLaw::SpeedLqr, &sampling);
     let seen: Vec<usize> = sampled.places.seen().collect();
     let mut c = Matrix::zeros(1, seen.len());
     c[(0, seen.len() - 1)] = 1.0;
@@ -159,7 +181,7 @@ impl SampledLoop {
     /// The loop of a law around a motor.
     pub fn new(motor: &MotorParameters, law: ControlLaw, sampling: &Sampling) -> Self {
         let period_s = sampling.period_s;
-        let plant = with_integrals(motor).discretise(period_s, DRIVE_DELAY_S);
+        let plant = with_integrals(motor).discretise(period_s, DRIVE_DELAY_S + sampling.delay_s);
         let places =
             Places::new(law, plant.a.nrows() - 4, sampling.observer.as_ref().map_or(0, |observer| observer.a.nrows()));
         let mut a = Matrix::zeros(places.size, places.size);

@@ -9,7 +9,7 @@
 use super::law::{ControlLaw, Signal};
 use super::observer::CurrentObserver;
 use super::optimum::{Optimum, optimum};
-use super::sampled_loop::{Gains, SampledLoop, Sampling, SpeedPath};
+use super::sampled_loop::{Gains, SampledLoop, Sampling, Seen};
 use super::specification::{Specification, Speed};
 use super::weights::{MOST_DAMPING, Weights};
 use crate::linear::motor_model;
@@ -78,10 +78,8 @@ pub struct Search<'a> {
     pub motor: &'a MotorParameters,
     /// The law.
     pub law: ControlLaw,
-    /// Time between two ticks.
-    pub period_s: f64,
-    /// How the law comes by the speed.
-    pub speed: SpeedPath,
+    /// How it is driven and its speed seen.
+    pub seen: Seen,
     /// Which feedback gains may be used, in the order of [`ControlLaw::feedback`].
     pub used: &'a [bool],
     /// What estimates the current where it is not measured.
@@ -114,14 +112,14 @@ impl Search<'_> {
     /// # Errors
     /// How fast it came.
     pub fn gentlest(&self, shape: Shape, specification: &Specification) -> Result<Candidate, Reached> {
-        let asked_rad_per_s = specification.speed.rad_per_s(self.motor, self.period_s);
+        let asked_rad_per_s = specification.speed.rad_per_s(self.motor, self.seen.period_s);
         let fast_enough = |candidate: &Candidate| match specification.speed {
             Speed::BandwidthHz(hz) => candidate.figures.bandwidth_hz >= hz,
             Speed::SettlingS(settling_s) => candidate.figures.step.settling_s <= settling_s,
             Speed::Weights(_) => true,
         };
         let overshoot = specification.overshoot_percent;
-        let highest = (FASTEST * asked_rad_per_s).min(LARGEST_TURN / self.period_s);
+        let highest = (FASTEST * asked_rad_per_s).min(LARGEST_TURN / self.seen.period_s);
         let (mut slow, mut fast) = ((SLOWEST * asked_rad_per_s).ln(), highest.ln());
         let mut best = None;
         let mut reached = Reached { bandwidth_hz: 0.0, settling_s: f64::INFINITY };
@@ -158,12 +156,10 @@ impl Search<'_> {
 
     /// The loop that costs least by some weights; `None` without stabilising gains or a step that settles.
     pub fn candidate(&self, weights: &Weights, overshoot_percent: f64) -> Option<Candidate> {
-        let s = weights.crossover_rad_per_s(self.motor, self.period_s);
-        let sampling = Sampling {
-            speed: self.speed,
-            observer: self.observer.clone(),
-            ..Sampling::new(self.period_s, filter_s(self.law, s))
-        };
+        let Seen { period_s, delay_s, speed } = self.seen;
+        let s = weights.crossover_rad_per_s(self.motor, period_s);
+        let observer = self.observer.clone();
+        let sampling = Sampling { speed, delay_s, observer, ..Sampling::new(period_s, filter_s(self.law, s)) };
         let sampled = SampledLoop::new(self.motor, self.law, &sampling);
         let feedback = self.feedback(&sampled, weights, s)?.feedback;
         let samples = response_samples(&sampled, &feedback, s);

@@ -72,6 +72,11 @@ fn without_a_current_sensor_the_core_observes_the_current() {
         assert!(design.held.feedback[on_current] != 0.0, "{:?}", design.held);
         assert_eq!(f64::from(design.settings.all.get(Param::TorqueConstant)), f64::from(0.072_f32));
         assert!(design.settings.all.get(Param::WindingTime) > 1.0);
+        // What was checked has the observer in it, as the comparison's loop with the exact gains.
+        let observer = design.current_sensor[1].found.unwrap();
+        let Robustness { margins, worst_modulus, .. } = design.robustness;
+        assert!((margins.modulus - observer.modulus).abs() < 0.01, "{law:?}: {margins:?} {observer:?}");
+        assert!((worst_modulus - observer.worst_modulus).abs() < 0.01, "{law:?}: {worst_modulus} {observer:?}");
         let worst = farthest_from_linear(&design, &motor);
         println!("{law:?} with an observed current: core and linear loop differ by {:.2} % at most", 100.0 * worst);
         assert!(worst < 0.02, "{law:?}: {worst}");
@@ -80,6 +85,34 @@ fn without_a_current_sensor_the_core_observes_the_current() {
     let bench = Bench { tachogenerator: Some(tachogenerator), ..bench };
     let design = design(&MotorParameters::PIVT6, &bench, ControlLaw::SpeedLqr, &specification).unwrap();
     assert_eq!((design.gains[1].name.as_str(), design.gains[1].value), ("lqr_speed_kc", 0.0));
+}
+
+/// A model's delay is in the linear loop and on the core; gains that know nothing of it are not offered with it.
+#[test]
+fn a_delay_of_the_voltage_is_in_the_loop() {
+    let (motor, delay_s) = (MotorParameters::PIVT6, 6.3e-3);
+    let specification = |hz| Specification { speed: Speed::BandwidthHz(hz), ..pivt6_at_4_hz() };
+    let bench = Bench { delay_s, ..Bench::default() };
+    for (law, hz) in [(ControlLaw::SpeedPid, 4.0), (ControlLaw::SpeedLqr, 4.0), (ControlLaw::PositionPid, 2.0)] {
+        let late = design(&motor, &bench, law, &specification(hz)).unwrap();
+        let prompt = design(&motor, &Bench::default(), law, &specification(hz)).unwrap();
+        assert!(late.robustness.margins.gain < 0.6 * prompt.robustness.margins.gain, "{:?}", late.robustness);
+        let worst = farthest_from_linear(&late, &motor);
+        println!("{law:?}, {delay_s} s late: core and linear loop differ by {:.2} % of the step", 100.0 * worst);
+        assert!(worst < 0.02, "{law:?}: {worst}");
+    }
+    let fast = pivt6(ControlLaw::SpeedPid, 30.0, 10.0).unwrap();
+    let delayed = crate::catalogue::effect("actuation_delay").unwrap();
+    let model = Model::linear(motor).with(delayed, vec![2.0 * fast.robustness.margins.delay_s]);
+    let error = trial_with_effects(&model, &fast, &fast.settings.all).unwrap_err();
+    assert!(matches!(error, DesignError::WithEffects { .. }), "{error}");
+    let bench = Bench { delay_s: 0.03, ..Bench::default() };
+    let error = design(&motor, &bench, ControlLaw::SpeedPid, &pivt6_at_4_hz()).unwrap_err().to_string();
+    assert!(error.contains("actuation_delay.delay_s = 0.03: a design reckons with 0.02 at most"), "{error}");
+}
+
+fn pivt6_at_4_hz() -> Specification {
+    Specification { speed: Speed::BandwidthHz(4.0), overshoot_percent: 10.0, current_limit_a: 1.0 }
 }
 
 /// Between the core's trial and the linear loop, of the step.
@@ -332,9 +365,9 @@ impl Draw {
         let specification = self.specification(law);
         let settings = fixed_point::rig_settings(&self.motor, &self.bench, &specification).unwrap();
         let speed = fixed_point::speed_path(&settings).unwrap();
-        let period_s = 1.0 / self.bench.tick_rate_hz;
+        let seen = Seen { speed, ..Seen::by_encoder(1.0 / self.bench.tick_rate_hz) };
         let used = vec![true; law.feedback().len()];
-        let search = Search { motor: &self.motor, law, period_s, speed, used: &used, observer: None };
+        let search = Search { motor: &self.motor, law, seen, used: &used, observer: None };
         let rig = Rig { settings, tachogenerator: self.bench.tachogenerator };
         let tried = |shape| {
             let candidate = search.gentlest(shape, &specification).ok()?;
@@ -348,7 +381,8 @@ impl Draw {
     fn loses_its_direction(&self, design: &Design, motor: &MotorParameters) -> bool {
         let turns = |part: f64| {
             let plant = DcMotor::new(ideal(motor));
-            let mut trial = started(plant, design.law, design.tachogenerator.as_ref(), &design.settings.all).unwrap();
+            let mut trial = Trial::new(plant, design.settings.all).unwrap();
+            start(&mut trial, design.law, design.tachogenerator.as_ref());
             let duration_s = 1.0 + 2.0 * design.points.last().unwrap().t_s;
             for reference in [part * design.trial.step, -part * design.trial.step] {
                 trial.follow(reference, duration_s);
@@ -361,7 +395,8 @@ impl Draw {
     /// Turns about (forward, reverse), and judges the last fifth of each.
     fn hold(&self, seed: u64, design: &Design, motor: &MotorParameters) {
         let motor = DcMotor::new(ideal(motor));
-        let mut trial = started(motor, design.law, design.tachogenerator.as_ref(), &design.settings.all).unwrap();
+        let mut trial = Trial::new(motor, design.settings.all).unwrap();
+        start(&mut trial, design.law, design.tachogenerator.as_ref());
         let duration_s = 1.0 + 2.0 * design.points.last().unwrap().t_s;
         for reference in [0.5 * design.trial.step, -0.5 * design.trial.step] {
             let points = trial.follow(reference, duration_s);

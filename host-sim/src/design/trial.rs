@@ -5,7 +5,9 @@
 //! [`DRIVE_DELAY_S`] after the tick.
 
 use super::sampled_loop::DRIVE_DELAY_S;
-use crate::plant::{Bridge, Inputs as PlantInputs, PeriodEnd, Plant, Pwm};
+use super::sensor_effects::SensorEffects;
+use crate::model::Model;
+use crate::plant::{Bridge, Inputs as PlantInputs, ModelPlant, PeriodEnd, Plant, Pwm};
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
 use motorbench_core::converter;
 use motorbench_core::encoder::Edges;
@@ -19,6 +21,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use serde::Serialize;
+use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
 /// PWM periods from the tick to the first that has the new duty.
@@ -127,7 +130,10 @@ pub struct Trial<P> {
     count: f64,
     /// PWM periods since the start.
     periods: u32,
-    drive: Drive,
+    /// Drives on their way to the bridge, the oldest first: it acts when a tick begins, for so many PWM periods.
+    drives: VecDeque<Drive>,
+    late_periods: usize,
+    sensors: SensorEffects,
     /// Sum of the block of conversions under way, of the last complete block, and of the last two.
     sums: [u16; 3],
     /// Last conversion of the tachogenerator.
@@ -159,10 +165,19 @@ impl<P: Plant> Trial<P> {
             edges,
             count: 0.0,
             periods: 0,
-            drive: Drive::default(),
+            drives: VecDeque::from([Drive::default()]),
+            late_periods: LATE_PERIODS,
+            sensors: SensorEffects::default(),
             sums: [0, BLOCK as u16 * MIDDLE, 2 * BLOCK as u16 * MIDDLE],
             tacho: 0,
         })
+    }
+
+    /// Lets the bridge follow the core later than it does, to a PWM period: for a motor at rest.
+    pub fn delay_by(&mut self, delay_s: f64) {
+        let late_periods = LATE_PERIODS + (delay_s * f64::from(PWM_HZ)).round() as usize;
+        self.late_periods = late_periods % self.scales.periods;
+        self.drives = vec![Drive::default(); late_periods / self.scales.periods + 1].into();
     }
 
     /// Begins the sensors' noise anew: the same seed gives the same run.
@@ -208,9 +223,10 @@ impl<P: Plant> Trial<P> {
 
     /// One tick, and the time until the next.
     pub fn tick(&mut self, request: Option<Request>) -> Point {
-        let before = pwm(&self.drive);
-        self.drive = self.control.tick(request, &self.inputs());
-        let now = pwm(&self.drive);
+        let before = pwm(&self.drives[0]);
+        self.drives.push_back(self.control.tick(request, &self.inputs()));
+        self.drives.pop_front();
+        let now = pwm(&self.drives[0]);
         let point = self.point();
         let inputs = PlantInputs {
             bridge: Bridge::default(),
@@ -220,11 +236,13 @@ impl<P: Plant> Trial<P> {
         };
         let mut ends = [PeriodEnd::default(); MOST_PERIODS];
         let ends = &mut ends[..self.scales.periods];
-        let (late, prompt) = ends.split_at_mut(LATE_PERIODS);
+        let (late, prompt) = ends.split_at_mut(self.late_periods);
         self.plant.advance_pwm(&before, &inputs, late);
         self.plant.advance_pwm(&now, &inputs, prompt);
-        self.convert_sampled(ends);
-        self.count_edges(ends);
+        let shown = self.sensors.read(PERIOD_S, ends);
+        let shown = shown.as_deref().unwrap_or(ends);
+        self.convert_sampled(ends, shown);
+        self.count_edges(shown);
         self.periods += ends.len() as u32;
         point
     }
@@ -291,15 +309,15 @@ impl<P: Plant> Trial<P> {
         bits.round() as i32
     }
 
-    /// The conversions of the tick that has just passed. Its first period has none.
-    fn convert_sampled(&mut self, ends: &[PeriodEnd]) {
-        for (period, pair) in (self.periods + 2..).zip(ends.windows(2)) {
+    /// The conversions of the tick that has just passed, of what was and of what the sensors show. Its first period has none.
+    fn convert_sampled(&mut self, ends: &[PeriodEnd], shown: &[PeriodEnd]) {
+        for (period, (pair, shown)) in (self.periods + 2..).zip(ends.windows(2).zip(&shown[1..])) {
             let conversion = period / PERIODS_PER_CONVERSION;
             match (period % PERIODS_PER_CONVERSION, conversion % (2 * SLOTS_PER_BLOCK)) {
                 (0, SLOTS_PER_BLOCK) => self.convert_tacho(pair),
                 // The supply is read with every tick.
                 (0, 0) | (1.., _) => (),
-                (0, _) => self.convert(conversion, pair[1].sampled_a),
+                (0, _) => self.convert(conversion, shown.sampled_a),
             }
         }
     }
@@ -309,7 +327,8 @@ impl<P: Plant> Trial<P> {
         let [before_rad, angle_rad] = [ends[0].angle_rad, ends[1].angle_rad];
         let Surroundings { tacho_ripple, tacho_ripples_per_turn, .. } = self.surroundings;
         let ripple = 1.0 + tacho_ripple * (tacho_ripples_per_turn * angle_rad).sin();
-        let output_v = self.scales.tacho_v_s_per_rad * ((angle_rad - before_rad) / PERIOD_S).abs() * ripple;
+        let shown_rad_per_s = self.sensors.tachogenerator_rad_per_s((angle_rad - before_rad) / PERIOD_S, angle_rad);
+        let output_v = self.scales.tacho_v_s_per_rad * shown_rad_per_s.abs() * ripple;
         self.tacho = (output_v * STEPS_PER_VOLT).clamp(0.0, HIGHEST) as u16;
     }
 
@@ -360,6 +379,19 @@ impl<P: Plant> Trial<P> {
         if slot == BLOCK {
             self.sums = [0, self.sums[0], self.sums[0] + self.sums[1]];
         }
+    }
+}
+
+impl Trial<ModelPlant> {
+    /// At rest and disarmed, with everything that a model says: of the motor, of the sensors, and of the bridge's delay.
+    ///
+    /// # Errors
+    /// A setting the core cannot hold.
+    pub fn of_model(model: &Model, settings: Settings) -> Result<Self, BuildError> {
+        let mut trial = Self::new(ModelPlant::new(model.clone()), settings)?;
+        trial.delay_by(model.delay_s());
+        trial.sensors = SensorEffects::of(model);
+        Ok(trial)
     }
 }
 
