@@ -5,15 +5,17 @@ use serde::Serialize;
 
 /// Band of the settling time, as a share of the step.
 const SETTLED: f64 = 0.02;
+/// Part of the largest error after a disturbance within which the loop has recovered.
+const RECOVERED: f64 = 0.1;
 /// Share of the stretch whose mean error is the steady error.
 const LAST_PART: f64 = 0.1;
 
 /// What a loop made of one reference. Speeds in rad/s, angles in rad. What only a step has is `null` for other courses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figures {
-    /// When the reference changed.
+    /// When the reference changed, or the load or fault came.
     pub time_s: f64,
-    /// Its course: step, ramp, sine, points, sequence.
+    /// Its course: step, ramp, sine, points, sequence; load or fault where that disturbed the loop after a step.
     pub course: &'static str,
     /// Where the controlled quantity began, and where it was to end.
     pub from: f64,
@@ -34,6 +36,9 @@ pub struct Figures {
     /// Root mean square of the voltage asked of the bridge; a fault of the supply puts out another.
     #[serde(rename = "effort_V")]
     pub effort_v: f64,
+    /// After a load or a fault: largest magnitude of the error, against the reference where that is a step. `settling_s` is
+    /// then the time until the error stays within a tenth of it.
+    pub largest_error: Option<f64>,
     /// Largest current.
     #[serde(rename = "peak_A")]
     pub peak_a: f64,
@@ -65,6 +70,26 @@ pub fn step_figures(points: &[Point], of: impl Fn(&Point) -> f64, to: f64) -> Fi
     }
 }
 
+/// Figures of the points from a disturbance on, while the reference stays at `to`.
+///
+/// # Panics
+/// If there are fewer than two points.
+pub fn disturbance_figures(points: &[Point], of: impl Fn(&Point) -> f64, to: f64, cause: &'static str) -> Figures {
+    let step = step_figures(points, &of, to);
+    let error = |point: &Point| (to - of(point)).abs();
+    let largest = points.iter().map(error).fold(0.0, f64::max);
+    let last_out = points.iter().rposition(|point| error(point) > RECOVERED * largest);
+    let settled = points.get(last_out.map_or(0, |index| index + 1));
+    Figures {
+        course: cause,
+        rise_s: None,
+        overshoot_percent: None,
+        settling_s: settled.map(|point| point.t_s - step.time_s),
+        largest_error: Some(largest),
+        ..step
+    }
+}
+
 /// Figures that any course has.
 ///
 /// # Panics
@@ -87,6 +112,7 @@ pub fn tracking_figures(points: &[Point], of: impl Fn(&Point) -> f64, course: &'
         tracking_rms: rms(&error),
         iae: points.iter().map(|point| error(point).abs() * period_s).sum(),
         effort_v: rms(&|point| point.u_v),
+        largest_error: None,
         peak_a: points.iter().map(|point| point.i_a.abs()).fold(0.0, f64::max),
     }
 }

@@ -14,13 +14,16 @@ fn repository(name: &str) -> PathBuf {
 fn the_speed_loop_runs_up_reverses_and_takes_a_load() {
     let outcome = Scenario::read(&repository("speed_step.toml")).unwrap().run().unwrap();
     assert_eq!(outcome.trip, Trip::None);
-    let [up, reversal] = &outcome.figures[..] else { panic!("{:?}", outcome.figures) };
-    println!("{up:?}\n{reversal:?}");
+    let [up, reversal, load] = &outcome.figures[..] else { panic!("{:?}", outcome.figures) };
+    println!("{up:?}\n{reversal:?}\n{load:?}");
     // The profile takes 71 ms for 60 rad/s; the loop adds some 5 Hz of lag.
     assert!((0.07..0.15).contains(&up.rise_s.unwrap()) && up.overshoot_percent.unwrap() < 2.0, "{up:?}");
     assert!(up.steady_error.unwrap().abs() < 0.1 && reversal.steady_error.unwrap().abs() < 0.1);
-    // The load comes within the second stretch and is integrated away.
-    assert!((5.0..25.0).contains(&reversal.overshoot_percent.unwrap()), "{reversal:?}");
+    // The load is no overshoot of the reversal before it, and is integrated away.
+    assert!(reversal.overshoot_percent.unwrap() < 2.0 && reversal.settling_s.unwrap() < 0.4, "{reversal:?}");
+    assert_eq!((load.course, load.time_s, load.overshoot_percent), ("load", 2.002, None));
+    assert!((5.0..25.0).contains(&load.largest_error.unwrap()) && load.settling_s.unwrap() < 0.4, "{load:?}");
+    assert!(load.steady_error.unwrap().abs() < 0.1, "{load:?}");
     // Reported, and true: a sign that is wrong in both would cancel in neither.
     let reported = outcome.recording.get(host_sim::recording::Channel::Speed).unwrap();
     let last = outcome.points.last().unwrap();

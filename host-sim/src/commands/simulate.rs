@@ -142,9 +142,10 @@ fn table(figures: &[Figures]) -> String {
         );
         let _ = writeln!(
             text,
-            "          error {} rms, {} summed; asked {} V rms; peak {} A",
+            "          error {} rms, {} summed{}; asked {} V rms; peak {} A",
             short(row.tracking_rms),
             short(row.iae),
+            row.largest_error.map_or(String::new(), |largest| format!(", at most {}", short(largest))),
             short(row.effort_v),
             short(row.peak_a)
         );

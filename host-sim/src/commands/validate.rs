@@ -286,7 +286,8 @@ fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
             ("steady error", simulated.steady_error, measured.steady_error),
             ("tracking error, rms", Some(simulated.tracking_rms), Some(measured.tracking_rms)),
         ];
-        for (name, simulated_value, measured_value) in rows {
+        let largest = simulated.largest_error.map(|error| ("largest error", Some(error), measured.largest_error));
+        for (name, simulated_value, measured_value) in rows.into_iter().chain(largest) {
             let (time, a, b) = (short(simulated.time_s), or_dash(simulated_value, 3), or_dash(measured_value, 3));
             text += &format!("  {time:<8} {name:<22} {a:>13} {b:>12}\n");
         }

@@ -22,7 +22,7 @@ pub mod reference;
 mod refusal;
 
 use crate::design::trial::{Point, Surroundings, Trial};
-use crate::figures::{Figures, step_figures, tracking_figures};
+use crate::figures::{Figures, disturbance_figures, step_figures, tracking_figures};
 use crate::model::{Model, ModelError};
 use crate::plant::ModelPlant;
 use crate::recording::Recording;
@@ -163,7 +163,7 @@ pub struct Outcome {
     pub samples: Vec<Sample>,
     /// As it was.
     pub points: Vec<Point>,
-    /// Figures of each reference.
+    /// Figures of each reference, and of what disturbs a step.
     pub figures: Vec<Figures>,
     /// Why the drive switched itself off, if it did.
     pub trip: Trip,
@@ -194,7 +194,7 @@ impl Scenario {
     /// [`ScenarioError::Value`] for a setting that the core's formats cannot hold.
     pub fn run(&self) -> Result<Outcome, ScenarioError> {
         let refused = |error| ScenarioError::Value { path: "settings".into(), what: refusal(&self.settings, error) };
-        let mut trial = Trial::new(ModelPlant::new(self.model.clone()), self.settings).map_err(refused)?;
+        let mut trial = Trial::of_model(&self.model, self.settings).map_err(refused)?;
         trial.seed(self.noise.seed);
         trial.enter(self.mode);
         let (mut points, mut samples): (Vec<Point>, Vec<Sample>) = (Vec::new(), Vec::new());
@@ -251,28 +251,54 @@ impl Scenario {
         if self.mode.is_position() { point.theta_rad } else { point.omega_rad_per_s }
     }
 
-    /// Figures of the stretches between one reference and the next. In open loop a reference is a voltage, and there is
-    /// nothing to be compared with it.
+    /// Figures of the stretches between one reference and the next; where a load or a fault comes after a step, what the
+    /// loop makes of it stands by itself. In open loop a reference is a voltage, and there is nothing to be compared with it.
     pub fn figures(&self, points: &[Point]) -> Vec<Figures> {
         if self.mode == Mode::OpenLoop {
             return Vec::new();
         }
         let first_s = points.first().map_or(0.0, |point| point.t_s);
-        let start =
-            |reference: &Reference| points.partition_point(|point| point.t_s - first_s + ROUNDING_S < reference.time_s);
-        let ends = self.references.iter().skip(1).map(start).chain([points.len()]);
-        let stretches = self.references.iter().zip(ends).map(|(reference, end)| (reference, start(reference)..end));
+        let start = |time_s: f64| points.partition_point(|point| point.t_s - first_s + ROUNDING_S < time_s);
+        let ends = self.references.iter().skip(1).map(|next| next.time_s).chain([f64::INFINITY]);
+        let stretches =
+            self.references.iter().zip(ends).flat_map(|(reference, end_s)| self.stretches(reference, end_s));
         stretches
-            .filter(|(_, range)| range.len() > 1)
-            .map(|(reference, range)| {
+            .map(|Stretch { from_s, until_s, course, cause }| (start(from_s)..start(until_s), course, cause))
+            .filter(|(range, ..)| range.len() > 1)
+            .map(|(range, course, cause)| {
                 let (stretch, of) = (&points[range], |point: &Point| self.controlled(point));
-                match reference.course {
-                    Course::Step { value } => step_figures(stretch, of, value),
-                    _ => tracking_figures(stretch, of, reference.course.name()),
+                match (course, cause) {
+                    (Course::Step { value }, None) => step_figures(stretch, of, *value),
+                    (Course::Step { value }, Some(cause)) => disturbance_figures(stretch, of, *value, cause),
+                    _ => tracking_figures(stretch, of, course.name()),
                 }
             })
             .collect()
     }
+
+    /// A reference until the next, and apart from it what disturbs the loop after a step.
+    fn stretches<'a>(&self, reference: &'a Reference, end_s: f64) -> Vec<Stretch<'a>> {
+        let (from_s, course) = (reference.time_s, &reference.course);
+        let loads = self.loads.iter().map(|load| (load.time_s, "load"));
+        let felt = self.faults.iter().filter(|fault| fault.kind != FaultKind::FramesLost);
+        let faults = felt.map(|fault| (fault.time_s, "fault"));
+        let after = |(time_s, _): &(f64, _)| from_s + ROUNDING_S < *time_s && *time_s < end_s;
+        let is_step = matches!(course, Course::Step { .. });
+        let mut causes: Vec<(f64, &'static str)> = loads.chain(faults).filter(after).filter(|_| is_step).collect();
+        causes.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        let starts = [(from_s, None)].into_iter().chain(causes.iter().map(|&(time_s, cause)| (time_s, Some(cause))));
+        let ends = causes.iter().map(|(time_s, _)| *time_s).chain([end_s]);
+        starts.zip(ends).map(|((from_s, cause), until_s)| Stretch { from_s, until_s, course, cause }).collect()
+    }
+}
+
+/// A part of a scenario that has figures of its own.
+struct Stretch<'a> {
+    from_s: f64,
+    until_s: f64,
+    course: &'a Course,
+    /// What disturbs the loop from its beginning on, if anything does.
+    cause: Option<&'static str>,
 }
 
 /// Where the references are.
