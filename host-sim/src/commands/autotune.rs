@@ -22,6 +22,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// The acceptance test: a second on the reference, of which the last quarter counts.
 const TEST_S: f64 = 1.0;
 const LAST_PART: f64 = 0.25;
+/// Before it the motor comes to rest: to this share of the reference, looked at so often, for so many times.
+const RESTING_SHARE: f64 = 0.05;
+const LOOK_S: f64 = 0.1;
+const MOST_LOOKS: usize = 100;
 /// What it demands.
 const MOST_OVERSHOOT_PERCENT: f64 = 35.0;
 const MOST_ERROR_SHARE: f64 = 0.03;
@@ -225,16 +229,36 @@ fn shown(settings: &Settings, name: &str) -> String {
     format!("{name} {value}")
 }
 
-/// Goes to the reference; overshoot in percent, and mean error at the end.
+/// Lets the bridge brake the motor, which may turn from the experiment: what it has of that is no overshoot.
+fn come_to_rest(board: &mut Attended, settings: &Settings, reference: f64) -> Result<(), BoardError> {
+    board.command("arm")?;
+    board.command("mode open")?;
+    board.samples(0.0)?;
+    let resting = RESTING_SHARE * reference.abs() / unit(settings);
+    for _ in 0..MOST_LOOKS {
+        let samples = untripped(samples_of(board, LOOK_S, settings.get(Param::TickRate).into())?)?;
+        if samples.last().is_some_and(|last| f64::from(last.speed).abs() <= resting) {
+            break;
+        }
+    }
+    board.command("disarm")
+}
+
+/// A bit of speed in rad/s.
+fn unit(settings: &Settings) -> f64 {
+    f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
+}
+
+/// Goes to the reference from rest; overshoot in percent, and mean error at the end.
 fn acceptance(board: &mut Attended, settings: &Settings, reference: f64) -> Result<(f64, f64), BoardError> {
+    come_to_rest(board, settings, reference)?;
     board.command("arm")?;
     board.command("mode speed")?;
     board.samples(0.0)?;
     board.command(&format!("ref {reference}"))?;
     let samples = samples_of(board, TEST_S, settings.get(Param::TickRate).into()).and_then(untripped);
     board.command("disarm")?;
-    let unit = f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE);
-    let share = |sample: &Sample| f64::from(sample.speed) * unit / reference;
+    let share = |sample: &Sample| f64::from(sample.speed) * unit(settings) / reference;
     let shares: Vec<f64> = samples?.iter().map(share).collect();
     let last = &shares[shares.len() - (LAST_PART * shares.len() as f64) as usize..];
     let error = last.iter().map(|share| (share - 1.0) * reference).sum::<f64>() / last.len().max(1) as f64;
