@@ -175,6 +175,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let standstill = compensation.near_standstill(&designs, &settings.all)?;
     let commands = settings.commands();
     outputs.say(&page(&designs, &refused, &trials, &standstill, &commands));
+    if arguments.compensate && compensation.model.is_none() {
+        outputs.say(&format!("\n{}", wrapped(NOTHING_TO_COMPENSATE, "", "  ")));
+    }
     if let Some(path) = &arguments.json {
         let result = serde_json::json!({
             "motor": motor, "designs": designs, "refused": refused, "with_effects": trials.iter().map(written).collect::<Vec<_>>(),
@@ -190,6 +193,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     Ok(())
 }
+
+const NOTHING_TO_COMPENSATE: &str = "nothing to compensate: of friction and drop neither the model ([effects.coulomb_friction], [effects.voltage_drop]) says anything, nor without one bridge.drop_V of the rig file or --coulomb-Nm";
 
 /// What the core is to make up for.
 struct Compensation {
@@ -223,7 +228,9 @@ impl Arguments {
         }
         let losses = self.losses(rig)?;
         let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
-        Ok(Compensation { settings: settings.map_err(Failure::input)?, model: Some(losses.model(motor)) })
+        // The settings are sent all the same: the board may have others from another motor.
+        let model = (losses != Losses::default()).then(|| losses.model(motor));
+        Ok(Compensation { settings: settings.map_err(Failure::input)?, model })
     }
 
     fn laws(&self) -> Vec<ControlLaw> {
@@ -406,6 +413,21 @@ mod tests {
             failure.message
         );
         assert!(failure.code == 1 && !console.exists());
+    }
+
+    #[test]
+    fn nothing_to_compensate_is_not_compared() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, json] = ["rig.toml", "design.json"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG).unwrap();
+        let standstill = |coulomb_nm: f64| {
+            run(&Arguments { compensate: true, coulomb_nm, json: Some(json.clone()), ..arguments(&rig) }).unwrap();
+            let text = std::fs::read_to_string(&json).unwrap();
+            let result: serde_json::Value = serde_json::from_str(&text).unwrap();
+            assert!(text.contains("comp_drop 0"), "{text}");
+            result["near_standstill"].as_array().unwrap().len()
+        };
+        assert_eq!((standstill(0.0), standstill(0.005)), (0, 1));
     }
 
     #[test]
