@@ -5,9 +5,11 @@ use crate::rig::{Readings, Rig, Timing};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+mod counter_stops;
 mod row_order;
 mod speed_window;
 
+pub use counter_stops::CounterStop;
 use speed_window::Found;
 pub use speed_window::Window;
 
@@ -149,6 +151,10 @@ pub struct Dataset {
     pub written_after: bool,
     /// Whether an encoder counts the motion.
     pub is_counted: bool,
+    /// Where its counter stood though the motor turned...
+    pub counter_stops: Vec<CounterStop>,
+    /// ... and the rows of the motion that are missing for that, as they were read.
+    pub read_in_stops: Vec<(usize, f64)>,
     /// Columns in which there is no number.
     pub empty: Vec<Channel>,
     /// Whether the rig file says where in its window a mean speed stands.
@@ -277,6 +283,12 @@ impl Dataset {
         {
             notes.push(window.note(*interval_s));
         }
+        if let Some(first) = self.counter_stops.first() {
+            notes.push(format!(
+                "In {} places the counter stood while the motor was driven on (the first at {:.3} s, for {:.3} s): those rows are not compared. What holds the program up there, an interrupt or a serial line?",
+                self.counter_stops.len(), self.time_s[first.rows.start], self.length_s(first)
+            ));
+        }
         if self.timing.current_window_s.is_none() && self.current_window_s > 0.0 {
             notes.push(format!(
                 "The current is taken for a mean over the {:.4} s before its row, which explains it as well as a lag or more inductance would: [recording] current_window_s in the rig file says what it is.",
@@ -290,6 +302,11 @@ impl Dataset {
             ));
         }
         notes
+    }
+
+    /// How long a counter stood.
+    pub fn length_s(&self, stop: &CounterStop) -> f64 {
+        self.time_s[stop.rows.end - 1] - self.time_s[stop.rows.start]
     }
 
     /// The same with the row in the middle of a mean speed's window and not at its end, where neither the columns nor the rig
@@ -312,6 +329,40 @@ impl Dataset {
         for Stretch { rows, window, .. } in &self.stretches {
             let of_stretch = speed_window::angle_rad(&speed[rows.clone()], *window, &self.time_s[rows.clone()]);
             self.angle_rad[rows.clone()].copy_from_slice(&of_stretch);
+        }
+    }
+
+    /// No model says when a counter stands: rows in whose window it did are missing, and the angle goes on.
+    fn leave_out_counter_stops(&mut self) {
+        let is_of_counts = matches!(self.motion().output, Output::MeanSpeed | Output::AngleDifference);
+        if !is_of_counts || self.count_rad <= 0.0 {
+            return;
+        }
+        for Stretch { rows, window, .. } in self.stretches.clone() {
+            let count = |row: usize| match self.motion().values[row].is_finite() {
+                true => (self.angle_rad[row] / self.count_rad).round(),
+                false => f64::NAN,
+            };
+            let counts: Vec<f64> = rows.clone().map(count).collect();
+            for stop in counter_stops::find(&counts, &self.voltage_v[rows.clone()]) {
+                let stop = stop.later_by(rows.start);
+                let seen_from = stop.rows.start.saturating_sub(window.span).max(rows.start);
+                self.leave_out_motion(seen_from..(stop.rows.end + window.span).min(rows.end));
+                for row in stop.rows.start..rows.end {
+                    self.angle_rad[row] += stop.lost_before(row) * self.count_rad;
+                }
+                self.counter_stops.push(stop);
+            }
+        }
+    }
+
+    fn leave_out_motion(&mut self, rows: Range<usize>) {
+        let motion = self.measured.iter_mut().find(|measured| measured.output != Output::Current).expect("it has one");
+        for row in rows {
+            let read = std::mem::replace(&mut motion.values[row], f64::NAN);
+            if read.is_finite() {
+                self.read_in_stops.push((row, read));
+            }
         }
     }
 
@@ -374,6 +425,7 @@ impl Dataset {
         if data.motion().output == Output::MeanSpeed {
             data.integrate_mean_speed();
         }
+        data.leave_out_counter_stops();
         Ok(data)
     }
 
@@ -477,6 +529,8 @@ impl Dataset {
         self.open.extend(other.open);
         self.load_nm.extend(other.load_nm);
         self.angle_rad.extend(other.angle_rad);
+        self.counter_stops.extend(other.counter_stops.into_iter().map(|stop| stop.later_by(before)));
+        self.read_in_stops.extend(other.read_in_stops.into_iter().map(|(row, read)| (row + before, read)));
         for (mine, theirs) in self.measured.iter_mut().zip(other.measured) {
             mine.values.extend(theirs.values);
         }

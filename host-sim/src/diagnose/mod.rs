@@ -7,6 +7,7 @@
 //! 3. What remains above the sensors' noise is located by the lack that makes it most likely ([`missing`]).
 //! 4. The constants that are reported are fitted once more to all the data.
 
+mod counter_stops;
 mod current_window;
 pub mod judge;
 pub mod missing;
@@ -149,7 +150,7 @@ fn excluded(data: &Dataset) -> Vec<&'static str> {
         excluded.push("tacho_ripple");
     }
     if !data.is_counted {
-        excluded.push("encoder_eccentricity");
+        excluded.extend(["encoder_eccentricity", "missed_counts"]);
     }
     excluded
 }
@@ -213,6 +214,9 @@ impl Outcome {
     fn of(data: &Dataset, prior: &Prior, selection: &Selection, model: &Model, intervals: &[Interval]) -> Self {
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
+        if !model.has(counter_stops::ID) {
+            causes.extend(counter_stops::cause(data, &selection.last.prediction));
+        }
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
         let parameters = parameters(model, &prior.nominal, intervals);

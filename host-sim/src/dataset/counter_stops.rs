@@ -1,0 +1,218 @@
+//! Stops of a counter: for a while no edge is counted, as while another interrupt or a serial line holds a sketch up, though
+//! the motor turns on.
+//!
+//! When that happens is in no model of a motor. But it is seen in the counts themselves: a motor that stands goes slower
+//! before, and gathers speed after; a counter that stands has counted at full speed to the last edge, does so again from the
+//! first, and the bridge was asked for as much as before all the while.
+
+use std::ops::Range;
+
+/// From so many counts lost on a stop is one, and so many on either side tell how fast the motor was.
+const FEWEST: f64 = 8.0;
+/// Between equal times before a stop, or after it, a speed changes by less than this factor. A motor that brakes to a stand
+/// evenly, or leaves it so, goes three times as far in the farther of them.
+const ABRUPT: f64 = 1.6;
+/// The command during a stop is at least this share of the one before.
+const STILL_DRIVEN: f64 = 0.7;
+
+/// After so many that are beyond doubt the others are believed more easily...
+const FEWEST_CERTAIN: usize = 3;
+/// ... up to this multiple of their length.
+const AT_MOST_LONGER: usize = 2;
+
+/// A stop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CounterStop {
+    /// Rows with the same count.
+    pub rows: Range<usize>,
+    /// Counts that the motor went on by, from its speed before and after.
+    pub lost_counts: f64,
+    /// Standard error of that.
+    pub error_counts: f64,
+}
+
+impl CounterStop {
+    /// The same in rows that have so many others before them.
+    pub(super) fn later_by(self, others: usize) -> Self {
+        Self { rows: self.rows.start + others..self.rows.end + others, ..self }
+    }
+
+    /// Counts lost until a row.
+    pub(super) fn lost_before(&self, row: usize) -> f64 {
+        let since = row.saturating_sub(self.rows.start) as f64 / self.rows.len() as f64;
+        self.lost_counts * since.min(1.0)
+    }
+}
+
+/// The stops of a counter whose counts those are, missing ones as NaN. `drive` is what the bridge was asked for.
+pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
+    let stands: Vec<Stand> = stands(counts).collect();
+    let certain: Vec<CounterStop> = stands.iter().filter_map(|stand| stand.certain_stop(drive)).collect();
+    if certain.len() < FEWEST_CERTAIN {
+        return certain;
+    }
+    let longest = certain.iter().map(|stop| stop.rows.len()).max().unwrap_or(0);
+    stands.into_iter().filter_map(|stand| stand.likely_stop(AT_MOST_LONGER * longest)).collect()
+}
+
+/// Rows with the same count, and how fast it went on either side.
+struct Stand {
+    rows: Range<usize>,
+    before: Option<Rate>,
+    after: Option<Rate>,
+}
+
+/// Counts per row over the nearest rows that have enough of them.
+#[derive(Clone, Copy)]
+struct Rate {
+    per_row: f64,
+    over: usize,
+    /// It was no faster over as many rows beyond.
+    is_abrupt: bool,
+}
+
+fn stands(counts: &[f64]) -> impl Iterator<Item = Stand> {
+    let ends = (1..=counts.len()).filter(|row| counts.get(*row) != counts.get(row - 1));
+    let rows = ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end));
+    rows.filter(|rows| rows.len() > 2).map(|rows| {
+        // In the rows at the edges some of the counts are there.
+        let earlier = |by: usize| Some(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + by)?]);
+        let later = |by: usize| Some(counts.get(rows.end + by)? - counts.get(rows.end)?);
+        let [before, after] = [Rate::of(earlier, rows.len()), Rate::of(later, rows.len())];
+        Stand { rows, before, after }
+    })
+}
+
+impl Rate {
+    /// Over at most `longest` rows.
+    fn of(turned: impl Fn(usize) -> Option<f64>, longest: usize) -> Option<Self> {
+        let over = (1..=longest).find(|by| turned(*by).is_some_and(|turned| turned.abs() >= FEWEST))?;
+        let near = turned(over)?;
+        let far = turned(2 * over)? - near;
+        Some(Self { per_row: near / over as f64, over, is_abrupt: far.abs() < ABRUPT * near.abs() })
+    }
+
+    fn of_abrupt(rate: Option<Self>) -> Option<Self> {
+        rate.filter(|rate| rate.is_abrupt)
+    }
+}
+
+impl Stand {
+    /// The motor was driven on, in the same sense, and as fast right before and right after as a little farther off.
+    fn certain_stop(&self, drive: &[f64]) -> Option<CounterStop> {
+        let (before, after) = (Rate::of_abrupt(self.before)?, Rate::of_abrupt(self.after)?);
+        let slowest = before.per_row.abs().min(after.per_row.abs());
+        let goes_on = before.per_row * after.per_row > 0.0 && slowest * self.whole_rows() >= FEWEST;
+        let sense = before.per_row.signum();
+        let start = self.rows.start;
+        let drive_before = mean(&drive[start - before.over..start]) * sense;
+        let least_drive = drive[self.rows.clone()].iter().fold(f64::INFINITY, |least, drive| least.min(drive * sense));
+        let is_driven = drive_before > 0.0 && least_drive >= STILL_DRIVEN * drive_before;
+        (goes_on && is_driven).then(|| self.stop())
+    }
+
+    /// Where a counter is known to stand now and then, one side is enough: the motor itself may have come to a stand
+    /// meanwhile, or stood before.
+    fn likely_stop(self, longest: usize) -> Option<CounterStop> {
+        let is_seen = |rate: Option<Rate>| {
+            Rate::of_abrupt(rate)
+                .is_some_and(|rate| rate.per_row.abs() * self.whole_rows().min(longest as f64) >= FEWEST)
+        };
+        let (start, end) = (self.rows.start, self.rows.end);
+        let rows = match (is_seen(self.before), is_seen(self.after)) {
+            (false, false) => return None,
+            _ if self.rows.len() <= longest => start..end,
+            // A program is not held up so long.
+            (true, true) => return None,
+            (true, false) => start..start + longest,
+            (false, true) => end - longest..end,
+        };
+        Some(Self { rows, ..self }.stop())
+    }
+
+    fn stop(&self) -> CounterStop {
+        let intervals = self.whole_rows() + 1.0;
+        let [before, after] = [self.before, self.after].map(|rate| rate.map_or(0.0, |rate| rate.per_row));
+        let rounded = [self.before, self.after].map(|rate| rate.map_or(0.0, |rate| 1.0 / rate.over as f64));
+        // Any speed between the two is as likely; an edge more or less at either end.
+        let error_per_row = (before - after).hypot(rounded[0].hypot(rounded[1])) / 12_f64.sqrt();
+        CounterStop {
+            rows: self.rows.clone(),
+            lost_counts: 0.5 * (before + after) * intervals,
+            error_counts: 1.0_f64.hypot(error_per_row * intervals),
+        }
+    }
+
+    fn whole_rows(&self) -> f64 {
+        (self.rows.len() - 2) as f64
+    }
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    /// Counts of a motor with this time constant that is driven by `drive`, while those of `lost` are not counted.
+    fn counts(drive: &[f64], time_constant_rows: f64, top: f64, lost: &[Range<usize>]) -> Vec<f64> {
+        let (mut speed, mut angle, mut missed) = (0.0, 0.0, 0.0);
+        let mut counted = Vec::new();
+        for (row, drive) in drive.iter().enumerate() {
+            counted.push((angle - missed as f64).floor());
+            for _ in 0..10 {
+                // Dry friction of a tenth of the stall torque holds it and stops it.
+                let driven = top * drive;
+                let friction =
+                    if speed == 0.0 { driven.clamp(-0.1 * top, 0.1 * top) } else { 0.1 * top * f64::signum(speed) };
+                let next = speed + 0.1 * (driven - friction - speed) / time_constant_rows;
+                speed = if speed * next < 0.0 { 0.0 } else { next };
+                angle += 0.1 * speed;
+                if lost.iter().any(|lost| lost.contains(&row)) {
+                    missed += 0.1 * speed;
+                }
+            }
+        }
+        counted
+    }
+
+    /// Levels that last some rows each.
+    fn drive(levels: &[f64], rows: usize) -> Vec<f64> {
+        levels.iter().flat_map(|level| std::iter::repeat_n(*level, rows)).collect()
+    }
+
+    proptest! {
+        #[test]
+        fn a_stop_of_the_counter_is_found(top in 1.0_f64..30.0, length in 20_usize..60, level in 0.4_f64..1.0, back: bool) {
+            let drive = drive(&[if back { -level } else { level }], 1000);
+            let found = find(&counts(&drive, 25.0, top, &[600..600 + length]), &drive);
+            prop_assert_eq!(found.len(), 1);
+            prop_assert!(found[0].rows.start.abs_diff(600) < 3 && found[0].rows.end.abs_diff(600 + length) < 4);
+            let lost = (level - 0.1) * top * length as f64;
+            prop_assert!((found[0].lost_counts.abs() - lost).abs() < 4.0 * found[0].error_counts.max(0.5 * top), "{found:?} {lost}");
+        }
+
+        #[test]
+        fn a_stop_of_the_motor_is_none(
+            top in 0.3_f64..60.0,
+            time_constant_rows in 0.5_f64..200.0,
+            rows in 5_usize..100,
+            levels in prop::collection::vec(prop_oneof![Just(0.0), -1.0..1.0_f64], 40),
+        ) {
+            let drive = drive(&levels, rows);
+            let found = find(&counts(&drive, time_constant_rows, top, &[]), &drive);
+            prop_assert!(found.is_empty(), "{found:?}");
+        }
+    }
+
+    #[test]
+    fn missing_rows_are_no_stop() {
+        let drive = vec![1.0; 300];
+        let mut counts = counts(&drive, 5.0, 5.0, &[]);
+        counts[150..180].fill(f64::NAN);
+        assert_eq!(find(&counts, &drive), Vec::new());
+    }
+}
