@@ -6,6 +6,7 @@ mod analyse;
 mod autotune;
 mod board;
 mod compare;
+mod connect;
 mod convert;
 mod demo;
 mod design;
@@ -66,7 +67,7 @@ enum Command {
     Validate(validate::Arguments),
     Virtual(virtual_board::Arguments),
     Ports(board::PortsArguments),
-    Connect(board::ConnectArguments),
+    Connect(connect::Arguments),
     Record(board::RecordArguments),
     Send(board::SendArguments),
     Tune(tune::Arguments),
@@ -163,7 +164,7 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Virtual(arguments) => virtual_board::run(&arguments),
         Command::Ports(arguments) => board::list(&arguments),
-        Command::Connect(arguments) => board::connect(&arguments),
+        Command::Connect(arguments) => connect::run(&arguments),
         Command::Record(arguments) => board::run_record(&arguments),
         Command::Send(arguments) => board::run_send(&arguments),
         Command::Tune(arguments) => tune::run(&arguments),
