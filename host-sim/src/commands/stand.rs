@@ -7,7 +7,7 @@ use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
-use crate::terminal_text::{short, wrapped};
+use crate::terminal_text::{fixed, short, wrapped};
 use crate::web_page::axis_label;
 use clap::Args;
 use plotters::prelude::*;
@@ -168,7 +168,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     for losses in &stand.losses {
         let _ = writeln!(
             text,
-            "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:8.3}",
+            "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:>8}",
             losses.u_V,
             load(losses.load_Nm),
             if loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
@@ -176,7 +176,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             losses.drop_W,
             losses.coulomb_W,
             losses.viscous_W,
-            losses.rest_W
+            fixed(losses.rest_W, 3)
         );
     }
     text += "\nCauses\n";
