@@ -530,6 +530,12 @@ fn gains_without_a_model_pass_their_test_or_are_refused() {
     let done = experiment.wait_with_output().unwrap();
     assert_eq!((done.status.code(), text(&done.stderr)), (Some(1), "motorbench: stopped by hand\n".into()));
     board.motor_is_off();
+    // Nor does one that may not begin leave anything behind.
+    let slew_limit = || text(&board.run("connect", &["show slew_limit"]).stdout);
+    let before = slew_limit();
+    board.order("stop on");
+    assert_eq!(board.run("autotune", &[]).status.code(), Some(1));
+    assert_eq!(slew_limit(), before);
 }
 
 /// As a person with hands runs it: levels, then the rotor held where it is asked for; the figures are those of the
