@@ -726,6 +726,11 @@ fn the_tuning_console_in_a_terminal() {
     terminal.does("s", "step test done");
     terminal.shows("error peak A");
     terminal.shows("│speed       0.");
+    // The motor stands after it without being pushed: what is driven and does not turn trips.
+    board.order("wait 3");
+    terminal.shows_at_once(&["step test done", "duty 0.00 of 1", "speed ARMED"]);
+    terminal.does("s", "step test ");
+    terminal.shows("  before    0.");
     // In a small terminal a person still sees that the motor is driven, and what stops it.
     for (size, gain) in [(["40", "12"], "> speed_kp"), (["20", "5"], "q quit")] {
         terminal.tmux(&["resize-window", "-t", &terminal.0, "-x", size[0], "-y", size[1]]);
@@ -737,6 +742,10 @@ fn the_tuning_console_in_a_terminal() {
     terminal.does("u", "> speed_kp         0.05000");
     terminal.does("Tab", "lqr_speed");
     terminal.does("r", "tune.csv: ");
+    // A long message is there to its end.
+    board.order("stop on");
+    terminal.shows("\nand arms");
+    board.order("stop off");
     terminal.press("q");
     terminal.shows("exit 0");
     let side: serde_json::Value =
