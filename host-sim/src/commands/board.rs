@@ -1,7 +1,8 @@
 //! `motorbench ports`, `motorbench record`, `motorbench send`, and what the commands that talk to a board share.
 
+use super::files::{beside, with_beside};
 use super::live::LiveArguments;
-use super::{Failure, bar, cannot_write, read_rig, write};
+use super::{Failure, Outputs, bar, cannot_write, read_rig, write};
 use crate::board::{Board, BoardError, leave_host, limit, trip_named, watch_host};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
@@ -190,6 +191,7 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
 /// # Errors
 /// [`Failure`] when nothing could be recorded, or when the recording ended before its time; what has come is written.
 pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
+    Outputs::new(&arguments.motor, &with_beside(&arguments.out, &["scenario.toml", "rig.toml", "json"]))?;
     let nominal = match &arguments.motor {
         Some(path) => read_rig(path)?.motor,
         None => NominalMotor::default(),
@@ -399,22 +401,6 @@ pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
         "expected a name that ends in .csv, for instance {}; `motorbench convert` makes other formats of it",
         path.with_extension("csv").display()
     ))
-}
-
-/// A result for a program must not take the place of the table or of what stands beside it.
-pub(super) fn apart(json: Option<&Path>, out: &Path) -> Result<(), Failure> {
-    match json.filter(|json| *json == out || *json == beside(out, "json")) {
-        Some(json) => Err(Failure::input(format!(
-            "--json {0}: {1} and what stands beside it go there: name another file",
-            json.display(),
-            out.display()
-        ))),
-        None => Ok(()),
-    }
-}
-
-pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
-    out.with_extension(extension)
 }
 
 /// Writes what belongs beside a recording; the side file's text.

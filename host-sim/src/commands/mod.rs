@@ -30,7 +30,7 @@ use crate::rig::Rig;
 use crate::scenario::Scenario;
 use crate::text_file;
 use clap::{CommandFactory, Parser, Subcommand};
-use files::{Outputs, is_terminal, terminal};
+use files::{Outputs, beside, is_terminal, terminal};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::any::Any;
@@ -194,7 +194,7 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
 
 /// The rig file beside a recording, where there is one.
 fn rig_beside(recording: &Path) -> Option<PathBuf> {
-    Some(board::beside(recording, "rig.toml")).filter(|path| path.exists())
+    Some(beside(recording, "rig.toml")).filter(|path| path.exists())
 }
 
 /// The rig file that is named, else that beside a recording.

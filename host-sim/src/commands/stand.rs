@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
     match &arguments.table {
         Some(path) => report(arguments, &outputs, &read(path)?, (earlier.as_ref(), winding), &rig),
-        None => arguments.board.run((&arguments.rig, &rig), arguments.json.as_deref(), |table, held| {
+        None => arguments.board.run((&arguments.rig, &rig), |table, held| {
             let winding = Some(held).filter(|held| !held.is_empty()).or(winding);
             report(arguments, &outputs, table, (earlier.as_ref(), winding), &rig)
         }),
@@ -114,8 +114,10 @@ fn report(
 
 impl Arguments {
     fn outputs(&self) -> Result<Outputs, Failure> {
+        let measured = if self.table.is_none() { self.board.files() } else { Vec::new() };
         let others = [&self.table, &self.resistance, &self.earlier].into_iter().flatten();
-        Outputs::new([&self.rig].into_iter().chain(others), self.map.iter().chain(&self.json))
+        let written = self.map.iter().chain(&self.json).chain(&measured);
+        Outputs::new([&self.rig].into_iter().chain(others), written)
     }
 }
 

@@ -1,7 +1,7 @@
 //! `motorbench validate`
 
-use super::board::beside;
 use super::compare::{plot, table};
+use super::files::beside;
 use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write_json, write_plot};
 use crate::compare::{Comparison, Difference, compare};
 use crate::design::law::ControlLaw;
