@@ -784,8 +784,10 @@ fn a_tuning_session_without_a_person() {
     }
     assert!(tests[1]["rise_s"].as_f64() < tests[0]["rise_s"].as_f64(), "more gain is quicker: {account}");
 
-    let (done, account) = session(&board, "tab right");
-    assert!(text(&done.stdout).contains("more       lqr_speed_kw 0."), "{}", text(&done.stdout));
+    let (done, account) = session(&board, "tab right + down");
+    for did in ["more       lqr_speed_kw 0.", "higher     reference 35 rad/s", "down       lqr_speed_kc 0."] {
+        assert!(text(&done.stdout).contains(did), "{}", text(&done.stdout));
+    }
     assert_eq!((&account["gains_before"]["speed_kp"], &account["saved"]), (&0.055.into(), &false.into()), "{account}");
 
     board.change("block on");

@@ -369,6 +369,8 @@ impl<L: Line> Session<L> {
     fn select(&mut self, by: isize) -> Result<(), BoardError> {
         let count = self.tuned().gains.len() as isize;
         self.selected = (self.selected as isize + by).rem_euclid(count) as usize;
+        let param = self.tuned().gains[self.selected];
+        self.message = format!("{} {}", name(param), self.settings.get(param));
         Ok(())
     }
 
@@ -398,6 +400,7 @@ impl<L: Line> Session<L> {
 
     fn refer(&mut self, reference: f64) -> Result<(), BoardError> {
         self.reference = reference;
+        self.message = format!("reference {reference} rad/s");
         if self.armed {
             self.close_loop()?;
             self.link.command(&format!("ref {reference}"))?;
