@@ -130,7 +130,11 @@ impl Console {
         if OF_SETTINGS.contains(&command) || command == "disarm" {
             self.unwatch()?;
         }
-        let replies = self.link.ask(line)?;
+        let replies = match command {
+            // Its word that all is saved must not come behind the answer to the next line.
+            "save" if words.len() == 1 => self.link.save().map(|()| Vec::new())?,
+            _ => self.link.ask(line)?,
+        };
         match command {
             "arm" => self.armed = true,
             "disarm" => self.armed = false,
