@@ -8,7 +8,7 @@ use std::time::Duration;
 /// A board that trips without its host (`trip_host`) hears of it so often.
 pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
 /// The drive stops by itself when the program is silent for longer, whatever became of it.
-const LOST_AFTER_MS: f32 = 500.0;
+pub const LOST_AFTER_MS: f32 = 500.0;
 
 /// Something that runs the firmware, with its binary stream on.
 pub trait Board {

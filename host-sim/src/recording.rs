@@ -217,7 +217,7 @@ impl Recording {
     ///
     /// # Errors
     /// [`RecordingError`], which names the line.
-    pub fn parse(name: &str, text: impl Read, names: &[(String, String)]) -> Result<Self, RecordingError> {
+    pub fn parse(name: &str, mut text: impl Read, names: &[(String, String)]) -> Result<Self, RecordingError> {
         let line_error = |error: csv::Error| RecordingError::Line {
             name: name.into(),
             line: error.position().map_or(1, csv::Position::line),
@@ -230,7 +230,14 @@ impl Recording {
                 _ => error.to_string(),
             },
         };
-        let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text);
+        let mut table = Vec::new();
+        text.read_to_end(&mut table).map_err(|source| RecordingError::Read { name: name.into(), source })?;
+        let delimiter = delimiter(&table);
+        let mut reader = csv::ReaderBuilder::new()
+            .delimiter(delimiter)
+            .comment(Some(b'#'))
+            .trim(csv::Trim::All)
+            .from_reader(&table[..]);
         let header = reader.headers().map_err(line_error)?.clone();
         let mut recording = Self::new(name);
         let channels = recording.read_header(&header, names)?;
@@ -241,7 +248,7 @@ impl Recording {
             for ((column, values), text) in channels.iter().zip(&mut columns).zip(&row) {
                 let Some(channel) = column else { continue };
                 let wrong = |message| RecordingError::Line { name: name.into(), line, message };
-                let value = number(text).ok_or_else(|| {
+                let value = number(text, delimiter).ok_or_else(|| {
                     wrong(format!("column {}: expected a number, found \"{text}\"", channel.column()))
                 })?;
                 channel.refusal(value).map_or(Ok(()), |message| Err(wrong(message)))?;
@@ -313,7 +320,8 @@ impl Recording {
             if channel.is_some() && channels.contains(&channel) {
                 return Err(error(format!("two columns are {renamed}")));
             }
-            if channel.is_none() {
+            // A delimiter at the end of each line makes a column without a name.
+            if channel.is_none() && !column.is_empty() {
                 self.ignored.push(column.into());
             }
             channels.push(channel);
@@ -390,19 +398,29 @@ impl Recording {
     }
 }
 
+/// What stands between values: commas, and where the header line has none of them semicolons or tabs.
+fn delimiter(table: &[u8]) -> u8 {
+    let header = table.split(|byte| *byte == b'\n').find(|line| !line.starts_with(b"#")).unwrap_or_default();
+    // A spreadsheet's line before the header is for convert.
+    let has = |sign: &u8| header.contains(sign) && !header.starts_with(b"sep=");
+    [b',', SEMICOLON, b'\t'].into_iter().find(has).unwrap_or(b',')
+}
+
+/// Between values it leaves the comma to the decimals.
+const SEMICOLON: u8 = b';';
+
 /// What stands between the names of a header line that is all one name.
 fn other_delimiter(header: &str) -> Option<&'static str> {
-    let found =
-        [(';', "semicolons"), ('\t', "tabs"), ('|', "bars")].into_iter().find(|(sign, _)| header.contains(*sign));
-    found.map(|(_, name)| name)
+    [(';', "semicolons"), ('|', "bars")].into_iter().find_map(|(sign, name)| header.contains(sign).then_some(name))
 }
 
 /// A number; empty and `nan` stand for a missing sample.
-fn number(text: &str) -> Option<f64> {
+fn number(text: &str, delimiter: u8) -> Option<f64> {
     if text.is_empty() || text.eq_ignore_ascii_case("nan") || text == "NA" {
         return Some(f64::NAN);
     }
-    text.parse().ok().filter(|value: &f64| value.is_finite())
+    let parsed = if delimiter == SEMICOLON { text.replacen(',', ".", 1).parse() } else { text.parse() };
+    parsed.ok().filter(|value: &f64| value.is_finite())
 }
 
 #[cfg(test)]
@@ -432,9 +450,13 @@ mod tests {
         assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3"));
         assert!(message("t_s,u_V\n0,1\n0,1\n").contains("time has to increase"));
         assert!(message("a,b\n0,1\n").contains("no known column"));
-        for other in ["t_s;u_V\r\n0;1,5\r\n", "t_s\tu_V\n0\t1\n"] {
+        for other in ["t_s|u_V\n0|1\n", "sep=;\r\nt_s;u_V\r\n0;1,5\r\n"] {
             assert!(message(other).contains("`motorbench convert test.csv NEW.csv`"), "{}", message(other));
         }
+        let german = message("# from a scope\nt_s;u_V\n0;1,5\n1;1.000,5\n");
+        assert!(german.contains("line 4: column u_V: expected a number, found \"1.000,5\""), "{german}");
+        // Between tabs a comma may as well stand between thousands.
+        assert!(message("t_s\tu_V\n0\t1,500\n").contains("line 2: column u_V"));
         assert!(message("t_s,u_V\n").contains("no samples"));
         for (column, value) in [("omega_rad_per_s", "1e300"), ("omega_rad_per_s", "-1e12"), ("i_A", "1e7")] {
             let found = parse(&format!("t_s,{column}\n0,1\n1,{value}\n")).unwrap_err().to_string();
@@ -445,6 +467,19 @@ mod tests {
         assert!(unreadable.contains("`motorbench convert test.csv NEW.csv` makes one of UTF-16"), "{unreadable}");
         // A counter of 32 bits, and a clock since 1970.
         assert!(parse("t_s,counts\n1.7e9,4294967295\n1.8e9,nan\n").is_ok());
+    }
+
+    #[test]
+    fn semicolons_and_tabs_stand_between_values_as_well() {
+        let commas = parse("t_s,u_V,i_A\n0,-1.5,\n0.5,2,3e-3\n").unwrap();
+        for other in [
+            "t_s;u_V;i_A;\r\n0;-1,5;;\r\n0,5;2;3e-3;\r\n",
+            "# 12 V, 2 A\nt_s;u_V;i_A\n0;-1.5;\n0.5;2;0,003\n",
+            "t_s\tu_V\ti_A\n0\t-1.5\t\n0.5\t2\t3e-3\n",
+        ] {
+            let read = parse(other).unwrap();
+            assert_eq!((read.to_csv(), &read.ignored), (commas.to_csv(), &commas.ignored), "{other}");
+        }
     }
 
     #[test]

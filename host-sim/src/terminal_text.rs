@@ -10,7 +10,10 @@ pub fn short(value: f64) -> String {
 
 /// A number with so many significant digits.
 pub fn rounded(value: f64, digits: i32) -> String {
-    if value == 0.0 || !value.is_finite() {
+    if value == 0.0 {
+        return "0".into();
+    }
+    if !value.is_finite() {
         return format!("{value}");
     }
     let magnitude = value.abs().log10().floor() as i32;
@@ -18,6 +21,15 @@ pub fn rounded(value: f64, digits: i32) -> String {
         format!("{value:.*}", (digits - 1 - magnitude).max(0) as usize)
     } else {
         format!("{value:.*e}", digits as usize - 1)
+    }
+}
+
+/// A number with so many digits behind its point; what rounds to zero has no sign.
+pub fn fixed(value: f64, digits: usize) -> String {
+    let text = format!("{value:.digits$}");
+    match text.strip_prefix('-') {
+        Some(zero) if zero.bytes().all(|byte| matches!(byte, b'0' | b'.')) => zero.into(),
+        _ => text,
     }
 }
 
@@ -30,4 +42,16 @@ pub fn wrapped(text: &str, first: &str, other: &str) -> String {
         .break_words(false)
         .word_splitter(textwrap::WordSplitter::NoHyphenation);
     textwrap::fill(&words.join(" "), options) + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_nothing_has_no_sign() {
+        assert_eq!([-0.004, 0.004, -0.005_1, -12.0].map(|value| fixed(value, 2)), ["0.00", "0.00", "-0.01", "-12.00"]);
+        assert_eq!(fixed(-0.4, 0), "0");
+        assert_eq!([-0.0, -1e-3].map(short), ["0", "-0.00100"]);
+    }
 }

@@ -90,7 +90,15 @@ fn a_routine_logged_by_wpilib() {
     }
     // The four tests are found, also for SysId's own format.
     let directory = TempDir::new().unwrap();
-    convert(&data("routine.wpilog"), &directory.path().join("tests.json"), &[]).success();
+    let tests = directory.path().join("tests.json");
+    convert(&data("routine.wpilog"), &tests, &[]).success();
+    // What it has no place for is not said to be there.
+    let mut recording = recording;
+    recording.set(Channel::Current, vec![0.1; 280]);
+    let more = directory.path().join("more.csv");
+    std::fs::write(&more, recording.to_csv()).unwrap();
+    let said = predicate::str::ends_with("280 samples of t_s, u_V, theta_rad, omega_rad_per_s\n");
+    convert(&more, &tests, &[]).success().stdout(said);
 }
 
 /// Positions are rotations, whatever unit SysId is to show.

@@ -10,7 +10,7 @@ use host_sim::recording::Channel;
 use motor::PIVT6_TOML;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, UdpSocket};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -246,35 +246,64 @@ fn a_line_that_is_too_slow_mixes_no_samples() {
     assert!(side["missing_ticks"].as_u64().unwrap() > 100, "{side}");
 }
 
+/// A console at a terminal, its fingers, and what it answers after its greeting.
+fn console(board: &Board) -> (Child, ChildStdin, impl Iterator<Item = String> + use<>) {
+    let mut console = board.command("connect", &[]).stdin(Stdio::piped()).spawn().unwrap();
+    let mut answers = BufReader::new(console.stdout.take().unwrap()).lines().map(Result::unwrap);
+    assert!(answers.next().unwrap().contains("an empty line stops the motor"));
+    let fingers = console.stdin.take().unwrap();
+    (console, fingers, answers)
+}
+
 /// While a person thinks, the board hears of its host; Ctrl-C leaves no drive, and a board that goes is told at once.
 #[test]
 fn a_person_at_the_console() {
     let mut board = Board::new("console");
-    let connect = |board: &Board| {
-        let mut console = board.command("connect", &[]).stdin(Stdio::piped()).spawn().unwrap();
-        let mut answers = BufReader::new(console.stdout.take().unwrap()).lines().map(Result::unwrap);
-        assert!(answers.next().unwrap().contains("an empty line stops the motor"));
-        (console, answers)
-    };
-    let (mut console, mut answers) = connect(&board);
-    let mut fingers = console.stdin.take().unwrap();
-    fingers.write_all(b"set trip_host 500\narm\nmode open\nref 6\n").unwrap();
+    let (talk, mut fingers, mut answers) = console(&board);
+    fingers.write_all(b"arm\nmode open\nref 6\n").unwrap();
     board.order("wait 2");
-    writeln!(fingers, "stream text 10\nstatus").unwrap();
+    // Two that would end what connect hears the board by, one to which a board says nothing, and settings as a person has them.
+    writeln!(fingers, "stream text 10\nrecord steps 6\nstatus\n  \nshow trip_host\nsave").unwrap();
     assert!(answers.next().unwrap().starts_with("stream is for other terminals"));
+    assert!(answers.next().unwrap().starts_with("record is for other terminals"));
     assert_eq!(answers.next().unwrap(), "mode open armed 1 trip 0 none");
-    assert!(Command::new("kill").args(["-INT", &console.id().to_string()]).status().unwrap().success());
-    let done = console.wait_with_output().unwrap();
-    assert_eq!((done.status.code(), text(&done.stderr)), (Some(1), "motorbench: stopped by hand\n".into()));
+    assert!(answers.find(|line| line.starts_with("trip_host")).unwrap().starts_with("trip_host 0 "));
+    // Until all is saved; then the drive is watched again.
+    board.order("wait 3");
+    assert!(Command::new("kill").args(["-INT", &talk.id().to_string()]).status().unwrap().success());
+    let done = talk.wait_with_output().unwrap();
+    let said = "the drive was armed; it is off now\nmotorbench: stopped by hand\n";
+    assert_eq!((done.status.code(), text(&done.stderr)), (Some(1), said.into()));
     board.motor_is_off();
+    let kept = text(&board.run("connect", &["show trip_host", "load", "show trip_host"]).stdout);
+    assert_eq!(kept.matches("trip_host 0 ").count(), 2, "{kept}");
 
-    let (mut console, _answers) = connect(&board);
     // Nobody types, and nobody ends it.
-    let _fingers = console.stdin.take();
+    let (talk, _fingers, _answers) = console(&board);
     board.change("quit");
-    let done = console.wait_with_output().unwrap();
+    let done = talk.wait_with_output().unwrap();
     assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
     assert!(text(&done.stderr).contains("connection is gone"), "{}", text(&done.stderr));
+}
+
+/// A drive that a person has armed ends with the console, whatever ends it.
+#[test]
+fn a_console_that_ends_leaves_no_drive() {
+    let board = Board::new("console-ends");
+    let given = board.run("connect", &["arm", "mode open", "ref 6"]);
+    assert_eq!((given.status.code(), text(&given.stderr)), (Some(0), "the drive was armed; it is off now\n".into()));
+    board.motor_is_off();
+    for end in ["-HUP", "-TERM", "-KILL"] {
+        let (mut talk, mut fingers, mut answers) = console(&board);
+        writeln!(fingers, "arm\nmode open\nref 6\nstatus").unwrap();
+        assert_eq!(answers.next().unwrap(), "mode open armed 1 trip 0 none");
+        assert!(Command::new("kill").args([end, &talk.id().to_string()]).status().unwrap().success());
+        talk.wait().unwrap();
+        match end {
+            "-KILL" => board.trips_by_itself(),
+            _ => board.motor_is_off(),
+        }
+    }
 }
 
 /// The drive of a board whose own `trip_host` is off does not outlive a recording's program either; it is kept alive through the
@@ -505,6 +534,12 @@ fn gains_without_a_model_pass_their_test_or_are_refused() {
     let done = experiment.wait_with_output().unwrap();
     assert_eq!((done.status.code(), text(&done.stderr)), (Some(1), "motorbench: stopped by hand\n".into()));
     board.motor_is_off();
+    // Nor does one that may not begin leave anything behind.
+    let slew_limit = || text(&board.run("connect", &["show slew_limit"]).stdout);
+    let before = slew_limit();
+    board.order("stop on");
+    assert_eq!(board.run("autotune", &[]).status.code(), Some(1));
+    assert_eq!(slew_limit(), before);
 }
 
 /// As a person with hands runs it: levels, then the rotor held where it is asked for; the figures are those of the
@@ -695,6 +730,11 @@ fn the_tuning_console_in_a_terminal() {
     terminal.does("s", "step test done");
     terminal.shows("error peak A");
     terminal.shows("│speed       0.");
+    // The motor stands after it without being pushed: what is driven and does not turn trips.
+    board.order("wait 3");
+    terminal.shows_at_once(&["step test done", "duty 0.00 of 1", "speed ARMED"]);
+    terminal.does("s", "step test ");
+    terminal.shows("  before    0.");
     // In a small terminal a person still sees that the motor is driven, and what stops it.
     for (size, gain) in [(["40", "12"], "> speed_kp"), (["20", "5"], "q quit")] {
         terminal.tmux(&["resize-window", "-t", &terminal.0, "-x", size[0], "-y", size[1]]);
@@ -706,6 +746,10 @@ fn the_tuning_console_in_a_terminal() {
     terminal.does("u", "> speed_kp         0.05000");
     terminal.does("Tab", "lqr_speed");
     terminal.does("r", "tune.csv: ");
+    // A long message is there to its end.
+    board.order("stop on");
+    terminal.shows("\nand arms");
+    board.order("stop off");
     terminal.press("q");
     terminal.shows("exit 0");
     let side: serde_json::Value =
@@ -742,10 +786,14 @@ fn a_tuning_session_without_a_person() {
         assert!(number("rise_s") > 0.01 && number("settling_s") > number("rise_s"), "{test}");
         assert!(number("steady_error").abs() < 0.5 && number("peak_A") > 0.1, "{test}");
     }
-    assert!(tests[1]["rise_s"].as_f64() < tests[0]["rise_s"].as_f64(), "more gain is quicker: {account}");
+    // Both begin at rest with an integral of zero: the rise from 10 % hangs on it, the way to there on the gain.
+    let errors = [0, 1].map(|test: usize| tests[test]["tracking_rms"].as_f64().unwrap());
+    assert!(errors[1] < errors[0], "more gain follows closer: {account}");
 
-    let (done, account) = session(&board, "tab right");
-    assert!(text(&done.stdout).contains("more       lqr_speed_kw 0."), "{}", text(&done.stdout));
+    let (done, account) = session(&board, "tab right + down");
+    for did in ["more       lqr_speed_kw 0.", "higher     reference 35 rad/s", "down       lqr_speed_kc 0."] {
+        assert!(text(&done.stdout).contains(did), "{}", text(&done.stdout));
+    }
     assert_eq!((&account["gains_before"]["speed_kp"], &account["saved"]), (&0.055.into(), &false.into()), "{account}");
 
     board.change("block on");

@@ -1,13 +1,14 @@
-//! `motorbench ports`, `motorbench connect`, `motorbench record`, `motorbench send`: the commands that talk to a board.
+//! `motorbench ports`, `motorbench record`, `motorbench send`, and what the commands that talk to a board share.
 
+use super::files::{beside, with_beside};
 use super::live::LiveArguments;
-use super::{Failure, bar, cannot_write, read_rig, write};
-use crate::board::{Board, BoardError, cause, leave_host, limit, trip_named, watch_host, words};
+use super::{Failure, Outputs, bar, cannot_write, read_rig, write};
+use crate::board::{Board, BoardError, leave_host, limit, trip_named, watch_host};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
 use crate::link::record::{Asked, Ended, Record, is_played, record};
-use crate::link::{self, Link, Losses, VERSION};
+use crate::link::{self, Link, Losses};
 use crate::live::Live;
 use crate::rig::NominalMotor;
 use crate::telemetry;
@@ -15,14 +16,14 @@ use crate::text_file;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
-use motorbench_core::message::{Mode, Sample, Trip};
+use motorbench_core::message::{Mode, Sample};
 use motorbench_core::settings::{Param, Settings, find};
 use std::collections::BTreeMap;
 use std::io::{BufRead, IsTerminal, stdin};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::mpsc::{Receiver, channel};
 
 impl From<BoardError> for Failure {
     fn from(error: BoardError) -> Self {
@@ -81,84 +82,6 @@ pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Talks to a board's console: what is given, or line by line from the terminal.
-#[derive(Args)]
-#[command(after_help = "Examples:
-  motorbench connect
-  motorbench connect --port /dev/ttyACM0 status 'show speed_kp'
-
-Without lines it takes them from the terminal; an empty line stops the motor,
-Ctrl-D and Ctrl-C end. The drive is off in the end.")]
-pub struct ConnectArguments {
-    #[command(flatten)]
-    port: PortArguments,
-    /// Lines of the console.
-    lines: Vec<String>,
-    /// One line of JSON for each line of the console, for programs.
-    #[arg(long)]
-    json: bool,
-}
-
-/// Runs `connect`.
-///
-/// # Errors
-/// [`Failure`] when the board does not answer or refuses.
-pub fn connect(arguments: &ConnectArguments) -> Result<(), Failure> {
-    let (mut link, name) = arguments.port.open()?;
-    for line in &arguments.lines {
-        if changes_stream(line) {
-            return Err(Failure::input(STREAM));
-        }
-        say(arguments.json, line, &link.ask(line)?);
-    }
-    if !arguments.lines.is_empty() {
-        return Ok(());
-    }
-    if !arguments.json {
-        println!(
-            "{} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor",
-            link.firmware
-        );
-    }
-    converse(&mut link, arguments.json)
-}
-
-/// Line by line from the terminal. Meanwhile the board hears of its host, and the person of a trip or of a board that is gone.
-fn converse(link: &mut Link<Port>, json: bool) -> Result<(), Failure> {
-    let stopped = on_interrupt()?;
-    let lines = typed_lines();
-    let mut trip = Trip::None;
-    while !stopped.load(Ordering::Relaxed) {
-        match lines.try_recv() {
-            Ok(line) if changes_stream(&line) => say(json, &line, &[STREAM.into()]),
-            Ok(line) => match link.ask(if line.is_empty() { "stop" } else { &line }) {
-                Ok(replies) => say(json, &line, &replies),
-                Err(BoardError::Refused { reply, .. }) => say(json, &line, &[reply]),
-                Err(error) => return Err(error.into()),
-            },
-            Err(TryRecvError::Disconnected) => return Ok(()),
-            Err(TryRecvError::Empty) => {
-                link.stay_alive()?;
-                for sample in link.samples(LOOK_S)? {
-                    if sample.trip != trip && sample.trip != Trip::None {
-                        eprintln!("the drive tripped ({}): {}; then `clear`", words(sample.trip), cause(sample.trip));
-                    }
-                    trip = sample.trip;
-                }
-            }
-        }
-    }
-    Err(BoardError::Interrupted.into())
-}
-
-/// Why `connect` does not pass a line on.
-const STREAM: &str = "stream is for other terminals (screen, tio, a serial plotter): connect has the binary stream for itself; motorbench tune shows it, motorbench record keeps it";
-
-/// Whether a line would take from this program what it hears the board by.
-fn changes_stream(line: &str) -> bool {
-    line.split_whitespace().next() == Some("stream")
-}
-
 /// The lines that are typed, or come from a pipe. Reading blocks, and Ctrl-C and the board shall be heard meanwhile.
 pub(super) fn typed_lines() -> Receiver<String> {
     let (sender, receiver) = channel();
@@ -171,16 +94,6 @@ pub(super) fn typed_lines() -> Receiver<String> {
     receiver
 }
 
-fn say(json: bool, line: &str, replies: &[String]) {
-    if json {
-        println!("{}", serde_json::json!({ "line": line, "reply": replies }));
-    } else {
-        replies.iter().for_each(|reply| println!("{reply}"));
-    }
-}
-
-/// How closely the board is looked at while a person thinks.
-const LOOK_S: f64 = 0.02;
 /// How long a random excitation lasts when nobody says how many parts it has.
 const RANDOM_MS: u16 = 10_000;
 
@@ -278,6 +191,7 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
 /// # Errors
 /// [`Failure`] when nothing could be recorded, or when the recording ended before its time; what has come is written.
 pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
+    Outputs::new(&arguments.motor, &with_beside(&arguments.out, &["scenario.toml", "rig.toml", "json"]))?;
     let nominal = match &arguments.motor {
         Some(path) => read_rig(path)?.motor,
         None => NominalMotor::default(),
@@ -487,22 +401,6 @@ pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
         "expected a name that ends in .csv, for instance {}; `motorbench convert` makes other formats of it",
         path.with_extension("csv").display()
     ))
-}
-
-/// A result for a program must not take the place of the table or of what stands beside it.
-pub(super) fn apart(json: Option<&Path>, out: &Path) -> Result<(), Failure> {
-    match json.filter(|json| *json == out || *json == beside(out, "json")) {
-        Some(json) => Err(Failure::input(format!(
-            "--json {0}: {1} and what stands beside it go there: name another file",
-            json.display(),
-            out.display()
-        ))),
-        None => Ok(()),
-    }
-}
-
-pub(super) fn beside(out: &Path, extension: &str) -> PathBuf {
-    out.with_extension(extension)
 }
 
 /// Writes what belongs beside a recording; the side file's text.

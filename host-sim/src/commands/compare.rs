@@ -10,7 +10,7 @@ use crate::model::Model;
 use crate::panels::{Panel, panels};
 use crate::plant::{Bridge, Inputs, ModelPlant, Plant};
 use crate::recording::Recording;
-use crate::terminal_text::short;
+use crate::terminal_text::{fixed, short};
 use crate::text_file;
 use clap::Args;
 use nalgebra::Complex;
@@ -197,7 +197,7 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
     for relative in RELATIVE_FREQUENCIES {
         let omega = relative * corner_rad_per_s;
         let [a, b] = [0, 1].map(|index| 20.0 * speed(&models[index].motor).at(Complex::new(0.0, omega)).norm().log10());
-        text += &format!("  {:>10} Hz {a:>29.2} {b:>12.2} {:>7.2} dB\n", short(omega / TAU), b - a);
+        text += &format!("  {:>10} Hz {a:>29.2} {b:>12.2} {:>7} dB\n", short(omega / TAU), fixed(b - a, 2));
         magnitudes.push(json!({ "frequency_Hz": omega / TAU, "first_dB": a, "second_dB": b }));
     }
     let interval_s = STEP_LENGTH / corner_rad_per_s / STEP_SAMPLES as f64;

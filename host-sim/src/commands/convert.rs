@@ -90,15 +90,24 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let written = convert::write(recording, to, &arguments.renamed, dialect).map_err(Failure::input)?;
     let target = &arguments.target;
     write(target, &written)?;
-    let channels: Vec<&str> = recording.channels().map(Channel::column).collect();
+    // It has a place for four tests only.
+    let tests = (to == Format::Sysid)
+        .then(|| convert::read(&name, &written, to, &Names::default(), Dialect::default()))
+        .transpose()
+        .map_err(Failure::input)?;
+    let kept = tests.as_ref().map_or(recording, |tests| &tests.recording);
+    let channels: Vec<&str> = kept.channels().map(Channel::column).collect();
     if arguments.json {
-        let summary =
-            serde_json::json!({ "samples": recording.len(), "channels": channels, "ignored": converted.ignored });
+        let summary = serde_json::json!({ "samples": kept.len(), "channels": channels, "ignored": converted.ignored });
         println!("{summary}");
         return Ok(());
     }
-    let (count, channels) = (recording.len(), channels.join(", "));
+    let (count, channels) = (kept.len(), channels.join(", "));
     outputs.say(&format!("{}: {count} samples of {channels}\n", target.display()));
+    if kept.len() < recording.len() {
+        let whole = recording.len();
+        outputs.say(&format!("of {whole}: SysId takes the longest ramp and the longest step of each direction\n"));
+    }
     if !converted.ignored.is_empty() {
         let ignored = converted.ignored.join(", ");
         outputs.say(&format!("not used, for they are no channel (--map NAME=CHANNEL): {ignored}\n"));

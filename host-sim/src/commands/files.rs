@@ -1,6 +1,8 @@
 //! The files of one command line: none is written over another that it reads or writes, and the terminal has one thing.
 
 use super::Failure;
+use serde_json::{Map, Value};
+use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The name that stands for the standard output.
@@ -37,7 +39,9 @@ impl Outputs {
                 "two results would mix on the standard output (-): write all but one of them into files",
             ));
         }
-        let read: Vec<PathBuf> = read.into_iter().filter_map(|path| own_name(path)).collect();
+        let read: Vec<PathBuf> =
+            read.into_iter().flat_map(|path| [Some(path.clone()), side_file(path)]).flatten().collect();
+        let read: Vec<PathBuf> = read.iter().filter_map(|path| own_name(path)).collect();
         let mut taken: Vec<PathBuf> = Vec::new();
         for path in files {
             let Some(name) = own_name(path) else { continue };
@@ -65,6 +69,25 @@ impl Outputs {
     }
 }
 
+/// A table, and what stands beside it under its name: an ending each.
+pub(super) fn with_beside(table: &Path, endings: &[&str]) -> Vec<PathBuf> {
+    let others = endings.iter().map(|ending| beside(table, ending));
+    [table.to_path_buf()].into_iter().chain(others).collect()
+}
+
+/// A file that has a table's name and another ending.
+pub(super) fn beside(table: &Path, ending: &str) -> PathBuf {
+    table.with_extension(ending)
+}
+
+/// What was noted of a table when it was measured, where that stands beside it: nobody can measure it again. Other files of
+/// that name are results.
+fn side_file(table: &Path) -> Option<PathBuf> {
+    let path = Some(beside(table, "json")).filter(|path| path != table)?;
+    let side: Map<String, Value> = serde_json::from_slice(&fs::read(&path).ok()?).ok()?;
+    ["firmware", "settings"].iter().all(|key| side.contains_key(*key)).then_some(path)
+}
+
 /// A file's own name, whatever path leads to it; one that is not there yet has it already. None of a device: nothing in it
 /// can be lost.
 fn own_name(path: &Path) -> Option<PathBuf> {
@@ -86,8 +109,8 @@ mod tests {
     fn nothing_is_written_over_anything_else() {
         let directory = TempDir::new().unwrap();
         let at = |name: &str| directory.path().join(name);
-        std::fs::create_dir(at("folder")).unwrap();
-        std::fs::write(at("run.csv"), "").unwrap();
+        fs::create_dir(at("folder")).unwrap();
+        fs::write(at("run.csv"), "").unwrap();
         let refusal = |read: &str, written: &[&str]| {
             let written: Vec<PathBuf> = written.iter().map(|name| at(name)).collect();
             Outputs::new([&at(read)], &written).err().map(|failure| failure.message)
@@ -99,6 +122,21 @@ mod tests {
         // Neither is there yet.
         let twice = refusal("run.csv", &["folder/a.html", "folder/../folder/a.html"]);
         assert!(twice.is_some_and(|why| why.contains("a.html would be written twice")));
+    }
+
+    #[test]
+    fn what_was_noted_of_a_table_is_kept_with_it() {
+        let directory = TempDir::new().unwrap();
+        let [table, side] = ["run.csv", "run.json"].map(|name| directory.path().join(name));
+        let is_refused = || Outputs::new([&table], [&side]).is_err();
+        assert!(!is_refused(), "there is none");
+        fs::write(&side, r#"{"figures": []}"#).unwrap();
+        assert!(!is_refused(), "a result of before");
+        fs::write(&side, r#"{"firmware": "motorbench", "settings": {}, "samples": 1}"#).unwrap();
+        assert!(is_refused());
+        let written = with_beside(&table, &["rig.toml", "json"]);
+        let twice = Outputs::new([], written.iter().chain([&side])).err().map(|failure| failure.message);
+        assert!(twice.is_some_and(|why| why.contains("run.json would be written twice")));
     }
 
     #[test]

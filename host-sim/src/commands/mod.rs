@@ -6,6 +6,7 @@ mod analyse;
 mod autotune;
 mod board;
 mod compare;
+mod connect;
 mod convert;
 mod demo;
 mod design;
@@ -29,7 +30,7 @@ use crate::rig::Rig;
 use crate::scenario::Scenario;
 use crate::text_file;
 use clap::{CommandFactory, Parser, Subcommand};
-use files::{Outputs, is_terminal, terminal};
+use files::{Outputs, beside, is_terminal, terminal};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use std::any::Any;
@@ -66,7 +67,7 @@ enum Command {
     Validate(validate::Arguments),
     Virtual(virtual_board::Arguments),
     Ports(board::PortsArguments),
-    Connect(board::ConnectArguments),
+    Connect(connect::Arguments),
     Record(board::RecordArguments),
     Send(board::SendArguments),
     Tune(tune::Arguments),
@@ -163,7 +164,7 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Virtual(arguments) => virtual_board::run(&arguments),
         Command::Ports(arguments) => board::list(&arguments),
-        Command::Connect(arguments) => board::connect(&arguments),
+        Command::Connect(arguments) => connect::run(&arguments),
         Command::Record(arguments) => board::run_record(&arguments),
         Command::Send(arguments) => board::run_send(&arguments),
         Command::Tune(arguments) => tune::run(&arguments),
@@ -193,7 +194,7 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
 
 /// The rig file beside a recording, where there is one.
 fn rig_beside(recording: &Path) -> Option<PathBuf> {
-    Some(board::beside(recording, "rig.toml")).filter(|path| path.exists())
+    Some(beside(recording, "rig.toml")).filter(|path| path.exists())
 }
 
 /// The rig file that is named, else that beside a recording.

@@ -7,7 +7,7 @@ use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
-use crate::terminal_text::{short, wrapped};
+use crate::terminal_text::{fixed, short, wrapped};
 use crate::web_page::axis_label;
 use clap::Args;
 use plotters::prelude::*;
@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
     match &arguments.table {
         Some(path) => report(arguments, &outputs, &read(path)?, (earlier.as_ref(), winding), &rig),
-        None => arguments.board.run((&arguments.rig, &rig), arguments.json.as_deref(), |table, held| {
+        None => arguments.board.run((&arguments.rig, &rig), |table, held| {
             let winding = Some(held).filter(|held| !held.is_empty()).or(winding);
             report(arguments, &outputs, table, (earlier.as_ref(), winding), &rig)
         }),
@@ -114,8 +114,10 @@ fn report(
 
 impl Arguments {
     fn outputs(&self) -> Result<Outputs, Failure> {
+        let measured = if self.table.is_none() { self.board.files() } else { Vec::new() };
         let others = [&self.table, &self.resistance, &self.earlier].into_iter().flatten();
-        Outputs::new([&self.rig].into_iter().chain(others), self.map.iter().chain(&self.json))
+        let written = self.map.iter().chain(&self.json).chain(&measured);
+        Outputs::new([&self.rig].into_iter().chain(others), written)
     }
 }
 
@@ -168,7 +170,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     for losses in &stand.losses {
         let _ = writeln!(
             text,
-            "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:8.3}",
+            "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:>8}",
             losses.u_V,
             load(losses.load_Nm),
             if loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
@@ -176,7 +178,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             losses.drop_W,
             losses.coulomb_W,
             losses.viscous_W,
-            losses.rest_W
+            fixed(losses.rest_W, 3)
         );
     }
     text += "\nCauses\n";

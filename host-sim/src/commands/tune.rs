@@ -1,8 +1,7 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
-use super::board::{
-    PortArguments, apart, beside, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side,
-};
+use super::board::{PortArguments, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side};
+use super::files::{beside, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, write_json};
 use crate::board::BoardError;
@@ -116,8 +115,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             "tune needs a terminal, or --keys for a session without a person; for programs also: `motorbench connect`, `send` and `record`",
         ));
     }
-    let outputs = Outputs::new([], [&arguments.out].into_iter().chain(&arguments.json))?;
-    apart(arguments.json.as_deref(), &arguments.out)?;
+    let recording = with_beside(&arguments.out, &["rig.toml", "json"]);
+    let outputs = Outputs::new([], recording.iter().chain(&arguments.json))?;
     let stopped = on_interrupt()?;
     let stop = || stopped.load(Ordering::Relaxed);
     let live = arguments.live.open()?;

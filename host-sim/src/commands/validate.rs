@@ -1,7 +1,7 @@
 //! `motorbench validate`
 
-use super::board::beside;
 use super::compare::{plot, table};
+use super::files::beside;
 use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write_json, write_plot};
 use crate::compare::{Comparison, Difference, compare};
 use crate::design::law::ControlLaw;
@@ -257,11 +257,11 @@ fn remaining(loops: &[Loop], rig: &Rig, progress: crate::diagnose::select::Progr
 
 fn page(loops: &[Loop], remaining: &[String]) -> String {
     let mut text = match loops {
-        [only] => format!(
-            "Measured (second) against simulated (first)\n{}\n{}",
-            table(&only.compared),
-            figures_table(&only.figures)
-        ),
+        [only] => {
+            let (table, figures) = (table(&only.compared), figures_table(&only.figures));
+            let between = if figures.is_empty() { "" } else { "\n" };
+            format!("Measured (second) against simulated (first)\n{table}{between}{figures}")
+        }
         _ => side_by_side(loops),
     };
     text.push('\n');

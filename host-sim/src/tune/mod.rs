@@ -22,6 +22,10 @@ use std::time::{Duration, Instant};
 pub const SHOWN_S: f64 = 5.0;
 /// A step test lasts this long.
 const STEP_S: f64 = 1.0;
+/// A motor whose counts stay the same for so long, and whose speed is below this share of its range, stands: well within the
+/// 200 ms of `trip_encoder`.
+const STANDS_S: f64 = 0.1;
+const STANDS_SHARE: f64 = 0.01;
 /// A session without a person gives up when nothing has come for so long.
 const SILENT: Duration = Duration::from_secs(5);
 /// A key changes a value by this factor; one that is zero becomes this share of its range first.
@@ -53,6 +57,18 @@ pub const LOOPS: [TunedLoop; 2] = [
 struct Change {
     param: Param,
     before: f32,
+}
+
+/// What follows a step test. Left on at rest, the loop's integral pushes against the friction, and what is driven and does
+/// not turn trips.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum WayBack {
+    /// There is none: the loop goes by its reference.
+    Not,
+    /// The motor is on its way to rest.
+    Begun,
+    /// It stands; the loop is off until it is needed.
+    Over,
 }
 
 /// A recording under way.
@@ -154,6 +170,7 @@ pub struct Session<L: Line> {
     traces: VecDeque<Sample>,
     changes: Vec<Change>,
     step: Option<Vec<Sample>>,
+    way_back: WayBack,
     step_tests: Vec<StepTest>,
     /// The gains as the board had them, and as they were saved last.
     gains_before: BTreeMap<String, f32>,
@@ -192,6 +209,7 @@ impl<L: Line> Session<L> {
             traces: VecDeque::new(),
             changes: Vec::new(),
             step: None,
+            way_back: WayBack::Not,
             step_tests: Vec::new(),
             gains_before: all_gains(&settings),
             saved: None,
@@ -236,7 +254,19 @@ impl<L: Line> Session<L> {
         if self.step.as_ref().is_some_and(|step| step.len() as f64 > STEP_S * rate_hz) {
             self.finish_step()?;
         }
+        if self.armed && self.way_back == WayBack::Begun && self.stands() {
+            self.way_back = WayBack::Over;
+            self.link.command("stop")?;
+        }
         Ok(())
+    }
+
+    /// Whether the motor has not turned of late.
+    fn stands(&self) -> bool {
+        let ticks = (STANDS_S * f64::from(self.settings.get(Param::TickRate))) as usize;
+        let Some(last) = self.traces.back().filter(|_| self.traces.len() > ticks) else { return false };
+        f64::from(last.speed).abs() < STANDS_SHARE * f64::from(FULL_RANGE)
+            && self.traces.iter().rev().take(ticks).all(|sample| sample.counts == last.counts)
     }
 
     /// Does what a key asks; a refusal of the board becomes the message.
@@ -339,6 +369,8 @@ impl<L: Line> Session<L> {
     fn select(&mut self, by: isize) -> Result<(), BoardError> {
         let count = self.tuned().gains.len() as isize;
         self.selected = (self.selected as isize + by).rem_euclid(count) as usize;
+        let param = self.tuned().gains[self.selected];
+        self.message = format!("{} {}", name(param), self.settings.get(param));
         Ok(())
     }
 
@@ -368,7 +400,9 @@ impl<L: Line> Session<L> {
 
     fn refer(&mut self, reference: f64) -> Result<(), BoardError> {
         self.reference = reference;
+        self.message = format!("reference {reference} rad/s");
         if self.armed {
+            self.close_loop()?;
             self.link.command(&format!("ref {reference}"))?;
         }
         Ok(())
@@ -377,11 +411,27 @@ impl<L: Line> Session<L> {
     fn arm(&mut self) -> Result<(), BoardError> {
         self.link.command("clear")?;
         self.link.command("arm")?;
-        self.link.command(&format!("mode {}", self.tuned().mode))?;
+        self.enter_mode()?;
         self.armed = true;
         self.trip = None;
         self.message = "armed; space stops".into();
         Ok(())
+    }
+
+    fn enter_mode(&mut self) -> Result<(), BoardError> {
+        self.way_back = WayBack::Not;
+        self.link.command(&format!("mode {}", self.tuned().mode))
+    }
+
+    /// The loop again, where it was switched off at rest.
+    fn close_loop(&mut self) -> Result<(), BoardError> {
+        match self.way_back {
+            WayBack::Over => self.enter_mode(),
+            WayBack::Not | WayBack::Begun => {
+                self.way_back = WayBack::Not;
+                Ok(())
+            }
+        }
     }
 
     /// Without drive, whatever else goes on.
@@ -396,7 +446,7 @@ impl<L: Line> Session<L> {
         self.loop_index = 1 - self.loop_index;
         self.selected = 0;
         if self.armed {
-            self.link.command(&format!("mode {}", self.tuned().mode))?;
+            self.enter_mode()?;
         }
         self.message = format!("{} is tuned", self.tuned().mode);
         Ok(())
@@ -407,6 +457,7 @@ impl<L: Line> Session<L> {
             self.message = "a arms first".into();
             return Ok(());
         }
+        self.close_loop()?;
         self.poll()?;
         self.step = Some(Vec::new());
         self.message = "step test".into();
@@ -423,6 +474,7 @@ impl<L: Line> Session<L> {
         let missing_ticks = missing_ticks(&samples[begun..]);
         self.step_tests.push(StepTest { mode, gains: by_name(gains, &self.settings), figures, missing_ticks });
         self.message = "step test done".into();
+        self.way_back = WayBack::Begun;
         self.link.command("ref 0")
     }
 

@@ -4,6 +4,7 @@ use super::{Key, LOOPS, SHOWN_S, Session, StepTest, name};
 use crate::board::BoardError;
 use crate::figures::Figures;
 use crate::link::Line;
+use crate::terminal_text::fixed;
 use motorbench_core::pins::PWM_STEPS;
 use ratatui::Frame;
 use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
@@ -12,14 +13,14 @@ use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::Line as TextLine;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+use std::borrow::Cow;
 use std::time::Duration;
 
 /// Points drawn of a trace.
 const POINTS: usize = 400;
-/// Gains and figures fit side by side into a terminal of this width; so high are they, and message and keys below.
+/// Gains and figures fit side by side into a terminal of this width; so high are they.
 const WIDE: u16 = 70;
 const BOXES: u16 = 9;
-const WORDS: u16 = 3;
 /// A plot of fewer rows shows nothing.
 const PLOT: u16 = 5;
 /// Least range of an axis.
@@ -104,8 +105,11 @@ const KEYS: [&str; 2] = [
 /// What a person has to know of a motor that turns comes first; the traces get what is left.
 fn draw<L: Line>(frame: &mut Frame, session: &Session<L>) {
     let area = frame.area();
-    let traces = if area.width >= WIDE && area.height >= BOXES + WORDS {
-        draw_boxes(frame, session, area)
+    let message = textwrap::wrap(&session.message, usize::from(area.width));
+    let words: Vec<TextLine> = message.into_iter().chain(KEYS.map(Cow::from)).map(TextLine::from).collect();
+    let rows = u16::try_from(words.len()).unwrap_or(u16::MAX);
+    let traces = if area.width >= WIDE && area.height >= rows.saturating_add(BOXES) {
+        draw_boxes(frame, session, words, area)
     } else {
         draw_lines(frame, session, area)
     };
@@ -113,15 +117,14 @@ fn draw<L: Line>(frame: &mut Frame, session: &Session<L>) {
 }
 
 /// Gains beside figures, message and keys below them; what is left above.
-fn draw_boxes<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) -> Rect {
-    let heights = [Constraint::Fill(1), Constraint::Length(BOXES), Constraint::Length(WORDS)];
+fn draw_boxes<L: Line>(frame: &mut Frame, session: &Session<L>, words: Vec<TextLine>, area: Rect) -> Rect {
+    let heights = [Constraint::Fill(1), Constraint::Length(BOXES), Constraint::Length(words.len() as u16)];
     let [traces, below, message] = Layout::vertical(heights).areas(area);
     let [gains, figures] = Layout::horizontal([Constraint::Length(30), Constraint::Min(40)]).areas(below);
     let lines: Vec<TextLine> = gain_lines(session).collect();
     frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(state(session))), gains);
     frame.render_widget(figure_table(session), figures);
-    let lines = [session.message.as_str()].into_iter().chain(KEYS).map(TextLine::from);
-    frame.render_widget(Paragraph::new(lines.collect::<Vec<_>>()), message);
+    frame.render_widget(Paragraph::new(words), message);
     traces
 }
 
@@ -164,7 +167,7 @@ fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) {
     let shares = session.traces.iter().step_by(every).map(|sample| f64::from(sample.duty) / f64::from(PWM_STEPS));
     let duty: Vec<_> = points.iter().zip(shares).map(|(point, share)| (point.t_s - end_s, share)).collect();
     let title = |text: &str, last: &[(f64, f64)], unit: &str| {
-        format!("{text} {:.2} {unit}", last.last().map_or(0.0, |(_, value)| *value))
+        format!("{text} {} {unit}", fixed(last.last().map_or(0.0, |(_, value)| *value), 2))
     };
     let first =
         [(title("reference", &reference, "rad/s"), &reference), (title("speed", &measured, "rad/s"), &measured)];
@@ -230,8 +233,8 @@ pub fn figure_lines(tests: &[StepTest]) -> Vec<String> {
 }
 
 fn figure_line(what: &str, figures: &Figures) -> String {
-    let number = |value: Option<f64>, digits: usize| value.map_or("-".into(), |value| format!("{value:.digits$}"));
-    let peak_a = format!("{:.2}", figures.peak_a);
+    let number = |value: Option<f64>, digits: usize| value.map_or("-".into(), |value| fixed(value, digits));
+    let peak_a = fixed(figures.peak_a, 2);
     row(
         what,
         [

@@ -1,6 +1,7 @@
 //! A board as the test stand of `motorbench stand`.
 
-use crate::commands::board::{PortArguments, apart, beside, ended, on_interrupt, table_file, typed_lines};
+use crate::commands::board::{PortArguments, ended, on_interrupt, table_file, typed_lines};
+use crate::commands::files::{beside, with_beside};
 use crate::commands::{Failure, cannot_write, write};
 use crate::link::growing::GrowingFile;
 use crate::link::port::Port;
@@ -26,6 +27,9 @@ const LEVELS: std::ops::RangeInclusive<u8> = 3..=8;
 const PARTS: f64 = 8.0;
 /// Two statements of the encoder may differ by this share.
 const SAME_COUNTS: f64 = 1e-3;
+
+/// Ending of the table of positions.
+const POSITIONS: &str = "positions.csv";
 
 /// How the board is driven.
 #[derive(Args)]
@@ -56,18 +60,21 @@ pub(super) struct BoardArguments {
 }
 
 impl BoardArguments {
+    /// Every file that is written.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        with_beside(&self.save, &[POSITIONS, "json"])
+    }
+
     /// Drives the board, writes what came, and has the table and the held resistances evaluated.
     pub(super) fn run(
         &self,
         (rig_file, rig): (&Path, &Rig),
-        json: Option<&Path>,
         evaluate: impl FnOnce(&Recording, Vec<f64>) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
         // Before the motor turns: a file that says too little, a full disk or a wrong folder shall not cost a test.
         if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
             return Err(Failure::input(format!("{}: {}", rig_file.display(), StudyError::NoNominal)));
         }
-        apart(json, &self.save)?;
         let mut files = Files::new(&self.save, !self.loads_nm.is_empty())?;
         let stopped = on_interrupt()?;
         let (mut link, port) = self.port.open()?;
@@ -181,7 +188,7 @@ struct Files {
 impl Files {
     fn new(save: &Path, loaded: bool) -> Result<Self, Failure> {
         let new = |path: &Path| GrowingFile::new(path).map_err(|error| cannot_write(path, &error));
-        Ok(Self { table: new(save)?, positions: new(&beside(save, "positions.csv"))?, loaded })
+        Ok(Self { table: new(save)?, positions: new(&beside(save, POSITIONS))?, loaded })
     }
 
     fn keep(&mut self, found: Found) -> Result<(), String> {
