@@ -159,7 +159,7 @@ mod tests {
 
     /// Counts of a motor with this time constant that is driven by `drive`, while those of `lost` are not counted.
     fn counts(drive: &[f64], time_constant_rows: f64, top: f64, lost: &Range<usize>) -> Vec<f64> {
-        let (mut speed, mut angle, mut missed) = (0.0, 0.0, 0.0);
+        let (mut speed, mut angle, mut missed) = (0.0, 0.0_f64, 0.0);
         let mut counted = Vec::new();
         for (row, drive) in drive.iter().enumerate() {
             counted.push((angle - missed).floor());
