@@ -194,6 +194,13 @@ pub enum Channels {
     VoltageMeanSpeedCurrent,
 }
 
+impl Channels {
+    /// Whether there are counts, or a speed that is made of them.
+    fn has_counts(self) -> bool {
+        matches!(self, Self::Full | Self::DutyCountsCurrent | Self::VoltageMeanSpeedCurrent)
+    }
+}
+
 /// What to draw.
 #[derive(Clone, Debug)]
 pub struct Recipe {

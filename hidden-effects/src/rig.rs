@@ -64,6 +64,9 @@ pub struct Hidden {
     saturation: f64,
     dropouts: bool,
     dropout_s: f64,
+    /// The counter stands now and then, and for how long.
+    counter_stops: bool,
+    counter_stop_s: f64,
     spindle_nm: f64,
     spindle_revolutions: f64,
     pub(crate) delay_s: f64,
@@ -112,7 +115,7 @@ pub struct Bench {
     load_speed: f64,
     twist: f64,
     heat_k: f64,
-    dropout_seed: f64,
+    moments_seed: f64,
 }
 
 /// What is sized as a share of the Coulomb level needs that level to be known first.
@@ -164,7 +167,7 @@ impl Bench {
             load_speed: 0.0,
             twist: 0.0,
             heat_k: 0.0,
-            dropout_seed: random.random_range(0.0..1000.0),
+            moments_seed: random.random_range(0.0..1000.0),
         };
         let mut effects = recipe.effects.clone();
         let has = |effects: &[(Effect, f64)], effect| effects.iter().any(|(other, _)| *other == effect);
@@ -179,7 +182,7 @@ impl Bench {
         put_coulomb_before_its_dependants(&mut effects);
         let mut found = Vec::new();
         for (effect, strength) in effects {
-            found.push((effect, bench.hide(effect, strength, recipe.duration_s, random)));
+            found.push((effect, bench.hide(effect, strength, recipe, random)));
         }
         bench.settle_coulomb(&mut found);
         (bench, found)
@@ -197,7 +200,7 @@ impl Bench {
         &mut self,
         effect: Effect,
         strength: f64,
-        duration_s: f64,
+        recipe: &Recipe,
         random: &mut impl Rng,
     ) -> Vec<(&'static str, f64)> {
         let stall_nm = self.motor.torque_constant_nm_per_a * self.supply_v / self.motor.resistance_ohm;
@@ -231,13 +234,13 @@ impl Bench {
             }
             Effect::LoadStep => {
                 hidden.step_nm = sign * between(0.04, 0.15) * stall_nm;
-                hidden.step_s = random.random_range(0.3..0.7) * duration_s;
+                hidden.step_s = random.random_range(0.3..0.7) * recipe.duration_s;
                 vec![("torque_Nm", hidden.step_nm), ("time_s", hidden.step_s)]
             }
             Effect::FrictionWarmup => {
                 let fall = between(0.25, 0.55);
                 hidden.warmup_share = fall / (1.0 - fall);
-                hidden.warmup_s = random.random_range(0.15..0.4) * duration_s;
+                hidden.warmup_s = random.random_range(0.15..0.4) * recipe.duration_s;
                 // The level that is left in the end.
                 hidden.coulomb_nm *= 1.0 - fall;
                 vec![("excess_share", hidden.warmup_share), ("time_constant_s", hidden.warmup_s)]
@@ -281,7 +284,7 @@ impl Bench {
                 // Mean dissipation of the sequences is about a twelfth of that at standstill.
                 let power_w = self.supply_v.powi(2) / self.motor.resistance_ohm / 12.0;
                 hidden.heating_k_per_w = between(0.15, 0.45) / COPPER_PER_K / power_w;
-                hidden.heating_s = random.random_range(0.25..0.8) * duration_s;
+                hidden.heating_s = random.random_range(0.25..0.8) * recipe.duration_s;
                 vec![("rise_per_W", hidden.heating_k_per_w * COPPER_PER_K), ("time_constant_s", hidden.heating_s)]
             }
             Effect::CoastDecay => {
@@ -316,6 +319,9 @@ impl Bench {
                 hidden.lost_of_all = random.random_bool(0.4);
                 let is_gradual = hidden.lost_of_all && random.random_bool(0.5);
                 hidden.lost_onset = if is_gradual { random.random_range(0.1..0.5) } else { 0.0 };
+                hidden.counter_stop_s = between(0.02, 0.05);
+                // A speed timed from edge to edge does not show it.
+                hidden.counter_stops = recipe.channels.has_counts() && random.random_bool(0.3);
                 Vec::new()
             }
             Effect::TachoRipple => {
@@ -466,6 +472,9 @@ impl Bench {
 
     /// Speed that is not counted.
     pub(crate) fn uncounted(&self) -> f64 {
+        if self.hidden.counter_stops {
+            return if self.is_within(self.hidden.counter_stop_s) { self.speed } else { 0.0 };
+        }
         let excess = self.speed.abs() - self.lost_above();
         let onset = (excess / (self.hidden.lost_onset * self.lost_above()).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         let lost_of = if self.hidden.lost_of_all { onset * self.speed.abs() } else { excess.max(0.0) };
@@ -480,11 +489,14 @@ impl Bench {
     }
 
     fn dropped_out(&self) -> bool {
-        // One within each second, at a moment that only the seed knows.
+        self.hidden.dropouts && self.is_within(self.hidden.dropout_s)
+    }
+
+    /// Whether less than that has passed since a moment that only the seed knows, one within each second.
+    fn is_within(&self, length_s: f64) -> bool {
         let second = self.time_s.floor();
-        let moment = ((second + self.dropout_seed) * 12.9898).sin().abs() * 0.9;
-        let since = self.time_s - second - moment;
-        self.hidden.dropouts && (0.0..self.hidden.dropout_s).contains(&since)
+        let moment = ((second + self.moments_seed) * 12.9898).sin().abs() * 0.9;
+        (0.0..length_s).contains(&(self.time_s - second - moment))
     }
 
     fn mechanical(&mut self, dt: f64) {

@@ -334,11 +334,14 @@ impl Dataset {
 
     /// No model says when a counter stands: rows in whose window it did are missing, and the angle goes on.
     fn leave_out_counter_stops(&mut self) {
-        let is_of_counts = matches!(self.motion().output, Output::MeanSpeed | Output::AngleDifference);
-        if !is_of_counts || self.count_rad <= 0.0 {
+        // Of a recorded angle, or of the counts a speed was made of.
+        if self.count_rad <= 0.0 {
             return;
         }
-        for Stretch { rows, window, .. } in self.stretches.clone() {
+        let is_recorded = self.motion().output == Output::Speed;
+        for Stretch { rows, interval_s, window } in self.stretches.clone() {
+            // What a board made of a speed it had from elsewhere takes no longer than a difference of angles.
+            let span = if is_recorded { (DIFFERENCE_SPAN_S / interval_s).ceil() as usize } else { window.span };
             let count = |row: usize| match self.motion().values[row].is_finite() {
                 true => (self.angle_rad[row] / self.count_rad).round(),
                 false => f64::NAN,
@@ -346,8 +349,8 @@ impl Dataset {
             let counts: Vec<f64> = rows.clone().map(count).collect();
             for stop in counter_stops::find(&counts, &self.voltage_v[rows.clone()]) {
                 let stop = stop.later_by(rows.start);
-                let seen_from = stop.rows.start.saturating_sub(window.span).max(rows.start);
-                self.leave_out_motion(seen_from..(stop.rows.end + window.span).min(rows.end));
+                let seen_from = stop.rows.start.saturating_sub(span).max(rows.start);
+                self.leave_out_motion(seen_from..(stop.rows.end + span).min(rows.end));
                 for row in stop.rows.start..rows.end {
                     self.angle_rad[row] += stop.lost_before(row) * self.count_rad;
                 }

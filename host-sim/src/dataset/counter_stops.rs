@@ -15,7 +15,7 @@ const ABRUPT: f64 = 1.6;
 /// The command during a stop is at least this share of the one before.
 const STILL_DRIVEN: f64 = 0.7;
 
-/// After so many that are beyond doubt the others are believed more easily...
+/// Fewer that are beyond doubt may be anything that happened once; after so many the others are believed more easily...
 const FEWEST_CERTAIN: usize = 3;
 /// ... up to this multiple of their length.
 const AT_MOST_LONGER: usize = 2;
@@ -49,7 +49,7 @@ pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
     let stands: Vec<Stand> = stands(counts).collect();
     let certain: Vec<CounterStop> = stands.iter().filter_map(|stand| stand.certain_stop(drive)).collect();
     if certain.len() < FEWEST_CERTAIN {
-        return certain;
+        return Vec::new();
     }
     let longest = certain.iter().map(|stop| stop.rows.len()).max().unwrap_or(0);
     stands.into_iter().filter_map(|stand| stand.likely_stop(AT_MOST_LONGER * longest)).collect()
@@ -78,7 +78,9 @@ fn stands(counts: &[f64]) -> impl Iterator<Item = Stand> {
         // In the rows at the edges some of the counts are there.
         let earlier = |by: usize| Some(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + by)?]);
         let later = |by: usize| Some(counts.get(rows.end + by)? - counts.get(rows.end)?);
-        let [before, after] = [Rate::of(earlier, rows.len()), Rate::of(later, rows.len())];
+        // An angle that is read more seldom than it is written stands as long again before and after.
+        let longest = rows.len() / 2;
+        let [before, after] = [Rate::of(earlier, longest), Rate::of(later, longest)];
         Stand { rows, before, after }
     })
 }
@@ -158,7 +160,7 @@ mod tests {
     use proptest::prelude::*;
 
     /// Counts of a motor with this time constant that is driven by `drive`, while those of `lost` are not counted.
-    fn counts(drive: &[f64], time_constant_rows: f64, top: f64, lost: &Range<usize>) -> Vec<f64> {
+    fn counts(drive: &[f64], time_constant_rows: f64, top: f64, lost: &[Range<usize>]) -> Vec<f64> {
         let (mut speed, mut angle, mut missed) = (0.0, 0.0_f64, 0.0);
         let mut counted = Vec::new();
         for (row, drive) in drive.iter().enumerate() {
@@ -171,7 +173,7 @@ mod tests {
                 let next = speed + 0.1 * (driven - friction - speed) / time_constant_rows;
                 speed = if speed * next < 0.0 { 0.0 } else { next };
                 angle += 0.1 * speed;
-                if lost.contains(&row) {
+                if lost.iter().any(|lost| lost.contains(&row)) {
                     missed += 0.1 * speed;
                 }
             }
@@ -188,11 +190,16 @@ mod tests {
         #[test]
         fn a_stop_of_the_counter_is_found(top in 1.0_f64..30.0, length in 20_usize..60, level in 0.4_f64..1.0, back: bool) {
             let drive = drive(&[if back { -level } else { level }], 1000);
-            let found = find(&counts(&drive, 25.0, top, &(600..600 + length)), &drive);
-            prop_assert_eq!(found.len(), 1);
-            prop_assert!(found[0].rows.start.abs_diff(600) < 3 && found[0].rows.end.abs_diff(600 + length) < 4);
+            let stops = [400, 600, 800].map(|row| row..row + length);
+            let found = find(&counts(&drive, 25.0, top, &stops), &drive);
+            prop_assert_eq!(found.len(), stops.len());
             let lost = (level - 0.1) * top * length as f64;
-            prop_assert!((found[0].lost_counts.abs() - lost).abs() < 4.0 * found[0].error_counts.max(0.5 * top), "{found:?} {lost}");
+            for (found, stop) in found.iter().zip(&stops) {
+                prop_assert!(found.rows.start.abs_diff(stop.start) < 3 && found.rows.end.abs_diff(stop.end) < 4, "{found:?}");
+                let off = (found.lost_counts.abs() - lost).abs();
+                prop_assert!(off < 4.0 * found.error_counts.max(0.5 * top), "{found:?} {lost}");
+            }
+            prop_assert!(find(&counts(&drive, 25.0, top, &stops[1..]), &drive).is_empty(), "twice may be chance");
         }
 
         #[test]
@@ -203,15 +210,23 @@ mod tests {
             levels in prop::collection::vec(prop_oneof![Just(0.0), -1.0..1.0_f64], 40),
         ) {
             let drive = drive(&levels, rows);
-            let found = find(&counts(&drive, time_constant_rows, top, &(0..0)), &drive);
+            let found = find(&counts(&drive, time_constant_rows, top, &[]), &drive);
             prop_assert!(found.is_empty(), "{found:?}");
         }
     }
 
     #[test]
+    fn an_angle_that_is_read_more_seldom_has_no_stops() {
+        let drive = vec![1.0; 3000];
+        let each = counts(&drive, 25.0, 5.0, &[]);
+        let seldom: Vec<f64> = (0..each.len()).map(|row| each[row - row % 10]).collect();
+        assert_eq!(find(&seldom, &drive), Vec::new());
+    }
+
+    #[test]
     fn missing_rows_are_no_stop() {
         let drive = vec![1.0; 300];
-        let mut counts = counts(&drive, 5.0, 5.0, &(0..0));
+        let mut counts = counts(&drive, 5.0, 5.0, &[]);
         counts[150..180].fill(f64::NAN);
         assert_eq!(find(&counts, &drive), Vec::new());
     }

@@ -9,15 +9,13 @@ use std::collections::BTreeMap;
 
 /// What they are.
 pub const ID: &str = "missed_counts";
-/// Fewer may be anything that happened once.
-const FEWEST: usize = 3;
 /// Half an interval of 95 % in standard errors.
 const Z95: f64 = 1.96;
 
-/// What stops of the counter are named, where there are enough of them.
+/// What stops of the counter are named.
 pub fn cause(data: &Dataset, prediction: &Prediction) -> Option<Cause> {
     let stops = &data.counter_stops;
-    if stops.len() < FEWEST {
+    if stops.is_empty() {
         return None;
     }
     let evidence_sigmas = stops.iter().map(|stop| (stop.lost_counts / stop.error_counts).powi(2)).sum::<f64>().sqrt();
