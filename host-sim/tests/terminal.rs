@@ -199,7 +199,7 @@ const TABLE: &[Row] = &[
             (&["--rig", "stand.toml", "--port", "/dev/none"], 3, "motorbench ports"),
             (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "/nonexistent/a.csv"], 3, "/nonexistent/a.csv"),
             (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "stand.json"], 2, "ends in .csv"),
-            (&["--rig", "stand.toml", "--port", "/dev/none", "--json", "stand.json"], 1, "name another file"),
+            (&["--rig", "stand.toml", "--port", "/dev/none", "--json", "stand.json"], 1, "choose another name"),
             (&["table.csv"], 2, "--rig"),
             (&["table.csv", "--rig", "stand.toml", "--json", "table.csv"], 1, "table.csv would be overwritten"),
         ],
@@ -284,7 +284,7 @@ const TABLE: &[Row] = &[
             (&["--port", "/dev/none", "--keys", "a"], 3, "motorbench ports"),
             (&["--keys", "a x"], 2, "space tab up down left right"),
             (&["--port", "/dev/none", "--keys", "a", "--out", "s.json"], 2, "ends in .csv"),
-            (&["--port", "/dev/none", "--keys", "a", "--out", "s.csv", "--json", "s.json"], 1, "name another file"),
+            (&["--port", "/dev/none", "--keys", "a", "--out", "s.csv", "--json", "s.json"], 1, "choose another name"),
         ],
         ..row("tune")
     },

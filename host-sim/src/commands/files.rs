@@ -53,7 +53,7 @@ impl Outputs {
             }
             if taken.contains(&name) {
                 return Err(Failure::input(format!(
-                    "{path} would be written twice: choose another name for one of the two"
+                    "{path} would be written twice (what stands beside a table has its name): choose another name for one of the two"
                 )));
             }
             taken.push(name);
@@ -83,7 +83,8 @@ pub(super) fn beside(table: &Path, ending: &str) -> PathBuf {
 /// What was noted of a table when it was measured, where that stands beside it: nobody can measure it again. Other files of
 /// that name are results.
 fn side_file(table: &Path) -> Option<PathBuf> {
-    let path = Some(beside(table, "json")).filter(|path| path != table)?;
+    let is_table = table.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+    let path = is_table.then(|| beside(table, "json"))?;
     let side: Map<String, Value> = serde_json::from_slice(&fs::read(&path).ok()?).ok()?;
     ["firmware", "settings"].iter().all(|key| side.contains_key(*key)).then_some(path)
 }

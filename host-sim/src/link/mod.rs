@@ -363,10 +363,13 @@ impl<L: Line> Link<L> {
             let at = bytes.windows(what.len()).position(|window| window == what)?;
             Some(bytes[at + what.len()..].to_vec())
         };
-        let cause = after(&self.outside, GREETING).and_then(|rest| after(&rest, GREETING_CAUSE));
-        let Some(cause) = cause.filter(|cause| cause.ends_with(b"\n")) else { return Ok(()) };
+        let Some(rest) = after(&self.outside, GREETING).and_then(|rest| after(&rest, GREETING_CAUSE)) else {
+            return Ok(());
+        };
+        // A busy host finds the board's next lines behind that one.
+        let Some(end) = rest.iter().position(|byte| *byte == b'\n') else { return Ok(()) };
         self.gone = true;
-        Err(reset(String::from_utf8_lossy(&cause).trim_end()))
+        Err(reset(String::from_utf8_lossy(&rest[..end]).trim_end()))
     }
 
     /// Ticks count up from a reset: one that goes back means another.
