@@ -14,6 +14,7 @@ use crate::diagnose::{Diagnosis, diagnose, page, report};
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::panels::{Panel, panels_in_page};
+#[cfg(feature = "chip")]
 use crate::plant::ModelPlant;
 use crate::recording::Recording;
 use crate::rig::NominalMotor;
@@ -259,7 +260,7 @@ fn record_on_chip(elf: &std::path::Path, truth: &Model, settings: &Settings) -> 
 fn record_on_host(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Result<Vec<Sample>, Failure> {
     say("   by the firmware's control core on this computer");
     let refused = |error| Failure::input(format!("the core refuses its settings: {error:?}"));
-    let mut trial = Trial::new(ModelPlant::new(truth.clone()), settings).map_err(refused)?;
+    let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
     trial.enter(Mode::OpenLoop);
     let sequence = Sequence::new(Kind::Identify, (LEVEL_V * f64::from(VOLT)) as i16, 0, STEP_TICKS, 1, 1);
     trial.tick(Some(Request::Play(sequence)));
@@ -374,7 +375,7 @@ fn designed(motor: &MotorParameters) -> Result<Design, Failure> {
 
 fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Attempt, Failure> {
     let refused = |error| Failure::input(format!("the core refuses the designed settings: {error:?}"));
-    let mut trial = Trial::new(ModelPlant::new(truth.clone()), settings).map_err(refused)?;
+    let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
     trial.enter(Mode::SpeedPid);
     let points: Vec<Vec<Point>> = REFERENCES_RAD_PER_S.iter().map(|speed| trial.follow(*speed, HOLD_S)).collect();
     let rms = |points: &[Vec<Point>]| {

@@ -199,7 +199,7 @@ const NOTHING_TO_COMPENSATE: &str = "nothing to compensate: of friction and drop
 /// What the core is to make up for.
 struct Compensation {
     settings: Vec<CompensationSetting>,
-    /// A motor that loses that, if anything is made up for.
+    /// What it is tried with, if anything is made up for: the whole model, or a motor that has these losses alone.
     model: Option<Model>,
 }
 
@@ -226,10 +226,11 @@ impl Arguments {
         if !self.compensate {
             return Ok(Compensation { settings: Vec::new(), model: None });
         }
-        let losses = self.losses(rig)?;
+        let model = self.model.as_deref().map(read_model).transpose()?;
+        let losses = model.as_ref().map_or_else(|| self.losses(rig), Losses::of);
         let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
         // The settings are sent all the same: the board may have others from another motor.
-        let model = (losses != Losses::default()).then(|| losses.model(motor));
+        let model = (losses != Losses::default()).then(|| model.unwrap_or_else(|| losses.model(motor)));
         Ok(Compensation { settings: settings.map_err(Failure::input)?, model })
     }
 
@@ -248,16 +249,13 @@ impl Arguments {
         Ok(model.filter(|model| !model.terms.is_empty()))
     }
 
-    /// Of the model's effects, or else of what rig file and command line say.
-    fn losses(&self, rig: &Rig) -> Result<Losses, Failure> {
-        let Some(path) = &self.model else {
-            return Ok(Losses {
-                coulomb_forward_nm: self.coulomb_nm,
-                coulomb_reverse_nm: self.coulomb_nm,
-                bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
-            });
-        };
-        Ok(Losses::of(&read_model(path)?))
+    /// What rig file and command line say of them.
+    fn losses(&self, rig: &Rig) -> Losses {
+        Losses {
+            coulomb_forward_nm: self.coulomb_nm,
+            coulomb_reverse_nm: self.coulomb_nm,
+            bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
+        }
     }
 
     fn specification(&self, bench: &Bench) -> Result<Specification, Failure> {
@@ -428,6 +426,29 @@ mod tests {
             result["near_standstill"].as_array().unwrap().len()
         };
         assert_eq!((standstill(0.0), standstill(0.005)), (0, 1));
+    }
+
+    /// What is not made up for is there all the same: the comparison has every effect of the model.
+    #[test]
+    fn near_standstill_the_motor_has_all_of_its_effects() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, model, json] = ["rig.toml", "model.toml", "design.json"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG).unwrap();
+        let motor = &RIG[RIG.find("[motor]").unwrap()..];
+        let standstill = |more: &str| {
+            let friction = "[effects.coulomb_friction]\ntorque_Nm = 0.005\n";
+            std::fs::write(&model, format!("{motor}{friction}{more}")).unwrap();
+            let (model, json_file) = (Some(model.clone()), Some(json.clone()));
+            run(&Arguments { model, json: json_file, compensate: true, ..arguments(&rig) }).unwrap();
+            let result: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
+            let found = &result["near_standstill"][0];
+            [&found["without"], &found["with"]].map(|error| error.as_f64().unwrap())
+        };
+        let [friction_without, friction_with] = standstill("");
+        let cogging = "[effects.cogging]\ncosine_Nm = 0.003\nsine_Nm = 0\nperiods_per_rev = 8\n";
+        let [cogging_without, cogging_with] = standstill(cogging);
+        assert!((cogging_without / friction_without - 1.0).abs() > 0.01, "{cogging_without} {friction_without}");
+        assert!(cogging_with > 1.1 * friction_with, "{cogging_with} {friction_with}");
     }
 
     #[test]

@@ -108,7 +108,6 @@ fn best(search: &Search, specification: &Specification) -> Option<LoopWith> {
 fn loop_with(search: &Search, candidate: &Candidate, robustness: &Robustness) -> LoopWith {
     let Candidate { figures, gains, sampling, .. } = candidate;
     let sampled = SampledLoop::new(search.motor, search.law, sampling);
-    let integral = gains.feedback[gains.feedback.len() - 1];
     LoopWith {
         bandwidth_hz: figures.bandwidth_hz,
         settling_s: figures.step.settling_s,
@@ -117,8 +116,9 @@ fn loop_with(search: &Search, candidate: &Candidate, robustness: &Robustness) ->
         worst_modulus: robustness.worst_modulus,
         delay_s: robustness.margins.delay_s,
         peak_v_per_unit: plain_step_peaks(&sampled, gains)[0],
-        // What the torque takes in voltage is what the integral has to come to.
-        error_integral_per_nm: search.motor.resistance_ohm / search.motor.torque_constant_nm_per_a / integral,
+        error_integral_per_nm: sampled
+            .error_integral(gains, &sampled.load(search.motor, sampling))
+            .expect("a stable loop makes up for a load"),
     }
 }
 
@@ -180,7 +180,9 @@ mod tests {
         let [measured, observer, kalman, without] = loops(&MotorParameters::PIVT6, 10.0);
         for other in [measured, observer, kalman] {
             assert!((other.modulus - without.modulus).abs() < 0.1, "{other:?} {without:?}");
-            assert!((other.error_integral_per_nm / without.error_integral_per_nm - 1.0).abs() < 0.05);
+            // What the gain on the current takes under a load, the integral has to make up for.
+            let error = other.error_integral_per_nm / without.error_integral_per_nm;
+            assert!((1.0..1.1).contains(&error), "{other:?} {without:?}");
         }
     }
 
@@ -195,6 +197,35 @@ mod tests {
         assert!(observer.worst_modulus > kalman.worst_modulus, "{observer:?} {kalman:?}");
         assert!(observer.modulus > without.modulus + 0.1, "{observer:?} {without:?}");
         assert!(observer.error_integral_per_nm < 0.5 * without.error_integral_per_nm, "{observer:?} {without:?}");
+    }
+
+    /// By the core, with an LQR whose gain on the current takes more volts under a load than the winding does.
+    #[test]
+    fn the_error_after_a_load_is_what_the_core_sums() {
+        use crate::design::trial::Trial;
+        use crate::design::{Bench, design, ideal};
+        use crate::plant::DcMotor;
+        const LOAD_NM: f64 = 0.02;
+        let motor = MotorParameters { inductance_h: 29.2e-3, inertia_kg_m2: 4.4e-5, ..MotorParameters::PIVT6 };
+        let specification =
+            Specification { speed: Speed::BandwidthHz(20.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+        for current_measured in [true, false] {
+            let bench = Bench { current_measured, ..Bench::default() };
+            let design = design(&motor, &bench, ControlLaw::SpeedLqr, &specification).unwrap();
+            let sampled = SampledLoop::new(&motor, design.law, &design.sampling);
+            let said = sampled.error_integral(&design.held, &sampled.load(&motor, &design.sampling)).unwrap();
+            let mut trial = Trial::new(DcMotor::new(ideal(&motor)), design.settings.all).unwrap();
+            trial.enter(design.law.mode());
+            trial.follow(60.0, 1.0);
+            trial.surroundings.load_torque_nm = LOAD_NM;
+            // What is left when it has settled is the resolution of speed and duty, and sums up as well.
+            let [settling_rad, settled_rad] = [0.5, 0.5].map(|duration_s| {
+                1e-3 * trial.follow(60.0, duration_s).iter().map(|point| 60.0 - point.omega_rad_per_s).sum::<f64>()
+            });
+            let summed = (settling_rad - settled_rad) / LOAD_NM;
+            println!("current measured {current_measured}: {summed:.3} rad/Nm on the core, {said:.3} said");
+            assert!((summed / said - 1.0).abs() < 0.05, "{summed} {said}");
+        }
     }
 
     #[test]

@@ -50,7 +50,7 @@ use motorbench_core::message::Trip;
 use motorbench_core::settings::{BuildError, Param, Settings};
 use robustness::{Robustness, Weakness};
 use sampled_loop::{Gains, SampledLoop, Sampling, Seen};
-use search::{Candidate, LoopFigures, Reached, Search};
+use search::{Candidate, LoadFigures, LoopFigures, Reached, Search};
 use serde::Serialize;
 use specification::{ImpossibleSpecification, Specification, Speed};
 use tachogenerator::Tachogenerator;
@@ -201,6 +201,18 @@ pub enum DesignError {
         /// As long as it was looked at.
         within_s: f64,
     },
+    /// The same, where no numbers could tell the loop that they ask for.
+    #[error(
+        "the {law} with {options} has no gains: the weights are out of proportion, the largest is {times:.0e} times the smallest; each is one over the square of a deviation that is acceptable, so bring them nearer together, or give the deviations (--largest, --largest-V)"
+    )]
+    OutOfProportion {
+        /// Which law.
+        law: &'static str,
+        /// The weights.
+        options: String,
+        /// From the smallest to the largest.
+        times: f64,
+    },
     /// Weights were given, and the loop is refused for another reason.
     #[error("with {options}, {error}; {WEIGHTS_ADVICE}")]
     Weighed {
@@ -291,6 +303,12 @@ pub struct Design {
     /// An LQR of a rig without a current sensor: what the sensor would bring, the observer does, and nothing would. Else empty.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub current_sensor: Vec<current_sensor::Comparison>,
+    /// Why the law does without a gain on a current that it has: what is said against the loop with one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub current_left_out: Option<String>,
+    /// What a load does to a position loop, which its step does not show.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub load: Option<LoadFigures>,
     /// What measures the speed in place of the encoder.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tachogenerator: Option<Tachogenerator>,
@@ -371,7 +389,7 @@ pub fn design(
 }
 
 /// The design with the first shape of weights that passes all checks, or by the weights given; without a gain on the current
-/// where one would not be robust, nor the speed fit to observe it.
+/// where one would not be robust or cannot be held, nor the speed fit to observe it.
 fn best_shape(
     motor: &MotorParameters,
     bench: &Bench,
@@ -395,11 +413,23 @@ fn best_shape(
     let current_known = bench.current_measured || observer.is_some();
     match with(current_known) {
         // The current may tell the speed sooner than the speed's own way does: a gain that lives on it bears no delay.
-        Err(DesignError::NotRobust { law: title, weakness }) if current_known && law.uses_current() => {
-            with(false).map_err(|_| DesignError::NotRobust { law: title, weakness })
-        }
+        Err(error) if current_known && is_for_the_current(law, &error) => match with(false) {
+            Ok(design) => Ok(Design { current_left_out: Some(error.to_string()), ..design }),
+            Err(_) => Err(error),
+        },
         designed => designed,
     }
+}
+
+/// Whether a loop that does without the current may do what this one does not: the gain on it made the loop fragile, or is
+/// itself beyond its format, as with a slow winding.
+fn is_for_the_current(law: ControlLaw, error: &DesignError) -> bool {
+    let on_current = law.feedback().iter().find(|(_, signal)| *signal == Signal::Current);
+    on_current.is_some_and(|&(param, _)| match error {
+        DesignError::NotRobust { .. } => true,
+        DesignError::Setting { name, .. } => *name == setting_name(param),
+        _ => false,
+    })
 }
 
 /// Whether the core has to observe the current: a tachogenerator's speed is too coarse, and filtered.
@@ -440,6 +470,9 @@ struct Rig {
 /// What to do about a loop by the weights that were given.
 const WEIGHTS_ADVICE: &str = "a larger r makes the loop slower, a smaller weight on the integral lets it overshoot less, a larger one on the speed damps";
 
+/// Weights farther apart than this are no loop's: what they say is lost in the digits of a number.
+const OUT_OF_PROPORTION: f64 = 1e12;
+
 /// The loop of weights that were given.
 fn weighed(
     search: &Search,
@@ -454,8 +487,12 @@ fn weighed(
     let options = weights.options();
     let asked_percent = specification.overshoot_percent;
     let candidate = search.candidate(weights, asked_percent).ok_or_else(|| {
+        let (law, options, times) = (law.title(), options.clone(), weights.span());
+        if times > OUT_OF_PROPORTION {
+            return DesignError::OutOfProportion { law, options, times };
+        }
         let within_s = search::MAX_SAMPLES as f64 * search.seen.period_s;
-        DesignError::NoGains { law: law.title(), options: options.clone(), within_s }
+        DesignError::NoGains { law, options, within_s }
     })?;
     let found_percent = candidate.figures.step.overshoot_percent;
     let design = if found_percent > asked_percent {
@@ -557,6 +594,11 @@ fn tried(
         plain_step_peak_v: peak_v * trial.step,
         plain_step_peak_a: peak_a * trial.step,
         current_sensor: Vec::new(),
+        current_left_out: None,
+        load: law.is_position().then(|| {
+            let load = sampled.load(motor, &sampling);
+            search::load_figures(&sampled, &held, &load, candidate.crossover_rad_per_s)
+        }),
         tachogenerator: rig.tachogenerator,
         trial,
         weights: candidate.weights,

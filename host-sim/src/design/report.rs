@@ -11,7 +11,7 @@ use super::{Design, TrialFigures, TrialWithEffects, current_sensor};
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
-use crate::terminal_text::short;
+use crate::terminal_text::{short, wrapped};
 use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, document, escaped};
 use motorbench_core::settings::Param;
 use nalgebra::Complex;
@@ -37,6 +37,10 @@ pub fn summary(design: &Design) -> String {
     let mut text = format!("{}: {asked}, overshoot at most {overshoot} %\n", design.law.title());
     for gain in &design.gains {
         text += &format!("  {:16} {:>11} {:11} held as {:.6}\n", gain.name, gain.value, gain.unit, gain.held);
+    }
+    if let Some(why) = &design.current_left_out {
+        let why = format!("the loop with a gain on it is refused: {why}");
+        text += &wrapped(&why, "  without current  ", &" ".repeat(19));
     }
     let weighed: Vec<&str> = states(design.law.is_position()).iter().map(|(name, _)| *name).collect();
     text += &format!(
@@ -64,6 +68,13 @@ pub fn summary(design: &Design) -> String {
         "  parameters +-30% modulus {:.2}, largest eigenvalue {:.4} (unchanged {:.4})\n",
         design.robustness.worst_modulus, design.robustness.worst_spectral_radius, design.robustness.spectral_radius
     );
+    if let Some(load) = &design.load {
+        text += &format!(
+            "  load torque      turns it by {} rad/Nm at most, 2 % of that are left after {} s\n",
+            short(load.peak_rad_per_nm),
+            short(load.gone_s)
+        );
+    }
     let unit = unit(design.law);
     text += &format!("  on the core      {}", trial_text(&design.trial, unit));
     text += &sensor_text(design);

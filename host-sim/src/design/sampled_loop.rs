@@ -154,9 +154,8 @@ impl Places {
     }
 }
 
-/// Speed, current and their integrals.
-fn with_integrals(motor: &MotorParameters) -> StateSpace {
-    let armature = motor_model::armature(motor);
+/// An armature's speed, current and their integrals.
+fn with_integrals(armature: &StateSpace) -> StateSpace {
     let mut a = Matrix::zeros(4, 4);
     a.view_mut((0, 0), (2, 2)).copy_from(&armature.a);
     a.view_mut((2, 0), (2, 2)).fill_with_identity();
@@ -181,7 +180,8 @@ impl SampledLoop {
     /// The loop of a law around a motor.
     pub fn new(motor: &MotorParameters, law: ControlLaw, sampling: &Sampling) -> Self {
         let period_s = sampling.period_s;
-        let plant = with_integrals(motor).discretise(period_s, DRIVE_DELAY_S + sampling.delay_s);
+        let plant =
+            with_integrals(&motor_model::armature(motor)).discretise(period_s, DRIVE_DELAY_S + sampling.delay_s);
         let places =
             Places::new(law, plant.a.nrows() - 4, sampling.observer.as_ref().map_or(0, |observer| observer.a.nrows()));
         let mut a = Matrix::zeros(places.size, places.size);
@@ -251,6 +251,30 @@ impl SampledLoop {
     /// A row for each feedback gain: the signal it acts on.
     pub fn signals(&self) -> &Matrix {
         &self.signals
+    }
+
+    /// What a constant load torque of 1 Nm adds to the states in each tick, in the loop of this motor and sampling.
+    pub fn load(&self, motor: &MotorParameters, sampling: &Sampling) -> DVector<f64> {
+        let braked = Matrix::from_row_slice(2, 1, &[-1.0 / motor.inertia_kg_m2, 0.0]);
+        let armature = StateSpace { b: braked, ..motor_model::armature(motor) };
+        let moved = with_integrals(&armature).discretise(self.period_s, 0.0).b;
+        let mut load = DVector::zeros(self.states());
+        load[self.places.speed] = moved[0];
+        load[self.places.current] = moved[1];
+        load[self.places.mean_current] = moved[3] / self.period_s;
+        if sampling.speed == SpeedPath::Mean {
+            load[self.places.measured_speed] = moved[2] / self.period_s;
+        }
+        if let Some(position) = self.places.position {
+            load[position] = moved[2];
+        }
+        load
+    }
+
+    /// Integral of the error when the loop has made up for a load: what the integral has come to.
+    pub fn error_integral(&self, gains: &Gains, load: &DVector<f64>) -> Option<f64> {
+        let moved = Matrix::identity(self.states(), self.states()) - self.closed(gains).a;
+        moved.lu().solve(load).map(|settled| settled[self.places.integral].abs())
     }
 
     /// Weights on the squares of the states, with one on that of the voltage.

@@ -56,6 +56,16 @@ pub struct Shape {
     pub integral: f64,
 }
 
+/// What a load does to a loop.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct LoadFigures {
+    /// Farthest that a load torque turns the motor from its reference.
+    #[serde(rename = "peak_rad_per_Nm")]
+    pub peak_rad_per_nm: f64,
+    /// Until the integral has taken all but 2 % of that away.
+    pub gone_s: f64,
+}
+
 /// Gains found, before they are quantised.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
@@ -186,9 +196,14 @@ impl Search<'_> {
 /// Samples of a step response: as a loop needs that crosses over at about `s`, and longer where a slow eigenvalue is left.
 fn response_samples(sampled: &SampledLoop, feedback: &[f64], s: f64) -> usize {
     let own_s = RESPONSE_LENGTH / s;
+    let slow_s = SLOW_LENGTH * slowest_s(sampled, feedback);
+    (own_s.max(slow_s) / sampled.period_s()).clamp(200.0, MAX_SAMPLES as f64) as usize
+}
+
+/// Time constant of the slowest eigenvalue.
+fn slowest_s(sampled: &SampledLoop, feedback: &[f64]) -> f64 {
     let radius = sampled.spectral_radius(&Gains { feedback: feedback.to_vec(), reference: 0.0 });
-    let slowest_s = SLOW_LENGTH * sampled.period_s() / -radius.min(1.0).ln();
-    (own_s.max(slowest_s) / sampled.period_s()).clamp(200.0, MAX_SAMPLES as f64) as usize
+    sampled.period_s() / -radius.min(1.0).ln()
 }
 
 /// Linear figures of a loop that crosses over at about `s`; `None` if its step does not settle.
@@ -198,6 +213,28 @@ pub fn figures(sampled: &SampledLoop, gains: &Gains, s: f64) -> Option<LoopFigur
     let response: Vec<f64> = response.row(0).iter().copied().collect();
     let step = StepFigures::of(&response, sampled.period_s(), 1.0)?;
     Some(LoopFigures { bandwidth_hz: sampled.bandwidth_rad_per_s(gains)? / TAU, step })
+}
+
+/// Part of the farthest that a load turns the motor to which it has to come back.
+const LOAD_GONE: f64 = 0.02;
+
+/// What a `load` torque of 1 Nm ([`SampledLoop::load`]) does to a position loop that crosses over at about `s`.
+pub fn load_figures(sampled: &SampledLoop, gains: &Gains, load: &DVector<f64>, s: f64) -> LoadFigures {
+    let closed = sampled.closed(gains);
+    let mut x = DVector::zeros(sampled.states());
+    let course: Vec<f64> = (0..response_samples(sampled, &gains.feedback, s))
+        .map(|_| {
+            x = &closed.a * &x + load;
+            (&closed.c * &x)[0].abs()
+        })
+        .collect();
+    let peak_rad_per_nm = course.iter().copied().fold(0.0, f64::max);
+    let gone = LOAD_GONE * peak_rad_per_nm;
+    let samples = course.iter().rposition(|off| *off > gone).map_or(0, |last| last + 1);
+    // What is left at the end of a response that was cut off is the slowest eigenvalue's.
+    let left = course.last().map_or(0.0, |off| (off / gone).ln().max(0.0));
+    let rest_s = left * slowest_s(sampled, &gains.feedback);
+    LoadFigures { peak_rad_per_nm, gone_s: samples as f64 * sampled.period_s() + rest_s }
 }
 
 /// A tenth of the loop's own time, so that the filter costs little phase: between one tick's worth and 50 ms.

@@ -196,6 +196,14 @@ fn bad_input_is_refused_each_with_its_own_message() {
             "is larger than its format holds: check the model's inertia and torque constant, or lower current-limit-A",
         ),
         (
+            refused(
+                MotorParameters { torque_constant_nm_per_a: 2.5, inertia_kg_m2: 2.0, ..motor },
+                Bench::default(),
+                Specification { current_limit_a: 0.1, ..good },
+            ),
+            "acceleration = 0.04 rad/s2 is below its range: raise current-limit-A, of which the profile takes a third",
+        ),
+        (
             refused(motor, Bench { supply_v: 1e-3, ..Bench::default() }, good),
             "is below its range: check supply and encoder of the rig",
         ),
@@ -238,6 +246,63 @@ fn a_gain_that_the_core_cannot_hold_is_refused_by_name() {
             "{error}"
         );
     }
+}
+
+/// A slow winding of much resistance asks for more volts an ampere than the format holds: the law goes without, and says so.
+#[test]
+fn an_lqr_whose_gain_on_the_current_cannot_be_held_does_without_it() {
+    let motor = MotorParameters {
+        resistance_ohm: 200.0,
+        inductance_h: 2.0,
+        torque_constant_nm_per_a: 1.0,
+        inertia_kg_m2: 4e-4,
+        viscous_friction_nm_s: 5e-5,
+    };
+    let bench = Bench { supply_v: 24.0, ..Bench::default() };
+    let lqr = |hz| {
+        let specification =
+            Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: 0.2 };
+        design(&motor, &bench, ControlLaw::SpeedLqr, &specification)
+    };
+    let without = lqr(8.0).unwrap();
+    assert_eq!((without.gains[1].name.as_str(), without.gains[1].value), ("lqr_speed_kc", 0.0));
+    let said = report::summary(&without);
+    assert!(said.contains("  without current  the loop with a gain on it is refused: lqr_speed_kc = "), "{said}");
+    let with = lqr(5.0).unwrap();
+    assert!(
+        with.gains[1].value > 1.0 && with.current_left_out.is_none() && !report::summary(&with).contains("without c")
+    );
+    // Where neither loop can be, it is the better one's reason.
+    let refused = lqr(20.0).unwrap_err().to_string();
+    assert!(refused.starts_with("lqr_speed_kc = ") && refused.contains("larger than its format holds"), "{refused}");
+}
+
+/// What the summary says of a load is what it does to the core's own loop; one with hardly any integral is found out.
+#[test]
+fn a_load_turns_the_motor_as_far_and_as_long_as_is_said() {
+    const LOAD_NM: f64 = 0.02;
+    for law in [ControlLaw::PositionPid, ControlLaw::PositionLqr] {
+        let design = pivt6(law, 5.0, 10.0).unwrap();
+        let load = design.load.unwrap();
+        let plant = DcMotor::new(ideal(&MotorParameters::PIVT6));
+        let mut trial = Trial::new(plant, design.settings.all).unwrap();
+        trial.enter(law.mode());
+        trial.surroundings.load_torque_nm = LOAD_NM;
+        let points = trial.follow(0.0, 2.0 * load.gone_s);
+        let peak_rad = points.iter().map(|point| point.theta_rad.abs()).fold(0.0, f64::max);
+        println!("{law:?}: {load:?}, on the core {peak_rad:.4} rad by {LOAD_NM} Nm");
+        assert!((peak_rad / (LOAD_NM * load.peak_rad_per_nm) - 1.0).abs() < 0.05, "{law:?}: {peak_rad} {load:?}");
+        let count_rad = std::f64::consts::TAU / 2000.0;
+        let left = |part: f64| points[(part * points.len() as f64) as usize].theta_rad.abs();
+        assert!(left(0.25) > 0.04 * peak_rad && left(0.5) < 0.02 * peak_rad + 2.0 * count_rad, "{law:?}: {load:?}");
+        let slow = Specification { speed: Speed::SettlingS(0.3), overshoot_percent: 10.0, current_limit_a: 1.0 };
+        let slow = super::design(&MotorParameters::PIVT6, &Bench::default(), law, &slow).unwrap();
+        let slowest_s = -1e-3 / slow.robustness.spectral_radius.ln();
+        let gone_s = slow.load.unwrap().gone_s;
+        println!("{law:?}, settled in 0.3 s: gone after {gone_s:.1} s");
+        assert!((gone_s / (slowest_s * 50_f64.ln()) - 1.0).abs() < 0.1, "{law:?}: {gone_s} {slowest_s}");
+    }
+    assert!(pivt6(ControlLaw::SpeedPid, 10.0, 10.0).unwrap().load.is_none());
 }
 
 /// Gains that stabilise the model alone are refused: each weakness is found.
@@ -631,6 +696,11 @@ fn given_weights_are_checked() {
         (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1.0], 1e-6, 20.0), "is larger than its format holds"),
         (refused(ControlLaw::SpeedPid, &[0.0, 0.0, 1.0], 1e-3, 10.0), "would not be robust"),
         (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1e-9], 1.0, 10.0), "no gains with which a step settles within 20 s"),
+        (
+            refused(ControlLaw::SpeedLqr, &[1e30, 0.0, 1.0], 1.0, 10.0),
+            "--q 1e30,0,1 --r 1 has no gains: the weights are",
+        ),
+        (refused(ControlLaw::SpeedLqr, &[1e-30, 0.0, 1e-30], 1.0, 10.0), "the largest is 1e30 times the smallest"),
         (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by 36.7 %"),
         (refused(ControlLaw::PositionLqr, &[1.0, 0.0, 1.0], 1.0, 10.0), "the weights are those of a speed loop"),
     ] {

@@ -121,6 +121,11 @@ fn names(position: bool) -> String {
     states(position).iter().map(|(name, unit)| format!("{name} ({unit})")).collect::<Vec<_>>().join(", ")
 }
 
+/// A weight with all of its digits and no row of zeros.
+fn digits(weight: f64) -> String {
+    if weight == 0.0 || (1e-5..1e7).contains(&weight) { weight.to_string() } else { format!("{weight:e}") }
+}
+
 impl Weights {
     /// Weights as they are: `q` in the order of [`states`] in 1 / (unit of the state)^2, `r` in 1/V^2.
     ///
@@ -197,6 +202,14 @@ impl Weights {
         self.voltage
     }
 
+    /// The largest over the smallest, that of the voltage among them; a state that is free does not count.
+    pub(super) fn span(&self) -> f64 {
+        let weighed = self.q().into_iter().filter(|weight| *weight > 0.0);
+        let [least, most] =
+            weighed.fold([self.voltage; 2], |[least, most], weight| [least.min(weight), most.max(weight)]);
+        most / least
+    }
+
     /// On angle, speed, current and integral, relative to that on the voltage.
     pub(super) fn relative(&self) -> [f64; 4] {
         [self.angle, self.speed, self.current, self.integral].map(|weight| weight / self.voltage)
@@ -204,8 +217,8 @@ impl Weights {
 
     /// As options of the command.
     pub fn options(&self) -> String {
-        let q: Vec<String> = self.q().iter().map(f64::to_string).collect();
-        format!("--q {} --r {}", q.join(","), self.voltage)
+        let q: Vec<String> = self.q().into_iter().map(digits).collect();
+        format!("--q {} --r {}", q.join(","), digits(self.voltage))
     }
 
     /// About the crossover frequency they ask for: the highest at which the weight on a state stands for a volt, as the
@@ -250,6 +263,16 @@ mod tests {
         let json = serde_json::to_value(bryson).unwrap();
         assert_eq!(json["states"], serde_json::json!(["speed", "current", "integral"]));
         assert_eq!((&json["q"], &json["r"]), (&serde_json::json!([0.04, 0.0, 25.0]), &serde_json::json!(0.0625)));
+    }
+
+    /// As short as they can be given again.
+    #[test]
+    fn weights_of_any_size_are_written_to_be_read() {
+        let q = [1e30, 0.0, 2.5e-9];
+        let weights = Weights::new(false, &q, 123.45).unwrap();
+        assert_eq!(weights.options(), "--q 1e30,0,2.5e-9 --r 123.45");
+        assert_eq!(q.map(|weight| digits(weight).parse::<f64>().unwrap()), q);
+        assert!((weights.span() / 4e38 - 1.0).abs() < 1e-12);
     }
 
     #[test]
