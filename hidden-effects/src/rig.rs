@@ -322,7 +322,7 @@ impl Bench {
                 hidden.counter_stop_s = between(0.02, 0.05);
                 // A speed timed from edge to edge does not show it.
                 hidden.counter_stops = recipe.channels.has_counts() && random.random_bool(0.3);
-                Vec::new()
+                if hidden.counter_stops { vec![("stop_s", hidden.counter_stop_s)] } else { Vec::new() }
             }
             Effect::TachoRipple => {
                 hidden.ripple = between(0.02, 0.05);

@@ -146,7 +146,8 @@ fn constants(trial: &Trial, outcome: &Outcome) -> Vec<(String, f64, bool)> {
     for (effect, truths) in &trial.truth.effects {
         let Some(cause) = outcome.causes.iter().find(|cause| cause.effect == effect.id()) else { continue };
         for (name, truth) in truths {
-            let found = &cause.parameters[*name];
+            // Another law of the effect may have other constants.
+            let Some(found) = cause.parameters.get(*name) else { continue };
             if let Some(ci95) = found.ci95 {
                 check(format!("{} {name}", effect.id()), *truth, found.value, ci95);
             }
