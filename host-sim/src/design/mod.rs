@@ -231,7 +231,7 @@ pub enum DesignError {
     },
     /// The same with the effects of the model.
     #[error(
-        "with the effects of the model the {law} does not work: {what}; compensate them (--compensate), raise current-limit-A, or ask for a slower loop"
+        "with the effects of the model the {law} does not work: {what}; ask for a slower loop, raise current-limit-A, or compensate friction and drop where that is not done yet (--compensate)"
     )]
     WithEffects {
         /// Which law.
