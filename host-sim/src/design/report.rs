@@ -70,7 +70,7 @@ pub fn summary(design: &Design) -> String {
     );
     if let Some(load) = &design.load {
         text += &format!(
-            "  load torque      turns it by {} rad/Nm at most, 2 % of that are left after {} s\n",
+            "  load torque      turns it by {} rad/Nm at most, 2 % of it after {} s\n",
             short(load.peak_rad_per_nm),
             short(load.gone_s)
         );
