@@ -1,6 +1,7 @@
-//! Missed counts: edges come faster than they are counted.
+//! Missed counts: edges come faster than they are counted, or while nobody counts.
 //!
-//! A counter that polls loses what exceeds its rate; one that is interrupted now and then loses a share of all.
+//! A counter that polls loses what exceeds its rate; one that is interrupted now and then loses a share of all. One that is
+//! held up for longer stands meanwhile: when is in no term, so that is found in the counts (`dataset/counter_stops.rs`).
 
 use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 
@@ -17,7 +18,7 @@ pub struct MissedCounts;
 
 static ABOUT: About = About {
     id: "missed_counts",
-    title: "encoder counts lost at high speed",
+    title: "encoder counts lost",
     acts_on: ActsOn::AngleSensor,
     parameters: &[
         Parameter::within("lost_share", 0.0, 1.0),
@@ -26,8 +27,8 @@ static ABOUT: About = About {
         Parameter::of_another_law("onset_share", 10.0),
     ],
     linear_in: 1,
-    law: "of the speed above threshold_rad_per_s the share lost_share is not counted; with of_all = 1 the share of all counts, coming up over onset_share of the threshold above it",
-    looks_like: "The measured speed bends off above a threshold while the current does not",
+    law: "of the speed above threshold_rad_per_s the share lost_share is not counted; with of_all = 1 the share of all counts, coming up over onset_share of the threshold above it; or none is counted for stop_s, stops_per_s times a second",
+    looks_like: "The measured speed bends off above a threshold while the current does not, or drops to zero and is back at once",
     confused_with: &["quadratic_drag", "tacho_ripple"],
     experiment: "Mark the shaft and count revolutions by eye or with a second sensor",
     remedy: "Count in hardware or in interrupts; fewer lines; a lower top speed",
