@@ -16,8 +16,9 @@ use std::process::Command;
 use tempfile::TempDir;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
-/// Numbers may differ by this share, and by this share of the largest in their line: another processor rounds otherwise.
-const SAME: f64 = 0.01;
+/// Numbers may differ by this share, and by this share of the largest in their line: another processor rounds otherwise, and
+/// what a board records in real time is another recording each time (its inductance is known to 14 %, and came out 1 % apart).
+const SAME: f64 = 0.02;
 const SAME_OF_LARGEST: f64 = 1e-4;
 
 /// Pages whose commands are run where they need no board, and what is copied into their folder.

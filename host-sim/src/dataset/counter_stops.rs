@@ -188,7 +188,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn a_stop_of_the_counter_is_found(top in 1.0_f64..30.0, length in 20_usize..60, level in 0.4_f64..1.0, back: bool) {
+        fn a_stop_of_the_counter_is_found(top in 4.0_f64..30.0, length in 20_usize..60, level in 0.4_f64..1.0, back: bool) {
             let drive = drive(&[if back { -level } else { level }], 1000);
             let stops = [400, 600, 800].map(|row| row..row + length);
             let found = find(&counts(&drive, 25.0, top, &stops), &drive);
