@@ -268,7 +268,13 @@ impl Dataset {
 
     /// Speed or what stands for it.
     pub fn motion(&self) -> &Measured {
-        self.measured.iter().find(|measured| measured.output != Output::Current).expect("checked when it was made")
+        &self.measured[self.motion_index()]
+    }
+
+    /// Which of [`measured`](Self::measured) it is.
+    pub fn motion_index(&self) -> usize {
+        let is_motion = |measured: &Measured| measured.output != Output::Current;
+        self.measured.iter().position(is_motion).expect("checked when it was made")
     }
 
     /// What was found of how the recordings were made, where the rig file does not say it.
@@ -360,7 +366,8 @@ impl Dataset {
     }
 
     fn leave_out_motion(&mut self, rows: Range<usize>) {
-        let motion = self.measured.iter_mut().find(|measured| measured.output != Output::Current).expect("it has one");
+        let index = self.motion_index();
+        let motion = &mut self.measured[index];
         for row in rows {
             let read = std::mem::replace(&mut motion.values[row], f64::NAN);
             if read.is_finite() {

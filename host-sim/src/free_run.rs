@@ -409,8 +409,7 @@ impl<'a> Run<'a> {
         Self {
             model,
             data,
-            delay_s: terms.iter().map(|term| term.effect.delay_s(&term.values)).sum::<f64>()
-                + data.timing.command_delay_s.unwrap_or(0.0),
+            delay_s: model.delay_s() + data.timing.command_delay_s.unwrap_or(0.0),
             longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: inertia_kg_m2(model),
             step: LinearStep::default(),

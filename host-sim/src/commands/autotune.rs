@@ -125,10 +125,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let mut board = Attended { link, stopped };
     watch_host(&mut board, &settings)?;
     let tuned = tuned(&mut board, &settings, arguments, &outputs);
-    let left = leave_host(&mut board, &settings).and_then(|()| {
-        // An experiment that could not begin, as with a trip that is latched, leaves the voltage free to jump: motors trip at that.
-        board.command(&format!("set slew_limit {}", settings.get(Param::SlewLimit)))
-    });
+    let left = leave_host(&mut board, &settings);
     // Why it did not come to gains is the first to say.
     tuned.and(left.map_err(Failure::from))
 }

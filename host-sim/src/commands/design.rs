@@ -142,17 +142,17 @@ fn friction(text: &str) -> Result<f64, String> {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let files = [&arguments.json, &arguments.console, &arguments.report].into_iter().flatten();
     let outputs = Outputs::new(arguments.rig.iter().chain(&arguments.model), files)?;
-    let (motor, bench, rig) = arguments.problem()?;
+    let (motor, bench, rig, model) = arguments.problem()?;
     let specification = arguments.specification(&bench)?;
-    let compensation = arguments.compensation(&motor, &rig)?;
-    let model = arguments.extended()?;
+    let compensation = arguments.compensation(&motor, &rig, model.as_ref())?;
+    let extended = model.filter(|model| !model.terms.is_empty());
     let busy = spinner();
     let (mut designs, mut refused, mut trials) = (Vec::new(), Vec::new(), Vec::new());
     for law in arguments.laws() {
         busy.set_message(format!("{}: weights, margins, 30 % off in everything, on the core", law.title()));
         let offered = design(&motor, &bench, law, &specification).and_then(|design| {
             let settings = compensation.added_to(&design.settings)?;
-            let trial = model.as_ref().map(|model| trial_with_effects(model, &design, &settings.all)).transpose()?;
+            let trial = extended.as_ref().map(|model| trial_with_effects(model, &design, &settings.all)).transpose()?;
             Ok((design, trial))
         });
         match offered {
@@ -222,15 +222,14 @@ impl Compensation {
 }
 
 impl Arguments {
-    fn compensation(&self, motor: &MotorParameters, rig: &Rig) -> Result<Compensation, Failure> {
+    fn compensation(&self, motor: &MotorParameters, rig: &Rig, model: Option<&Model>) -> Result<Compensation, Failure> {
         if !self.compensate {
             return Ok(Compensation { settings: Vec::new(), model: None });
         }
-        let model = self.model.as_deref().map(read_model).transpose()?;
-        let losses = model.as_ref().map_or_else(|| self.losses(rig), Losses::of);
+        let losses = model.map_or_else(|| self.losses(rig), Losses::of);
         let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
         // The settings are sent all the same: the board may have others from another motor.
-        let model = (losses != Losses::default()).then(|| model.unwrap_or_else(|| losses.model(motor)));
+        let model = (losses != Losses::default()).then(|| model.cloned().unwrap_or_else(|| losses.model(motor)));
         Ok(Compensation { settings: settings.map_err(Failure::input)?, model })
     }
 
@@ -241,12 +240,6 @@ impl Arguments {
             (ControlLaw::SpeedPid, ControlLaw::SpeedLqr)
         };
         [(pid, !self.lqr), (lqr, !self.pid)].into_iter().filter(|(_, wanted)| *wanted).map(|(law, _)| law).collect()
-    }
-
-    /// The model with its effects, if it has any.
-    fn extended(&self) -> Result<Option<Model>, Failure> {
-        let model = self.model.as_deref().map(read_model).transpose()?;
-        Ok(model.filter(|model| !model.terms.is_empty()))
     }
 
     /// What rig file and command line say of them.
@@ -282,14 +275,14 @@ impl Arguments {
         Weights::bryson(self.position, &self.largest, largest_v)
     }
 
-    /// The motor of the model, or else of the rig; what surrounds it of the rig, or else of the model.
-    fn problem(&self) -> Result<(MotorParameters, Bench, Rig), Failure> {
-        let (model, surroundings) = match (&self.model, &self.rig) {
+    /// The motor of the model, or else of the rig; what surrounds it of the rig, or else of the model; the model, if one is given.
+    fn problem(&self) -> Result<(MotorParameters, Bench, Rig, Option<Model>), Failure> {
+        let (motor_file, surroundings) = match (&self.model, &self.rig) {
             (Some(model), Some(rig)) => (model, rig),
             (Some(one), None) | (None, Some(one)) => (one, one),
             (None, None) => return Err(Failure::input("give --rig or --model")),
         };
-        let (motor, _) = motor_of(model)?;
+        let (motor, _) = motor_of(motor_file)?;
         let rig = read_rig(surroundings)?;
         let missing = |key: &str| {
             let name = surroundings.display();
@@ -305,15 +298,16 @@ impl Arguments {
                 "{name}: encoder.counts_per_rev is missing: the design needs it, add it; or, for a speed, tachogenerator.gain_V_per_krpm"
             )));
         }
+        let model = self.model.as_deref().map(read_model).transpose()?;
         let bench = Bench {
             supply_v: rig.supply.voltage_v.ok_or_else(|| missing("supply.voltage_V"))?,
             counts_per_rev: rig.encoder.counts_per_rev,
             tachogenerator,
             current_measured: !self.no_current_sensor && rig.current_sensor.present != Some(false),
-            delay_s: self.extended()?.map_or(0.0, |model| model.delay_s()),
+            delay_s: model.as_ref().map_or(0.0, Model::delay_s),
             ..Bench::default()
         };
-        Ok((motor, bench, rig))
+        Ok((motor, bench, rig, model))
     }
 }
 

@@ -98,13 +98,21 @@ fn jumping<B: Board, R>(
     experiment: impl FnOnce(&mut B) -> Result<R, TuningError>,
 ) -> Result<R, TuningError> {
     board.command(&format!("set slew_limit {JUMP_V_PER_S}"))?;
+    // A board that refuses to arm, as with a trip that is latched, has the limit back as well: motors trip without it.
+    let result = begin(board).map_err(TuningError::from).and_then(|()| experiment(board));
+    let left = board
+        .command("disarm")
+        .and_then(|()| board.command(&format!("set slew_limit {}", settings.get(Param::SlewLimit))));
+    // Why there is no result is the first to say.
+    let found = result?;
+    left?;
+    Ok(found)
+}
+
+fn begin(board: &mut impl Board) -> Result<(), BoardError> {
     board.command("arm")?;
     board.command("mode open")?;
-    board.samples(0.0)?;
-    let result = experiment(board);
-    board.command("disarm")?;
-    board.command(&format!("set slew_limit {}", settings.get(Param::SlewLimit)))?;
-    result
+    board.samples(0.0).map(drop)
 }
 
 fn cycle(board: &mut impl Board, settings: &Settings, relay: &Relay) -> Result<BoardCycle, TuningError> {

@@ -3,7 +3,7 @@
 
 use super::judge::rmse;
 use super::outcome::{Cause, Estimate, RmseGain};
-use crate::dataset::{Dataset, Output, median};
+use crate::dataset::{Dataset, median};
 use crate::free_run::Prediction;
 use std::collections::BTreeMap;
 
@@ -52,7 +52,7 @@ fn path_rad(data: &Dataset) -> f64 {
 
 /// Error of the motion on data kept back, as it was read and without the stops.
 fn gain(data: &Dataset, prediction: &Prediction) -> BTreeMap<&'static str, RmseGain> {
-    let output = data.measured.iter().position(|measured| measured.output != Output::Current).expect("it has a motion");
+    let output = data.motion_index();
     let mut as_read = data.clone();
     for (row, read) in &data.read_in_stops {
         as_read.measured[output].values[*row] = *read;

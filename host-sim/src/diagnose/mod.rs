@@ -79,7 +79,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let prior = Prior::new(&rig.motor, &data);
     let (data, mut selection) = best_understood(data, &prior, progress);
     distrust(&data, &prior, &mut selection);
-    let motion = data.measured.iter().position(|measured| measured.output != Output::Current).unwrap_or(0);
+    let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
         let name = recordings.first().map_or_else(String::new, |recording| recording.name.clone());
