@@ -33,6 +33,7 @@ pub mod commands;
 pub mod compare;
 pub mod convert;
 pub mod dataset;
+pub mod delimited;
 pub mod design;
 pub mod diagnose;
 pub mod figures;

@@ -3,6 +3,7 @@
 //! A recording has a column `t_s`; a table of steady states has none. What was not measured has no column, a sample that
 //! is missing is empty or `nan`.
 
+use crate::delimited::{self, Delimited};
 use crate::text_file;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -218,37 +219,33 @@ impl Recording {
     /// # Errors
     /// [`RecordingError`], which names the line.
     pub fn parse(name: &str, mut text: impl Read, names: &[(String, String)]) -> Result<Self, RecordingError> {
+        let mut bytes = Vec::new();
+        text.read_to_end(&mut bytes).map_err(|source| RecordingError::Read { name: name.into(), source })?;
+        let no_text = || {
+            let message = format!(
+                "this is no text; a CSV table is expected, and `motorbench convert {name} NEW.csv` makes one of other formats"
+            );
+            RecordingError::Table { name: name.into(), message }
+        };
+        let text = text_file::decoded(bytes).ok_or_else(no_text)?;
+        let table = Delimited::new(&text);
         let line_error = |error: csv::Error| RecordingError::Line {
             name: name.into(),
-            line: error.position().map_or(1, csv::Position::line),
-            message: match error.kind() {
-                csv::ErrorKind::Utf8 { .. } => {
-                    format!(
-                        "this is no text in UTF-8; a CSV table is expected, and `motorbench convert {name} NEW.csv` makes one of UTF-16 (a spreadsheet's \"Unicode text\") and of other formats"
-                    )
-                }
-                _ => error.to_string(),
-            },
+            line: table.line(error.position()),
+            message: delimited::fault(&error),
         };
-        let mut table = Vec::new();
-        text.read_to_end(&mut table).map_err(|source| RecordingError::Read { name: name.into(), source })?;
-        let delimiter = delimiter(&table);
-        let mut reader = csv::ReaderBuilder::new()
-            .delimiter(delimiter)
-            .comment(Some(b'#'))
-            .trim(csv::Trim::All)
-            .from_reader(&table[..]);
+        let mut reader = table.reader();
         let header = reader.headers().map_err(line_error)?.clone();
         let mut recording = Self::new(name);
         let channels = recording.read_header(&header, names)?;
         let mut columns = vec![Vec::new(); channels.len()];
         for row in reader.records() {
             let row = row.map_err(line_error)?;
-            let line = row.position().map_or(0, csv::Position::line);
+            let line = table.line(row.position());
             for ((column, values), text) in channels.iter().zip(&mut columns).zip(&row) {
                 let Some(channel) = column else { continue };
                 let wrong = |message| RecordingError::Line { name: name.into(), line, message };
-                let value = number(text, delimiter).ok_or_else(|| {
+                let value = delimited::number(text, table.has_decimal_commas()).ok_or_else(|| {
                     wrong(format!("column {}: expected a number, found \"{text}\"", channel.column()))
                 })?;
                 channel.refusal(value).map_or(Ok(()), |message| Err(wrong(message)))?;
@@ -398,29 +395,9 @@ impl Recording {
     }
 }
 
-/// What stands between values: commas, and where the header line has none of them semicolons or tabs.
-fn delimiter(table: &[u8]) -> u8 {
-    let header = table.split(|byte| *byte == b'\n').find(|line| !line.starts_with(b"#")).unwrap_or_default();
-    // A spreadsheet's line before the header is for convert.
-    let has = |sign: &u8| header.contains(sign) && !header.starts_with(b"sep=");
-    [b',', SEMICOLON, b'\t'].into_iter().find(has).unwrap_or(b',')
-}
-
-/// Between values it leaves the comma to the decimals.
-const SEMICOLON: u8 = b';';
-
 /// What stands between the names of a header line that is all one name.
 fn other_delimiter(header: &str) -> Option<&'static str> {
     [(';', "semicolons"), ('|', "bars")].into_iter().find_map(|(sign, name)| header.contains(sign).then_some(name))
-}
-
-/// A number; empty and `nan` stand for a missing sample.
-fn number(text: &str, delimiter: u8) -> Option<f64> {
-    if text.is_empty() || text.eq_ignore_ascii_case("nan") || text == "NA" {
-        return Some(f64::NAN);
-    }
-    let parsed = if delimiter == SEMICOLON { text.replacen(',', ".", 1).parse() } else { text.parse() };
-    parsed.ok().filter(|value: &f64| value.is_finite())
 }
 
 #[cfg(test)]
@@ -447,12 +424,12 @@ mod tests {
     fn errors_say_where() {
         let message = |text| parse(text).unwrap_err().to_string();
         assert!(message("t_s,u_V\n0,1\n1,x\n").contains("line 3: column u_V: expected a number, found \"x\""));
-        assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3"));
+        assert!(message("t_s,u_V\r\n0,1\r\n1,x\r\n").contains("line 3: column u_V"));
+        assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3: 1 values, where the header line has 2"));
         assert!(message("t_s,u_V\n0,1\n0,1\n").contains("time has to increase"));
         assert!(message("a,b\n0,1\n").contains("no known column"));
-        for other in ["t_s|u_V\n0|1\n", "sep=;\r\nt_s;u_V\r\n0;1,5\r\n"] {
-            assert!(message(other).contains("`motorbench convert test.csv NEW.csv`"), "{}", message(other));
-        }
+        let bars = message("t_s|u_V\n0|1\n");
+        assert!(bars.contains("`motorbench convert test.csv NEW.csv`"), "{bars}");
         let german = message("# from a scope\nt_s;u_V\n0;1,5\n1;1.000,5\n");
         assert!(german.contains("line 4: column u_V: expected a number, found \"1.000,5\""), "{german}");
         // Between tabs a comma may as well stand between thousands.
@@ -462,9 +439,13 @@ mod tests {
             let found = parse(&format!("t_s,{column}\n0,1\n1,{value}\n")).unwrap_err().to_string();
             assert!(found.contains(&format!("line 3: column {column}: {value} is no measurement")), "{found}");
         }
-        let utf_16: Vec<u8> = "\u{feff}t_s\n0\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
-        let unreadable = Recording::parse("test.csv", &utf_16[..], &[]).unwrap_err().to_string();
-        assert!(unreadable.contains("`motorbench convert test.csv NEW.csv` makes one of UTF-16"), "{unreadable}");
+        let unreadable = Recording::parse("test.npy", &b"\x93NUMPY\x01\0"[..], &[]).unwrap_err().to_string();
+        assert!(
+            unreadable.contains("no text; a CSV table is expected, and `motorbench convert test.npy"),
+            "{unreadable}"
+        );
+        let after_separator = message("sep=;\r\nt_s;u_V\r\n0;1,5\r\n1;x\r\n");
+        assert!(after_separator.contains("line 4: column u_V"), "{after_separator}");
         // A counter of 32 bits, and a clock since 1970.
         assert!(parse("t_s,counts\n1.7e9,4294967295\n1.8e9,nan\n").is_ok());
     }
@@ -476,6 +457,7 @@ mod tests {
             "t_s;u_V;i_A;\r\n0;-1,5;;\r\n0,5;2;3e-3;\r\n",
             "# 12 V, 2 A\nt_s;u_V;i_A\n0;-1.5;\n0.5;2;0,003\n",
             "t_s\tu_V\ti_A\n0\t-1.5\t\n0.5\t2\t3e-3\n",
+            "\u{feff}sep=;\r\nt_s;u_V;i_A\r\n0;-1,5;\r\n0,5;2;0,003\r\n",
         ] {
             let read = parse(other).unwrap();
             assert_eq!((read.to_csv(), &read.ignored), (commas.to_csv(), &commas.ignored), "{other}");

@@ -442,7 +442,7 @@ fn stand_finds_where_the_power_goes_and_what_has_worn() {
     // The best efficiency lies between no load and stall, and the map shows no better one.
     let best = stand["most_efficient"].as_array().unwrap().last().unwrap();
     assert!(number(&best["efficiency"]) > 0.3 && number(&best["efficiency"]) < 0.9, "{best}");
-    assert!(std::fs::read_to_string(&map).unwrap().contains("efficiency; best"));
+    assert!(std::fs::read_to_string(&map).unwrap().contains("efficiency at the shaft; best (point)"));
     motorbench(&arguments).success().stderr("").stdout(predicate::function(|text: &str| {
         text.lines().all(|line| line.chars().count() <= 80 || line.contains("->") || line.contains(" = "))
     }));

@@ -445,7 +445,7 @@ fn files() -> TempDir {
     put("names.csv", "time,volts\n0,1\n");
     put("typo.toml", "[moter]\nresistance_ohm = 5\n");
     put("empty.csv", "");
-    std::fs::write(folder.path().join("junk.csv"), [0xff, 0xfe, 0x00, b'\n']).unwrap();
+    std::fs::write(folder.path().join("junk.csv"), b"\x93NUMPY\x01\0").unwrap();
     folder
 }
 

@@ -3,15 +3,17 @@
 mod board;
 
 use super::{Failure, Outputs, mapping, plot_file, read_rig, write_json, write_plot};
+use crate::delimited::Delimited;
 use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
 use crate::terminal_text::{fixed, short, wrapped};
+use crate::text_file;
 use crate::web_page::axis_label;
 use clap::Args;
+use plotters::coord::Shift;
 use plotters::prelude::*;
-use serde::Deserialize;
 use std::error::Error;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -53,12 +55,6 @@ pub struct Arguments {
     /// Writes the result as JSON into a file, - for the terminal.
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-}
-
-/// A row of a table of positions.
-#[derive(Deserialize)]
-struct Position {
-    resistance_ohm: f64,
 }
 
 /// Runs it.
@@ -122,11 +118,12 @@ impl Arguments {
 }
 
 fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
-    let failed =
-        |error: csv::Error| Failure::input(format!("{}: {error}; a column resistance_ohm is expected", path.display()));
-    let mut reader =
-        csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_path(path).map_err(failed)?;
-    reader.deserialize().map(|row| row.map(|row: Position| row.resistance_ohm).map_err(failed)).collect()
+    let failed = |what: &dyn std::fmt::Display| Failure::input(format!("{}: {what}", path.display()));
+    let text = text_file::read(path, "a table (CSV) with a column resistance_ohm").map_err(|error| failed(&error))?;
+    match Delimited::new(&text).column("resistance_ohm").map_err(|what| failed(&what))? {
+        none if none.is_empty() => Err(failed(&"no resistance stands in it")),
+        resistances => Ok(resistances),
+    }
 }
 
 /// Head of the column that only a table with loads has.
@@ -278,6 +275,31 @@ fn condition(text: &mut String, stand: &Stand) {
     }
 }
 
+/// Blue, the stronger the larger this share of the best efficiency.
+fn shade(share: f64) -> ShapeStyle {
+    RGBColor(0, 114, 178).mix(share.clamp(0.0, 1.0)).filled()
+}
+
+/// Shades of the map, from a quarter of the best efficiency on.
+const SHADES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+/// Where they begin, how far they are apart, and how large they are.
+const SHADES_AT: (i32, i32) = (96, 36);
+const SHADES_APART: i32 = 100;
+const SHADE_SIZE: (i32, i32) = (24, 16);
+const MAP_LETTERS: (&str, i32) = ("sans-serif", 16);
+
+/// What the shades of the map mean, above it.
+fn shades(area: &DrawingArea<SVGBackend, Shift>, best: f64) -> Result<(), Box<dyn Error>> {
+    for (share, index) in SHADES.into_iter().zip(0..) {
+        let (left, top) = (SHADES_AT.0 + index * SHADES_APART, SHADES_AT.1);
+        let corners = [(left, top), (left + SHADE_SIZE.0, top + SHADE_SIZE.1)];
+        area.draw(&Rectangle::new(corners, shade(share)))?;
+        let percent = format!("{:.0} %", 100.0 * share * best);
+        area.draw(&Text::new(percent, (left + SHADE_SIZE.0 + 8, top), MAP_LETTERS))?;
+    }
+    Ok(())
+}
+
 /// Efficiency over voltage and torque: the darker the more, the point is the best.
 fn map(map: &EfficiencyMap) -> Result<String, Box<dyn Error>> {
     let EfficiencyMap { step_v, step_nm, points } = map;
@@ -290,15 +312,17 @@ fn map(map: &EfficiencyMap) -> Result<String, Box<dyn Error>> {
         let root = SVGBackend::with_string(&mut svg, (760, 480)).into_drawing_area();
         root.fill(&WHITE)?;
         let caption = format!(
-            "efficiency; best {:.0} % at {} V and {} Nm",
+            "efficiency at the shaft; best (point) {:.0} % at {} V and {} Nm",
             100.0 * best.efficiency,
             short(best.u_V),
             short(best.torque_Nm)
         );
+        root.draw(&Text::new(caption, (SHADES_AT.0, 8), ("sans-serif", 20)))?;
+        shades(&root, best.efficiency)?;
         let mut chart = ChartBuilder::on(&root)
             .margin(8)
+            .margin_top(SHADES_AT.1 + 2 * SHADE_SIZE.1)
             .margin_right(24)
-            .caption(caption, ("sans-serif", 20))
             .x_label_area_size(48)
             .y_label_area_size(84)
             .build_cartesian_2d(0.0..greatest_v, 0.0..greatest_nm)?;
@@ -309,13 +333,13 @@ fn map(map: &EfficiencyMap) -> Result<String, Box<dyn Error>> {
             .y_desc("torque at the shaft, Nm")
             .x_label_formatter(&axis_label)
             .y_label_formatter(&axis_label)
-            .label_style(("sans-serif", 16))
+            .label_style(MAP_LETTERS)
+            .axis_desc_style(MAP_LETTERS)
             .draw()?;
         chart.draw_series(points.iter().map(|point| {
             let (u, torque) = (point.u_V, point.torque_Nm);
             let corners = [(u - 0.5 * step_v, torque - 0.5 * step_nm), (u + 0.5 * step_v, torque + 0.5 * step_nm)];
-            let shade = (point.efficiency / best.efficiency).clamp(0.0, 1.0);
-            Rectangle::new(corners, RGBColor(0, 114, 178).mix(shade).filled())
+            Rectangle::new(corners, shade(point.efficiency / best.efficiency))
         }))?;
         chart.draw_series([Circle::new((best.u_V, best.torque_Nm), 5, BLACK.filled())])?;
         root.present()?;

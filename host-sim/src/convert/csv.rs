@@ -1,8 +1,9 @@
 //! Tables with a header line: other delimiters, decimal commas.
 
 use super::{Column, Fault, Names};
-use csv::{ReaderBuilder, WriterBuilder};
-use std::borrow::Cow;
+use crate::delimited::{self, Delimited};
+use crate::text_file;
+use csv::WriterBuilder;
 
 /// How a table is written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -13,50 +14,18 @@ pub struct Dialect {
     pub decimal_comma: bool,
 }
 
-/// The one of semicolon, tab and comma that the header line has most of.
-fn likely_delimiter(table: &[u8]) -> u8 {
-    let header = table.split(|byte| *byte == b'\n').find(|line| !line.starts_with(b"#")).unwrap_or_default();
-    let count = |delimiter: u8| header.iter().filter(|byte| **byte == delimiter).count();
-    (*b",;\t").into_iter().max_by_key(|delimiter| count(*delimiter)).unwrap_or(b',')
-}
-
-/// The delimiter that a spreadsheet's first line `sep=;` says, and what comes after that line.
-fn after_separator(text: &[u8]) -> (Option<u8>, &[u8]) {
-    let said = text.strip_prefix(b"sep=").and_then(|rest| {
-        let end = rest.iter().position(|byte| *byte == b'\n')?;
-        Some((*rest.first()?, &rest[end + 1..]))
-    });
-    said.map_or((None, text), |(delimiter, table)| (Some(delimiter), table))
-}
-
-/// The text without its byte order mark; of UTF-16, in which spreadsheets export "Unicode text", as well.
-fn in_utf_8(bytes: &[u8]) -> Result<Cow<'_, [u8]>, Fault> {
-    let from = |pair: fn([u8; 2]) -> u16, rest: &[u8]| {
-        let units: Vec<u16> = rest.chunks_exact(2).map(|unit| pair([unit[0], unit[1]])).collect();
-        let text = String::from_utf16(&units).map_err(|_| Fault::whole("begins as UTF-16, but is none"));
-        text.map(|text| Cow::Owned(text.into_bytes()))
-    };
-    match bytes {
-        [0xef, 0xbb, 0xbf, rest @ ..] => Ok(Cow::Borrowed(rest)),
-        [0xff, 0xfe, rest @ ..] => from(u16::from_le_bytes, rest),
-        [0xfe, 0xff, rest @ ..] => from(u16::from_be_bytes, rest),
-        _ => Ok(Cow::Borrowed(bytes)),
-    }
-}
-
 /// Columns that are channels, and the names of the others.
 pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column>, Vec<String>), Fault> {
-    let text = in_utf_8(bytes)?;
-    let (said, table) = after_separator(&text);
-    let delimiter = dialect.delimiter.or(said).unwrap_or_else(|| likely_delimiter(table));
-    let mut reader =
-        ReaderBuilder::new().delimiter(delimiter).comment(Some(b'#')).trim(csv::Trim::All).from_reader(table);
+    let text = text_file::decoded(bytes.to_vec()).ok_or_else(|| Fault::whole("this is no text"))?;
+    let mut table = Delimited::new(&text);
+    table.delimiter = dialect.delimiter.unwrap_or(table.delimiter);
+    let mut reader = table.reader();
     let line_fault = |error: csv::Error| {
-        let line = error.position().map_or(1, csv::Position::line);
-        let delimiter = delimiter as char;
+        let (line, delimiter, fault) =
+            (table.line(error.position()), table.delimiter as char, delimited::fault(&error));
         Fault::at(
             format_args!("line {line}"),
-            format!("{error}; values were taken apart at {delimiter:?}, another is said with --delimiter"),
+            format!("{fault}; values were taken apart at {delimiter:?}, another is said with --delimiter"),
         )
     };
     let header = reader.headers().map_err(line_fault)?.clone();
@@ -64,7 +33,7 @@ pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column
     let mut columns: Vec<Column> = header.iter().map(|name| Column { name: name.into(), values: Vec::new() }).collect();
     for row in reader.records() {
         let row = row.map_err(line_fault)?;
-        let line = row.position().map_or(0, csv::Position::line);
+        let line = table.line(row.position());
         for ((column, wanted), text) in columns.iter_mut().zip(&wanted).zip(&row) {
             if *wanted {
                 let value = number(text, dialect.decimal_comma);
@@ -80,17 +49,10 @@ pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column
     Ok((used.into_iter().map(|(column, _)| column).collect(), names))
 }
 
-/// A number; empty, `nan` and `NA` stand for a missing sample.
+/// A number, or what is wrong with it.
 pub fn number(text: &str, decimal_comma: bool) -> Result<f64, String> {
-    if text.is_empty() || text.eq_ignore_ascii_case("nan") || text == "NA" {
-        return Ok(f64::NAN);
-    }
-    let parsed = if decimal_comma { text.replace(',', ".").parse() } else { text.parse() };
     let hint = if text.contains(',') && !decimal_comma { "; for decimal commas add --decimal-comma" } else { "" };
-    parsed
-        .ok()
-        .filter(|value: &f64| value.is_finite())
-        .ok_or_else(|| format!("expected a number, found \"{text}\"{hint}"))
+    delimited::number(text, decimal_comma).ok_or_else(|| format!("expected a number, found \"{text}\"{hint}"))
 }
 
 /// A table with every digit that the numbers have.

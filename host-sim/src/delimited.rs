@@ -1,0 +1,117 @@
+//! Tables of text as spreadsheets and other programs write them: what stands between values, decimal commas, a first line
+//! `sep=;`.
+
+use csv::{Error, ErrorKind, Reader, ReaderBuilder, Trim};
+
+/// A table's text, and how it is taken apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Delimited<'a> {
+    /// What stands between values.
+    pub delimiter: u8,
+    /// From the header line on.
+    text: &'a str,
+    /// Lines before that.
+    skipped: u64,
+}
+
+impl<'a> Delimited<'a> {
+    /// What stands between values is said by a spreadsheet's first line `sep=;`, or is the one of comma, semicolon and tab that
+    /// the header line has most of.
+    pub fn new(text: &'a str) -> Self {
+        let said = text.strip_prefix("sep=").and_then(|rest| rest.split_once('\n'));
+        if let Some((sign, text)) = said
+            && let Some(&delimiter) = sign.as_bytes().first()
+        {
+            return Self { delimiter, text, skipped: 1 };
+        }
+        Self { delimiter: likely_delimiter(text), text, skipped: 0 }
+    }
+
+    /// Whether a number may have a comma in it: only semicolons leave it to the decimals.
+    pub fn has_decimal_commas(&self) -> bool {
+        self.delimiter == b';'
+    }
+
+    /// Takes it apart; lines that begin with # are left out.
+    pub fn reader(&self) -> Reader<&'a [u8]> {
+        let mut reader = ReaderBuilder::new();
+        reader.delimiter(self.delimiter).comment(Some(b'#')).trim(Trim::All).from_reader(self.text.as_bytes())
+    }
+
+    /// Line of the file, of a line that the reader counts.
+    pub fn line(&self, of_reader: Option<&csv::Position>) -> u64 {
+        of_reader.map_or(1, csv::Position::line) + self.skipped
+    }
+
+    /// The numbers of one column; missing ones are left out.
+    ///
+    /// # Errors
+    /// What is wrong, and where.
+    pub fn column(&self, name: &str) -> Result<Vec<f64>, String> {
+        let failed = |error: Error| format!("line {}: {}", self.line(error.position()), fault(&error));
+        let mut reader = self.reader();
+        let header = reader.headers().map_err(failed)?.clone();
+        let place = header.iter().position(|column| column == name).ok_or_else(|| {
+            format!("a column {name} is expected; there are {}", header.iter().collect::<Vec<_>>().join(", "))
+        })?;
+        let mut values = Vec::new();
+        for row in reader.records() {
+            let row = row.map_err(failed)?;
+            let text = row.get(place).unwrap_or_default();
+            values.push(number(text, self.has_decimal_commas()).ok_or_else(|| {
+                format!("line {}, column {name}: expected a number, found \"{text}\"", self.line(row.position()))
+            })?);
+        }
+        values.retain(|value| !value.is_nan());
+        Ok(values)
+    }
+}
+
+fn likely_delimiter(table: &str) -> u8 {
+    let header = table.lines().find(|line| !line.starts_with('#')).unwrap_or_default();
+    let count = |delimiter: &u8| header.bytes().filter(|byte| byte == delimiter).count();
+    // Of equally many the last.
+    (*b"\t;,").into_iter().max_by_key(count).unwrap_or(b',')
+}
+
+/// What is wrong with a row, without its place.
+pub fn fault(error: &Error) -> String {
+    match error.kind() {
+        ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            format!("{len} values, where the header line has {expected_len}")
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// A number; empty, `nan` and `NA` stand for a missing one.
+pub fn number(text: &str, decimal_comma: bool) -> Option<f64> {
+    if text.is_empty() || text.eq_ignore_ascii_case("nan") || text == "NA" {
+        return Some(f64::NAN);
+    }
+    let parsed = if decimal_comma { text.replacen(',', ".", 1).parse() } else { text.parse() };
+    parsed.ok().filter(|value: &f64| value.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_column_of_any_table() {
+        let read = |text: &str| Delimited::new(text).column("resistance_ohm");
+        for text in [
+            "angle_deg,resistance_ohm\n0,5.8\n20,6.1\n",
+            "# a meter\nangle_deg;resistance_ohm;\r\n0;5,8;\r\n10;;\r\n20,5;6,1;\r\n",
+            "sep=;\r\nresistance_ohm\r\n5,8\r\n6,1\r\n",
+            "angle_deg\tresistance_ohm\n0\t5.8\n20\t6.1\n",
+        ] {
+            assert_eq!(read(text).unwrap(), [5.8, 6.1], "{text}");
+        }
+        let message = |text: &str| read(text).unwrap_err();
+        assert_eq!(message("ohm,deg\n1,2\n"), "a column resistance_ohm is expected; there are ohm, deg");
+        let third = "line 3, column resistance_ohm: expected a number, found \"x\"";
+        assert_eq!(message("sep=;\nresistance_ohm\nx\n"), third);
+        assert_eq!(message("a,resistance_ohm\n1,2\n1\n"), "line 3: 1 values, where the header line has 2");
+    }
+}
