@@ -18,12 +18,14 @@ struct Sizes {
 const FILE: Sizes = Sizes { width: 900, height: 240, letters: ("sans-serif", 16) };
 /// Part of a page, as all plots of pages.
 const PAGE: Sizes = Sizes { width: PLOT_SIZE.0, height: PLOT_SIZE.1, letters: PLOT_LETTERS };
-/// Where the legend begins: over the plot, right of its axis.
-const LEGEND_LEFT: i32 = 78;
+/// Where titles and legends begin: over the plot, right of its axis.
+pub const LEGEND_LEFT: i32 = 78;
+/// Above them.
+pub const LEGEND_TOP: i32 = 8;
 /// Samples that a line shows at most.
 const MOST_POINTS: usize = 800;
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
-const COLOURS: [RGBColor; 7] = [
+pub const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
     RGBColor(0, 114, 178),
     RGBColor(230, 159, 0),
@@ -113,10 +115,11 @@ fn draw_panel<X: AsRangedCoord<Value = f64>>(
 where
     X::CoordDescType: ValueFormatter<f64>,
 {
-    let legend_height = legend(area, letters, &panel.lines)?;
+    let names = panel.lines.iter().map(|(name, _)| name.as_str()).zip(COLOURS.into_iter().cycle());
+    let below_legend = if panel.lines.len() < 2 { LEGEND_TOP } else { legend(area, letters, LEGEND_TOP, names)? };
     let mut chart = ChartBuilder::on(area)
         .margin(8)
-        .margin_top(8 + legend_height)
+        .margin_top(below_legend)
         .margin_right(24)
         .x_label_area_size(44)
         .y_label_area_size(70)
@@ -141,28 +144,31 @@ where
     Ok(())
 }
 
-/// The names of several lines above the plot, where they cover none of them; the height they take.
-fn legend(
+/// How far apart rows of letters stand.
+pub fn row_height(letters: (&str, i32)) -> i32 {
+    letters.1 + 6
+}
+
+/// The names of lines and their colours above a plot, where they cover nothing of it, from `top` on; where they end.
+pub fn legend<'a>(
     area: &DrawingArea<SVGBackend, Shift>,
     letters: (&str, i32),
-    lines: &[(String, Vec<f64>)],
+    top: i32,
+    names: impl Iterator<Item = (&'a str, RGBColor)>,
 ) -> Result<i32, Box<dyn Error>> {
-    if lines.len() < 2 {
-        return Ok(0);
-    }
-    let (row, right) = (letters.1 + 6, area.dim_in_pixel().0 as i32);
-    let (mut x, mut y) = (LEGEND_LEFT, 8);
-    for ((name, _), colour) in lines.iter().zip(COLOURS.into_iter().cycle()) {
+    let right = area.dim_in_pixel().0 as i32;
+    let (mut x, mut y) = (LEGEND_LEFT, top);
+    for (name, colour) in names {
         // Letters are about half as wide as high.
-        let width = 42 + name.chars().count() as i32 * letters.1 * 6 / 10;
+        let width = 42 + name.chars().count() as i32 * letters.1 / 2;
         if x > LEGEND_LEFT && x + width > right {
-            (x, y) = (LEGEND_LEFT, y + row);
+            (x, y) = (LEGEND_LEFT, y + row_height(letters));
         }
         area.draw(&PathElement::new([(x, y + letters.1 / 3), (x + 18, y + letters.1 / 3)], colour))?;
-        area.draw(&Text::new(name.clone(), (x + 24, y), letters))?;
+        area.draw(&Text::new(name.to_owned(), (x + 24, y), letters))?;
         x += width;
     }
-    Ok(y - 8 + row)
+    Ok(y + row_height(letters))
 }
 
 /// From the smallest to the largest value, and a little more.

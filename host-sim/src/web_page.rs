@@ -13,7 +13,8 @@ h1,h2,p,li{overflow-wrap:anywhere}code{overflow-wrap:normal}table{border-collaps
 td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}\
 .pairs{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(340px,100%),1fr));gap:0 1rem}.wide,pre{overflow-x:auto}\
 pre{background:#f4f4f4;padding:.6rem;font-size:.8rem}code{font-size:.9em}\
-@media print{@page{size:A4;margin:15mm}body{padding:0;max-width:none}h2{break-after:avoid}svg,tr{break-inside:avoid}\
+@media print{@page{size:A4;margin:15mm}body{padding:0;max-width:none}svg,tr,p,li,.pairs>div{break-inside:avoid}\
+h2,h2+p,p:has(+svg){break-after:avoid}.pairs{grid-template-columns:1fr 1fr;gap:0 .5rem}\
 .wide{overflow:visible}table{font-size:8.5pt}td,th{padding:.15rem .25rem}pre{white-space:pre-wrap;overflow-wrap:anywhere}}";
 
 /// A whole page. `body` is HTML, the title is text.

@@ -38,11 +38,20 @@ const LOOK: &str = r"JSON.stringify({
         range.selectNodeContents(part);
         return new Set([...range.getClientRects()].map(line => Math.round(line.top))).size > 1;
     }).map(part => part.textContent),
+    parted: [...document.querySelectorAll('p:has(+svg)')].filter(caption => getComputedStyle(caption).breakAfter != 'avoid')
+        .map(caption => caption.innerText),
     plots: [...document.querySelectorAll('svg')].map(svg => {
         const box = svg.getBoundingClientRect();
+        const opaque = [...svg.querySelectorAll('rect')].filter(rect => getComputedStyle(rect).fillOpacity == 1
+            && getComputedStyle(rect).fill != 'none');
+        const isWithin = (point, {x, y, width, height}) =>
+            point.x > x + 1 && point.x < x + width - 1 && point.y > y + 1 && point.y < y + height - 1;
+        const covers = (rect, line) => line.compareDocumentPosition(rect) & Node.DOCUMENT_POSITION_FOLLOWING
+            && [...line.points].some(point => isWithin(point, rect.getBBox()));
         return {
             box: [box.left, box.top, box.right, box.bottom],
             breaks: getComputedStyle(svg).breakInside,
+            covered: [...svg.querySelectorAll('polyline')].filter(line => opaque.some(rect => covers(rect, line))).length,
             lines: svg.querySelectorAll('polyline, circle, rect, path').length,
             texts: [...svg.querySelectorAll('text')].map(text => {
                 const matrix = text.getScreenCTM(), box = text.getBoundingClientRect();
@@ -61,6 +70,8 @@ struct Seen {
     texts: usize,
     cut: Vec<String>,
     broken: Vec<String>,
+    /// Captions that may stand on another sheet than their plot.
+    parted: Vec<String>,
     plots: Vec<Plot>,
 }
 
@@ -70,6 +81,8 @@ struct Plot {
     #[serde(rename = "box")]
     area: [f64; 4],
     breaks: String,
+    /// Lines that something is drawn over.
+    covered: usize,
     lines: usize,
     texts: Vec<Text>,
 }
@@ -94,6 +107,9 @@ impl Plot {
         let [left, top, right, bottom] = self.area;
         if self.lines == 0 || self.texts.is_empty() {
             faults.push("an empty plot".into());
+        }
+        if self.covered > 0 {
+            faults.push(format!("{} lines of a plot are covered", self.covered));
         }
         for (index, text) in self.texts.iter().enumerate() {
             let [l, t, r, b] = text.area;
@@ -210,6 +226,7 @@ fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String
         faults.push(format!("in print {} px wide", print.width));
     }
     faults.extend(print.cut.iter().map(|text| format!("in print cut off at the right: {text}")));
+    faults.extend(print.parted.iter().map(|caption| format!("in print \"{caption}\" may part from its plot")));
     for plot in &print.plots {
         let [left, top, right, bottom] = plot.area;
         if left < 0.0 || right > paper || bottom - top > f64::from(A4.1) || plot.breaks != "avoid" {
@@ -332,7 +349,8 @@ fn a_bad_page_is_found_bad() {
     let Some(browser) = browser() else { return };
     let files = files();
     let bad = "<html><head><title>bad</title></head><body><script>console.error('a complaint'); throw new Error('thrown')\
-        </script><img src=\"http://127.0.0.1:9/picture.png\"><svg width=\"900\" height=\"300\"><rect width=\"9\"/>\
+        </script><img src=\"http://127.0.0.1:9/picture.png\"><p>caption</p><svg width=\"900\" height=\"300\">\
+        <polyline points=\"90,90 120,110\"/><rect x=\"80\" y=\"80\" width=\"99\" height=\"99\" fill=\"white\"/>\
         <text x=\"20\" y=\"40\" font-size=\"6\">small</text><text x=\"22\" y=\"40\" font-size=\"20\">over it</text>\
         <text x=\"880\" y=\"90\">beyond the edge</text></svg>\
         <p style=\"width:60px;overflow-wrap:anywhere\"><code>friction_asymmetry</code></p></body></html>";
@@ -347,6 +365,8 @@ fn a_bad_page_is_found_bad() {
         "in each other",
         "cut off",
         "is cut:",
+        "are covered",
+        "may part from its plot",
         "within a word",
     ];
     for expected in seen {

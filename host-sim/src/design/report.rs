@@ -11,10 +11,12 @@ use super::{Design, TrialFigures, TrialWithEffects, current_sensor};
 use crate::linear::eigenvalues;
 use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
+use crate::panels::{COLOURS, LEGEND_LEFT, LEGEND_TOP, legend, row_height};
 use crate::terminal_text::{short, wrapped};
 use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, document, escaped};
 use motorbench_core::settings::Param;
 use nalgebra::Complex;
+use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use std::f64::consts::TAU;
@@ -22,9 +24,12 @@ use std::ops::Range;
 
 /// Most points of a line.
 const MAX_POINTS: usize = 800;
-/// Lines of the trial with the model's effects.
-const EFFECTS: RGBColor = RGBColor(0, 158, 115);
-const EFFECTS_CURRENT: RGBColor = RGBColor(230, 159, 0);
+/// As all plots of pages, with room for the title and two rows of names.
+const SIZE: (u32, u32) = (PLOT_SIZE.0, PLOT_SIZE.1 + 50);
+const LINEAR: RGBColor = COLOURS[1];
+const CROSSOVER: RGBColor = COLOURS[2];
+const EFFECTS: RGBColor = COLOURS[3];
+const CORE: RGBColor = COLOURS[6];
 
 /// A few lines on a design.
 pub fn summary(design: &Design) -> String {
@@ -157,12 +162,15 @@ pub fn html(
         body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n", design.law.title(), escaped(&summary(design)));
         let [gain, phase] = loop_plots(motor, design);
         let course = trials.iter().find(|(law, ..)| *law == design.law).map_or(&[][..], |(.., points)| points);
-        for plot in
-            [step_plot(motor, design, course), effort_plot(design, course), gain, phase, root_plot(motor, design)]
-        {
+        let voltage = effort_plot("Voltage on the core", "voltage, V", design, course, |point| point.u_v);
+        let current = effort_plot("Current on the core", "current, A", design, course, |point| point.i_a);
+        body += "<div class=\"pairs\">";
+        for plot in [step_plot(motor, design, course), voltage, current, gain, phase, root_plot(motor, design)] {
             // A plot is drawn into memory: nothing can fail but the plot's own logic.
-            body += &plot.unwrap_or_else(|error| format!("<p>{}</p>", escaped(&error.to_string())));
+            let plot = plot.unwrap_or_else(|error| format!("<p>{}</p>", escaped(&error.to_string())));
+            body += &format!("<div>{plot}</div>");
         }
+        body += "</div>\n";
     }
     let beyond = beyond_linear(trials, standstill);
     if !beyond.is_empty() {
@@ -189,10 +197,17 @@ impl Line {
     }
 }
 
+/// A title on white paper; where it ends.
+fn titled(root: &DrawingArea<SVGBackend, Shift>, title: &str) -> Result<i32, Box<dyn std::error::Error>> {
+    root.fill(&WHITE)?;
+    root.draw(&Text::new(title, (LEGEND_LEFT, LEGEND_TOP), PLOT_LETTERS))?;
+    Ok(LEGEND_TOP + row_height(PLOT_LETTERS))
+}
+
 /// Lines over time.
 fn over_time(title: &str, y_title: &str, drawn: &[Line]) -> Plot {
     let times = drawn.iter().flat_map(|line| line.points.iter().map(|point| point.0));
-    lines(title, "t in s", y_title, span(times, 0.0), drawn)
+    lines(title, "time, s", y_title, span(times, 0.0), drawn)
 }
 
 /// Lines over a common axis.
@@ -203,11 +218,13 @@ where
     let y = span(lines.iter().flat_map(|line| line.points.iter().map(|point| point.1)), 0.05);
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, PLOT_SIZE).into_drawing_area();
-        root.fill(&WHITE)?;
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let below_title = titled(&root, title)?;
+        let names = lines.iter().map(|line| (line.label, line.colour));
+        let below_legend = if lines.len() < 2 { below_title } else { legend(&root, PLOT_LETTERS, below_title, names)? };
         let mut chart = ChartBuilder::on(&root)
-            .caption(title, PLOT_LETTERS)
             .margin(8)
+            .margin_top(below_legend)
             .margin_right(24)
             .x_label_area_size(44)
             .y_label_area_size(72)
@@ -224,14 +241,8 @@ where
             .light_line_style(WHITE)
             .draw()?;
         for line in lines {
-            let colour = line.colour;
-            chart
-                .draw_series(LineSeries::new(line.points.iter().copied(), &colour))?
-                .label(line.label)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], colour));
+            chart.draw_series(LineSeries::new(line.points.iter().copied(), &line.colour))?;
         }
-        let labels = &mut chart.configure_series_labels();
-        labels.border_style(BLACK).background_style(WHITE).label_font(PLOT_LETTERS).draw()?;
         root.present()?;
     }
     Ok(svg)
@@ -252,29 +263,26 @@ fn step_plot(motor: &MotorParameters, design: &Design, course: &[Point]) -> Plot
     let points = &design.points;
     let mut drawn = vec![
         Line::new("reference", BLACK, points.iter().map(|point| (point.t_s, point.reference))),
-        Line::new("linear", BLUE, points.iter().zip(linear).map(|(point, value)| (point.t_s, value))),
-        Line::new("core, fixed point", RED, points.iter().map(|point| (point.t_s, output(point)))),
+        Line::new("linear", LINEAR, points.iter().zip(linear).map(|(point, value)| (point.t_s, value))),
+        Line::new("core", CORE, points.iter().map(|point| (point.t_s, output(point)))),
     ];
     if !course.is_empty() {
         let with_effects = course.iter().map(|point| (point.t_s, output(point)));
-        drawn.push(Line::new("core, with the model's effects", EFFECTS, with_effects));
+        drawn.push(Line::new("with effects", EFFECTS, with_effects));
     }
-    over_time("Step through the profile", unit(design.law), &drawn)
+    let quantity = if design.law.is_position() { "angle, rad" } else { "speed, rad/s" };
+    over_time("Step through the profile", quantity, &drawn)
 }
 
-fn effort_plot(design: &Design, course: &[Point]) -> Plot {
-    let points = &design.points;
-    let mut drawn = vec![
-        Line::new("voltage in V", BLUE, points.iter().map(|point| (point.t_s, point.u_v))),
-        Line::new("current in A", RED, points.iter().map(|point| (point.t_s, point.i_a))),
-    ];
+/// `course` as for the step.
+fn effort_plot(title: &str, y_title: &str, design: &Design, course: &[Point], of: fn(&Point) -> f64) -> Plot {
+    let line =
+        |label, colour, points: &[Point]| Line::new(label, colour, points.iter().map(|point| (point.t_s, of(point))));
+    let mut drawn = vec![line("linear motor", CORE, &design.points)];
     if !course.is_empty() {
-        let volts = course.iter().map(|point| (point.t_s, point.u_v));
-        let amperes = course.iter().map(|point| (point.t_s, point.i_a));
-        drawn.push(Line::new("voltage with the effects", EFFECTS, volts));
-        drawn.push(Line::new("current with the effects", EFFECTS_CURRENT, amperes));
+        drawn.push(line("with effects", EFFECTS, course));
     }
-    over_time("Voltage and current on the core", "V, A", &drawn)
+    over_time(title, y_title, &drawn)
 }
 
 /// The open loop's gain and its phase over the frequency, a plot each, two decades about the crossover; with the lines from
@@ -294,16 +302,16 @@ fn loop_plots(motor: &MotorParameters, design: &Design) -> [Plot; 2] {
         let ends = span(course.points.iter().map(|point| point.1), 0.0);
         let drawn = [
             Line::new(level.0, BLACK, [(first, level.1), (last, level.1)].into_iter()),
-            Line::new("crossover", EFFECTS, [(crossover_hz, ends.start), (crossover_hz, ends.end)].into_iter()),
+            Line::new("crossover", CROSSOVER, [(crossover_hz, ends.start), (crossover_hz, ends.end)].into_iter()),
             course,
         ];
-        lines(title, "frequency in Hz", y_title, (first..last).log_scale(), &drawn)
+        lines(title, "frequency, Hz", y_title, (first..last).log_scale(), &drawn)
     };
     let decibels = |point: &BodePoint| 20.0 * point.magnitude.log10();
     let degrees = |point: &BodePoint| point.phase_rad.to_degrees();
     [
-        plot("Open loop: gain", "dB", "gain", BLUE, decibels, ("0 dB", 0.0)),
-        plot("Open loop: phase", "degrees", "phase", RED, degrees, ("-180 degrees", -180.0)),
+        plot("Open loop: gain", "gain, dB", "gain", LINEAR, decibels, ("0 dB", 0.0)),
+        plot("Open loop: phase", "phase, degrees", "phase", LINEAR, degrees, ("-180 degrees", -180.0)),
     ]
 }
 
@@ -315,11 +323,11 @@ fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
     let place = |root: &Complex<f64>| (root.re, root.im);
     let mut svg = String::new();
     {
-        let root = SVGBackend::with_string(&mut svg, PLOT_SIZE).into_drawing_area();
-        root.fill(&WHITE)?;
+        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
+        let below_title = titled(&root, "Roots of the sampled loop; circles: parameters +-30 %")?;
         let mut chart = ChartBuilder::on(&root)
-            .caption("Roots of the sampled loop: red with parameters +-30 %", PLOT_LETTERS)
             .margin(8)
+            .margin_top(below_title)
             .margin_right(24)
             .x_label_area_size(44)
             .y_label_area_size(72)
@@ -337,8 +345,8 @@ fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
         let circle = (0..=200).map(|i| (TAU * f64::from(i) / 200.0).sin_cos());
         chart.draw_series(LineSeries::new(circle, &BLACK))?;
         let others = corners(motor).flat_map(|corner| roots(&corner)).collect::<Vec<_>>();
-        chart.draw_series(others.iter().map(|root| Circle::new(place(root), 2, RED)))?;
-        chart.draw_series(roots(motor).iter().map(|root| Cross::new(place(root), 4, BLUE)))?;
+        chart.draw_series(others.iter().map(|root| Circle::new(place(root), 2, CORE)))?;
+        chart.draw_series(roots(motor).iter().map(|root| Cross::new(place(root), 4, LINEAR)))?;
         root.present()?;
     }
     Ok(svg)

@@ -147,7 +147,8 @@ pub fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
         chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, AFTER.filled())))?;
         Ok(())
     });
-    format!("<div><p>{what} over {}: explains {:.0} % of it</p>{plot}</div>", dependence.on, 100.0 * dependence.share)
+    let (quantity, on, percent) = (quantity(what), dependence.on, 100.0 * dependence.share);
+    format!("<div><p>{quantity} over {on}: explains {percent:.0}&nbsp;% of it</p>{plot}</div>")
 }
 
 /// A lack over the whole of the data.
@@ -159,7 +160,12 @@ pub fn lack_over_time(data: &Dataset, lack: &Lack) -> String {
         chart.draw_series(LineSeries::new(thinned(data, &lack.values), AFTER))?;
         Ok(())
     });
-    format!("<p>{what}</p>{plot}")
+    format!("<p>{} over time</p>{plot}", quantity(what))
+}
+
+/// The name of an axis without its unit.
+fn quantity(axis: &str) -> &str {
+    axis.split_once(',').map_or(axis, |(quantity, _)| quantity)
 }
 
 fn missing(acts_on: ActsOn) -> &'static str {
