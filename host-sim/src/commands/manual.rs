@@ -63,10 +63,16 @@ pub fn man(arguments: &ManArguments) -> Result<(), Failure> {
         println!("{:#}", described(&of));
         return Ok(());
     }
-    let mut page = Vec::new();
-    clap_mangen::Man::new(of).render(&mut page).map_err(Failure::machine)?;
-    print!("{}{}", String::from_utf8_lossy(&page), exit_status());
+    print!("{}", page(of)?);
     Ok(())
+}
+
+/// The manual page of the program or a command, which has no version of its own.
+fn page(of: Command) -> Result<String, Failure> {
+    let mut page = Vec::new();
+    let source = concat!("motorbench ", env!("CARGO_PKG_VERSION"));
+    clap_mangen::Man::new(of).source(source).render(&mut page).map_err(Failure::machine)?;
+    Ok(String::from_utf8_lossy(&page).into_owned() + &exit_status())
 }
 
 /// The section of a manual page about them.
@@ -105,6 +111,17 @@ fn argument(argument: &Arg) -> Value {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_page_names_the_program_and_its_version() {
+        let mut program = command();
+        program.build();
+        for of in program.get_subcommands().chain([&program]) {
+            let page = page(of.clone()).unwrap_or_else(|failure| panic!("{}", failure.message));
+            let title = page.lines().find(|line| line.starts_with(".TH")).expect("a title");
+            assert!(title.contains(concat!("\"motorbench ", env!("CARGO_PKG_VERSION"), "\"")), "{title}");
+        }
+    }
 
     #[test]
     fn exit_codes_are_those_of_the_page() {
