@@ -44,7 +44,8 @@ pub struct Figures {
     pub peak_a: f64,
 }
 
-/// Figures of the points from a change of the reference to `to` until the next. `of`: the controlled quantity.
+/// Figures of the points from a change of the reference to `to` until the next. `of`: the controlled quantity. Where that is
+/// there already, there is no step, and nothing that only a step has.
 ///
 /// # Panics
 /// If there are fewer than two points.
@@ -52,18 +53,20 @@ pub fn step_figures(points: &[Point], of: impl Fn(&Point) -> f64, to: f64) -> Fi
     let general = tracking_figures(points, &of, "step");
     let (start_s, from, period_s) = (general.time_s, general.from, points[1].t_s - points[0].t_s);
     let size = to - from;
-    let part = |point: &Point| if size == 0.0 { 1.0 } else { (of(point) - from) / size };
+    let part = |point: &Point| (of(point) - from) / size;
     let reached = |share: f64| points.iter().find(|point| part(point) >= share).map(|point| point.t_s - start_s);
     let last_out = points.iter().rposition(|point| (part(point) - 1.0).abs() > SETTLED);
     let last = &points[points.len() - ((points.len() as f64 * LAST_PART) as usize).max(1)..];
+    let overshoot_percent = 100.0 * points.iter().map(|point| part(point) - 1.0).fold(0.0, f64::max);
+    let is_step = size != 0.0;
     Figures {
         to,
         rise_s: reached(0.1).zip(reached(0.9)).map(|(low, high)| high - low),
         settling_s: match last_out {
-            None => Some(0.0),
+            None => is_step.then_some(0.0),
             Some(index) => points.get(index + 1).map(|point| point.t_s - start_s),
         },
-        overshoot_percent: Some(100.0 * points.iter().map(|point| part(point) - 1.0).fold(0.0, f64::max)),
+        overshoot_percent: is_step.then_some(overshoot_percent),
         steady_error: Some(last.iter().map(|point| to - of(point)).sum::<f64>() / last.len() as f64),
         iae: points.iter().map(|point| (to - of(point)).abs() * period_s).sum(),
         ..general

@@ -167,6 +167,8 @@ pub struct Session<L: Line> {
     selected: usize,
     armed: bool,
     reference: f64,
+    /// What the loop on the board goes by, where that is known.
+    told: Option<f64>,
     traces: VecDeque<Sample>,
     changes: Vec<Change>,
     step: Option<Vec<Sample>>,
@@ -206,6 +208,7 @@ impl<L: Line> Session<L> {
             selected: 0,
             armed: false,
             reference,
+            told: None,
             traces: VecDeque::new(),
             changes: Vec::new(),
             step: None,
@@ -314,12 +317,13 @@ impl<L: Line> Session<L> {
     }
 
     fn play_key(&mut self, key: Key, stop: &dyn Fn() -> bool) -> Result<(), Ended> {
+        let tests = self.step_tests.len();
         self.obey(key)?;
         if key == Key::Step {
-            if self.step.is_none() {
+            self.wait(stop, |session| session.step.is_none())?;
+            if self.step_tests.len() == tests {
                 return Err(Ended::Refused(self.message.clone()));
             }
-            self.wait(stop, |session| session.step.is_none())?;
             let rest = self.tick() + (STEP_S * f64::from(self.settings.get(Param::TickRate))) as u32;
             self.wait(stop, |session| session.tick() >= rest)?;
         }
@@ -403,8 +407,14 @@ impl<L: Line> Session<L> {
         self.message = format!("reference {reference} rad/s");
         if self.armed {
             self.close_loop()?;
-            self.link.command(&format!("ref {reference}"))?;
+            self.tell(reference)?;
         }
+        Ok(())
+    }
+
+    fn tell(&mut self, reference: f64) -> Result<(), BoardError> {
+        self.link.command(&format!("ref {reference}"))?;
+        self.told = Some(reference);
         Ok(())
     }
 
@@ -420,6 +430,7 @@ impl<L: Line> Session<L> {
 
     fn enter_mode(&mut self) -> Result<(), BoardError> {
         self.way_back = WayBack::Not;
+        self.told = None;
         self.link.command(&format!("mode {}", self.tuned().mode))
     }
 
@@ -457,11 +468,20 @@ impl<L: Line> Session<L> {
             self.message = "a arms first".into();
             return Ok(());
         }
+        if self.told == Some(self.reference) {
+            self.message = self.no_step();
+            return Ok(());
+        }
         self.close_loop()?;
         self.poll()?;
         self.step = Some(Vec::new());
         self.message = "step test".into();
-        self.link.command(&format!("ref {}", self.reference))
+        self.tell(self.reference)
+    }
+
+    fn no_step(&self) -> String {
+        let reference = self.reference;
+        format!("no step: it goes by {reference} rad/s already. From rest: space, a, s; -/+ before a chooses another")
     }
 
     fn finish_step(&mut self) -> Result<(), BoardError> {
@@ -472,10 +492,14 @@ impl<L: Line> Session<L> {
         let figures = step_figures(&points[begun..], |point| point.measured_rad_per_s, self.reference);
         let TunedLoop { mode, gains } = self.tuned();
         let missing_ticks = missing_ticks(&samples[begun..]);
-        self.step_tests.push(StepTest { mode, gains: by_name(gains, &self.settings), figures, missing_ticks });
-        self.message = "step test done".into();
+        if (figures.to - figures.from).abs() < self.speed_unit() {
+            self.message = self.no_step();
+        } else {
+            self.step_tests.push(StepTest { mode, gains: by_name(gains, &self.settings), figures, missing_ticks });
+            self.message = "step test done".into();
+        }
         self.way_back = WayBack::Begun;
-        self.link.command("ref 0")
+        self.tell(0.0)
     }
 
     fn record(&mut self) -> Result<(), BoardError> {
@@ -549,8 +573,13 @@ impl<L: Line> Session<L> {
         leave_host(&mut self.link, &self.settings)
     }
 
+    /// One of the core's units of speed, in rad/s.
+    fn speed_unit(&self) -> f64 {
+        f64::from(self.settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
+    }
+
     fn point(&self, sample: &Sample) -> Point {
-        let unit = f64::from(self.settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE);
+        let unit = self.speed_unit();
         let moves = sample.state.mode().is_speed();
         let supply_v = f64::from(sample.supply) / f64::from(VOLT);
         let speed = f64::from(sample.speed) * unit;
