@@ -7,8 +7,9 @@ use std::time::Duration;
 
 /// A board that trips without its host (`trip_host`) hears of it so often.
 pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
-/// The drive stops by itself when the program is silent for longer, whatever became of it.
-pub const LOST_AFTER_MS: f32 = 500.0;
+/// The drive stops by itself when the program is silent for longer, whatever became of it. No round number: a board that has it
+/// has it of a program that was killed and could not take it back.
+pub const LOST_AFTER_MS: f32 = 501.0;
 
 /// Something that runs the firmware, with its binary stream on.
 pub trait Board {

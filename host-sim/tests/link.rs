@@ -122,6 +122,8 @@ impl Fake {
                 let lines: String = Param::ALL.iter().map(line).collect();
                 self.say(&(lines + "ok\r\n"));
             }
+            // Nothing had changed: all is saved at once.
+            "save" => self.say("ok\r\n# saved\r\n"),
             "nonsense" => self.say("error: unknown command, see help\r\n"),
             _ => self.say("ok\r\n"),
         }
@@ -159,6 +161,22 @@ fn recorded(fault: Fault) -> (Record, Arc<Mutex<String>>) {
     let mut link = Link::start(fake).unwrap();
     let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| false, &mut |_| Ok(()));
     (record, heard)
+}
+
+/// An answer belongs to one line, and what the board says of its own is none.
+#[test]
+fn no_answer_is_missed() {
+    let mut link = Link::start(Fake::new(Fault::None).0).unwrap();
+    link.save().unwrap();
+    assert_eq!(link.ask("version").unwrap().len(), 1);
+    let refused = |link: &mut Link<Fake>, line: &str| match link.ask(line) {
+        Err(BoardError::Refused { reply, .. }) => reply,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(refused(&mut link, "nonsense"), "error: unknown command, see help");
+    for two in ["nonsense\nversion", "nonsense\rversion"] {
+        assert!(refused(&mut link, two).starts_with("error: more than one line"));
+    }
 }
 
 #[test]

@@ -194,6 +194,10 @@ fn what_is_sent_is_read_back_and_what_is_wrong_is_named() {
     assert_eq!((&sent["settings_read_back"], &sent["saved"]), (&3.into(), &false.into()));
     let shown = board.run("connect", &["show speed_ki"]);
     assert!(text(&shown.stdout).starts_with("speed_ki 3.96 "), "{}", text(&shown.stdout));
+    // A text of several lines is as many lines, each with its answer.
+    let both = board.run("connect", &["show speed_ki\r\nnonsense\nversion\n"]);
+    assert_eq!((both.status.code(), text(&both.stdout)), (Some(1), text(&shown.stdout)));
+    assert!(text(&both.stderr).contains("refuses `nonsense`"), "{}", text(&both.stderr));
     let shown: serde_json::Value =
         serde_json::from_slice(&board.run("connect", &["--json", "show speed_ki"]).stdout).unwrap();
     assert!(shown["reply"][0].as_str().unwrap().starts_with("speed_ki 3.96 "), "{shown}");
@@ -201,6 +205,15 @@ fn what_is_sent_is_read_back_and_what_is_wrong_is_named() {
     let refused = board.run("send", &["gains.txt"]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(text(&refused.stderr).contains("gains.txt, line 2"), "{}", text(&refused.stderr));
+    // As an editor elsewhere writes it, and without a setting.
+    std::fs::write(&gains, "\u{feff}arm\r\nmode speed\r\nref 20\r\n").unwrap();
+    let drive = board.run("send", &["gains.txt"]);
+    let expected = format!(
+        "3 lines sent to {}, each answered by ok; no setting is among them\nthe drive is off again: it stays on while connect, tune or record has the board\n",
+        board.port().display()
+    );
+    assert_eq!((drive.status.code(), text(&drive.stdout)), (Some(0), expected), "{}", text(&drive.stderr));
+    board.motor_is_off();
 }
 
 #[test]
@@ -326,6 +339,10 @@ fn a_lost_host_is_not_mistaken_for_a_busy_one() {
     killed.kill().unwrap();
     killed.wait().unwrap();
     board.trips_by_itself();
+    // What the dead one has left does not pass for the board's own.
+    let next = board.run("connect", &["show trip_host"]);
+    assert_eq!(text(&next.stdout), before);
+    assert!(text(&next.stderr).contains("a program that was killed"), "{}", text(&next.stderr));
 }
 
 #[test]
@@ -789,6 +806,13 @@ fn a_tuning_session_without_a_person() {
     // Both begin at rest with an integral of zero: the rise from 10 % hangs on it, the way to there on the gain.
     let errors = [0, 1].map(|test: usize| tests[test]["tracking_rms"].as_f64().unwrap());
     assert!(errors[1] < errors[0], "more gain follows closer: {account}");
+
+    let (done, account) = session(&board, "a s + s");
+    assert_eq!((done.status.code(), account["step_tests"].as_array().unwrap().len()), (Some(1), 1), "{account}");
+    assert!(text(&done.stderr).contains("no step: it goes by 35 rad/s already"), "{}", text(&done.stderr));
+
+    let done = board.run("tune", &["--reference", "0", "--keys", "a s"]);
+    assert!(text(&done.stderr).contains("no step: it goes by 0 rad/s already"), "{}", text(&done.stderr));
 
     let (done, account) = session(&board, "tab right + down");
     for did in ["more       lqr_speed_kw 0.", "higher     reference 35 rad/s", "down       lqr_speed_kc 0."] {

@@ -3,7 +3,7 @@
 use super::files::{beside, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, bar, cannot_write, read_rig, write};
-use crate::board::{Board, BoardError, leave_host, limit, trip_named, watch_host};
+use crate::board::{Board, BoardError, LOST_AFTER_MS, leave_host, limit, trip_named, watch_host};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
@@ -49,8 +49,21 @@ impl PortArguments {
             Some(name) => name.clone(),
             None => only_board().map_err(Failure::machine)?,
         };
-        Ok((open(&name)?, name))
+        let mut link = open(&name)?;
+        take_back_watch(&mut link)?;
+        Ok((link, name))
     }
+}
+
+/// Switches off the `trip_host` that a program has left which was killed while it had the motor: else it would pass for the
+/// board's own.
+fn take_back_watch(link: &mut Link<Port>) -> Result<(), BoardError> {
+    if link.shows("trip_host")? != Some(LOST_AFTER_MS) {
+        return Ok(());
+    }
+    link.command("set trip_host 0")?;
+    eprintln!("trip_host is 0 again: a program that was killed had left it at {LOST_AFTER_MS} ms");
+    Ok(())
 }
 
 /// Lists the serial ports and says which are boards.
@@ -522,17 +535,16 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
             .map_err(|error| Failure::input(format!("{}: {error}", arguments.file.display())))?
     };
     let (mut link, name) = arguments.port.open()?;
-    let lines = text.lines().map(str::trim).zip(1..);
-    let mut sent = 0;
-    for (line, number) in lines.filter(|(line, _)| !line.is_empty() && !line.starts_with('#')) {
+    let lines = console_lines(&text);
+    for (line, number) in &lines {
         link.command(line)
             .map_err(|error| Failure::input(format!("{}, line {number}: {error}", arguments.file.display())))?;
-        sent += 1;
     }
-    let checked = read_back(&mut link, &text)?;
+    let checked = read_back(&mut link, lines.iter().map(|(line, _)| *line))?;
     if arguments.save {
         link.save()?;
     }
+    let sent = lines.len();
     if arguments.json {
         let sent = serde_json::json!({
             "port": name, "lines": sent, "settings_read_back": checked, "saved": arguments.save
@@ -540,15 +552,25 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
         println!("{sent}");
         return Ok(());
     }
-    println!(
-        "{sent} lines sent to {name}, {checked} settings read back{}",
-        if arguments.save { ", saved" } else { "" }
-    );
-    if !stdin().is_terminal() || arguments.save {
-        return Ok(());
+    let confirmed = match checked {
+        0 => "each answered by ok; no setting is among them".into(),
+        checked => format!("{checked} settings read back"),
+    };
+    println!("{sent} lines sent to {name}, {confirmed}{}", if arguments.save { ", saved" } else { "" });
+    if lines.iter().any(|(line, _)| *line == "arm") {
+        println!("the drive is off again: it stays on while connect, tune or record has the board");
     }
-    println!("they are lost at the next reset: --save keeps them");
+    if checked > 0 && stdin().is_terminal() && !arguments.save {
+        println!("they are lost at the next reset: --save keeps them");
+    }
     Ok(())
+}
+
+/// What a file has for the console, with the numbers of its lines.
+fn console_lines(text: &str) -> Vec<(&str, u32)> {
+    let lines =
+        text.lines().zip(1..).flat_map(|(line, number)| link::lines(line).map(move |line| (line.trim(), number)));
+    lines.filter(|(line, _)| !line.is_empty() && !line.starts_with('#')).collect()
 }
 
 /// What is sent to the board has no check sum.
@@ -561,10 +583,10 @@ fn reads_back(settings: &Settings, name: &str, sent: f32) -> Result<(), Failure>
 }
 
 /// Compares every setting that was sent with what the board shows, to the three digits it prints.
-fn read_back(link: &mut Link<Port>, text: &str) -> Result<usize, Failure> {
+fn read_back<'a>(link: &mut Link<Port>, lines: impl Iterator<Item = &'a str>) -> Result<usize, Failure> {
     let settings = link.settings()?;
     let mut checked = 0;
-    for line in text.lines().filter_map(|line| line.trim().strip_prefix("set ")) {
+    for line in lines.filter_map(|line| line.strip_prefix("set ")) {
         let words: Vec<&str> = line.split_whitespace().collect();
         for pair in words.chunks_exact(2) {
             let Ok(sent) = pair[1].parse::<f32>() else { continue };

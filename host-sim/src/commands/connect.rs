@@ -4,7 +4,7 @@ use super::Failure;
 use super::board::{PortArguments, on_interrupt, typed_lines};
 use crate::board::{Board as _, BoardError, LOST_AFTER_MS, cause, words};
 use crate::link::port::Port;
-use crate::link::{Link, VERSION};
+use crate::link::{self, Link, VERSION};
 use clap::Args;
 use motorbench_core::message::Trip;
 use std::io::{Write as _, stderr};
@@ -81,7 +81,7 @@ struct Console {
 impl Console {
     /// The lines that were given.
     fn carry_out(&mut self, lines: &[String], stopped: &AtomicBool) -> Result<(), Failure> {
-        for line in lines {
+        for line in lines.iter().flat_map(|text| single_lines(text)) {
             if stopped.load(Ordering::Relaxed) {
                 return Err(BoardError::Interrupted.into());
             }
@@ -163,7 +163,7 @@ impl Console {
         if !self.armed || self.watch != Watch::Unknown {
             return Ok(());
         }
-        if is_off(&self.link.ask("show trip_host")?) {
+        if self.link.shows("trip_host")? == Some(0.0) {
             match self.link.command(&format!("set trip_host {LOST_AFTER_MS}")) {
                 Ok(()) => self.watch = Watch::Set,
                 // Settings are being saved: later.
@@ -215,14 +215,14 @@ impl Drop for Console {
     }
 }
 
+/// The lines of an argument, which may be a file's text; an empty one, which stops the motor, only where there is no other.
+fn single_lines(text: &str) -> impl Iterator<Item = &str> {
+    let is_empty = text.trim().is_empty();
+    link::lines(text).filter(move |line| is_empty || !line.trim().is_empty())
+}
+
 /// Why a line is not passed on.
 fn not_here(line: &str) -> Option<String> {
     let command = line.split_whitespace().next().filter(|command| OF_THE_STREAM.contains(command))?;
     Some(format!("{command} {NOT_HERE}"))
-}
-
-/// Whether the board shows a setting that is 0.
-fn is_off(shown: &[String]) -> bool {
-    let value = shown.first().and_then(|line| line.split_whitespace().nth(1)?.parse::<f64>().ok());
-    value.is_some_and(|value| value == 0.0)
 }

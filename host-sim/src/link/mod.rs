@@ -38,6 +38,8 @@ const KEPT_ALIVE: Duration = Duration::from_millis(50);
 /// The greeting of a board that begins: two lines outside of any frame.
 const GREETING: &[u8] = b"# motorbench ";
 const GREETING_CAUSE: &[u8] = b"# reset: ";
+/// What the board says of its own, some time after the answer to `save`.
+const SAVED: &str = "# saved\n";
 /// Longer than the greeting, and than any frame.
 const OUTSIDE: usize = 256;
 /// Firmware and program understand each other within one version of the protocol.
@@ -210,6 +212,10 @@ impl<L: Line> Link<L> {
     /// # Errors
     /// [`BoardError`].
     pub fn ask(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
+        if lines(line).nth(1).is_some() {
+            let reply = "error: more than one line, of which each has its own answer".into();
+            return Err(BoardError::Refused { line: line.into(), reply });
+        }
         self.late_answers()?;
         self.say(line)?;
         let (begun, tick) = (Instant::now(), self.last_tick);
@@ -258,11 +264,13 @@ impl<L: Line> Link<L> {
         ticks < within && self.heard.elapsed() < ANSWER && begun.elapsed() < ANSWER_AT_MOST
     }
 
-    /// The answer, once it is whole.
+    /// The answer, once it is whole: it ends with the last line. An error before that belongs to what a damaged line had left at
+    /// the board, and what the board says of its own may follow.
     fn answer(&self, line: &str) -> Option<Result<Vec<String>, BoardError>> {
-        let last = self.reply.ends_with('\n').then(|| self.reply.lines().last())??;
+        let reply = self.reply.strip_suffix(SAVED).unwrap_or(&self.reply);
+        let last = reply.ends_with('\n').then(|| reply.lines().last())??;
         if last == "ok" {
-            let lines = self.reply.lines().filter_map(|line| line.strip_prefix("# "));
+            let lines = reply.lines().filter_map(|line| line.strip_prefix("# "));
             return Some(Ok(lines.map(str::to_owned).collect()));
         }
         let refused = || Err(BoardError::Refused { line: line.into(), reply: last.into() });
@@ -286,7 +294,7 @@ impl<L: Line> Link<L> {
     pub fn save(&mut self) -> Result<(), BoardError> {
         self.command("save")?;
         let end = Instant::now() + ANSWER;
-        while !self.reply.lines().any(|line| line == "# saved") {
+        while !self.reply.contains(SAVED) {
             if Instant::now() > end {
                 return Err(BoardError::Failed("the board does not say that the settings are saved".into()));
             }
@@ -308,6 +316,15 @@ impl<L: Line> Link<L> {
             }
         }
         Err(damaged_line(self.decoder.damaged, "the settings do not come whole"))
+    }
+
+    /// The value that the board shows of one setting.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn shows(&mut self, setting: &str) -> Result<Option<f32>, BoardError> {
+        let shown = self.ask(&format!("show {setting}"))?;
+        Ok(shown.first().and_then(|line| line.split(' ').nth(1)?.parse().ok()))
     }
 
     fn shown(&mut self) -> Result<Settings, BoardError> {
@@ -393,6 +410,11 @@ impl<L: Line> Link<L> {
             "the connection is gone ({error}): plug the board in again; set `trip_host` and the drive stops by itself in such a case"
         ))
     }
+}
+
+/// A text taken apart where the console ends a line.
+pub fn lines(text: &str) -> impl Iterator<Item = &str> {
+    text.split(['\r', '\n'])
 }
 
 /// What the firmware says of its version.
