@@ -34,7 +34,8 @@ pub fn explained(error: &toml::de::Error) -> String {
     let text = error.to_string();
     let mut names = error.message().split('`').skip(1).step_by(2);
     let meant = names.next().filter(|_| error.message().starts_with("unknown ")).and_then(|key| nearest(key, names));
-    let advice = meant.map(|meant| format!("did you mean `{meant}`?")).or_else(|| number_advice(error.message()));
+    let meant = meant.map(|meant| format!("did you mean `{meant}`?"));
+    let advice = meant.or_else(|| number_advice(error.message())).or_else(|| point_advice(error.message(), &text));
     match advice {
         Some(advice) => format!("{}\n{advice}\n", text.trim_end()),
         None => text,
@@ -50,6 +51,14 @@ fn number_advice(message: &str) -> Option<String> {
     let digits = text.trim().split(char::is_whitespace).next()?.replace(',', ".");
     let example = digits.parse().ok().filter(|value: &f64| value.is_finite()).map(|_| format!(": {digits}"));
     Some(format!("write a number without its unit and without quotes{}", example.unwrap_or_default()))
+}
+
+/// What to write in place of a number with a decimal comma; `shown`: the line with the error.
+fn point_advice(message: &str, shown: &str) -> Option<String> {
+    let value = shown.lines().find_map(|line| line.rsplit_once('='))?.1.trim();
+    let number = value.replacen(',', ".", 1);
+    let is_one = message.starts_with("unexpected key or value") && number != value && number.parse::<f64>().is_ok();
+    is_one.then(|| format!("write a decimal point: {number}"))
 }
 
 /// ` (did you mean …?)`, or nothing.
@@ -74,6 +83,14 @@ mod tests {
         ] {
             assert_eq!(nearest(typed, known), meant, "{typed}");
         }
+    }
+
+    #[test]
+    fn a_decimal_comma_is_named() {
+        let explained = |text: &str| explained(&toml::from_str::<toml::Table>(text).unwrap_err());
+        let comma = explained("[motor]\nresistance_ohm = 5,84\n");
+        assert!(comma.contains("line 2") && comma.ends_with("write a decimal point: 5.84\n"), "{comma}");
+        assert!(!explained("resistance_ohm = 5 ohm\n").contains("point"));
     }
 
     #[test]

@@ -204,7 +204,10 @@ impl Recording {
                 "this is a folder; a recording (CSV) is expected, and diagnose takes all in a folder with --batch";
             return Err(RecordingError::Table { name, message: message.into() });
         }
-        let file = std::fs::File::open(path).map_err(|source| RecordingError::Read { name: name.clone(), source })?;
+        let file = std::fs::File::open(path).map_err(|error| {
+            let source = text_file::explained(path, error);
+            RecordingError::Read { name: name.clone(), source }
+        })?;
         if let Some(format) = text_file::other_format(path, "CSV") {
             let message = format!(
                 "this is {format}; a recording (CSV) is expected, and `motorbench convert` makes one of other formats"

@@ -126,6 +126,7 @@ const TABLE: &[Row] = &[
             (&["none.csv", "--rig", "rig.toml"], 1, "none.csv"),
             (&["bad.csv", "--rig", "rig.toml"], 1, "bad.csv"),
             (&["run.csv", "--rig", "bad.toml"], 1, "bad.toml"),
+            (&["none.csv"], 1, "none.csv: there is no such file; beside it are bad.csv, "),
             (&["run.csv", "--rig", "junk.csv"], 1, "junk.csv: this is no text; a rig file (TOML) is expected"),
             (&[".", "--rig", "rig.toml"], 1, "this is a folder; a recording (CSV) is expected"),
             (&["run.csv", "--rig", "."], 1, "this is a folder; a rig file (TOML) is expected"),

@@ -281,7 +281,7 @@ fn finish(
     let side = write_beside(arguments, done, firmware, played, nominal);
     match &side {
         Ok(side) if arguments.json => print!("{side}"),
-        _ if arguments.json => {}
+        _ if arguments.json || done.samples.is_empty() => {}
         _ => report(arguments, done),
     }
     // How it ended comes before what cannot be written any more.
@@ -462,11 +462,9 @@ fn report(arguments: &RecordArguments, done: &Record) {
         println!("on the line {lost_frames} frames were lost, of them {damaged_frames} damaged:");
         println!("a shorter cable, another USB port, no hub; or a computer that was too busy");
     }
-    if !done.samples.is_empty() {
-        let covered = done.coverage();
-        println!("{covered}");
-        covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
-    }
+    let covered = done.coverage();
+    println!("{covered}");
+    covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
 }
 
 /// What a person would do next.
@@ -534,8 +532,14 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
         text_file::read(&arguments.file, "a file of lines for the console")
             .map_err(|error| Failure::input(format!("{}: {error}", arguments.file.display())))?
     };
-    let (mut link, name) = arguments.port.open()?;
     let lines = console_lines(&text);
+    if lines.is_empty() {
+        let file = arguments.file.display();
+        return Err(Failure::input(format!(
+            "{file}: there is no line for the console in it, as `set speed_kp 0.05` is one"
+        )));
+    }
+    let (mut link, name) = arguments.port.open()?;
     for (line, number) in &lines {
         link.command(line)
             .map_err(|error| Failure::input(format!("{}, line {number}: {error}", arguments.file.display())))?;

@@ -3,6 +3,7 @@
 use super::{Failure, Outputs, is_terminal, terminal, write};
 use crate::convert::{self, Dialect, Format, Mapping, Names};
 use crate::recording::Channel;
+use crate::text_file;
 use clap::Args;
 use std::path::{Path, PathBuf};
 
@@ -81,7 +82,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let json = terminal(arguments.json);
     let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&json))?;
     let name = arguments.source.display().to_string();
-    let bytes = std::fs::read(&arguments.source).map_err(|error| Failure::input(format!("{name}: {error}")))?;
+    let bytes = std::fs::read(&arguments.source)
+        .map_err(|error| Failure::input(format!("{name}: {}", text_file::explained(&arguments.source, error))))?;
     let dialect = Dialect { delimiter: arguments.delimiter, decimal_comma: arguments.decimal_comma };
     let converted =
         convert::read(&name, &bytes, from, &Names(arguments.names.clone()), dialect).map_err(Failure::input)?;

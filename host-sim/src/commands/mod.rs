@@ -29,9 +29,10 @@ use crate::picture::{self, Format};
 use crate::rig::Rig;
 use crate::scenario::Scenario;
 use crate::text_file;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches as _, Parser, Subcommand};
 use files::{Outputs, beside, is_terminal, terminal};
 use indicatif::{ProgressBar, ProgressStyle};
+use ratatui::crossterm::terminal::window_size;
 use serde::Serialize;
 use std::any::Any;
 use std::fmt::Display;
@@ -113,6 +114,19 @@ pub fn command() -> clap::Command {
     Program::command()
 }
 
+/// Columns that the help takes to stand beside the options.
+const BESIDE_OPTIONS: u16 = 60;
+
+/// The command line on a terminal of so many columns: on a narrow one the help stands below the options.
+fn command_on(columns: u16) -> clap::Command {
+    command().next_line_help(columns < BESIDE_OPTIONS)
+}
+
+/// Those of the terminal; where it does not tell them, or is none, enough.
+fn columns() -> u16 {
+    window_size().map(|window| window.columns).ok().filter(|columns| *columns > 0).unwrap_or(u16::MAX)
+}
+
 /// Runs the program with the arguments of this process.
 pub fn main() -> ExitCode {
     let usual = panic::take_hook();
@@ -121,7 +135,8 @@ pub fn main() -> ExitCode {
             usual(information);
         }
     }));
-    let result = panic::catch_unwind(|| match Program::try_parse() {
+    let parsed = || Program::from_arg_matches(&command_on(columns()).try_get_matches()?);
+    let result = panic::catch_unwind(|| match parsed() {
         Ok(program) => run(program).map(|()| ExitCode::SUCCESS),
         Err(error) => {
             error.print().or_else(|error| cannot_print(&error))?;
@@ -298,4 +313,18 @@ fn bar(length: u64) -> ProgressBar {
     let bar = ProgressBar::new(length);
     bar.set_style(ProgressStyle::with_template("{bar:40} {percent} % {elapsed}").expect("a constant that is right"));
     bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn help_fits_a_narrow_terminal() {
+        let asked = command_on(40).term_width(40).try_get_matches_from(["motorbench", "connect", "--help"]);
+        let help = asked.expect_err("help").to_string();
+        let options = help.split_once("Options:").expect("options").1.split_once("Examples:").expect("examples").0;
+        assert!(options.lines().all(|line| line.chars().count() <= 40), "{help}");
+        assert!(options.lines().count() < 25, "{help}");
+    }
 }
