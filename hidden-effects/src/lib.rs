@@ -22,7 +22,7 @@ pub enum Effect {
     /// T = `torque_Nm` sign(w). Geared and brushed motors of this size lie in the range.
     CoulombFriction,
     /// Coulomb friction and 40 to 120 % of it on top near standstill, gone over 1.5 to 5 % of full speed.
-    /// T = `excess_torque_Nm` exp(-(w / `stribeck_speed_rad_per_s`)^2) sign(w).
+    /// T = `excess_torque_Nm` exp(-(w / `stribeck_speed_rad_per_s`)^2) sign(w); in three of ten without the square.
     StribeckFriction,
     /// Coulomb friction, 15 to 45 % of it more one way and less the other.
     /// `difference_Nm`: level forward less level backward, as brushes set off the neutral line give.
@@ -57,7 +57,8 @@ pub enum Effect {
     /// current, as behind an amplifier, half of those over a knee of 0.2 to 2 % of the greatest current.
     VoltageDrop,
     /// A supply with an inner resistance of 10 to 40 % of the winding's.
-    /// u = duty (supply - `resistance_ohm` duty i).
+    /// u = duty (supply - `resistance_ohm` duty i) behind a capacitor; in three of ten, without one (`within_pulses`), its whole
+    /// current flows while a pulse lasts: u = duty (supply - `resistance_ohm` i sign(duty)).
     SupplySag,
     /// The winding's resistance rises by 15 to 45 % in the course of the recording.
     /// Copper, 0.393 %/K: R (1 + x) with `time_constant_s` dx/dt = `rise_per_W` P - x, P the power lost in the winding.

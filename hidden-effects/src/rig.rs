@@ -12,6 +12,10 @@ const PWM_PERIOD_S: f64 = 50e-6;
 /// Of the Uno's timers, prescaled by eight: phase correct and fast.
 const UNO_PERIODS_S: [f64; 2] = [255e-6, 128e-6];
 const DIODE_V: f64 = 1.0;
+/// Of soft supplies, those that have none.
+const WITHOUT_CAPACITOR_SHARE: f64 = 0.3;
+/// Of frictions that fall off from rest, those that do it exponentially.
+const TUSTIN_SHARE: f64 = 0.3;
 /// The supply's capacitor evens out the pulses.
 const SUPPLY_SMOOTHING_S: f64 = 0.5e-3;
 /// Copper and its surroundings: share of resistance a kelvin.
@@ -32,6 +36,8 @@ pub struct Hidden {
     coulomb_nm: f64,
     excess_nm: f64,
     stribeck_speed: f64,
+    /// Of the ratio to the Stribeck speed: 2, or 1 (Tustin).
+    stribeck_power: i32,
     asymmetry_nm: f64,
     warmup_share: f64,
     warmup_s: f64,
@@ -56,6 +62,8 @@ pub struct Hidden {
     drop_averaged: bool,
     drop_knee_a: f64,
     sag_ohm: f64,
+    /// No capacitor: the supply gives the motor's whole current while a pulse lasts.
+    sags_in_pulses: bool,
     heating_k_per_w: f64,
     heating_s: f64,
     coasts: bool,
@@ -218,6 +226,7 @@ impl Bench {
             Effect::StribeckFriction => {
                 hidden.excess_nm = between(0.4, 1.2) * hidden.coulomb_nm;
                 hidden.stribeck_speed = random.random_range(0.015..0.05) * self.top_speed;
+                hidden.stribeck_power = if phase < TUSTIN_SHARE * TAU { 1 } else { 2 };
                 vec![("excess_torque_Nm", hidden.excess_nm), ("stribeck_speed_rad_per_s", hidden.stribeck_speed)]
             }
             Effect::FrictionAsymmetry => {
@@ -278,7 +287,8 @@ impl Bench {
             }
             Effect::SupplySag => {
                 hidden.sag_ohm = between(0.1, 0.4) * self.motor.resistance_ohm;
-                vec![("resistance_ohm", hidden.sag_ohm)]
+                hidden.sags_in_pulses = phase < WITHOUT_CAPACITOR_SHARE * TAU;
+                vec![("resistance_ohm", hidden.sag_ohm), ("within_pulses", f64::from(hidden.sags_in_pulses))]
             }
             Effect::WindingHeating => {
                 // Mean dissipation of the sequences is about a twelfth of that at standstill.
@@ -426,7 +436,8 @@ impl Bench {
             Switch::Reverse => -self.current_a,
             Switch::Short | Switch::Off => 0.0,
         };
-        self.drawn_a += dt / SUPPLY_SMOOTHING_S * (draw_a - self.drawn_a);
+        let share = if self.hidden.sags_in_pulses { 1.0 } else { dt / SUPPLY_SMOOTHING_S };
+        self.drawn_a += share * (draw_a - self.drawn_a);
     }
 
     fn electrical(&mut self, duty: f64, dt: f64) {
@@ -436,7 +447,8 @@ impl Bench {
 
     /// Supply voltage while it drives with this duty.
     fn supply_under(&self, duty: f64) -> f64 {
-        if self.dropped_out() { 0.0 } else { self.supply_v - self.hidden.sag_ohm * duty * self.current_a }
+        let drawn = if self.hidden.sags_in_pulses { duty.signum() } else { duty };
+        if self.dropped_out() { 0.0 } else { self.supply_v - self.hidden.sag_ohm * drawn * self.current_a }
     }
 
     fn armature(&mut self, source_v: f64, drop_v: f64, dt: f64) {
@@ -570,7 +582,7 @@ impl Bench {
     fn dry_level(&self, direction: f64) -> f64 {
         let hidden = &self.hidden;
         let excess = if hidden.excess_nm > 0.0 {
-            hidden.excess_nm * (-(self.speed / hidden.stribeck_speed).powi(2)).exp()
+            hidden.excess_nm * (-(self.speed / hidden.stribeck_speed).abs().powi(hidden.stribeck_power)).exp()
         } else {
             0.0
         };

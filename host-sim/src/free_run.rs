@@ -19,6 +19,8 @@ const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 
 /// Recorded times are rounded: steps that differ by less are of one length.
 const SAME_LENGTH_S: f64 = 1e-9;
+/// A winding whose time constant is longer than an interval over this lets the current go on as a parabola.
+const LEAST_BENT: f64 = 0.01;
 /// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
 const NEWTON_STEPS: usize = 12;
 const NEWTON_CLOSENESS: f64 = 1e-3;
@@ -99,7 +101,7 @@ pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
 /// Reads a motion with the sensors of the model.
 pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     if data.current_window_s > 0.0 {
-        motion.current_a = mean_current(&motion, data);
+        motion.current_a = mean_current(model, &motion, data);
     }
     for term in model.terms.iter().filter(|term| !term.effect.acts_on_motor()) {
         for stretch in &data.stretches {
@@ -118,19 +120,20 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
 }
 
 /// The current as a mean over the window before each row.
-fn mean_current(motion: &Motion, data: &Dataset) -> Vec<f64> {
+fn mean_current(model: &Model, motion: &Motion, data: &Dataset) -> Vec<f64> {
+    let winding_s = model.motor.inductance_h / model.motor.resistance_ohm;
     let mut means = motion.current_a.clone();
     for Stretch { rows, .. } in &data.stretches {
         for (mean_a, row) in means[rows.clone()].iter_mut().zip(rows.clone()).skip(1) {
-            *mean_a = mean_current_before(motion, &data.time_s, rows.start..row, data.current_window_s);
+            *mean_a = mean_current_before(motion, &data.time_s, rows.start..row, data.current_window_s, winding_s);
         }
     }
     means
 }
 
 /// Mean current over the last `window_s` of some rows and the one after them, or all of that where it is shorter. Between two
-/// rows the current is a parabola with the right mean.
-fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, window_s: f64) -> f64 {
+/// rows the current settles with the winding's time constant while what it settles to goes on evenly, with the right mean.
+fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, window_s: f64, winding_s: f64) -> f64 {
     let (mut charge, mut length_s) = (0.0, 0.0);
     for first in rows.rev() {
         if length_s >= window_s {
@@ -140,11 +143,29 @@ fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, wind
         let interval_s = time_s[last] - time_s[first];
         let share = ((window_s - length_s) / interval_s).min(1.0);
         let rise_a = motion.current_a[last] - motion.current_a[first];
-        let bulge_a = 6.0 * motion.bulge_a[last] * (0.5 - share / 3.0) * share;
-        charge += share * interval_s * (motion.current_a[last] - 0.5 * share * rise_a + bulge_a);
+        let even_a = motion.current_a[last] - 0.5 * share * rise_a;
+        charge += interval_s * (share * even_a + motion.bulge_a[last] * of_bulge(interval_s / winding_s, share));
         length_s += share * interval_s;
     }
     charge / length_s
+}
+
+/// How much of the area between a curve that settles within an interval, which lasts `constants` of its time constants, and
+/// the straight line between its ends lies in the last `share` of the interval.
+fn of_bulge(constants: f64, share: f64) -> f64 {
+    if share >= 1.0 {
+        return 1.0;
+    }
+    if constants < LEAST_BENT {
+        return (3.0 - 2.0 * share) * share * share;
+    }
+    let left = (-constants).exp();
+    // From the place to the end, of exp(-constants s) - 1 + s (1 - left).
+    let after = |place: f64| {
+        let settling = ((-constants * place).exp() - left) / constants;
+        settling - (1.0 - place) + 0.5 * (1.0 - place * place) * (1.0 - left)
+    };
+    after(1.0 - share) / after(0.0)
 }
 
 fn mean_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
@@ -180,7 +201,7 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
             };
             let before = speed_rad_per_s;
             let terms = Balance { torque_nm: torque_nm(&at), ..Balance::default() };
-            (current_a, speed_rad_per_s) = step.take(current_a, before, 0.0, at.open, &terms);
+            Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, 0.0, at.open, &terms);
             if at.speed_rad_per_s == 0.0 && motion.speed_rad_per_s[next] == 0.0 {
                 speed_rad_per_s = 0.0;
             }
@@ -227,7 +248,20 @@ pub struct LinearStep {
     inverse_gains: [f64; 2],
     resistance_ohm: f64,
     torque_constant_nm_per_a: f64,
+    /// Of the winding, over a step.
+    inductance_over_step_ohm: f64,
     step_s: f64,
+}
+
+/// Where a step leads.
+#[derive(Clone, Copy, Debug)]
+pub struct Reached {
+    /// Current at its end.
+    pub current_a: f64,
+    /// Speed at its end.
+    pub speed_rad_per_s: f64,
+    /// Mean of the current on the way.
+    pub mean_a: f64,
 }
 
 impl LinearStep {
@@ -254,6 +288,7 @@ impl LinearStep {
             inverse_gains,
             resistance_ohm: motor.resistance_ohm,
             torque_constant_nm_per_a: k,
+            inductance_over_step_ohm: l / step_s,
             step_s,
         }
     }
@@ -283,10 +318,11 @@ impl LinearStep {
 
     /// Current and speed at the end of the step.
     #[inline]
-    pub fn take(&self, current_a: f64, speed: f64, voltage_v: f64, open: bool, terms: &Balance) -> (f64, f64) {
+    pub fn take(&self, current_a: f64, speed: f64, voltage_v: f64, open: bool, terms: &Balance) -> Reached {
         if open {
             let free = self.open_speed_of[0] * speed + self.open_speed_of[1] * terms.torque_nm;
-            return (0.0, oppose_motion(free, self.open_speed_of[1], terms));
+            let speed_rad_per_s = oppose_motion(free, self.open_speed_of[1], terms);
+            return Reached { current_a: 0.0, speed_rad_per_s, mean_a: 0.0 };
         }
         let inputs = [current_a, speed, voltage_v + terms.voltage_v, terms.torque_nm];
         let dot = |row: &[f64; 4]| row[0] * inputs[0] + row[1] * inputs[1] + row[2] * inputs[2] + row[3] * inputs[3];
@@ -298,12 +334,17 @@ impl LinearStep {
             false => terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms)),
         };
         // Quotients as products: they do not wait for what they scale.
-        let current_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
-        let lost_v = (free_a - current_a) * self.inverse_gains[0];
+        let left_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
+        let lost_v = (free_a - left_a) * self.inverse_gains[0];
         let free = dot(&self.speed_of) - self.speed_of[2] * lost_v;
-        let speed = oppose_motion(free, self.speed_of[3], terms);
-        let lost_nm = (free - speed) * self.inverse_gains[1];
-        (current_a - self.current_of[3] * lost_nm, speed)
+        let speed_rad_per_s = oppose_motion(free, self.speed_of[3], terms);
+        let lost_nm = (free - speed_rad_per_s) * self.inverse_gains[1];
+        let reached_a = left_a - self.current_of[3] * lost_nm;
+        // What the resistance takes on the average is what emf and inductance leave of the voltage.
+        let emf_v = self.torque_constant_nm_per_a * 0.5 * (speed + speed_rad_per_s);
+        let induced_v = self.inductance_over_step_ohm * (reached_a - current_a);
+        let mean_a = (inputs[2] - lost_v - emf_v - induced_v) * (1.0 / self.resistance_ohm);
+        Reached { current_a: reached_a, speed_rad_per_s, mean_a }
     }
 }
 
@@ -477,12 +518,11 @@ impl<'a> Run<'a> {
                     .shaft_rad(data.angle_rad[index] + share * (data.angle_rad[next] - data.angle_rad[index])),
                 step_s,
             };
-            let before_a = self.current_a;
-            let terms = self.advance(&mut at, data.load_nm[index]);
+            let (terms, mean_a) = self.advance(&mut at, data.load_nm[index]);
             if let (Some(sampled_at), true) = (data.timing.current_sampled_at, part + 1 == steps as usize) {
                 self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
             }
-            current_sum += 0.5 * (before_a + self.current_a);
+            current_sum += mean_a;
         }
         for term in &self.angle_sensor {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
@@ -491,7 +531,8 @@ impl<'a> Run<'a> {
         self.bulge_a = self.means.0 - 0.5 * (first_a + self.current_a);
     }
 
-    fn advance(&mut self, at: &mut Instant, load_nm: f64) -> Balance {
+    /// One step; its terms, and the mean of the current on the way.
+    fn advance(&mut self, at: &mut Instant, load_nm: f64) -> (Balance, f64) {
         let motor = &self.model.motor;
         let ripple = self.undriven.with_duty(at.duty);
         let mut terms = Balance { torque_nm: -load_nm, ripple, ..Balance::default() };
@@ -499,7 +540,8 @@ impl<'a> Run<'a> {
             effect.contribute(values, motor, at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        (self.current_a, self.speed_rad_per_s) = self.step.take(self.current_a, before, at.voltage_v, at.open, &terms);
+        let reached = self.step.take(self.current_a, before, at.voltage_v, at.open, &terms);
+        (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
         self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
         at.current_a = self.current_a;
         at.speed_rad_per_s = self.speed_rad_per_s;
@@ -508,7 +550,7 @@ impl<'a> Run<'a> {
                 effect.advance(values, motor, at, state);
             }
         }
-        terms
+        (terms, reached.mean_a)
     }
 
     /// By how much the current, where in the period it is sampled, is above its mean.
@@ -570,21 +612,21 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Against the mean of a simulation with rows twenty times as close.
+        /// Against the mean of a simulation with rows forty times as close.
         #[test]
-        fn a_current_is_averaged_before_its_row(window_s in 0.2e-3_f64..3e-3) {
-            let model = Model::linear(MotorParameters::PIVT6);
+        fn a_current_is_averaged_before_its_row(window_s in 0.2e-3_f64..3e-3, inductance_h in 0.5e-3_f64..12e-3) {
+            let model = Model::linear(MotorParameters { inductance_h, ..MotorParameters::PIVT6 });
             let mut data = stepped(1e-3);
             data.current_window_s = window_s;
             let means = &free_run(&model, &data)[0];
-            let fine = stepped(50e-6);
+            let fine = stepped(25e-6);
             let currents = &free_run(&model, &fine)[0];
             let mut charges = vec![0.0];
             for pair in currents.windows(2) {
-                charges.push(charges[charges.len() - 1] + 50e-6 * 0.5 * (pair[0] + pair[1]));
+                charges.push(charges[charges.len() - 1] + 25e-6 * 0.5 * (pair[0] + pair[1]));
             }
             let charge = |time_s: f64| {
-                let place = (time_s / 50e-6).max(0.0);
+                let place = (time_s / 25e-6).max(0.0);
                 let (row, part) = (place.floor() as usize, place.fract());
                 charges[row] + part * (charges[row + 1] - charges[row])
             };

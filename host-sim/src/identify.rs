@@ -106,6 +106,7 @@ pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
         motor: *motor,
         voltage_v,
         speed_rad_per_s,
+        no_load_rad_per_s: greatest(&data.supply_v) / motor.torque_constant_nm_per_a,
         current_a: data.current().map_or(computed_a, |current| greatest(&current.values)),
         duration_s: data.time_s.last().copied().unwrap_or(0.0),
         interval_s: data.interval_s,
@@ -342,11 +343,12 @@ fn event_bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<(f
 
 /// Between what a fit may move a constant: what a recording of this length can tell of it, and so that its law stays one.
 fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
-    let Parameter { min, max, slow, unsaid, .. } = term.effect.about().parameters[index];
+    let Parameter { min, max, slow, unsaid, most_of_speed, .. } = term.effect.about().parameters[index];
     let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
     // 0 would be another law.
     let min = if unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
-    event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest)))
+    let fastest = most_of_speed * scales.no_load_rad_per_s;
+    event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest).min(fastest)))
 }
 
 fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {

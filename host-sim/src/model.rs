@@ -37,6 +37,13 @@ impl Term {
         constants.filter(|(constant, value)| constant.moves(**value)).count()
     }
 
+    /// Whether it is more than nothing.
+    pub fn is_there(&self) -> bool {
+        let mut strengths = self.effect.strengths();
+        strengths.is_empty()
+            || strengths.any(|index| self.values[index] != self.effect.about().parameters[index].nothing())
+    }
+
     /// Whether it follows another of its laws than the usual one.
     pub fn has_another_law(&self) -> bool {
         let mut constants = self.effect.about().parameters.iter().zip(&self.values);

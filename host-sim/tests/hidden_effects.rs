@@ -7,11 +7,17 @@
 mod scoring;
 
 use hidden_effects::{Channels, Effect, Recipe, draw};
+use host_sim::catalogue::effect;
+use host_sim::dataset::{Dataset, Output};
 use host_sim::diagnose::outcome::Verdict;
 use host_sim::diagnose::{Diagnosis, diagnose};
+use host_sim::free_run::{Steps, drive, read};
+use host_sim::model::Model;
+use host_sim::motor::MotorParameters;
 use host_sim::recording::Recording;
 use host_sim::rig::{NominalMotor, Rig};
 use scoring::{diagnosed, hidden, named, recipe};
+use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 fn assert_found(seed: u64, recipe: &Recipe) -> Diagnosis {
@@ -106,6 +112,42 @@ fn commands_may_be_written_before_or_after_they_acted() {
 fn a_sketch_may_have_recorded_it() {
     for (kind, seed) in [("window", 2), ("window", 16), ("timer", 3), ("burst", 1), ("burst", 2)] {
         assert_found(seed, &recipe(kind, seed));
+    }
+}
+
+/// In the generator such a friction stands on Coulomb's; here the model itself makes the recording, and rounding its noise.
+#[test]
+fn friction_may_fall_off_to_nothing() {
+    let volts = |time_s: f64| match time_s < 8.0 {
+        true => 3.0 * (1.0 - (time_s.rem_euclid(4.0) - 2.0).abs()),
+        false => 5.0 * (13.0 * (time_s / 0.4).floor()).sin(),
+    };
+    let text = |speed_and_current: &dyn Fn(usize) -> [f64; 2]| {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for row in 0..8000 {
+            let (time_s, [speed, current]) = (row as f64 * 2e-3, speed_and_current(row));
+            let _ = writeln!(text, "{time_s:.3},{:.3},{speed:.1},{current:.2}", volts(time_s));
+        }
+        Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()
+    };
+    let motor = MotorParameters::PIVT6;
+    let rig = Rig { motor: NominalMotor::from(motor), ..Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap() };
+    // Only its commands are used.
+    let undriven = Dataset::new(&[text(&|row| [(row % 200) as f64, (row % 2) as f64])], &rig).unwrap();
+    for exponential in [0.0, 1.0] {
+        let stribeck = effect("stribeck_friction").unwrap();
+        let model = Model::linear(motor).with(stribeck, vec![0.01, 12.0, exponential]);
+        let drive = drive(&model, &undriven, Steps::Fine);
+        let prediction = read(&model, &undriven, drive);
+        let output = |wanted: Output| undriven.measured.iter().position(|measured| measured.output == wanted).unwrap();
+        let (speed, current) = (&prediction[output(Output::Speed)], &prediction[output(Output::Current)]);
+        let outcome = diagnose(&[text(&|row| [speed[row], current[row]])], &rig, &|_| ()).unwrap().outcome;
+        let causes: Vec<&str> = outcome.causes.iter().map(|cause| &*cause.effect).collect();
+        assert_eq!(causes, ["stribeck_friction"], "{exponential}");
+        let found = &outcome.causes[0].parameters;
+        assert!((found["excess_torque_Nm"].value / 0.01 - 1.0).abs() < 0.05, "{found:?}");
+        assert!((found["stribeck_speed_rad_per_s"].value / 12.0 - 1.0).abs() < 0.1, "{found:?}");
+        assert_eq!(found.contains_key("exponential"), exponential > 0.0, "{found:?}");
     }
 }
 

@@ -30,7 +30,8 @@ impl Effect for ActuationDelay {
 
     /// By a speed a winding and a wait can hardly be told apart.
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
-        (rival == INDUCTANCE).then(|| values.to_vec())
+        // Of a lag, its time constant.
+        [INDUCTANCE, "current_lag"].contains(&rival).then(|| vec![values[0]])
     }
 
     fn delay_s(&self, values: &[f64]) -> f64 {

@@ -4,7 +4,10 @@ use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplifi
 use crate::free_run::oppose_motion;
 use crate::motor::MotorParameters;
 use std::f64::consts::TAU;
+use std::ops::Range;
 
+/// The least gap that counts as one: a sixth of a degree.
+const LEAST_GAP_RAD: f64 = 3e-3;
 /// A blow lasts a millisecond; this follows the flanks as they meet and part.
 const LONGEST_PART_S: f64 = 25e-6;
 /// Where the steps themselves are short, somebody wants it finer.
@@ -170,7 +173,8 @@ static ABOUT: About = About {
     title: "backlash between motor and load",
     acts_on: ActsOn::Torque,
     parameters: &[
-        Parameter::within("gap_rad", 0.0, 1.0),
+        // Below, the flanks are as good as always in contact.
+        Parameter::within("gap_rad", LEAST_GAP_RAD, 1.0),
         Parameter::within("load_inertia_share", 0.0, MOST_SHARE),
         // Below, it would be a springy shaft; above, all blows are alike.
         Parameter::within("contact_Hz", 40.0, 1000.0),
@@ -224,6 +228,14 @@ impl Effect for Backlash {
 
     fn motor_share(&self, values: &[f64]) -> f64 {
         1.0 - values[1]
+    }
+
+    fn strengths(&self) -> Range<usize> {
+        0..1
+    }
+
+    fn has_events(&self) -> bool {
+        true
     }
 
     /// What else drives the motor decides when the flanks meet.

@@ -37,6 +37,7 @@ mod winding_heating;
 use crate::free_run::pwm_period::Ripple;
 use crate::model::Term;
 use crate::motor::MotorParameters;
+use std::ops::Range;
 
 /// Every effect the diagnosis knows, in the order in which those on the sensors act on a reading.
 pub static CATALOGUE: [&dyn Effect; 22] = [
@@ -107,6 +108,8 @@ pub struct Parameter {
     pub known: Option<(f64, f64)>,
     /// Whether it is how long a process takes: one much longer than the recording cannot be told from what is always there.
     pub slow: bool,
+    /// Of the no-load speed, the share that it may reach: beyond it would be another effect's law.
+    pub most_of_speed: f64,
 }
 
 impl Parameter {
@@ -122,12 +125,17 @@ impl Parameter {
 
     /// A constant within bounds.
     const fn within(name: &'static str, min: f64, max: f64) -> Self {
-        Self { name, fitted: true, unsaid: None, min, max, known: None, slow: false }
+        Self { name, fitted: true, unsaid: None, min, max, known: None, slow: false, most_of_speed: f64::INFINITY }
     }
 
     /// The time constant of a process that goes on while the motor runs.
     const fn slow(name: &'static str, min: f64, max: f64) -> Self {
         Self { slow: true, ..Self::within(name, min, max) }
+    }
+
+    /// A speed up to a share of the no-load speed.
+    const fn of_speed(name: &'static str, most_of_speed: f64) -> Self {
+        Self { most_of_speed, ..Self::positive(name) }
     }
 
     /// A whole number, tried and not fitted.
@@ -143,6 +151,11 @@ impl Parameter {
     /// A constant of another law than the usual one, which has none: 0 goes without saying.
     const fn of_another_law(name: &'static str, max: f64) -> Self {
         Self { unsaid: Some(0.0), ..Self::within(name, 0.0, max) }
+    }
+
+    /// Where it says that there is nothing, of a strength.
+    pub fn nothing(&self) -> f64 {
+        if self.min.is_finite() { self.min } else { 0.0 }
     }
 
     /// Whether it is a whole number of something.
@@ -192,6 +205,8 @@ pub struct Scales {
     pub voltage_v: f64,
     /// Greatest speed.
     pub speed_rad_per_s: f64,
+    /// Speed at which the supply's whole voltage is back-EMF.
+    pub no_load_rad_per_s: f64,
     /// Greatest current, measured or computed.
     pub current_a: f64,
     /// Length.
@@ -358,6 +373,11 @@ pub trait Effect: Sync {
         None
     }
 
+    /// Which of its constants say how strong it is: with all of them at their least it does nothing that would be its own.
+    fn strengths(&self) -> Range<usize> {
+        0..self.about().linear_in
+    }
+
     /// An effect without which it makes no sense.
     fn needs(&self) -> Option<&'static str> {
         None
@@ -381,6 +401,11 @@ pub trait Effect: Sync {
     /// Its turn among the others: those of a lower one have contributed before it.
     fn turn(&self) -> i8 {
         0
+    }
+
+    /// Whether its events, such as blows, come at other moments with other constants, so that readings change by leaps.
+    fn has_events(&self) -> bool {
+        false
     }
 
     /// Whether the linear motor fitted without it is useless as a start: then it is also tried from the nominal one.

@@ -2,6 +2,7 @@
 
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
+use std::ops::Range;
 
 /// Stiffness in Nm/rad and damping in Nm s/rad of the spring.
 fn spring(values: &[f64], motor: &MotorParameters) -> (f64, f64) {
@@ -45,6 +46,10 @@ impl Effect for ShaftCompliance {
     /// Between two starts there may be a resonance that rings like neither.
     fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
         [0.7, 0.85, 1.2, 1.4].map(|factor| vec![factor * values[0], values[1], values[2]]).to_vec()
+    }
+
+    fn strengths(&self) -> Range<usize> {
+        1..2
     }
 
     fn states(&self) -> usize {

@@ -1,7 +1,13 @@
 //! Supply sag: batteries, thin wires and small adapters lose voltage with the current drawn from them.
+//!
+//! A capacitor at the bridge makes that the mean current over a period of the PWM; without one the whole current of the motor
+//! is drawn while a pulse lasts, and none between.
 
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
+
+/// At which the two laws lose the same, for a start.
+const USUAL_DUTY: f64 = 0.7;
 
 /// See the module.
 pub struct SupplySag;
@@ -10,9 +16,9 @@ static ABOUT: About = About {
     id: "supply_sag",
     title: "a supply that sags under load",
     acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::positive("resistance_ohm")],
+    parameters: &[Parameter::positive("resistance_ohm"), Parameter::choice("within_pulses")],
     linear_in: 1,
-    law: "The supply loses resistance_ohm times the current it delivers, which is duty times i",
+    law: "The supply loses resistance_ohm times the current it delivers: duty times i, or with within_pulses = 1, without a capacitor, i while a pulse of the PWM lasts",
     looks_like: "The missing voltage grows with current at high duty, not at low duty",
     confused_with: &["voltage_drop", "winding_heating"],
     experiment: "Measure the supply voltage on the divider, or hold the rotor at several duties",
@@ -26,7 +32,14 @@ impl Effect for SupplySag {
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![0.1 * scales.motor.resistance_ohm]]
+        vec![vec![0.1 * scales.motor.resistance_ohm, 0.0]]
+    }
+
+    /// With as much lost at a usual duty.
+    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        let in_pulses = values[1] > 0.0;
+        let factor = if in_pulses { 1.0 / USUAL_DUTY } else { USUAL_DUTY };
+        vec![vec![factor * values[0], f64::from(!in_pulses)]]
     }
 
     fn contribute(
@@ -37,6 +50,7 @@ impl Effect for SupplySag {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        balance.resistance_ohm += values[0] * at.duty * at.duty;
+        let share = at.duty.abs();
+        balance.resistance_ohm += values[0] * share * if values[1] > 0.0 { 1.0 } else { share };
     }
 }

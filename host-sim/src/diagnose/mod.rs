@@ -17,10 +17,10 @@ mod pwm_frequency;
 pub mod report;
 pub mod select;
 
-use crate::catalogue::{ActsOn, INDUCTANCE};
+use crate::catalogue::{ActsOn, INDUCTANCE, effect};
 use crate::dataset::{Dataset, DatasetError, Measured, Output};
 use crate::free_run::{Prediction, free_run};
-use crate::identify::{Effort, Interval, Place, Prior, fit};
+use crate::identify::{Effort, Fit, Interval, Place, Prior, fit};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
@@ -77,25 +77,13 @@ pub struct Diagnosis {
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
     let prior = Prior::new(&rig.motor, &data);
-    let (data, mut selection) = best_understood(data, &prior, progress);
-    distrust(&data, &prior, &mut selection);
+    let Understood { data, selection, last, intervals } = certain(data, &prior, &[], progress);
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
         let name = recordings.first().map_or_else(String::new, |recording| recording.name.clone());
         return Err(DatasetError::Drowned(name, fit_percent));
     }
-    progress("intervals");
-    let mut everything = data.clone();
-    everything.kept_back.fill(false);
-    let (last, intervals) = loop {
-        let last = fit(&selection.last.model, &everything, &prior, Effort::FULL);
-        let intervals = last.intervals(&everything);
-        match selection.standings.iter().position(|standing| may_be_nothing(standing, &last.model, &intervals)) {
-            Some(nothing) => take_back(&data, &prior, &mut selection, nothing),
-            None => break (last, intervals),
-        }
-    };
     progress("what is missing");
     let bare = Model::linear(last.model.motor);
     let residuals = residuals(&data, &free_run(&bare, &data));
@@ -114,11 +102,47 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     })
 }
 
+/// What is understood of data.
+struct Understood {
+    data: Dataset,
+    selection: Selection,
+    /// The model fitted to all of them.
+    last: Fit,
+    intervals: Vec<Interval>,
+}
+
+/// The data as they are understood best by effects that are there without doubt. What turns out to be nothing is taken back;
+/// where it had the place of another law, as of a spring when there is no gap, the data are looked at anew without it.
+fn certain(data: Dataset, prior: &Prior, not: &[&'static str], progress: select::Progress) -> Understood {
+    let (seen, mut selection) = best_understood(data.clone(), prior, not, progress);
+    distrust(&seen, prior, &mut selection);
+    progress("intervals");
+    let mut everything = seen.clone();
+    everything.kept_back.fill(false);
+    loop {
+        let last = fit(&selection.last.model, &everything, prior, Effort::FULL);
+        let intervals = last.intervals(&everything);
+        let nothing = |standing: &Standing| may_be_nothing(standing, &last.model, &intervals);
+        match selection.standings.iter().position(nothing) {
+            Some(index) => match selection.standings[index].id {
+                id if is_of_a_scale(id) => take_back(&seen, prior, &mut selection, index),
+                id => return certain(data, prior, &[not, &[id]].concat(), progress),
+            },
+            None => return Understood { data: seen, selection, last, intervals },
+        }
+    }
+}
+
 /// The data with what the rig file leaves open of how they were recorded as they are understood best, and what they are
 /// understood by: down to the noise, by the motor of the rig, by few effects.
-fn best_understood(data: Dataset, prior: &Prior, progress: select::Progress) -> (Dataset, Selection) {
+fn best_understood(
+    data: Dataset,
+    prior: &Prior,
+    not: &[&'static str],
+    progress: select::Progress,
+) -> (Dataset, Selection) {
     let centred = data.with_window_centred();
-    let ways = [Some(data), centred].into_iter().flatten().map(|data| understood(data, prior, progress));
+    let ways = [Some(data), centred].into_iter().flatten().map(|data| understood(data, prior, not, progress));
     let rank = |(data, selection): &(Dataset, Selection)| {
         let last = &selection.last;
         (above_floor(data, last) > NOT_NOISE, select::is_strange(prior, last), last.model.terms.len(), last.cost)
@@ -126,15 +150,21 @@ fn best_understood(data: Dataset, prior: &Prior, progress: select::Progress) -> 
     ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
 }
 
-fn understood(mut data: Dataset, prior: &Prior, progress: select::Progress) -> (Dataset, Selection) {
+fn understood(
+    mut data: Dataset,
+    prior: &Prior,
+    not: &[&'static str],
+    progress: select::Progress,
+) -> (Dataset, Selection) {
+    let excluded = [&excluded(&data), not].concat();
     let beginnings = pwm_frequency::beginnings(&data, prior);
     pwm_frequency::settle(&mut data, prior, &beginnings);
-    let mut selection = select(&data, prior, &excluded(&data), progress);
+    let mut selection = select(&data, prior, &excluded, progress);
     if pwm_frequency::settle(&mut data, prior, std::slice::from_ref(&selection.last)) {
-        selection = select(&data, prior, &excluded(&data), progress);
+        selection = select(&data, prior, &excluded, progress);
     }
     if current_window::settle(&mut data, prior, &selection.last) {
-        selection = select(&data, prior, &excluded(&data), progress);
+        selection = select(&data, prior, &excluded, progress);
     }
     (data, selection)
 }
@@ -186,16 +216,28 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     }
 }
 
-/// Whether the interval of an effect's strength holds nothing at all, and not because the data say nothing of the scale of
-/// all torques: then the effect itself is beyond doubt.
+/// Whether the interval of an effect's strength holds nothing at all, and not because the data say nothing of the scale that
+/// it is linear in, as of all torques: then the effect itself is beyond doubt.
 fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) -> bool {
     let Some(index) = model.terms.iter().position(|term| term.id() == standing.id) else { return false };
-    let linear_in = model.terms[index].effect.about().linear_in;
-    let of_strength = |place: Place| (0..linear_in).any(|constant| place == Place::Term(index, constant));
-    let mut strengths = intervals.iter().filter(|interval| of_strength(interval.place)).peekable();
-    standing.gain.sigmas < BEYOND_DOUBT_SIGMAS
+    let effect = model.terms[index].effect;
+    let strong = effect.strengths();
+    let parameters = effect.about().parameters;
+    let holds_nothing = |interval: &Interval| match interval.place {
+        Place::Term(term, constant) if term == index && strong.contains(&constant) => {
+            Some((interval.ci95[0]..=interval.ci95[1]).contains(&parameters[constant].nothing()))
+        }
+        _ => None,
+    };
+    let mut strengths = intervals.iter().filter_map(holds_nothing).peekable();
+    !(is_of_a_scale(standing.id) && standing.gain.sigmas > BEYOND_DOUBT_SIGMAS)
         && strengths.peek().is_some()
-        && strengths.all(|strength| (strength.ci95[0]..=strength.ci95[1]).contains(&0.0))
+        && strengths.all(|holds_nothing| holds_nothing)
+}
+
+/// Whether an effect's strength is a factor of what it does.
+fn is_of_a_scale(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.about().linear_in > 0)
 }
 
 /// Takes a name back.

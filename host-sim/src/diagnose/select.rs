@@ -3,7 +3,7 @@
 
 use super::DATA_SHEET_TOLERANCE;
 use super::judge::{Gain, NOT_NOISE, above_floor, gain, sigmas_together};
-use crate::catalogue::{CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
+use crate::catalogue::{ActsOn, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
@@ -114,6 +114,12 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
         if key(&other) < key(&last) {
             (last, steps) = (other, other_steps);
         }
+    }
+    if chooser.is_strange(&last)
+        && let Some(other) = chooser.beside_nominal(&last).filter(|other| key(other) < key(&last))
+    {
+        steps.push(Step::new(&last, &other, chooser.gain(&last, &other)));
+        last = other;
     }
     progress("to the end");
     last = chooser.or_instead_of_inductance(chooser.to_the_end(last));
@@ -249,6 +255,7 @@ impl Chooser<'_> {
                 let fitted = fit(&from.with(effect, promise.start.clone()), self.data, self.prior, effort);
                 (effect.about().id, fitted)
             })
+            .filter(|(id, fitted)| fitted.model.term(id).is_some_and(Term::is_there))
             .collect()
     }
 
@@ -310,6 +317,17 @@ impl Chooser<'_> {
         let best = best(last)?;
         let step = Step::new(base, &best, self.gain(base, &best));
         Some((best, step))
+    }
+
+    /// What was found, beside the nominal motor and with an effect that changes everything in place of those of the voltage:
+    /// a great drop and a motor of half the size make up for a bridge that coasts.
+    fn beside_nominal(&self, found: &Fit) -> Option<Fit> {
+        let scales = scales(&self.prior.motor, self.data);
+        let mut nominal = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
+        nominal.terms.retain(|term| term.effect.about().acts_on != ActsOn::Voltage);
+        let strange = self.possible().filter(|effect| effect.changes_everything() && !nominal.has(effect.about().id));
+        let fits = strange.map(|effect| fit(&nominal.with_start(effect, &scales), self.data, self.prior, Effort::FULL));
+        fits.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     fn forward(&self, mut current: Fit, mut steps: Vec<Step>) -> (Fit, Vec<Step>) {
@@ -480,7 +498,8 @@ impl Chooser<'_> {
             true => (rival, self.with_added_at_its_best(found, |term| term.id() == rival)),
             false => (rival, found),
         };
-        rivals.into_par_iter().map(at_its_best).collect()
+        let is_there = |(rival, found): &(&str, Fit)| found.model.term(rival).is_some_and(Term::is_there);
+        rivals.into_par_iter().map(at_its_best).filter(is_there).collect()
     }
 
     /// Fits from where another effect looks most like `id`.

@@ -9,6 +9,8 @@ use rayon::prelude::*;
 
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;
+/// The same of a model whose events come sooner or later: as far as a few of them together, since each by itself leads astray.
+const DIFFERENCE_OVER_EVENTS: f64 = 4e-2;
 
 /// One column an unknown.
 #[derive(Clone, Debug)]
@@ -25,6 +27,8 @@ impl Sensitivities {
         // Without a current the data are nearly silent of some directions: there the error of a difference from one side
         // would decide.
         let both_sides = data.current().is_none();
+        let has_events = model.terms.iter().any(|term| term.effect.has_events());
+        let difference = if has_events { DIFFERENCE_OVER_EVENTS } else { DIFFERENCE };
         let mut columns: Vec<Vec<f64>> = unknowns
             .par_iter()
             .map(|unknown| {
@@ -35,7 +39,7 @@ impl Sensitivities {
                 };
                 let here = unknown.get(model);
                 let [lowest, highest] = [unknown.min, unknown.max].map(|bound| bound / unknown.size);
-                let step = if here + DIFFERENCE > highest { -DIFFERENCE } else { DIFFERENCE };
+                let step = if here + difference > highest { -difference } else { difference };
                 let mut column = change(here + step);
                 if both_sides && (unknown.logarithmic || here - step > lowest) {
                     column.iter_mut().zip(change(here - step)).for_each(|(there, back)| *there = 0.5 * (*there - back));

@@ -450,7 +450,8 @@ impl Stepwise {
             term.effect.contribute(&term.values, &self.model.motor, &at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        (self.current_a, self.speed_rad_per_s) = linear.take(self.current_a, before, at.voltage_v, false, &terms);
+        let reached = linear.take(self.current_a, before, at.voltage_v, false, &terms);
+        (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
         if inputs.blocked {
             self.speed_rad_per_s = 0.0;
         }
