@@ -199,6 +199,11 @@ impl Model {
         self.terms.iter().map(|term| term.effect.motor_share(&term.values)).product()
     }
 
+    /// Whether it has the effect that one of its own hardly ever comes without.
+    pub fn stands(&self, id: &str) -> bool {
+        effect(id).and_then(|effect| effect.stands_on()).is_none_or(|other| self.has(other))
+    }
+
     /// Whether it has the effect that one of its own makes no sense without.
     pub fn has_what_it_needs(&self, id: &str) -> bool {
         let needed = effect(id).and_then(|effect| effect.needs());

@@ -378,6 +378,11 @@ pub trait Effect: Sync {
         0..self.about().linear_in
     }
 
+    /// An effect that it hardly ever comes without: by itself it has to be beyond doubt.
+    fn stands_on(&self) -> Option<&'static str> {
+        None
+    }
+
     /// An effect without which it makes no sense.
     fn needs(&self) -> Option<&'static str> {
         None

@@ -47,6 +47,11 @@ impl Effect for StribeckFriction {
         vec![vec![values[0], speed_rad_per_s, f64::from(!is_exponential)]]
     }
 
+    /// What it adds falls off to the Coulomb level; beside a wave over the angle the excess alone is what the wave leaves.
+    fn stands_on(&self) -> Option<&'static str> {
+        Some("coulomb_friction")
+    }
+
     fn contribute(
         &self,
         values: &[f64],

@@ -23,6 +23,8 @@ const NAMED_SIGMAS: f64 = 6.0;
 /// ... or, where the data kept back leave it open, with this one on all data. More is asked of three times as much: what a
 /// model does wrong everywhere repeats itself.
 const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
+/// An effect without the one that it stands on has at least this; those that were wrong had ten.
+const ALONE_SIGMAS: f64 = 50.0;
 /// With at least this share of the error that is left.
 const LEAST_SHARE: f64 = 0.02;
 /// Two models closer than this cannot be told apart.
@@ -418,9 +420,12 @@ impl Chooser<'_> {
             && !is_same(&self.gain(&self.with_nominal_inductance(&without), current));
         let is_certain =
             || own.sigmas > NAMED_SIGMAS || self.sigmas_on_all(current, &without, &own) > NAMED_ON_ALL_SIGMAS;
+        let stands = current.model.stands(id) || own.sigmas > ALONE_SIGMAS;
         let earns_its_name = keeps_the_motor || keeps_the_winding || earns_its_place(&own) && is_certain();
-        let is_named =
-            earns_its_name && current.model.has_what_it_needs(id) && self.owes_it_to_its_number(current, &without, id);
+        let is_named = earns_its_name
+            && stands
+            && current.model.has_what_it_needs(id)
+            && self.owes_it_to_its_number(current, &without, id);
         Check { id, without, own, is_named }
     }
 
