@@ -6,12 +6,15 @@
 
 use crate::catalogue::{ActsOn, Balance, Effect, Instant, Readings, Sampling};
 use crate::dataset::{Dataset, Measured, Output, Stretch, Window, difference};
+use crate::linear::motor_model::TimeConstants;
 use crate::model::{Model, Term};
 use crate::plant::closed_form::{Family, combine};
 use crate::rig;
+use between_rows::Bulge;
 use pwm_period::{Ripple, Volts};
 use std::ops::Range;
 
+pub mod between_rows;
 pub mod pwm_period;
 
 /// Longest step of a recording at 200 Hz or more; slower ones take a tenth of their interval, at most the second.
@@ -19,8 +22,6 @@ const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 
 /// Recorded times are rounded: steps that differ by less are of one length.
 const SAME_LENGTH_S: f64 = 1e-9;
-/// A winding whose time constant is longer than an interval over this lets the current go on as a parabola.
-const LEAST_BENT: f64 = 0.01;
 /// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
 const NEWTON_STEPS: usize = 12;
 const NEWTON_CLOSENESS: f64 = 1e-3;
@@ -105,7 +106,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     }
     for term in model.terms.iter().filter(|term| !term.effect.acts_on_motor()) {
         for stretch in &data.stretches {
-            falsify(term, data, stretch.rows.clone(), &mut motion);
+            falsify(term, model, data, stretch.rows.clone(), &mut motion);
         }
     }
     data.measured
@@ -121,7 +122,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
 
 /// The current as a mean over the window before each row.
 fn mean_current(model: &Model, motion: &Motion, data: &Dataset) -> Vec<f64> {
-    let winding_s = model.motor.inductance_h / model.motor.resistance_ohm;
+    let winding_s = TimeConstants::of(&model.motor).electromagnetic_s;
     let mut means = motion.current_a.clone();
     for Stretch { rows, .. } in &data.stretches {
         for (mean_a, row) in means[rows.clone()].iter_mut().zip(rows.clone()).skip(1) {
@@ -131,8 +132,7 @@ fn mean_current(model: &Model, motion: &Motion, data: &Dataset) -> Vec<f64> {
     means
 }
 
-/// Mean current over the last `window_s` of some rows and the one after them, or all of that where it is shorter. Between two
-/// rows the current settles with the winding's time constant while what it settles to goes on evenly, with the right mean.
+/// Mean current over the last `window_s` of some rows and the one after them, or all of that where it is shorter.
 fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, window_s: f64, winding_s: f64) -> f64 {
     let (mut charge, mut length_s) = (0.0, 0.0);
     for first in rows.rev() {
@@ -144,28 +144,11 @@ fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, wind
         let share = ((window_s - length_s) / interval_s).min(1.0);
         let rise_a = motion.current_a[last] - motion.current_a[first];
         let even_a = motion.current_a[last] - 0.5 * share * rise_a;
-        charge += interval_s * (share * even_a + motion.bulge_a[last] * of_bulge(interval_s / winding_s, share));
+        let bulge = Bulge::new(motion.bulge_a[last], interval_s, winding_s);
+        charge += interval_s * (share * even_a + bulge.in_the_last(share));
         length_s += share * interval_s;
     }
     charge / length_s
-}
-
-/// How much of the area between a curve that settles within an interval, which lasts `constants` of its time constants, and
-/// the straight line between its ends lies in the last `share` of the interval.
-fn of_bulge(constants: f64, share: f64) -> f64 {
-    if share >= 1.0 {
-        return 1.0;
-    }
-    if constants < LEAST_BENT {
-        return (3.0 - 2.0 * share) * share * share;
-    }
-    let left = (-constants).exp();
-    // From the place to the end, of exp(-constants s) - 1 + s (1 - left).
-    let after = |place: f64| {
-        let settling = ((-constants * place).exp() - left) / constants;
-        settling - (1.0 - place) + 0.5 * (1.0 - place * place) * (1.0 - left)
-    };
-    after(1.0 - share) / after(0.0)
 }
 
 fn mean_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
@@ -192,6 +175,7 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
                 time_s: data.time_s[index],
                 voltage_v: data.voltage_v[index],
                 duty: data.duty[index],
+                mean_duty: data.duty[index],
                 supply_v: data.supply_v[index],
                 open: data.open[index],
                 current_a: motion.current_a[index],
@@ -220,7 +204,8 @@ fn inertia_kg_m2(model: &Model) -> f64 {
 }
 
 /// Lets one sensor's effect act on the readings of one stretch.
-fn falsify(term: &Term, data: &Dataset, range: Range<usize>, motion: &mut Motion) {
+fn falsify(term: &Term, model: &Model, data: &Dataset, range: Range<usize>, motion: &mut Motion) {
+    let winding_s = TimeConstants::of(&model.motor).electromagnetic_s;
     let mut state = vec![0.0; term.effect.states()];
     for index in range.clone() {
         let step_s = if index > range.start { data.time_s[index] - data.time_s[index - 1] } else { 0.0 };
@@ -229,7 +214,8 @@ fn falsify(term: &Term, data: &Dataset, range: Range<usize>, motion: &mut Motion
             speed_rad_per_s: motion.speed_rad_per_s[index],
             angle_rad: motion.angle_rad[index],
         };
-        let at = Sampling { angle_rad: motion.shaft_rad[index], step_s, bulge_a: motion.bulge_a[index] };
+        let bulge = Bulge::new(motion.bulge_a[index], step_s, winding_s);
+        let at = Sampling { angle_rad: motion.shaft_rad[index], step_s, bulge };
         term.effect.sense(&term.values, &at, &mut state, &mut readings);
         motion.current_a[index] = readings.current_a;
         motion.speed_rad_per_s[index] = readings.speed_rad_per_s;
@@ -510,6 +496,7 @@ impl<'a> Run<'a> {
                 time_s: data.time_s[index] + share * interval_s,
                 voltage_v,
                 duty,
+                mean_duty: duty,
                 supply_v: data.supply_v[index],
                 open: data.open[index],
                 current_a: self.current_a,

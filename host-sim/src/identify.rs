@@ -5,7 +5,7 @@
 //! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
 //! correlated within a block (sandwich; White, Econometrica 50 (1982)).
 
-use crate::catalogue::{Balance, CATALOGUE, Effect, Parameter, Scales};
+use crate::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, Scales};
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Motion, Prediction, Steps, drive, free_run, nudged, read};
 use crate::model::{Model, Term};
@@ -106,7 +106,7 @@ pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
         motor: *motor,
         voltage_v,
         speed_rad_per_s,
-        no_load_rad_per_s: greatest(&data.supply_v) / motor.torque_constant_nm_per_a,
+        supply_v: greatest(&data.supply_v),
         current_a: data.current().map_or(computed_a, |current| greatest(&current.values)),
         duration_s: data.time_s.last().copied().unwrap_or(0.0),
         interval_s: data.interval_s,
@@ -347,7 +347,7 @@ fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
     let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
     // 0 would be another law.
     let min = if unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
-    let fastest = most_of_speed * scales.no_load_rad_per_s;
+    let fastest = most_of_speed * scales.no_load_rad_per_s();
     event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest).min(fastest)))
 }
 
@@ -468,7 +468,7 @@ impl Fit {
             .iter()
             .enumerate()
             .filter(|(_, effect)| !self.model.has(effect.about().id) && !excluded.contains(&effect.about().id))
-            .filter(|(_, effect)| effect.needs().is_none_or(|needed| self.model.has(needed)))
+            .filter(|(_, effect)| self.model.alone(**effect) != Some(Alone::Never))
             .flat_map(|(index, effect)| {
                 let starts = self.screened(&base, *effect, effect.starts(scales));
                 starts.into_iter().map(move |start| (index, start))

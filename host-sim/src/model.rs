@@ -9,7 +9,7 @@
 //! torque_Nm = 0.004
 //! ```
 
-use crate::catalogue::{Effect, Scales, effect};
+use crate::catalogue::{Alone, Effect, Scales, effect};
 use crate::keys;
 use crate::motor::{MotorParameters, NonPhysical};
 use serde::{Deserialize, Serialize};
@@ -199,15 +199,9 @@ impl Model {
         self.terms.iter().map(|term| term.effect.motor_share(&term.values)).product()
     }
 
-    /// Whether it has the effect that one of its own hardly ever comes without.
-    pub fn stands(&self, id: &str) -> bool {
-        effect(id).and_then(|effect| effect.stands_on()).is_none_or(|other| self.has(other))
-    }
-
-    /// Whether it has the effect that one of its own makes no sense without.
-    pub fn has_what_it_needs(&self, id: &str) -> bool {
-        let needed = effect(id).and_then(|effect| effect.needs());
-        needed.is_none_or(|needed| self.has(needed))
+    /// What an effect is in it that lacks the one that it stands on; nothing if it does not lack it.
+    pub fn alone(&self, effect: &dyn Effect) -> Option<Alone> {
+        effect.stands_on().filter(|(other, _)| !self.has(other)).map(|(_, alone)| alone)
     }
 
     /// Reads a model file.

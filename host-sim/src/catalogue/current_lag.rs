@@ -1,9 +1,11 @@
 //! Current lag: a filter capacitor at the sensor or averaging in the program.
 //!
-//! The capacitor follows the current itself; between two readings that is a parabola with the right mean. A low-pass in the
-//! program follows the readings.
+//! The capacitor follows the current itself, also between two readings. A low-pass in the program follows the readings.
 
 use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
+
+/// A shorter time constant, as a share of the time between two readings, is none.
+const LEAST_OF_STEP: f64 = 1e-6;
 
 /// See the module.
 pub struct CurrentLag;
@@ -43,7 +45,7 @@ impl Effect for CurrentLag {
     fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
         let [time_constant_s, in_program] = [values[0], values[1]];
         let (last_read_a, last_a, now_a) = (state[0], state[1], readings.current_a);
-        let steps = at.step_s / time_constant_s.max(f64::MIN_POSITIVE);
+        let steps = at.step_s / time_constant_s.max(LEAST_OF_STEP * at.step_s);
         let left = (-steps).exp();
         let read_a = if at.step_s == 0.0 {
             now_a
@@ -51,29 +53,25 @@ impl Effect for CurrentLag {
             now_a + left * (last_read_a - now_a)
         } else {
             let rise_a = (now_a - last_a) / steps;
-            now_a - rise_a + left * (last_read_a - last_a + rise_a) + at.bulge_a * of_bulge(steps, left)
+            now_a - rise_a + left * (last_read_a - last_a + rise_a) + at.bulge.in_a_low_pass(steps)
         };
         state.copy_from_slice(&[read_a, now_a]);
         readings.current_a = read_a;
     }
 }
 
-/// What a parabola with mean 1 over `steps` time constants, zero at both ends, leaves in the filter, of whose memory `left`
-/// is left after them.
-fn of_bulge(steps: f64, left: f64) -> f64 {
-    6.0 * (steps - 2.0 + (steps + 2.0) * left) / (steps * steps)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::catalogue::effect;
+    use crate::free_run::between_rows::Bulge;
 
-    /// Against the differential equation in small steps, for a current that rises and falls between two readings.
+    /// Against the differential equations in small steps, for a winding that settles between two readings while its voltage
+    /// goes on rising.
     #[test]
-    fn the_filter_follows_a_parabola() {
-        let (interval_s, time_constant_s) = (1e-3, 4e-3);
-        let current_a = |t_s: f64| 1.0 + 300.0 * t_s - 2e5 * t_s * t_s;
+    fn the_filter_follows_the_current() {
+        let (interval_s, time_constant_s, winding_s) = (1e-3, 4e-3, 0.3e-3);
+        let current_a = |t_s: f64| 1.0 + 300.0 * t_s - 0.7 * (-t_s / winding_s).exp();
         let parts = 100_000;
         let part_s = interval_s / f64::from(parts);
         let (mut filtered_a, mut sum_a) = (0.2, 0.0);
@@ -85,7 +83,8 @@ mod tests {
         let [start_a, end_a] = [0.0, interval_s].map(current_a);
         let bulge_a = sum_a / f64::from(parts) - 0.5 * (start_a + end_a);
         let mut readings = Readings { current_a: end_a, speed_rad_per_s: 0.0, angle_rad: 0.0 };
-        let at = Sampling { angle_rad: 0.0, step_s: interval_s, bulge_a };
+        let bulge = Bulge::new(bulge_a, interval_s, winding_s);
+        let at = Sampling { angle_rad: 0.0, step_s: interval_s, bulge };
         let lag = effect("current_lag").unwrap();
         lag.sense(&[time_constant_s, 0.0], &at, &mut [0.2, start_a], &mut readings);
         assert!((readings.current_a - filtered_a).abs() < 1e-6, "{} {filtered_a}", readings.current_a);

@@ -1,6 +1,6 @@
 //! Friction asymmetry: brushes set at an angle and preloaded bearings rub more in one direction.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
+use super::{About, ActsOn, Alone, Balance, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -39,8 +39,8 @@ impl Effect for FrictionAsymmetry {
         (rival == "load_torque").then(|| vec![2.0 * values[0]])
     }
 
-    fn needs(&self) -> Option<&'static str> {
-        Some("coulomb_friction")
+    fn stands_on(&self) -> Option<(&'static str, Alone)> {
+        Some(("coulomb_friction", Alone::Never))
     }
 
     fn contribute(

@@ -34,6 +34,7 @@ mod tacho_ripple;
 mod voltage_drop;
 mod winding_heating;
 
+use crate::free_run::between_rows::Bulge;
 use crate::free_run::pwm_period::Ripple;
 use crate::model::Term;
 use crate::motor::MotorParameters;
@@ -205,8 +206,8 @@ pub struct Scales {
     pub voltage_v: f64,
     /// Greatest speed.
     pub speed_rad_per_s: f64,
-    /// Speed at which the supply's whole voltage is back-EMF.
-    pub no_load_rad_per_s: f64,
+    /// Greatest voltage of the supply.
+    pub supply_v: f64,
     /// Greatest current, measured or computed.
     pub current_a: f64,
     /// Length.
@@ -222,6 +223,11 @@ impl Scales {
     pub fn stall_torque_nm(&self) -> f64 {
         self.motor.torque_constant_nm_per_a * self.voltage_v / self.motor.resistance_ohm
     }
+
+    /// Speed at which the supply's whole voltage is back-EMF.
+    pub fn no_load_rad_per_s(&self) -> f64 {
+        self.supply_v / self.motor.torque_constant_nm_per_a
+    }
 }
 
 /// The bench at one instant.
@@ -233,6 +239,8 @@ pub struct Instant {
     pub voltage_v: f64,
     /// The same as a share of the supply, -1 to 1.
     pub duty: f64,
+    /// Its mean over several periods of the PWM, where `duty` is that of single pulses.
+    pub mean_duty: f64,
     /// Supply voltage.
     pub supply_v: f64,
     /// Whether the bridge is off, so that no current flows.
@@ -313,8 +321,8 @@ pub struct Sampling {
     pub angle_rad: f64,
     /// Time since the last reading, 0 at the first.
     pub step_s: f64,
-    /// By how much the mean of the current since the last reading is above the middle between the two.
-    pub bulge_a: f64,
+    /// The current since the last reading.
+    pub bulge: Bulge,
 }
 
 /// Readings of the sensors.
@@ -326,6 +334,15 @@ pub struct Readings {
     pub speed_rad_per_s: f64,
     /// Angle.
     pub angle_rad: f64,
+}
+
+/// An effect without the one that it stands on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Alone {
+    /// It makes no sense.
+    Never,
+    /// It hardly ever is: it has to be beyond doubt.
+    Rarely,
 }
 
 /// What a law leaves out of the physics, as relative errors of the constants that are found with it: one standard
@@ -378,13 +395,8 @@ pub trait Effect: Sync {
         0..self.about().linear_in
     }
 
-    /// An effect that it hardly ever comes without: by itself it has to be beyond doubt.
-    fn stands_on(&self) -> Option<&'static str> {
-        None
-    }
-
-    /// An effect without which it makes no sense.
-    fn needs(&self) -> Option<&'static str> {
+    /// An effect that it comes with, and what it is without.
+    fn stands_on(&self) -> Option<(&'static str, Alone)> {
         None
     }
 

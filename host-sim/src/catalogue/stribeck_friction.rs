@@ -1,6 +1,6 @@
 //! Stribeck friction: it takes more to break loose than to keep moving; the excess falls off with speed.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Alone, Balance, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
 
 /// An excess that reaches farther up would be Coulomb friction, or drag.
@@ -48,8 +48,8 @@ impl Effect for StribeckFriction {
     }
 
     /// What it adds falls off to the Coulomb level; beside a wave over the angle the excess alone is what the wave leaves.
-    fn stands_on(&self) -> Option<&'static str> {
-        Some("coulomb_friction")
+    fn stands_on(&self) -> Option<(&'static str, Alone)> {
+        Some(("coulomb_friction", Alone::Rarely))
     }
 
     fn contribute(

@@ -50,7 +50,7 @@ impl Effect for SupplySag {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        let share = at.duty.abs();
-        balance.resistance_ohm += values[0] * share * if values[1] > 0.0 { 1.0 } else { share };
+        let is_drawn = if values[1] > 0.0 { 1.0 } else { at.mean_duty.abs() };
+        balance.resistance_ohm += values[0] * at.duty.abs() * is_drawn;
     }
 }

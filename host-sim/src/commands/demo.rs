@@ -159,7 +159,7 @@ fn draw(random: &mut ChaCha8Rng) -> Model {
         motor,
         voltage_v: SUPPLY_V,
         speed_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,
-        no_load_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,
+        supply_v: SUPPLY_V,
         current_a: SUPPLY_V / motor.resistance_ohm,
         duration_s: 20.0,
         interval_s: 1e-3,

@@ -2,6 +2,7 @@
 //! encoder, the ripple of a tachogenerator.
 
 use crate::catalogue::{ActsOn, Readings, Sampling};
+use crate::free_run::between_rows::Bulge;
 use crate::model::{Model, Term};
 use crate::plant::PeriodEnd;
 
@@ -51,7 +52,7 @@ impl SensorEffects {
             speed_rad_per_s: (end.angle_rad - last_rad) / period_s,
             angle_rad: end.angle_rad,
         };
-        let at = Sampling { angle_rad: end.angle_rad, step_s, bulge_a: 0.0 };
+        let at = Sampling { angle_rad: end.angle_rad, step_s, bulge: Bulge::NONE };
         for (term, state) in &mut self.current_and_encoder {
             term.effect.sense(&term.values, &at, state, &mut readings);
         }
@@ -63,7 +64,7 @@ impl SensorEffects {
     /// The speed that a tachogenerator shows.
     pub fn tachogenerator_rad_per_s(&self, speed_rad_per_s: f64, angle_rad: f64) -> f64 {
         let mut readings = Readings { current_a: 0.0, speed_rad_per_s, angle_rad };
-        let at = Sampling { angle_rad, step_s: 0.0, bulge_a: 0.0 };
+        let at = Sampling { angle_rad, step_s: 0.0, bulge: Bulge::NONE };
         for term in &self.tachogenerator {
             term.effect.sense(&term.values, &at, &mut [], &mut readings);
         }

@@ -3,7 +3,7 @@
 
 use super::DATA_SHEET_TOLERANCE;
 use super::judge::{Gain, NOT_NOISE, above_floor, gain, sigmas_together};
-use crate::catalogue::{ActsOn, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
+use crate::catalogue::{ActsOn, Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
@@ -23,7 +23,7 @@ const NAMED_SIGMAS: f64 = 6.0;
 /// ... or, where the data kept back leave it open, with this one on all data. More is asked of three times as much: what a
 /// model does wrong everywhere repeats itself.
 const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
-/// An effect without the one that it stands on has at least this; those that were wrong had ten.
+/// An effect that is rarely without the one that it stands on has at least this without; those that were wrong had ten.
 const ALONE_SIGMAS: f64 = 50.0;
 /// With at least this share of the error that is left.
 const LEAST_SHARE: f64 = 0.02;
@@ -105,11 +105,12 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
     let (mut last, mut steps) = chooser.forward(base.clone(), Vec::new());
-    let key = |fit: &Fit| {
+    let doubts = |fit: &Fit| {
         let remains = above_floor(data, fit) > NOT_NOISE;
-        (remains, chooser.is_strange(fit), has_wrong_values(prior, fit), fit.cost)
+        [remains, chooser.is_strange(fit), has_wrong_values(prior, fit)]
     };
-    if (above_floor(data, &last) > NOT_NOISE || chooser.is_strange(&last) || has_wrong_values(prior, &last))
+    let key = |fit: &Fit| (doubts(fit), fit.cost);
+    if doubts(&last).contains(&true)
         && let Some((anew, step)) = chooser.anew(&base)
     {
         let (other, other_steps) = chooser.forward(anew, vec![step]);
@@ -413,18 +414,22 @@ impl Chooser<'_> {
         if keeps_the_motor {
             own.sigmas = own.sigmas.max(0.0).hypot(strangeness(self.prior, &without).sqrt());
         }
+        let stands = match effect(id).and_then(|effect| current.model.alone(effect)) {
+            None => true,
+            Some(Alone::Rarely) => own.sigmas > ALONE_SIGMAS,
+            Some(Alone::Never) => false,
+        };
         let is_excessive = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
-        let keeps_the_winding = looks_like_inductance(id)
-            && is_excessive(&without)
-            && !is_excessive(current)
-            && !is_same(&self.gain(&self.with_nominal_inductance(&without), current));
+        let keeps_the_winding = || {
+            looks_like_inductance(id)
+                && is_excessive(&without)
+                && !is_excessive(current)
+                && !is_same(&self.gain(&self.with_nominal_inductance(&without), current))
+        };
         let is_certain =
             || own.sigmas > NAMED_SIGMAS || self.sigmas_on_all(current, &without, &own) > NAMED_ON_ALL_SIGMAS;
-        let stands = current.model.stands(id) || own.sigmas > ALONE_SIGMAS;
-        let earns_its_name = keeps_the_motor || keeps_the_winding || earns_its_place(&own) && is_certain();
-        let is_named = earns_its_name
-            && stands
-            && current.model.has_what_it_needs(id)
+        let is_named = stands
+            && (keeps_the_motor || keeps_the_winding() || earns_its_place(&own) && is_certain())
             && self.owes_it_to_its_number(current, &without, id);
         Check { id, without, own, is_named }
     }

@@ -9,6 +9,8 @@ use crate::motor::MotorParameters;
 
 /// Longest step; shorter ones are taken as they come.
 const LONGEST_STEP_S: f64 = 50e-6;
+/// Time over which a capacitor at the bridge evens out what pulses draw: some tenths of an ohm and some millifarads.
+const CAPACITOR_S: f64 = 1e-3;
 /// Effects that a switched bridge brings about by itself, or that are not the motor's.
 const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
 
@@ -43,6 +45,7 @@ struct Stepwise {
     speed_rad_per_s: f64,
     current_a: f64,
     supply_v: f64,
+    mean_duty: f64,
 }
 
 impl ModelPlant {
@@ -189,6 +192,7 @@ impl FurtherTorques {
             // No torque knows of the bridge.
             voltage_v: 0.0,
             duty: 0.0,
+            mean_duty: 0.0,
             supply_v,
             // So the current is taken as it is.
             open: true,
@@ -409,6 +413,7 @@ impl Stepwise {
             speed_rad_per_s: 0.0,
             current_a: 0.0,
             supply_v: 0.0,
+            mean_duty: 0.0,
         }
     }
 
@@ -435,10 +440,12 @@ impl Stepwise {
             Bridge::Coast => (0.0, inputs.supply_v + 2.0 * self.bridge.diode_v),
         };
         terms.dry_drop_v = drop_v;
+        self.mean_duty += (duty - self.mean_duty) * step_s / (CAPACITOR_S + step_s);
         let mut at = Instant {
             time_s: self.time_s,
             voltage_v: duty * inputs.supply_v,
             duty,
+            mean_duty: self.mean_duty,
             supply_v: inputs.supply_v,
             open: false,
             current_a: self.current_a,
@@ -562,6 +569,29 @@ mod tests {
             }
             assert!((exact.speed_rad_per_s() - plant.speed_rad_per_s).abs() < 0.05, "period {period}");
             assert!((exact.current_a() - plant.current_a).abs() < 0.01, "period {period}");
+        }
+    }
+
+    /// A supply behind a capacitor gives the mean of what pulses draw, and at half duty loses half as much in each of them.
+    #[test]
+    fn a_capacitor_halves_the_sag_at_half_duty() {
+        let (source_ohm, duty) = (2.0, 0.5);
+        for within_pulses in [0.0, 1.0] {
+            let values = vec![source_ohm, within_pulses];
+            let model = Model::linear(MotorParameters::PIVT6).with(effect("supply_sag").unwrap(), values);
+            let mut plant = ModelPlant::new(model);
+            let pulse = Inputs { bridge: Bridge::Forward, blocked: true, ..Inputs::default() };
+            let rest = Inputs { bridge: Bridge::Brake, ..pulse };
+            let mut mean_a = 0.0;
+            for period in 0..2000 {
+                plant.advance(duty * 50e-6, &pulse);
+                plant.advance((1.0 - duty) * 50e-6, &rest);
+                mean_a += if period >= 1000 { plant.current_a() / 1000.0 } else { 0.0 };
+            }
+            let in_series_ohm = source_ohm * duty * if within_pulses > 0.0 { 1.0 } else { duty };
+            let expected_a = duty * pulse.supply_v / (MotorParameters::PIVT6.resistance_ohm + in_series_ohm);
+            // At the end of a period the current is below its mean by half its swing.
+            assert!((mean_a / expected_a - 1.0).abs() < 0.02, "{within_pulses}: {mean_a} {expected_a}");
         }
     }
 
