@@ -63,7 +63,7 @@ pub enum Effect {
     /// The winding's resistance rises by 15 to 45 % in the course of the recording.
     /// Copper, 0.393 %/K: R (1 + x) with `time_constant_s` dx/dt = `rise_per_W` P - x, P the power lost in the winding.
     WindingHeating,
-    /// The off phase of the PWM coasts.
+    /// The off phase of the PWM coasts, or the bridge does where nothing is asked for.
     /// The current is switched at 20 kHz and dies out through the diodes; the rig file still says slow decay.
     CoastDecay,
     /// The voltage comes 3 to 10 ms late.
@@ -80,7 +80,8 @@ pub enum Effect {
     /// The disc is off centre: 0.6 to 3 degrees.
     EncoderEccentricity,
     /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost; of two in five that share of all edges while it is
-    /// that fast, of half of these coming up gradually, over a tenth to half of that speed.
+    /// that fast, of half of these coming up gradually, over a tenth to half of that speed. Where nothing but counts says how
+    /// fast it is, half of them are lost at random.
     MissedCounts,
     /// 2 to 5 % of ripple, 11 to 31 times a revolution.
     /// Speed times 1 + ripple sin(`ripples_per_rev` angle + phase).
@@ -198,7 +199,12 @@ pub enum Channels {
 impl Channels {
     /// Whether there are counts, or a speed that is made of them.
     fn has_counts(self) -> bool {
-        matches!(self, Self::Full | Self::DutyCountsCurrent | Self::VoltageMeanSpeedCurrent)
+        self == Self::Full || self.speed_is_of_counts()
+    }
+
+    /// Whether nothing but counts says how fast it is.
+    fn speed_is_of_counts(self) -> bool {
+        matches!(self, Self::DutyCountsCurrent | Self::VoltageMeanSpeedCurrent)
     }
 }
 

@@ -2,7 +2,7 @@
 //! that matters.
 
 use crate::live::Switch;
-use crate::{Effect, Motor, Recipe, log_uniform};
+use crate::{Effect, Excitation, Motor, Recipe, log_uniform};
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
 
@@ -67,6 +67,8 @@ pub struct Hidden {
     heating_k_per_w: f64,
     heating_s: f64,
     coasts: bool,
+    /// Only where nothing is asked for; between pulses the bridge brakes.
+    coasts_at_zero_duty: bool,
     shaker_nm: f64,
     shaker_hz: f64,
     saturation: f64,
@@ -91,6 +93,8 @@ pub struct Hidden {
     pub(crate) lost_of_all: bool,
     /// Over which multiple of that speed it comes up; 0: at once.
     pub(crate) lost_onset: f64,
+    /// Each edge is lost with that probability, and not every so many.
+    pub(crate) lost_at_random: bool,
     pub(crate) ripple: f64,
     pub(crate) ripples: f64,
     pub(crate) drift: f64,
@@ -299,6 +303,8 @@ impl Bench {
             }
             Effect::CoastDecay => {
                 hidden.coasts = true;
+                // A loop's sketch has no duty of zero.
+                hidden.coasts_at_zero_duty = recipe.excitation == Excitation::Identify && random.random_bool(0.4);
                 Vec::new()
             }
             Effect::ActuationDelay => {
@@ -332,6 +338,7 @@ impl Bench {
                 hidden.counter_stop_s = between(0.02, 0.05);
                 // A speed timed from edge to edge does not show it.
                 hidden.counter_stops = recipe.channels.has_counts() && random.random_bool(0.3);
+                hidden.lost_at_random = recipe.channels.speed_is_of_counts() && random.random_bool(0.5);
                 if hidden.counter_stops { vec![("stop_s", hidden.counter_stop_s)] } else { Vec::new() }
             }
             Effect::TachoRipple => {
@@ -478,7 +485,8 @@ impl Bench {
         let period_s = self.pwm_period_s;
         let phase = (self.time_s / period_s + 0.5 * dt / period_s).fract() - 0.5 * dt / period_s;
         let on = ((duty.abs() - phase) * period_s / dt).clamp(0.0, 1.0);
-        let off_v = if self.hidden.coasts { supply_v + 2.0 * DIODE_V } else { self.hidden.drop_v };
+        let coasts = self.hidden.coasts && (duty == 0.0 || !self.hidden.coasts_at_zero_duty);
+        let off_v = if coasts { supply_v + 2.0 * DIODE_V } else { self.hidden.drop_v };
         (on * supply_v * duty.signum(), on * self.hidden.drop_v + (1.0 - on) * off_v)
     }
 
@@ -491,6 +499,11 @@ impl Bench {
         let onset = (excess / (self.hidden.lost_onset * self.lost_above()).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         let lost_of = if self.hidden.lost_of_all { onset * self.speed.abs() } else { excess.max(0.0) };
         self.hidden.lost_share * lost_of * self.speed.signum()
+    }
+
+    /// Whether each edge is counted or not by chance.
+    pub(crate) fn loses_at_random(&self) -> bool {
+        self.hidden.lost_at_random && !self.hidden.counter_stops
     }
 
     /// Speed that the bench reaches at nine tenths of the supply, above which share of it counts are lost.

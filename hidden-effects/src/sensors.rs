@@ -61,12 +61,16 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     let drift_hz = random.random_range(0.05..0.15);
     let mut burst = recipe.burst.then(|| Burst::new(random));
     let (mut lost_rad, mut low_passed_a) = (0.0, 0.0);
+    let mut edges = Edges { per_rad: bench.counts_per_rev / TAU, last: 0.0 };
     let mut rows = Vec::with_capacity(count);
     let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
     for index in 0..count {
         let hidden = &bench.hidden;
         let uncounted = bench.uncounted();
-        lost_rad += uncounted * interval_s;
+        lost_rad += match bench.loses_at_random() {
+            true => edges.lost(bench.angle, uncounted / bench.speed, random) * TAU / bench.counts_per_rev,
+            false => uncounted * interval_s,
+        };
         let turn = bench.angle + hidden.eccentricity_phase;
         let seen_rad = bench.angle + hidden.eccentricity_rad * turn.sin() - lost_rad;
         let mut seen_speed = bench.speed * (1.0 + hidden.eccentricity_rad * turn.cos()) - uncounted;
@@ -103,6 +107,24 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     }
     clip(&mut rows, bench.hidden.clip_share);
     csv(&rows, &bench, recipe.channels)
+}
+
+/// Edges of the encoder that come one by one.
+struct Edges {
+    per_rad: f64,
+    last: f64,
+}
+
+impl Edges {
+    /// Of those up to an angle, how many are lost, each with a probability; forwards less backwards.
+    fn lost(&mut self, angle_rad: f64, probability: f64, random: &mut impl Rng) -> f64 {
+        let now = (angle_rad * self.per_rad).floor();
+        let passed = now - std::mem::replace(&mut self.last, now);
+        // At a stand the quotient of two speeds is none.
+        let probability = if probability.is_finite() { probability.clamp(0.0, 1.0) } else { 0.0 };
+        let lost = (0..passed.abs() as usize).filter(|_| random.random_bool(probability)).count();
+        passed.signum() * lost as f64
+    }
 }
 
 /// One sampling interval, the command late by the hidden delay.

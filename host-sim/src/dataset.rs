@@ -153,6 +153,8 @@ pub struct Dataset {
     pub is_counted: bool,
     /// Where its counter stood though the motor turned...
     pub counter_stops: Vec<CounterStop>,
+    /// Share of all counts that is taken for lost; angles and speeds are those with it.
+    pub lost_share: f64,
     /// ... and the rows of the motion that are missing for that, as they were read.
     pub read_in_stops: Vec<(usize, f64)>,
     /// Columns in which there is no number.
@@ -295,6 +297,12 @@ impl Dataset {
                 self.counter_stops.len(), self.time_s[first.rows.start], self.length_s(first)
             ));
         }
+        if self.lost_share > 0.0 {
+            notes.push(format!(
+                "{:.1} % of all counts are taken for lost, by their scatter, and speeds and angles for as much greater: every constant here is one of the motor with that.",
+                100.0 * self.lost_share
+            ));
+        }
         if self.timing.current_window_s.is_none() && self.current_window_s > 0.0 {
             notes.push(format!(
                 "The current is taken for a mean over the {:.4} s before its row, which explains it as well as a lag or more inductance would: [recording] current_window_s in the rig file says what it is.",
@@ -303,11 +311,27 @@ impl Dataset {
         }
         if !self.pwm_is_known && self.pwm_hz != PWM_HZ {
             notes.push(format!(
-                "The PWM is taken to have {:.0} Hz, with which the model explains most. [bridge] pwm_Hz in the rig file says what it is.",
+                "The model explains most with a PWM of {:.0} Hz, which may stand for something else in the current. [bridge] pwm_Hz in the rig file says what it is.",
                 self.pwm_hz
             ));
         }
         notes
+    }
+
+    /// The same with what had been counted without losses.
+    pub fn with_counts_lost(&self, lost_share: f64) -> Self {
+        let factor = 1.0 / (1.0 - lost_share);
+        let mut all = self.clone();
+        all.lost_share = lost_share;
+        all.count_rad *= factor;
+        all.angle_rad.iter_mut().for_each(|angle| *angle *= factor);
+        all.read_in_stops.iter_mut().for_each(|(_, read)| *read *= factor);
+        let motion = &mut all.measured[self.motion_index()];
+        motion.values.iter_mut().for_each(|value| *value *= factor);
+        for scale in [&mut motion.noise, &mut motion.of_counting, &mut motion.tolerance] {
+            *scale *= factor;
+        }
+        all
     }
 
     /// How long a counter stood.

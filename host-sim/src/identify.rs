@@ -114,6 +114,9 @@ pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
     }
 }
 
+/// Half an interval of 95 % in standard errors.
+pub const Z95: f64 = 1.96;
+
 /// Places of [`motor_values`].
 const INERTIA: usize = 3;
 const VISCOUS_FRICTION: usize = 4;
@@ -658,7 +661,7 @@ impl Fit {
             .map(|(index, unknown)| {
                 let here = unknown.get(&self.model);
                 let systematic = self.simplified(unknown.place) * if unknown.logarithmic { 1.0 } else { here };
-                let half = 1.96 * covariance[(index, index)].max(0.0).sqrt().hypot(shift[index]).hypot(systematic);
+                let half = Z95 * covariance[(index, index)].max(0.0).sqrt().hypot(shift[index]).hypot(systematic);
                 let value =
                     |coordinate: f64| if unknown.logarithmic { coordinate.exp() } else { coordinate * unknown.size };
                 // A constant cannot leave its range.

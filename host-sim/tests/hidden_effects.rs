@@ -6,7 +6,7 @@
 
 mod scoring;
 
-use hidden_effects::{Channels, Effect, Recipe, draw};
+use hidden_effects::{Channels, Effect, Recipe, Trial, draw};
 use host_sim::catalogue::effect;
 use host_sim::dataset::{Dataset, Output};
 use host_sim::diagnose::outcome::Verdict;
@@ -16,6 +16,8 @@ use host_sim::model::Model;
 use host_sim::motor::MotorParameters;
 use host_sim::recording::Recording;
 use host_sim::rig::{NominalMotor, Rig};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use scoring::{diagnosed, hidden, named, recipe};
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -113,6 +115,53 @@ fn a_sketch_may_have_recorded_it() {
     for (kind, seed) in [("window", 2), ("window", 16), ("timer", 3), ("burst", 1), ("burst", 2)] {
         assert_found(seed, &recipe(kind, seed));
     }
+}
+
+/// Each edge with the same probability at all speeds: by what the motor does that is another motor, but losses scatter. What
+/// the generator counted is thinned out here.
+#[test]
+fn counts_may_be_lost_at_random_at_all_speeds() {
+    for (seed, share) in [(1, 0.02), (2, 0.1), (3, 0.25)] {
+        let trial = draw(seed, &recipe_of_counts());
+        let outcome = diagnosed(&Trial { csv: thinned(&trial.csv, share, seed), ..trial.clone() }).outcome;
+        let causes: Vec<&str> = outcome.causes.iter().map(|cause| &*cause.effect).collect();
+        assert_eq!(causes, ["missed_counts"], "seed {seed}");
+        let found = outcome.causes[0].parameters["lost_share"];
+        let [low, high] = found.ci95.unwrap();
+        // 1.5 times the interval of 95 % is missed once in 300 times.
+        assert!(
+            (found.value - share).abs() < 0.75 * (high - low) && high - low < 0.4 * share,
+            "seed {seed}: {found:?}"
+        );
+        let torque_constant = outcome.parameters["torque_constant_Nm_per_A"];
+        let off = torque_constant.value / trial.truth.motor.torque_constant_nm_per_a - 1.0;
+        assert!(off.abs() < 0.1 * share, "seed {seed}: {off}");
+    }
+    // Nor is any lost where none is.
+    assert_found(4, &recipe_of_counts());
+}
+
+fn recipe_of_counts() -> Recipe {
+    Recipe { channels: Channels::DutyCountsCurrent, ..Recipe::of(&[]) }
+}
+
+/// A recording of which each count is lost with a probability.
+fn thinned(csv: &str, probability: f64, seed: u64) -> String {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut lines = csv.lines();
+    let mut text = format!("{}\n", lines.next().unwrap());
+    let place = text.trim().split(',').position(|column| column == "counts").unwrap();
+    let (mut last, mut counted) = (0_i64, 0_i64);
+    for line in lines {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        let counts: i64 = cells[place].parse().unwrap();
+        let passed = counts - std::mem::replace(&mut last, counts);
+        let kept = (0..passed.abs()).filter(|_| !random.random_bool(probability)).count();
+        counted += passed.signum() * kept as i64;
+        cells[place] = counted.to_string();
+        text += &format!("{}\n", cells.join(","));
+    }
+    text
 }
 
 /// In the generator such a friction stands on Coulomb's; here the model itself makes the recording, and rounding its noise.

@@ -558,9 +558,11 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     }
     let confirmed = match checked {
         0 => "each answered by ok; no setting is among them".into(),
+        1 => "1 setting read back".into(),
         checked => format!("{checked} settings read back"),
     };
-    println!("{sent} lines sent to {name}, {confirmed}{}", if arguments.save { ", saved" } else { "" });
+    let lines_sent = if sent == 1 { "1 line".into() } else { format!("{sent} lines") };
+    println!("{lines_sent} sent to {name}, {confirmed}{}", if arguments.save { ", saved" } else { "" });
     if lines.iter().any(|(line, _)| *line == "arm") {
         println!("the drive is off again: it stays on while connect, tune or record has the board");
     }

@@ -5,12 +5,11 @@ use super::judge::rmse;
 use super::outcome::{Cause, Estimate, RmseGain};
 use crate::dataset::{Dataset, median};
 use crate::free_run::Prediction;
+use crate::identify::Z95;
 use std::collections::BTreeMap;
 
 /// What they are.
 pub const ID: &str = "missed_counts";
-/// Half an interval of 95 % in standard errors.
-const Z95: f64 = 1.96;
 
 /// What stops of the counter are named.
 pub fn cause(data: &Dataset, prediction: &Prediction) -> Option<Cause> {

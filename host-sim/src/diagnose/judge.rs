@@ -1,5 +1,6 @@
 //! Judging models on data that no fit has seen.
 
+use super::random_losses;
 use crate::dataset::Dataset;
 use crate::free_run::Prediction;
 use crate::identify::Fit;
@@ -82,11 +83,17 @@ pub fn rmse(data: &Dataset, prediction: &Prediction, output: usize) -> f64 {
     (sum / f64::max(count, 1.0)).sqrt()
 }
 
+/// Standard deviation of the noise in what a model leaves of a quantity.
+pub fn noise(data: &Dataset, residual: &[f64], output: usize) -> f64 {
+    let of_sensor = data.measured[output].noise_in(residual);
+    let of_losses = (output == data.motion_index()).then(|| random_losses::noise_rad_per_s(data, residual)).flatten();
+    of_sensor.max(of_losses.unwrap_or(0.0))
+}
+
 /// Error over noise floor of the worst channel.
 pub fn above_floor(data: &Dataset, fit: &Fit) -> f64 {
     let ratio = |output: usize| {
-        let measured = &data.measured[output];
-        let floor = measured.least_error(measured.noise_in(&fit.residual_of(data, output)));
+        let floor = data.measured[output].least_error(noise(data, &fit.residual_of(data, output), output));
         rmse(data, &fit.prediction, output) / floor
     };
     (0..data.measured.len()).map(ratio).fold(0.0, f64::max)

@@ -14,18 +14,20 @@ pub mod missing;
 pub mod outcome;
 pub mod page;
 mod pwm_frequency;
+mod random_losses;
 pub mod report;
 pub mod select;
 
 use crate::catalogue::{ActsOn, INDUCTANCE, effect};
 use crate::dataset::{Dataset, DatasetError, Measured, Output};
 use crate::free_run::{Prediction, free_run};
-use crate::identify::{Effort, Fit, Interval, Place, Prior, fit};
+use crate::identify::{Effort, Fit, Interval, Place, Prior, Z95, fit};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
 use judge::{NOT_NOISE, above_floor};
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict};
+use random_losses::RandomLosses;
 use select::{Selection, Standing, select};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -77,7 +79,13 @@ pub struct Diagnosis {
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
     let prior = Prior::new(&rig.motor, &data);
-    let Understood { data, selection, last, intervals } = certain(data, &prior, &[], progress);
+    let mut understood = certain(data, &prior, &[], progress);
+    let losses = understood.random_losses();
+    if let Some(losses) = losses {
+        progress("with the counts that are lost");
+        understood = certain(understood.data.with_counts_lost(losses.share), &prior, &[], progress);
+    }
+    let Understood { data, selection, last, intervals } = understood;
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
@@ -89,10 +97,10 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let residuals = residuals(&data, &free_run(&bare, &data));
     let places = [ActsOn::Torque, ActsOn::Voltage];
     let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
-    let outcome = Outcome::of(&data, &prior, &selection, &last.model, &intervals);
+    let outcome = Outcome::of(&data, &prior, &selection, (&last.model, &intervals), losses);
     Ok(Diagnosis {
         outcome,
-        model: last.model,
+        model: losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model)),
         base: selection.base.prediction,
         extended: selection.last.prediction,
         base_model: selection.base.model,
@@ -109,6 +117,18 @@ struct Understood {
     /// The model fitted to all of them.
     last: Fit,
     intervals: Vec<Interval>,
+}
+
+impl Understood {
+    /// Counts lost at all speeds alike, where nothing else says that counts are lost.
+    fn random_losses(&self) -> Option<RandomLosses> {
+        let Self { data, selection, .. } = self;
+        let is_named = selection.last.model.has(counter_stops::ID) || !data.counter_stops.is_empty();
+        if is_named {
+            return None;
+        }
+        RandomLosses::of(data, &selection.last.residual_of(data, data.motion_index()))
+    }
 }
 
 /// The data as they are understood best by effects that are there without doubt. What turns out to be nothing is taken back;
@@ -206,7 +226,7 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
             let (mut own, mut rest) = (0.0, 0.0);
             for (output, (before, after)) in standing.gain.rmse.iter().enumerate() {
                 own += weighed(*before, output) - weighed(*after, output);
-                let floor = data.measured[output].noise_in(&selection.last.residual_of(data, output));
+                let floor = judge::noise(data, &selection.last.residual_of(data, output), output);
                 rest += weighed(*after, output) - weighed(floor, output);
             }
             own < LEAST_OF_REST * rest
@@ -253,15 +273,27 @@ fn take_back(data: &Dataset, prior: &Prior, selection: &mut Selection, index: us
 }
 
 impl Outcome {
-    fn of(data: &Dataset, prior: &Prior, selection: &Selection, model: &Model, intervals: &[Interval]) -> Self {
+    fn of(
+        data: &Dataset,
+        prior: &Prior,
+        selection: &Selection,
+        (model, intervals): (&Model, &[Interval]),
+        losses: Option<RandomLosses>,
+    ) -> Self {
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
         if !model.has(counter_stops::ID) {
             causes.extend(counter_stops::cause(data, &selection.last.prediction));
         }
+        if let Some(losses) = losses {
+            causes.push(losses.cause(data, judge::rmse(data, &selection.last.prediction, data.motion_index())));
+        }
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
-        let parameters = parameters(model, &prior.nominal, intervals);
+        let mut parameters = parameters(model, &prior.nominal, intervals);
+        if let Some(losses) = losses {
+            widen(&mut parameters, losses.uncertainty_of_speed());
+        }
         let unexplained = unexplained(data, selection);
         if unexplained.is_none() {
             // While something is missing it falsifies the constants as well.
@@ -402,6 +434,17 @@ fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> 
         .collect()
 }
 
+/// Of constants that are told from the speed, the intervals with its own uncertainty, as a share of one standard deviation.
+fn widen(parameters: &mut BTreeMap<&'static str, Parameter>, of_speed: f64) {
+    // Powers of the speed in them.
+    for (name, power) in [("torque_constant_Nm_per_A", 1.0), ("inertia_kg_m2", 2.0), ("viscous_friction_Nm_s", 2.0)] {
+        let Some(Parameter { value, ci95, .. }) = parameters.get_mut(name) else { continue };
+        let of_scale = Z95 * power * of_speed * *value;
+        let widened = |bound: f64| *value + (bound - *value).signum() * (bound - *value).hypot(of_scale);
+        *ci95 = ci95.map(widened);
+    }
+}
+
 /// Nominal values that are further off than a data sheet's tolerance.
 fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
     // How far off, and how many standard errors beyond what is tolerated.
@@ -465,7 +508,7 @@ fn unexplained(data: &Dataset, selection: &Selection) -> Option<Unexplained> {
     let dependence = missing::dependences(data, &lack.values).into_iter().next()?;
     let rest = |output: usize| {
         let after = judge::rmse(data, &selection.last.prediction, output);
-        1.0 - (data.measured[output].noise_in(&residuals[output]).min(after) / after).powi(2)
+        1.0 - (judge::noise(data, &residuals[output], output).min(after) / after).powi(2)
     };
     Some(Unexplained {
         acts_on: lack.acts_on,
@@ -490,7 +533,7 @@ fn fits(data: &Dataset, selection: &Selection) -> BTreeMap<&'static str, BTreeMa
             .collect()
     };
     let floor = data.measured.iter().enumerate().map(|(output, Measured { output: kind, .. })| {
-        let rmse = data.measured[output].noise_in(&selection.last.residual_of(data, output));
+        let rmse = judge::noise(data, &selection.last.residual_of(data, output), output);
         let reached = judge::fit_percent(data, &selection.last.prediction, output);
         let after = judge::rmse(data, &selection.last.prediction, output);
         // The same spread of the signal, the floor in place of the error.

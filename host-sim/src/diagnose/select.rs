@@ -3,7 +3,7 @@
 
 use super::DATA_SHEET_TOLERANCE;
 use super::judge::{Gain, NOT_NOISE, above_floor, gain, sigmas_together};
-use crate::catalogue::{ActsOn, Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
+use crate::catalogue::{ActsOn, Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, Scales, USUAL, effect};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
@@ -96,6 +96,15 @@ pub struct Selection {
     pub standings: Vec<Standing>,
 }
 
+/// What says which effect is added next.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Lead {
+    /// The lowest cost of those that earn their place by themselves.
+    Significance,
+    /// The lowest cost: what sticks in a few places gains most there, and is not significant before the rest is right.
+    Cost,
+}
+
 /// Called with a sentence whenever the work goes on.
 pub type Progress<'a> = &'a (dyn Fn(&str) + Sync);
 
@@ -104,16 +113,22 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     progress("linear motor");
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
-    let (mut last, mut steps) = chooser.forward(base.clone(), Vec::new());
+    let (mut last, mut steps) = chooser.forward(base.clone(), Vec::new(), Lead::Significance);
     let doubts = |fit: &Fit| {
         let remains = above_floor(data, fit) > NOT_NOISE;
         [remains, chooser.is_strange(fit), has_wrong_values(prior, fit)]
     };
     let key = |fit: &Fit| (doubts(fit), fit.cost);
+    if doubts(&last).contains(&true) {
+        let (other, other_steps) = chooser.forward(base.clone(), Vec::new(), Lead::Cost);
+        if key(&other) < key(&last) {
+            (last, steps) = (other, other_steps);
+        }
+    }
     if doubts(&last).contains(&true)
         && let Some((anew, step)) = chooser.anew(&base)
     {
-        let (other, other_steps) = chooser.forward(anew, vec![step]);
+        let (other, other_steps) = chooser.forward(anew, vec![step], Lead::Significance);
         if key(&other) < key(&last) {
             (last, steps) = (other, other_steps);
         }
@@ -268,18 +283,25 @@ impl Chooser<'_> {
         let from = &current.model;
         let effort = Effort::TRIAL.useless_above(current.cost);
         let scales = scales(&self.prior.motor, self.data);
-        let strange = CATALOGUE.iter().filter(|effect| effect.changes_everything()).map(|effect| effect.about().id);
-        strange
-            .flat_map(|id| [vec![id], [&[id], &USUAL[..]].concat()])
-            .chain([USUAL.to_vec()])
-            .filter(|ids| ids.iter().all(|id| !from.has(id) && !self.excluded.contains(id)))
-            .map(|ids| {
-                let nominal = Model { motor: self.prior.motor, terms: from.terms.clone() };
-                ids.iter().filter_map(|id| effect(id)).fold(nominal, |model, effect| model.with_start(effect, &scales))
-            })
-            .collect::<Vec<_>>()
-            .into_par_iter()
-            .map(|model| fit(&model, self.data, self.prior, effort))
+        let nominal = Model { motor: self.prior.motor, terms: from.terms.clone() };
+        let is_new = |effect: &&'static dyn Effect| !from.has(effect.about().id);
+        let usual: Vec<_> =
+            self.possible().filter(is_new).filter(|effect| USUAL.contains(&effect.about().id)).collect();
+        let with_usual = |model: Model| usual.iter().fold(model, |model, effect| model.with_start(*effect, &scales));
+        let mut models = self.strange(&nominal, &scales);
+        if usual.len() == USUAL.len() {
+            let bare = models.clone().into_iter().chain([nominal]);
+            models.extend(bare.map(with_usual));
+        }
+        models.into_par_iter().map(|model| fit(&model, self.data, self.prior, effort)).collect()
+    }
+
+    /// A model with each effect that changes everything and that it does not have, with each of its laws.
+    fn strange(&self, model: &Model, scales: &Scales) -> Vec<Model> {
+        let effects = self.possible().filter(|effect| effect.changes_everything() && !model.has(effect.about().id));
+        effects
+            .flat_map(|effect| effect.starts(scales).into_iter().map(move |start| (effect, start)))
+            .map(|(effect, start)| model.with(effect, start))
             .collect()
     }
 
@@ -295,10 +317,9 @@ impl Chooser<'_> {
         let scales = scales(&self.prior.motor, self.data);
         let with = |model: Model, effect: &'static dyn Effect| model.with_start(effect, &scales);
         let usual = |model| self.possible().filter(|effect| USUAL.contains(&effect.about().id)).fold(model, with);
-        let strange = || self.possible().filter(|effect| effect.changes_everything());
         let nominal = Model::linear(self.prior.motor);
-        let beginnings =
-            [usual(nominal.clone())].into_iter().chain(strange().map(|effect| with(nominal.clone(), effect)));
+        let strange = self.strange(&nominal, &scales);
+        let beginnings = [usual(nominal.clone())].into_iter().chain(strange.iter().cloned());
         let models = beginnings.flat_map(|from| {
             // Of an effect with alternatives the one that promises most.
             let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
@@ -314,7 +335,7 @@ impl Chooser<'_> {
         let best =
             |fits: Vec<Fit>| fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"));
         // From so far away a trial does not arrive, with many effects at once not even near.
-        let whole = strange().map(|effect| usual(with(nominal.clone(), effect)));
+        let whole = strange.into_iter().map(usual);
         let last: Vec<Model> = [best(fits)?.model].into_iter().chain(whole).collect();
         let last = last.into_par_iter().map(|model| fit(&model, self.data, self.prior, Effort::AGAIN)).collect();
         let best = best(last)?;
@@ -328,12 +349,12 @@ impl Chooser<'_> {
         let scales = scales(&self.prior.motor, self.data);
         let mut nominal = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
         nominal.terms.retain(|term| term.effect.about().acts_on != ActsOn::Voltage);
-        let strange = self.possible().filter(|effect| effect.changes_everything() && !nominal.has(effect.about().id));
-        let fits = strange.map(|effect| fit(&nominal.with_start(effect, &scales), self.data, self.prior, Effort::FULL));
+        let strange = self.strange(&nominal, &scales).into_iter();
+        let fits = strange.map(|model| fit(&model, self.data, self.prior, Effort::FULL));
         fits.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    fn forward(&self, mut current: Fit, mut steps: Vec<Step>) -> (Fit, Vec<Step>) {
+    fn forward(&self, mut current: Fit, mut steps: Vec<Step>, lead: Lead) -> (Fit, Vec<Step>) {
         let mut ahead = 0;
         while steps.len() < MOST_EFFECTS {
             let mut promises = self.promises(&current);
@@ -348,8 +369,9 @@ impl Chooser<'_> {
             }
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let gained = |index: usize| (index, self.gain(&current, &fits[index]));
-            let chosen = match (0..fits.len()).map(gained).find(|(_, gain)| earns_its_place(gain)) {
-                None if ahead < MOST_AHEAD && above_floor(self.data, &current) > NOT_NOISE => {
+            let leads = |gain: &Gain| lead == Lead::Significance && earns_its_place(gain);
+            let chosen = match (0..fits.len()).map(gained).find(|(_, gain)| leads(gain)) {
+                None if (ahead < MOST_AHEAD || lead == Lead::Cost) && above_floor(self.data, &current) > NOT_NOISE => {
                     ahead += 1;
                     fits.iter().position(|fit| fit.cost < LEAST_AHEAD * current.cost).map(gained)
                 }
