@@ -27,6 +27,8 @@ mod torque_scale;
 pub const NOMINAL_SPREAD: f64 = 0.2;
 /// The same of a value guessed from the data's extremes alone.
 const GUESS_SPREAD: f64 = 1.5;
+/// And of the scale of all resistances, where no current was measured and no nominal value says it.
+const SCALE_SPREAD: f64 = 2.5;
 /// Nominal viscous friction is hardly more than an order of magnitude.
 const FRICTION_SPREAD: f64 = 1.0;
 /// Residuals further apart than this count as independent.
@@ -82,14 +84,18 @@ impl Prior {
             viscous_friction_nm_s: nominal.viscous_friction_nm_s.unwrap_or(0.02 * k * k / r),
         };
         let spread = |given: Option<f64>| if given.is_some() { NOMINAL_SPREAD } else { GUESS_SPREAD };
+        // Guessed from the resistance, which without a current is a guess by itself.
+        let is_scale_known = peak_a.is_some() || nominal.resistance_ohm.is_some();
+        let of_scale = if is_scale_known { 0.0 } else { SCALE_SPREAD };
+        let scaled = |given: Option<f64>| spread(given).hypot(if given.is_some() { 0.0 } else { of_scale });
         let friction = if nominal.viscous_friction_nm_s.is_some() { FRICTION_SPREAD } else { 10.0 };
         Self {
             motor,
             spread: [
-                spread(nominal.resistance_ohm),
-                spread(nominal.inductance_h),
+                scaled(nominal.resistance_ohm),
+                scaled(nominal.inductance_h),
                 spread(nominal.torque_constant_nm_per_a),
-                spread(nominal.inertia_kg_m2),
+                scaled(nominal.inertia_kg_m2),
                 friction * motor.viscous_friction_nm_s.max(0.005 * k * k / r),
             ],
             nominal: *nominal,

@@ -288,7 +288,9 @@ impl Chooser<'_> {
         let usual: Vec<_> =
             self.possible().filter(is_new).filter(|effect| USUAL.contains(&effect.about().id)).collect();
         let with_usual = |model: Model| usual.iter().fold(model, |model, effect| model.with_start(*effect, &scales));
+        // Their rarer laws only where something remains: most that look like one at first are none.
         let mut models = self.strange(&nominal, &scales);
+        models.retain(|model| !model.terms.last().is_some_and(Term::has_another_law));
         if usual.len() == USUAL.len() {
             let bare = models.clone().into_iter().chain([nominal]);
             models.extend(bare.map(with_usual));
