@@ -338,7 +338,8 @@ impl Bench {
                 hidden.counter_stop_s = between(0.02, 0.05);
                 // A speed timed from edge to edge does not show it.
                 hidden.counter_stops = recipe.channels.has_counts() && random.random_bool(0.3);
-                hidden.lost_at_random = recipe.channels.speed_is_of_counts() && random.random_bool(0.5);
+                let by_chance = recipe.channels.speed_is_of_counts() && random.random_bool(0.5);
+                hidden.lost_at_random = by_chance && !hidden.counter_stops;
                 if hidden.counter_stops { vec![("stop_s", hidden.counter_stop_s)] } else { Vec::new() }
             }
             Effect::TachoRipple => {
@@ -499,11 +500,6 @@ impl Bench {
         let onset = (excess / (self.hidden.lost_onset * self.lost_above()).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         let lost_of = if self.hidden.lost_of_all { onset * self.speed.abs() } else { excess.max(0.0) };
         self.hidden.lost_share * lost_of * self.speed.signum()
-    }
-
-    /// Whether each edge is counted or not by chance.
-    pub(crate) fn loses_at_random(&self) -> bool {
-        self.hidden.lost_at_random && !self.hidden.counter_stops
     }
 
     /// Speed that the bench reaches at nine tenths of the supply, above which share of it counts are lost.

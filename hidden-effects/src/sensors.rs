@@ -67,7 +67,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     for index in 0..count {
         let hidden = &bench.hidden;
         let uncounted = bench.uncounted();
-        lost_rad += match bench.loses_at_random() {
+        lost_rad += match hidden.lost_at_random {
             true => edges.lost(bench.angle, uncounted / bench.speed, random) * TAU / bench.counts_per_rev,
             false => uncounted * interval_s,
         };

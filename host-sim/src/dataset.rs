@@ -112,6 +112,13 @@ pub struct Stretch {
     pub window: Window,
 }
 
+impl Stretch {
+    /// Length of the window, of one row where a speed is that of the moment.
+    pub fn window_s(&self) -> f64 {
+        self.window.span.max(1) as f64 * self.interval_s
+    }
+}
+
 /// Recordings of one rig, one after the other.
 #[derive(Clone, Debug, Default)]
 pub struct Dataset {
@@ -403,8 +410,7 @@ impl Dataset {
     /// What rounding to whole counts makes of a speed at both ends of its window.
     fn noise_of_counting(&self) -> f64 {
         let of_stretch = |stretch: &Stretch| {
-            let length_s = stretch.window.span.max(1) as f64 * stretch.interval_s;
-            (self.count_rad / 6_f64.sqrt() / length_s).powi(2) * stretch.rows.len() as f64
+            (self.count_rad / 6_f64.sqrt() / stretch.window_s()).powi(2) * stretch.rows.len() as f64
         };
         (self.stretches.iter().map(of_stretch).sum::<f64>() / self.len().max(1) as f64).sqrt()
     }

@@ -2,7 +2,7 @@
 //! will, so the cause is named from the stops themselves.
 
 use super::judge::rmse;
-use super::outcome::{Cause, Estimate, RmseGain};
+use super::outcome::{Cause, Estimate, RmseGain, confidence};
 use crate::dataset::{Dataset, median};
 use crate::free_run::Prediction;
 use crate::identify::Z95;
@@ -32,7 +32,7 @@ pub fn cause(data: &Dataset, prediction: &Prediction) -> Option<Cause> {
     ];
     Some(Cause {
         effect: ID.into(),
-        confidence: 1.0 - (-evidence_sigmas / 3.0).exp(),
+        confidence: confidence(evidence_sigmas),
         parameters: constants.into_iter().map(|(name, estimate)| (name.to_string(), estimate)).collect(),
         gain: gain(data, prediction),
         not_separable_from: Vec::new(),

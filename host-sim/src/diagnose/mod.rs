@@ -26,7 +26,7 @@ use crate::model::Model;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
 use judge::{NOT_NOISE, above_floor};
-use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict};
+use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
 use select::{Selection, Standing, select};
 use std::cmp::Ordering;
@@ -373,12 +373,11 @@ pub fn acts_on_words(acts_on: ActsOn) -> &'static str {
 
 fn cause(data: &Dataset, standing: &Standing, model: &Model, intervals: &[Interval]) -> Cause {
     let rival_sigmas = standing.rival.as_ref().map_or(f64::INFINITY, |(_, gain)| gain.sigmas.max(0.0));
-    let doubt =
-        (-standing.gain.sigmas.min(if standing.same.is_empty() { rival_sigmas } else { f64::INFINITY }) / 3.0).exp();
+    let sigmas = standing.gain.sigmas.min(if standing.same.is_empty() { rival_sigmas } else { f64::INFINITY });
     let channels = data.measured.iter().map(|measured| measured.output.channel());
     Cause {
         effect: standing.id.into(),
-        confidence: (1.0 - doubt) / (1.0 + standing.same.len() as f64),
+        confidence: confidence(sigmas) / (1.0 + standing.same.len() as f64),
         parameters: constants(standing.id, model, intervals),
         gain: channels
             .zip(&standing.gain.rmse)
@@ -484,7 +483,7 @@ fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
 fn value_cause(id: &str, constant: &str, estimate: Estimate, sigmas: f64) -> Cause {
     Cause {
         effect: format!("parameter:{id}"),
-        confidence: 1.0 - (-sigmas / 3.0).exp(),
+        confidence: confidence(sigmas),
         parameters: BTreeMap::from([(constant.to_string(), estimate)]),
         gain: BTreeMap::new(),
         not_separable_from: Vec::new(),

@@ -56,6 +56,11 @@ pub struct Cause {
     pub runner_up: Option<RunnerUp>,
 }
 
+/// Confidence in what has this many standard errors.
+pub fn confidence(sigmas: f64) -> f64 {
+    1.0 - (-sigmas / 3.0).exp()
+}
+
 /// The next best.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunnerUp {

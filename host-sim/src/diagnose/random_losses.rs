@@ -9,15 +9,14 @@
 //! A share that is the same at all speeds cannot be told from constants of another motor by what the motor does: by the
 //! scatter alone. The data are looked at anew then, with as many counts more.
 
-use super::outcome::{Cause, Estimate, RmseGain};
+use super::counter_stops::ID;
+use super::outcome::{Cause, Estimate, RmseGain, confidence};
 use crate::catalogue::effect;
 use crate::dataset::{Dataset, Output};
 use crate::identify::Z95;
 use crate::model::Model;
 use std::collections::BTreeMap;
 
-/// What they are.
-const ID: &str = "missed_counts";
 /// Fewer counts in a window are rounded too evenly to be told from others.
 const FEWEST_COUNTS: f64 = 2.0;
 /// Fewest windows.
@@ -95,7 +94,7 @@ fn changes(data: &Dataset, residual: &[f64]) -> Vec<Change> {
     }
     for stretch in &data.stretches {
         let span = stretch.window.span.max(1);
-        let to_counts = span as f64 * stretch.interval_s / data.count_rad;
+        let to_counts = stretch.window_s() / data.count_rad;
         let left = |row: usize| to_counts * residual[row];
         let counted = |row: usize| to_counts * motion.values[row].abs();
         let change = |row: usize| left(row + span) - left(row);
@@ -116,18 +115,21 @@ fn changes(data: &Dataset, residual: &[f64]) -> Vec<Change> {
     changes
 }
 
+/// The same where they are what counts lost at random make of them.
+fn random_changes(data: &Dataset, residual: &[f64]) -> Option<Vec<Change>> {
+    let changes = changes(data, residual);
+    let all = Moments::of(changes.iter());
+    let are_random = changes.len() >= FEWEST && all.are_of_independent_steps() && all.of_step() > 0.0;
+    are_random.then_some(changes)
+}
+
 /// Standard deviation of the scatter in a residual of the motion on data kept back; `None` where it is not what counts lost at
 /// random make of it.
 pub fn noise_rad_per_s(data: &Dataset, residual: &[f64]) -> Option<f64> {
-    let changes = changes(data, residual);
-    let all = Moments::of(changes.iter());
-    if changes.len() < FEWEST || !all.are_of_independent_steps() || all.of_step() <= 0.0 {
-        return None;
-    }
+    let changes = random_changes(data, residual)?;
     let any_kept_back = changes.iter().any(|change| change.kept_back);
     let judged = Moments::of(changes.iter().filter(|change| change.kept_back || !any_kept_back));
-    let length_s = data.stretches.first().map(|stretch| stretch.window.span.max(1) as f64 * stretch.interval_s)?;
-    Some(judged.of_window().sqrt() * data.count_rad / length_s)
+    Some(judged.of_window().sqrt() * data.count_rad / data.stretches.first()?.window_s())
 }
 
 /// Counts of which a share is lost at random, at all speeds alike.
@@ -142,8 +144,7 @@ pub struct RandomLosses {
 impl RandomLosses {
     /// What the scatter of a residual says beyond doubt.
     pub fn of(data: &Dataset, residual: &[f64]) -> Option<Self> {
-        noise_rad_per_s(data, residual)?;
-        let mut changes = changes(data, residual);
+        let mut changes = random_changes(data, residual)?;
         let parts: Vec<f64> = changes.chunks(changes.len().div_ceil(BLOCKS)).map(share).collect();
         let share_of_all = share(&changes);
         let spread = parts.iter().map(|part| (part - share_of_all).powi(2)).sum::<f64>() / (parts.len() - 1) as f64;
@@ -168,7 +169,7 @@ impl RandomLosses {
         let sigmas = self.share / self.error;
         Cause {
             effect: ID.into(),
-            confidence: 1.0 - (-sigmas / 3.0).exp(),
+            confidence: confidence(sigmas),
             parameters: BTreeMap::from([("lost_share".to_string(), share)]),
             gain: BTreeMap::from([(data.motion().output.channel(), RmseGain { rmse_before: rmse, rmse_after: rmse })]),
             not_separable_from: Vec::new(),

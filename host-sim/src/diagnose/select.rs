@@ -279,23 +279,27 @@ impl Chooser<'_> {
 
     /// Fits from the nominal motor: of the effects that leave nothing of the linear fit, and of the two that hardly any
     /// bench is without, together and with the former.
-    fn fresh(&self, current: &Fit) -> Vec<Fit> {
-        let from = &current.model;
-        let effort = Effort::TRIAL.useless_above(current.cost);
+    fn fresh(&self, base: &Fit) -> Vec<Fit> {
+        let effort = Effort::TRIAL.useless_above(base.cost);
         let scales = scales(&self.prior.motor, self.data);
-        let nominal = Model { motor: self.prior.motor, terms: from.terms.clone() };
-        let is_new = |effect: &&'static dyn Effect| !from.has(effect.about().id);
-        let usual: Vec<_> =
-            self.possible().filter(is_new).filter(|effect| USUAL.contains(&effect.about().id)).collect();
-        let with_usual = |model: Model| usual.iter().fold(model, |model, effect| model.with_start(*effect, &scales));
+        let nominal = Model::linear(self.prior.motor);
         // Their rarer laws only where something remains: most that look like one at first are none.
         let mut models = self.strange(&nominal, &scales);
         models.retain(|model| !model.terms.last().is_some_and(Term::has_another_law));
-        if usual.len() == USUAL.len() {
+        if self.usual().count() == USUAL.len() {
             let bare = models.clone().into_iter().chain([nominal]);
-            models.extend(bare.map(with_usual));
+            models.extend(bare.map(|model| self.with_usual(model, &scales)));
         }
         models.into_par_iter().map(|model| fit(&model, self.data, self.prior, effort)).collect()
+    }
+
+    /// The effects that hardly any bench is without.
+    fn usual(&self) -> impl Iterator<Item = &'static dyn Effect> {
+        self.possible().filter(|effect| USUAL.contains(&effect.about().id))
+    }
+
+    fn with_usual(&self, model: Model, scales: &Scales) -> Model {
+        self.usual().fold(model, |model, effect| model.with_start(effect, scales))
     }
 
     /// A model with each effect that changes everything and that it does not have, with each of its laws.
@@ -317,8 +321,7 @@ impl Chooser<'_> {
     fn anew(&self, base: &Fit) -> Option<(Fit, Step)> {
         (self.progress)("other ways");
         let scales = scales(&self.prior.motor, self.data);
-        let with = |model: Model, effect: &'static dyn Effect| model.with_start(effect, &scales);
-        let usual = |model| self.possible().filter(|effect| USUAL.contains(&effect.about().id)).fold(model, with);
+        let usual = |model| self.with_usual(model, &scales);
         let nominal = Model::linear(self.prior.motor);
         let strange = self.strange(&nominal, &scales);
         let beginnings = [usual(nominal.clone())].into_iter().chain(strange.iter().cloned());
@@ -367,6 +370,7 @@ impl Chooser<'_> {
             let tried = self.try_all(&current.model, &promises, Effort::TRIAL.useless_above(current.cost));
             let mut fits: Vec<Fit> = tried.into_iter().map(|(_, fit)| fit).collect();
             if steps.is_empty() && !promises.is_empty() {
+                // Nothing has been added: this is the linear fit.
                 fits.extend(self.fresh(&current));
             }
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));

@@ -14,7 +14,7 @@ use explanation::{TERMS, explanations};
 pub(crate) use line::{Errors, Line};
 use line::{left_out, rms};
 
-use crate::diagnose::outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Verdict};
+use crate::diagnose::outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Verdict, confidence};
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
 use crate::stand::Winding;
@@ -344,7 +344,7 @@ fn outcome(levels: &[Level], explanations: &[Explanation], friction: &Option<Fri
     {
         causes.push(Cause {
             effect: "coulomb_friction".into(),
-            confidence: 1.0 - (-friction.sigmas / 3.0).exp(),
+            confidence: confidence(friction.sigmas),
             parameters: BTreeMap::from([("torque_Nm".into(), friction.coulomb)]),
             gain: BTreeMap::from([("i_A", RmseGain { rmse_before: friction.before, rmse_after: friction.after })]),
             not_separable_from: vec!["current_offset"],
