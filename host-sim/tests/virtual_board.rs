@@ -28,7 +28,7 @@ fn a_recording_is_whole_and_read_by_the_diagnosis() {
     assert_eq!(side["samples"].as_u64().unwrap() as usize, rows(&board.folder.join("run.csv")));
     assert_eq!(side["settings"]["counts_per_rev"], 2000.0);
     assert_eq!((&side["settings"]["tick_rate"], &side["rate_Hz"]), (&1000.0.into(), &1000.0.into()));
-    assert!((side["settings"]["speed_kp"].as_f64().unwrap() - 0.05).abs() < 1e-6);
+    assert_eq!(side["settings"]["speed_kp"], 0.05, "as the console has it");
     assert!(side["firmware"].as_str().unwrap().starts_with("motorbench "), "{side}");
     assert_eq!(side["losses"], serde_json::json!({ "lost_frames": 0, "damaged_frames": 0 }));
     assert_eq!(side["coverage"]["lacks"], serde_json::json!([]), "steps go both ways");

@@ -99,9 +99,10 @@ pub fn missing_ticks(samples: &[Sample]) -> u32 {
     samples.windows(2).map(|pair| pair[1].tick.wrapping_sub(pair[0].tick).saturating_sub(1)).sum()
 }
 
-/// Settings by their names on the console.
+/// Settings by their names on the console, as short as they are there: 0.05 is not 0.05000000074505806.
 pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value> {
-    Param::ALL.iter().map(|param| (super::name(*param), settings.get(*param).into())).collect()
+    let decimal = |value: f32| value.to_string().parse::<f64>().unwrap_or_else(|_| value.into());
+    Param::ALL.iter().map(|param| (super::name(*param), decimal(settings.get(*param)).into())).collect()
 }
 
 /// Plays `order`, a `sequence` line of the console, in the present mode of an armed drive, and records it; disarms at the
@@ -260,4 +261,16 @@ pub fn is_played(samples: &[Sample], sequence: &Sequence) -> bool {
         let origin = if is_position { first.reference - at(first).unwrap_or(0) } else { 0 };
         playing.iter().all(|sample| at(sample).is_some_and(|play| (sample.reference - origin - play).abs() <= ROUNDING))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_written_as_they_were_set() {
+        let mut settings = Settings::defaults();
+        settings.set(Param::SpeedKp, 0.055_108).unwrap();
+        assert_eq!(by_name(&settings)["speed_kp"].to_string(), "0.055108");
+    }
 }
