@@ -488,7 +488,12 @@ fn the_demonstration_names_what_it_hid() {
     let rms = |index: usize| shown["loops"][index]["standstill_rms_rad_per_s"].as_f64().unwrap();
     assert!(rms(2) < 0.9 * rms(0), "{}", shown["loops"]);
     let page = std::fs::read_to_string(&page).unwrap();
-    for heading in ["The speed loop before and after", "What was hidden", "What to do"] {
+    for heading in [
+        "The speed loop before and after",
+        "What was hidden, and what was found",
+        "For the board's console",
+        "What to do",
+    ] {
         assert!(page.contains(heading), "{heading}");
     }
     assert!(page.matches("<svg").count() >= 4 && page.ends_with("</body></html>\n"));

@@ -19,7 +19,8 @@ use crate::plant::ModelPlant;
 use crate::recording::Recording;
 use crate::rig::NominalMotor;
 use crate::telemetry;
-use crate::terminal_text::{short, wrapped};
+use crate::terminal_text::short;
+use crate::web_page::{code, escaped, table};
 use clap::Args;
 use motorbench_core::excitation::{Kind, Sequence};
 #[cfg(feature = "chip")]
@@ -107,10 +108,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     ));
     let loops = Loops::compared(&truth, &nominal, &diagnosis)?;
     say(&loops.table());
-    let hidden = hidden(&truth);
-    say(&format!("\nWhat was hidden\n{hidden}"));
+    let revealed = revealed(&truth, &diagnosis.model);
+    say(&format!("\nWhat was hidden, and what was found\n{}", revealed_text(&revealed)));
     if let Some(path) = &arguments.report {
-        super::write(path, &report::report_with(&diagnosis, &["demo".into()], &loops.section(&hidden)))?;
+        let section = loops.section() + &revealed_html(&revealed);
+        super::write(path, &report::report_with(&diagnosis, &[format!("demo --seed {seed}")], &section))?;
         say(&format!("\nThe page with plots: {}", path.display()));
     }
     if arguments.json {
@@ -336,8 +338,8 @@ impl Loops {
         text
     }
 
-    /// For the page: all speeds on one plot, the slow part larger, the table, and what was hidden.
-    fn section(&self, hidden: &str) -> String {
+    /// For the page: all speeds on one plot, the slow part larger, the table, and the gains.
+    fn section(&self) -> String {
         let panel = |title: &str, count: usize| {
             let first = &self.attempts[0].points[..count];
             let reference = Panel::new(title).line("reference", first.iter().map(|point| point.reference).collect());
@@ -351,19 +353,16 @@ impl Loops {
         let interval_s = HOLD_S * REFERENCES_RAD_PER_S.len() as f64 / all as f64;
         let plots = [panel("speed, rad/s", all), panel("speed about standstill, rad/s", slow)]
             .map(|panel| panels_in_page(interval_s, &[panel]));
-        let rows: String = self
-            .attempts
-            .iter()
-            .map(|Attempt { name, slow_rms, all_rms, .. }| {
-                let (slow_rms, all_rms) = (short(*slow_rms), short(*all_rms));
-                format!("<tr><td>{name}</td><td>{slow_rms} rad/s</td><td>{all_rms} rad/s</td></tr>")
-            })
-            .collect();
+        let rows = self.attempts.iter().map(|Attempt { name, slow_rms, all_rms, .. }| {
+            let [slow_rms, all_rms] = [slow_rms, all_rms].map(|rms| format!("{} rad/s", short(*rms)));
+            [(*name).into(), slow_rms, all_rms]
+        });
         format!(
-            "<h2>The speed loop before and after</h2><p>{BANDWIDTH_HZ} Hz, on the motor as it is.</p>{}\
-             <table><tr><th>speed error, rms</th><th>about standstill</th><th>in all</th></tr>{rows}</table>\
-             <h2>What was hidden</h2><pre style=\"white-space:pre-wrap\">{hidden}</pre>",
-            plots.concat()
+            "<h2>The speed loop before and after</h2><p>{BANDWIDTH_HZ} Hz, on the motor as it is.</p>{}{}\
+             <h2>For the board's console</h2><pre>{}</pre>\n",
+            plots.concat(),
+            table(&["speed error, rms", "about standstill", "in all"], rows),
+            escaped(&self.commands.join("\n"))
         )
     }
 }
@@ -386,14 +385,60 @@ fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Att
     Ok(Attempt { name, slow_rms: rms(&points[..SLOW]), all_rms: rms(&points), points: points.concat() })
 }
 
-fn hidden(truth: &Model) -> String {
-    let mut text = String::new();
-    for term in &truth.terms {
-        let constants: Vec<String> = term.said().map(|(_, name, value)| format!("{name} = {}", short(value))).collect();
-        text += &wrapped(&format!("{}: {}", term.id(), constants.join(", ")), "  ", "    ");
+/// A constant that was hidden, and what the diagnosis made of it.
+struct Revealed {
+    /// Its effect; empty for the motor's own.
+    effect: &'static str,
+    name: &'static str,
+    hidden: Option<f64>,
+    found: Option<f64>,
+}
+
+/// Everything that was hidden or found, effects first.
+fn revealed(truth: &Model, found: &Model) -> Vec<Revealed> {
+    let [hidden, found] = [truth, found].map(constants);
+    let value =
+        |of: &[(Constant, f64)], constant| of.iter().find(|(other, _)| *other == constant).map(|(_, value)| *value);
+    let only_found = found.iter().filter(|(constant, _)| value(&hidden, *constant).is_none());
+    let all = hidden.iter().chain(only_found).map(|(constant @ (effect, name), _)| Revealed {
+        effect,
+        name,
+        hidden: value(&hidden, *constant),
+        found: value(&found, *constant),
+    });
+    let mut all: Vec<Revealed> = all.collect();
+    all.sort_by_key(|constant| constant.effect.is_empty());
+    all
+}
+
+/// An effect and one of its constants.
+type Constant = (&'static str, &'static str);
+
+fn constants(model: &Model) -> Vec<(Constant, f64)> {
+    let effects = model.terms.iter().flat_map(|term| term.said().map(|(_, name, value)| ((term.id(), name), value)));
+    effects.chain(model.motor.named().map(|(name, value)| (("", name), value))).collect()
+}
+
+/// A number, or that there is none.
+fn value_or_dash(value: Option<f64>) -> String {
+    value.map_or("-".into(), short)
+}
+
+fn revealed_text(constants: &[Revealed]) -> String {
+    let mut text = format!("  {:46} {:>10} {:>10}", "", "hidden", "found");
+    for Revealed { effect, name, hidden, found } in constants {
+        let name = format!("{effect} {name}");
+        text += &format!("\n  {:46} {:>10} {:>10}", name.trim_start(), value_or_dash(*hidden), value_or_dash(*found));
     }
-    let motor = truth.motor.named().map(|(name, value)| format!("{name} = {}", short(value)));
-    text + wrapped(&format!("the motor: {}", motor.join(", ")), "  ", "    ").trim_end()
+    text
+}
+
+fn revealed_html(constants: &[Revealed]) -> String {
+    let rows = constants.iter().map(|Revealed { effect, name, hidden, found }| {
+        let name = if effect.is_empty() { code([*name]) } else { format!("{} {}", code([*effect]), code([*name])) };
+        [name, value_or_dash(*hidden), value_or_dash(*found)]
+    });
+    format!("<h2>What was hidden, and what was found</h2>{}", table(&["", "hidden", "found"], rows))
 }
 
 #[cfg(test)]
@@ -406,5 +451,25 @@ mod tests {
             let hidden = effect(id).expect("of the catalogue");
             assert!(hidden.acts_on_motor(), "{id} is not the motor's");
         }
+    }
+
+    #[test]
+    fn what_was_missed_and_what_was_not_there_are_revealed_too() {
+        let linear = Model::linear(MotorParameters::PIVT6);
+        let known = |id: &str| effect(id).expect("of the catalogue");
+        let truth = linear.clone().with(known("voltage_drop"), vec![1.5]);
+        let found = linear.with(known("coulomb_friction"), vec![0.01]);
+        let text = revealed_text(&revealed(&truth, &found));
+        let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
+        assert_eq!(
+            rows[..3],
+            [
+                vec!["hidden", "found"],
+                vec!["voltage_drop", "drop_V", "1.50", "-"],
+                vec!["coulomb_friction", "torque_Nm", "-", "0.0100"]
+            ]
+        );
+        assert_eq!(rows.len(), 8, "{text}");
+        assert!(rows[3..].iter().all(|row| row[1] == row[2]) && text.lines().all(|line| line.len() <= 80), "{text}");
     }
 }
