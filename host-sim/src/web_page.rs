@@ -11,11 +11,11 @@ const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:820px;mar
 h1{font-size:1.4rem}h2{font-size:1.15rem;margin-top:2rem}h2::first-letter{text-transform:uppercase}svg{max-width:100%;height:auto;display:block}\
 h1,h2,p,li{overflow-wrap:anywhere}code{overflow-wrap:normal}table{border-collapse:collapse;width:100%;font-size:.9rem}\
 td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}\
-.pairs{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(340px,100%),1fr));gap:0 1rem}.wide,pre{overflow-x:auto}\
-pre{background:#f4f4f4;padding:.6rem;font-size:.8rem}code{font-size:.9em}\
+.pairs{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(340px,100%),1fr));gap:0 1rem}.wide{overflow-x:auto;margin-bottom:.8rem}\
+pre{background:#f4f4f4;padding:.6rem;font-size:.8rem;white-space:pre-wrap;overflow-wrap:anywhere}code{font-size:.9em}\
 @media print{@page{size:A4;margin:15mm}body{padding:0;max-width:none}svg,tr,p,li,.pairs>div{break-inside:avoid}\
 h2,h2+p,p:has(+svg){break-after:avoid}.pairs{grid-template-columns:1fr 1fr;gap:0 .5rem}\
-.wide{overflow:visible}table{font-size:8.5pt}td,th{padding:.15rem .25rem}pre{white-space:pre-wrap;overflow-wrap:anywhere}}";
+.wide{overflow:visible}table{font-size:8.5pt}td,th{padding:.15rem .25rem}}";
 
 /// A whole page. `body` is HTML, the title is text.
 pub fn document(title: &str, body: &str) -> String {
@@ -40,12 +40,14 @@ pub fn code<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
-/// A table: its header, and rows of cells that are HTML. It scrolls in its own frame where a screen is too narrow for it.
+/// A table: its header, if there is one, and rows of cells that are HTML. It scrolls in its own frame where a screen is too narrow for it.
 pub fn table<Row: IntoIterator<Item = String>>(header: &[&str], rows: impl IntoIterator<Item = Row>) -> String {
     let cells = |tag: &str, cells: &mut dyn Iterator<Item = String>| {
         format!("<tr>{}</tr>", cells.map(|cell| format!("<{tag}>{cell}</{tag}>")).collect::<String>())
     };
-    let head = cells("th", &mut header.iter().map(|name| escaped(name)));
+    // A row without a cell would be read out as one.
+    let head =
+        if header.is_empty() { String::new() } else { cells("th", &mut header.iter().map(|name| escaped(name))) };
     let body: String = rows.into_iter().map(|row| cells("td", &mut row.into_iter())).collect();
     format!("<div class=\"wide\"><table>{head}{body}</table></div>\n")
 }

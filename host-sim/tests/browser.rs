@@ -22,6 +22,8 @@ const A4: (u32, u32) = (680, 1009);
 const SCREEN: (u32, u32) = (1280, 900);
 /// Letters that are lower than this are not read.
 const SMALLEST_LETTERS_PX: f64 = 9.0;
+/// A table of numbers with more columns scrolls in its frame on a phone; whatever else is read without.
+const PHONE_COLUMNS: usize = 6;
 /// A letter may stand out of its plot, and two texts into each other, by so much.
 const TOLERANCE_PX: f64 = 1.5;
 
@@ -32,7 +34,7 @@ const LOOK: &str = r"JSON.stringify({
     window: innerWidth,
     texts: document.body ? document.body.innerText.length : 0,
     cut: [...document.querySelectorAll('.wide, pre')].filter(box => box.scrollWidth > box.clientWidth + 1)
-        .map(box => box.innerText.slice(0, 60)),
+        .map(box => ({ text: box.innerText.slice(0, 60), columns: box.querySelectorAll('tr:first-child > *').length })),
     broken: [...document.querySelectorAll('code')].flatMap(code => [...code.childNodes]).filter(part => {
         const range = document.createRange();
         range.selectNodeContents(part);
@@ -68,11 +70,19 @@ struct Seen {
     width: f64,
     window: f64,
     texts: usize,
-    cut: Vec<String>,
+    cut: Vec<Cut>,
     broken: Vec<String>,
     /// Captions that may stand on another sheet than their plot.
     parted: Vec<String>,
     plots: Vec<Plot>,
+}
+
+/// What is wider than its frame: it scrolls on a screen, and is cut off in print.
+#[derive(Deserialize)]
+struct Cut {
+    text: String,
+    /// Of a table.
+    columns: usize,
 }
 
 #[derive(Deserialize)]
@@ -217,6 +227,8 @@ fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String
     if phone.width > width || phone.window > width {
         faults.push(format!("on a phone {} px wide", phone.width.max(phone.window)));
     }
+    let scrolled = phone.cut.iter().filter(|cut| cut.columns <= PHONE_COLUMNS);
+    faults.extend(scrolled.map(|Cut { text, .. }| format!("on a phone to be scrolled sideways: {text}")));
     faults.extend(phone.broken.iter().map(|name| format!("on a phone \"{name}\" is broken within a word")));
     faults.extend(phone.plots.iter().flat_map(Plot::faults).map(|fault| format!("on a phone {fault}")));
 
@@ -225,7 +237,7 @@ fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String
     if print.width > paper {
         faults.push(format!("in print {} px wide", print.width));
     }
-    faults.extend(print.cut.iter().map(|text| format!("in print cut off at the right: {text}")));
+    faults.extend(print.cut.iter().map(|Cut { text, .. }| format!("in print cut off at the right: {text}")));
     faults.extend(print.parted.iter().map(|caption| format!("in print \"{caption}\" may part from its plot")));
     for plot in &print.plots {
         let [left, top, right, bottom] = plot.area;
@@ -353,7 +365,8 @@ fn a_bad_page_is_found_bad() {
         <polyline points=\"90,90 120,110\"/><rect x=\"80\" y=\"80\" width=\"99\" height=\"99\" fill=\"white\"/>\
         <text x=\"20\" y=\"40\" font-size=\"6\">small</text><text x=\"22\" y=\"40\" font-size=\"20\">over it</text>\
         <text x=\"880\" y=\"90\">beyond the edge</text></svg>\
-        <p style=\"width:60px;overflow-wrap:anywhere\"><code>friction_asymmetry</code></p></body></html>";
+        <p style=\"width:60px;overflow-wrap:anywhere\"><code>friction_asymmetry</code></p>\
+        <pre style=\"width:60px;overflow-x:auto\">a line that no phone has the room for, since it goes on and on without an end</pre></body></html>";
     std::fs::write(files.at("bad.html"), bad).unwrap();
     let faults = page_faults(&browser, &files.at("bad.html"), 1).join("\n");
     let seen = [
@@ -368,6 +381,7 @@ fn a_bad_page_is_found_bad() {
         "are covered",
         "may part from its plot",
         "within a word",
+        "scrolled sideways: a line",
     ];
     for expected in seen {
         assert!(faults.contains(expected), "{expected} was not seen:\n{faults}");

@@ -10,6 +10,7 @@ use super::sampled_loop::{Gains, SampledLoop, Seen};
 use super::search::{Candidate, Search};
 use super::specification::{Specification, Speed};
 use crate::motor::MotorParameters;
+use crate::web_page::{escaped, table as table_in_page};
 use serde::Serialize;
 
 /// What a Kalman filter may take for granted: of these the one whose loop withstands most is taken.
@@ -34,6 +35,18 @@ pub enum CurrentFrom {
     Kalman,
     /// It does without.
     Nothing,
+}
+
+impl CurrentFrom {
+    /// In tables.
+    fn name(self) -> &'static str {
+        match self {
+            Self::Sensor => "measured",
+            Self::Observer => "observer",
+            Self::Kalman => "Kalman",
+            Self::Nothing => "without",
+        }
+    }
 }
 
 /// A robust loop for the specification.
@@ -134,17 +147,12 @@ pub fn table(law: ControlLaw, comparison: &[Comparison]) -> String {
     if comparison.is_empty() {
         return String::new();
     }
-    let [peak, load] = if law.is_position() { ["V/rad", "rad s/Nm"] } else { ["V s/rad", "rad/Nm"] };
+    let [peak, load] = units(law);
     let mut text = String::from("  what a current sensor would bring (linear loop, exact gains; peak voltage of a\n");
     text += "  plain step, error summed after a load torque)\n";
     text += &format!("    current   bandwidth  settling  modulus  +-30 %     delay  {peak:>8}  {load:>8}\n");
     for Comparison { current, found } in comparison {
-        let name = match current {
-            CurrentFrom::Sensor => "measured",
-            CurrentFrom::Observer => "observer",
-            CurrentFrom::Kalman => "Kalman",
-            CurrentFrom::Nothing => "without",
-        };
+        let name = current.name();
         text += &match found {
             None => format!("    {name:8}  no robust loop is fast enough\n"),
             Some(found) => format!(
@@ -160,6 +168,39 @@ pub fn table(law: ControlLaw, comparison: &[Comparison]) -> String {
         };
     }
     text
+}
+
+/// A figure of a loop as a page has it.
+type Figure = fn(&LoopWith) -> String;
+
+/// The same for a page; a column each source, since a phone is narrow.
+pub fn html_table(law: ControlLaw, comparison: &[Comparison]) -> String {
+    if comparison.is_empty() {
+        return String::new();
+    }
+    let [peak, load] = units(law);
+    let rows: [(&str, Figure); 7] = [
+        ("bandwidth, Hz", |found| format!("{:.2}", found.bandwidth_hz)),
+        ("settling, ms", |found| format!("{:.1}", 1e3 * found.settling_s)),
+        ("modulus", |found| format!("{:.3}", found.modulus)),
+        ("modulus, parameters +-30 %", |found| format!("{:.3}", found.worst_modulus)),
+        ("delay, ms", |found| format!("{:.1}", 1e3 * found.delay_s)),
+        (&format!("peak voltage of a plain step, {peak}"), |found| format!("{:.3}", found.peak_v_per_unit)),
+        (&format!("error summed after a load torque, {load}"), |found| format!("{:.3}", found.error_integral_per_nm)),
+    ];
+    let header: Vec<&str> =
+        std::iter::once("current").chain(comparison.iter().map(|with| with.current.name())).collect();
+    let rows = rows.into_iter().map(|(title, figure)| {
+        let cells = comparison.iter().map(move |with| with.found.as_ref().map_or("-".into(), figure));
+        std::iter::once(escaped(title)).chain(cells)
+    });
+    let said = "What a current sensor would bring: linear loop, exact gains; - where no robust loop is fast enough.";
+    format!("<p>{said}</p>\n{}", table_in_page(&header, rows))
+}
+
+/// Of the peak voltage of a plain step, and of the error summed after a load torque.
+fn units(law: ControlLaw) -> [&'static str; 2] {
+    if law.is_position() { ["V/rad", "rad s/Nm"] } else { ["V s/rad", "rad/Nm"] }
 }
 
 #[cfg(test)]

@@ -13,7 +13,7 @@ use crate::linear::frequency_response::BodePoint;
 use crate::motor::MotorParameters;
 use crate::panels::{COLOURS, LEGEND_LEFT, LEGEND_TOP, legend, row_height};
 use crate::terminal_text::{short, wrapped};
-use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, document, escaped};
+use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, code, document, escaped, list, table};
 use motorbench_core::settings::Param;
 use nalgebra::Complex;
 use plotters::coord::Shift;
@@ -31,72 +31,96 @@ const CROSSOVER: RGBColor = COLOURS[2];
 const EFFECTS: RGBColor = COLOURS[3];
 const CORE: RGBColor = COLOURS[6];
 
+/// What is said of a design: a name, and a text in lines of a terminal.
+type Entry = (&'static str, String);
+
 /// A few lines on a design.
 pub fn summary(design: &Design) -> String {
-    let asked = match design.specification.speed {
+    let mut text = format!("{}: {}\n", design.law.title(), asked(design));
+    for gain in &design.gains {
+        text += &format!("  {:16} {:>11} {:11} held as {:.6}\n", gain.name, gain.value, gain.unit, gain.held);
+    }
+    text.extend(said(design).iter().map(terminal_lines));
+    text + &current_sensor::table(design.law, &design.current_sensor)
+}
+
+/// The name, and right of it the lines.
+fn terminal_lines((name, text): &Entry) -> String {
+    let other = " ".repeat(19);
+    let lines = text.lines().enumerate().map(|(index, line)| {
+        let first = if index == 0 { format!("  {name:16} ") } else { other.clone() };
+        wrapped(line, &first, &other)
+    });
+    lines.collect()
+}
+
+/// The specification.
+fn asked(design: &Design) -> String {
+    let speed = match design.specification.speed {
         Speed::BandwidthHz(hz) => format!("bandwidth at least {hz} Hz"),
         Speed::SettlingS(settling_s) => format!("settled in at most {settling_s} s"),
         Speed::Weights(_) => "the weights given".into(),
     };
-    let overshoot = design.specification.overshoot_percent;
-    let mut text = format!("{}: {asked}, overshoot at most {overshoot} %\n", design.law.title());
-    for gain in &design.gains {
-        text += &format!("  {:16} {:>11} {:11} held as {:.6}\n", gain.name, gain.value, gain.unit, gain.held);
-    }
-    if let Some(why) = &design.current_left_out {
-        let why = format!("the loop with a gain on it is refused: {why}");
-        text += &wrapped(&why, "  without current  ", &" ".repeat(19));
-    }
+    format!("{speed}, overshoot at most {} %", design.specification.overshoot_percent)
+}
+
+/// All but the gains.
+fn said(design: &Design) -> Vec<Entry> {
+    let refused = design.current_left_out.as_ref();
+    let refused = refused.map(|why| ("without current", format!("the loop with a gain on it is refused: {why}")));
+    let load = design.load.as_ref().map(|load| {
+        let (peak, gone_s) = (short(load.peak_rad_per_nm), short(load.gone_s));
+        ("load torque", format!("turns it by {peak} rad/Nm at most, 2 % of it after {gone_s} s"))
+    });
+    let plain = ("without profile", plain_step_text(design));
+    let on_core = ("on the core", trial_text(&design.trial, unit(design.law)));
+    let tachogenerator = sensor_text(design).map(|text| ("tachogenerator", text));
+    let lines = refused.into_iter().chain(linear_lines(design)).chain(load).chain([on_core]);
+    lines.chain(tachogenerator).chain([plain]).collect()
+}
+
+/// Of the linear loop.
+fn linear_lines(design: &Design) -> [Entry; 4] {
     let weighed: Vec<&str> = states(design.law.is_position()).iter().map(|(name, _)| *name).collect();
-    text += &format!(
-        "  weights          {}\n                   ({}; voltage)\n",
-        design.weights.options(),
-        weighed.join(", ")
-    );
-    let (figures, step) = (&design.figures, &design.figures.step);
-    text += &format!(
-        "  linear loop      bandwidth {:.2} Hz, rise {:.1} ms, settling {:.1} ms,\n                   overshoot {:.1} %\n",
+    let (figures, step, robustness) = (&design.figures, &design.figures.step, &design.robustness);
+    let margins = &robustness.margins;
+    let linear = format!(
+        "bandwidth {:.2} Hz, rise {:.1} ms, settling {:.1} ms,\novershoot {:.1} %",
         figures.bandwidth_hz,
         1e3 * step.rise_s,
         1e3 * step.settling_s,
         step.overshoot_percent
     );
-    let margins = &design.robustness.margins;
-    text += &format!(
-        "  margins          gain {:.1}, phase {:.0} degrees, modulus {:.2}, delay {:.1} ms\n",
+    let margins = format!(
+        "gain {:.1}, phase {:.0} degrees, modulus {:.2}, delay {:.1} ms",
         margins.gain,
         margins.phase_deg,
         margins.modulus,
         1e3 * margins.delay_s
     );
-    text += &format!(
-        "  parameters +-30% modulus {:.2}, largest eigenvalue {:.4} (unchanged {:.4})\n",
-        design.robustness.worst_modulus, design.robustness.worst_spectral_radius, design.robustness.spectral_radius
+    let changed = format!(
+        "modulus {:.2}, largest eigenvalue {:.4} (unchanged {:.4})",
+        robustness.worst_modulus, robustness.worst_spectral_radius, robustness.spectral_radius
     );
-    if let Some(load) = &design.load {
-        text += &format!(
-            "  load torque      turns it by {} rad/Nm at most, 2 % of it after {} s\n",
-            short(load.peak_rad_per_nm),
-            short(load.gone_s)
-        );
-    }
-    let unit = unit(design.law);
-    text += &format!("  on the core      {}", trial_text(&design.trial, unit));
-    text += &sensor_text(design);
-    text += &format!(
-        "  without profile  the same step would ask for {:.1} V, {:.2} A\n",
-        design.plain_step_peak_v, design.plain_step_peak_a
-    );
-    text + &current_sensor::table(design.law, &design.current_sensor)
+    [
+        ("weights", format!("{}\n({}; voltage)", design.weights.options(), weighed.join(", "))),
+        ("linear loop", linear),
+        ("margins", margins),
+        ("parameters +-30%", changed),
+    ]
 }
 
-/// What a tachogenerator in place of the encoder means, on two or three lines; nothing with an encoder.
-fn sensor_text(design: &Design) -> String {
-    let Some(tachogenerator) = &design.tachogenerator else { return String::new() };
-    let SpeedPath::Converted { filter_s, .. } = design.sampling.speed else { return String::new() };
+fn plain_step_text(design: &Design) -> String {
+    format!("the same step would ask for {:.1} V, {:.2} A", design.plain_step_peak_v, design.plain_step_peak_a)
+}
+
+/// What a tachogenerator in place of the encoder means; nothing with an encoder.
+fn sensor_text(design: &Design) -> Option<String> {
+    let tachogenerator = design.tachogenerator.as_ref()?;
+    let SpeedPath::Converted { filter_s, .. } = design.sampling.speed else { return None };
     let standing_rad_per_s = tachogenerator.standing_rad_per_s();
     let mut text = format!(
-        "  tachogenerator   {} V at 1000 rpm: steps of {:.3} rad/s, low-pass {:.1} ms;\n                   its ripple of {:.1} % swings the voltage by {:.2} V at the end\n",
+        "{} V at 1000 rpm: steps of {:.3} rad/s, low-pass {:.1} ms;\nits ripple of {:.1} % swings the voltage by {:.2} V at the end",
         tachogenerator.gain_v_per_krpm,
         tachogenerator.resolution_rad_per_s(),
         1e3 * filter_s,
@@ -106,17 +130,17 @@ fn sensor_text(design: &Design) -> String {
     let range_rad_per_s = f64::from(design.settings.all.get(Param::SpeedRange));
     if tachogenerator.ripple > 0.0 && standing_rad_per_s < range_rad_per_s {
         text += &format!(
-            "                   about {standing_rad_per_s:.0} rad/s the ripple comes as often as the conversions and\n                   reads as speed: off by up to {:.1} % there\n",
+            "\nabout {standing_rad_per_s:.0} rad/s the ripple comes as often as the conversions and\nreads as speed: off by up to {:.1} % there",
             100.0 * tachogenerator.ripple
         );
     }
-    text
+    Some(text)
 }
 
 /// What the core did, on two lines.
 fn trial_text(trial: &TrialFigures, unit: &str) -> String {
     format!(
-        "step to {:.2} {unit}: at most {:.2} V, {:.2} A, overshoot {:.1} %;\n                   at the end off by {:.4} {unit}; at a limit {:.0} %\n",
+        "step to {:.2} {unit}: at most {:.2} V, {:.2} A, overshoot {:.1} %;\nat the end off by {:.4} {unit}; at a limit {:.0} %",
         trial.step,
         trial.peak_v,
         trial.peak_a,
@@ -132,7 +156,7 @@ pub fn beyond_linear(trials: &[TrialWithEffects], standstill: &[Standstill]) -> 
     if !trials.is_empty() {
         text += "\nthe same steps with the effects of the model, simulated:\n";
     }
-    text.extend(trials.iter().map(with_effects));
+    text.extend(trials.iter().map(|trial| terminal_lines(&with_effects(trial))));
     if !standstill.is_empty() {
         text += "\nnear standstill, simulated:\n";
     }
@@ -140,8 +164,8 @@ pub fn beyond_linear(trials: &[TrialWithEffects], standstill: &[Standstill]) -> 
     text
 }
 
-fn with_effects((law, trial, _): &TrialWithEffects) -> String {
-    format!("  {:16} {}", law.title(), trial_text(trial, unit(*law)))
+fn with_effects((law, trial, _): &TrialWithEffects) -> Entry {
+    (law.title(), trial_text(trial, unit(*law)))
 }
 
 fn unit(law: ControlLaw) -> &'static str {
@@ -159,7 +183,8 @@ pub fn html(
     let constants = motor.named().map(|(name, value)| format!("{name} = {}", short(value)));
     let mut body = format!("<h1>Design</h1>\n<p>For a motor with {}.</p>\n", constants.join(", "));
     for design in designs {
-        body += &format!("<h2>{}</h2>\n<pre>{}</pre>\n", design.law.title(), escaped(&summary(design)));
+        body += &format!("<h2>{}</h2>\n<p>{}.</p>\n", design.law.title(), escaped(&asked(design)));
+        body += &design_tables(design);
         let [gain, phase] = loop_plots(motor, design);
         let course = trials.iter().find(|(law, ..)| *law == design.law).map_or(&[][..], |(.., points)| points);
         let voltage = effort_plot("Voltage on the core", "voltage, V", design, course, |point| point.u_v);
@@ -172,12 +197,40 @@ pub fn html(
         }
         body += "</div>\n";
     }
-    let beyond = beyond_linear(trials, standstill);
-    if !beyond.is_empty() {
-        body += &format!("<h2>With what the linear motor lacks</h2>\n<pre>{}</pre>\n", escaped(beyond.trim()));
-    }
+    body += &beyond_linear_html(trials, standstill);
     body += &format!("<h2>For the console</h2>\n<pre>{}</pre>\n", escaped(&commands.join("\n")));
     document("motorbench design", &body)
+}
+
+/// What [`summary`] says, in tables that a phone has room for.
+fn design_tables(design: &Design) -> String {
+    let gains = design.gains.iter().map(|gain| {
+        let held = format!("{:.6}", gain.held);
+        [code([gain.name.as_str()]), format!("{} {}", gain.value, escaped(&gain.unit)), held]
+    });
+    let gains = table(&["gain", "value", "held as"], gains);
+    gains + &entries(&said(design)) + &current_sensor::html_table(design.law, &design.current_sensor)
+}
+
+/// A name and a text in each row.
+fn entries(entries: &[Entry]) -> String {
+    table(&[], entries.iter().map(|(name, text)| [escaped(name), escaped(text)]))
+}
+
+/// What [`beyond_linear`] says.
+fn beyond_linear_html(trials: &[TrialWithEffects], standstill: &[Standstill]) -> String {
+    let mut html = String::new();
+    if !trials.is_empty() {
+        let trials: Vec<Entry> = trials.iter().map(with_effects).collect();
+        html += "<h2>With what the linear motor lacks</h2>\n<p>The same steps with the effects of the model, simulated.</p>\n";
+        html += &entries(&trials);
+    }
+    if !standstill.is_empty() {
+        let found: Vec<String> = standstill.iter().map(Standstill::text).collect();
+        html += "<h2>Near standstill</h2>\n<p>Simulated.</p>\n";
+        html += &list(found.iter().map(String::as_str));
+    }
+    html
 }
 
 type Plot = Result<String, Box<dyn std::error::Error>>;

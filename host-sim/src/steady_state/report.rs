@@ -1,7 +1,7 @@
 //! What a table says, for a terminal and for a browser.
 
 use super::{Explanation, Level, Study};
-use crate::diagnose::outcome::Cause;
+use crate::diagnose::outcome::{Cause, Estimate};
 use crate::diagnose::page::{estimate, verdict};
 use crate::terminal_text::wrapped;
 use crate::web_page::{code, document, escaped, list, table};
@@ -41,6 +41,17 @@ fn constants(explanation: &Explanation) -> String {
 fn parameters(cause: &Cause) -> String {
     let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
     constants.collect::<Vec<_>>().join(", ")
+}
+
+/// Constants for a page, one a line.
+fn constants_html<'a>(constants: impl Iterator<Item = (&'a str, &'a Estimate)>) -> String {
+    constants.map(|(name, value)| format!("{} = {}", code([name]), estimate(value))).collect::<Vec<_>>().join("<br>")
+}
+
+/// Terms for a page.
+fn terms_html(explanation: &Explanation) -> String {
+    let terms: Vec<String> = explanation.terms.iter().map(|term| code([&**term])).collect();
+    if terms.is_empty() { "nominal values".into() } else { terms.join(" + ") }
 }
 
 impl Study {
@@ -90,14 +101,19 @@ impl Study {
             &["cause", "constants", "not to be told from"],
             self.outcome.causes.iter().map(|cause| {
                 let others = code(cause.not_separable_from.iter().map(|id| &**id));
-                [code([&*cause.effect]), parameters(cause), others]
+                [
+                    code([&*cause.effect]),
+                    constants_html(cause.parameters.iter().map(|(name, value)| (&**name, value))),
+                    others,
+                ]
             }),
         );
         let _ = writeln!(body, "<h2>{EXPLANATIONS}</h2>");
         body += &table(
             &["error", "explanation", "constants"],
             self.explanations.iter().map(|explanation| {
-                [format!("{:.3} V", explanation.left_out_rmse_v), terms(explanation), constants(explanation)]
+                let constants = constants_html(explanation.constants.iter().map(|(name, value)| (*name, value)));
+                [format!("{:.3} V", explanation.left_out_rmse_v), terms_html(explanation), constants]
             }),
         );
         body += "<h2>What to do</h2>\n";
