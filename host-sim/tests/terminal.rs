@@ -194,7 +194,7 @@ const TABLE: &[Row] = &[
             (&["junk.csv", "--rig", "stand.toml"], 1, "this is no text"),
             (&["empty.csv", "--rig", "stand.toml"], 1, "the file is empty"),
             (&["run.csv", "--rig", "stand.toml"], 1, "run.csv: a recording over time (t_s)"),
-            (&["--rig", "bare.toml"], 1, "bare.toml: a table of steady states needs [motor] resistance_ohm"),
+            (&["--rig", "bare.toml"], 1, "write them there from a data sheet"),
             (&["table.csv", "--rig", "bad.toml"], 1, "bad.toml"),
             (&["table.csv", "--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
             (&["--rig", "stand.toml", "--port", "/dev/none"], 3, "motorbench ports"),

@@ -117,7 +117,9 @@ pub enum StudyError {
         levels: usize,
     },
     /// Nominal values are missing.
-    #[error("a table of steady states needs [motor] resistance_ohm and torque_constant_Nm_per_A in the rig file")]
+    #[error(
+        "a table of steady states needs [motor] resistance_ohm and torque_constant_Nm_per_A in the rig file: write them there from a data sheet, or as `motorbench identify` finds them in a recording"
+    )]
     NoNominal,
 }
 
