@@ -9,13 +9,17 @@ use host_sim::rig::NominalMotor;
 use host_sim::stand::drive::{Findings, Found, Person, Plan, drive};
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::settings::Settings;
+use motorbench_core::units::AMPERE;
 use std::cell::Cell;
+use std::ops::Range;
 use std::rc::Rc;
 
 const MOTOR: DcMotorParameters = DcMotorParameters { coulomb_friction_nm: 0.012, ..DcMotorParameters::PIVT6 };
 const BRIDGE: BridgeLosses = BridgeLosses::L293D;
 /// What hands turn the rotor with.
 const HAND_NM: f64 = 0.03;
+/// By which a disturbed current reads too high.
+const DISTURBANCE: i16 = (0.05 * AMPERE) as i16;
 
 /// What hands do at the shaft.
 #[derive(Clone, Copy, Default, PartialEq)]
@@ -32,13 +36,22 @@ struct Attended<'a> {
     hands: &'a Cell<Hands>,
     /// At the shaft, while it turns forwards.
     brake_nm: Rc<Cell<f64>>,
+    /// In these ticks the current reads too high.
+    disturbed: Range<u32>,
+    last_tick: u32,
 }
 
 impl<'a> Attended<'a> {
     fn new(motor: DcMotorParameters, hands: &'a Cell<Hands>) -> Self {
         let elf = firmware_elf().expect("firmware");
         let bench = Bench::new(elf, Rig::default(), DcMotor::new(motor)).expect("bench");
-        Self { chip: ChipBoard::start(bench).expect("the firmware starts"), hands, brake_nm: Rc::default() }
+        Self {
+            chip: ChipBoard::start(bench).expect("the firmware starts"),
+            hands,
+            brake_nm: Rc::default(),
+            disturbed: 0..0,
+            last_tick: 0,
+        }
     }
 
     fn drive(&mut self, plan: &Plan, person: &mut Fellow) -> Findings {
@@ -72,7 +85,12 @@ impl Board for Attended<'_> {
         self.chip.bench.block_rotor(self.hands.get() == Hands::Hold);
         let braked_nm = if self.chip.bench.now().speed_rad_per_s > 0.0 { self.brake_nm.get() } else { 0.0 };
         self.chip.bench.set_load_torque_nm(if self.hands.get() == Hands::Turn { -HAND_NM } else { braked_nm });
-        self.chip.samples(duration_s)
+        let mut samples = self.chip.samples(duration_s)?;
+        for sample in &mut samples {
+            sample.current += if self.disturbed.contains(&sample.tick) { DISTURBANCE } else { 0 };
+        }
+        self.last_tick = samples.last().map_or(self.last_tick, |sample| sample.tick);
+        Ok(samples)
     }
 
     fn stay_alive(&mut self) -> Result<(), BoardError> {
@@ -248,6 +266,24 @@ fn a_slow_motor_is_waited_for() {
     let (r, k) = (MOTOR.resistance_ohm, MOTOR.torque_constant_nm_per_a);
     let last = (9.0 - drop_v - r * MOTOR.coulomb_friction_nm / k) / (k + r * MOTOR.viscous_friction_nms_per_rad / k);
     assert!((findings.readings[0].omega_rad_per_s / last - 1.0).abs() < 5e-3, "{last} {:?}", findings.readings);
+}
+
+/// What disagrees once is taken again; what goes on being different is left out, and said.
+#[test]
+fn readings_that_disagree_once_are_taken_again() {
+    let hands = Cell::default();
+    let (mut board, mut fellow) = (Attended::new(MOTOR, &hands), Fellow::new(&hands));
+    board.drive(&plan(&[6.0], 0), &mut fellow);
+    let within_last_reading = board.last_tick - 200;
+    for (until, readings) in [(within_last_reading + 100, 3), (u32::MAX, 0)] {
+        let (mut board, mut fellow) = (Attended::new(MOTOR, &hands), Fellow::new(&hands));
+        board.disturbed = within_last_reading..until;
+        let findings = board.drive(&plan(&[6.0], 0), &mut fellow);
+        assert_eq!(findings.readings.len(), readings, "{:?}", fellow.heard);
+        let said = fellow.heard[0].contains("6.00 V: left out, it did not stay steady: speed went from");
+        assert_eq!(said, readings == 0, "{:?}", fellow.heard);
+        assert!(board.last_tick > within_last_reading + 1000, "{} {within_last_reading}", board.last_tick);
+    }
 }
 
 #[test]
