@@ -407,7 +407,7 @@ impl<L: Line> Link<L> {
     fn lost_line(&mut self, error: &io::Error) -> BoardError {
         self.gone = true;
         BoardError::Failed(format!(
-            "the connection is gone ({error}): plug the board in again; set `trip_host` and the drive stops by itself in such a case"
+            "the connection is gone ({error}): plug the board in again; the drive stops by itself where `trip_host` is set, as record, tune, stand and autotune set it"
         ))
     }
 }
