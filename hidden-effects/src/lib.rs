@@ -81,7 +81,8 @@ pub enum Effect {
     EncoderEccentricity,
     /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost; of two in five that share of all edges while it is
     /// that fast, of half of these coming up gradually, over a tenth to half of that speed. Where nothing but counts says how
-    /// fast it is, half of them are lost at random.
+    /// fast it is, half of them are lost at random. Where counts are recorded, of three in ten the counter stands instead,
+    /// some twenty times, for `stop_s`: 3 to 50 ms.
     MissedCounts,
     /// 2 to 5 % of ripple, 11 to 31 times a revolution.
     /// Speed times 1 + ripple sin(`ripples_per_rev` angle + phase).
@@ -98,6 +99,8 @@ pub enum Effect {
     OutsideDeadBand,
     /// Not in the catalogue: a bent spindle that binds every 5 to 9 revolutions, 5 to 15 %.
     OutsideSpindle,
+    /// Not in the catalogue: something grips the shaft for 20 to 50 ms, some twenty times, with 30 to 100 %.
+    OutsideGrip,
 }
 
 impl Effect {
@@ -127,13 +130,14 @@ impl Effect {
         Self::TachoRipple,
     ];
     /// Those it does not.
-    pub const OUTSIDE: [Self; 6] = [
+    pub const OUTSIDE: [Self; 7] = [
         Self::OutsideShaker,
         Self::OutsideSaturation,
         Self::OutsideDropouts,
         Self::OutsideDrift,
         Self::OutsideDeadBand,
         Self::OutsideSpindle,
+        Self::OutsideGrip,
     ];
 
     /// Name in the catalogue's contract.
@@ -167,6 +171,7 @@ impl Effect {
             Self::OutsideDrift => "outside_drift",
             Self::OutsideDeadBand => "outside_dead_band",
             Self::OutsideSpindle => "outside_spindle",
+            Self::OutsideGrip => "outside_grip",
         }
     }
 

@@ -79,6 +79,9 @@ pub struct Hidden {
     counter_stop_s: f64,
     spindle_nm: f64,
     spindle_revolutions: f64,
+    /// Something grips the shaft now and then, and for how long.
+    grip_nm: f64,
+    grip_s: f64,
     pub(crate) delay_s: f64,
     pub(crate) offset_a: f64,
     pub(crate) lag_s: f64,
@@ -335,7 +338,7 @@ impl Bench {
                 hidden.lost_of_all = random.random_bool(0.4);
                 let is_gradual = hidden.lost_of_all && random.random_bool(0.5);
                 hidden.lost_onset = if is_gradual { random.random_range(0.1..0.5) } else { 0.0 };
-                hidden.counter_stop_s = between(0.02, 0.05);
+                hidden.counter_stop_s = between(0.02, 0.05) * 10_f64.powf(random.random_range(-0.8..0.0));
                 // A speed timed from edge to edge does not show it.
                 hidden.counter_stops = recipe.channels.has_counts() && random.random_bool(0.3);
                 let by_chance = recipe.channels.speed_is_of_counts() && random.random_bool(0.5);
@@ -372,6 +375,11 @@ impl Bench {
             Effect::OutsideSpindle => {
                 hidden.spindle_nm = between(0.05, 0.15) * stall_nm;
                 hidden.spindle_revolutions = random.random_range(5.0..9.0);
+                Vec::new()
+            }
+            Effect::OutsideGrip => {
+                hidden.grip_nm = between(0.3, 1.0) * stall_nm;
+                hidden.grip_s = random.random_range(0.02..0.05);
                 Vec::new()
             }
         }
@@ -555,9 +563,17 @@ impl Bench {
             let turn = (self.angle / TAU / hidden.spindle_revolutions).rem_euclid(1.0);
             // Binds over a fifth of its period.
             let bound = if turn < 0.2 { hidden.spindle_nm } else { 0.0 };
-            torque += bound * (self.speed / (0.01 * self.top_speed)).clamp(-1.0, 1.0);
+            torque += bound * self.sense();
+        }
+        if hidden.grip_nm > 0.0 && self.is_within(hidden.grip_s) {
+            torque += hidden.grip_nm * self.sense();
         }
         torque
+    }
+
+    /// Of the motion; less of it near a stand, so that what binds does not drive.
+    fn sense(&self) -> f64 {
+        (self.speed / (0.01 * self.top_speed)).clamp(-1.0, 1.0)
     }
 
     /// Torque in the spring or the contact between motor and load.

@@ -369,31 +369,40 @@ impl Dataset {
         }
     }
 
-    /// No model says when a counter stands: rows in whose window it did are missing, and the angle goes on.
-    fn leave_out_counter_stops(&mut self) {
+    /// Stops that the counts themselves show.
+    fn find_counter_stops(&self) -> Vec<CounterStop> {
         // Of a recorded angle, or of the counts a speed was made of.
         if self.count_rad <= 0.0 {
-            return;
+            return Vec::new();
         }
+        let count = |row: usize| match self.motion().values[row].is_finite() {
+            true => (self.angle_rad[row] / self.count_rad).round(),
+            false => f64::NAN,
+        };
+        let of_stretch = |Stretch { rows, .. }: &Stretch| {
+            let counts: Vec<f64> = rows.clone().map(count).collect();
+            let stops = counter_stops::find(&counts, &self.voltage_v[rows.clone()]).into_iter();
+            stops.map(|stop| stop.later_by(rows.start)).collect::<Vec<_>>()
+        };
+        self.stretches.iter().flat_map(of_stretch).collect()
+    }
+
+    /// No model says when a counter stands: rows in whose window it did are missing, and the angle goes on.
+    pub fn leave_out(&mut self, stops: Vec<CounterStop>) {
         let is_recorded = self.motion().output == Output::Speed;
-        for Stretch { rows, interval_s, window } in self.stretches.clone() {
+        for stop in stops {
+            let stretch = self.stretches.iter().find(|stretch| stretch.rows.contains(&stop.rows.start));
+            let Some(Stretch { rows, interval_s, window }) = stretch.cloned() else { continue };
             // What a board made of a speed it had from elsewhere takes no longer than a difference of angles.
             let span = if is_recorded { (DIFFERENCE_SPAN_S / interval_s).ceil() as usize } else { window.span };
-            let count = |row: usize| match self.motion().values[row].is_finite() {
-                true => (self.angle_rad[row] / self.count_rad).round(),
-                false => f64::NAN,
-            };
-            let counts: Vec<f64> = rows.clone().map(count).collect();
-            for stop in counter_stops::find(&counts, &self.voltage_v[rows.clone()]) {
-                let stop = stop.later_by(rows.start);
-                let seen_from = stop.rows.start.saturating_sub(span).max(rows.start);
-                self.leave_out_motion(seen_from..(stop.rows.end + span).min(rows.end));
-                for row in stop.rows.start..rows.end {
-                    self.angle_rad[row] += stop.lost_before(row) * self.count_rad;
-                }
-                self.counter_stops.push(stop);
+            let seen_from = stop.rows.start.saturating_sub(span).max(rows.start);
+            self.leave_out_motion(seen_from..(stop.rows.end + span).min(rows.end));
+            for row in stop.rows.start..rows.end {
+                self.angle_rad[row] += stop.lost_before(row) * self.count_rad;
             }
+            self.counter_stops.push(stop);
         }
+        self.counter_stops.sort_by_key(|stop| stop.rows.start);
     }
 
     fn leave_out_motion(&mut self, rows: Range<usize>) {
@@ -465,7 +474,7 @@ impl Dataset {
         if data.motion().output == Output::MeanSpeed {
             data.integrate_mean_speed();
         }
-        data.leave_out_counter_stops();
+        data.leave_out(data.find_counter_stops());
         Ok(data)
     }
 

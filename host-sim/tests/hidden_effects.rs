@@ -123,7 +123,9 @@ fn a_sketch_may_have_recorded_it() {
 fn counts_may_be_lost_at_random_at_all_speeds() {
     for (seed, share) in [(1, 0.02), (2, 0.1), (3, 0.25)] {
         let trial = draw(seed, &recipe_of_counts());
-        let outcome = diagnosed(&Trial { csv: thinned(&trial.csv, share, seed), ..trial.clone() }).outcome;
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let thinned = with_counts(&trial.csv, |_| !random.random_bool(share));
+        let outcome = diagnosed(&Trial { csv: thinned, ..trial.clone() }).outcome;
         let causes: Vec<&str> = outcome.causes.iter().map(|cause| &*cause.effect).collect();
         assert_eq!(causes, ["missed_counts"], "seed {seed}");
         let found = outcome.causes[0].parameters["lost_share"];
@@ -145,23 +147,62 @@ fn recipe_of_counts() -> Recipe {
     Recipe { channels: Channels::DutyCountsCurrent, ..Recipe::of(&[]) }
 }
 
-/// A recording of which each count is lost with a probability.
-fn thinned(csv: &str, probability: f64, seed: u64) -> String {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let mut lines = csv.lines();
-    let mut text = format!("{}\n", lines.next().unwrap());
-    let place = text.trim().split(',').position(|column| column == "counts").unwrap();
+/// A recording of which those counts are there that are kept in their row.
+fn with_counts(csv: &str, mut is_kept: impl FnMut(usize) -> bool) -> String {
     let (mut last, mut counted) = (0_i64, 0_i64);
-    for line in lines {
-        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
-        let counts: i64 = cells[place].parse().unwrap();
+    with_cells(csv, "counts", |row, cell| {
+        let counts: i64 = cell.parse().unwrap();
         let passed = counts - std::mem::replace(&mut last, counts);
-        let kept = (0..passed.abs()).filter(|_| !random.random_bool(probability)).count();
+        let kept = (0..passed.abs()).filter(|_| is_kept(row)).count();
         counted += passed.signum() * kept as i64;
-        cells[place] = counted.to_string();
-        text += &format!("{}\n", cells.join(","));
+        counted.to_string()
+    })
+}
+
+/// A recording with other cells in a column.
+fn with_cells(csv: &str, column: &str, mut cell: impl FnMut(usize, &str) -> String) -> String {
+    let (head, rows) = csv.split_once('\n').unwrap();
+    let place = head.split(',').position(|name| name == column).unwrap();
+    let line = |(row, line): (usize, &str)| {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        cells[place] = cell(row, &cells[place]);
+        format!("{}\n", cells.join(","))
+    };
+    format!("{head}\n{}", rows.lines().enumerate().map(line).collect::<String>())
+}
+
+/// Bursts of a few rows that the counts themselves do not show, with a current and without: what the model leaves shows them.
+#[test]
+fn counts_may_be_lost_in_short_bursts() {
+    for (seed, has_current) in [(11, true), (12, false), (13, true), (14, false)] {
+        let trial = draw(seed, &recipe_of_counts());
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let bursts: Vec<usize> = (0..20).map(|burst| 800 * burst + random.random_range(0..800)).collect();
+        let is_lost = |row: usize| bursts.iter().any(|burst| (*burst..burst + 4).contains(&row));
+        let mut csv = with_counts(&trial.csv, |row| !is_lost(row));
+        if !has_current {
+            csv = with_cells(&csv, "i_A", |_, _| String::new());
+        }
+        let outcome = diagnosed(&Trial { csv, ..trial.clone() }).outcome;
+        let causes: Vec<&str> = outcome.causes.iter().map(|cause| &*cause.effect).collect();
+        assert_eq!(causes, ["missed_counts"], "seed {seed}");
+        let stop_s = outcome.causes[0].parameters["stop_s"].value;
+        assert!((0.002..0.007).contains(&stop_s), "seed {seed}: {stop_s}");
     }
-    text
+}
+
+/// A shaft that something grips for as long stands itself, which its speed and its current show.
+#[test]
+fn a_shaft_that_is_gripped_misses_no_counts() {
+    for (seed, has_current) in [(21, true), (22, false), (23, true), (24, false)] {
+        let recipe = Recipe { channels: Channels::DutyCountsCurrent, ..Recipe::of(&[Effect::OutsideGrip]) };
+        let mut trial = draw(seed, &recipe);
+        if !has_current {
+            trial.csv = with_cells(&trial.csv, "i_A", |_, _| String::new());
+        }
+        let outcome = diagnosed(&trial).outcome;
+        assert_eq!(named(&outcome, &[]), [""; 0], "seed {seed}");
+    }
 }
 
 /// In the generator such a friction stands on Coulomb's; here the model itself makes the recording, and rounding its noise.

@@ -17,6 +17,7 @@ mod pwm_frequency;
 mod random_losses;
 pub mod report;
 pub mod select;
+mod unseen_losses;
 
 use crate::catalogue::{ActsOn, INDUCTANCE, effect};
 use crate::dataset::{Dataset, DatasetError, Measured, Output};
@@ -180,6 +181,9 @@ fn understood(
     let beginnings = pwm_frequency::beginnings(&data, prior);
     pwm_frequency::settle(&mut data, prior, &beginnings);
     let mut selection = select(&data, prior, &excluded, progress);
+    if unseen_losses::settle(&mut data, &selection.last) {
+        selection = select(&data, prior, &excluded, progress);
+    }
     if pwm_frequency::settle(&mut data, prior, std::slice::from_ref(&selection.last)) {
         selection = select(&data, prior, &excluded, progress);
     }
