@@ -234,10 +234,11 @@ fn a_blocked_rotor_trips_and_what_had_come_is_kept() {
     assert!(text(&done.stderr).contains("tripped"), "{}", text(&done.stderr));
     assert!(rows(&board.folder.join("run.csv")) > 500);
     board.motor_is_off();
-    // The trip is latched: what to do about it is said.
+    // The trip is latched: what to do about it is said, at this board and no other.
     let again = board.run("record", &STEPS);
     assert_eq!(again.status.code(), Some(1));
-    assert!(text(&again.stderr).contains("clear it first (`motorbench connect clear`)"), "{}", text(&again.stderr));
+    let remedy = format!("clear it first (`motorbench connect --port {} clear`)", board.port().display());
+    assert!(text(&again.stderr).contains(&remedy), "{}", text(&again.stderr));
 }
 
 /// What `--set` changes is changed for one recording, also for one that does not begin.

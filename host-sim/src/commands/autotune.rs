@@ -39,7 +39,7 @@ const MOST_ERROR_SHARE: f64 = 0.03;
 A motor that sticks is told so: friction is no loop to tune.")]
 pub struct Arguments {
     #[command(flatten)]
-    port: PortArguments,
+    pub(super) port: PortArguments,
     /// Voltage before the step, at which the motor turns.
     #[arg(long, value_name = "V", default_value_t = 6.0, allow_negative_numbers = true, value_parser = finite)]
     from: f64,
@@ -174,7 +174,8 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     if let Some(path) = &arguments.console {
         write(path, &(line + "\n"))?;
     }
-    outputs.say("accepted; the board has them until its next reset:\n`motorbench connect save` keeps them\n");
+    let accepted = "accepted; the board has them until its next reset:\n`motorbench connect save` keeps them\n";
+    outputs.say(&arguments.port.named_in(accepted));
     Ok(())
 }
 

@@ -43,7 +43,23 @@ pub struct PortArguments {
     port: Option<String>,
 }
 
+/// So a hint to `connect` begins: who makes it knows no port.
+const CONNECT: &str = "`motorbench connect";
+
 impl PortArguments {
+    /// A text whose hints go to the board that was meant, where a person has said which.
+    pub(super) fn named_in(&self, text: &str) -> String {
+        match &self.port {
+            Some(port) => text.replace(CONNECT, &format!("{CONNECT} --port {port}")),
+            None => text.into(),
+        }
+    }
+
+    /// A failure with such a text.
+    pub(super) fn failure(&self, failure: Failure) -> Failure {
+        Failure { message: self.named_in(&failure.message), ..failure }
+    }
+
     pub(super) fn open(&self) -> Result<(Link<Port>, String), Failure> {
         let name = match &self.port {
             Some(name) => name.clone(),
@@ -151,7 +167,7 @@ validate, and run.json: firmware, settings, what was lost. Ctrl-C stops the
 motor and keeps what has come.")]
 pub struct RecordArguments {
     #[command(flatten)]
-    port: PortArguments,
+    pub(super) port: PortArguments,
     /// What to play.
     #[arg(long, value_enum, default_value = "identify")]
     sequence: Excitation,
@@ -510,7 +526,7 @@ pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failur
   motorbench send gains.txt --save")]
 pub struct SendArguments {
     #[command(flatten)]
-    port: PortArguments,
+    pub(super) port: PortArguments,
     /// Lines of the console; empty lines and those that begin with # are left out. - reads the terminal.
     file: PathBuf,
     /// Keeps the settings in the board's EEPROM.

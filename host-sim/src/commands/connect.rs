@@ -30,7 +30,7 @@ Ctrl-D and Ctrl-C end. The drive is off in the end; without this program an
 armed one stops by itself after half a second.")]
 pub struct Arguments {
     #[command(flatten)]
-    port: PortArguments,
+    pub(super) port: PortArguments,
     /// Lines of the console.
     lines: Vec<String>,
     /// One line of JSON for each line of the console, for programs.

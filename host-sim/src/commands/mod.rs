@@ -179,11 +179,11 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Virtual(arguments) => virtual_board::run(&arguments),
         Command::Ports(arguments) => board::list(&arguments),
-        Command::Connect(arguments) => connect::run(&arguments),
-        Command::Record(arguments) => board::run_record(&arguments),
-        Command::Send(arguments) => board::run_send(&arguments),
-        Command::Tune(arguments) => tune::run(&arguments),
-        Command::Autotune(arguments) => autotune::run(&arguments),
+        Command::Connect(arguments) => connect::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Record(arguments) => board::run_record(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Send(arguments) => board::run_send(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Tune(arguments) => tune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Autotune(arguments) => autotune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Completions(arguments) => {
             manual::completions(&arguments);
             Ok(())

@@ -69,10 +69,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
     match &arguments.table {
         Some(path) => report(arguments, &outputs, &read(path)?, (earlier.as_ref(), winding), &rig),
-        None => arguments.board.run((&arguments.rig, &rig), |table, held| {
-            let winding = Some(held).filter(|held| !held.is_empty()).or(winding);
-            report(arguments, &outputs, table, (earlier.as_ref(), winding), &rig)
-        }),
+        None => {
+            let measured = arguments.board.run((&arguments.rig, &rig), |table, held| {
+                let winding = Some(held).filter(|held| !held.is_empty()).or(winding);
+                report(arguments, &outputs, table, (earlier.as_ref(), winding), &rig)
+            });
+            measured.map_err(|failure| arguments.board.port.failure(failure))
+        }
     }
 }
 

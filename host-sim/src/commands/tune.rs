@@ -34,7 +34,7 @@ as above, and space, tab, up, down, left, right. It ends with exit code 1 at the
 first that is refused, and at a trip, and with 3 where r cannot write.")]
 pub struct Arguments {
     #[command(flatten)]
-    port: PortArguments,
+    pub(super) port: PortArguments,
     /// Speed that a step test goes to, in rad/s.
     #[arg(long, default_value_t = 40.0, allow_negative_numbers = true, value_parser = finite)]
     reference: f64,

@@ -35,7 +35,7 @@ const POSITIONS: &str = "positions.csv";
 #[derive(Args)]
 pub(super) struct BoardArguments {
     #[command(flatten)]
-    port: PortArguments,
+    pub(super) port: PortArguments,
     /// Voltages to go to; without it 3/8 to 8/8 of the board's voltage_limit.
     #[arg(long, value_name = "V,V,...", value_delimiter = ',', allow_hyphen_values = true, conflicts_with = "table")]
     voltages: Vec<f64>,
