@@ -54,6 +54,7 @@ pub mod scenario;
 pub mod stand;
 pub mod steady_state;
 pub mod telemetry;
+pub mod terminal_plot;
 pub mod terminal_text;
 pub mod text_file;
 pub mod thesis;

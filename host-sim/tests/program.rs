@@ -493,10 +493,45 @@ fn the_demonstration_names_what_it_hid() {
         "What was hidden, and what was found",
         "For the board's console",
         "What to do",
+        "<title>motorbench demo</title>",
+        // What is said nowhere in a few lines: who recorded it, and all that `diagnose` says.
+        shown["recorded_by"].as_str().unwrap(),
+        "next best in its place",
     ] {
         assert!(page.contains(heading), "{heading}");
     }
     assert!(page.matches("<svg").count() >= 4 && page.ends_with("</body></html>\n"));
+}
+
+/// A few plain lines, a picture of characters, and a page that nobody had to ask for.
+#[test]
+fn the_demonstration_fits_a_terminal() {
+    const MOST_LINES: usize = 27;
+    let directory = TempDir::new().unwrap();
+    let demo = |arguments: &[&str]| {
+        let mut program = Command::cargo_bin("motorbench").unwrap();
+        let done = program.arg("demo").args(["--seed", "7"]).args(arguments).current_dir(&directory).assert().success();
+        String::from_utf8(done.get_output().stdout.clone()).unwrap()
+    };
+    let files = || std::fs::read_dir(&directory).unwrap().count();
+    demo(&["--json"]);
+    assert_eq!(files(), 0, "a program has not asked for a page");
+    let text = demo(&[]);
+    assert!(text.lines().count() <= MOST_LINES && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    for what in ["20000 samples in 20 s, 0 missing", "linear   extended", "hidden      found", "load_step torque_Nm"] {
+        assert!(text.contains(what), "no {what} in\n{text}");
+    }
+    let is_line = |character: char| ('\u{2801}'..='\u{28ff}').contains(&character);
+    let drawn = text.lines().filter(|line| line.contains(is_line) && line.contains('•')).count();
+    assert!(
+        drawn > 2 && text.contains("before, by the data sheet: ") && text.contains("after, by what was found: "),
+        "{text}"
+    );
+    let page = directory.path().join("motorbench-demo-7.html");
+    assert!(text.ends_with("motorbench-demo-7.html\n") && page.exists(), "{text}");
+    std::fs::write(&page, "somebody's").unwrap();
+    assert!(demo(&[]).contains("left as it is"));
+    assert_eq!((std::fs::read_to_string(&page).unwrap().as_str(), files()), ("somebody's", 1));
 }
 
 /// As `motorbench man | head` does it.

@@ -1,27 +1,28 @@
 //! `motorbench demo`
 
+mod loops;
+mod revealed;
+
 use super::{Failure, Outputs, is_terminal, terminal};
 use crate::board::words;
 #[cfg(feature = "chip")]
 use crate::board::{Board, BoardError, untripped};
 use crate::catalogue::{Effect, Scales, effect};
-use crate::design::compensation::{Losses, compensation};
-use crate::design::law::ControlLaw;
-use crate::design::specification::{Specification, Speed};
-use crate::design::trial::{Point, Trial};
-use crate::design::{Bench, Design, design};
+use crate::design::trial::Trial;
+use crate::diagnose::outcome::Outcome;
 use crate::diagnose::{Diagnosis, diagnose, page, report};
+use crate::link::record::missing_ticks;
 use crate::model::Model;
 use crate::motor::MotorParameters;
-use crate::panels::{Panel, panels_in_page};
 #[cfg(feature = "chip")]
 use crate::plant::ModelPlant;
-use crate::recording::Recording;
 use crate::rig::NominalMotor;
 use crate::telemetry;
-use crate::terminal_text::short;
-use crate::web_page::{code, escaped, table};
+use crate::terminal_text::{short, wrapped};
+use crate::web_page::escaped;
 use clap::Args;
+use indicatif::ProgressBar;
+use loops::Loops;
 use motorbench_core::excitation::{Kind, Sequence};
 #[cfg(feature = "chip")]
 use motorbench_core::message::State;
@@ -30,6 +31,9 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use revealed::Revealed;
+use std::fs::File;
+use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -48,15 +52,16 @@ const HIDDEN: [&str; 8] = [
 const LEVEL_V: f64 = 10.0;
 const STEP_TICKS: u16 = 500;
 const SUPPLY_V: f64 = 12.0;
-/// Until the sequence is over, and a little more.
+/// The sequence is over after so long; waited for is a little longer.
+const LASTS_S: f64 = 20.0;
 #[cfg(feature = "chip")]
-const DURATION_S: f64 = 20.1;
-/// Speed loop that is asked for, and the references it is tried with, each for so long.
-const BANDWIDTH_HZ: f64 = 5.0;
-const REFERENCES_RAD_PER_S: [f64; 6] = [5.0, -5.0, 5.0, 60.0, -60.0, 0.0];
-const HOLD_S: f64 = 0.8;
-/// The first of them are slow.
-const SLOW: usize = 3;
+const DURATION_S: f64 = LASTS_S + 0.1;
+/// While it is recorded.
+const RECORDING: &str = "20 s of the sequence `identify` are recorded";
+/// Of the page, beside those of diagnoses.
+const TITLE: &str = "motorbench demo";
+/// The constant of an effect that is a time.
+const TIME: &str = "time_s";
 
 /// Without any hardware: a motor with an effect drawn at random is recorded by the firmware, understood, and controlled.
 #[derive(Args)]
@@ -66,7 +71,8 @@ pub struct Arguments {
     /// Draws the same motor again.
     #[arg(long)]
     seed: Option<u64>,
-    /// Writes diagnosis, loops and what was hidden as a page with plots.
+    /// Where to write all of it as a page with plots; without it motorbench-demo-SEED.html, unless there is one or --json
+    /// is asked for.
     #[arg(long, value_name = "FILE.html", overrides_with = "report")]
     report: Option<PathBuf>,
     /// Prints the result as JSON instead of text.
@@ -85,50 +91,106 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let clock = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     let seed = arguments.seed.unwrap_or(clock);
     let outputs = arguments.outputs()?;
-    let say = |text: &str| outputs.say(&format!("{text}\n"));
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    say(&format!("A motor with something hidden in it (seed {seed})."));
     let truth = draw(&mut random);
     let nominal = wrong(&truth.motor, &mut random);
     let settings = recording_settings();
-    say("\n1. Recording 20 s of the sequence `identify` at 1 kHz ...");
-    let samples = record(&truth, settings, &say)?;
-    let recording = telemetry::recording("demo", &samples, &settings);
+    let recorded = record(&truth, settings)?;
+    outputs.say(&wrapped(&format!("A motor with something hidden in it (seed {seed}): {}.", recorded.words()), "", ""));
+    let recording = telemetry::recording("demo", &recorded.samples, &settings);
+    let rig = telemetry::rig(&settings, NominalMotor::from(nominal));
     if let Some(path) = &arguments.csv {
         super::write(path, &recording.to_csv())?;
-        let rig = telemetry::rig(&settings, NominalMotor::from(nominal));
         super::write(&rig_of(path), &toml::to_string(&rig).map_err(Failure::machine)?)?;
     }
-    let missing: u32 = samples.windows(2).map(|pair| pair[1].tick - pair[0].tick - 1).sum();
-    say(&format!("   {} samples, {missing} missing.\n\n2. Diagnosis ...\n", samples.len()));
-    let diagnosis = diagnosed(recording, &settings, nominal)?;
-    say(page::page(&diagnosis).trim_end());
-    say(&format!(
-        "\n3. A speed loop of {BANDWIDTH_HZ} Hz, from the data sheet and from what was found,\n   on the motor as it is\n"
-    ));
-    let loops = Loops::compared(&truth, &nominal, &diagnosis)?;
-    say(&loops.table());
-    let revealed = revealed(&truth, &diagnosis.model);
-    say(&format!("\nWhat was hidden, and what was found\n{}", revealed_text(&revealed)));
-    if let Some(path) = &arguments.report {
-        let section = loops.section() + &revealed_html(&revealed);
-        super::write(path, &report::report_with(&diagnosis, &[format!("demo --seed {seed}")], &section))?;
-        say(&format!("\nThe page with plots: {}", path.display()));
+    let diagnosis = working("diagnosis", |bar| diagnose(&[recording], &rig, &|text| bar.set_message(text.to_string())))
+        .map_err(Failure::input)?;
+    let hidden = on_clock_of(&recorded.samples, &truth, &settings);
+    let revealed = Revealed::of(&hidden, &diagnosis.model);
+    outputs.say(&format!("\n{}\n{}{}", page::verdict(&diagnosis.outcome), errors(&diagnosis.outcome), revealed.text()));
+    let loops = working("three loops are designed and tried", |_| Loops::compared(&truth, &nominal, &diagnosis))?;
+    outputs.say(&format!("\n{}", loops.picture()));
+    let whole = Whole { seed, recorded, hidden, diagnosis, loops, revealed };
+    match &arguments.report {
+        Some(path) => {
+            super::write(path, &whole.html())?;
+            outputs.say(&page_is_at(path));
+        }
+        None if arguments.json => {}
+        None => outputs.say(&unasked(&PathBuf::from(format!("motorbench-demo-{seed}.html")), &whole.html())),
     }
     if arguments.json {
-        let result = serde_json::json!({
-            "seed": seed,
-            "samples": samples.len(),
-            "missing": missing,
-            "diagnosis": diagnosis.outcome,
-            "loops": loops.attempts.iter().map(Attempt::json).collect::<Vec<_>>(),
-            "commands": loops.commands,
-            "hidden": truth.effects(),
-            "motor": truth.motor,
-        });
-        println!("{result:#}");
+        println!("{:#}", whole.json());
     }
     Ok(())
+}
+
+/// Everything that came of it.
+struct Whole {
+    seed: u64,
+    recorded: Recorded,
+    hidden: Model,
+    diagnosis: Diagnosis,
+    loops: Loops,
+    revealed: Revealed,
+}
+
+impl Whole {
+    /// The page: the diagnosis with its plots, the loops, what was hidden, and the diagnosis once more in words.
+    fn html(&self) -> String {
+        let words = escaped(&page::page(&self.diagnosis));
+        let words = format!("<h2>In the words of <code>diagnose</code></h2><pre>{words}</pre>\n");
+        let names = [format!("demo --seed {}", self.seed), self.recorded.words()];
+        let section = self.loops.section() + &self.revealed.html() + &words;
+        report::report_with(TITLE, &self.diagnosis, &names, &section)
+    }
+
+    fn json(&self) -> serde_json::Value {
+        serde_json::json!({
+            "seed": self.seed,
+            "recorded_by": self.recorded.by,
+            "samples": self.recorded.samples.len(),
+            "missing": missing_ticks(&self.recorded.samples),
+            "diagnosis": self.diagnosis.outcome,
+            "loops": self.loops.json(),
+            "commands": self.loops.commands,
+            "hidden": self.hidden.effects(),
+            "motor": self.hidden.motor,
+        })
+    }
+}
+
+fn page_is_at(path: &Path) -> String {
+    format!("All of it, with plots: {}\n", path.display())
+}
+
+/// Writes a page that nobody has named, never over a file that is there, and says where it is. Nothing fails without it.
+fn unasked(path: &Path, html: &str) -> String {
+    let error = match File::create_new(path).and_then(|mut file| file.write_all(html.as_bytes())) {
+        Ok(()) => return page_is_at(path),
+        Err(error) => error,
+    };
+    let why = match error.kind() {
+        ErrorKind::AlreadyExists => format!("{} is there and is left as it is", path.display()),
+        _ => super::cannot_write(path, &error).message,
+    };
+    wrapped(&format!("No page with plots: {why}; --report FILE.html writes it elsewhere"), "", "")
+}
+
+/// What the linear motor gets wrong and what knowing the causes brings.
+fn errors(outcome: &Outcome) -> String {
+    let mut text = row("rms error on data that no fit has seen", ["linear", "extended", "noise"]);
+    for channel in outcome.fit["base"].keys() {
+        let of = ["base", "extended", "noise_floor"].map(|which| short(outcome.fit[which][channel].rmse));
+        text += &row(&format!("  {channel}"), of.each_ref().map(String::as_str));
+    }
+    text
+}
+
+/// A line of a table: what, and numbers.
+fn row<const COUNT: usize>(what: &str, numbers: [&str; COUNT]) -> String {
+    let numbers: String = numbers.iter().map(|number| format!(" {number:>10}")).collect();
+    format!("{what:44}{numbers}\n")
 }
 
 /// The rig file of a recording.
@@ -163,7 +225,7 @@ fn draw(random: &mut ChaCha8Rng) -> Model {
         speed_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,
         supply_v: SUPPLY_V,
         current_a: SUPPLY_V / motor.resistance_ohm,
-        duration_s: 20.0,
+        duration_s: LASTS_S,
         interval_s: 1e-3,
         pwm_hz: 20_000.0,
     };
@@ -217,26 +279,37 @@ fn recording_settings() -> Settings {
     settings
 }
 
+/// What was recorded, and by whom.
+struct Recorded {
+    samples: Vec<Sample>,
+    by: String,
+}
+
+impl Recorded {
+    /// Part of a sentence.
+    fn words(&self) -> String {
+        let missing = missing_ticks(&self.samples);
+        format!("{} samples in {LASTS_S} s, {missing} missing, recorded by {}", self.samples.len(), self.by)
+    }
+}
+
 /// By the firmware on the simulated chip; where that cannot be, by its control core on this computer.
 #[cfg(feature = "chip")]
-fn record(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Result<Vec<Sample>, Failure> {
+fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
     match super::firmware() {
         Ok(elf) => {
-            say("   by the firmware on a simulated ATmega328P, over its serial port");
-            Ok(record_on_chip(&elf, truth, &settings)?)
+            let samples = working(RECORDING, |_| record_on_chip(&elf, truth, &settings))?;
+            Ok(Recorded { samples, by: "the firmware on a simulated ATmega328P, over its serial port".into() })
         }
-        Err(error) => {
-            say(&format!("   (no firmware for the simulated chip: {error})"));
-            record_on_host(truth, settings, say)
-        }
+        Err(error) => record_on_host(truth, settings, &format!("no firmware for the simulated chip: {error}")),
     }
 }
 
 /// By the firmware's control core on this computer.
 #[cfg(not(feature = "chip"))]
-fn record(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Result<Vec<Sample>, Failure> {
-    say("   (built without the simulated chip: `scripts/setup chip` installs what it needs)");
-    record_on_host(truth, settings, say)
+fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
+    let why = "built without the simulated chip: `scripts/setup chip` installs what it needs";
+    record_on_host(truth, settings, why)
 }
 
 #[cfg(feature = "chip")]
@@ -260,185 +333,44 @@ fn record_on_chip(elf: &std::path::Path, truth: &Model, settings: &Settings) -> 
     Ok(samples)
 }
 
-fn record_on_host(truth: &Model, settings: Settings, say: &dyn Fn(&str)) -> Result<Vec<Sample>, Failure> {
-    say("   by the firmware's control core on this computer");
+fn record_on_host(truth: &Model, settings: Settings, why: &str) -> Result<Recorded, Failure> {
     let refused = |error| Failure::input(format!("the core refuses its settings: {error:?}"));
     let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
     trial.enter(Mode::OpenLoop);
     let sequence = Sequence::new(Kind::Identify, (LEVEL_V * f64::from(VOLT)) as i16, 0, STEP_TICKS, 1, 1);
     trial.tick(Some(Request::Play(sequence)));
     let mut samples = Vec::new();
-    for _ in 0..sequence.duration_ticks() {
-        trial.tick(None);
-        samples.push(*trial.sample());
-    }
+    working(RECORDING, |_| {
+        for _ in 0..sequence.duration_ticks() {
+            trial.tick(None);
+            samples.push(*trial.sample());
+        }
+    });
     match trial.sample().trip {
-        Trip::None => Ok(samples),
+        Trip::None => Ok(Recorded { samples, by: format!("the firmware's control core on this computer ({why})") }),
         trip => Err(Failure::input(format!("the drive switched off while recording: {}", words(trip)))),
     }
 }
 
-fn diagnosed(recording: Recording, settings: &Settings, nominal: MotorParameters) -> Result<Diagnosis, Failure> {
-    let rig = telemetry::rig(settings, NominalMotor::from(nominal));
+/// Does what takes a while, and shows that on a terminal.
+fn working<T>(what: &'static str, work: impl FnOnce(&ProgressBar) -> T) -> T {
     let bar = super::spinner();
-    let result = diagnose(&[recording], &rig, &|text| bar.set_message(text.to_string()));
+    bar.set_message(what);
+    let done = work(&bar);
     bar.finish_and_clear();
-    result.map_err(Failure::input)
+    done
 }
 
-/// A loop and how it followed.
-struct Attempt {
-    name: &'static str,
-    /// Root mean square errors of the true speed: of the slow references, and of all.
-    slow_rms: f64,
-    all_rms: f64,
-    points: Vec<Point>,
-}
-
-impl Attempt {
-    fn json(&self) -> serde_json::Value {
-        let Self { name, slow_rms, all_rms, .. } = self;
-        serde_json::json!({
-            "design": name, "standstill_rms_rad_per_s": slow_rms, "all_rms_rad_per_s": all_rms
-        })
+/// What was drawn, by the clock of the recording, which began some time after the motor had its supply.
+fn on_clock_of(samples: &[Sample], truth: &Model, settings: &Settings) -> Model {
+    let first = samples.first().map_or(0, |sample| sample.tick);
+    let before_s = f64::from(first) / f64::from(settings.get(Param::TickRate));
+    let mut model = truth.clone();
+    for term in &mut model.terms {
+        let constants = term.effect.about().parameters.iter().zip(&mut term.values);
+        constants.filter(|(constant, _)| constant.name == TIME).for_each(|(_, value)| *value -= before_s);
     }
-}
-
-/// Loops on the motor as it is, and what the board's console takes of the last.
-struct Loops {
-    attempts: Vec<Attempt>,
-    commands: Vec<String>,
-}
-
-impl Loops {
-    /// Designed from the data sheet, from the linear motor found, and with the friction and the drop made up for.
-    fn compared(truth: &Model, nominal: &MotorParameters, diagnosis: &Diagnosis) -> Result<Self, Failure> {
-        let found = &diagnosis.model;
-        let before = designed(nominal)?.settings.all;
-        let mut list = designed(&found.motor)?.settings;
-        let without = list.all;
-        let motor = &found.motor;
-        let losses = compensation(&Losses::of(found), motor.resistance_ohm, motor.torque_constant_nm_per_a);
-        for setting in losses.map_err(Failure::input)? {
-            list.set(setting.param, setting.value).map_err(Failure::input)?;
-        }
-        let attempts =
-            [("designed from the data sheet", before), ("from what was found", without), ("and compensated", list.all)];
-        let attempts = attempts.into_iter().map(|(name, settings)| tracking(name, truth, settings));
-        Ok(Self { attempts: attempts.collect::<Result<_, _>>()?, commands: list.commands() })
-    }
-
-    fn table(&self) -> String {
-        let mut text = format!("   {:30} {:>22} {:>16}\n", "speed error, rms", "about standstill", "in all");
-        for Attempt { name, slow_rms, all_rms, .. } in &self.attempts {
-            text += &format!("   {name:30} {:>16} rad/s {:>10} rad/s\n", short(*slow_rms), short(*all_rms));
-        }
-        text += "\n   For the board's console:";
-        self.commands.iter().for_each(|command| text += &format!("\n     {command}"));
-        text
-    }
-
-    /// For the page: all speeds on one plot, the slow part larger, the table, and the gains.
-    fn section(&self) -> String {
-        let panel = |title: &str, count: usize| {
-            let first = &self.attempts[0].points[..count];
-            let reference = Panel::new(title).line("reference", first.iter().map(|point| point.reference).collect());
-            self.attempts.iter().fold(reference, |panel, attempt| {
-                let speeds = attempt.points[..count].iter().map(|point| point.omega_rad_per_s);
-                panel.line(attempt.name, speeds.collect())
-            })
-        };
-        let all = self.attempts[0].points.len();
-        let slow = all * SLOW / REFERENCES_RAD_PER_S.len();
-        let interval_s = HOLD_S * REFERENCES_RAD_PER_S.len() as f64 / all as f64;
-        let plots = [panel("speed, rad/s", all), panel("speed about standstill, rad/s", slow)]
-            .map(|panel| panels_in_page(interval_s, &[panel]));
-        let rows = self.attempts.iter().map(|Attempt { name, slow_rms, all_rms, .. }| {
-            let [slow_rms, all_rms] = [slow_rms, all_rms].map(|rms| format!("{} rad/s", short(*rms)));
-            [(*name).into(), slow_rms, all_rms]
-        });
-        format!(
-            "<h2>The speed loop before and after</h2><p>{BANDWIDTH_HZ} Hz, on the motor as it is.</p>{}{}\
-             <h2>For the board's console</h2><pre>{}</pre>\n",
-            plots.concat(),
-            table(&["speed error, rms", "about standstill", "in all"], rows),
-            escaped(&self.commands.join("\n"))
-        )
-    }
-}
-
-fn designed(motor: &MotorParameters) -> Result<Design, Failure> {
-    let specification =
-        Specification { speed: Speed::BandwidthHz(BANDWIDTH_HZ), overshoot_percent: 10.0, current_limit_a: 1.5 };
-    design(motor, &Bench::default(), ControlLaw::SpeedPid, &specification).map_err(Failure::input)
-}
-
-fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Attempt, Failure> {
-    let refused = |error| Failure::input(format!("the core refuses the designed settings: {error:?}"));
-    let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
-    trial.enter(Mode::SpeedPid);
-    let points: Vec<Vec<Point>> = REFERENCES_RAD_PER_S.iter().map(|speed| trial.follow(*speed, HOLD_S)).collect();
-    let rms = |points: &[Vec<Point>]| {
-        let squares = points.iter().flatten().map(|point| (point.omega_rad_per_s - point.reference).powi(2));
-        (squares.sum::<f64>() / points.iter().flatten().count() as f64).sqrt()
-    };
-    Ok(Attempt { name, slow_rms: rms(&points[..SLOW]), all_rms: rms(&points), points: points.concat() })
-}
-
-/// A constant that was hidden, and what the diagnosis made of it.
-struct Revealed {
-    /// Its effect; empty for the motor's own.
-    effect: &'static str,
-    name: &'static str,
-    hidden: Option<f64>,
-    found: Option<f64>,
-}
-
-/// Everything that was hidden or found, effects first.
-fn revealed(truth: &Model, found: &Model) -> Vec<Revealed> {
-    let [hidden, found] = [truth, found].map(constants);
-    let value =
-        |of: &[(Constant, f64)], constant| of.iter().find(|(other, _)| *other == constant).map(|(_, value)| *value);
-    let only_found = found.iter().filter(|(constant, _)| value(&hidden, *constant).is_none());
-    let all = hidden.iter().chain(only_found).map(|(constant @ (effect, name), _)| Revealed {
-        effect,
-        name,
-        hidden: value(&hidden, *constant),
-        found: value(&found, *constant),
-    });
-    let mut all: Vec<Revealed> = all.collect();
-    all.sort_by_key(|constant| constant.effect.is_empty());
-    all
-}
-
-/// An effect and one of its constants.
-type Constant = (&'static str, &'static str);
-
-fn constants(model: &Model) -> Vec<(Constant, f64)> {
-    let effects = model.terms.iter().flat_map(|term| term.said().map(|(_, name, value)| ((term.id(), name), value)));
-    effects.chain(model.motor.named().map(|(name, value)| (("", name), value))).collect()
-}
-
-/// A number, or that there is none.
-fn value_or_dash(value: Option<f64>) -> String {
-    value.map_or("-".into(), short)
-}
-
-fn revealed_text(constants: &[Revealed]) -> String {
-    let mut text = format!("  {:46} {:>10} {:>10}", "", "hidden", "found");
-    for Revealed { effect, name, hidden, found } in constants {
-        let name = format!("{effect} {name}");
-        text += &format!("\n  {:46} {:>10} {:>10}", name.trim_start(), value_or_dash(*hidden), value_or_dash(*found));
-    }
-    text
-}
-
-fn revealed_html(constants: &[Revealed]) -> String {
-    let rows = constants.iter().map(|Revealed { effect, name, hidden, found }| {
-        let name = if effect.is_empty() { code([*name]) } else { format!("{} {}", code([*effect]), code([*name])) };
-        [name, value_or_dash(*hidden), value_or_dash(*found)]
-    });
-    format!("<h2>What was hidden, and what was found</h2>{}", table(&["", "hidden", "found"], rows))
+    model
 }
 
 #[cfg(test)]
@@ -454,22 +386,25 @@ mod tests {
     }
 
     #[test]
-    fn what_was_missed_and_what_was_not_there_are_revealed_too() {
-        let linear = Model::linear(MotorParameters::PIVT6);
-        let known = |id: &str| effect(id).expect("of the catalogue");
-        let truth = linear.clone().with(known("voltage_drop"), vec![1.5]);
-        let found = linear.with(known("coulomb_friction"), vec![0.01]);
-        let text = revealed_text(&revealed(&truth, &found));
-        let rows: Vec<Vec<&str>> = text.lines().map(|line| line.split_whitespace().collect()).collect();
-        assert_eq!(
-            rows[..3],
-            [
-                vec!["hidden", "found"],
-                vec!["voltage_drop", "drop_V", "1.50", "-"],
-                vec!["coulomb_friction", "torque_Nm", "-", "0.0100"]
-            ]
+    fn a_page_that_nobody_asked_for_is_written_over_nothing() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("page.html");
+        assert!(unasked(&path, "first").ends_with("page.html\n"));
+        assert!(unasked(&path, "second").contains("left as it is"));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "first");
+        let said = unasked(&directory.path().join("none/page.html"), "third");
+        assert!(
+            said.starts_with("No page") && said.contains("make its folder first") && said.contains("--report"),
+            "{said}"
         );
-        assert_eq!(rows.len(), 8, "{text}");
-        assert!(rows[3..].iter().all(|row| row[1] == row[2]) && text.lines().all(|line| line.len() <= 80), "{text}");
+    }
+
+    #[test]
+    fn hidden_times_are_by_the_clock_of_the_recording() {
+        let load = effect("load_step").expect("of the catalogue");
+        let truth = Model::linear(MotorParameters::PIVT6).with(load, vec![0.004, 12.0]);
+        let samples = [Sample { tick: 500, ..Sample::default() }];
+        let hidden = on_clock_of(&samples, &truth, &Settings::defaults());
+        assert_eq!(hidden.terms[0].values, [0.004, 11.5]);
     }
 }

@@ -15,11 +15,11 @@ mod plots;
 
 /// The file's text.
 pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
-    report_with(diagnosis, names, "")
+    report_with("motorbench diagnosis", diagnosis, names, "")
 }
 
-/// The same with a section of HTML at its end.
-pub fn report_with(diagnosis: &Diagnosis, names: &[String], section: &str) -> String {
+/// The same under another title, with a section of HTML at its end.
+pub fn report_with(page_title: &str, diagnosis: &Diagnosis, names: &[String], section: &str) -> String {
     let outcome = &diagnosis.outcome;
     let mut html = format!("<h1>{}</h1>\n<p>{}</p>\n", escaped(&verdict(outcome)), escaped(&names.join(", ")));
     causes(&mut html, outcome);
@@ -33,7 +33,7 @@ pub fn report_with(diagnosis: &Diagnosis, names: &[String], section: &str) -> St
     html += "<h2>What to do</h2>";
     html += &list(outcome.advice.iter().map(String::as_str));
     html += section;
-    document("motorbench diagnosis", &html)
+    document(page_title, &html)
 }
 
 fn causes(html: &mut String, outcome: &Outcome) {

@@ -4,15 +4,15 @@ use super::{Key, LOOPS, SHOWN_S, Session, StepTest, name};
 use crate::board::BoardError;
 use crate::figures::Figures;
 use crate::link::Line;
+use crate::terminal_plot;
 use crate::terminal_text::fixed;
 use motorbench_core::pins::PWM_STEPS;
 use ratatui::Frame;
 use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Color, Modifier, Style};
-use ratatui::symbols::Marker;
+use ratatui::style::{Modifier, Style};
 use ratatui::text::Line as TextLine;
-use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph};
+use ratatui::widgets::{Block, Chart, Paragraph};
 use std::borrow::Cow;
 use std::time::Duration;
 
@@ -23,8 +23,6 @@ const WIDE: u16 = 70;
 const BOXES: u16 = 9;
 /// A plot of fewer rows shows nothing.
 const PLOT: u16 = 5;
-/// Least range of an axis.
-const LEAST: f64 = 0.1;
 
 /// Runs until the person quits, `stop` says so, or the board is gone; the terminal is then as it was.
 ///
@@ -181,18 +179,9 @@ fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) {
 }
 
 fn chart<'a>(traces: &'a [(String, &'a Vec<(f64, f64)>); 2]) -> Chart<'a> {
-    let values = || traces.iter().flat_map(|(_, trace)| trace.iter().map(|(_, value)| *value));
-    let low = values().fold(-LEAST, f64::min);
-    let high = values().fold(LEAST, f64::max);
-    // Told apart without colour as well.
-    let looks = [(Marker::Dot, Color::Reset), (Marker::Braille, Color::Cyan)];
-    let datasets = traces.iter().zip(looks).map(|((_, trace), (marker, color))| {
-        Dataset::default().marker(marker).graph_type(GraphType::Line).style(Style::new().fg(color)).data(trace)
-    });
-    Chart::new(datasets.collect())
+    let courses = [0, 1].map(|index| &traces[index].1[..]);
+    terminal_plot::chart(courses, [-SHOWN_S, 0.0], terminal_plot::range(courses))
         .block(Block::bordered().title(format!("dots: {} | line: {}", traces[0].0, traces[1].0)))
-        .x_axis(Axis::default().bounds([-SHOWN_S, 0.0]))
-        .y_axis(Axis::default().bounds([low, high]).labels([format!("{low:.1}"), format!("{high:.1}")]))
 }
 
 fn gain_lines<L: Line>(session: &Session<L>) -> impl Iterator<Item = TextLine<'static>> + '_ {
