@@ -31,12 +31,16 @@ const GUESS_SPREAD: f64 = 1.5;
 const SCALE_SPREAD: f64 = 2.5;
 /// Nominal viscous friction is hardly more than an order of magnitude.
 const FRICTION_SPREAD: f64 = 1.0;
-/// Residuals further apart than this count as independent.
-const BLOCK_S: f64 = 0.2;
+/// Residuals further apart than this count as independent; of several the one counts that leaves a constant most uncertain:
+/// the longer, the more it tells of what a model does wrong in one manner of driving and not in another.
+const BLOCKS_S: [f64; 2] = [0.2, 2.0];
 /// Relative error (one standard deviation) of the motor's constants that comes from the model's own simplifications other
 /// than its steps (readings at an instant), measured on benches with known constants. Effects add
 /// theirs, see [`crate::catalogue::Simplification`].
 const SYSTEMATIC: f64 = 7e-4;
+/// The same of an effect's constants where the frequency of the PWM had to be guessed: from a list, and with a shaft that turns
+/// evenly within its period.
+const GUESSED_PWM: f64 = 3e-3;
 /// A promise below this, in units of noise, is not worth a fit.
 pub const LEAST_PROMISE: f64 = 20.0;
 /// Of this many effects that promise most, the start is refined, by so many halvings.
@@ -611,8 +615,8 @@ impl Fit {
     }
 
     /// Covariance of the coordinates that holds for residuals correlated within a block.
-    fn covariance(&self, data: &Dataset) -> DMatrix<f64> {
-        let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
+    fn covariance(&self, data: &Dataset, block_s: f64) -> DMatrix<f64> {
+        let block = (block_s / data.interval_s).max(1.0) as usize;
         let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
         let size = columns.len();
         let mut middle = DMatrix::zeros(size, size);
@@ -647,27 +651,29 @@ impl Fit {
     }
 
     /// Relative error of a constant that comes from what the model leaves out.
-    fn simplified(&self, place: Place) -> f64 {
+    fn simplified(&self, place: Place, data: &Dataset) -> f64 {
+        let of_the_pwm = if data.pwm_is_known { 0.0 } else { GUESSED_PWM };
         let terms = self.model.terms.iter().map(|term| term.effect.simplification());
         match place {
             Place::Motor(INERTIA) => terms.map(|law| law.inertia).fold(SYSTEMATIC, f64::hypot),
             Place::Motor(VISCOUS_FRICTION) => terms.map(|law| law.viscous_friction).fold(SYSTEMATIC, f64::hypot),
             Place::Motor(_) => SYSTEMATIC,
-            Place::Term(term, _) => self.model.terms[term].effect.simplification().own,
+            Place::Term(term, _) => self.model.terms[term].effect.simplification().own.hypot(of_the_pwm),
         }
     }
 
     /// Value, and 95 % interval, of every fitted constant: statistics, steps, and what else the model simplifies.
     pub fn intervals(&self, data: &Dataset) -> Vec<Interval> {
-        let covariance = self.covariance(data);
+        let covariances = BLOCKS_S.map(|block_s| self.covariance(data, block_s));
         let shift = self.shift_of_coarse_steps(data);
         self.unknowns
             .iter()
             .enumerate()
             .map(|(index, unknown)| {
                 let here = unknown.get(&self.model);
-                let systematic = self.simplified(unknown.place) * if unknown.logarithmic { 1.0 } else { here };
-                let half = Z95 * covariance[(index, index)].max(0.0).sqrt().hypot(shift[index]).hypot(systematic);
+                let systematic = self.simplified(unknown.place, data) * if unknown.logarithmic { 1.0 } else { here };
+                let variance = covariances.iter().map(|covariance| covariance[(index, index)]).fold(0.0, f64::max);
+                let half = Z95 * variance.sqrt().hypot(shift[index]).hypot(systematic);
                 let value =
                     |coordinate: f64| if unknown.logarithmic { coordinate.exp() } else { coordinate * unknown.size };
                 // A constant cannot leave its range.

@@ -209,7 +209,7 @@ impl Effect for Backlash {
 
     /// Blows that nearly fit are many.
     fn simplification(&self) -> Simplification {
-        Simplification { own: 3e-2, inertia: 0.0, viscous_friction: 0.0 }
+        Simplification { own: 8e-2, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     /// The blows that a gap foretells a little too early or too late fit the readings as badly as none.
