@@ -1,8 +1,9 @@
 //! Missed counts: edges come faster than they are counted, or while nobody counts.
 //!
 //! A counter that polls loses what exceeds its rate; one that is interrupted now and then loses a share of all. One that is
-//! held up for longer stands meanwhile: when is in no term, so that is found in the counts (`dataset/counter_stops.rs`). Where
-//! each edge is lost or not by chance, as by disturbances, that scatters besides (`diagnose/random_losses.rs`).
+//! held up for longer stands meanwhile: when is in no term, so that is found in the counts (`dataset/counter_stops.rs`), or in
+//! what a model leaves (`diagnose/unseen_losses.rs`). Where each edge is lost or not by chance, as by disturbances, that scatters
+//! besides (`diagnose/random_losses.rs`).
 
 use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
 

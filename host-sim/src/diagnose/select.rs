@@ -105,6 +105,9 @@ enum Lead {
     Cost,
 }
 
+/// A model, and the steps that led to it.
+type Way = (Fit, Vec<Step>);
+
 /// Called with a sentence whenever the work goes on.
 pub type Progress<'a> = &'a (dyn Fn(&str) + Sync);
 
@@ -113,32 +116,30 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     progress("linear motor");
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
-    let (mut last, mut steps) = chooser.forward(base.clone(), Vec::new(), Lead::Significance);
     let doubts = |fit: &Fit| {
         let remains = above_floor(data, fit) > NOT_NOISE;
         [remains, chooser.is_strange(fit), has_wrong_values(prior, fit)]
     };
-    let key = |fit: &Fit| (doubts(fit), fit.cost);
-    if doubts(&last).contains(&true) {
-        let (other, other_steps) = chooser.forward(base.clone(), Vec::new(), Lead::Cost);
-        if key(&other) < key(&last) {
-            (last, steps) = (other, other_steps);
-        }
+    let key = |(fit, _): &Way| (doubts(fit), fit.cost);
+    let better = |way: Way, other: Way| if key(&other) < key(&way) { other } else { way };
+    let is_doubtful = |(fit, _): &Way| doubts(fit).contains(&true);
+    let mut way = chooser.forward(base.clone(), Vec::new(), Lead::Significance);
+    if is_doubtful(&way) {
+        way = better(way, chooser.forward(base.clone(), Vec::new(), Lead::Cost));
     }
-    if doubts(&last).contains(&true)
+    if is_doubtful(&way)
         && let Some((anew, step)) = chooser.anew(&base)
     {
-        let (other, other_steps) = chooser.forward(anew, vec![step], Lead::Significance);
-        if key(&other) < key(&last) {
-            (last, steps) = (other, other_steps);
-        }
+        way = better(way, chooser.forward(anew, vec![step], Lead::Significance));
     }
-    if chooser.is_strange(&last)
-        && let Some(other) = chooser.beside_nominal(&last).filter(|other| key(other) < key(&last))
+    if chooser.is_strange(&way.0)
+        && let Some(other) = chooser.beside_nominal(&way.0)
     {
-        steps.push(Step::new(&last, &other, chooser.gain(&last, &other)));
-        last = other;
+        let step = Step::new(&way.0, &other, chooser.gain(&way.0, &other));
+        let steps = [&way.1[..], &[step]].concat();
+        way = better(way, (other, steps));
     }
+    let (mut last, steps) = way;
     progress("to the end");
     last = chooser.or_instead_of_inductance(chooser.to_the_end(last));
     let (last, standings) = chooser.backward(last);
@@ -284,7 +285,7 @@ impl Chooser<'_> {
         let scales = scales(&self.prior.motor, self.data);
         let nominal = Model::linear(self.prior.motor);
         // Their rarer laws only where something remains: most that look like one at first are none.
-        let mut models = self.strange(&nominal, &scales);
+        let mut models = self.with_what_changes_everything(&nominal, &scales);
         models.retain(|model| !model.terms.last().is_some_and(Term::has_another_law));
         if self.usual().count() == USUAL.len() {
             let bare = models.clone().into_iter().chain([nominal]);
@@ -303,7 +304,7 @@ impl Chooser<'_> {
     }
 
     /// A model with each effect that changes everything and that it does not have, with each of its laws.
-    fn strange(&self, model: &Model, scales: &Scales) -> Vec<Model> {
+    fn with_what_changes_everything(&self, model: &Model, scales: &Scales) -> Vec<Model> {
         let effects = self.possible().filter(|effect| effect.changes_everything() && !model.has(effect.about().id));
         effects
             .flat_map(|effect| effect.starts(scales).into_iter().map(move |start| (effect, start)))
@@ -323,8 +324,8 @@ impl Chooser<'_> {
         let scales = scales(&self.prior.motor, self.data);
         let usual = |model| self.with_usual(model, &scales);
         let nominal = Model::linear(self.prior.motor);
-        let strange = self.strange(&nominal, &scales);
-        let beginnings = [usual(nominal.clone())].into_iter().chain(strange.iter().cloned());
+        let changed = self.with_what_changes_everything(&nominal, &scales);
+        let beginnings = [usual(nominal.clone())].into_iter().chain(changed.iter().cloned());
         let models = beginnings.flat_map(|from| {
             // Of an effect with alternatives the one that promises most.
             let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
@@ -340,7 +341,7 @@ impl Chooser<'_> {
         let best =
             |fits: Vec<Fit>| fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"));
         // From so far away a trial does not arrive, with many effects at once not even near.
-        let whole = strange.into_iter().map(usual);
+        let whole = changed.into_iter().map(usual);
         let last: Vec<Model> = [best(fits)?.model].into_iter().chain(whole).collect();
         let last = last.into_par_iter().map(|model| fit(&model, self.data, self.prior, Effort::AGAIN)).collect();
         let best = best(last)?;
@@ -354,12 +355,12 @@ impl Chooser<'_> {
         let scales = scales(&self.prior.motor, self.data);
         let mut nominal = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
         nominal.terms.retain(|term| term.effect.about().acts_on != ActsOn::Voltage);
-        let strange = self.strange(&nominal, &scales).into_iter();
-        let fits = strange.map(|model| fit(&model, self.data, self.prior, Effort::FULL));
+        let changed = self.with_what_changes_everything(&nominal, &scales).into_iter();
+        let fits = changed.map(|model| fit(&model, self.data, self.prior, Effort::FULL));
         fits.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    fn forward(&self, mut current: Fit, mut steps: Vec<Step>, lead: Lead) -> (Fit, Vec<Step>) {
+    fn forward(&self, mut current: Fit, mut steps: Vec<Step>, lead: Lead) -> Way {
         let mut ahead = 0;
         while steps.len() < MOST_EFFECTS {
             let mut promises = self.promises(&current);
