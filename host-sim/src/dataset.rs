@@ -2,16 +2,21 @@
 
 use crate::recording::{Channel, Recording};
 use crate::rig::{Readings, Rig, Timing};
+use crate::terminal_text::short;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 mod counter_stops;
+mod end_of_range;
 mod row_order;
 mod speed_window;
+mod turns;
 
 pub use counter_stops::CounterStop;
+pub use end_of_range::EndOfRange;
 use speed_window::Found;
 pub use speed_window::Window;
+use turns::Ambiguous;
 
 /// A pause of this many intervals begins a new stretch...
 const GAP_INTERVALS: f64 = 10.0;
@@ -19,6 +24,8 @@ const GAP_INTERVALS: f64 = 10.0;
 const LONGEST_HELD_S: f64 = 1.0;
 /// Stretches shorter than this are of no use.
 const SHORTEST_STRETCH: usize = 20;
+/// Less than this shows few of the causes, and those hardly apart.
+const SHORTEST_S: f64 = 2.0;
 /// Rows farther apart show nothing of a motor's dynamics.
 const LONGEST_INTERVAL_S: f64 = 0.1;
 /// Span over which an angle is differentiated: short against the motor, long against the encoder's step.
@@ -34,12 +41,12 @@ const KEPT_BACK: usize = 1;
 /// An error below this share of a quantity's spread is not worth a name: holding terms over half a millisecond, a friction
 /// that bends before it slips and reading a speed as a mean cost up to as much.
 pub const TOLERANCE: f64 = 0.01;
+/// A share of the supply is no more than all of it, but for its rounding.
+const GREATEST_DUTY: f64 = 1.05;
+/// A motion that goes against its drive to this correlation is no motor's: that takes energy from what drives it.
+const BACKWARD: f64 = -0.2;
 /// PWM frequency of the firmware, where the rig file gives none.
 const PWM_HZ: f64 = 20_000.0;
-/// By how much an angle within a revolution may be beyond it.
-const ROUNDED: f64 = 1e-3;
-/// Wrap-arounds of counters.
-const COUNTER_SPANS: [f64; 2] = [65_536.0, 4_294_967_296.0];
 
 /// A measured quantity that the simulation has to meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -160,6 +167,8 @@ pub struct Dataset {
     pub is_counted: bool,
     /// Where its counter stood though the motor turned...
     pub counter_stops: Vec<CounterStop>,
+    /// Where the range of a sensor of the speed ended before the motor's speed did.
+    pub end_of_range: Option<EndOfRange>,
     /// Share of all counts that is taken for lost; angles and speeds are those with it.
     pub lost_share: f64,
     /// ... and the rows of the motion that are missing for that, as they were read.
@@ -185,6 +194,21 @@ pub enum DatasetError {
     /// A duty alone has no volts.
     #[error("{0}: duty without u_V needs the supply: [supply] voltage_V in the rig file, or a column supply_V")]
     NoSupply(String),
+    /// A duty of more than all.
+    #[error(
+        "{0}: duty goes to {1}, and it is the share of the supply, from -1 to 1: `motorbench convert {0} NEW.csv --map duty=duty*0.01` if it is in percent, duty*0.00392157 if in 255 steps of a timer"
+    )]
+    NoShare(String, f64),
+    /// A reading that opposes what drives it.
+    #[error(
+        "{name}: {column} goes against the voltage that drives it: one of them has the wrong sign; swap the channels of the encoder or the wires, or `motorbench convert {name} NEW.csv --map {column}={column}*-1`"
+    )]
+    Backward {
+        /// Which recording.
+        name: String,
+        /// What has the wrong sign.
+        column: &'static str,
+    },
     /// Counts alone have no angle.
     #[error("{0}: counts without an angle or a speed need [encoder] counts_per_rev in the rig file")]
     NoCountsPerRev(String),
@@ -213,14 +237,33 @@ pub enum DatasetError {
     /// Too short.
     #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
     TooShort(String, usize),
+    /// An angle or a counter that goes round too fast.
+    #[error(
+        "{name}: {column} begins anew after {span:.4}, and from row to row ({interval_s:.4} s) it often goes nearly half of that or more: how far and which way cannot be told; record at least twice as often, or let the program count on"
+    )]
+    Aliased {
+        /// Which recording.
+        name: String,
+        /// What goes round.
+        column: &'static str,
+        /// After what.
+        span: f64,
+        /// Usual time between samples.
+        interval_s: f64,
+    },
     /// The noise is greater than what moves.
     #[error(
         "{0}: the recorded motion is little more than the noise of its sensor (a fit of {1:.0} %): drive faster, record the speed by edge timing, or sample the angle less often"
     )]
     Drowned(String, f64),
+    /// One operating point.
+    #[error(
+        "{0}: neither command nor motion changes, and one operating point says nothing of a motor: play the sequence `identify` (20 s), or write means of several such points as a table of steady states (no t_s)"
+    )]
+    Steady(String),
     /// Nothing happens in it.
     #[error(
-        "{0}: the motor is never driven or never moves: play the sequence `identify` (20 s), which reverses and stops"
+        "{0}: the motor is never driven, or what moves is less than the noise of its sensor: play the sequence `identify` (20 s), which reverses and stops"
     )]
     Quiet(String),
 }
@@ -256,7 +299,10 @@ impl Dataset {
             row_order::move_commands(&mut all);
         }
         all.keep_back(KEPT_BACK);
-        all.check(recordings.first().map_or("", |recording| &recording.name))?;
+        if let Some(first) = recordings.first() {
+            all.check(&first.name)?;
+            all.check_signs(&first.name, &first.channels().collect::<Vec<_>>())?;
+        }
         Ok(all)
     }
 
@@ -302,6 +348,18 @@ impl Dataset {
             notes.push(format!(
                 "In {} places the counter stood while the motor was driven on (the first at {:.3} s, for {:.3} s): those rows are not compared. What holds the program up there, an interrupt or a serial line?",
                 self.counter_stops.len(), self.time_s[first.rows.start], self.length_s(first)
+            ));
+        }
+        if let Some(EndOfRange { value, rows }) = self.end_of_range {
+            notes.push(format!(
+                "{} runs against {} rad/s and stands there, in {:.0} % of the rows: the range of its sensor ends there. Those rows are not compared. Record slower, or with a sensor of more range.",
+                self.motion().output.channel(), short(value), 100.0 * rows as f64 / self.len() as f64
+            ));
+        }
+        if self.span_s() < SHORTEST_S {
+            notes.push(format!(
+                "{:.1} s are little to tell causes apart: play the sequence `identify` (20 s), which shows most of them.",
+                self.span_s()
             ));
         }
         if self.lost_share > 0.0 {
@@ -499,6 +557,9 @@ impl Dataset {
             Some(voltage) => held(voltage),
             None => duty.iter().zip(&self.supply_v).map(|(duty, supply)| duty * supply).collect(),
         };
+        if voltage.is_none() && greatest(&duty) > GREATEST_DUTY {
+            return Err(DatasetError::NoShare(recording.name.clone(), greatest(&duty)));
+        }
         self.duty = duty;
         Ok(())
     }
@@ -513,9 +574,19 @@ impl Dataset {
             .map(<[f64]>::to_vec)
             .or_else(|| recording.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect()));
         let counts = recording.get(Channel::Counts);
+        let interval_s = self.interval_s;
+        let too_fast = |channel: Channel| {
+            move |Ambiguous { span }| {
+                let column = channel.column();
+                DatasetError::Aliased { name: recording.name.clone(), column, span, interval_s }
+            }
+        };
         let angle = match (recording.get(Channel::Angle), counts, rig.encoder.counts_per_rev) {
-            (Some(angle), _, _) => Some(unrolled(angle)),
-            (None, Some(counts), Some(per_rev)) => Some(unwrapped(counts).iter().map(|c| c * TAU / per_rev).collect()),
+            (Some(angle), _, _) => Some(turns::angle_rad(angle).map_err(too_fast(Channel::Angle))?),
+            (None, Some(counts), Some(per_rev)) => {
+                let counts = turns::counts(counts, per_rev).map_err(too_fast(Channel::Counts))?;
+                Some(counts.iter().map(|count| count * TAU / per_rev).collect())
+            }
             (None, Some(_), None) if speed.is_none() => {
                 return Err(DatasetError::NoCountsPerRev(recording.name.clone()));
             }
@@ -548,7 +619,11 @@ impl Dataset {
     }
 
     /// A speed, and over which window it was taken where it is a difference of counts.
-    fn add_speed(&mut self, speed: Vec<f64>, rig: &Rig, time_s: &[f64]) -> Window {
+    fn add_speed(&mut self, mut speed: Vec<f64>, rig: &Rig, time_s: &[f64]) -> Window {
+        // A count that polls at its fastest stands as well, and has a law.
+        if !self.is_counted {
+            self.end_of_range = end_of_range::leave_out(&mut speed);
+        }
         let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
         let given = rig.recording.speed_window_s.map(|length_s| Found { span: rows(length_s), ahead: None });
         let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
@@ -580,6 +655,12 @@ impl Dataset {
         self.angle_rad.extend(other.angle_rad);
         self.counter_stops.extend(other.counter_stops.into_iter().map(|stop| stop.later_by(before)));
         self.read_in_stops.extend(other.read_in_stops.into_iter().map(|(row, read)| (row + before, read)));
+        self.end_of_range = match (self.end_of_range, other.end_of_range) {
+            (Some(mine), Some(theirs)) => {
+                Some(EndOfRange { value: mine.value.max(theirs.value), rows: mine.rows + theirs.rows })
+            }
+            (mine, theirs) => mine.or(theirs),
+        };
         for (mine, theirs) in self.measured.iter_mut().zip(other.measured) {
             mine.values.extend(theirs.values);
         }
@@ -594,10 +675,18 @@ impl Dataset {
         })
     }
 
+    /// Whether it was driven in one way from beginning to end.
+    pub fn is_steady(&self) -> bool {
+        spread(&self.voltage_v) < 1e-3 * greatest(&self.voltage_v)
+    }
+
+    /// How long all stretches are together.
+    fn span_s(&self) -> f64 {
+        self.stretches.iter().map(|Stretch { rows, .. }| self.time_s[rows.end - 1] - self.time_s[rows.start]).sum()
+    }
+
     fn keep_back(&mut self, part: usize) {
-        let length_s = |Stretch { rows, .. }: &Stretch| self.time_s[rows.end - 1] - self.time_s[rows.start];
-        let length_s: f64 = self.stretches.iter().map(length_s).sum();
-        let block = (BLOCK_S.min(length_s / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize;
+        let block = (BLOCK_S.min(self.span_s() / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize;
         self.kept_back = (0..self.len()).map(|index| (index / block) % KEPT_BACK_EVERY == part).collect();
     }
 
@@ -613,6 +702,21 @@ impl Dataset {
         }
         Ok(())
     }
+
+    /// What a motor that nothing else drives never does: give energy back all the time.
+    fn check_signs(&self, name: &str, recorded: &[Channel]) -> Result<(), DatasetError> {
+        let is_free = self.load_nm.iter().all(|load| *load == 0.0);
+        let drive: Vec<f64> =
+            self.voltage_v.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
+        let against = |measured: &&Measured| is_free && correlation(&drive, &measured.values) < BACKWARD;
+        let Some(measured) = self.measured.iter().find(against) else { return Ok(()) };
+        let of_motion = [Channel::Speed, Channel::Rpm, Channel::Angle, Channel::Counts];
+        let column = match measured.output {
+            Output::Current => Channel::Current,
+            _ => of_motion.into_iter().find(|channel| recorded.contains(channel)).unwrap_or(Channel::Speed),
+        };
+        Err(DatasetError::Backward { name: name.into(), column: column.column() })
+    }
 }
 
 /// Largest magnitude; missing values do not count.
@@ -626,6 +730,14 @@ pub fn spread(values: &[f64]) -> f64 {
     let count = finite().count().max(1) as f64;
     let mean = finite().sum::<f64>() / count;
     (finite().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
+}
+
+/// Of what is not missing, about zero.
+fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let sum = |of: fn(f64, f64) -> f64| -> f64 {
+        a.iter().zip(b).map(|(a, b)| of(*a, *b)).filter(|product| product.is_finite()).sum()
+    };
+    sum(|a, b| a * b) / (sum(|a, _| a * a) * sum(|_, b| b * b)).sqrt().max(f64::MIN_POSITIVE)
 }
 
 fn without_a_number(channel: Channel) -> String {
@@ -691,36 +803,6 @@ fn open_bridge(command: &[f64], time_s: &[f64]) -> Vec<bool> {
         start = end + 1;
     }
     open
-}
-
-/// A counter without its wrap-arounds; missing values stay missing.
-fn unwrapped(counts: &[f64]) -> Vec<f64> {
-    let span_of = |step: f64| COUNTER_SPANS.into_iter().find(|span| (step.abs() - span).abs() < 0.1 * span);
-    without_jumps(counts, |step| span_of(step).map_or(0.0, |span| span * step.signum()))
-}
-
-/// An angle that is recorded within one revolution, as it goes on beyond; missing values stay missing.
-fn unrolled(angle_rad: &[f64]) -> Vec<f64> {
-    let finite = || angle_rad.iter().copied().filter(|angle| angle.is_finite());
-    let width_rad = finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min);
-    match width_rad <= TAU * (1.0 + ROUNDED) {
-        // The shorter way round.
-        true => without_jumps(angle_rad, |step| TAU * (step / TAU).round()),
-        false => angle_rad.to_vec(),
-    }
-}
-
-/// Values less what `jump` says of each step from one that is there to the next.
-fn without_jumps(values: &[f64], jump: impl Fn(f64) -> f64) -> Vec<f64> {
-    let (mut last, mut offset) = (None, 0.0);
-    let mut continued = |value: f64| {
-        if value.is_finite() {
-            offset -= last.map_or(0.0, |last| jump(value - last));
-            last = Some(value);
-        }
-        value + offset
-    };
-    values.iter().map(|value| continued(*value)).collect()
 }
 
 fn integrated(speed: &[f64], time_s: &[f64]) -> Vec<f64> {
@@ -870,6 +952,37 @@ mod tests {
         for Stretch { rows, .. } in &data.stretches {
             let greatest = greatest(&data.motion().values[rows.clone()]);
             assert!((greatest / 600.0 - 1.0).abs() < 0.1, "{greatest}");
+        }
+    }
+
+    /// What does not hold as it stands, and how it is mended.
+    fn refusal(text: &str) -> String {
+        let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap();
+        Dataset::new(&[Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()], &rig).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_duty_in_percent_or_steps_is_told_so() {
+        for scale in [100.0, 255.0] {
+            let mut text = String::from("t_s,duty,omega_rad_per_s\n");
+            for t_s in rows(1e-3, 4.0) {
+                let _ = writeln!(text, "{t_s:.4},{:.1},{:.3}", scale * duty(t_s), 50.0 * duty(t_s - 0.1));
+            }
+            let error = refusal(&text);
+            assert!(error.contains("duty*0.01") && error.contains("255 steps"), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_runs_against_its_drive_has_the_wrong_sign() {
+        for (column, motion, current) in [("omega_rad_per_s", -1.0, 1.0), ("i_A", 1.0, -1.0)] {
+            let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+            for t_s in rows(1e-3, 4.0) {
+                let speed = 50.0 * motion * duty(t_s - 0.05);
+                let _ = writeln!(text, "{t_s:.4},{:.4},{speed:.3},{:.4}", duty(t_s), current * duty(t_s - 0.001));
+            }
+            let error = refusal(&text);
+            assert!(error.contains(&format!("--map {column}={column}*-1`")), "{error}");
         }
     }
 }

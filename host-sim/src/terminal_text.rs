@@ -33,6 +33,9 @@ pub fn fixed(value: f64, digits: usize) -> String {
     }
 }
 
+/// A sign and the space before it, between which no line ends.
+const HELD_PERCENT: &str = "\u{a0}%";
+
 /// Breaks a text into lines of [`COLUMNS`], the first after `first`, the others after `other`; the last ends its line.
 pub fn wrapped(text: &str, first: &str, other: &str) -> String {
     let words: Vec<&str> = text.split_whitespace().collect();
@@ -41,7 +44,9 @@ pub fn wrapped(text: &str, first: &str, other: &str) -> String {
         .subsequent_indent(other)
         .break_words(false)
         .word_splitter(textwrap::WordSplitter::NoHyphenation);
-    textwrap::fill(&words.join(" "), options) + "\n"
+    // A number stays with its sign.
+    let text = words.join(" ").replace(" %", HELD_PERCENT);
+    textwrap::fill(&text, options).replace(HELD_PERCENT, " %") + "\n"
 }
 
 #[cfg(test)]
@@ -53,5 +58,11 @@ mod tests {
         assert_eq!([-0.004, 0.004, -0.005_1, -12.0].map(|value| fixed(value, 2)), ["0.00", "0.00", "-0.01", "-12.00"]);
         assert_eq!(fixed(-0.4, 0), "0");
         assert_eq!([-0.0, -1e-3].map(short), ["0", "-0.00100"]);
+    }
+
+    #[test]
+    fn a_line_does_not_end_before_a_percent_sign() {
+        let text = format!("{} 99 % and more", "a".repeat(77));
+        assert_eq!(wrapped(&text, "", ""), format!("{}\n99 % and more\n", "a".repeat(77)));
     }
 }

@@ -33,7 +33,7 @@ static ABOUT: About = About {
     looks_like: "The measured speed bends off above a threshold while the current does not, or drops to zero and is back at once",
     confused_with: &["quadratic_drag", "tacho_ripple"],
     experiment: "Mark the shaft and count revolutions by eye or with a second sensor",
-    remedy: "Count in hardware or in interrupts; fewer lines; a lower top speed",
+    remedy: "Count in hardware or in interrupts; fewer lines; a lower top speed. Where half or three quarters are lost at all speeds, the rig file's counts_per_rev is of more edges than are counted",
     source: "Petrella and others, Speed Measurement Algorithms, IEEE ISIE (2007)",
 };
 

@@ -26,6 +26,7 @@ use crate::identify::{Effort, Fit, Interval, Place, Prior, Z95, fit};
 use crate::model::Model;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
+use crate::terminal_text::short;
 use judge::{NOT_NOISE, above_floor};
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
@@ -42,13 +43,16 @@ const LEAST_OF_REST: f64 = 3.0;
 /// seen less.
 const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
 /// Data sheets are wrong by this much without being wrong: logarithm of found over nominal.
-const DATA_SHEET_TOLERANCE: f64 = 0.25;
+pub const DATA_SHEET_TOLERANCE: f64 = 0.25;
 /// A value is called wrong when it is so many standard errors beyond that...
 const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
 /// ... of which each (of a logarithm) is at least this: the tolerance itself is no sharp bound.
 const LEAST_SPREAD: f64 = 0.02;
 /// Resistance, torque constant and inertia that are wrong by the same factor, to this, mean the supply.
 const SAME_FACTOR: f64 = 0.06;
+
+/// A value that is off by more than this factor is rather in another unit, or counted otherwise.
+const OTHER_UNIT: f64 = 2.5;
 
 /// What is said of constants that were found beside something unknown.
 const BESIDE_UNEXPLAINED: &str = "While that is missing the constants found beside it hold only roughly: their intervals know of the noise and not of what is missing.";
@@ -91,7 +95,10 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
         let name = recordings.first().map_or_else(String::new, |recording| recording.name.clone());
-        return Err(DatasetError::Drowned(name, fit_percent));
+        return Err(match data.is_steady() {
+            true => DatasetError::Steady(name),
+            false => DatasetError::Drowned(name, fit_percent.max(0.0)),
+        });
     }
     progress("what is missing");
     let bare = Model::linear(last.model.motor);
@@ -317,6 +324,25 @@ impl Outcome {
         outcome
     }
 
+    fn advice_on_values(&self) -> Vec<String> {
+        let mut advice = Vec::new();
+        let wrong =
+            |name: &str| self.causes.iter().any(|cause| cause.is_value() && cause.parameters.contains_key(name));
+        for (name, parameter) in self.parameters.iter().filter(|(name, found)| wrong(name) && !is_other_unit(found)) {
+            let nominal = parameter.nominal.map_or_else(String::new, short);
+            advice.push(format!("Write {name} = {} into the rig file in place of {nominal}.", short(parameter.value)));
+        }
+        if self.causes.iter().any(Cause::is_value) && self.parameters.values().any(is_other_unit) {
+            advice.push(
+                "So far off is rather a unit than a motor: is i_A in amperes, a speed in rad/s and not in rpm, counts_per_rev after x4 decoding, and the sensor on the motor's shaft and not behind a gear?".into(),
+            );
+        }
+        if self.causes.iter().any(|cause| cause.effect == "parameter:supply_voltage") {
+            advice.push("Measure the supply at the bridge under load, and write it into [supply] voltage_V.".into());
+        }
+        advice
+    }
+
     fn advice(&self, data: &Dataset) -> Vec<String> {
         let mut advice = Vec::new();
         for cause in &self.causes {
@@ -328,6 +354,7 @@ impl Outcome {
             }
             advice.push(format!("Against {}: {}.", about.title, about.remedy));
         }
+        advice.extend(self.advice_on_values());
         if let Some(unexplained) = &self.unexplained {
             advice.push(format!(
                 "Something is missing that has no name here: it acts on {} and depends on {}. Look at the report's plots of what is missing.",
@@ -349,6 +376,11 @@ impl Outcome {
         }
         advice
     }
+}
+
+/// Whether found and nominal are in other units, rather than of another motor.
+fn is_other_unit(parameter: &Parameter) -> bool {
+    parameter.nominal.is_some_and(|nominal| (parameter.value / nominal).ln().abs() > OTHER_UNIT.ln())
 }
 
 /// Whether an effect is a delay of less than a row where rows were written after their commands had acted: it tells where in
@@ -548,4 +580,33 @@ fn fits(data: &Dataset, selection: &Selection) -> BTreeMap<&'static str, BTreeMa
         ("extended", of(&selection.last.prediction)),
         ("noise_floor", floor.collect()),
     ])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An outcome with a torque constant so many times the nominal one, as it was found.
+    fn with_torque_constant(found_over_nominal: f64) -> Outcome {
+        let value = 0.07 * found_over_nominal;
+        let found = Parameter { nominal: Some(0.07), value, ci95: [0.99 * value, 1.01 * value] };
+        let parameters = BTreeMap::from([("torque_constant_Nm_per_A", found)]);
+        let causes = wrong_values(&parameters);
+        let fit = BTreeMap::new();
+        Outcome { verdict: Verdict::Explained, causes, unexplained: None, parameters, fit, advice: Vec::new() }
+    }
+
+    #[test]
+    fn a_wrong_value_is_told_from_a_wrong_unit() {
+        let other_motor = with_torque_constant(1.6);
+        assert_eq!(
+            other_motor.advice_on_values(),
+            ["Write torque_constant_Nm_per_A = 0.112 into the rig file in place of 0.0700."]
+        );
+        let said = page::against_nominal(&other_motor.causes[0], &other_motor).unwrap();
+        assert!(said.starts_with("nominal 0.0700: off by 11.0 standard errors"), "{said}");
+        let in_rpm = with_torque_constant(60.0 / std::f64::consts::TAU).advice_on_values();
+        assert!(in_rpm.len() == 1 && in_rpm[0].contains("not in rpm"), "{in_rpm:?}");
+        assert!(with_torque_constant(1.1).advice_on_values().is_empty());
+    }
 }

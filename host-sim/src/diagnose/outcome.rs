@@ -56,6 +56,13 @@ pub struct Cause {
     pub runner_up: Option<RunnerUp>,
 }
 
+impl Cause {
+    /// Whether it is a nominal value that is wrong.
+    pub fn is_value(&self) -> bool {
+        self.effect.starts_with("parameter:")
+    }
+}
+
 /// Confidence in what has this many standard errors.
 pub fn confidence(sigmas: f64) -> f64 {
     1.0 - (-sigmas / 3.0).exp()

@@ -1,7 +1,7 @@
 //! The result as a page that a person reads in half a minute.
 
 use super::outcome::{Cause, Estimate, Outcome, RunnerUp, Verdict};
-use super::{Diagnosis, acts_on_words};
+use super::{DATA_SHEET_TOLERANCE, Diagnosis, acts_on_words};
 use crate::catalogue::effect;
 use crate::dataset::TOLERANCE;
 use crate::terminal_text::{rounded, short, wrapped};
@@ -13,7 +13,7 @@ pub fn page(diagnosis: &Diagnosis) -> String {
     let mut text = String::new();
     let _ = writeln!(text, "{}\n", verdict(outcome));
     for (number, cause) in outcome.causes.iter().enumerate() {
-        text.push_str(&cause_lines(number + 1, cause));
+        text.push_str(&cause_lines(number + 1, cause, outcome));
     }
     text.push_str(&errors(outcome));
     text.push_str(&parameters(outcome));
@@ -70,7 +70,7 @@ pub fn estimate(estimate: &Estimate) -> String {
     }
 }
 
-fn cause_lines(number: usize, cause: &Cause) -> String {
+fn cause_lines(number: usize, cause: &Cause, outcome: &Outcome) -> String {
     let (title, confidence) = (title(&cause.effect), 100.0 * cause.confidence);
     let head = format!("{number}. {title} ({}), confidence {confidence:.0} %", cause.effect);
     let mut text = wrapped(&head, "", "   ");
@@ -79,6 +79,9 @@ fn cause_lines(number: usize, cause: &Cause) -> String {
     }
     for (name, value) in &cause.parameters {
         let _ = writeln!(text, "   {name} = {}", estimate(value));
+    }
+    if let Some(sentence) = against_nominal(cause, outcome) {
+        text.push_str(&wrapped(&sentence, "   ", "   "));
     }
     for (channel, gain) in &cause.gain {
         let _ = writeln!(
@@ -144,6 +147,18 @@ fn parameters(outcome: &Outcome) -> String {
         );
     }
     text
+}
+
+/// Of a wrong value: what it was taken for, and by how much it is beyond what a data sheet may be wrong by.
+pub(super) fn against_nominal(cause: &Cause, outcome: &Outcome) -> Option<String> {
+    let name = cause.parameters.keys().next()?;
+    let nominal = outcome.parameters.get(&**name)?.nominal.filter(|_| cause.is_value())?;
+    Some(format!(
+        "nominal {}: off by {} standard errors more than the {:.0} % of a data sheet",
+        short(nominal),
+        short(cause.evidence_sigmas),
+        100.0 * DATA_SHEET_TOLERANCE
+    ))
 }
 
 /// How the next best compares, in words.

@@ -3,7 +3,7 @@
 
 use super::missing::dependences;
 use super::outcome::Outcome;
-use super::page::{estimate, how_much_worse, title, verdict};
+use super::page::{against_nominal, estimate, how_much_worse, title, verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::effect;
 use crate::terminal_text::short;
@@ -45,6 +45,9 @@ fn causes(html: &mut String, outcome: &Outcome) {
             let _ = write!(html, "{}. <em>In data:</em> {}. ", escaped(about.law), escaped(about.looks_like));
         }
         let _ = write!(html, "Confidence {:.0} %.", 100.0 * cause.confidence);
+        if let Some(sentence) = against_nominal(cause, outcome) {
+            let _ = write!(html, " {}.", escaped(&sentence));
+        }
         if let Some(runner_up) = &cause.runner_up {
             let worse = how_much_worse(runner_up);
             let _ = write!(html, " Next best in its place: {}, {worse}.", code([runner_up.effect]));
