@@ -8,6 +8,7 @@ use std::ops::Range;
 
 mod counter_stops;
 mod end_of_range;
+mod mistakes;
 mod row_order;
 mod speed_window;
 mod turns;
@@ -167,6 +168,8 @@ pub struct Dataset {
     pub is_counted: bool,
     /// Where its counter stood though the motor turned...
     pub counter_stops: Vec<CounterStop>,
+    /// Rows left out for a speed that no shaft can have had.
+    pub impossible: usize,
     /// Where the range of a sensor of the speed ended before the motor's speed did.
     pub end_of_range: Option<EndOfRange>,
     /// Share of all counts that is taken for lost; angles and speeds are those with it.
@@ -207,6 +210,16 @@ pub enum DatasetError {
         /// Which recording.
         name: String,
         /// What has the wrong sign.
+        column: &'static str,
+    },
+    /// A motion that is not said to go backwards.
+    #[error(
+        "{name}: {column} never goes backwards though the voltage does: it has no sign; count both channels of the encoder (a single one knows no direction), or record one direction alone"
+    )]
+    NoSign {
+        /// Which recording.
+        name: String,
+        /// What has no sign.
         column: &'static str,
     },
     /// Counts alone have no angle.
@@ -354,6 +367,12 @@ impl Dataset {
             notes.push(format!(
                 "{} runs against {} rad/s and stands there, in {:.0} % of the rows: the range of its sensor ends there. Those rows are not compared. Record slower, or with a sensor of more range.",
                 self.motion().output.channel(), short(value), 100.0 * rows as f64 / self.len() as f64
+            ));
+        }
+        if self.impossible > 0 {
+            notes.push(format!(
+                "{} rows are left out, each of a speed that no shaft can have had for one row alone: were lines garbled?",
+                self.impossible
             ));
         }
         if self.span_s() < SHORTEST_S {
@@ -624,6 +643,7 @@ impl Dataset {
         if !self.is_counted {
             self.end_of_range = end_of_range::leave_out(&mut speed);
         }
+        self.impossible = mistakes::take_out_impossible(&mut speed);
         let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
         let given = rig.recording.speed_window_s.map(|length_s| Found { span: rows(length_s), ahead: None });
         let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
@@ -655,6 +675,7 @@ impl Dataset {
         self.angle_rad.extend(other.angle_rad);
         self.counter_stops.extend(other.counter_stops.into_iter().map(|stop| stop.later_by(before)));
         self.read_in_stops.extend(other.read_in_stops.into_iter().map(|(row, read)| (row + before, read)));
+        self.impossible += other.impossible;
         self.end_of_range = match (self.end_of_range, other.end_of_range) {
             (Some(mine), Some(theirs)) => {
                 Some(EndOfRange { value: mine.value.max(theirs.value), rows: mine.rows + theirs.rows })
@@ -709,13 +730,18 @@ impl Dataset {
         let drive: Vec<f64> =
             self.voltage_v.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
         let against = |measured: &&Measured| is_free && correlation(&drive, &measured.values) < BACKWARD;
-        let Some(measured) = self.measured.iter().find(against) else { return Ok(()) };
         let of_motion = [Channel::Speed, Channel::Rpm, Channel::Angle, Channel::Counts];
-        let column = match measured.output {
-            Output::Current => Channel::Current,
-            _ => of_motion.into_iter().find(|channel| recorded.contains(channel)).unwrap_or(Channel::Speed),
+        let column = |measured: &Measured| match measured.output {
+            Output::Current => Channel::Current.column(),
+            _ => of_motion.into_iter().find(|channel| recorded.contains(channel)).unwrap_or(Channel::Speed).column(),
         };
-        Err(DatasetError::Backward { name: name.into(), column: column.column() })
+        if is_free && mistakes::has_no_sign(&drive, &self.motion().values) {
+            return Err(DatasetError::NoSign { name: name.into(), column: column(self.motion()) });
+        }
+        match self.measured.iter().find(against) {
+            Some(measured) => Err(DatasetError::Backward { name: name.into(), column: column(measured) }),
+            None => Ok(()),
+        }
     }
 }
 

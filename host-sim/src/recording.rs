@@ -353,7 +353,7 @@ impl Recording {
         for (row, pair) in time_s.windows(2).enumerate() {
             if pair[1].is_nan() || pair[0].is_nan() || pair[1] <= pair[0] {
                 return Err(error(format!(
-                    "sample {}: t_s goes from {} to {}; time has to increase from sample to sample",
+                    "sample {}: t_s goes from {} to {}; time has to increase from sample to sample (times in whole milliseconds of faster rows? write t_s from micros())",
                     row + 2,
                     pair[0],
                     pair[1]

@@ -1,0 +1,87 @@
+//! What no shaft does, and a recording says now and then: go one way whatever the voltage, or be three times as fast for a
+//! single row.
+
+use super::{correlation, greatest};
+
+/// Substantial is this share of the greatest.
+const SUBSTANTIAL: f64 = 0.1;
+/// Both ways means so in this share of the rows.
+const OFTEN: f64 = 0.05;
+/// A speed without a sign follows the magnitude of the voltage by more than this.
+const FOLLOWS: f64 = 0.5;
+/// A single row is no speed if it is this many times as fast as all but a hundredth.
+const IMPOSSIBLE: f64 = 3.0;
+const ALL_BUT: f64 = 0.01;
+
+/// Whether a motion never goes backwards though its drive does.
+pub(super) fn has_no_sign(drive: &[f64], motion: &[f64]) -> bool {
+    let magnitude: Vec<f64> = drive.iter().map(|volts| volts.abs()).collect();
+    let least = -SUBSTANTIAL * greatest(motion);
+    let goes_back = motion.iter().any(|speed| *speed < least);
+    goes(drive, 1.0)
+        && goes(drive, -1.0)
+        && goes(motion, 1.0)
+        && !goes_back
+        && correlation(&magnitude, motion) > FOLLOWS
+}
+
+/// Whether values are substantial in one sense in many rows.
+fn goes(values: &[f64], sense: f64) -> bool {
+    let least = SUBSTANTIAL * greatest(values);
+    values.iter().filter(|value| sense * **value > least).count() as f64 > OFTEN * values.len() as f64
+}
+
+/// Takes out single rows of a speed that no shaft can have had, as garbled lines make them; how many there were.
+pub(super) fn take_out_impossible(speed: &mut [f64]) -> usize {
+    let mut moving: Vec<f64> = speed.iter().map(|value| value.abs()).filter(|value| *value > 0.0).collect();
+    moving.sort_unstable_by(f64::total_cmp);
+    let Some(usual) = moving.get(((1.0 - ALL_BUT) * moving.len() as f64) as usize) else { return 0 };
+    let is_beyond = |value: f64| value.abs() > IMPOSSIBLE * usual;
+    let is_alone = |row: &usize| is_beyond(speed[*row]) && !is_beyond(speed[row - 1]) && !is_beyond(speed[row + 1]);
+    let rows: Vec<usize> = (1..speed.len().saturating_sub(1)).filter(is_alone).collect();
+    for row in &rows {
+        speed[*row] = f64::NAN;
+    }
+    rows.len()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn volts() -> Vec<f64> {
+        (0..2000).map(|row| 12.0 * (f64::from(row) / 100.0).sin()).collect()
+    }
+
+    #[test]
+    fn a_motion_without_a_sign_is_seen() {
+        let (drive, speed): (Vec<f64>, Vec<f64>) = volts().iter().map(|volts| (*volts, 8.0 * volts)).unzip();
+        let magnitude: Vec<f64> = speed.iter().map(|speed| speed.abs()).collect();
+        assert!(has_no_sign(&drive, &magnitude));
+        assert!(!has_no_sign(&drive, &speed));
+        // Driven in one direction alone it needs none.
+        let forwards: Vec<f64> = drive.iter().map(|volts| volts.abs()).collect();
+        assert!(!has_no_sign(&forwards, &magnitude));
+    }
+
+    #[test]
+    fn garbled_speeds_are_taken_out_and_no_others() {
+        let speed: Vec<f64> = volts().iter().map(|volts| 8.0 * volts).collect();
+        let mut garbled = speed.clone();
+        let rows = [3, 500, 777, 1998];
+        for row in rows {
+            garbled[row] = 9999.0;
+        }
+        assert_eq!(take_out_impossible(&mut garbled), rows.len());
+        assert!(
+            garbled
+                .iter()
+                .zip(&speed)
+                .enumerate()
+                .all(|(row, (left, whole))| { if rows.contains(&row) { left.is_nan() } else { left == whole } })
+        );
+        // A short rest of a long stand is no garble.
+        let mut started = [vec![0.0; 1000], vec![50.0; 5]].concat();
+        assert_eq!(take_out_impossible(&mut started), 0);
+    }
+}
