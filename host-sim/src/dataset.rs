@@ -726,7 +726,8 @@ impl Dataset {
 
     /// What a motor that nothing else drives never does: give energy back all the time.
     fn check_signs(&self, name: &str, recorded: &[Channel]) -> Result<(), DatasetError> {
-        let is_free = self.load_nm.iter().all(|load| *load == 0.0);
+        // In a short piece it may just be turning round.
+        let is_free = self.load_nm.iter().all(|load| *load == 0.0) && self.span_s() >= SHORTEST_S;
         let drive: Vec<f64> =
             self.voltage_v.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
         let against = |measured: &&Measured| is_free && correlation(&drive, &measured.values) < BACKWARD;

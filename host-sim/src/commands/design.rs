@@ -516,7 +516,7 @@ mod tests {
         let linear = page("", false);
         assert!(!linear.contains("effects of the model") && !linear.contains("\nwith effects\n"));
         let friction = page("[effects.coulomb_friction]\ntorque_Nm = 0.01\n", true);
-        for shown in ["the same steps with the effects of the model, simulated:", "without compensation,"] {
+        for shown in ["The same steps with the effects of the model, simulated.", "without compensation"] {
             assert!(friction.contains(shown), "{shown}");
         }
         // Of speed, voltage and current.

@@ -8,17 +8,15 @@
 use std::ops::Range;
 
 /// From so many counts lost on a stop is one, and so many on either side tell how fast the motor was.
-const FEWEST: f64 = 8.0;
+const FEWEST_COUNTS: f64 = 8.0;
 /// Between equal times before a stop, or after it, a speed changes by less than this factor. A motor that brakes to a stand
 /// evenly, or leaves it so, goes three times as far in the farther of them.
 const ABRUPT: f64 = 1.6;
 /// The command during a stop is at least this share of the one before.
 const STILL_DRIVEN: f64 = 0.7;
 
-/// Fewer that are beyond doubt may be anything that happened once; after so many the others are believed more easily...
-const FEWEST_CERTAIN: usize = 3;
-/// ... up to this multiple of their length.
-const AT_MOST_LONGER: usize = 2;
+/// Fewer may be anything that happened once.
+const FEWEST: usize = 3;
 
 /// A stop.
 #[derive(Clone, Debug, PartialEq)]
@@ -46,13 +44,8 @@ impl CounterStop {
 
 /// The stops of a counter whose counts those are, missing ones as NaN. `drive` is what the bridge was asked for.
 pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
-    let stands: Vec<Stand> = stands(counts).collect();
-    let certain: Vec<CounterStop> = stands.iter().filter_map(|stand| stand.certain_stop(drive)).collect();
-    if certain.len() < FEWEST_CERTAIN {
-        return Vec::new();
-    }
-    let longest = certain.iter().map(|stop| stop.rows.len()).max().unwrap_or(0);
-    stands.into_iter().filter_map(|stand| stand.likely_stop(AT_MOST_LONGER * longest)).collect()
+    let stops: Vec<CounterStop> = stands(counts).filter_map(|stand| stand.stop(drive)).collect();
+    if stops.len() < FEWEST { Vec::new() } else { stops }
 }
 
 /// Rows with the same count, and how fast it went on either side.
@@ -88,7 +81,7 @@ fn stands(counts: &[f64]) -> impl Iterator<Item = Stand> {
 impl Rate {
     /// Over at most `longest` rows.
     fn of(turned: impl Fn(usize) -> Option<f64>, longest: usize) -> Option<Self> {
-        let over = (1..=longest).find(|by| turned(*by).is_some_and(|turned| turned.abs() >= FEWEST))?;
+        let over = (1..=longest).find(|by| turned(*by).is_some_and(|turned| turned.abs() >= FEWEST_COUNTS))?;
         let near = turned(over)?;
         let far = turned(2 * over)? - near;
         Some(Self { per_row: near / over as f64, over, is_abrupt: far.abs() < ABRUPT * near.abs() })
@@ -101,41 +94,22 @@ impl Rate {
 
 impl Stand {
     /// The motor was driven on, in the same sense, and as fast right before and right after as a little farther off.
-    fn certain_stop(&self, drive: &[f64]) -> Option<CounterStop> {
+    fn stop(&self, drive: &[f64]) -> Option<CounterStop> {
         let (before, after) = (Rate::of_abrupt(self.before)?, Rate::of_abrupt(self.after)?);
         let slowest = before.per_row.abs().min(after.per_row.abs());
-        let goes_on = before.per_row * after.per_row > 0.0 && slowest * self.whole_rows() >= FEWEST;
+        let goes_on = before.per_row * after.per_row > 0.0 && slowest * self.whole_rows() >= FEWEST_COUNTS;
         let sense = before.per_row.signum();
         let start = self.rows.start;
         let drive_before = mean(&drive[start - before.over..start]) * sense;
         let least_drive = drive[self.rows.clone()].iter().fold(f64::INFINITY, |least, drive| least.min(drive * sense));
         let is_driven = drive_before > 0.0 && least_drive >= STILL_DRIVEN * drive_before;
-        (goes_on && is_driven).then(|| self.stop())
+        (goes_on && is_driven).then(|| self.between(before, after))
     }
 
-    /// Where a counter is known to stand now and then, one side is enough: the motor itself may have come to a stand
-    /// meanwhile, or stood before.
-    fn likely_stop(self, longest: usize) -> Option<CounterStop> {
-        let is_seen = |rate: Option<Rate>| {
-            Rate::of_abrupt(rate)
-                .is_some_and(|rate| rate.per_row.abs() * self.whole_rows().min(longest as f64) >= FEWEST)
-        };
-        let (start, end) = (self.rows.start, self.rows.end);
-        let rows = match (is_seen(self.before), is_seen(self.after)) {
-            (false, false) => return None,
-            _ if self.rows.len() <= longest => start..end,
-            // A program is not held up so long.
-            (true, true) => return None,
-            (true, false) => start..start + longest,
-            (false, true) => end - longest..end,
-        };
-        Some(Self { rows, ..self }.stop())
-    }
-
-    fn stop(&self) -> CounterStop {
+    fn between(&self, before: Rate, after: Rate) -> CounterStop {
         let intervals = self.whole_rows() + 1.0;
-        let [before, after] = [self.before, self.after].map(|rate| rate.map_or(0.0, |rate| rate.per_row));
-        let rounded = [self.before, self.after].map(|rate| rate.map_or(0.0, |rate| 1.0 / rate.over as f64));
+        let rounded = [before, after].map(|rate| 1.0 / rate.over as f64);
+        let [before, after] = [before, after].map(|rate| rate.per_row);
         // Any speed between the two is as likely; an edge more or less at either end.
         let error_per_row = (before - after).hypot(rounded[0].hypot(rounded[1])) / 12_f64.sqrt();
         CounterStop {

@@ -16,19 +16,22 @@ const ALL_BUT: f64 = 0.01;
 /// Whether a motion never goes backwards though its drive does.
 pub(super) fn has_no_sign(drive: &[f64], motion: &[f64]) -> bool {
     let magnitude: Vec<f64> = drive.iter().map(|volts| volts.abs()).collect();
+    let follows = || correlation(&about_mean(&magnitude), &about_mean(motion)) > FOLLOWS;
     let least = -SUBSTANTIAL * greatest(motion);
     let goes_back = motion.iter().any(|speed| *speed < least);
-    goes(drive, 1.0)
-        && goes(drive, -1.0)
-        && goes(motion, 1.0)
-        && !goes_back
-        && correlation(&magnitude, motion) > FOLLOWS
+    goes(drive, 1.0) && goes(drive, -1.0) && goes(motion, 1.0) && !goes_back && follows()
 }
 
 /// Whether values are substantial in one sense in many rows.
 fn goes(values: &[f64], sense: f64) -> bool {
     let least = SUBSTANTIAL * greatest(values);
     values.iter().filter(|value| sense * **value > least).count() as f64 > OFTEN * values.len() as f64
+}
+
+fn about_mean(values: &[f64]) -> Vec<f64> {
+    let there = || values.iter().filter(|value| value.is_finite());
+    let mean = there().sum::<f64>() / there().count().max(1) as f64;
+    values.iter().map(|value| value - mean).collect()
 }
 
 /// Takes out single rows of a speed that no shaft can have had, as garbled lines make them; how many there were.
@@ -59,6 +62,9 @@ mod tests {
         let magnitude: Vec<f64> = speed.iter().map(|speed| speed.abs()).collect();
         assert!(has_no_sign(&drive, &magnitude));
         assert!(!has_no_sign(&drive, &speed));
+        // One that has nothing to do with the voltage is another mistake.
+        let apart: Vec<f64> = (0..drive.len()).map(|row| (row % 7) as f64).collect();
+        assert!(!has_no_sign(&drive, &apart));
         // Driven in one direction alone it needs none.
         let forwards: Vec<f64> = drive.iter().map(|volts| volts.abs()).collect();
         assert!(!has_no_sign(&forwards, &magnitude));
