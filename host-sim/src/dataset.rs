@@ -727,16 +727,18 @@ impl Dataset {
     /// What a motor that nothing else drives never does: give energy back all the time.
     fn check_signs(&self, name: &str, recorded: &[Channel]) -> Result<(), DatasetError> {
         // In a short piece it may just be turning round.
-        let is_free = self.load_nm.iter().all(|load| *load == 0.0) && self.span_s() >= SHORTEST_S;
+        if self.load_nm.iter().any(|load| *load != 0.0) || self.span_s() < SHORTEST_S {
+            return Ok(());
+        }
         let drive: Vec<f64> =
             self.voltage_v.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
-        let against = |measured: &&Measured| is_free && correlation(&drive, &measured.values) < BACKWARD;
+        let against = |measured: &&Measured| correlation(&drive, &measured.values) < BACKWARD;
         let of_motion = [Channel::Speed, Channel::Rpm, Channel::Angle, Channel::Counts];
         let column = |measured: &Measured| match measured.output {
             Output::Current => Channel::Current.column(),
             _ => of_motion.into_iter().find(|channel| recorded.contains(channel)).unwrap_or(Channel::Speed).column(),
         };
-        if is_free && mistakes::has_no_sign(&drive, &self.motion().values) {
+        if mistakes::has_no_sign(&drive, &self.motion().values) {
             return Err(DatasetError::NoSign { name: name.into(), column: column(self.motion()) });
         }
         match self.measured.iter().find(against) {
@@ -789,6 +791,15 @@ pub fn median(values: impl Iterator<Item = f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
+/// Rows that follow one another, put together.
+pub fn runs(rows: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
+    let rows: Vec<usize> = rows.collect();
+    rows.chunk_by(|row, next| row + 1 == *next).map(|run| run[0]..run[run.len() - 1] + 1).collect()
+}
+
+/// Median of the magnitude of a standard normal.
+pub const NORMAL_MEDIAN: f64 = 0.6745;
+
 /// Standard deviation of white noise on a smooth signal, from its third differences, which are nearly free of the signal.
 /// Robust against steps (median), and against a coarse rounding that leaves most differences at zero (trimmed mean square).
 pub fn noise(values: &[f64]) -> f64 {
@@ -798,9 +809,9 @@ pub fn noise(values: &[f64]) -> f64 {
     let middle = third.get(third.len() / 2).copied().unwrap_or(0.0);
     let kept = &third[..third.len() * 9 / 10];
     let square = kept.iter().map(|value| value * value).sum::<f64>() / kept.len().max(1) as f64;
-    // 0.6745: median of the magnitude of a standard normal; 0.787: its root mean square below the ninth decile;
+    // 0.787: root mean square of a standard normal below its ninth decile;
     // 20: sum of the squares of 1, 3, 3, 1.
-    let spread = (middle / 0.6745).max(square.sqrt() / 0.787) / 20_f64.sqrt();
+    let spread = (middle / NORMAL_MEDIAN).max(square.sqrt() / 0.787) / 20_f64.sqrt();
     spread.max(1e-4 * greatest(values)).max(f64::MIN_POSITIVE)
 }
 

@@ -48,11 +48,11 @@ pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
     if stops.len() < FEWEST { Vec::new() } else { stops }
 }
 
-/// Rows with the same count, and how fast it went on either side.
+/// Rows with the same count, and how fast it went right before and right after.
 struct Stand {
     rows: Range<usize>,
-    before: Option<Rate>,
-    after: Option<Rate>,
+    before: Rate,
+    after: Rate,
 }
 
 /// Counts per row over the nearest rows that have enough of them.
@@ -60,42 +60,36 @@ struct Stand {
 struct Rate {
     per_row: f64,
     over: usize,
-    /// It was no faster over as many rows beyond.
-    is_abrupt: bool,
 }
 
 fn stands(counts: &[f64]) -> impl Iterator<Item = Stand> {
     let ends = (1..=counts.len()).filter(|row| counts.get(*row) != counts.get(row - 1));
     let rows = ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end));
-    rows.filter(|rows| rows.len() > 2).map(|rows| {
+    rows.filter(|rows| rows.len() > 2).filter_map(|rows| {
         // In the rows at the edges some of the counts are there.
         let earlier = |by: usize| Some(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + by)?]);
         let later = |by: usize| Some(counts.get(rows.end + by)? - counts.get(rows.end)?);
         // An angle that is read more seldom than it is written stands as long again before and after.
         let longest = rows.len() / 2;
-        let [before, after] = [Rate::of(earlier, longest), Rate::of(later, longest)];
-        Stand { rows, before, after }
+        let (before, after) = (Rate::of(earlier, longest)?, Rate::of(later, longest)?);
+        Some(Stand { rows, before, after })
     })
 }
 
 impl Rate {
-    /// Over at most `longest` rows.
+    /// Over at most `longest` rows, where it was hardly another over as many rows beyond.
     fn of(turned: impl Fn(usize) -> Option<f64>, longest: usize) -> Option<Self> {
         let over = (1..=longest).find(|by| turned(*by).is_some_and(|turned| turned.abs() >= FEWEST_COUNTS))?;
         let near = turned(over)?;
         let far = turned(2 * over)? - near;
-        Some(Self { per_row: near / over as f64, over, is_abrupt: far.abs() < ABRUPT * near.abs() })
-    }
-
-    fn of_abrupt(rate: Option<Self>) -> Option<Self> {
-        rate.filter(|rate| rate.is_abrupt)
+        (far.abs() < ABRUPT * near.abs()).then_some(Self { per_row: near / over as f64, over })
     }
 }
 
 impl Stand {
-    /// The motor was driven on, in the same sense, and as fast right before and right after as a little farther off.
+    /// The motor was driven on, in the same sense.
     fn stop(&self, drive: &[f64]) -> Option<CounterStop> {
-        let (before, after) = (Rate::of_abrupt(self.before)?, Rate::of_abrupt(self.after)?);
+        let Self { before, after, .. } = *self;
         let slowest = before.per_row.abs().min(after.per_row.abs());
         let goes_on = before.per_row * after.per_row > 0.0 && slowest * self.whole_rows() >= FEWEST_COUNTS;
         let sense = before.per_row.signum();
@@ -103,13 +97,14 @@ impl Stand {
         let drive_before = mean(&drive[start - before.over..start]) * sense;
         let least_drive = drive[self.rows.clone()].iter().fold(f64::INFINITY, |least, drive| least.min(drive * sense));
         let is_driven = drive_before > 0.0 && least_drive >= STILL_DRIVEN * drive_before;
-        (goes_on && is_driven).then(|| self.between(before, after))
+        (goes_on && is_driven).then(|| self.lost())
     }
 
-    fn between(&self, before: Rate, after: Rate) -> CounterStop {
+    fn lost(&self) -> CounterStop {
         let intervals = self.whole_rows() + 1.0;
-        let rounded = [before, after].map(|rate| 1.0 / rate.over as f64);
-        let [before, after] = [before, after].map(|rate| rate.per_row);
+        let rates = [self.before, self.after];
+        let rounded = rates.map(|rate| 1.0 / rate.over as f64);
+        let [before, after] = rates.map(|rate| rate.per_row);
         // Any speed between the two is as likely; an edge more or less at either end.
         let error_per_row = (before - after).hypot(rounded[0].hypot(rounded[1])) / 12_f64.sqrt();
         CounterStop {

@@ -3,7 +3,7 @@
 //! A motor comes to its greatest speed ever slower, and noise goes on there. A reading that has been on its way, and then is one
 //! and the same number for rows, is that of a sensor, an amplifier or a converter at the end of its range.
 
-use crate::dataset::{greatest, median};
+use crate::dataset::{greatest, median, runs};
 use std::ops::Range;
 
 /// Rows at the end of a range: as a share of all, and one after the other.
@@ -40,14 +40,7 @@ pub(super) fn leave_out(values: &mut [f64]) -> Option<EndOfRange> {
 
 /// Where a reading is this very number.
 fn runs_at(values: &[f64], number: f64) -> Vec<Range<usize>> {
-    let mut runs: Vec<Range<usize>> = Vec::new();
-    for row in (0..values.len()).filter(|row| values[*row] == number && number != 0.0) {
-        match runs.last_mut() {
-            Some(last) if last.end == row => last.end = row + 1,
-            _ => runs.push(row..row + 1),
-        }
-    }
-    runs
+    runs((0..values.len()).filter(|row| values[*row] == number && number != 0.0))
 }
 
 fn is_an_end(values: &[f64], runs: &[Range<usize>]) -> bool {

@@ -5,14 +5,14 @@
 //! an inertia can. Nothing in the current says that it was held.
 
 use super::judge::noise;
-use crate::dataset::{CounterStop, Dataset, Output, Stretch, median};
+use super::residuals;
+use crate::dataset::{CounterStop, Dataset, NORMAL_MEDIAN, Output, Stretch, median, runs};
 use crate::identify::Fit;
+use crate::linear::motor_model::TimeConstants;
 use std::ops::Range;
 
 /// The model is right otherwise while the middle half of what it leaves is no more than this multiple of the noise.
 const RIGHT_OTHERWISE: f64 = 1.5;
-/// Median of the magnitude of a standard normal.
-const NORMAL_MEDIAN: f64 = 0.6745;
 /// A moment stands out from so many standard deviations on...
 const STANDS_OUT: f64 = 6.0;
 /// ... and so many counts.
@@ -39,6 +39,9 @@ struct Losses<'a> {
     data: &'a Dataset,
     found: &'a Fit,
     predicted: &'a [f64],
+    /// Measured minus simulated, per quantity, and what most of that is.
+    residuals: Vec<Vec<f64>>,
+    usual: Vec<f64>,
     /// In the sense of the motion.
     shortfall: Vec<f64>,
     /// Beyond this it stands out.
@@ -49,11 +52,13 @@ impl<'a> Losses<'a> {
     fn of(data: &'a Dataset, found: &'a Fit) -> Self {
         let motion = data.motion_index();
         let predicted = &found.prediction[motion];
-        let residual = found.residual_of(data, motion);
+        let residuals = residuals(data, &found.prediction);
+        let usual: Vec<f64> = residuals.iter().map(|residual| of_most(residual)).collect();
         let window_s = data.stretches.first().map_or(data.interval_s, Stretch::window_s);
-        let threshold = (STANDS_OUT * spread(&residual)).max(LEAST_COUNTS * data.count_rad / window_s);
-        let shortfall = residual.iter().zip(predicted).map(|(residual, speed)| -residual * speed.signum()).collect();
-        Self { data, found, predicted, shortfall, threshold }
+        let threshold = (STANDS_OUT * usual[motion]).max(LEAST_COUNTS * data.count_rad / window_s);
+        let in_its_sense = residuals[motion].iter().zip(predicted);
+        let shortfall = in_its_sense.map(|(residual, speed)| -residual * speed.signum()).collect();
+        Self { data, found, predicted, residuals, usual, shortfall, threshold }
     }
 
     /// Where the counter stood, if that is what stands out.
@@ -65,7 +70,7 @@ impl<'a> Losses<'a> {
             .data
             .stretches
             .iter()
-            .flat_map(|stretch| self.moments(stretch).map(move |rows| (stretch, rows)))
+            .flat_map(|stretch| self.moments(stretch).into_iter().map(move |rows| (stretch, rows)))
             .collect();
         let losses: Vec<&(&Stretch, Range<usize>)> =
             moments.iter().filter(|(stretch, rows)| self.is_loss(stretch, rows)).collect();
@@ -82,18 +87,14 @@ impl<'a> Losses<'a> {
 
     fn is_right_otherwise(&self) -> bool {
         self.data.measured.iter().enumerate().all(|(output, measured)| {
-            let residual = self.found.residual_of(self.data, output);
-            spread(&residual) <= RIGHT_OTHERWISE * measured.least_error(noise(self.data, &residual, output))
+            self.usual[output]
+                <= RIGHT_OTHERWISE * measured.least_error(noise(self.data, &self.residuals[output], output))
         })
     }
 
     /// Rows one after the other that stand out.
-    fn moments(&self, stretch: &Stretch) -> impl Iterator<Item = Range<usize>> {
-        let stands_out = |row: &usize| self.shortfall[*row].abs() > self.threshold;
-        let rows: Vec<usize> = stretch.rows.clone().filter(stands_out).collect();
-        let moments: Vec<_> =
-            rows.chunk_by(|row, next| row + 1 == *next).map(|rows| rows[0]..rows[rows.len() - 1] + 1).collect();
-        moments.into_iter()
+    fn moments(&self, stretch: &Stretch) -> Vec<Range<usize>> {
+        runs(stretch.rows.clone().filter(|row| self.shortfall[*row].abs() > self.threshold))
     }
 
     /// Less is measured than turned, and as much less is counted; the current is what it has to be.
@@ -111,15 +112,13 @@ impl<'a> Losses<'a> {
         let Some(current) = measured.iter().position(|measured| measured.output == Output::Current) else {
             return true;
         };
-        let residual = self.found.residual_of(self.data, current);
-        let own = median(residual[rows.clone()].iter().map(|left| left.abs()));
-        own <= STANDS_OUT * spread(&residual)
+        let own = median(self.residuals[current][rows.clone()].iter().map(|left| left.abs()));
+        own <= STANDS_OUT * self.usual[current]
     }
 
     /// No shaft gathers so much speed in so short a time.
     fn is_abrupt(&self, stretch: &Stretch, rows: &Range<usize>) -> bool {
-        let motor = &self.found.model.motor;
-        let time_constant_s = motor.inertia_kg_m2 * motor.resistance_ohm / motor.torque_constant_nm_per_a.powi(2);
+        let time_constant_s = TimeConstants::of(&self.found.model.motor).electromechanical_s;
         // From inside the moment to the first row after it.
         let back = stretch.window.span.max(1) + 1;
         let inside = self.shortfall[rows.end.saturating_sub(back).max(rows.start)..rows.end]
@@ -166,6 +165,6 @@ fn seen_in(stretch: &Stretch, rows: &Range<usize>) -> Range<usize> {
 }
 
 /// Standard deviation of what most values are.
-fn spread(values: &[f64]) -> f64 {
+fn of_most(values: &[f64]) -> f64 {
     median(values.iter().map(|value| value.abs())) / NORMAL_MEDIAN
 }
