@@ -213,6 +213,39 @@ impl Channels {
     }
 }
 
+/// A recording in another scale than the rig file says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Mistake {
+    /// So many times as many counts a revolution in the rig file as are counted.
+    CountsPerRev(f64),
+    /// So many times as many volts in the rig file as there are.
+    SupplyVoltage(f64),
+    /// So many times the current in the recording.
+    CurrentScale(f64),
+}
+
+impl Mistake {
+    /// One that people make: half or a quarter of the edges counted, another supply, milliamperes, another type of ACS712.
+    pub fn draw(seed: u64) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x05ca_1e00);
+        let mut one_of = |factors: &[f64]| factors[random.random_range(0..factors.len())];
+        match seed % 3 {
+            0 => Self::CountsPerRev(one_of(&[2.0, 4.0])),
+            1 => Self::SupplyVoltage(one_of(&[0.5, 2.0, 2.4])),
+            _ => Self::CurrentScale(one_of(&[1000.0, 1.85, 1.0 / 1.85, 2.8, 1.0 / 2.8])),
+        }
+    }
+
+    /// The name it has in a diagnosis.
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::CountsPerRev(_) => "parameter:counts_per_rev",
+            Self::SupplyVoltage(_) => "parameter:supply_voltage",
+            Self::CurrentScale(_) => "parameter:current_scale",
+        }
+    }
+}
+
 /// What to draw.
 #[derive(Clone, Debug)]
 pub struct Recipe {
@@ -234,6 +267,8 @@ pub struct Recipe {
     pub timer_of_the_uno: bool,
     /// The current of a row is the mean of four to nineteen conversions that ended with it.
     pub burst: bool,
+    /// What its owner has got wrong.
+    pub mistake: Option<Mistake>,
 }
 
 impl Recipe {
@@ -249,6 +284,7 @@ impl Recipe {
             written_after: false,
             timer_of_the_uno: false,
             burst: false,
+            mistake: None,
         }
     }
 
@@ -312,6 +348,8 @@ pub struct Truth {
     pub motor: Motor,
     /// The motor as the rig file has it.
     pub nominal: Motor,
+    /// What is in another scale.
+    pub mistake: Option<Mistake>,
 }
 
 /// A recording with a secret.
@@ -333,7 +371,7 @@ pub fn draw(seed: u64, recipe: &Recipe) -> Trial {
     let nominal = wrong(motor, &mut random);
     let rig_toml = rig_toml(&bench, &nominal, recipe);
     let csv = sensors::record(bench, recipe, &mut random);
-    Trial { csv, rig_toml, truth: Truth { effects, motor, nominal } }
+    Trial { csv, rig_toml, truth: Truth { effects, motor, nominal, mistake: recipe.mistake } }
 }
 
 fn log_uniform(random: &mut impl Rng, from: f64, to: f64) -> f64 {
@@ -370,13 +408,18 @@ fn wrong(motor: Motor, random: &mut impl Rng) -> Motor {
 fn rig_toml(bench: &rig::Bench, nominal: &Motor, recipe: &Recipe) -> String {
     let tacho =
         if recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple) { "[tachogenerator]\n" } else { "" };
+    let (supply, counts) = match recipe.mistake {
+        Some(Mistake::SupplyVoltage(factor)) => (factor, 1.0),
+        Some(Mistake::CountsPerRev(factor)) => (1.0, factor),
+        _ => (1.0, 1.0),
+    };
     let pwm = if recipe.timer_of_the_uno { "" } else { "pwm_Hz = 20000.0\n" };
     format!(
         "[supply]\nvoltage_V = {}\n[bridge]\ndecay = \"slow\"\n{pwm}[encoder]\ncounts_per_rev = {}\n\
          [current_sensor]\nresolution_A = {}\n{tacho}[motor]\nresistance_ohm = {}\ninductance_H = {}\n\
          torque_constant_Nm_per_A = {}\ninertia_kg_m2 = {}\nviscous_friction_Nm_s = {}\n",
-        bench.supply_v,
-        bench.counts_per_rev,
+        bench.supply_v * supply,
+        bench.counts_per_rev * counts,
         sensors::CURRENT_STEP_A,
         nominal.resistance_ohm,
         nominal.inductance_h,

@@ -2,7 +2,7 @@
 
 use crate::drive::{Excitation, SpeedLoop, duties};
 use crate::rig::Bench;
-use crate::{Channels, Effect, Recipe};
+use crate::{Channels, Effect, Mistake, Recipe};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
 use std::collections::VecDeque;
@@ -106,6 +106,9 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         average_speed(&mut rows, bench.counts_per_rev, recipe.rate_hz, random);
     }
     clip(&mut rows, bench.hidden.clip_share);
+    if let Some(Mistake::CurrentScale(factor)) = recipe.mistake {
+        rows.iter_mut().for_each(|row| row.current_a *= factor);
+    }
     csv(&rows, &bench, recipe.channels)
 }
 

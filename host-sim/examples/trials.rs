@@ -23,7 +23,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 /// Kinds of trials, and what each is.
-const KINDS: [(&str, &str); 16] = [
+const KINDS: [(&str, &str); 18] = [
     ("clean", "nothing hidden"),
     ("single", "each effect alone"),
     ("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway"),
@@ -36,6 +36,11 @@ const KINDS: [(&str, &str); 16] = [
     ("levels", "one effect, driven by random levels only"),
     ("closed-loop", "one effect, recorded in a closed speed loop"),
     ("slow", "one effect on the rig with friction and bridge drop, recorded at 200 Hz"),
+    ("slowest", "the same at 100 Hz"),
+    (
+        "scale",
+        "one effect on that rig and a mistake of scale: half or a quarter of the edges counted, another supply, a current in mA or by another type of ACS712",
+    ),
     ("after", "one effect, each row with the command that had acted before it was read"),
     ("window", "one effect on the rig with friction and bridge drop, the speed a difference of counts over some rows"),
     ("timer", "one effect on that rig, the PWM of a timer of the Uno's that the rig file does not name"),

@@ -103,6 +103,13 @@ impl Measured {
         noise(residual).max(self.of_counting)
     }
 
+    fn scale(&mut self, factor: f64) {
+        self.values.iter_mut().for_each(|value| *value *= factor);
+        for scale in [&mut self.noise, &mut self.of_counting, &mut self.tolerance] {
+            *scale *= factor;
+        }
+    }
+
     /// Error of a model that is as good as can be asked, where the sensor has this noise.
     pub fn least_error(&self, noise: f64) -> f64 {
         noise.hypot(self.tolerance)
@@ -404,17 +411,31 @@ impl Dataset {
 
     /// The same with what had been counted without losses.
     pub fn with_counts_lost(&self, lost_share: f64) -> Self {
-        let factor = 1.0 / (1.0 - lost_share);
+        Self { lost_share, ..self.with_motion_times(1.0 / (1.0 - lost_share)) }
+    }
+
+    /// The same with every angle and speed so many times as great.
+    pub fn with_motion_times(&self, factor: f64) -> Self {
         let mut all = self.clone();
-        all.lost_share = lost_share;
         all.count_rad *= factor;
         all.angle_rad.iter_mut().for_each(|angle| *angle *= factor);
         all.read_in_stops.iter_mut().for_each(|(_, read)| *read *= factor);
-        let motion = &mut all.measured[self.motion_index()];
-        motion.values.iter_mut().for_each(|value| *value *= factor);
-        for scale in [&mut motion.noise, &mut motion.of_counting, &mut motion.tolerance] {
-            *scale *= factor;
-        }
+        all.measured[self.motion_index()].scale(factor);
+        all
+    }
+
+    /// The same with every current so many times as great.
+    pub fn with_current_times(&self, factor: f64) -> Self {
+        let mut all = self.clone();
+        let currents = all.measured.iter_mut().filter(|measured| measured.output == Output::Current);
+        currents.for_each(|current| current.scale(factor));
+        all
+    }
+
+    /// The same with every voltage so many times as great.
+    pub fn with_voltage_times(&self, factor: f64) -> Self {
+        let mut all = self.clone();
+        all.voltage_v.iter_mut().chain(&mut all.supply_v).for_each(|voltage| *voltage *= factor);
         all
     }
 

@@ -181,6 +181,7 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
                 current_a: motion.current_a[index],
                 speed_rad_per_s: motion.speed_rad_per_s[index],
                 angle_rad: 0.5 * (motion.shaft_rad[index] + motion.shaft_rad[next]),
+                turned_rad: motion.shaft_rad[next] - motion.shaft_rad[index],
                 step_s,
             };
             let before = speed_rad_per_s;
@@ -196,6 +197,34 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
         }
     }
     nudged
+}
+
+/// The measured angle between two samples: a cubic with the speeds that the samples around say, as far as they are rows of the
+/// same stretch. In 10 ms a shaft that gathers speed is elsewhere than on a straight line.
+struct Course {
+    from_rad: f64,
+    turned_rad: f64,
+    /// Slopes at the beginning and at the end, less that of the straight line.
+    bent_rad: [f64; 2],
+}
+
+impl Course {
+    fn new(data: &Dataset, rows: Range<usize>, index: usize) -> Self {
+        let (angle, time) = (&data.angle_rad, &data.time_s);
+        let turned_rad = angle[index + 1] - angle[index];
+        let interval_s = time[index + 1] - time[index];
+        let slope = |from: usize, to: usize| (angle[to] - angle[from]) / (time[to] - time[from]) * interval_s;
+        let first = index.saturating_sub(1).max(rows.start);
+        let last = (index + 2).min(rows.end - 1);
+        let bent_rad = [slope(first, index + 1) - turned_rad, slope(index, last) - turned_rad];
+        Self { from_rad: angle[index], turned_rad, bent_rad }
+    }
+
+    /// `share`: of the time between the two.
+    fn angle_rad(&self, share: f64) -> f64 {
+        let rest = 1.0 - share;
+        self.from_rad + share * self.turned_rad + share * rest * (rest * self.bent_rad[0] - share * self.bent_rad[1])
+    }
 }
 
 /// Of the motor's own shaft; a fit may try to leave nothing of it.
@@ -488,6 +517,7 @@ impl<'a> Run<'a> {
         let step_s = interval_s / steps;
         self.step.set_length(&self.model.motor, self.inertia_kg_m2, step_s);
         let (mut current_sum, angle_before_rad, first_a) = (0.0, self.angle_rad, self.current_a);
+        let course = Course::new(data, self.range.clone(), index);
         for part in 0..steps as usize {
             // The middle of the step stands for it.
             let share = (part as f64 + 0.5) / steps;
@@ -501,8 +531,8 @@ impl<'a> Run<'a> {
                 open: data.open[index],
                 current_a: self.current_a,
                 speed_rad_per_s: self.speed_rad_per_s,
-                angle_rad: self
-                    .shaft_rad(data.angle_rad[index] + share * (data.angle_rad[next] - data.angle_rad[index])),
+                angle_rad: self.shaft_rad(course.angle_rad(share)),
+                turned_rad: course.angle_rad(share + 0.5 / steps) - course.angle_rad(share - 0.5 / steps),
                 step_s,
             };
             let (terms, mean_a) = self.advance(&mut at, data.load_nm[index]);

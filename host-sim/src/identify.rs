@@ -445,8 +445,17 @@ pub struct Promise {
     pub effect: usize,
     /// Values to begin the fit from.
     pub start: Vec<f64>,
+    /// The next best, where the best by its promise may not be the nearest.
+    pub other_starts: Vec<Vec<f64>>,
     /// Expected fall of the cost.
     pub gain: f64,
+}
+
+impl Promise {
+    /// Its best start is that of another.
+    fn improve(&mut self, better: Self) {
+        (self.start, self.gain) = (better.start, better.gain);
+    }
 }
 
 /// What an effect changes in each direction in which its constants from `start` are looked at.
@@ -487,17 +496,20 @@ impl Fit {
                 starts.into_iter().map(move |start| (index, start))
             })
             .collect();
-        let all: Vec<Promise> =
+        let mut all: Vec<Promise> =
             candidates.into_par_iter().map(|(effect, start)| self.promise(&base, effect, start)).collect();
+        all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         let mut best: Vec<Promise> = Vec::new();
         for promise in all {
             match best.iter_mut().find(|other| other.effect == promise.effect) {
-                Some(other) if other.gain < promise.gain => *other = promise,
-                Some(_) => {}
                 None => best.push(promise),
+                Some(other) => {
+                    if 1 + other.other_starts.len() < CATALOGUE[other.effect].starts_fitted(scales) {
+                        other.other_starts.push(promise.start);
+                    }
+                }
             }
         }
-        best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         best.truncate(REFINED);
         let least = LEAST_PROMISE.max(WORTH_A_WALK * best.first().map_or(0.0, |promise| promise.gain));
         let mut best: Vec<Promise> =
@@ -539,7 +551,7 @@ impl Fit {
                 start[index] += side;
                 let other = self.promise(base, promise.effect, start);
                 if other.gain > promise.gain {
-                    promise = other;
+                    promise.improve(other);
                 }
             }
         }
@@ -552,7 +564,7 @@ impl Fit {
             let neighbours = CATALOGUE[promise.effect].neighbours(&promise.start).into_par_iter();
             let others = neighbours.map(|start| self.promise(base, promise.effect, start));
             match others.max_by(|a, b| a.gain.total_cmp(&b.gain)) {
-                Some(better) if better.gain > promise.gain => promise = better,
+                Some(better) if better.gain > promise.gain => promise.improve(better),
                 _ => break,
             }
         }
@@ -578,7 +590,7 @@ impl Fit {
             0 => gain.min(self.gain_of_whole(&lines[0]).max(0.25 * gain)),
             _ => gain,
         };
-        Promise { effect: index, start, gain: if possible { gain } else { 0.0 } }
+        Promise { effect: index, start, other_starts: Vec::new(), gain: if possible { gain } else { 0.0 } }
     }
 
     fn gain_of_whole(&self, line: &[f64]) -> f64 {

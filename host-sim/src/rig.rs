@@ -212,6 +212,19 @@ pub struct NominalMotor {
     pub viscous_friction_nm_s: Option<f64>,
 }
 
+impl NominalMotor {
+    /// In the order of [`MotorParameters::named`](crate::motor::MotorParameters::named).
+    pub fn values(&self) -> [Option<f64>; 5] {
+        [
+            self.resistance_ohm,
+            self.inductance_h,
+            self.torque_constant_nm_per_a,
+            self.inertia_kg_m2,
+            self.viscous_friction_nm_s,
+        ]
+    }
+}
+
 /// Why a rig file cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum RigError {

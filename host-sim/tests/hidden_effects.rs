@@ -90,6 +90,25 @@ fn a_wrong_value_is_a_cause() {
     assert_eq!(inertia, ["parameter:inertia"]);
     let supply = causes_with(|rig| *rig.supply.voltage_v.as_mut().unwrap() *= 1.33);
     assert_eq!(supply, ["parameter:supply_voltage"]);
+    let edges = causes_with(|rig| *rig.encoder.counts_per_rev.as_mut().unwrap() *= 4.0);
+    assert_eq!(edges, ["parameter:counts_per_rev"]);
+}
+
+/// Beside what the motor does, with nominal values off by a fifth: half of the edges, other volts, milliamperes. The constants
+/// are those of the motor then.
+#[test]
+fn a_recording_may_be_in_another_scale() {
+    for seed in [1, 3, 8, 12] {
+        assert_found(seed, &recipe("scale", seed));
+    }
+}
+
+/// Rows 10 ms apart, in which the shaft passes several magnets.
+#[test]
+fn rows_may_be_far_apart() {
+    for (kind, seed) in [("slowest", 30), ("slowest", 45), ("slow", 26)] {
+        assert_found(seed, &recipe(kind, seed));
+    }
 }
 
 /// The same bench, recorded by a program that writes a row when its command has acted.

@@ -17,6 +17,12 @@ const MOST_SHARE: f64 = 0.95;
 /// The drive is held over a step.
 const LONGEST_STEP_S: f64 = 0.5e-3;
 
+/// Contacts to begin with: natural frequency in hertz and damping ratio.
+const HARD: [f64; 2] = [300.0, 0.4];
+const SOFT: [f64; 2] = [90.0, 0.3];
+/// How long a blow lasts, and what follows it.
+const BLOW_S: f64 = 2e-3;
+
 /// The two sides of the gap over one step of the simulation.
 struct Sides {
     half_gap_rad: f64,
@@ -165,6 +171,11 @@ fn own_nm(motor: &MotorParameters, at: &Instant, balance: &Balance) -> f64 {
     motor.torque_constant_nm_per_a * mean_a - motor.viscous_friction_nm_s * at.speed_rad_per_s
 }
 
+/// Whether a blow and what follows it are in one row.
+fn hides_blows(scales: &Scales) -> bool {
+    scales.interval_s >= BLOW_S
+}
+
 /// See the module.
 pub struct Backlash;
 
@@ -194,10 +205,20 @@ impl Effect for Backlash {
         &ABOUT
     }
 
-    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        let hard = [0.02, 0.05, 0.12].map(|gap_rad| vec![gap_rad, 0.4, 300.0, 0.4]);
-        let soft = [0.12, 0.3].map(|gap_rad| vec![gap_rad, 0.4, 90.0, 0.3]);
-        [&hard[..], &soft].concat()
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        let starts = |gaps_rad: &[f64], shares: &[f64], contact: [f64; 2]| -> Vec<Vec<f64>> {
+            let of_share = |share: f64| gaps_rad.iter().map(move |gap_rad| [[*gap_rad, share], contact].concat());
+            shares.iter().flat_map(|share| of_share(*share)).collect()
+        };
+        if hides_blows(scales) {
+            let (gaps_rad, shares) = ([0.02, 0.035, 0.06, 0.09, 0.13, 0.2, 0.3], [0.3, 0.55]);
+            return [HARD, SOFT].iter().flat_map(|contact| starts(&gaps_rad, &shares, *contact)).collect();
+        }
+        [starts(&[0.02, 0.05, 0.12], &[0.4], HARD), starts(&[0.12, 0.3], &[0.4], SOFT)].concat()
+    }
+
+    fn starts_fitted(&self, scales: &Scales) -> usize {
+        if hides_blows(scales) { 6 } else { 1 }
     }
 
     /// A fit finds a gap that it is told to a fifth, and then only beside a load that is about right.
@@ -212,9 +233,18 @@ impl Effect for Backlash {
         Simplification { own: 8e-2, inertia: 0.0, viscous_friction: 0.0 }
     }
 
-    /// The blows that a gap foretells a little too early or too late fit the readings as badly as none.
-    fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
-        [0.9, 1.1].map(|factor| [&[factor * values[0]], &values[1..]].concat()).to_vec()
+    /// The blows that a gap foretells a little too early or too late fit the readings as badly as none. Where a blow is in one
+    /// row, wrong gaps beside wrong loads come near it as well.
+    fn elsewhere(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
+        let near = [0.9, 1.1].map(|factor| [&[factor * values[0]], &values[1..]].concat());
+        if !hides_blows(scales) {
+            return near.to_vec();
+        }
+        let gaps = [0.5, 0.7, 0.9, 1.1, 1.4].map(|factor| factor * values[0]);
+        let shares = [0.7, 1.0, 1.4, 1.9].map(|factor| (factor * values[1]).min(MOST_SHARE));
+        let sides = gaps.into_iter().flat_map(|gap| shares.map(|share| [gap, share]));
+        let with_contacts = sides.flat_map(|sides| [HARD, SOFT].map(|contact| [sides, contact].concat()));
+        near.into_iter().chain(with_contacts).collect()
     }
 
     /// Twist, speed of the load, and what becomes of a step in contact.

@@ -64,7 +64,7 @@ impl Effect for MissedCounts {
         }
     }
 
-    fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
+    fn elsewhere(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         let moved = |factor: f64| vec![values[0], factor * values[1], values[2], values[3]];
         if values[2] > 0.0 { [0.93, 1.07].map(moved).to_vec() } else { Vec::new() }
     }

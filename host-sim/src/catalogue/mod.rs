@@ -251,6 +251,8 @@ pub struct Instant {
     pub speed_rad_per_s: f64,
     /// Angle of the motor's shaft, from an unknown zero: as measured, less what the model says is wrong with it.
     pub angle_rad: f64,
+    /// How far it turns in the step about to be taken, `angle_rad` being the middle; 0 where the step begins there.
+    pub turned_rad: f64,
     /// Length of the step about to be taken.
     pub step_s: f64,
 }
@@ -296,6 +298,9 @@ impl Balance {
     }
 }
 
+/// Over less of a wave to either side its mean is its middle, to a thousandth.
+const SLIGHTLY_RAD: f64 = 0.08;
+
 /// A torque that is a wave over the angle of the motor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wave {
@@ -306,6 +311,14 @@ pub struct Wave {
 }
 
 impl Wave {
+    /// The mean of the torque over a step in which the shaft turns `turned_rad` around `angle_rad`. In the rows of a slow
+    /// recording that may be several periods.
+    fn mean_torque_nm(&self, angle_rad: f64, turned_rad: f64) -> f64 {
+        let half = 0.5 * self.periods_per_rev * turned_rad;
+        let mean_over_middle = if half.abs() < SLIGHTLY_RAD { 1.0 } else { half.sin() / half };
+        mean_over_middle * self.torque_nm(angle_rad)
+    }
+
     /// The torque that drives the shaft at an angle.
     #[inline]
     pub fn torque_nm(&self, angle_rad: f64) -> f64 {
@@ -375,8 +388,13 @@ pub trait Effect: Sync {
         Vec::new()
     }
 
+    /// From so many of its starts a fit is tried, the best ones by what they promise.
+    fn starts_fitted(&self, _scales: &Scales) -> usize {
+        1
+    }
+
     /// Values from which a fit may come to another and better end than the one it has come to.
-    fn elsewhere(&self, _values: &[f64]) -> Vec<Vec<f64>> {
+    fn elsewhere(&self, _values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         Vec::new()
     }
 
@@ -471,7 +489,7 @@ pub trait Effect: Sync {
         balance: &mut Balance,
     ) {
         if let Some(wave) = self.wave(values) {
-            balance.torque_nm += wave.torque_nm(at.angle_rad);
+            balance.torque_nm += wave.mean_torque_nm(at.angle_rad, at.turned_rad);
         }
     }
 

@@ -44,7 +44,7 @@ impl Effect for ShaftCompliance {
     }
 
     /// Between two starts there may be a resonance that rings like neither.
-    fn elsewhere(&self, values: &[f64]) -> Vec<Vec<f64>> {
+    fn elsewhere(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         [0.7, 0.85, 1.2, 1.4].map(|factor| vec![factor * values[0], values[1], values[2]]).to_vec()
     }
 

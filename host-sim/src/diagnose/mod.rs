@@ -16,6 +16,7 @@ pub mod page;
 mod pwm_frequency;
 mod random_losses;
 pub mod report;
+mod scale;
 pub mod select;
 mod unseen_losses;
 
@@ -30,6 +31,7 @@ use crate::terminal_text::short;
 use judge::{NOT_NOISE, above_floor};
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
+use scale::Scale;
 use select::{Selection, Standing, select};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -48,9 +50,6 @@ pub const DATA_SHEET_TOLERANCE: f64 = 0.25;
 const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
 /// ... of which each (of a logarithm) is at least this: the tolerance itself is no sharp bound.
 const LEAST_SPREAD: f64 = 0.02;
-/// Resistance, torque constant and inertia that are wrong by the same factor, to this, mean the supply.
-const SAME_FACTOR: f64 = 0.06;
-
 /// A value that is off by more than this factor is rather in another unit, or counted otherwise.
 const OTHER_UNIT: f64 = 2.5;
 
@@ -90,6 +89,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         progress("with the counts that are lost");
         understood = certain(understood.data.with_counts_lost(losses.share), &prior, &[], progress);
     }
+    let (scale, understood) = in_its_scale(understood, &prior, progress);
     let Understood { data, selection, last, intervals } = understood;
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
@@ -105,7 +105,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let residuals = residuals(&data, &free_run(&bare, &data));
     let places = [ActsOn::Torque, ActsOn::Voltage];
     let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
-    let outcome = Outcome::of(&data, &prior, &selection, (&last.model, &intervals), losses);
+    let outcome = Outcome::of(&data, &prior, &selection, (&last.model, &intervals), Taken { losses, scale });
     Ok(Diagnosis {
         outcome,
         model: losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model)),
@@ -116,6 +116,23 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         steps: selection.steps,
         data,
     })
+}
+
+/// As what the data were taken, other than they were recorded.
+#[derive(Clone, Copy)]
+struct Taken {
+    losses: Option<RandomLosses>,
+    scale: Option<Scale>,
+}
+
+impl Taken {
+    /// The interval of a constant with what it is uncertain by that.
+    fn widened(&self, constant: &str, value: f64, ci95: [f64; 2]) -> [f64; 2] {
+        let of_losses = self.losses.map_or(0.0, |losses| losses.uncertainty(constant));
+        let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(constant));
+        let besides = Z95 * of_losses.hypot(of_scale) * value;
+        [value - (value - ci95[0]).hypot(besides), value + (ci95[1] - value).hypot(besides)]
+    }
 }
 
 /// What is understood of data.
@@ -137,6 +154,23 @@ impl Understood {
         }
         RandomLosses::of(data, &selection.last.residual_of(data, data.motion_index()))
     }
+}
+
+/// The same in the scale that the nominal values say, where the data are better understood by that.
+fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress) -> (Option<Scale>, Understood) {
+    let doubts = |way: &Understood| {
+        let last = &way.selection.last;
+        (above_floor(&way.data, last) > NOT_NOISE, select::is_strange(prior, last))
+    };
+    let of = |fit: &Fit| Scale::of(&recorded.data, prior, fit);
+    // In a scale that is far off the search may have gone astray.
+    let has_gone_astray = doubts(&recorded) != (false, false);
+    let scale = of(&recorded.selection.last).or_else(|| of(&recorded.selection.base).filter(|_| has_gone_astray));
+    let Some(scale) = scale else { return (None, recorded) };
+    progress("in another scale");
+    let corrected = certain(scale.corrected(&recorded.data), prior, &[], progress);
+    let rank = |way: &Understood| (doubts(way), way.selection.last.cost);
+    if rank(&corrected) < rank(&recorded) { (Some(scale), corrected) } else { (None, recorded) }
 }
 
 /// The data as they are understood best by effects that are there without doubt. What turns out to be nothing is taken back;
@@ -289,10 +323,14 @@ impl Outcome {
         prior: &Prior,
         selection: &Selection,
         (model, intervals): (&Model, &[Interval]),
-        losses: Option<RandomLosses>,
+        taken: Taken,
     ) -> Self {
+        let Taken { losses, scale } = taken;
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
+        for (constant, Estimate { value, ci95 }) in causes.iter_mut().flat_map(|cause| &mut cause.parameters) {
+            *ci95 = ci95.map(|ci95| taken.widened(constant, *value, ci95));
+        }
         if !model.has(counter_stops::ID) {
             causes.extend(counter_stops::cause(data, &selection.last.prediction));
         }
@@ -302,9 +340,10 @@ impl Outcome {
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
         let mut parameters = parameters(model, &prior.nominal, intervals);
-        if let Some(losses) = losses {
-            widen(&mut parameters, losses.uncertainty_of_speed());
+        for (constant, Parameter { value, ci95, .. }) in &mut parameters {
+            *ci95 = taken.widened(constant, *value, *ci95);
         }
+        causes.extend(scale.map(|scale| scale.cause(data)));
         let unexplained = unexplained(data, selection);
         if unexplained.is_none() {
             // While something is missing it falsifies the constants as well.
@@ -321,6 +360,7 @@ impl Outcome {
         let mut outcome =
             Self { verdict, causes, unexplained, parameters, fit: fits(data, selection), advice: Vec::new() };
         outcome.advice = outcome.advice(data);
+        outcome.advice.extend(scale.map(|scale| scale.advice(data)));
         outcome
     }
 
@@ -336,9 +376,6 @@ impl Outcome {
             advice.push(
                 "So far off is rather a unit than a motor: is i_A in amperes, a speed in rad/s and not in rpm, counts_per_rev after x4 decoding, and the sensor on the motor's shaft and not behind a gear?".into(),
             );
-        }
-        if self.causes.iter().any(|cause| cause.effect == "parameter:supply_voltage") {
-            advice.push("Measure the supply at the bridge under load, and write it into [supply] voltage_V.".into());
         }
         advice
     }
@@ -452,13 +489,7 @@ fn constants(id: &str, model: &Model, intervals: &[Interval]) -> BTreeMap<String
 }
 
 fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> BTreeMap<&'static str, Parameter> {
-    let nominal = [
-        nominal.resistance_ohm,
-        nominal.inductance_h,
-        nominal.torque_constant_nm_per_a,
-        nominal.inertia_kg_m2,
-        nominal.viscous_friction_nm_s,
-    ];
+    let nominal = nominal.values();
     let named = model.motor.named().into_iter().enumerate();
     named
         .map(|(index, (name, value))| {
@@ -469,36 +500,15 @@ fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> 
         .collect()
 }
 
-/// Of constants that are told from the speed, the intervals with its own uncertainty, as a share of one standard deviation.
-fn widen(parameters: &mut BTreeMap<&'static str, Parameter>, of_speed: f64) {
-    // Powers of the speed in them.
-    for (name, power) in [("torque_constant_Nm_per_A", 1.0), ("inertia_kg_m2", 2.0), ("viscous_friction_Nm_s", 2.0)] {
-        let Some(Parameter { value, ci95, .. }) = parameters.get_mut(name) else { continue };
-        let of_scale = Z95 * power * of_speed * *value;
-        let widened = |bound: f64| *value + (bound - *value).signum() * (bound - *value).hypot(of_scale);
-        *ci95 = ci95.map(widened);
-    }
-}
-
 /// Nominal values that are further off than a data sheet's tolerance.
 fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
-    // How far off, and how many standard errors beyond what is tolerated.
-    let off = |name: &str, tolerated: f64| {
+    // How many standard errors beyond what is tolerated.
+    let sigmas_beyond = |name: &str| {
         let parameter = parameters.get(name)?;
-        let logarithm = (parameter.value / parameter.nominal?).ln();
+        let off = (parameter.value / parameter.nominal?).ln().abs();
         let spread = (parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / 3.92;
-        Some((logarithm, (logarithm.abs() - tolerated) / spread.max(LEAST_SPREAD)))
+        Some((off - DATA_SHEET_TOLERANCE) / spread.max(LEAST_SPREAD))
     };
-    let electrical = ["resistance_ohm", "torque_constant_Nm_per_A", "inertia_kg_m2"].map(|name| off(name, 0.0));
-    if let [Some((r, r_sigmas)), Some((k, _)), Some((j, _))] = electrical
-        && r.max(k).max(j) - r.min(k).min(j) < SAME_FACTOR
-        && (r + k + j).abs() / 3.0 > DATA_SHEET_TOLERANCE
-        && r_sigmas > BEYOND_TOLERANCE_SIGMAS
-    {
-        // All three scale with the volts that were assumed: the volts are wrong, not the motor.
-        let factor = Estimate { value: (-(r + k + j) / 3.0).exp(), ci95: None };
-        return vec![value_cause("supply_voltage", "found_over_nominal", factor, r_sigmas)];
-    }
     let names = [
         ("resistance_ohm", "resistance"),
         ("inductance_H", "inductance"),
@@ -508,7 +518,7 @@ fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
     names
         .into_iter()
         .filter_map(|(name, id)| {
-            let (_, sigmas) = off(name, DATA_SHEET_TOLERANCE)?;
+            let sigmas = sigmas_beyond(name)?;
             let found = parameters[name];
             let estimate = Estimate { value: found.value, ci95: Some(found.ci95) };
             (sigmas > BEYOND_TOLERANCE_SIGMAS).then(|| value_cause(id, name, estimate, sigmas))

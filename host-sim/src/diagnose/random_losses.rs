@@ -11,6 +11,7 @@
 
 use super::counter_stops::ID;
 use super::outcome::{Cause, Estimate, RmseGain, confidence};
+use super::scale::Quantity;
 use crate::catalogue::effect;
 use crate::dataset::{Dataset, Output};
 use crate::identify::Z95;
@@ -157,9 +158,9 @@ impl RandomLosses {
         (is_even && is_certain).then_some(Self { share: share_of_all, error })
     }
 
-    /// By how much a speed that is told from the counts is uncertain by them, in standard deviations of its logarithm.
-    pub fn uncertainty_of_speed(&self) -> f64 {
-        self.error / (1.0 - self.share)
+    /// By how much a constant is uncertain by them: standard deviations of the logarithm.
+    pub fn uncertainty(&self, constant: &str) -> f64 {
+        Quantity::Motion.power(constant).abs() * self.error / (1.0 - self.share)
     }
 
     /// What they are named. `rmse`: error of the motion, to which they add noise that no model takes off.

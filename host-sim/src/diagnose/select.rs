@@ -181,8 +181,9 @@ impl Chooser<'_> {
         last = self.or_other_laws(last, |_| true);
         last = fit(&last.model, self.data, self.prior, Effort::FULL);
         for index in 0..last.model.terms.len() {
-            let elsewhere = last.model.terms[index].effect.elsewhere(&last.model.terms[index].values);
-            let others = elsewhere
+            let Term { effect, values } = &last.model.terms[index];
+            let others = effect
+                .elsewhere(values, &scales(&last.model.motor, self.data))
                 .into_par_iter()
                 .map(|values| fit(&last.model.with_values(index, values), self.data, self.prior, Effort::TRIAL));
             let best = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -271,8 +272,10 @@ impl Chooser<'_> {
             .par_iter()
             .map(|promise| {
                 let effect = CATALOGUE[promise.effect];
-                let fitted = fit(&from.with(effect, promise.start.clone()), self.data, self.prior, effort);
-                (effect.about().id, fitted)
+                let starts = promise.other_starts.par_iter().chain([&promise.start]);
+                let fits = starts.map(|start| fit(&from.with(effect, start.clone()), self.data, self.prior, effort));
+                let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one start at least");
+                (effect.about().id, best)
             })
             .filter(|(id, fitted)| fitted.model.term(id).is_some_and(Term::is_there))
             .collect()

@@ -199,6 +199,7 @@ impl FurtherTorques {
             current_a: state.current_a,
             speed_rad_per_s: state.speed_rad_per_s,
             angle_rad: state.angle_rad,
+            turned_rad: 0.0,
             step_s,
         }
     }
@@ -451,6 +452,7 @@ impl Stepwise {
             current_a: self.current_a,
             speed_rad_per_s: self.speed_rad_per_s,
             angle_rad: self.angle_rad,
+            turned_rad: 0.0,
             step_s,
         };
         for (term, state) in self.model.terms.iter().zip(&mut self.states) {

@@ -1,7 +1,7 @@
 //! What to hide, and what was hidden against what was named. The diagnosis sees the texts of the recording and of the rig
 //! file alone.
 
-use hidden_effects::{Channels, Effect, Excitation, Recipe, Trial, random_effects};
+use hidden_effects::{Channels, Effect, Excitation, Mistake, Recipe, Trial, random_effects};
 use host_sim::diagnose::outcome::Outcome;
 use host_sim::diagnose::{Diagnosis, diagnose};
 use host_sim::recording::Recording;
@@ -29,11 +29,16 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         "levels" => Recipe { excitation: Excitation::Levels, ..single() },
         "closed-loop" => Recipe { excitation: Excitation::ClosedLoop, ..single() },
         "slow" => Recipe { rate_hz: 200.0, ..real() },
+        "slowest" => Recipe { rate_hz: 100.0, ..real() },
         "window" => {
             Recipe { channels: Channels::VoltageMeanSpeedCurrent, ..Recipe::of(&[turn(&counted)]).on_real_rig() }
         }
         "timer" => Recipe { timer_of_the_uno: true, ..real() },
         "burst" => Recipe { burst: true, ..real() },
+        "scale" => {
+            let mistake = Some(Mistake::draw(seed));
+            Recipe { mistake, channels: Channels::DutyCountsCurrent, ..Recipe::of(&[turn(&counted)]).on_real_rig() }
+        }
         "after" => Recipe { written_after: true, ..single() },
         id => {
             let all = Effect::CATALOGUE.into_iter().chain(Effect::OUTSIDE);
@@ -54,6 +59,7 @@ pub fn diagnosed(trial: &Trial) -> Diagnosis {
 pub fn hidden(trial: &Trial) -> Vec<&'static str> {
     let mut hidden: Vec<_> = trial.truth.effects.iter().map(|(effect, _)| effect.id()).collect();
     hidden.retain(|id| !id.starts_with("outside"));
+    hidden.extend(trial.truth.mistake.map(Mistake::id));
     hidden.sort_unstable();
     hidden
 }
