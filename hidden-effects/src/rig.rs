@@ -492,8 +492,11 @@ impl Bench {
         }
         // The switching instant lies within one of the steps. Half a step's grace for the rounding of the time.
         let period_s = self.pwm_period_s;
-        let phase = (self.time_s / period_s + 0.5 * dt / period_s).fract() - 0.5 * dt / period_s;
-        let on = ((duty.abs() - phase) * period_s / dt).clamp(0.0, 1.0);
+        let length = dt / period_s;
+        let phase = (self.time_s / period_s + 0.5 * length).fract() - 0.5 * length;
+        // A step may end in the next period.
+        let on_until = |end: f64| end.clamp(0.0, duty.abs()) + (end - 1.0).clamp(0.0, duty.abs());
+        let on = (on_until(phase + length) - on_until(phase)) / length;
         let coasts = self.hidden.coasts && (duty == 0.0 || !self.hidden.coasts_at_zero_duty);
         let off_v = if coasts { supply_v + 2.0 * DIODE_V } else { self.hidden.drop_v };
         (on * supply_v * duty.signum(), on * self.hidden.drop_v + (1.0 - on) * off_v)
