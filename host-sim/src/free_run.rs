@@ -104,7 +104,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     if data.current_window_s > 0.0 {
         motion.current_a = mean_current(model, &motion, data);
     }
-    for term in model.terms.iter().filter(|term| !term.effect.acts_on_motor()) {
+    for term in model.in_turn(|effect| !effect.acts_on_motor()) {
         for stretch in &data.stretches {
             falsify(term, model, data, stretch.rows.clone(), &mut motion);
         }
@@ -455,13 +455,11 @@ impl<'a> Run<'a> {
             Steps::AtMost(step_s) => step_s.min(usual_step_s),
         };
         let still = speed_rad_per_s.abs() < 5.0 * motion.noise;
-        let acting = terms.iter().filter(|term| term.effect.acts_on_motor()).map(|term| Acting {
+        let acting = model.in_turn(|effect| effect.acts_on_motor()).into_iter().map(|term| Acting {
             effect: term.effect,
             values: &term.values,
             state: vec![0.0; term.effect.states()],
         });
-        let mut acting: Vec<_> = acting.collect();
-        acting.sort_by_key(|acting| acting.effect.turn());
         Self {
             model,
             data,
@@ -469,7 +467,7 @@ impl<'a> Run<'a> {
             longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: inertia_kg_m2(model),
             step: LinearStep::default(),
-            acting,
+            acting: acting.collect(),
             current_a: if still { 0.0 } else { current_a },
             speed_rad_per_s: if still { 0.0 } else { speed_rad_per_s },
             angle_rad: 0.0,
@@ -608,6 +606,7 @@ impl<'a> Run<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::catalogue::effect;
     use crate::motor::MotorParameters;
     use crate::recording::Recording;
     use crate::rig::Rig;
@@ -625,6 +624,24 @@ mod tests {
         }
         let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
         Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
+    }
+
+    /// Of sensors as well as of the motor: the one that was found first is not the one that acts first.
+    #[test]
+    fn the_order_in_which_effects_were_found_means_nothing() {
+        let effects: [(&str, &[f64]); 5] = [
+            ("current_lag", &[2e-3, 0.0]),
+            ("current_offset", &[-0.3]),
+            ("current_clipping", &[0.8]),
+            ("encoder_eccentricity", &[0.02, 0.01]),
+            ("missed_counts", &[0.3, 50.0, 1.0, 0.0]),
+        ];
+        let with = |model: Model, (id, values): &(&str, &[f64])| model.with(effect(id).unwrap(), values.to_vec());
+        let linear = || Model::linear(MotorParameters::PIVT6);
+        let data = stepped(1e-3);
+        let as_listed = free_run(&effects.iter().fold(linear(), with), &data);
+        assert_eq!(free_run(&effects.iter().rev().fold(linear(), with), &data), as_listed);
+        assert!(as_listed[0].iter().all(|current| current.abs() <= 0.8), "the range ends what the offset has moved");
     }
 
     proptest! {

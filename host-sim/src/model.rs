@@ -37,6 +37,11 @@ impl Term {
         constants.filter(|(constant, value)| constant.moves(**value)).count()
     }
 
+    /// See [`Effect::turn`].
+    pub fn turn(&self) -> i8 {
+        self.effect.turn(&self.values)
+    }
+
     /// Whether it is more than nothing.
     pub fn is_there(&self) -> bool {
         let mut strengths = self.effect.strengths();
@@ -164,6 +169,13 @@ impl Model {
     pub fn without(&self, id: &str) -> Self {
         let terms = self.terms.iter().filter(|term| term.id() != id).cloned().collect();
         Self { motor: self.motor, terms }
+    }
+
+    /// Those of its terms that are chosen, in their turn.
+    pub fn in_turn(&self, chosen: impl Fn(&dyn Effect) -> bool) -> Vec<&Term> {
+        let mut terms: Vec<&Term> = self.terms.iter().filter(|term| chosen(term.effect)).collect();
+        terms.sort_by_key(|term| term.turn());
+        terms
     }
 
     /// Whether it has an effect.

@@ -269,7 +269,7 @@ impl Effect for Backlash {
     }
 
     /// What else drives the motor decides when the flanks meet.
-    fn turn(&self) -> i8 {
+    fn turn(&self, _values: &[f64]) -> i8 {
         2
     }
 

@@ -54,7 +54,7 @@ impl Effect for CoastDecay {
     }
 
     /// What the bridge drops in the pulse counts there alone.
-    fn turn(&self) -> i8 {
+    fn turn(&self, _values: &[f64]) -> i8 {
         1
     }
 

@@ -35,7 +35,7 @@ impl Effect for CoulombFriction {
     }
 
     /// What scales it comes after it.
-    fn turn(&self) -> i8 {
+    fn turn(&self, _values: &[f64]) -> i8 {
         -2
     }
 

@@ -28,6 +28,11 @@ impl Effect for CurrentClipping {
         [0.5, 0.65, 0.8, 0.95].map(|share| vec![share * scales.current_a]).to_vec()
     }
 
+    /// The converter's range ends what a sensor with its filter and offset shows.
+    fn turn(&self, _values: &[f64]) -> i8 {
+        1
+    }
+
     fn sense(&self, values: &[f64], _at: &Sampling, _state: &mut [f64], readings: &mut Readings) {
         readings.current_a = readings.current_a.clamp(-values[0], values[0]);
     }

@@ -42,6 +42,11 @@ impl Effect for CurrentLag {
         2
     }
 
+    /// A filter at the sensor comes first, one in the program last.
+    fn turn(&self, values: &[f64]) -> i8 {
+        if values[1] > 0.0 { 2 } else { -1 }
+    }
+
     fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
         let [time_constant_s, in_program] = [values[0], values[1]];
         let (last_read_a, last_a, now_a) = (state[0], state[1], readings.current_a);

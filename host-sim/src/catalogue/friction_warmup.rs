@@ -31,7 +31,7 @@ impl Effect for FrictionWarmup {
 
     /// After the Coulomb friction, before what differs between directions or falls off with speed: grease has no part in
     /// that.
-    fn turn(&self) -> i8 {
+    fn turn(&self, _values: &[f64]) -> i8 {
         -1
     }
 

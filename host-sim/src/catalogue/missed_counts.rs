@@ -90,6 +90,11 @@ impl Effect for MissedCounts {
         lost_share * counted_of * speed_rad_per_s.signum()
     }
 
+    /// An encoder that is off its centre has its counts where it has them.
+    fn turn(&self, _values: &[f64]) -> i8 {
+        1
+    }
+
     fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
         let lost_rad_per_s = self.lost_rad_per_s(values, readings.speed_rad_per_s);
         readings.speed_rad_per_s -= lost_rad_per_s;

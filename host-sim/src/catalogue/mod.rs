@@ -433,8 +433,8 @@ pub trait Effect: Sync {
         Simplification { own: 1e-3, inertia: 0.0, viscous_friction: 0.0 }
     }
 
-    /// Its turn among the others: those of a lower one have contributed before it.
-    fn turn(&self) -> i8 {
+    /// Its turn among the others: those of a lower one have contributed, or acted on the reading, before it.
+    fn turn(&self, _values: &[f64]) -> i8 {
         0
     }
 

@@ -57,7 +57,7 @@ impl ModelPlant {
     /// At rest, behind a bridge with losses of its own.
     pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
         model.terms.retain(|term| Self::simulates(term.effect));
-        model.terms.sort_by_key(|term| term.effect.turn());
+        model.terms.sort_by_key(Term::turn);
         // A drop that follows the mean current is not the switched bridge's.
         let exact = |term: &Term| EXACT.contains(&term.id()) && term.values[1..].iter().all(|knee_a| *knee_a == 0.0);
         let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque || SLOW.contains(&term.id());
