@@ -52,7 +52,10 @@ pub fn verdict(outcome: &Outcome) -> String {
 /// An effect's name in sentences, or what is wrong with a value.
 pub fn title(id: &str) -> String {
     match id.strip_prefix("parameter:") {
-        Some(name) => format!("a wrong value of the {}", name.replace('_', " ")),
+        Some(name) => match name.strip_suffix("_scale") {
+            Some(quantity) => format!("a {quantity} in another scale"),
+            None => format!("a wrong value of the {}", name.replace('_', " ")),
+        },
         None => effect(id).map_or(id, |effect| effect.about().title).into(),
     }
 }
