@@ -96,7 +96,8 @@ impl Scale {
         let of_scale: Vec<(f64, f64)> = off.iter().map(|(constant, off)| (quantity.power(constant), *off)).collect();
         let degrees = off.len().checked_sub(1)?;
         let concerned = || of_scale.iter().filter(|(power, _)| *power != 0.0);
-        if concerned().count() < 2 {
+        // A load on the shaft and a bridge in series are more of two of them as well.
+        if concerned().count() < TOLD.iter().filter(|(constant, _)| quantity.power(constant) != 0.0).count() {
             return None;
         }
         let squares: f64 = concerned().map(|(power, _)| power * power).sum();
@@ -219,10 +220,11 @@ fn lost_at_all_speeds(model: &Model, data: &Dataset) -> f64 {
 mod tests {
     use super::*;
 
-    /// The scales that constants so many times the nominal ones have in common: of resistance, torque constant, inertia.
+    /// The scales that constants so many times the nominal ones have in common: of resistance, torque constant, inertia; NaN
+    /// where there is no nominal one.
     fn scales_of(found_over_nominal: [f64; 3]) -> Vec<(Quantity, f64)> {
-        let off: Vec<_> =
-            TOLD.iter().zip(found_over_nominal).map(|((constant, _), off)| (*constant, off.ln())).collect();
+        let off = TOLD.iter().zip(found_over_nominal).map(|((constant, _), off)| (*constant, off.ln()));
+        let off: Vec<_> = off.filter(|(_, off)| off.is_finite()).collect();
         let quantities = [Quantity::Voltage, Quantity::Current, Quantity::Motion];
         let scales = quantities.into_iter().filter_map(|quantity| Scale::common(&off, quantity));
         scales.map(|scale| (scale.quantity, scale.recorded_over_true.exp())).collect()
@@ -237,6 +239,14 @@ mod tests {
         assert!((quarter - 0.25).abs() < 0.03, "{quarter}");
         let [(Quantity::Current, milli)] = scales_of([1.1e-3, 1.0, 850.0])[..] else { panic!("milliamperes") };
         assert!((milli - 1000.0).abs() < 150.0, "{milli}");
+    }
+
+    /// With a load on the shaft, and a bridge whose resistance is in series.
+    #[test]
+    fn more_of_two_values_is_no_scale() {
+        for values in [[2.0, f64::NAN, 2.0], [4.0, f64::NAN, 4.0], [2.0, 1.0, 2.0]] {
+            assert_eq!(scales_of(values), [], "{values:?}");
+        }
     }
 
     #[test]
