@@ -158,13 +158,10 @@ impl Understood {
 
 /// The same in the scale that the nominal values say, where the data are better understood by that.
 fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress) -> (Option<Scale>, Understood) {
-    let doubts = |way: &Understood| {
-        let last = &way.selection.last;
-        (above_floor(&way.data, last) > NOT_NOISE, select::is_strange(prior, last))
-    };
+    let doubts = |way: &Understood| select::doubts(&way.data, prior, &way.selection.last);
     let of = |fit: &Fit| Scale::of(&recorded.data, prior, fit);
     // In a scale that is far off the search may have gone astray.
-    let has_gone_astray = doubts(&recorded) != (false, false);
+    let has_gone_astray = doubts(&recorded).contains(&true);
     let scale = of(&recorded.selection.last).or_else(|| of(&recorded.selection.base).filter(|_| has_gone_astray));
     let Some(scale) = scale else { return (None, recorded) };
     progress("in another scale");
@@ -207,7 +204,7 @@ fn best_understood(
     let ways = [Some(data), centred].into_iter().flatten().map(|data| understood(data, prior, not, progress));
     let rank = |(data, selection): &(Dataset, Selection)| {
         let last = &selection.last;
-        (above_floor(data, last) > NOT_NOISE, select::is_strange(prior, last), last.model.terms.len(), last.cost)
+        (select::doubts(data, prior, last), last.model.terms.len(), last.cost)
     };
     ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
 }

@@ -3,6 +3,7 @@
 //! nominal values by powers of one and the same factor, as those of no other motor are.
 
 use super::outcome::{Cause, Estimate};
+use super::select::{OF_SIZE, off_data_sheet};
 use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, value_cause};
 use crate::dataset::{Dataset, Output, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
@@ -20,13 +21,8 @@ const ROUGHLY: f64 = 0.1;
 const FROM_STANDSTILL: f64 = 0.05;
 /// ... nearly as great a part is lost.
 const EVEN: f64 = 0.9;
-/// Constants that tell of a scale, and what each is called where it is wrong by itself. What an inductance is depends on the
-/// frequency it is measured at.
-const TOLD: [(&str, &str); 3] = [
-    ("resistance_ohm", "parameter:resistance"),
-    ("torque_constant_Nm_per_A", "parameter:torque_constant"),
-    ("inertia_kg_m2", "parameter:inertia"),
-];
+/// What the constants that tell of a scale are called where one is wrong by itself, in the order of [`OF_SIZE`].
+const VALUES: [&str; 3] = ["parameter:resistance", "parameter:torque_constant", "parameter:inertia"];
 /// Factors that people get wrong by, with what is behind them: of counts, of another speed, of a current.
 const DECODINGS: [f64; 2] = [2.0, 4.0];
 const SPEED_UNITS: [f64; 3] = [60.0 / TAU, 360.0 / TAU, 1.0 / TAU];
@@ -84,7 +80,7 @@ impl Scale {
     /// nothing is told of scales but by the nominal values themselves.
     pub fn of(data: &Dataset, prior: &Prior, fit: &Fit) -> Option<Self> {
         data.current()?;
-        let off = off(data, prior, &fit.model);
+        let off = off(data, prior, fit);
         let scales =
             [Quantity::Voltage, Quantity::Current, Quantity::Motion].map(|quantity| Self::common(&off, quantity));
         let best = scales.into_iter().flatten().min_by(|a, b| a.half.total_cmp(&b.half))?;
@@ -97,14 +93,14 @@ impl Scale {
         let degrees = off.len().checked_sub(1)?;
         let concerned = || of_scale.iter().filter(|(power, _)| *power != 0.0);
         // A load on the shaft and a bridge in series are more of two of them as well.
-        if concerned().count() < TOLD.iter().filter(|(constant, _)| quantity.power(constant) != 0.0).count() {
+        if concerned().count() < OF_SIZE.iter().filter(|constant| quantity.power(constant) != 0.0).count() {
             return None;
         }
         let squares: f64 = concerned().map(|(power, _)| power * power).sum();
         let x = concerned().map(|(power, off)| power * off).sum::<f64>() / squares;
         let rests: Vec<f64> = of_scale.iter().map(|(power, off)| off - power * x).collect();
         let worst = greatest(&rests);
-        let is_the_same = off.len() == TOLD.len() && worst < 0.5 * SAME_FACTOR && x.abs() > DATA_SHEET_TOLERANCE;
+        let is_the_same = off.len() == OF_SIZE.len() && worst < 0.5 * SAME_FACTOR && x.abs() > DATA_SHEET_TOLERANCE;
         let is_beyond_doubt = is_the_same || x.abs() > OTHER_UNIT.ln();
         // One value that is off alone is no scale; nor is one that is off without having to do with it.
         let are_all_off = of_scale.iter().all(|(power, off)| (off.abs() > DATA_SHEET_TOLERANCE) == (*power != 0.0));
@@ -162,7 +158,7 @@ impl Scale {
         let may_be_lost = self.is_of_counts(data) && self.recorded_over_true < 0.0;
         let mut not_separable_from: Vec<&'static str> = may_be_lost.then_some(counter_stops::ID).into_iter().collect();
         if !self.is_beyond_doubt {
-            let concerned = TOLD.iter().filter(|(constant, _)| self.quantity.power(constant) != 0.0);
+            let concerned = OF_SIZE.iter().zip(VALUES).filter(|(constant, _)| self.quantity.power(constant) != 0.0);
             not_separable_from.extend(concerned.map(|(_, value)| value));
         }
         Cause { not_separable_from, ..cause }
@@ -194,15 +190,11 @@ impl Scale {
     }
 }
 
-/// Logarithms of found over nominal, of the constants that have one. Counts lost at all speeds are another scale by another name.
-fn off(data: &Dataset, prior: &Prior, model: &Model) -> Vec<(&'static str, f64)> {
-    let lost = lost_at_all_speeds(model, data);
-    let constants = model.motor.named().into_iter().zip(prior.nominal.values());
-    let told = constants.filter(|((constant, _), _)| TOLD.iter().any(|(told, _)| told == constant));
-    let off = |((constant, found), nominal): ((&'static str, f64), Option<f64>)| {
-        Some((constant, (found / nominal?).ln() + Quantity::Motion.power(constant) * (1.0 - lost).ln()))
-    };
-    told.filter_map(off).collect()
+/// Logarithms of found over nominal. Counts lost at all speeds are another scale by another name.
+fn off(data: &Dataset, prior: &Prior, fit: &Fit) -> Vec<(&'static str, f64)> {
+    let counted = (1.0 - lost_at_all_speeds(&fit.model, data)).ln();
+    let with_lost = |(constant, off)| (constant, off + Quantity::Motion.power(constant) * counted);
+    off_data_sheet(prior, fit).map(with_lost).collect()
 }
 
 /// Share of the counts that a model has lost from standstill on.
@@ -223,7 +215,7 @@ mod tests {
     /// The scales that constants so many times the nominal ones have in common: of resistance, torque constant, inertia; NaN
     /// where there is no nominal one.
     fn scales_of(found_over_nominal: [f64; 3]) -> Vec<(Quantity, f64)> {
-        let off = TOLD.iter().zip(found_over_nominal).map(|((constant, _), off)| (*constant, off.ln()));
+        let off = OF_SIZE.into_iter().zip(found_over_nominal).map(|(constant, off)| (constant, off.ln()));
         let off: Vec<_> = off.filter(|(_, off)| off.is_finite()).collect();
         let quantities = [Quantity::Voltage, Quantity::Current, Quantity::Motion];
         let scales = quantities.into_iter().filter_map(|quantity| Scale::common(&off, quantity));

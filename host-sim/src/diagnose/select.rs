@@ -48,6 +48,8 @@ const STRANGE_EACH: f64 = 8.0;
 const NEAR: f64 = 10.0;
 /// An inductance this many times the nominal one may be an effect.
 const EXCESSIVE_INDUCTANCE: f64 = 1.35;
+/// Constants that say how large a motor is. What an inductance is depends on the frequency it is measured at.
+pub(super) const OF_SIZE: [&str; 3] = ["resistance_ohm", "torque_constant_Nm_per_A", "inertia_kg_m2"];
 /// Spread of the logarithm of an inductance that is held.
 const CERTAIN: f64 = 0.01;
 /// Of a wave, so many other numbers of periods are looked at; it is none if more than half of them gain this share of what
@@ -116,13 +118,10 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     progress("linear motor");
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
-    let doubts = |fit: &Fit| {
-        let remains = above_floor(data, fit) > NOT_NOISE;
-        [remains, chooser.is_strange(fit), has_wrong_values(prior, fit)]
-    };
+    let doubts = |fit: &Fit| (doubts(data, prior, fit), has_wrong_values(prior, fit));
     let key = |(fit, _): &Way| (doubts(fit), fit.cost);
     let better = |way: Way, other: Way| if key(&other) < key(&way) { other } else { way };
-    let is_doubtful = |(fit, _): &Way| doubts(fit).contains(&true);
+    let is_doubtful = |(fit, _): &Way| doubts(fit) != ([false; 2], false);
     let mut way = chooser.forward(base.clone(), Vec::new(), Lead::Significance);
     if is_doubtful(&way) {
         way = better(way, chooser.forward(base.clone(), Vec::new(), Lead::Cost));
@@ -574,26 +573,27 @@ impl Chooser<'_> {
 }
 
 /// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
-pub(super) fn is_strange(prior: &Prior, fit: &Fit) -> bool {
+fn is_strange(prior: &Prior, fit: &Fit) -> bool {
     let given = off_data_sheet(prior, fit).count().max(1);
     strangeness(prior, fit) > STRANGE_EACH * given as f64
+}
+
+/// What speaks against a fit: something remains, its motor is strange. The fewer of these the better, the first before the second.
+pub(super) fn doubts(data: &Dataset, prior: &Prior, fit: &Fit) -> [bool; 2] {
+    [above_floor(data, fit) > NOT_NOISE, is_strange(prior, fit)]
 }
 
 /// Whether several of the motor's constants are farther from the data sheet than it is wrong by itself: more likely something
 /// else has been made up for.
 fn has_wrong_values(prior: &Prior, fit: &Fit) -> bool {
-    off_data_sheet(prior, fit).filter(|off| off.abs() > DATA_SHEET_TOLERANCE).count() > 1
+    off_data_sheet(prior, fit).filter(|(_, off)| off.abs() > DATA_SHEET_TOLERANCE).count() > 1
 }
 
 /// Logarithms of resistance, torque constant and inertia over those of them that the data sheet gives.
-fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = f64> {
-    let (nominal, found) = (&prior.nominal, &fit.model.motor);
-    let constants = [
-        (nominal.resistance_ohm, found.resistance_ohm),
-        (nominal.torque_constant_nm_per_a, found.torque_constant_nm_per_a),
-        (nominal.inertia_kg_m2, found.inertia_kg_m2),
-    ];
-    constants.into_iter().filter_map(|(nominal, found)| Some((found / nominal?).ln()))
+pub(super) fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = (&'static str, f64)> {
+    let constants = fit.model.motor.named().into_iter().zip(prior.nominal.values());
+    let of_size = constants.filter(|((name, _), _)| OF_SIZE.contains(name));
+    of_size.filter_map(|((name, found), nominal)| Some((name, (found / nominal?).ln())))
 }
 
 /// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says
