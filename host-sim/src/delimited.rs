@@ -43,28 +43,60 @@ impl<'a> Delimited<'a> {
         of_reader.map_or(1, csv::Position::line) + self.skipped
     }
 
+    /// Names of the columns.
+    ///
+    /// # Errors
+    /// What is wrong, and where.
+    pub fn header(&self) -> Result<Vec<String>, String> {
+        let mut reader = self.reader();
+        let header = reader.headers().map_err(|error| self.failure(&error))?;
+        Ok(header.iter().map(String::from).collect())
+    }
+
     /// The numbers of one column; missing ones are left out.
     ///
     /// # Errors
     /// What is wrong, and where.
     pub fn column(&self, name: &str) -> Result<Vec<f64>, String> {
-        let failed = |error: Error| format!("line {}: {}", self.line(error.position()), fault(&error));
-        let mut reader = self.reader();
-        let header = reader.headers().map_err(failed)?.clone();
-        let place = header.iter().position(|column| column == name).ok_or_else(|| {
-            format!("a column {name} is expected; there are {}", header.iter().collect::<Vec<_>>().join(", "))
-        })?;
-        let mut values = Vec::new();
-        for row in reader.records() {
-            let row = row.map_err(failed)?;
-            let text = row.get(place).unwrap_or_default();
-            values.push(number(text, self.has_decimal_commas()).ok_or_else(|| {
-                format!("line {}, column {name}: expected a number, found \"{text}\"", self.line(row.position()))
-            })?);
-        }
+        let mut values: Vec<f64> = self.cells(name)?.into_iter().map(|cell| cell.value).collect();
         values.retain(|value| !value.is_nan());
         Ok(values)
     }
+
+    /// The cells of one column, also those that are missing.
+    ///
+    /// # Errors
+    /// What is wrong, and where.
+    pub fn cells(&self, name: &str) -> Result<Vec<Cell>, String> {
+        let header = self.header()?;
+        let place = header
+            .iter()
+            .position(|column| column == name)
+            .ok_or_else(|| format!("a column {name} is expected; there are {}", header.join(", ")))?;
+        let mut cells = Vec::new();
+        for row in self.reader().records() {
+            let row = row.map_err(|error| self.failure(&error))?;
+            let text = row.get(place).unwrap_or_default();
+            let value = number(text, self.has_decimal_commas()).ok_or_else(|| {
+                format!("line {}, column {name}: expected a number, found \"{text}\"", self.line(row.position()))
+            })?;
+            cells.push(Cell { text: text.into(), value });
+        }
+        Ok(cells)
+    }
+
+    fn failure(&self, error: &Error) -> String {
+        format!("line {}: {}", self.line(error.position()), fault(error))
+    }
+}
+
+/// A number as it is written.
+#[derive(Clone, Debug)]
+pub struct Cell {
+    /// With the digits that it is given to.
+    pub text: String,
+    /// NaN where it is missing.
+    pub value: f64,
 }
 
 fn likely_delimiter(table: &str) -> u8 {

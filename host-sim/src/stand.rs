@@ -2,6 +2,7 @@
 //! resistance from rows at rest, the motor's condition against an earlier test, and where it is most efficient: measured where
 //! a brake of known torque was at the shaft, else foretold.
 
+pub mod derived;
 pub mod drive;
 
 use crate::diagnose::outcome::Estimate;
@@ -10,6 +11,7 @@ use crate::rig::Rig;
 use crate::steady_state::{
     Level, Line, Row, Rows, Study, StudyError, errors, is_loaded, levels, nominal, rows, same_level, study,
 };
+use derived::Slip;
 use serde::Serialize;
 
 /// A change of the motor's condition is one from so many standard errors on.
@@ -198,6 +200,20 @@ pub struct Stand {
     pub load_scale: Option<Estimate>,
     /// The most efficient load at each voltage of the table, by the constants.
     pub most_efficient: Vec<OperatingPoint>,
+    /// Of the table that a study derived from the same readings.
+    pub slips: Vec<Slip>,
+}
+
+impl Stand {
+    /// Takes what a study derived from the same readings, as it prints it (CSV), and keeps what is wrong in that.
+    ///
+    /// # Errors
+    /// What is wrong with the text, and where.
+    pub fn check(&mut self, derived: &str, rig: &Rig) -> Result<(), String> {
+        let (_, k) = nominal(rig).map_err(|error| error.to_string())?;
+        self.slips = derived::slips(derived, &self.study.levels, k)?;
+        Ok(())
+    }
 }
 
 /// Evaluates a table. `earlier`: a table of the same motor; `resistances_ohm`: of the winding where it was measured apart,
@@ -240,6 +256,7 @@ pub fn evaluate(
         loaded,
         load_scale,
         most_efficient,
+        slips: Vec::new(),
         study,
     })
 }

@@ -23,10 +23,11 @@ fn rows(name: &str) -> Vec<Vec<f64>> {
 }
 
 #[test]
-fn the_mean_resistance_is_the_papers() {
+fn the_mean_of_the_measured_resistances_is_not_the_papers() {
     let values: Vec<f64> = rows("table3_winding_resistance.csv").iter().map(|row| row[1]).collect();
     let mean = values.iter().sum::<f64>() / values.len() as f64;
-    assert!((mean - 5.84).abs() < 0.1, "{mean}");
+    // It prints 5.84 for it: one digit.
+    assert!((mean - 5.939).abs() < 0.001, "{mean}");
 }
 
 #[test]

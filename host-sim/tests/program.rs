@@ -457,8 +457,10 @@ fn stand_finds_where_the_power_goes_and_what_has_worn() {
 fn stand_of_the_published_study() {
     let data = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pivt6").join(name);
     let (table, rig, winding) = (data("table2_no_load.csv"), data("rig.toml"), data("table3_winding_resistance.csv"));
-    let arguments = ["stand", path(&table), "--rig", path(&rig), "--resistance", path(&winding), "--json", "-"];
-    let stand = json_of(&arguments);
+    let derived = data("table4_derived.csv");
+    let table = ["stand", path(&table), "--rig", path(&rig), "--resistance", path(&winding), "--derived"];
+    let arguments = [&table[..], &[path(&derived)]].concat();
+    let stand = json_of(&[&arguments[..], &["--json", "-"]].concat());
     for (level, published) in stand["levels"].as_array().unwrap().iter().zip([16.76, 18.96, 20.41, 21.96, 24.87]) {
         assert!((level["dynamic_resistance_ohm"].as_f64().unwrap() - published).abs() < 0.02, "{level}");
     }
@@ -467,6 +469,22 @@ fn stand_of_the_published_study() {
         assert!(share.abs() < 0.03, "{losses}");
     }
     assert_eq!(stand["winding"]["resistances_ohm"].as_array().unwrap().len(), 18);
+    // All of the derived table's slips are in one row: the speed is another than the readings', and than that of its EMF.
+    let slips = stand["slips"].as_array().unwrap();
+    let columns = slips.iter().map(|slip| (slip["u_V"].as_f64().unwrap(), slip["column"].as_str().unwrap()));
+    let wrong = ["rpm", "omega_rad_per_s", "emf_V", "k_mot_rad_per_s_per_V"];
+    assert!(columns.eq(wrong.map(|column| (20.0, column))), "{slips:?}");
+    let number = |slip: &Value, key: &str| slip[key].as_f64().unwrap();
+    assert!((number(&slips[0], "by_readings") - 1759.5).abs() < 0.1 && number(&slips[0], "printed") == 1722.0);
+    assert!((number(&slips[2], "by_row") - 12.98).abs() < 0.01 && number(&slips[2], "printed") == 13.27);
+    motorbench(&arguments).success().stdout(
+        predicate::str::contains("4.00 to 13.3; nominal 5.84,\n  not that mean\n")
+            .and(predicate::str::contains("Slips of the derived table"))
+            .and(predicate::function(|text: &str| text.lines().all(|line| line.chars().count() <= 80))),
+    );
+    motorbench(&[&table[..], &[path(&winding)]].concat())
+        .code(1)
+        .stderr(predicate::str::contains("table3_winding_resistance.csv: a column u_V is expected"));
 }
 
 /// The main job: what was hidden is named, the loop that knows it follows better, and one page shows all of it.

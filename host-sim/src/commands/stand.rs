@@ -7,8 +7,9 @@ use crate::delimited::Delimited;
 use crate::diagnose::page::estimate;
 use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
-use crate::terminal_text::{fixed, short, wrapped};
+use crate::stand::derived::Slip;
+use crate::stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, Winding, evaluate};
+use crate::terminal_text::{fixed, rounded, short, wrapped};
 use crate::text_file;
 use crate::web_page::axis_label;
 use clap::Args;
@@ -26,6 +27,7 @@ use std::path::{Path, PathBuf};
   motorbench stand --port /tmp/motorbench --rig rig.toml --voltages 6,8,10,12
   motorbench stand --rig rig.toml --voltages 8,10,12 --load-Nm 0,0.01,0.02
   motorbench stand no_load.csv --rig rig.toml --resistance positions.csv
+  motorbench stand no_load.csv --rig rig.toml --derived printed.csv
   motorbench stand now.csv --earlier last_year.csv --rig rig.toml \\
     --map efficiency.svg
 
@@ -49,6 +51,9 @@ pub struct Arguments {
     /// A table of the same motor from an earlier test.
     #[arg(long, value_name = "TABLE.csv")]
     earlier: Option<PathBuf>,
+    /// What a study derived from the table, as it prints it: cells that its own formulas or the readings contradict are listed.
+    #[arg(long, value_name = "TABLE.csv", requires = "table")]
+    derived: Option<PathBuf>,
     /// Draws the efficiency over voltage and torque that the constants found foretell.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     map: Option<PathBuf>,
@@ -99,7 +104,12 @@ fn report(
     (earlier, resistances_ohm): (Option<&Recording>, Option<Vec<f64>>),
     rig: &Rig,
 ) -> Result<(), Failure> {
-    let stand = evaluate(table, earlier, resistances_ohm, rig).map_err(Failure::input)?;
+    let mut stand = evaluate(table, earlier, resistances_ohm, rig).map_err(Failure::input)?;
+    if let Some(path) = &arguments.derived {
+        let failed = |what: &dyn std::fmt::Display| Failure::input(format!("{}: {what}", path.display()));
+        let derived = text_file::read(path, "a table (CSV) of derived figures").map_err(|error| failed(&error))?;
+        stand.check(&derived, rig).map_err(|what| failed(&what))?;
+    }
     if let Some(path) = &arguments.map {
         let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
         write_plot(path, &map(&stand.constants.map(greatest_v)).map_err(Failure::machine)?)?;
@@ -114,7 +124,7 @@ fn report(
 impl Arguments {
     fn outputs(&self) -> Result<Outputs, Failure> {
         let measured = if self.table.is_none() { self.board.files() } else { Vec::new() };
-        let others = [&self.table, &self.resistance, &self.earlier].into_iter().flatten();
+        let others = [&self.table, &self.resistance, &self.earlier, &self.derived].into_iter().flatten();
         let written = self.map.iter().chain(&self.json).chain(&measured);
         Outputs::new([&self.rig].into_iter().chain(others), written)
     }
@@ -189,17 +199,19 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     if let Some(winding) = &stand.winding {
         let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
         let most = winding.resistances_ohm.iter().copied().fold(0.0, f64::max);
-        let _ = writeln!(
-            text,
-            "\nWinding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
+        let line = format!(
+            "Winding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
             winding.resistances_ohm.len(),
             short(winding.mean_ohm),
             short(winding.spread_ohm),
             short(least),
             short(most),
-            nominal_ohm.map_or("unknown".into(), short)
+            nominal_ohm.map_or("unknown".into(), |nominal| against_mean(nominal, winding))
         );
+        text.push('\n');
+        text += &wrapped(&line, "", "  ");
     }
+    slips(&mut text, &stand.slips);
     directions(&mut text, stand);
     condition(&mut text, stand);
     loads(&mut text, stand);
@@ -242,6 +254,27 @@ fn loads(text: &mut String, stand: &Stand) {
     );
     if let Some(scale) = &stand.load_scale {
         let _ = writeln!(text, "The currents speak of {} times the stated loads", estimate(scale));
+    }
+}
+
+/// Nominal resistance, and whether it is the mean of the positions, to the digits that it is given with.
+fn against_mean(nominal_ohm: f64, winding: &Winding) -> String {
+    let digits = nominal_ohm.to_string().split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    let is_mean = format!("{:.digits$}", winding.mean_ohm) == format!("{nominal_ohm:.digits$}");
+    if is_mean { short(nominal_ohm) } else { format!("{}, not that mean", short(nominal_ohm)) }
+}
+
+/// Cells of a derived table that are wrong.
+fn slips(text: &mut String, slips: &[Slip]) {
+    if slips.is_empty() {
+        return;
+    }
+    text.push_str("\nSlips of the derived table: a cell, its formula of its own row, of the readings\n");
+    text.push_str("     u_V                 column  printed  own row  readings\n");
+    let cell = |value: Option<f64>| value.map_or("-".into(), |value| rounded(value, 5));
+    for Slip { u_V, column, printed, by_row, by_readings } in slips {
+        let (row, readings) = (cell(*by_row), cell(*by_readings));
+        let _ = writeln!(text, "  {u_V:6.2} {column:>22} {:>8} {row:>8} {readings:>9}", rounded(*printed, 5));
     }
 }
 
