@@ -6,8 +6,10 @@ use host_sim::diagnose::diagnose;
 use host_sim::diagnose::outcome::Verdict;
 use host_sim::recording::Recording;
 use host_sim::rig::Rig;
+use host_sim::steady_state::study;
 use jsonschema::Validator;
 use serde_json::{Value, json};
+use std::path::Path;
 
 fn schema() -> Value {
     serde_json::from_str(include_str!("../../docs/diagnosis.schema.json")).unwrap()
@@ -15,6 +17,11 @@ fn schema() -> Value {
 
 fn validator() -> Validator {
     jsonschema::validator_for(&schema()).unwrap()
+}
+
+/// What is wrong with a result.
+fn errors(outcome: &Value) -> Vec<String> {
+    validator().iter_errors(outcome).map(|error| format!("{}: {error}", error.instance_path())).collect()
 }
 
 fn outcome(recipe: &Recipe, verdict: Verdict) -> Value {
@@ -28,7 +35,6 @@ fn outcome(recipe: &Recipe, verdict: Verdict) -> Value {
 
 #[test]
 fn results_of_every_kind_keep_to_it() {
-    let validator = validator();
     let cogging = Recipe::of(&[Effect::Cogging]).on_real_rig();
     for (recipe, verdict) in [
         (Recipe::of(&[]), Verdict::Sufficient),
@@ -37,9 +43,49 @@ fn results_of_every_kind_keep_to_it() {
         (Recipe::of(&[Effect::OutsideShaker]), Verdict::Unexplained),
     ] {
         let outcome = outcome(&recipe, verdict);
-        let errors: Vec<String> =
-            validator.iter_errors(&outcome).map(|error| format!("{}: {error}", error.instance_path())).collect();
+        let errors = errors(&outcome);
         assert!(errors.is_empty(), "{errors:?}\n{outcome:#}");
+    }
+}
+
+/// A table of steady states at these currents, of a motor with the rig's constants but for a drop and a resistance that grows.
+fn table(currents_a: &[f64], drop_v: f64, growth_ohm_s: f64) -> Value {
+    let mut text = String::from("u_V,i_A,omega_rad_per_s\n");
+    for u_v in [4.0, 6.0, 8.0, 10.0, 12.0] {
+        for (index, i_a) in currents_a.iter().enumerate() {
+            let scatter = if index % 2 == 0 { 2e-3 } else { -2e-3 };
+            let omega = (u_v - drop_v - 2.0 * i_a) / (0.04 + growth_ohm_s * i_a) + scatter * u_v;
+            text += &format!("{u_v},{i_a},{omega}\n");
+        }
+    }
+    let rig = Rig::parse("rig.toml", "[motor]\nresistance_ohm = 2.0\ntorque_constant_Nm_per_A = 0.04\n").unwrap();
+    let study = study(&Recording::parse("table.csv", text.as_bytes(), &[]).unwrap(), &rig, None).unwrap();
+    serde_json::to_value(&study).unwrap()
+}
+
+/// The published table, one where nothing is missing, one with a drop, and one that asks for a resistance that grows.
+#[test]
+fn results_of_tables_keep_to_it() {
+    let pivt6 = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pivt6");
+    let published = Recording::read(&pivt6.join("table2_no_load.csv"), &[]).unwrap();
+    let published = study(&published, &Rig::read(&pivt6.join("rig.toml")).unwrap(), None).unwrap();
+    let published = serde_json::to_value(&published).unwrap();
+    let currents_a = [0.2, 0.201, 0.4, 0.401, 0.8, 0.801];
+    let growing = table(&currents_a, 1.0, 0.01);
+    assert!(growing["explanations"].to_string().contains("resistance_growing_with_speed"), "{growing:#}");
+    for outcome in [&published, &table(&currents_a, 0.0, 0.0), &table(&currents_a, 1.2, 0.0), &growing] {
+        let errors = errors(outcome);
+        assert!(errors.is_empty(), "{errors:?}\n{outcome:#}");
+    }
+    // The winding's resistance was not asked for; the constant was.
+    assert_eq!(published.pointer("/parameters/resistance_ohm/ci95"), Some(&Value::Null));
+    assert!(published.pointer("/parameters/torque_constant_Nm_per_A/ci95/1").unwrap().is_number());
+    // A level has all of its figures, and a table both of its lists.
+    for pointer in ["/levels/0/u_V", "/explanations/0/terms", "/levels"] {
+        let mut less = published.clone();
+        let (parent, key) = pointer.rsplit_once('/').unwrap();
+        less.pointer_mut(parent).unwrap().as_object_mut().unwrap().remove(key);
+        assert!(!validator().is_valid(&less), "{pointer}");
     }
 }
 

@@ -3,7 +3,7 @@
 //! Every number has its unit in its name or beside it. `null` stands for what could not be computed.
 
 use crate::catalogue::ActsOn;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
 
 /// A whole result.
@@ -114,8 +114,24 @@ pub struct Parameter {
     pub nominal: Option<f64>,
     /// Found.
     pub value: f64,
-    /// Interval that holds the true one in 95 of 100 recordings.
+    /// Interval that holds the true one in 95 of 100 recordings; without a width for a value that was held fixed.
+    #[serde(serialize_with = "interval_or_null")]
     pub ci95: [f64; 2],
+}
+
+impl Parameter {
+    /// None where the value was held fixed.
+    pub fn interval(&self) -> Option<[f64; 2]> {
+        with_width(self.ci95)
+    }
+}
+
+fn with_width(ci95: [f64; 2]) -> Option<[f64; 2]> {
+    (ci95[0] != ci95[1]).then_some(ci95)
+}
+
+fn interval_or_null<S: Serializer>(ci95: &[f64; 2], serializer: S) -> Result<S::Ok, S::Error> {
+    with_width(*ci95).serialize(serializer)
 }
 
 /// Quality of a model on one channel.

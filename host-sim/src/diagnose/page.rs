@@ -140,14 +140,10 @@ fn parameters(outcome: &Outcome) -> String {
     let _ = writeln!(text, "  {:28} {:>10}   found [95 % interval]", "", "nominal");
     for (name, parameter) in &outcome.parameters {
         let nominal = parameter.nominal.map_or("-".into(), short);
-        let [low, high] = parameter.ci95;
-        let _ = writeln!(
-            text,
-            "  {name:28} {nominal:>10} {:>10}   {} .. {}",
-            short(parameter.value),
-            short(low),
-            short(high)
-        );
+        let interval = parameter
+            .interval()
+            .map_or("not fitted".into(), |[low, high]| format!("{} .. {}", short(low), short(high)));
+        let _ = writeln!(text, "  {name:28} {nominal:>10} {:>10}   {interval}", short(parameter.value));
     }
     text
 }

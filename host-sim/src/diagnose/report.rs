@@ -133,12 +133,12 @@ fn gains_in_figures(diagnosis: &Diagnosis) -> String {
 
 fn intervals(html: &mut String, outcome: &Outcome) {
     let rows = outcome.parameters.iter().map(|(name, parameter)| {
-        let [low, high] = parameter.ci95;
+        let interval = parameter.interval();
         [
             code([&**name]),
             parameter.nominal.map_or("-".into(), short),
             short(parameter.value),
-            format!("{} to {}", short(low), short(high)),
+            interval.map_or("not fitted".into(), |[low, high]| format!("{} to {}", short(low), short(high))),
         ]
     });
     *html += "<h2>The motor</h2><p>Found over nominal, with 95 % intervals; grey: what data sheets are worth.</p>";
