@@ -8,12 +8,14 @@
 mod explanation;
 mod line;
 mod report;
+mod signs;
 
 pub use explanation::Explanation;
 use explanation::{TERMS, explanations};
 pub(crate) use line::{Errors, Line};
 use line::{left_out, rms};
 
+use crate::dataset::DatasetError;
 use crate::diagnose::outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Verdict, confidence};
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
@@ -121,6 +123,9 @@ pub enum StudyError {
         "a table of steady states needs [motor] resistance_ohm and torque_constant_Nm_per_A in the rig file: write them there from a data sheet, or as `motorbench identify` finds them in a recording"
     )]
     NoNominal,
+    /// A motion or a current that goes against its drive.
+    #[error(transparent)]
+    Sign(#[from] DatasetError),
 }
 
 /// What may be what is missing.
@@ -203,6 +208,7 @@ pub(crate) fn hardly_turns(u_v: f64, emf_v: f64) -> bool {
 
 pub(crate) fn rows(table: &Recording, k: f64) -> Result<Rows, StudyError> {
     let (voltage, current, speed) = columns(table)?;
+    signs::check(table, voltage, current, &speed)?;
     let load = table.get(Channel::LoadTorque).map_or_else(|| vec![0.0; voltage.len()], <[f64]>::to_vec);
     let row =
         |row: usize| Row { u_v: voltage[row], i_a: current[row], omega_rad_per_s: speed[row], load_nm: load[row] };
