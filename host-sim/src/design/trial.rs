@@ -133,6 +133,7 @@ pub struct Trial<P> {
     /// Drives on their way to the bridge, the oldest first: it acts when a tick begins, for so many PWM periods.
     drives: VecDeque<Drive>,
     late_periods: usize,
+    off_phase: OffPhase,
     sensors: SensorEffects,
     /// Sum of the block of conversions under way, of the last complete block, and of the last two.
     sums: [u16; 3],
@@ -167,6 +168,7 @@ impl<P: Plant> Trial<P> {
             periods: 0,
             drives: VecDeque::from([Drive::default()]),
             late_periods: LATE_PERIODS,
+            off_phase: OffPhase::Brakes,
             sensors: SensorEffects::default(),
             sums: [0, BLOCK as u16 * MIDDLE, 2 * BLOCK as u16 * MIDDLE],
             tacho: 0,
@@ -223,10 +225,10 @@ impl<P: Plant> Trial<P> {
 
     /// One tick, and the time until the next.
     pub fn tick(&mut self, request: Option<Request>) -> Point {
-        let before = pwm(&self.drives[0]);
+        let before = pwm(&self.drives[0], self.off_phase);
         self.drives.push_back(self.control.tick(request, &self.inputs()));
         self.drives.pop_front();
-        let now = pwm(&self.drives[0]);
+        let now = pwm(&self.drives[0], self.off_phase);
         let point = self.point();
         let inputs = PlantInputs {
             bridge: Bridge::default(),
@@ -383,21 +385,54 @@ impl<P: Plant> Trial<P> {
 }
 
 impl Trial<ModelPlant> {
-    /// At rest and disarmed, with everything that a model says: of the motor, of the sensors, and of the bridge's delay.
+    /// At rest and disarmed, with everything that a model says: of the motor, of the sensors, of the bridge's delay and of what
+    /// it does between pulses.
     ///
     /// # Errors
     /// A setting the core cannot hold.
     pub fn of_model(model: &Model, settings: Settings) -> Result<Self, BuildError> {
         let mut trial = Self::new(ModelPlant::new(model.clone()), settings)?;
         trial.delay_by(model.delay_s());
+        trial.off_phase = OffPhase::of(model);
         trial.sensors = SensorEffects::of(model);
         Ok(trial)
     }
 }
 
+/// What a bridge does between the pulses of a PWM.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum OffPhase {
+    /// As the firmware switches it.
+    Brakes,
+    /// The PWM is on the enable pin.
+    Coasts,
+    /// The enable is taken away where nothing is asked for.
+    CoastsAtZeroDuty,
+}
+
+impl OffPhase {
+    /// Of the bridge that a model was found behind. What the diodes take then is the plant's own, whatever the model's share.
+    fn of(model: &Model) -> Self {
+        match model.terms.iter().find(|term| term.id() == "coast_decay") {
+            None => Self::Brakes,
+            Some(coasts) if coasts.values[1] > 0.0 => Self::CoastsAtZeroDuty,
+            Some(_) => Self::Coasts,
+        }
+    }
+
+    fn coasts(self, duty: i16) -> bool {
+        match self {
+            Self::Brakes => false,
+            Self::Coasts => true,
+            Self::CoastsAtZeroDuty => duty == 0,
+        }
+    }
+}
+
 /// How a drive switches the bridge: on for the duty, braking or coasting for the rest.
-fn pwm(drive: &Drive) -> Pwm {
+fn pwm(drive: &Drive, off_phase: OffPhase) -> Pwm {
     let rest = match drive.bridge {
+        excitation::Bridge::Drive if off_phase.coasts(drive.duty) => Bridge::Coast,
         excitation::Bridge::Coast => Bridge::Coast,
         excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
     };
@@ -413,6 +448,8 @@ fn pwm(drive: &Drive) -> Pwm {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::catalogue::effect;
+    use crate::motor::MotorParameters;
     use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters};
 
     /// In open loop the core measures what is true: speed and current, to the resolution of its sensors.
@@ -449,6 +486,24 @@ mod tests {
                 assert!(-within < least && most < within && most - least >= 0.2 * ripple, "{least} {most}");
             }
         }
+    }
+
+    /// With the PWM on the enable pin the current ends within each off phase: half the duty hardly turns a motor that turns well
+    /// where the off phase brakes, and one that coasts only at zero duty turns as well, and runs on.
+    #[test]
+    fn the_off_phase_is_the_models() {
+        let motor = Model::linear(MotorParameters { inertia_kg_m2: 2e-5, ..MotorParameters::PIVT6 });
+        let motor = motor.with(effect("coulomb_friction").unwrap(), vec![0.012]);
+        let coasting = |at_zero_duty| motor.with(effect("coast_decay").unwrap(), vec![1.0, at_zero_duty]);
+        let speeds = |model: &Model| {
+            let mut trial = Trial::of_model(model, Settings::defaults()).unwrap();
+            trial.enter(Mode::OpenLoop);
+            let speed = |points: Vec<Point>| points.last().unwrap().omega_rad_per_s;
+            [(6.0, 0.5), (0.0, 0.02)].map(|(voltage_v, duration_s)| speed(trial.follow(voltage_v, duration_s)))
+        };
+        let [brakes, coasts, at_zero] = [&motor, &coasting(0.0), &coasting(1.0)].map(speeds);
+        assert!(brakes[0] > 50.0 && coasts[0] < 0.8 * brakes[0], "{brakes:?} {coasts:?}");
+        assert!((at_zero[0] - brakes[0]).abs() < 0.01 && at_zero[1] > brakes[1] + 5.0, "{brakes:?} {at_zero:?}");
     }
 
     /// A plant whose current is the share of the PWM period that has passed.

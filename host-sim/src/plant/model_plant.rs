@@ -11,7 +11,8 @@ use crate::motor::MotorParameters;
 const LONGEST_STEP_S: f64 = 50e-6;
 /// Time over which a capacitor at the bridge evens out what pulses draw: some tenths of an ohm and some millifarads.
 const CAPACITOR_S: f64 = 1e-3;
-/// Effects that a switched bridge brings about by itself, or that are not the motor's.
+/// Effects of how the bridge is switched and when: whoever switches it takes them from the model
+/// ([`Trial::of_model`](crate::design::trial::Trial::of_model)).
 const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
 
 /// Effects that the event-exact motor has as well.
