@@ -6,12 +6,13 @@ use super::outcome::Outcome;
 use super::page::{against_nominal, estimate, how_much_worse, title, verdict};
 use super::{Diagnosis, acts_on_words};
 use crate::catalogue::effect;
+use crate::dataset::Dataset;
 use crate::terminal_text::short;
 use crate::web_page::{code, document, escaped, list, table};
 use plots::Rung;
 use std::fmt::Write as _;
 
-mod plots;
+pub(crate) mod plots;
 
 /// The file's text.
 pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
@@ -29,6 +30,7 @@ pub fn report_with(page_title: &str, diagnosis: &Diagnosis, names: &[String], se
     }
     gains(&mut html, diagnosis);
     lacks(&mut html, diagnosis);
+    residuals(&mut html, diagnosis);
     intervals(&mut html, outcome);
     html += "<h2>What to do</h2>";
     html += &list(outcome.advice.iter().map(String::as_str));
@@ -77,13 +79,31 @@ fn causes(html: &mut String, outcome: &Outcome) {
 fn lacks(html: &mut String, diagnosis: &Diagnosis) {
     *html += "<h2>What the linear motor lacks</h2><p>With the constants found beside the effects: the torque and the voltage that would make it agree. Each alone would: what one plot shows clearly and the other does not, is where the cause acts.</p>";
     for lack in &diagnosis.lacks {
-        *html += &plots::lack_over_time(&diagnosis.data, lack);
-        *html += "<div class=\"pairs\">";
-        for dependence in dependences(&diagnosis.data, &lack.values) {
-            *html += &plots::curve(lack.acts_on, &dependence);
-        }
-        *html += "</div>";
+        over_everything(html, &diagnosis.data, plots::missing(lack.acts_on), &lack.values);
     }
+}
+
+/// What is left without a name, as each sensor shows it: a fault of a sensor is in no missing torque or voltage.
+fn residuals(html: &mut String, diagnosis: &Diagnosis) {
+    if diagnosis.outcome.unexplained.is_none() {
+        return;
+    }
+    *html += "<h2>What the extended model leaves</h2><p>Measured less simulated, with everything named. What follows the measured quantity itself, or the angle, and is not seen by the other sensor, is rather the sensor's.</p>";
+    for (measured, extended) in diagnosis.data.measured.iter().zip(&diagnosis.extended) {
+        let left: Vec<f64> = measured.values.iter().zip(extended).map(|(measured, model)| measured - model).collect();
+        let what = format!("residual of {}, {}", measured.output.channel(), measured.output.unit());
+        over_everything(html, &diagnosis.data, &what, &left);
+    }
+}
+
+/// A quantity over time and over all it can depend on.
+fn over_everything(html: &mut String, data: &Dataset, what: &str, values: &[f64]) {
+    *html += &plots::quantity_over_time(data, what, values);
+    *html += "<div class=\"pairs\">";
+    for dependence in dependences(data, values) {
+        *html += &plots::curve(what, &dependence);
+    }
+    *html += "</div>";
 }
 
 fn gains(html: &mut String, diagnosis: &Diagnosis) {

@@ -3,7 +3,7 @@
 use crate::catalogue::ActsOn;
 use crate::dataset::Dataset;
 use crate::diagnose::Diagnosis;
-use crate::diagnose::missing::{Dependence, Lack};
+use crate::diagnose::missing::Dependence;
 use crate::diagnose::outcome::Parameter;
 use crate::identify::NOMINAL_SPREAD;
 use crate::terminal_text::short;
@@ -17,10 +17,10 @@ use std::ops::Range;
 
 /// Samples that a plot over time shows at most.
 const MOST_POINTS: usize = 1500;
-/// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
-const MEASURED: RGBColor = RGBColor(0, 0, 0);
-const BEFORE: RGBColor = RGBColor(230, 159, 0);
-const AFTER: RGBColor = RGBColor(0, 114, 178);
+/// Colours that people with any colour vision tell apart (Okabe and Ito 2008): of what was measured, of a model before and after.
+pub const MEASURED: RGBColor = RGBColor(0, 0, 0);
+pub const BEFORE: RGBColor = RGBColor(230, 159, 0);
+pub const AFTER: RGBColor = RGBColor(0, 114, 178);
 const GREY: RGBColor = RGBColor(150, 150, 150);
 /// Height of a line of a row's name, of the room between rows, and of the axis below them.
 const LINE_HEIGHT: u32 = 18;
@@ -31,14 +31,14 @@ const MOST_TICKS: usize = 5;
 /// Room for the names of rows.
 const NAME_WIDTH: u32 = 230;
 
-/// Room for the numbers of a lack.
-const LACK_WIDTH: u32 = 84;
+/// Room for the numbers of a quantity that may be small.
+pub const SMALL_NUMBERS_WIDTH: u32 = 84;
 
 /// A plot of two quantities.
-type Axes<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+pub type Axes<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Draws into a string; a plot that cannot be drawn says why in its place.
-fn drawn(
+pub fn drawn(
     size: (u32, u32),
     draw: impl FnOnce(&DrawingArea<SVGBackend, Shift>) -> Result<(), Box<dyn std::error::Error>>,
 ) -> String {
@@ -55,7 +55,8 @@ fn drawn(
     }
 }
 
-fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
+/// A little more than values take.
+pub fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite())
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| (low.min(value), high.max(value)));
@@ -67,7 +68,7 @@ fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
 }
 
 /// Axes with round numbers; `name_width`: room for those of the vertical one.
-fn axes<'a, 'b>(
+pub fn axes<'a, 'b>(
     area: &'a DrawingArea<SVGBackend<'b>, Shift>,
     name_width: u32,
     (horizontal, across): (Range<f64>, &str),
@@ -135,14 +136,13 @@ pub fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
     })
 }
 
-/// A lack over what it may depend on.
-pub fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
-    let what = missing(acts_on);
+/// A quantity over what it may depend on; `what`: its name and unit.
+pub fn curve(what: &str, dependence: &Dependence) -> String {
     let points = &dependence.curve;
     let axis = format!("{}, {}", dependence.on, dependence.unit);
     let plot = drawn(PLOT_SIZE, |area| {
         let across = (range(points.iter().map(|point| point.0)), axis.trim_end_matches(", "));
-        let mut chart = axes(area, LACK_WIDTH, across, (range(points.iter().map(|point| point.1)), what))?;
+        let mut chart = axes(area, SMALL_NUMBERS_WIDTH, across, (range(points.iter().map(|point| point.1)), what))?;
         chart.draw_series(LineSeries::new(points.iter().copied(), AFTER))?;
         chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, AFTER.filled())))?;
         Ok(())
@@ -151,13 +151,12 @@ pub fn curve(acts_on: ActsOn, dependence: &Dependence) -> String {
     format!("<div><p>{quantity} over {on}: explains {percent:.0}&nbsp;% of it</p>{plot}</div>")
 }
 
-/// A lack over the whole of the data.
-pub fn lack_over_time(data: &Dataset, lack: &Lack) -> String {
-    let what = missing(lack.acts_on);
+/// A quantity over the whole of the data.
+pub fn quantity_over_time(data: &Dataset, what: &str, values: &[f64]) -> String {
     let plot = drawn(PLOT_SIZE, |area| {
         let across = (0.0..time_s(data, data.len()), "time, s");
-        let mut chart = axes(area, LACK_WIDTH, across, (range(lack.values.iter().copied()), what))?;
-        chart.draw_series(LineSeries::new(thinned(data, &lack.values), AFTER))?;
+        let mut chart = axes(area, SMALL_NUMBERS_WIDTH, across, (range(values.iter().copied()), what))?;
+        chart.draw_series(LineSeries::new(thinned(data, values), AFTER))?;
         Ok(())
     });
     format!("<p>{} over time</p>{plot}", quantity(what))
@@ -168,7 +167,8 @@ fn quantity(axis: &str) -> &str {
     axis.split_once(',').map_or(axis, |(quantity, _)| quantity)
 }
 
-fn missing(acts_on: ActsOn) -> &'static str {
+/// Name and unit of what a model lacks.
+pub fn missing(acts_on: ActsOn) -> &'static str {
     match acts_on {
         ActsOn::Torque => "missing torque, Nm",
         ActsOn::Voltage => "missing voltage, V",
