@@ -487,6 +487,29 @@ fn stand_of_the_published_study() {
         .stderr(predicate::str::contains("table3_winding_resistance.csv: a column u_V is expected"));
 }
 
+/// A model is refused, with everything else that was asked for written.
+#[test]
+fn a_table_has_plots_and_no_model() {
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let data = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/pivt6").join(name);
+    let (report, json, model) = (at("table.html"), at("table.json"), at("model.toml"));
+    let files = ["--report", path(&report), "--json", path(&json), "--model", path(&model)];
+    motorbench(
+        &[&["diagnose", path(&data("table2_no_load.csv")), "--rig", path(&data("rig.toml"))], &files[..]].concat(),
+    )
+    .code(1)
+    .stdout(predicate::str::contains("voltage_drop: drop_V = 2.31"))
+    .stderr(predicate::str::contains("a table of steady states says nothing of inertia and inductance"));
+    let page = std::fs::read_to_string(&report).unwrap();
+    assert_eq!(page.matches("<svg").count(), 2, "speed and current over voltage");
+    // Five levels each, and what cannot be told from what is named beside it.
+    assert_eq!(page.matches("<circle").count(), 10);
+    assert!(page.contains("Green, broad: <code>") && !page.contains("could not be drawn"));
+    assert!(std::fs::read_to_string(&json).unwrap().contains("\"explained\""));
+    assert!(!model.exists());
+}
+
 /// The main job: what was hidden is named, the loop that knows it follows better, and one page shows all of it.
 #[test]
 fn the_demonstration_names_what_it_hid() {

@@ -143,16 +143,17 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) -> Result<(), Failure> {
     table.advice_on_time().map_or(Ok(()), |advice| Err(Failure::input(advice)))?;
     let study = steady_state::study(table, rig, None).map_err(Failure::input)?;
-    if let Some(path) = &args.model {
-        return Err(Failure::input(format!(
-            "{}: a table of steady states says nothing of inertia and inductance; a model needs a recording over time",
-            path.display()
-        )));
-    }
     if let Some(path) = &args.report {
         write(path, &study.html(&table.name))?;
     }
-    finish(args, outputs, &study, || study.page())
+    finish(args, outputs, &study, || study.page())?;
+    // Everything else that was asked for is there by now.
+    args.model.as_ref().map_or(Ok(()), |path| {
+        Err(Failure::input(format!(
+            "{}: a table of steady states says nothing of inertia and inductance; a model needs a recording over time",
+            path.display()
+        )))
+    })
 }
 
 /// JSON where it was asked for, and the page.

@@ -7,6 +7,7 @@
 
 mod explanation;
 mod line;
+mod plots;
 mod report;
 mod signs;
 
@@ -94,6 +95,12 @@ pub struct Study {
     /// What the levels are the means of.
     #[serde(skip)]
     pub(crate) rows: Rows,
+    /// Resistance and torque constant of the rig file.
+    #[serde(skip)]
+    nominal: (f64, f64),
+    /// The current at each level by viscous friction alone, and with dry friction.
+    #[serde(skip)]
+    friction_a: Option<[Vec<f64>; 2]>,
 }
 
 /// Why a table cannot be studied.
@@ -149,7 +156,8 @@ pub fn study(table: &Recording, rig: &Rig, winding: Option<&Winding>) -> Result<
     let explanations = explanations(&levels, &held, winding, (r, k));
     let friction = friction(&levels, torque_constant(&levels, &explanations[0], k));
     let outcome = outcome(&levels, &explanations, &friction, rig);
-    Ok(Study { outcome, levels, explanations, rows })
+    let friction_a = friction.map(|friction| friction.currents_a);
+    Ok(Study { outcome, levels, explanations, rows, nominal: (r, k), friction_a })
 }
 
 /// Resistance and torque constant.
@@ -322,6 +330,8 @@ struct Friction {
     sigmas: f64,
     before: f64,
     after: f64,
+    /// At each level by viscous friction alone, and by both.
+    currents_a: [Vec<f64>; 2],
 }
 
 fn friction(levels: &[Level], k: f64) -> Option<Friction> {
@@ -331,7 +341,15 @@ fn friction(levels: &[Level], k: f64) -> Option<Friction> {
     let constant = vec![1.0; speed.len()];
     let both: [&[f64]; 2] = [&constant, &speed];
     let line = Line::new(&both, &target, &errors)?;
+    let viscous = Line::new(&both[1..], &target, &errors)?;
+    let current = |torque_nm: &dyn Fn(f64) -> f64| {
+        levels.iter().map(|level| (torque_nm(level.omega_rad_per_s) + level.load_Nm) / k).collect()
+    };
     Some(Friction {
+        currents_a: [
+            current(&|omega| viscous.values[0] * omega),
+            current(&|omega| line.values[0] + line.values[1] * omega),
+        ],
         coulomb: line.estimate(0),
         viscous: line.estimate(1),
         sigmas: line.sigmas(0, line.noise()),

@@ -55,6 +55,19 @@ fn terms_html(explanation: &Explanation) -> String {
 }
 
 impl Study {
+    /// Measured and simulated, with what the colours mean.
+    fn plots(&self) -> String {
+        let named = self.explanations.first().map(terms_html).unwrap_or_default();
+        let as_good = self.as_good().map_or(String::new(), |other| {
+            format!(" Green, broad: {}, which explains the table as well.", terms_html(other))
+        });
+        format!(
+            "<h2>Measured and simulated</h2><p>The speed that voltage and current leave. Black: measured. Orange: nominal values. Blue: {named}.{as_good}</p>{}<p>The current that friction takes. Black: measured. Orange: viscous friction alone. Blue: with dry friction.</p>{}\n",
+            self.speed_plot(),
+            self.current_plot()
+        )
+    }
+
     /// The page for the terminal, at most 80 columns.
     pub fn page(&self) -> String {
         let mut text = format!("{}\n\n ", verdict(&self.outcome));
@@ -96,6 +109,7 @@ impl Study {
         let level =
             |level: &Level| values(level).into_iter().zip(DIGITS).map(|(value, digits)| format!("{value:.digits$}"));
         body += &table(&COLUMNS, self.levels.iter().map(level));
+        body += &self.plots();
         body += "<h2>Causes</h2>\n";
         body += &table(
             &["cause", "constants", "not to be told from"],
