@@ -107,12 +107,14 @@ fn cause_lines(number: usize, cause: &Cause, outcome: &Outcome) -> String {
 
 fn errors(outcome: &Outcome) -> String {
     let mut text = String::from("Error on data that no fit has seen (rms, free-running simulation)\n");
-    let _ = writeln!(text, "  {:20} {:>10} {:>10} {:>10}   fit", "", "linear", "extended", "noise");
+    // As wide as the longest name of a channel is.
+    let width = outcome.fit["base"].keys().map(|channel| channel.len()).max().unwrap_or(0).max(20);
+    let _ = writeln!(text, "  {:width$} {:>10} {:>10} {:>10}   fit", "", "linear", "extended", "noise");
     for (channel, base) in &outcome.fit["base"] {
         let (extended, floor) = (&outcome.fit["extended"][channel], &outcome.fit["noise_floor"][channel]);
         let _ = writeln!(
             text,
-            "  {channel:20} {:>10} {:>10} {:>10}   {:.1} % -> {:.1} %",
+            "  {channel:width$} {:>10} {:>10} {:>10}   {:.1} % -> {:.1} %",
             short(base.rmse),
             short(extended.rmse),
             short(floor.rmse),
