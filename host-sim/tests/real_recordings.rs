@@ -5,6 +5,7 @@ use host_sim::dataset::DatasetError;
 use host_sim::diagnose::{Diagnosis, diagnose};
 use host_sim::recording::Recording;
 use host_sim::rig::Rig;
+use host_sim::steady_state::{StudyError, study};
 use std::path::PathBuf;
 
 /// The folder of a rig; without it a line that says so, and `None`.
@@ -70,4 +71,15 @@ fn staircase_of_angles_is_refused() {
     let Some(folder) = folder("undcmotor") else { return };
     let error = diagnosed(&[folder.join("stairs_closed_loop.csv")], 5.0).err().expect("it drowns in noise");
     assert!(matches!(error, DatasetError::Drowned(..)), "{error}");
+}
+
+/// Steady speeds over voltage or duty: without a current none of the causes can be told from the others, and that is said.
+#[test]
+fn static_curves_without_a_current_are_refused() {
+    for rig in ["jga25-370", "undcmotor"] {
+        let Some(folder) = folder(rig) else { return };
+        let table = Recording::read(&folder.join("static.csv"), &[]).unwrap();
+        let error = study(&table, &Rig::default(), None).unwrap_err();
+        assert!(matches!(error, StudyError::NoCurrent(_)), "{error}");
+    }
 }

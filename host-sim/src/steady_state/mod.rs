@@ -117,6 +117,11 @@ pub enum StudyError {
         /// Columns without a meaning here.
         ignored: Vec<String>,
     },
+    /// Voltage and speed alone.
+    #[error(
+        "{0}: a table without i_A: what the voltage lacks may be a drop, R i or another back-EMF constant, and of voltage and speed at rest from all change none can be told from the others. Measure the current at each voltage, or record over time (t_s), where voltage and speed alone still separate much"
+    )]
+    NoCurrent(String),
     /// Too few voltages.
     #[error("{name}: {levels} voltages or loads; {FEWEST_LEVELS} or more are needed to tell a line from an offset")]
     TooFew {
@@ -149,6 +154,8 @@ fn unknown(ignored: &[String]) -> String {
 /// # Errors
 /// [`StudyError`].
 pub fn study(table: &Recording, rig: &Rig, winding: Option<&Winding>) -> Result<Study, StudyError> {
+    // First what no key of the rig file mends.
+    columns(table)?;
     let (r, k) = nominal(rig)?;
     let rows = rows(table, k)?;
     let levels = levels(&table.name, &rows, r, k)?;
@@ -273,6 +280,11 @@ type Columns<'a> = (&'a [f64], &'a [f64], Vec<f64>);
 
 fn columns(table: &Recording) -> Result<Columns<'_>, StudyError> {
     let missing = || StudyError::Columns { name: table.name.clone(), ignored: table.ignored.clone() };
+    let has = |channels: &[Channel]| channels.iter().any(|channel| table.get(*channel).is_some());
+    let drive_and_speed = has(&[Channel::Voltage, Channel::Duty]) && has(&[Channel::Speed, Channel::Rpm]);
+    if drive_and_speed && !has(&[Channel::Current]) {
+        return Err(StudyError::NoCurrent(table.name.clone()));
+    }
     let voltage = table.get(Channel::Voltage).ok_or_else(missing)?;
     let current = table.get(Channel::Current).ok_or_else(missing)?;
     let rpm = table.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect::<Vec<_>>());

@@ -68,6 +68,19 @@ mod tests {
         assert!(no_sign.contains("rpm never goes backwards though the voltage does"), "{no_sign}");
     }
 
+    /// Whatever the rig file has: none of its keys would help.
+    #[test]
+    fn voltage_and_speed_alone_are_told_what_is_missing() {
+        for head in ["u_V,rpm", "duty,omega_rad_per_s"] {
+            let table = Recording::parse("t.csv", format!("{head}\n0.2,100\n0.4,200\n").as_bytes(), &[]).unwrap();
+            let error = study(&table, &Rig::default(), None).unwrap_err().to_string();
+            assert!(
+                error.starts_with("t.csv: a table without i_A") && error.contains("Measure the current"),
+                "{error}"
+            );
+        }
+    }
+
     #[test]
     fn an_offset_of_the_current_is_no_wrong_sign() {
         assert_eq!(said("-6,0.02,-360\n-3,0.05,-180\n3,0.20,180\n6,0.23,360\n9,0.3,540\n"), "well");
