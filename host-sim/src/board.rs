@@ -3,7 +3,7 @@
 use motorbench_core::console::trip_text;
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A board that trips without its host (`trip_host`) hears of it so often.
 pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
@@ -50,6 +50,9 @@ pub enum BoardError {
         /// What was sent.
         line: String,
     },
+    /// Commands may still get through.
+    #[error("the telemetry stopped: look at the cable and the supply of the board")]
+    NoTelemetry,
     /// The drive switched itself off.
     #[error("the drive tripped ({}): {}; then `motorbench connect clear`", words(*.0), cause(*.0))]
     Tripped(Trip),
@@ -121,6 +124,29 @@ pub fn leave_host(board: &mut impl Board, settings: &Settings) -> Result<(), Boa
     board.command(&format!("set trip_host {}", settings.get(Param::TripHost)))
 }
 
+/// The telemetry may pause this long, no longer.
+const PAUSE: Duration = Duration::from_secs(1);
+/// The program was held up when a look took longer than this: the line was not silent for all of it.
+const LOOK_AT_MOST: Duration = Duration::from_millis(200);
+
+/// How long nothing has come of the telemetry. Who drives a motor by its samples alone would drive it for ever without them:
+/// keeping the board alive does not ask for an answer.
+#[derive(Default)]
+pub struct Silence {
+    lasted: Duration,
+}
+
+impl Silence {
+    /// What came of a look that began then.
+    ///
+    /// # Errors
+    /// [`BoardError::NoTelemetry`], when it has lasted too long.
+    pub fn after(&mut self, look: Instant, came: &[Sample]) -> Result<(), BoardError> {
+        self.lasted = if came.is_empty() { self.lasted + look.elapsed().min(LOOK_AT_MOST) } else { Duration::ZERO };
+        if self.lasted > PAUSE { Err(BoardError::NoTelemetry) } else { Ok(()) }
+    }
+}
+
 /// How closely a board is looked at that is waited for.
 const LOOK_S: f64 = 0.1;
 /// A board that sends nothing when it is looked so often has stopped.
@@ -160,9 +186,59 @@ pub fn untripped(samples: Vec<Sample>) -> Result<Vec<Sample>, BoardError> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use motorbench_core::settings::find;
+    use motorbench_core::units::FULL_RANGE;
+
+    /// A board that obeys every line, holds every speed at once, and sends so many samples: then its telemetry stops.
+    pub(crate) struct Fake {
+        pub heard: Vec<String>,
+        /// Of so many ticks one comes over the line.
+        pub every: u32,
+        tick: u32,
+        left: u32,
+        speed: i16,
+        silent_s: f64,
+    }
+
+    impl Fake {
+        pub(crate) fn that_sends(samples: u32) -> Self {
+            Self { heard: Vec::new(), every: 1, tick: 0, left: samples, speed: 0, silent_s: 0.0 }
+        }
+    }
+
+    impl Board for Fake {
+        fn command(&mut self, line: &str) -> Result<(), BoardError> {
+            let settings = Settings::defaults();
+            let in_speed =
+                self.heard.iter().rev().find(|line| line.starts_with("mode ")).is_some_and(|line| line == "mode speed");
+            if let (true, Some(speed)) = (in_speed, line.strip_prefix("ref ")) {
+                self.speed = (speed.parse::<f32>().unwrap() / settings.get(Param::SpeedRange) * FULL_RANGE) as i16;
+            }
+            self.heard.push(line.into());
+            Ok(())
+        }
+
+        fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError> {
+            let ticks = (1e3 * duration_s).round() as u32;
+            let sent = ticks.min(self.left);
+            self.left -= sent;
+            if sent < ticks {
+                std::thread::sleep(Duration::from_secs_f64(duration_s));
+                self.silent_s += duration_s;
+                assert!(self.silent_s < 5.0, "nobody ends the wait");
+            }
+            let ticks = self.tick + 1..=self.tick + sent;
+            self.tick += sent;
+            let sample = |tick| Sample { tick, speed: self.speed, ..Sample::default() };
+            Ok(ticks.filter(|tick| tick % self.every == 0).map(sample).collect())
+        }
+
+        fn stay_alive(&mut self) -> Result<(), BoardError> {
+            Ok(())
+        }
+    }
 
     #[test]
     fn every_trip_says_what_to_look_for() {

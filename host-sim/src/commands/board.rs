@@ -28,7 +28,7 @@ use std::sync::mpsc::{Receiver, channel};
 impl From<BoardError> for Failure {
     fn from(error: BoardError) -> Self {
         match error {
-            BoardError::Failed(_) | BoardError::Silent { .. } => Self::machine(error),
+            BoardError::Failed(_) | BoardError::Silent { .. } | BoardError::NoTelemetry => Self::machine(error),
             BoardError::Refused { .. } | BoardError::Tripped(_) | BoardError::Interrupted => Self::input(error),
         }
     }

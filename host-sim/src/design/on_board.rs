@@ -7,11 +7,12 @@
 
 use super::relay::{LimitCycle, Relay, RelayError, Switching};
 use super::step_tuning::{FirstOrder, StepError, fit};
-use crate::board::{Board, BoardError, samples_of, untripped};
+use crate::board::{Board, BoardError, Silence, samples_of, untripped};
 use motorbench_core::message::Sample;
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{FULL_RANGE, VOLT};
+use std::time::Instant;
 
 /// Slew limit during an experiment: the voltage has to jump.
 const JUMP_V_PER_S: f32 = 30_000.0;
@@ -121,9 +122,14 @@ fn cycle(board: &mut impl Board, settings: &Settings, relay: &Relay) -> Result<B
     let mut delays = Delays::default();
     board.command(&format!("ref {:.3}", switching.voltage_v()))?;
     let (mut first, mut last): (Option<u32>, Option<u32>) = (None, None);
+    // The timeout is by the ticks of samples, and needs some.
+    let mut silence = Silence::default();
     loop {
         board.stay_alive()?;
-        for sample in untripped(board.samples(LOOK_S)?)? {
+        let look = Instant::now();
+        let came = board.samples(LOOK_S)?;
+        silence.after(look, &came)?;
+        for sample in untripped(came)? {
             let ticks = last.map_or(0, |last| sample.tick.wrapping_sub(last));
             let begun = *first.get_or_insert(sample.tick);
             last = Some(sample.tick);
@@ -169,4 +175,27 @@ impl Delays {
 
 fn speed(sample: &Sample, settings: &Settings) -> f64 {
     f64::from(sample.speed) * f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::tests::Fake;
+
+    /// Nothing that came would end the experiment, and keeping the board alive goes on.
+    #[test]
+    fn a_relay_without_telemetry_ends_and_stops_the_motor() {
+        let mut board = Fake::that_sends(300);
+        let relay = Relay {
+            reference_rad_per_s: 60.0,
+            bias_v: 7.0,
+            amplitude_v: 1.0,
+            hysteresis_rad_per_s: 0.5,
+            timeout_s: 10.0,
+        };
+        let error = super::relay(&mut board, &Settings::defaults(), &relay).expect_err("there is nothing to switch by");
+        assert_eq!(error, TuningError::Board(BoardError::NoTelemetry));
+        assert!(board.heard.contains(&"disarm".into()), "{:?}", board.heard);
+        assert_eq!(board.heard.last().map(String::as_str), Some("set slew_limit 500"));
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::coverage::{Coverage, Covered};
 use super::{Line, Link, Losses};
-use crate::board::{Board, BoardError};
+use crate::board::{Board, BoardError, Silence};
 use motorbench_core::excitation::{Kind, Player, Sequence};
 use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::settings::{Param, Settings};
@@ -14,10 +14,6 @@ use std::time::{Duration, Instant};
 const SLICE_S: f64 = 0.02;
 /// A sequence that has not begun after this long does not begin.
 const BEGINNING: Duration = Duration::from_secs(2);
-/// The telemetry may pause this long, no longer.
-const PAUSE: Duration = Duration::from_secs(1);
-/// The program was held up when a slice took longer than this: the line was not silent for all of it.
-const SLICE_AT_MOST: Duration = Duration::from_millis(200);
 /// How often the drive is told to be off until it says so.
 const TRIES: u32 = 3;
 /// Samples of the beginning that may be lost, and bits that two roundings may differ by, when it is looked at what was played.
@@ -158,18 +154,13 @@ fn play<L: Line>(
 ) -> Result<Ended, BoardError> {
     link.samples(0.0)?;
     link.command(order)?;
-    let mut silent = Duration::ZERO;
+    let mut silence = Silence::default();
     let begun = Instant::now();
     loop {
         link.stay_alive()?;
         let slice = Instant::now();
         let came = link.samples(SLICE_S)?;
-        silent = if came.is_empty() { silent + slice.elapsed().min(SLICE_AT_MOST) } else { Duration::ZERO };
-        if silent > PAUSE {
-            return Err(BoardError::Failed(
-                "the telemetry stopped: look at the cable and the supply of the board".into(),
-            ));
-        }
+        silence.after(slice, &came)?;
         let before = samples.len();
         let ended = keep(&came, samples);
         hears(&samples[before..]).map_err(BoardError::Failed)?;

@@ -517,7 +517,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         let samples = untripped(self.board.samples(SLICE_S)?)?;
         self.silent = if samples.is_empty() { self.silent + 1 } else { 0 };
         if self.silent > SILENT_SLICES {
-            return Err(Ended::Failed("the telemetry stopped: look at the cable and the supply of the board".into()));
+            return Err(BoardError::NoTelemetry.into());
         }
         Ok(samples)
     }
