@@ -149,8 +149,6 @@ impl Silence {
 
 /// How closely a board is looked at that is waited for.
 const LOOK_S: f64 = 0.1;
-/// A board that sends nothing when it is looked so often has stopped.
-const SILENT: u32 = 20;
 /// A duration has passed when so much of it has.
 const PASSED: f64 = 0.98;
 
@@ -158,17 +156,18 @@ const PASSED: f64 = 0.98;
 /// The board hears of its host meanwhile.
 ///
 /// # Errors
-/// [`BoardError`].
+/// [`BoardError`], [`BoardError::NoTelemetry`] when the duration does not pass.
 pub fn samples_of(board: &mut impl Board, duration_s: f64, rate_hz: f64) -> Result<Vec<Sample>, BoardError> {
-    let (mut samples, mut silent) = (Vec::new(), 0);
+    let (mut samples, mut silence) = (Vec::new(), Silence::default());
     let passed_s = |samples: &[Sample]| match (samples.first(), samples.last()) {
         (Some(first), Some(last)) => f64::from(last.tick.wrapping_sub(first.tick) + 1) / rate_hz,
         _ => 0.0,
     };
-    while passed_s(&samples) < PASSED * duration_s && silent < SILENT {
+    while passed_s(&samples) < PASSED * duration_s {
         board.stay_alive()?;
+        let look = Instant::now();
         let came = board.samples(LOOK_S.min(duration_s))?;
-        silent = if came.is_empty() { silent + 1 } else { 0 };
+        silence.after(look, &came)?;
         samples.extend(came);
     }
     Ok(samples)
@@ -194,7 +193,7 @@ pub(crate) mod tests {
     /// A board that obeys every line, holds every speed at once, and sends so many samples: then its telemetry stops.
     pub(crate) struct Fake {
         pub heard: Vec<String>,
-        /// Of so many ticks one comes over the line.
+        /// One sample of so many comes over the line.
         pub every: u32,
         tick: u32,
         left: u32,

@@ -8,6 +8,7 @@ use crate::design::relay::{Relay, tyreus_luyben};
 use crate::design::step_tuning::simc;
 use crate::link::Link;
 use crate::link::port::Port;
+use crate::link::record::missing_ticks;
 use clap::Args;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings};
@@ -19,9 +20,10 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The acceptance test: a second on the reference, of which the last quarter counts.
+/// The acceptance test: a second on the reference, of which the last quarter counts; so much of it has to come over the line.
 const TEST_S: f64 = 1.0;
 const LAST_PART: f64 = 0.25;
+const COME_SHARE: f64 = 0.9;
 /// Before it the motor comes to rest: to this share of the reference, looked at so often, for so many times.
 const RESTING_SHARE: f64 = 0.05;
 const LOOK_S: f64 = 0.1;
@@ -231,7 +233,7 @@ fn shown(settings: &Settings, name: &str) -> String {
 }
 
 /// Lets the bridge brake the motor, which may turn from the experiment: what it has of that is no overshoot.
-fn come_to_rest(board: &mut Attended, settings: &Settings, reference: f64) -> Result<(), BoardError> {
+fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(), BoardError> {
     board.command("arm")?;
     board.command("mode open")?;
     board.samples(0.0)?;
@@ -251,17 +253,57 @@ fn unit(settings: &Settings) -> f64 {
 }
 
 /// Goes to the reference from rest; overshoot in percent, and mean error at the end.
-fn acceptance(board: &mut Attended, settings: &Settings, reference: f64) -> Result<(f64, f64), BoardError> {
+fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(f64, f64), BoardError> {
     come_to_rest(board, settings, reference)?;
     board.command("arm")?;
     board.command("mode speed")?;
     board.samples(0.0)?;
     board.command(&format!("ref {reference}"))?;
     let samples = samples_of(board, TEST_S, settings.get(Param::TickRate).into()).and_then(untripped);
-    board.command("disarm")?;
+    let off = board.command("disarm");
+    let samples = samples?;
+    off?;
+    has_come(&samples)?;
     let share = |sample: &Sample| f64::from(sample.speed) * unit(settings) / reference;
-    let shares: Vec<f64> = samples?.iter().map(share).collect();
+    let shares: Vec<f64> = samples.iter().map(share).collect();
     let last = &shares[shares.len() - (LAST_PART * shares.len() as f64) as usize..];
-    let error = last.iter().map(|share| (share - 1.0) * reference).sum::<f64>() / last.len().max(1) as f64;
+    let error = last.iter().map(|share| (share - 1.0) * reference).sum::<f64>() / last.len() as f64;
     Ok((100.0 * (shares.iter().copied().fold(1.0, f64::max) - 1.0), error.abs()))
+}
+
+/// An overshoot may be in what was lost on the line.
+fn has_come(samples: &[Sample]) -> Result<(), BoardError> {
+    let (came, missing) = (samples.len(), missing_ticks(samples));
+    let sent = came as f64 + f64::from(missing);
+    if came as f64 >= COME_SHARE * sent {
+        return Ok(());
+    }
+    Err(BoardError::Failed(format!(
+        "of the acceptance test {came} samples came and {missing} were lost on the line, so that it says nothing: use a shorter cable, another USB port, no hub"
+    )))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::tests::Fake;
+
+    fn tested(board: &mut Fake) -> Result<(f64, f64), BoardError> {
+        acceptance(board, &Settings::defaults(), 60.0)
+    }
+
+    #[test]
+    fn gains_are_not_accepted_by_samples_that_did_not_come() {
+        let (overshoot_percent, error) = tested(&mut Fake::that_sends(u32::MAX)).unwrap();
+        assert!(overshoot_percent < 0.1 && error < 0.1, "{overshoot_percent} % {error}");
+        // The motor comes to rest within the first 100; the test begins, or does not.
+        for samples in [50, 100, 400] {
+            let mut board = Fake::that_sends(samples);
+            assert_eq!(tested(&mut board), Err(BoardError::NoTelemetry), "{samples}");
+        }
+        let mut gaps = Fake::that_sends(u32::MAX);
+        gaps.every = 20;
+        let lost = tested(&mut gaps).unwrap_err().to_string();
+        assert!(lost.contains("lost on the line") && gaps.heard.last().is_some_and(|line| line == "disarm"), "{lost}");
+    }
 }
