@@ -276,6 +276,16 @@ pub enum RigError {
         /// `" or zero"` where zero is allowed.
         unless_zero: &'static str,
     },
+    /// A share that is none.
+    #[error("{path}: {key} = {value}: it must be a share of the PWM period, 0 to 1")]
+    Share {
+        /// Which file.
+        path: String,
+        /// Which key.
+        key: &'static str,
+        /// What it was.
+        value: f64,
+    },
 }
 
 impl Rig {
@@ -327,7 +337,7 @@ impl Rig {
     /// Table and name of every key.
     fn keys(&self) -> impl Iterator<Item = (&'static str, &'static str)> {
         let numbers = self.numbers().map(|(key, _)| key);
-        numbers.into_iter().chain(NOT_CHECKED).filter_map(|key| key.split_once('.'))
+        numbers.into_iter().chain(OTHER_KEYS).filter_map(|key| key.split_once('.'))
     }
 
     fn check(&self, path: &str) -> Result<(), RigError> {
@@ -351,7 +361,16 @@ impl Rig {
                 return Err(RigError::Value { path: path.into(), key, value, unless_zero });
             }
         }
-        Ok(())
+        self.check_current_sampled_at(path)
+    }
+
+    fn check_current_sampled_at(&self, path: &str) -> Result<(), RigError> {
+        match self.recording.current_sampled_at {
+            Some(value) if !(0.0..=1.0).contains(&value) => {
+                Err(RigError::Share { path: path.into(), key: CURRENT_SAMPLED_AT, value })
+            }
+            _ => Ok(()),
+        }
     }
 
     fn numbers(&self) -> [(&'static str, Option<f64>); 17] {
@@ -377,14 +396,17 @@ impl Rig {
     }
 }
 
+/// Zero is a place in the period as any other.
+const CURRENT_SAMPLED_AT: &str = "recording.current_sampled_at";
+
 /// Keys besides those of [`Rig::numbers`].
-const NOT_CHECKED: [&str; 6] = [
+const OTHER_KEYS: [&str; 6] = [
     "bridge.kind",
     "bridge.decay",
     "current_sensor.present",
     "tachogenerator.feedback",
     "recording.readings",
-    "recording.current_sampled_at",
+    CURRENT_SAMPLED_AT,
 ];
 
 /// A constant of the motor that a file does not give.
@@ -442,6 +464,17 @@ mod tests {
         for text in ["[motor]\nresistance_ohm = \"5.84 ohm\"", "[motor]\nresistance_ohm = '5,84'"] {
             let unit = message(text);
             assert!(unit.contains("line 2") && unit.contains("a number without its unit"), "{unit}");
+        }
+        let sampled_at = |value: &str| format!("[recording]\ncurrent_sampled_at = {value}");
+        for value in ["7", "-1", "1.001", "nan", "inf"] {
+            let share = message(&sampled_at(value));
+            assert!(
+                share.contains("recording.current_sampled_at") && share.contains("a share of the PWM period"),
+                "{share}"
+            );
+        }
+        for value in ["0", "0.965", "1"] {
+            assert!(Rig::parse("rig.toml", &sampled_at(value)).is_ok(), "{value}");
         }
     }
 
