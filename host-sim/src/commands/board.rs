@@ -556,10 +556,7 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
         )));
     }
     let (mut link, name) = arguments.port.open()?;
-    for (line, number) in &lines {
-        link.command(line)
-            .map_err(|error| Failure::input(format!("{}, line {number}: {error}", arguments.file.display())))?;
-    }
+    send_lines(&mut link, &arguments.file, &lines)?;
     let checked = read_back(&mut link, lines.iter().map(|(line, _)| *line))?;
     if arguments.save {
         link.save()?;
@@ -586,6 +583,16 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
         println!("they are lost at the next reset: --save keeps them");
     }
     Ok(())
+}
+
+/// Each has to be answered; where one is not, the file's line is named, and what failed is told as anywhere else.
+fn send_lines(board: &mut impl Board, file: &Path, lines: &[(&str, u32)]) -> Result<(), Failure> {
+    lines.iter().try_for_each(|(line, number)| {
+        board.command(line).map_err(|error| {
+            let failure = Failure::from(error);
+            Failure { message: format!("{}, line {number}: {}", file.display(), failure.message), ..failure }
+        })
+    })
 }
 
 /// What a file has for the console, with the numbers of its lines.
@@ -628,5 +635,35 @@ mod tests {
         let parts =
             [(Excitation::Levels, 500), (Excitation::Prbs, 60), (Excitation::Levels, 60_000), (Excitation::Steps, 500)];
         assert_eq!(parts.map(|(excitation, period_ms)| excitation.usual_count(period_ms)), [20, 167, 1, 1]);
+    }
+
+    /// A board whose answer to everything is this.
+    struct Failing(BoardError);
+
+    impl Board for Failing {
+        fn command(&mut self, _line: &str) -> Result<(), BoardError> {
+            Err(self.0.clone())
+        }
+
+        fn samples(&mut self, _duration_s: f64) -> Result<Vec<Sample>, BoardError> {
+            Err(self.0.clone())
+        }
+
+        fn stay_alive(&mut self) -> Result<(), BoardError> {
+            Err(self.0.clone())
+        }
+    }
+
+    #[test]
+    fn a_line_that_is_not_sent_for_the_cable_is_no_fault_of_the_file() {
+        let line = String::from("set speed_kp 1");
+        let refused = BoardError::Refused { line: line.clone(), reply: "error: out of range".into() };
+        let ends = [(refused, 1), (BoardError::Silent { line }, 3), (BoardError::Failed("gone".into()), 3)];
+        for (error, code) in ends {
+            let why = error.to_string();
+            let failure =
+                send_lines(&mut Failing(error), Path::new("gains.txt"), &[("set speed_kp 1", 7)]).unwrap_err();
+            assert_eq!((failure.message, failure.code), (format!("gains.txt, line 7: {why}"), code));
+        }
     }
 }
