@@ -452,6 +452,24 @@ fn stand_finds_where_the_power_goes_and_what_has_worn() {
         .stderr(predicate::str::contains("a column resistance_ohm is expected"));
 }
 
+/// At rest without a voltage a sensor shows what it is off by: no winding of 0 ohm.
+#[test]
+fn stand_takes_no_resistance_from_a_motor_at_rest() {
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::write(at("rig.toml"), PIVT6_TOML).unwrap();
+    let evaluated = |rows: &str| {
+        std::fs::write(at("table.csv"), stand_table(2.0, 0.015) + rows).unwrap();
+        json_of(&["stand", path(&at("table.csv")), "--rig", path(&at("rig.toml")), "--json", "-"])
+    };
+    let without = evaluated("");
+    assert!(without["winding"].is_null());
+    assert_eq!(evaluated("0,0.005,0\n"), without);
+    assert_eq!(evaluated("0.01,-0.005,0\n"), without);
+    let held = evaluated("0,0.005,0\n6,1,0\n");
+    assert_eq!(held["winding"]["resistances_ohm"].as_array().unwrap().len(), 1, "{}", held["winding"]);
+}
+
 /// The published table: its dynamic resistances come out, and the constants found account for the power.
 #[test]
 fn stand_of_the_published_study() {

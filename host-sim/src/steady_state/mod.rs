@@ -37,6 +37,8 @@ const NEEDED_SIGMAS: f64 = 3.0;
 const ALIKE_SHARE: f64 = 0.01;
 /// Rows whose back-EMF is less than this share of the voltage: the rotor is held or hardly turns.
 const NEARLY_AT_REST: f64 = 0.05;
+/// Rows at less than this share of the greatest voltage: nothing drives the motor, and the current is what its sensor is off by.
+const UNDRIVEN: f64 = SAME_LEVEL;
 /// A single reading may be off by this share; only the ratios of such errors count.
 const ONE_READING: f64 = 0.01;
 /// Readings that are all the same to more digits than this are written with fewer.
@@ -205,7 +207,7 @@ impl Row {
 #[derive(Clone, Debug)]
 pub(crate) struct Rows {
     pub turning: Vec<Row>,
-    /// The rotor is held or hardly turns, and a current flows.
+    /// The rotor is held or hardly turns, and a voltage drives a current.
     pub held: Vec<Row>,
 }
 
@@ -230,7 +232,8 @@ pub(crate) fn rows(table: &Recording, k: f64) -> Result<Rows, StudyError> {
     let is_whole = |row: &Row| !(row.u_v + row.i_a + row.omega_rad_per_s + row.load_nm).is_nan();
     let (mut held, turning): (Vec<Row>, Vec<Row>) =
         (0..voltage.len()).map(row).filter(is_whole).partition(|row| hardly_turns(row.u_v, k * row.omega_rad_per_s));
-    held.retain(|row| row.i_a != 0.0);
+    let greatest_v = held.iter().chain(&turning).map(|row| row.u_v.abs()).fold(0.0, f64::max);
+    held.retain(|row| row.i_a != 0.0 && row.u_v.abs() > UNDRIVEN * greatest_v);
     Ok(Rows { turning, held })
 }
 
