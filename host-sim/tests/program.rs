@@ -470,6 +470,22 @@ fn stand_takes_no_resistance_from_a_motor_at_rest() {
     assert_eq!(held["winding"]["resistances_ohm"].as_array().unwrap().len(), 1, "{}", held["winding"]);
 }
 
+/// Currents of a motor that could not turn: what the table says comes all the same, and then why there is no map.
+#[test]
+fn stand_without_a_map_has_its_evaluation() {
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::write(at("rig.toml"), PIVT6_TOML).unwrap();
+    let rows = "u_V,i_A,omega_rad_per_s\n3,4.63,54\n6,5.08,81.6\n9,5.34,108.7\n12,5.63,131\n";
+    std::fs::write(at("table.csv"), rows).unwrap();
+    let (table, rig, map, json) = (at("table.csv"), at("rig.toml"), at("map.svg"), at("stand.json"));
+    motorbench(&["stand", path(&table), "--rig", path(&rig), "--map", path(&map), "--json", path(&json)])
+        .code(1)
+        .stdout(predicate::str::contains("Where the power goes"))
+        .stderr(predicate::str::contains("map.svg: no map").and(predicate::str::contains("at no voltage up to 12 V")));
+    assert!(json.exists() && !map.exists());
+}
+
 /// The published table: its dynamic resistances come out, and the constants found account for the power.
 #[test]
 fn stand_of_the_published_study() {

@@ -110,15 +110,24 @@ fn report(
         let derived = text_file::read(path, "a table (CSV) of derived figures").map_err(|error| failed(&error))?;
         stand.check(&derived, rig).map_err(|what| failed(&what))?;
     }
-    if let Some(path) = &arguments.map {
-        let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
-        write_plot(path, &map(&stand.constants.map(greatest_v)).map_err(Failure::machine)?)?;
-    }
     if let Some(path) = &arguments.json {
         write_json(path, &stand)?;
     }
     outputs.say(&page(&stand, rig.motor.resistance_ohm));
-    Ok(())
+    // Last: a table of which there is no map has its evaluation.
+    arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))
+}
+
+fn write_map(path: &Path, stand: &Stand) -> Result<(), Failure> {
+    let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
+    let cells = stand.constants.map(greatest_v);
+    let best = cells.points.iter().max_by(|a, b| a.efficiency.total_cmp(&b.efficiency)).ok_or_else(|| {
+        let path = path.display();
+        Failure::input(format!(
+            "{path}: no map, by the constants found the motor turns at no voltage up to {greatest_v} V: look at the table for wrong units"
+        ))
+    })?;
+    write_plot(path, &map(&cells, best).map_err(Failure::machine)?)
 }
 
 impl Arguments {
@@ -337,10 +346,8 @@ fn shades(area: &DrawingArea<SVGBackend, Shift>, best: f64) -> Result<(), Box<dy
 }
 
 /// Efficiency over voltage and torque: the darker the more, the point is the best.
-fn map(map: &EfficiencyMap) -> Result<String, Box<dyn Error>> {
+fn map(map: &EfficiencyMap, best: &OperatingPoint) -> Result<String, Box<dyn Error>> {
     let EfficiencyMap { step_v, step_nm, points } = map;
-    let best = points.iter().max_by(|a, b| a.efficiency.total_cmp(&b.efficiency));
-    let best = best.ok_or("the motor turns nowhere on the map")?;
     let greatest_v = points.iter().map(|point| point.u_V).fold(0.0, f64::max) + 0.5 * step_v;
     let greatest_nm = points.iter().map(|point| point.torque_Nm).fold(0.0, f64::max) + 0.5 * step_nm;
     let mut svg = String::new();
