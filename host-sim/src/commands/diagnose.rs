@@ -8,6 +8,7 @@ use crate::rig::Rig;
 use crate::steady_state;
 use clap::Args;
 use rayon::prelude::*;
+use std::io;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
@@ -127,16 +128,22 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
             files.push(path.clone());
             continue;
         }
-        let entries =
-            std::fs::read_dir(path).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
-        let mut inside: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
-        inside.retain(|file| file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")));
-        inside.sort();
+        let entries = std::fs::read_dir(path);
+        let inside = entries.and_then(|entries| recordings_of(entries.map(|entry| Ok(entry?.path()))));
+        let mut inside = inside.map_err(|error| Failure::input(format!("{}: {error}", path.display())))?;
         if inside.is_empty() {
             return Err(Failure::input(format!("{}: no .csv file in this folder", path.display())));
         }
         files.append(&mut inside);
     }
+    Ok(files)
+}
+
+/// Those of a folder's entries. A folder of which a part cannot be read is not studied as if the rest were all.
+fn recordings_of(entries: impl Iterator<Item = io::Result<PathBuf>>) -> io::Result<Vec<PathBuf>> {
+    let mut files = entries.collect::<io::Result<Vec<PathBuf>>>()?;
+    files.retain(|file| file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")));
+    files.sort();
     Ok(files)
 }
 
@@ -181,5 +188,15 @@ mod tests {
         for error in [guarded::<()>(|| panic!("min > max")), guarded(|| panic!("{text}"))] {
             assert!(error.is_err_and(|why| why.contains("a fault of motorbench itself (min > max)")));
         }
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_read_whole_is_told() {
+        let entries = |names: &[&str]| names.iter().map(|name| Ok(PathBuf::from(name))).collect::<Vec<_>>();
+        let found = recordings_of(entries(&["b.csv", "run.json", "a.CSV"]).into_iter()).unwrap();
+        assert_eq!(found, [Path::new("a.CSV"), Path::new("b.csv")]);
+        let lost = Err(io::Error::other("input/output error"));
+        let error = recordings_of(entries(&["a.csv"]).into_iter().chain([lost])).unwrap_err();
+        assert!(error.to_string().contains("input/output error"));
     }
 }
