@@ -88,11 +88,6 @@ pub fn words(trip: Trip) -> String {
     trip_text(trip).map(char::from).collect()
 }
 
-/// The trip of a name, as files have it.
-pub fn trip_named(name: &str) -> Option<Trip> {
-    (1..).map_while(Trip::from_number).find(|trip| format!("{trip:?}") == name)
-}
-
 /// The limit that a trip goes by, where a setting is one.
 pub fn limit(trip: Trip) -> Option<&'static str> {
     cause(trip).split('`').nth(1)
@@ -242,7 +237,6 @@ pub(crate) mod tests {
     #[test]
     fn every_trip_says_what_to_look_for() {
         for trip in (1..).map_while(Trip::from_number) {
-            assert_eq!(trip_named(&format!("{trip:?}")), Some(trip));
             let (cause, words) = (cause(trip), words(trip));
             assert!(words.contains(' ') && words.to_lowercase() == words, "{trip:?}: {words}");
             for setting in cause.split('`').skip(1).step_by(2) {

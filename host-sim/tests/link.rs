@@ -206,7 +206,7 @@ fn a_reset_is_seen_by_its_ticks() {
 #[test]
 fn a_trip_ends_the_recording_and_is_in_it() {
     let (record, heard) = recorded(Fault::TripAfter(200));
-    assert_eq!(record.ended, Ended::Tripped("Stall".into()));
+    assert_eq!(record.ended, Ended::Tripped(Trip::Stall));
     assert_eq!(record.samples.last().unwrap().trip, Trip::Stall);
     assert!(heard.lock().unwrap().contains("disarm"));
 }

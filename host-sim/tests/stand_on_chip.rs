@@ -298,6 +298,6 @@ fn what_had_come_is_kept() {
     let mut fellow = Fellow::new(&hands);
     fellow.blocks_after = 1;
     let findings = board.drive(&plan(&[6.0, 9.0], 0), &mut fellow);
-    assert_eq!(findings.ended, Ended::Tripped(format!("{:?}", Trip::Stall)));
+    assert_eq!(findings.ended, Ended::Tripped(Trip::Stall));
     assert_eq!(findings.readings.len(), 3);
 }

@@ -3,7 +3,7 @@
 use super::files::{beside, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, bar, cannot_write, read_rig, write};
-use crate::board::{Board, BoardError, LOST_AFTER_MS, leave_host, limit, trip_named, watch_host};
+use crate::board::{Board, BoardError, LOST_AFTER_MS, leave_host, limit, watch_host};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
@@ -311,8 +311,8 @@ fn finish(
 
 /// What `record` can do about a trip that goes by a limit.
 fn with_limit(failure: Failure, ended: &Ended) -> Failure {
-    let Ended::Tripped(name) = ended else { return failure };
-    match trip_named(name).and_then(limit) {
+    let Ended::Tripped(trip) = ended else { return failure };
+    match limit(*trip) {
         Some(limit) => Failure {
             message: format!("{}. --set {limit}=VALUE changes its limit for one recording", failure.message),
             ..failure
@@ -496,14 +496,6 @@ fn next(arguments: &RecordArguments) {
     }
 }
 
-/// A trip by its name, for a person.
-pub(super) fn tripped(name: &str) -> String {
-    match trip_named(name) {
-        Some(trip) => BoardError::Tripped(trip).to_string(),
-        None => format!("the drive tripped ({name}): see `motorbench connect status`"),
-    }
-}
-
 /// An end before its time is a failure, with what was kept.
 pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failure> {
     let kept = match kept {
@@ -513,7 +505,7 @@ pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failur
     match ended {
         Ended::Complete => Ok(()),
         Ended::Interrupted => Err(Failure::input(format!("stopped by hand; {kept}"))),
-        Ended::Tripped(name) => Err(Failure::input(format!("{}; {kept}", tripped(name)))),
+        Ended::Tripped(trip) => Err(Failure::input(format!("{}; {kept}", BoardError::Tripped(*trip)))),
         Ended::Refused(why) => Err(Failure::input(why)),
         Ended::Failed(why) => Err(Failure::machine(format!("{why}; {kept}"))),
     }

@@ -1,6 +1,6 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
-use super::board::{PortArguments, cannot_grow, finite, on_interrupt, table_file, tripped, write_rig_and_side};
+use super::board::{PortArguments, cannot_grow, finite, on_interrupt, table_file, write_rig_and_side};
 use super::files::{beside, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, write_json};
@@ -153,7 +153,7 @@ fn outcome(ended: Ended) -> Result<(), Failure> {
     match ended {
         Ended::Complete => Ok(()),
         Ended::Interrupted => Err(Failure::input("stopped by hand")),
-        Ended::Tripped(name) => Err(Failure::input(tripped(&name))),
+        Ended::Tripped(trip) => Err(BoardError::Tripped(trip).into()),
         Ended::Refused(why) => Err(Failure::input(why)),
         Ended::Failed(why) => Err(Failure::machine(why)),
     }

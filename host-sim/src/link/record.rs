@@ -29,17 +29,22 @@ pub enum Ended {
     /// The person stopped it.
     Interrupted,
     /// The drive switched itself off.
-    Tripped(String),
+    Tripped(#[serde(serialize_with = "by_its_name")] Trip),
     /// The board refused what it was told.
     Refused(String),
     /// The board or the line failed.
     Failed(String),
 }
 
+/// A trip as files have it.
+fn by_its_name<S: serde::Serializer>(trip: &Trip, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&format_args!("{trip:?}"))
+}
+
 impl From<BoardError> for Ended {
     fn from(error: BoardError) -> Self {
         match error {
-            BoardError::Tripped(trip) => Self::Tripped(format!("{trip:?}")),
+            BoardError::Tripped(trip) => Self::Tripped(trip),
             BoardError::Interrupted => Self::Interrupted,
             refused @ BoardError::Refused { .. } => Self::Refused(refused.to_string()),
             error => Self::Failed(error.to_string()),
@@ -257,6 +262,13 @@ pub fn is_played(samples: &[Sample], sequence: &Sequence) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_end_is_written_as_programs_know_it() {
+        let written = |ended: Ended| serde_json::to_value(ended).unwrap();
+        assert_eq!(written(Ended::Complete), "complete");
+        assert_eq!(written(Ended::Tripped(Trip::OverCurrentPeak)), serde_json::json!({ "tripped": "OverCurrentPeak" }));
+    }
 
     #[test]
     fn settings_are_written_as_they_were_set() {

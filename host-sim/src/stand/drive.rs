@@ -293,7 +293,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
                 self.settle(WINDOW_S, LONGEST_WINDOW_S)?;
             }
             match self.level(voltage_v, plan.readings, findings) {
-                Err(Ended::Tripped(trip)) if self.load_nm > 0.0 && trip == format!("{:?}", Trip::Stall) => {
+                Err(Ended::Tripped(Trip::Stall)) if self.load_nm > 0.0 => {
                     self.person.hears(&format!("{voltage_v:6.2} V: left out, the load stalls the motor"));
                     self.board.command("disarm")?;
                     self.board.command("clear")?;

@@ -337,7 +337,7 @@ impl<L: Line> Session<L> {
         loop {
             self.poll()?;
             match self.trip {
-                Some(trip) => return Err(Ended::Tripped(format!("{trip:?}"))),
+                Some(trip) => return Err(Ended::Tripped(trip)),
                 None if stop() => return Err(Ended::Interrupted),
                 None if self.not_kept.is_some() => return Err(Ended::Failed(self.not_kept.take().unwrap_or_default())),
                 None if is(self) => return Ok(()),
