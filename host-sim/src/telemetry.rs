@@ -12,6 +12,11 @@ use std::f64::consts::TAU;
 /// Step of the firmware's current reading at 185 mV/A: a step of the converter over the conversions in a sum.
 const CURRENT_STEP_A: f64 = converter::STEP_V as f64 / (2.0 * converter::BLOCK as f64) / 0.185;
 
+/// A bit of the speed that the core measures or is asked for, in rad/s.
+pub fn speed_bit_rad_per_s(settings: &Settings) -> f64 {
+    f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
+}
+
 /// The samples as a recording. While the bridge is off, duty and voltage are missing: nothing drives the motor then.
 pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recording {
     let get = |param| f64::from(settings.get(param));
@@ -26,17 +31,14 @@ pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recordi
     recording.set(Channel::Duty, column(&|sample| driven(sample, duty(sample))));
     recording.set(Channel::Voltage, column(&|sample| driven(sample, duty(sample) * supply_v(sample))));
     recording.set(Channel::Counts, column(&|sample| f64::from(sample.counts)));
-    recording.set(
-        Channel::Speed,
-        column(&|sample| f64::from(sample.speed) * get(Param::SpeedRange) / f64::from(FULL_RANGE)),
-    );
+    let speed_bit = speed_bit_rad_per_s(settings);
+    recording.set(Channel::Speed, column(&|sample| f64::from(sample.speed) * speed_bit));
     recording.set(Channel::Current, column(&|sample| f64::from(sample.current) / f64::from(AMPERE)));
     // A trip or a stop at the end leaves no mode, and takes no reference away.
     let mode = samples.iter().rev().map(|sample| sample.state.mode()).find(|mode| *mode != Mode::Off);
     let mode = mode.unwrap_or(Mode::Off);
     if mode.is_speed() {
-        let unit = get(Param::SpeedRange) / f64::from(FULL_RANGE);
-        recording.set(Channel::SpeedReference, column(&|sample| f64::from(sample.reference) * unit));
+        recording.set(Channel::SpeedReference, column(&|sample| f64::from(sample.reference) * speed_bit));
     } else if mode.is_position() {
         let unit = TAU / get(Param::CountsPerRev);
         recording.set(Channel::AngleReference, column(&|sample| f64::from(sample.reference) * unit));

@@ -9,10 +9,10 @@ use crate::design::step_tuning::simc;
 use crate::link::Link;
 use crate::link::port::Port;
 use crate::link::record::missing_ticks;
+use crate::telemetry::speed_bit_rad_per_s;
 use clap::Args;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings};
-use motorbench_core::units::FULL_RANGE;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -237,7 +237,7 @@ fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> 
     board.command("arm")?;
     board.command("mode open")?;
     board.samples(0.0)?;
-    let resting = RESTING_SHARE * reference.abs() / unit(settings);
+    let resting = RESTING_SHARE * reference.abs() / speed_bit_rad_per_s(settings);
     for _ in 0..MOST_LOOKS {
         let samples = untripped(samples_of(board, LOOK_S, settings.get(Param::TickRate).into())?)?;
         if samples.last().is_some_and(|last| f64::from(last.speed).abs() <= resting) {
@@ -245,11 +245,6 @@ fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> 
         }
     }
     board.command("disarm")
-}
-
-/// A bit of speed in rad/s.
-fn unit(settings: &Settings) -> f64 {
-    f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
 }
 
 /// Goes to the reference from rest; overshoot in percent, and mean error at the end.
@@ -264,7 +259,7 @@ fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Re
     let samples = samples?;
     off?;
     has_come(&samples)?;
-    let share = |sample: &Sample| f64::from(sample.speed) * unit(settings) / reference;
+    let share = |sample: &Sample| f64::from(sample.speed) * speed_bit_rad_per_s(settings) / reference;
     let shares: Vec<f64> = samples.iter().map(share).collect();
     let last = &shares[shares.len() - (LAST_PART * shares.len() as f64) as usize..];
     let error = last.iter().map(|share| (share - 1.0) * reference).sum::<f64>() / last.len() as f64;

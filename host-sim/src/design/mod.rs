@@ -44,6 +44,7 @@ use crate::linear::motor_model;
 use crate::model::Model;
 use crate::motor::{MotorParameters, NonPhysical};
 use crate::plant::{BridgeLosses, DcMotor, DcMotorParameters, Plant};
+use crate::telemetry::speed_bit_rad_per_s;
 use fixed_point::SettingList;
 use law::{ControlLaw, Signal, setting_name, setting_unit};
 use motorbench_core::message::Trip;
@@ -739,7 +740,7 @@ impl StepTrial<'_> {
         if self.law.is_position() {
             return SETTLED_COUNTS * std::f64::consts::TAU / get(Param::CountsPerRev);
         }
-        let bits = SETTLED_SPEED_BITS * get(Param::SpeedRange) / f64::from(motorbench_core::units::FULL_RANGE);
+        let bits = SETTLED_SPEED_BITS * speed_bit_rad_per_s(&settings.all);
         let steps = |tachogenerator: Tachogenerator| SETTLED_TACHO_STEPS * tachogenerator.resolution_rad_per_s();
         self.tachogenerator.map_or(bits, steps).max(bits)
     }

@@ -8,10 +8,11 @@
 use super::relay::{LimitCycle, Relay, RelayError, Switching};
 use super::step_tuning::{FirstOrder, StepError, fit};
 use crate::board::{Board, BoardError, Silence, samples_of, untripped};
+use crate::telemetry::speed_bit_rad_per_s;
 use motorbench_core::message::Sample;
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
-use motorbench_core::units::{FULL_RANGE, VOLT};
+use motorbench_core::units::VOLT;
 use std::time::Instant;
 
 /// Slew limit during an experiment: the voltage has to jump.
@@ -174,7 +175,7 @@ impl Delays {
 }
 
 fn speed(sample: &Sample, settings: &Settings) -> f64 {
-    f64::from(sample.speed) * f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
+    f64::from(sample.speed) * speed_bit_rad_per_s(settings)
 }
 
 #[cfg(test)]

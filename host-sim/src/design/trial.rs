@@ -8,6 +8,7 @@ use super::sampled_loop::DRIVE_DELAY_S;
 use super::sensor_effects::SensorEffects;
 use crate::model::Model;
 use crate::plant::{Bridge, Inputs as PlantInputs, ModelPlant, PeriodEnd, Plant, Pwm};
+use crate::telemetry::speed_bit_rad_per_s;
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
 use motorbench_core::converter;
 use motorbench_core::encoder::Edges;
@@ -16,7 +17,7 @@ use motorbench_core::message::{Mode, Request, Sample, State};
 use motorbench_core::pins::{CPU_HZ, CURRENT_SAMPLING_STEP, PWM_HZ, PWM_STEPS};
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::tachogenerator;
-use motorbench_core::units::{FULL_RANGE, VOLT};
+use motorbench_core::units::VOLT;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
@@ -276,15 +277,14 @@ impl<P: Plant> Trial<P> {
     fn point(&self) -> Point {
         let sample = self.sample();
         let get = |param| f64::from(self.settings.get(param));
-        let per_bit = |bits: f32| 1.0 / f64::from(bits);
-        let speed = get(Param::SpeedRange) * per_bit(FULL_RANGE);
+        let speed = speed_bit_rad_per_s(&self.settings);
         let mode = sample.state.mode();
         let unit = if mode.is_position() {
             TAU / get(Param::CountsPerRev)
         } else if mode.is_speed() {
             speed
         } else {
-            per_bit(VOLT)
+            1.0 / f64::from(VOLT)
         };
         Point {
             t_s: f64::from(self.periods) / f64::from(PWM_HZ),
@@ -304,7 +304,7 @@ impl<P: Plant> Trial<P> {
         let bits = if mode.is_position() {
             reference * get(Param::CountsPerRev) / TAU
         } else if mode.is_speed() {
-            reference * f64::from(FULL_RANGE) / get(Param::SpeedRange)
+            reference / speed_bit_rad_per_s(&self.settings)
         } else {
             reference * f64::from(VOLT)
         };

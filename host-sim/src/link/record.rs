@@ -3,10 +3,11 @@
 use super::coverage::{Coverage, Covered};
 use super::{Line, Link, Losses};
 use crate::board::{Board, BoardError, Silence};
+use crate::telemetry::speed_bit_rad_per_s;
 use motorbench_core::excitation::{Kind, Player, Sequence};
 use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::settings::{Param, Settings};
-use motorbench_core::units::{FULL_RANGE, VOLT};
+use motorbench_core::units::VOLT;
 use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
@@ -223,7 +224,7 @@ impl Asked {
         let Self { kind, amplitude, offset, period_ms, count, seed } = *self;
         let get = |param| f64::from(settings.get(param));
         let unit = if mode.is_speed() {
-            get(Param::SpeedRange) / f64::from(FULL_RANGE)
+            speed_bit_rad_per_s(settings)
         } else if mode.is_position() {
             TAU / get(Param::CountsPerRev)
         } else {

@@ -10,6 +10,7 @@ use crate::figures::{Figures, step_figures};
 use crate::link::record::{Ended, Record, missing_ticks};
 use crate::link::{Line, Link, Losses, name};
 use crate::live::Live;
+use crate::telemetry::speed_bit_rad_per_s;
 use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
@@ -492,7 +493,7 @@ impl<L: Line> Session<L> {
         let figures = step_figures(&points[begun..], |point| point.measured_rad_per_s, self.reference);
         let TunedLoop { mode, gains } = self.tuned();
         let missing_ticks = missing_ticks(&samples[begun..]);
-        if (figures.to - figures.from).abs() < self.speed_unit() {
+        if (figures.to - figures.from).abs() < speed_bit_rad_per_s(&self.settings) {
             self.message = self.no_step();
         } else {
             self.step_tests.push(StepTest { mode, gains: by_name(gains, &self.settings), figures, missing_ticks });
@@ -573,13 +574,8 @@ impl<L: Line> Session<L> {
         leave_host(&mut self.link, &self.settings)
     }
 
-    /// One of the core's units of speed, in rad/s.
-    fn speed_unit(&self) -> f64 {
-        f64::from(self.settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
-    }
-
     fn point(&self, sample: &Sample) -> Point {
-        let unit = self.speed_unit();
+        let unit = speed_bit_rad_per_s(&self.settings);
         let moves = sample.state.mode().is_speed();
         let supply_v = f64::from(sample.supply) / f64::from(VOLT);
         let speed = f64::from(sample.speed) * unit;
