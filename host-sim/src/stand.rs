@@ -6,6 +6,7 @@ pub mod derived;
 pub mod drive;
 
 use crate::diagnose::outcome::Estimate;
+use crate::identify::Z95;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::steady_state::{
@@ -413,7 +414,7 @@ fn condition(earlier: &Recording, now: &[Level], rig: &Rig) -> Result<Vec<Condit
         .map(|((part, quantity, more, less), (before, now))| {
             // Both intervals are of one width of Student's distribution, nearly two standard errors a side.
             let half = |estimate: &Estimate| estimate.ci95.map_or(0.0, |ci95| 0.5 * (ci95[1] - ci95[0]));
-            let sigmas = 1.96 * (now.value - before.value) / half(&before).hypot(half(&now)).max(f64::MIN_POSITIVE);
+            let sigmas = Z95 * (now.value - before.value) / half(&before).hypot(half(&now)).max(f64::MIN_POSITIVE);
             let verdict = match sigmas {
                 sigmas if sigmas > CHANGED_SIGMAS => more,
                 sigmas if sigmas < -CHANGED_SIGMAS => less,

@@ -5,6 +5,7 @@ use crate::compare::{Comparison, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
 use crate::free_run::free_run;
+use crate::identify::Z95;
 use crate::linear::motor_model::speed;
 use crate::model::Model;
 use crate::panels::{Panel, panels};
@@ -277,9 +278,8 @@ fn constants(arguments: &Arguments) -> Result<(), Failure> {
     let mut text = format!("  {:<28} {:>12} {:>12} {:>8}\n", "constant", "first", "second", "sigmas");
     let mut rows = Vec::new();
     for (name, a) in first.as_object().into_iter().flatten() {
-        // Half of a 95 % interval is 1.96 standard deviations.
-        let known =
-            |of: &Value| Some((of["value"].as_f64()?, (of["ci95"][1].as_f64()? - of["ci95"][0].as_f64()?) / 3.92));
+        let end = |of: &Value, side: usize| of["ci95"][side].as_f64();
+        let known = |of: &Value| Some((of["value"].as_f64()?, 0.5 * (end(of, 1)? - end(of, 0)?) / Z95));
         let Some(((a, a_error), (b, b_error))) = known(a).zip(known(&second[name])) else { continue };
         let sigmas = (b - a) / a_error.hypot(b_error).max(f64::MIN_POSITIVE);
         text += &format!("  {name:<28} {:>12} {:>12} {sigmas:>8.1}\n", short(a), short(b));
