@@ -199,6 +199,9 @@ pub enum Channels {
     VoltageSpeed,
     /// `t_s, u_V, omega_rad_per_s, i_A`, the speed being a difference of counts over some rows, up to its own or around it.
     VoltageMeanSpeedCurrent,
+    /// `t_s, u_V, omega_rad_per_s, i_A`, the speed being timed by the edges of a coarse encoder: by the last two, held until
+    /// the next or for a fifth of a second, or by all since the row before, fading while none comes.
+    VoltageTimedSpeedCurrent,
 }
 
 impl Channels {
@@ -414,12 +417,16 @@ fn rig_toml(bench: &rig::Bench, nominal: &Motor, recipe: &Recipe) -> String {
         _ => (1.0, 1.0),
     };
     let pwm = if recipe.timer_of_the_uno { "" } else { "pwm_Hz = 20000.0\n" };
+    let encoder = match recipe.channels {
+        // Its owner has never counted its slots.
+        Channels::VoltageTimedSpeedCurrent => String::new(),
+        _ => format!("[encoder]\ncounts_per_rev = {}\n", bench.counts_per_rev * counts),
+    };
     format!(
-        "[supply]\nvoltage_V = {}\n[bridge]\ndecay = \"slow\"\n{pwm}[encoder]\ncounts_per_rev = {}\n\
+        "[supply]\nvoltage_V = {}\n[bridge]\ndecay = \"slow\"\n{pwm}{encoder}\
          [current_sensor]\nresolution_A = {}\n{tacho}[motor]\nresistance_ohm = {}\ninductance_H = {}\n\
          torque_constant_Nm_per_A = {}\ninertia_kg_m2 = {}\nviscous_friction_Nm_s = {}\n",
         bench.supply_v * supply,
-        bench.counts_per_rev * counts,
         sensors::CURRENT_STEP_A,
         nominal.resistance_ohm,
         nominal.inductance_h,

@@ -391,6 +391,11 @@ impl Bench {
         if has_filter { self.lagged_a } else { self.smooth_a }
     }
 
+    /// The angle that the disc of the encoder shows.
+    pub fn seen_rad(&self) -> f64 {
+        self.angle + self.hidden.eccentricity_rad * (self.angle + self.hidden.eccentricity_phase).sin()
+    }
+
     /// Lets time pass under one duty.
     pub fn run(&mut self, duty: f64, duration_s: f64) {
         let step_s = if self.switches() { SWITCHED_STEP_S } else { STEP_S };

@@ -41,6 +41,78 @@ impl Burst {
     }
 }
 
+/// Edges that a coarse encoder may have in a revolution.
+const EDGES_PER_REV: [f64; 7] = [11.0, 16.0, 20.0, 24.0, 44.0, 64.0, 100.0];
+/// How often it is looked at, and the step of `micros()` on an Uno.
+const LOOK_S: f64 = 20e-6;
+const CLOCK_S: f64 = 4e-6;
+/// Without an edge for so long the program says that the shaft stands.
+const AT_REST_S: f64 = 0.2;
+
+/// A program that times the edges of an encoder.
+struct EdgeTimer {
+    edges_per_rev: f64,
+    since_row_before: bool,
+    passed: f64,
+    /// Edges up to the last one, and when that was.
+    last: (f64, f64),
+    /// The same as it was where the last speed was taken.
+    used: (f64, f64),
+    speed: f64,
+}
+
+impl EdgeTimer {
+    fn new(random: &mut impl Rng) -> Self {
+        Self {
+            edges_per_rev: EDGES_PER_REV[random.random_range(0..EDGES_PER_REV.len())],
+            since_row_before: random.random_bool(0.5),
+            passed: 0.0,
+            last: (0.0, 0.0),
+            used: (0.0, 0.0),
+            speed: 0.0,
+        }
+    }
+
+    /// The shaft has come from one angle to the next up to now.
+    fn look(&mut self, from_rad: f64, to_rad: f64, now_s: f64) {
+        let edges = |angle_rad: f64| angle_rad / TAU * self.edges_per_rev + 0.5;
+        let (from, to) = (edges(from_rad), edges(to_rad));
+        let now = to.floor();
+        if now == self.passed {
+            return;
+        }
+        let edge = now.max(self.passed);
+        let share = if to == from { 1.0 } else { ((edge - from) / (to - from)).clamp(0.0, 1.0) };
+        let at_s = ((now_s - (1.0 - share) * LOOK_S) / CLOCK_S).floor() * CLOCK_S;
+        if !self.since_row_before {
+            self.speed = self.speed_since(self.last, (now, at_s));
+        }
+        self.passed = now;
+        self.last = (now, at_s);
+    }
+
+    fn speed_since(&self, (edges, at_s): (f64, f64), (now, now_s): (f64, f64)) -> f64 {
+        (now - edges) / self.edges_per_rev * TAU / (now_s - at_s).max(CLOCK_S)
+    }
+
+    fn row(&mut self, now_s: f64) -> f64 {
+        let since_s = now_s - self.last.1;
+        if self.since_row_before {
+            if self.last.0 != self.used.0 {
+                self.speed = self.speed_since(self.used, self.last);
+                self.used = self.last;
+            } else {
+                let most = TAU / self.edges_per_rev / since_s.max(CLOCK_S);
+                self.speed = self.speed.clamp(-most, most);
+            }
+        }
+        if since_s > AT_REST_S {
+            self.speed = 0.0;
+        }
+        self.speed
+    }
+}
+
 struct Row {
     time_s: f64,
     duty: f64,
@@ -60,6 +132,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     let ripple_phase = random.random_range(0.0..TAU);
     let drift_hz = random.random_range(0.05..0.15);
     let mut burst = recipe.burst.then(|| Burst::new(random));
+    let mut edge_timer = (recipe.channels == Channels::VoltageTimedSpeedCurrent).then(|| EdgeTimer::new(random));
     let (mut lost_rad, mut low_passed_a) = (0.0, 0.0);
     let mut edges = Edges { per_rad: bench.counts_per_rev / TAU, last: 0.0 };
     let mut rows = Vec::with_capacity(count);
@@ -72,7 +145,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
             false => uncounted * interval_s,
         };
         let turn = bench.angle + hidden.eccentricity_phase;
-        let seen_rad = bench.angle + hidden.eccentricity_rad * turn.sin() - lost_rad;
+        let seen_rad = bench.seen_rad() - lost_rad;
         let mut seen_speed = bench.speed * (1.0 + hidden.eccentricity_rad * turn.cos()) - uncounted;
         seen_speed *= 1.0 + hidden.ripple * (hidden.ripples * bench.angle + ripple_phase).sin();
         seen_speed *= 1.0 + hidden.drift * (TAU * drift_hz * bench.time_s).sin();
@@ -88,6 +161,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         if let Some(speed_loop) = &mut speed_loop {
             duty[index] = speed_loop.duty(index, speed / bench.top_speed);
         }
+        let speed = edge_timer.as_mut().map_or(speed, |timer| timer.row(bench.time_s));
         rows.push(Row {
             time_s: index as f64 * interval_s,
             duty: duty[index],
@@ -95,7 +169,7 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
             speed,
             current_a: seen_a + hidden.offset_a + CURRENT_NOISE_A * noise(random),
         });
-        pass(&mut bench, &duty, index, interval_s, burst.as_mut());
+        pass(&mut bench, &duty, index, interval_s, (burst.as_mut(), edge_timer.as_mut()));
     }
     if recipe.written_after {
         duty.rotate_right(1);
@@ -130,27 +204,46 @@ impl Edges {
     }
 }
 
+/// What goes on in the program between two rows.
+type Between<'a> = (Option<&'a mut Burst>, Option<&'a mut EdgeTimer>);
+
 /// One sampling interval, the command late by the hidden delay.
-fn pass(bench: &mut Bench, duty: &[f64], index: usize, interval_s: f64, mut burst: Option<&mut Burst>) {
+fn pass(bench: &mut Bench, duty: &[f64], index: usize, interval_s: f64, (mut burst, mut timer): Between) {
     let late = bench.hidden.delay_s / interval_s;
     let whole = late.floor() as usize;
     let part = late - late.floor();
     let at = |back: usize| index.checked_sub(back).map_or(0.0, |index| duty[index]);
     if part > 0.01 {
-        converting(bench, at(whole + 1), part * interval_s, burst.as_deref_mut());
+        run(bench, at(whole + 1), part * interval_s, (burst.as_deref_mut(), timer.as_deref_mut()));
     }
     if part < 0.99 {
-        converting(bench, at(whole), (1.0 - part) * interval_s, burst);
+        run(bench, at(whole), (1.0 - part) * interval_s, (burst, timer));
     }
 }
 
-/// Lets time pass under one duty, and the converter at work.
-fn converting(bench: &mut Bench, duty: f64, duration_s: f64, burst: Option<&mut Burst>) {
-    let Some(burst) = burst else { return bench.run(duty, duration_s) };
+/// Lets time pass under one duty, and the program at work.
+fn run(bench: &mut Bench, duty: f64, duration_s: f64, between: Between) {
+    match between {
+        (Some(burst), _) => converting(bench, duty, duration_s, burst),
+        (_, Some(timer)) => looking(bench, duty, duration_s, timer),
+        _ => bench.run(duty, duration_s),
+    }
+}
+
+fn converting(bench: &mut Bench, duty: f64, duration_s: f64, burst: &mut Burst) {
     let conversions = (duration_s / CONVERSION_S).round().max(1.0);
     for _ in 0..conversions as usize {
         bench.run(duty, duration_s / conversions);
         burst.add(bench.reading_a());
+    }
+}
+
+fn looking(bench: &mut Bench, duty: f64, duration_s: f64, timer: &mut EdgeTimer) {
+    let looks = (duration_s / LOOK_S).round().max(1.0);
+    for _ in 0..looks as usize {
+        let from_rad = bench.seen_rad();
+        bench.run(duty, duration_s / looks);
+        timer.look(from_rad, bench.seen_rad(), bench.time_s);
     }
 }
 
@@ -178,7 +271,9 @@ fn clip(rows: &mut [Row], share: f64) {
 fn csv(rows: &[Row], bench: &Bench, channels: Channels) -> String {
     let mut text = String::from(match channels {
         Channels::Full => "t_s,duty,u_V,counts,omega_rad_per_s,i_A\n",
-        Channels::VoltageSpeedCurrent | Channels::VoltageMeanSpeedCurrent => "t_s,u_V,omega_rad_per_s,i_A\n",
+        Channels::VoltageSpeedCurrent | Channels::VoltageMeanSpeedCurrent | Channels::VoltageTimedSpeedCurrent => {
+            "t_s,u_V,omega_rad_per_s,i_A\n"
+        }
         Channels::DutyCountsCurrent => "t_s,duty,counts,i_A\n",
         Channels::VoltageSpeed => "t_s,u_V,omega_rad_per_s\n",
     });
@@ -187,7 +282,7 @@ fn csv(rows: &[Row], bench: &Bench, channels: Channels) -> String {
         let volts = duty * bench.supply_v;
         let _ = match channels {
             Channels::Full => writeln!(text, "{time_s:.4},{duty:.5},{volts:.4},{counts},{speed:.4},{current_a:.4}"),
-            Channels::VoltageSpeedCurrent | Channels::VoltageMeanSpeedCurrent => {
+            Channels::VoltageSpeedCurrent | Channels::VoltageMeanSpeedCurrent | Channels::VoltageTimedSpeedCurrent => {
                 writeln!(text, "{time_s:.4},{volts:.4},{speed:.4},{current_a:.4}")
             }
             Channels::DutyCountsCurrent => writeln!(text, "{time_s:.4},{duty:.5},{counts},{current_a:.4}"),

@@ -23,7 +23,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 /// Kinds of trials, and what each is.
-const KINDS: [(&str, &str); 18] = [
+const KINDS: [(&str, &str); 19] = [
     ("clean", "nothing hidden"),
     ("single", "each effect alone"),
     ("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway"),
@@ -43,6 +43,10 @@ const KINDS: [(&str, &str); 18] = [
     ),
     ("after", "one effect, each row with the command that had acted before it was read"),
     ("window", "one effect on the rig with friction and bridge drop, the speed a difference of counts over some rows"),
+    (
+        "edges",
+        "one effect on that rig, the speed timed by the edges of a coarse encoder that the rig file does not name",
+    ),
     ("timer", "one effect on that rig, the PWM of a timer of the Uno's that the rig file does not name"),
     ("burst", "one effect on that rig, each current the mean of conversions that ended with its row"),
 ];

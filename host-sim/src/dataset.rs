@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 mod counter_stops;
+mod edge_timing;
 mod end_of_range;
 mod mistakes;
 mod row_order;
@@ -14,6 +15,8 @@ mod speed_window;
 mod turns;
 
 pub use counter_stops::CounterStop;
+use edge_timing::Timed;
+pub use edge_timing::{BetweenEdges, EdgeTiming, Edges};
 pub use end_of_range::EndOfRange;
 use speed_window::Found;
 pub use speed_window::Window;
@@ -58,6 +61,8 @@ pub enum Output {
     Speed,
     /// Speed as recorded, which is a difference of counts over a [`Stretch::window`].
     MeanSpeed,
+    /// Speed as recorded, which is timed by [`Dataset::edge_timing`].
+    TimedSpeed,
     /// Speed as the difference of recorded angles over a [`Stretch::window`].
     AngleDifference,
 }
@@ -67,7 +72,7 @@ impl Output {
     pub fn channel(self) -> &'static str {
         match self {
             Self::Current => Channel::Current.column(),
-            Self::Speed | Self::MeanSpeed => Channel::Speed.column(),
+            Self::Speed | Self::MeanSpeed | Self::TimedSpeed => Channel::Speed.column(),
             Self::AngleDifference => "omega_from_angle_rad_per_s",
         }
     }
@@ -76,7 +81,7 @@ impl Output {
     pub fn unit(self) -> &'static str {
         match self {
             Self::Current => "A",
-            Self::Speed | Self::MeanSpeed | Self::AngleDifference => "rad/s",
+            Self::Speed | Self::MeanSpeed | Self::TimedSpeed | Self::AngleDifference => "rad/s",
         }
     }
 }
@@ -90,7 +95,7 @@ pub struct Measured {
     pub values: Vec<f64>,
     /// Standard deviation of its noise, from its own sample-to-sample unrest.
     pub noise: f64,
-    /// What rounding to whole counts makes of it; 0 of what is not counted.
+    /// What rounding to whole counts makes of it, or edges anywhere in their row; 0 of what is not counted.
     pub of_counting: f64,
     /// What no model of a bench is asked to know better: [`TOLERANCE`] of its spread, or the reading's own step.
     pub tolerance: f64,
@@ -175,18 +180,31 @@ pub struct Dataset {
     pub is_counted: bool,
     /// Where its counter stood though the motor turned...
     pub counter_stops: Vec<CounterStop>,
+    /// ... and the rows of the motion that are missing for that, as they were read.
+    pub read_in_stops: Vec<(usize, f64)>,
     /// Rows left out for a speed that no shaft can have had.
     pub impossible: usize,
     /// Where the range of a sensor of the speed ended before the motor's speed did.
     pub end_of_range: Option<EndOfRange>,
     /// Share of all counts that is taken for lost; angles and speeds are those with it.
     pub lost_share: f64,
-    /// ... and the rows of the motion that are missing for that, as they were read.
-    pub read_in_stops: Vec<(usize, f64)>,
     /// Columns in which there is no number.
     pub empty: Vec<Channel>,
     /// Whether the rig file says where in its window a mean speed stands.
     pub window_end_is_known: bool,
+    /// Whether a speed is no more than taken for a mean since the row before.
+    pub taken_over_its_row: bool,
+    /// How a speed was timed by edges.
+    pub edge_timing: Option<EdgeTiming>,
+}
+
+/// What one recording tells of how the speeds of all are made.
+#[derive(Clone, Copy)]
+enum SpeedReading {
+    /// A difference of counts over so long.
+    Mean { window_s: f64 },
+    /// Timed by edges that are so far from each other.
+    Timed { step_rad: f64 },
 }
 
 /// Why recordings cannot be used together with this rig file.
@@ -336,7 +354,7 @@ impl Dataset {
         self.time_s.is_empty()
     }
 
-    /// The measured quantity of this kind.
+    /// The measured current, where there is one.
     pub fn current(&self) -> Option<&Measured> {
         self.measured.iter().find(|measured| measured.output == Output::Current)
     }
@@ -362,8 +380,9 @@ impl Dataset {
             && self.motion().output == Output::MeanSpeed
             && self.timing.speed_window_s.is_none()
         {
-            notes.push(window.note(*interval_s));
+            notes.push(if self.taken_over_its_row { OVER_ITS_ROW.into() } else { window.note(*interval_s) });
         }
+        notes.extend(self.edge_timing.as_ref().map(EdgeTiming::note));
         if let Some(first) = self.counter_stops.first() {
             notes.push(format!(
                 "In {} places the counter stood while the motor was driven on (the first at {:.3} s, for {:.3} s): those rows are not compared. What holds the program up there, an interrupt or a serial line?",
@@ -458,6 +477,31 @@ impl Dataset {
         Some(other)
     }
 
+    /// The same with the speed timed the other way, or as a mean since the row before, where nothing says what it is.
+    pub fn with_other_speed_reading(&self) -> Option<Self> {
+        if self.timing.readings == Readings::Mean || self.timing.speed_window_s.is_some() {
+            return None;
+        }
+        let mut other = self.clone();
+        match (&mut other.edge_timing, self.motion().output) {
+            (Some(timing), _) => timing.edges = Edges::SinceRowBefore,
+            (None, Output::Speed) => other.take_speed_as_mean_of_its_row(),
+            _ => return None,
+        }
+        Some(other)
+    }
+
+    fn take_speed_as_mean_of_its_row(&mut self) {
+        let index = self.motion_index();
+        self.measured[index].output = Output::MeanSpeed;
+        self.stretches.iter_mut().for_each(|stretch| stretch.window = Window::up_to_now(1));
+        (self.window_end_is_known, self.taken_over_its_row) = (true, true);
+        // Of a recorded angle there is nothing to be made.
+        if self.count_rad <= 0.0 {
+            self.integrate_mean_speed();
+        }
+    }
+
     /// The angle, of which a mean speed was made, from it: in each stretch from zero.
     fn integrate_mean_speed(&mut self) {
         let speed = held(&self.motion().values);
@@ -522,21 +566,29 @@ impl Dataset {
         (self.stretches.iter().map(of_stretch).sum::<f64>() / self.len().max(1) as f64).sqrt()
     }
 
-    /// Recordings one by one. Where a mean speed was found in some, it is one in all of them: too little may move in the others.
+    /// Recordings one by one. How a speed was made in some, it was made in all of them: too little may move in the others.
     fn each(recordings: &[Recording], rig: &Rig) -> Result<Vec<Self>, DatasetError> {
-        let mut each = recordings.iter().map(|recording| Self::of(recording, rig)).collect::<Result<Vec<_>, _>>()?;
-        let mean = each.iter().find(|one| one.motion().output == Output::MeanSpeed);
-        let found_s = mean.and_then(|one| Some(one.stretches.first()?.window.span as f64 * one.interval_s));
-        for (recording, one) in recordings.iter().zip(&mut each).filter(|_| found_s.is_some()) {
+        let of = |recording| Self::of(recording, rig, None);
+        let mut each = recordings.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let told = each.iter().find_map(Self::speed_reading);
+        for (recording, one) in recordings.iter().zip(&mut each).filter(|_| told.is_some()) {
             if one.motion().output == Output::Speed {
-                let recording_of = Timing { speed_window_s: found_s, ..rig.recording };
-                *one = Self::of(recording, &Rig { recording: recording_of, ..rig.clone() })?;
+                *one = Self::of(recording, rig, told)?;
             }
         }
         Ok(each)
     }
 
-    fn of(recording: &Recording, rig: &Rig) -> Result<Self, DatasetError> {
+    fn speed_reading(&self) -> Option<SpeedReading> {
+        let window_s = |stretch: &Stretch| SpeedReading::Mean { window_s: stretch.window_s() };
+        match self.motion().output {
+            Output::MeanSpeed => self.stretches.first().map(window_s),
+            _ => self.edge_timing.as_ref().map(|timing| SpeedReading::Timed { step_rad: timing.step_rad }),
+        }
+    }
+
+    /// `told`: by another recording.
+    fn of(recording: &Recording, rig: &Rig, told: Option<SpeedReading>) -> Result<Self, DatasetError> {
         let name = || recording.name.clone();
         let no_time =
             || recording.advice_on_time().map_or_else(|| DatasetError::NoTime(name()), DatasetError::OtherTime);
@@ -565,7 +617,7 @@ impl Dataset {
             ..Self::default()
         };
         data.read_drive(recording, rig, &time_s)?;
-        let window = data.read_motion(recording, rig, &time_s)?;
+        let window = data.read_motion(recording, rig, &time_s, told)?;
         data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
         let stretches = stretches(&time_s, interval_s, &data.voltage_v).into_iter();
         data.stretches = stretches.map(|rows| Stretch { rows, interval_s, window }).collect();
@@ -605,7 +657,13 @@ impl Dataset {
     }
 
     /// Returns the window of a speed that is a mean.
-    fn read_motion(&mut self, recording: &Recording, rig: &Rig, time_s: &[f64]) -> Result<Window, DatasetError> {
+    fn read_motion(
+        &mut self,
+        recording: &Recording,
+        rig: &Rig,
+        time_s: &[f64],
+        told: Option<SpeedReading>,
+    ) -> Result<Window, DatasetError> {
         if let Some(current) = recording.get(Channel::Current) {
             self.add(Output::Current, current.to_vec());
         }
@@ -646,7 +704,7 @@ impl Dataset {
             (Some(speed), Some(angle)) if speed_window::is_made_of(&speed, &angle, self.interval_s) => {
                 self.add_difference(&angle, time_s)
             }
-            (Some(speed), _) => self.add_speed(speed, rig, time_s),
+            (Some(speed), _) => self.add_speed(speed, rig, time_s, told),
             (None, Some(angle)) => self.add_difference(&angle, time_s),
             (None, None) => unreachable!("one of them was there a line ago"),
         })
@@ -659,17 +717,20 @@ impl Dataset {
     }
 
     /// A speed, and over which window it was taken where it is a difference of counts.
-    fn add_speed(&mut self, mut speed: Vec<f64>, rig: &Rig, time_s: &[f64]) -> Window {
-        // A count that polls at its fastest stands as well, and has a law.
-        if !self.is_counted {
-            self.end_of_range = end_of_range::leave_out(&mut speed);
-        }
+    fn add_speed(&mut self, mut speed: Vec<f64>, rig: &Rig, time_s: &[f64], told: Option<SpeedReading>) -> Window {
         self.impossible = mistakes::take_out_impossible(&mut speed);
         let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
-        let given = rig.recording.speed_window_s.map(|length_s| Found { span: rows(length_s), ahead: None });
+        let over = |window_s: f64| Found { span: rows(window_s), ahead: None };
+        let given = match (rig.recording.speed_window_s, told) {
+            (Some(window_s), _) | (None, Some(SpeedReading::Mean { window_s })) => Some(over(window_s)),
+            (None, _) => None,
+        };
         let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
-        let Some(Found { span, ahead }) = given.or_else(found).filter(|found| found.span > 1) else {
-            self.add(Output::Speed, speed);
+        let Some(Found { span, ahead }) = given.or_else(found).filter(|found| found.span > 0) else {
+            match given {
+                None => self.add_timed_speed(speed, time_s, rig, told),
+                Some(_) => self.add_speed_of_the_moment(speed),
+            }
             return Window::up_to_now(0);
         };
         let ahead = rig.recording.speed_ahead_s.map(rows).or(ahead);
@@ -677,6 +738,34 @@ impl Dataset {
         self.count_rad = rig.encoder.counts_per_rev.map_or(0.0, |per_rev| TAU / per_rev);
         self.add(Output::MeanSpeed, speed);
         Window { span, ahead: ahead.unwrap_or(0).min(span) }
+    }
+
+    /// A speed that is timed by edges, or one of the moment.
+    fn add_timed_speed(&mut self, speed: Vec<f64>, time_s: &[f64], rig: &Rig, told: Option<SpeedReading>) {
+        let timed = match told {
+            // The firmware says what its readings are.
+            _ if rig.recording.readings == Readings::Mean => None,
+            Some(SpeedReading::Timed { step_rad }) => Some(Timed::new(&speed, time_s, step_rad)),
+            _ => Timed::recognised(&speed, time_s, rig.encoder.counts_per_rev),
+        };
+        match timed {
+            Some(timed) => {
+                self.edge_timing = Some(timed.timing());
+                if self.count_rad <= 0.0 {
+                    self.angle_rad = timed.angle_rad();
+                }
+                self.add(Output::TimedSpeed, timed.readings());
+                let index = self.motion_index();
+                self.measured[index].of_counting = timed.noise();
+            }
+            None => self.add_speed_of_the_moment(speed),
+        }
+    }
+
+    /// What polls an encoder at its fastest stands as well, and has a law; that is a speed of counts.
+    fn add_speed_of_the_moment(&mut self, mut speed: Vec<f64>) {
+        self.end_of_range = end_of_range::leave_out(&mut speed);
+        self.add(Output::Speed, speed);
     }
 
     fn add(&mut self, output: Output, values: Vec<f64>) {
@@ -705,6 +794,10 @@ impl Dataset {
         };
         for (mine, theirs) in self.measured.iter_mut().zip(other.measured) {
             mine.values.extend(theirs.values);
+            mine.of_counting = mine.of_counting.max(theirs.of_counting);
+        }
+        if let (Some(mine), Some(theirs)) = (&mut self.edge_timing, other.edge_timing) {
+            mine.append(theirs);
         }
     }
 
@@ -754,10 +847,13 @@ impl Dataset {
         let drive: Vec<f64> =
             self.voltage_v.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
         let against = |measured: &&Measured| correlation(&drive, &measured.values) < BACKWARD;
-        let of_motion = [Channel::Speed, Channel::Rpm, Channel::Angle, Channel::Counts];
-        let column = |measured: &Measured| match measured.output {
-            Output::Current => Channel::Current.column(),
-            _ => of_motion.into_iter().find(|channel| recorded.contains(channel)).unwrap_or(Channel::Speed).column(),
+        let column = |measured: &Measured| {
+            let made_of = match measured.output {
+                Output::Current => [Channel::Current; 2],
+                Output::AngleDifference => [Channel::Angle, Channel::Counts],
+                Output::Speed | Output::MeanSpeed | Output::TimedSpeed => [Channel::Speed, Channel::Rpm],
+            };
+            made_of.into_iter().find(|channel| recorded.contains(channel)).unwrap_or(made_of[0]).column()
         };
         if mistakes::has_no_sign(&drive, &self.motion().values) {
             return Err(DatasetError::NoSign { name: name.into(), column: column(self.motion()) });
@@ -789,6 +885,9 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     };
     sum(|a, b| a * b) / (sum(|a, _| a * a) * sum(|_, b| b * b)).sqrt().max(f64::MIN_POSITIVE)
 }
+
+/// Said of a speed that is no more than taken for that.
+const OVER_ITS_ROW: &str = "The speed is taken for a mean since the row before, which explains it as well as a delay would: [recording] speed_window_s in the rig file says what it is (0: of the moment).";
 
 fn without_a_number(channel: Channel) -> String {
     format!("{} has no number in any row, and is taken for not recorded.", channel.column())
@@ -988,6 +1087,14 @@ mod tests {
             let error = Dataset::new(&[slow], &Rig::default()).unwrap_err().to_string();
             assert!(error.contains(expected) && error.contains("100 Hz or more"), "{error}");
         }
+    }
+
+    /// An encoder beside it does not make it one of counts.
+    #[test]
+    fn a_speed_that_runs_against_its_end_does_so_beside_an_encoder() {
+        let speed = |t_s: f64| (600.0 * (2.0 * t_s).sin() - 40.0).clamp(-300.0, 300.0);
+        let data = dataset(&[recording(&rows(1e-3, 4.0), "omega_rad_per_s", |t_s| format!("{:.3}", speed(t_s)))]);
+        assert_eq!(data.end_of_range.map(|end| end.value), Some(300.0));
     }
 
     #[test]

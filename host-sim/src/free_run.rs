@@ -5,7 +5,7 @@
 //! beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
 
 use crate::catalogue::{ActsOn, Balance, Effect, Instant, Readings, Sampling};
-use crate::dataset::{Dataset, Measured, Output, Stretch, Window, difference};
+use crate::dataset::{BetweenEdges, Dataset, Measured, Output, Stretch, Window, difference};
 use crate::linear::motor_model::TimeConstants;
 use crate::model::{Model, Term};
 use crate::plant::closed_form::{Family, combine};
@@ -74,6 +74,20 @@ impl Motion {
         }
     }
 
+    /// The angle at some time before a row of a stretch, where that had begun: a cubic with the speeds of the rows around.
+    fn angle_before(&self, row: usize, first: usize, rows_s: &[f64], time_s: f64) -> Option<f64> {
+        let from = (first..=row).rev().find(|row| rows_s[*row] <= time_s)?;
+        let to = (from + 1).min(row);
+        let interval_s = rows_s[to] - rows_s[from];
+        if interval_s <= 0.0 {
+            return Some(self.angle_rad[from]);
+        }
+        let (share, rest) = ((time_s - rows_s[from]) / interval_s, (rows_s[to] - time_s) / interval_s);
+        let turned_rad = self.angle_rad[to] - self.angle_rad[from];
+        let bent_rad = |at: usize| self.speed_rad_per_s[at] * interval_s - turned_rad;
+        Some(self.angle_rad[from] + share * turned_rad + share * rest * (rest * bent_rad(from) - share * bent_rad(to)))
+    }
+
     fn fill_up_to(&mut self, samples: usize) {
         let columns = [
             &mut self.current_a,
@@ -116,6 +130,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
             Output::Current => std::mem::take(&mut motion.current_a),
             Output::Speed => std::mem::take(&mut motion.speed_rad_per_s),
             Output::MeanSpeed | Output::AngleDifference => mean_speed(&motion, data),
+            Output::TimedSpeed => timed_speed(&motion, data),
         })
         .collect()
 }
@@ -156,6 +171,24 @@ fn mean_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     for Stretch { rows, window, .. } in &data.stretches {
         let differences = difference(&motion.angle_rad[rows.clone()], &data.time_s[rows.clone()], *window);
         speed[rows.clone()].copy_from_slice(&differences);
+    }
+    speed
+}
+
+/// Means between the edges that the recording tells.
+fn timed_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
+    let mut speed = vec![f64::NAN; data.len()];
+    let Some(timing) = &data.edge_timing else { return speed };
+    for Stretch { rows, .. } in &data.stretches {
+        for row in rows.clone() {
+            let BetweenEdges { age_s, length_s } = timing.between()[row];
+            let end_s = data.time_s[row] - age_s;
+            let turned_rad = || {
+                let at = |time_s: f64| motion.angle_before(row, rows.start, &data.time_s, time_s);
+                Some(at(end_s)? - at(end_s - length_s)?)
+            };
+            speed[row] = turned_rad().map_or(f64::NAN, |turned_rad| turned_rad / length_s);
+        }
     }
     speed
 }
@@ -396,7 +429,7 @@ fn first(values: &[f64]) -> f64 {
 /// after the other, lead back to that.
 fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
     let values = &motion.values[stretch.rows.clone()];
-    if motion.output == Output::Speed {
+    if matches!(motion.output, Output::Speed | Output::TimedSpeed) {
         return first(values);
     }
     let Window { span, ahead } = stretch.window;

@@ -118,7 +118,8 @@ pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
         speed_rad_per_s,
         supply_v: greatest(&data.supply_v),
         current_a: data.current().map_or(computed_a, |current| greatest(&current.values)),
-        duration_s: data.time_s.last().copied().unwrap_or(0.0),
+        // Of the longest recording: each has its own time.
+        duration_s: greatest(&data.time_s),
         interval_s: data.interval_s,
         pwm_hz: data.pwm_hz,
     }

@@ -241,6 +241,8 @@ mod tests {
             let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12.0\n[encoder]\ncounts_per_rev = 400\n").unwrap();
             let data = Dataset::new(&recordings, &rig).unwrap();
             let centred = data.with_window_centred().unwrap();
+            // Whichever is first, the rig file has not said it.
+            prop_assert!(data.notes().iter().any(|note| note.starts_with("The speed is a difference of counts")));
             for (data, ahead) in [(data, 0), (centred, span / 2)] {
                 prop_assert_eq!(data.motion().output, Output::MeanSpeed);
                 let window = Window { span, ahead };

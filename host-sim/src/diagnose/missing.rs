@@ -121,7 +121,12 @@ impl Filter {
         let mut covariance = Matrix4::zeros();
         covariance[(2, 2)] = self.walk_per_s * self.walk_per_s;
         let mut log_likelihood = 0.0;
+        let unknown = covariance;
         for index in 0..data.len() {
+            // The simulation begins anew with each stretch, and so does what it lacks.
+            if self.begins(index) {
+                (state, covariance) = (Vector4::zeros(), unknown);
+            }
             let (before, before_covariance) = (state, covariance);
             for ((row, noise), values) in self.rows.iter().zip(residual) {
                 let value = values[index];
@@ -146,6 +151,10 @@ impl Filter {
         log_likelihood
     }
 
+    fn begins(&self, index: usize) -> bool {
+        self.steps.iter().any(|step| step.end == index)
+    }
+
     fn step(&self, index: usize) -> &Step {
         let stretch = self.steps.partition_point(|step| step.end <= index);
         &self.steps[stretch.min(self.steps.len() - 1)]
@@ -157,6 +166,11 @@ impl Filter {
         let (mut state, mut values) = (self.history[last].2, vec![0.0; self.history.len()]);
         values[last] = state[2];
         for index in (0..last).rev() {
+            if self.begins(index + 1) {
+                state = self.history[index].2;
+                values[index] = state[2];
+                continue;
+            }
             let (predicted, predicted_covariance, ..) = &self.history[index + 1];
             let (_, _, filtered, covariance) = &self.history[index];
             // The unused fourth state would make the matrix singular.

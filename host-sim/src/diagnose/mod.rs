@@ -18,10 +18,11 @@ mod random_losses;
 pub mod report;
 mod scale;
 pub mod select;
+mod speed_reading;
 mod unseen_losses;
 
 use crate::catalogue::{ActsOn, INDUCTANCE, effect};
-use crate::dataset::{Dataset, DatasetError, Measured, Output};
+use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Interval, Place, Prior, Z95, fit};
 use crate::model::Model;
@@ -54,7 +55,9 @@ const LEAST_SPREAD: f64 = 0.02;
 const OTHER_UNIT: f64 = 2.5;
 
 /// What is said of constants that were found beside something unknown.
-const BESIDE_UNEXPLAINED: &str = "While that is missing the constants found beside it hold only roughly: their intervals know of the noise and not of what is missing.";
+const BESIDE_UNEXPLAINED: &str = "While that is missing all constants, those of the motor too, hold only roughly: their intervals know of the noise and not of what is missing.";
+/// An error this many times the sensor's noise is told, though it is too little for a name.
+const WORTH_TELLING: f64 = 1.5;
 
 /// A diagnosis with everything that a report shows.
 pub struct Diagnosis {
@@ -90,7 +93,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         understood = certain(understood.data.with_counts_lost(losses.share), &prior, &[], progress);
     }
     let (scale, understood) = in_its_scale(understood, &prior, progress);
-    let Understood { data, selection, last, intervals } = understood;
+    let Understood { data, selection, fullest, last, intervals } = understood;
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
@@ -105,7 +108,8 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let residuals = residuals(&data, &free_run(&bare, &data));
     let places = [ActsOn::Torque, ActsOn::Voltage];
     let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
-    let outcome = Outcome::of(&data, &prior, &selection, (&last.model, &intervals), Taken { losses, scale });
+    let outcome =
+        Outcome::of(&data, &prior, (&selection, &fullest), (&last.model, &intervals), Taken { losses, scale });
     Ok(Diagnosis {
         outcome,
         model: losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model)),
@@ -139,7 +143,9 @@ impl Taken {
 struct Understood {
     data: Dataset,
     selection: Selection,
-    /// The model fitted to all of them.
+    /// The model with all that was selected, what was not trusted as well.
+    fullest: Fit,
+    /// The trusted one, fitted to all of them.
     last: Fit,
     intervals: Vec<Interval>,
 }
@@ -166,6 +172,11 @@ fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress)
     let Some(scale) = scale else { return (None, recorded) };
     progress("in another scale");
     let corrected = certain(scale.corrected(&recorded.data), prior, &[], progress);
+    // Something unknown drags all constants with it, though hardly into another unit.
+    let [has_rest, _] = doubts(&corrected);
+    if has_rest && !scale.is_another_unit() {
+        return (None, recorded);
+    }
     let rank = |way: &Understood| (doubts(way), way.selection.last.cost);
     if rank(&corrected) < rank(&recorded) { (Some(scale), corrected) } else { (None, recorded) }
 }
@@ -174,6 +185,7 @@ fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress)
 /// where it had the place of another law, as of a spring when there is no gap, the data are looked at anew without it.
 fn certain(data: Dataset, prior: &Prior, not: &[&'static str], progress: select::Progress) -> Understood {
     let (seen, mut selection) = best_understood(data.clone(), prior, not, progress);
+    let fullest = selection.last.clone();
     distrust(&seen, prior, &mut selection);
     progress("intervals");
     let mut everything = seen.clone();
@@ -187,7 +199,7 @@ fn certain(data: Dataset, prior: &Prior, not: &[&'static str], progress: select:
                 id if is_of_a_scale(id) => take_back(&seen, prior, &mut selection, index),
                 id => return certain(data, prior, &[not, &[id]].concat(), progress),
             },
-            None => return Understood { data: seen, selection, last, intervals },
+            None => return Understood { data: seen, selection, fullest, last, intervals },
         }
     }
 }
@@ -223,6 +235,9 @@ fn understood(
         selection = select(&data, prior, &excluded, progress);
     }
     if pwm_frequency::settle(&mut data, prior, std::slice::from_ref(&selection.last)) {
+        selection = select(&data, prior, &excluded, progress);
+    }
+    if speed_reading::settle(&mut data, prior, &selection.last) {
         selection = select(&data, prior, &excluded, progress);
     }
     if current_window::settle(&mut data, prior, &selection.last) {
@@ -305,20 +320,19 @@ fn is_of_a_scale(id: &str) -> bool {
 /// Takes a name back.
 fn take_back(data: &Dataset, prior: &Prior, selection: &mut Selection, index: usize) {
     let taken = selection.standings.remove(index);
-    let without = fit(&selection.last.model.without(taken.id), data, prior, Effort::CHECK);
+    let last = fit(&selection.last.model.without(taken.id), data, prior, Effort::CHECK);
     for standing in &mut selection.standings {
-        for (output, rmse) in standing.gain.rmse.iter_mut().enumerate() {
-            rmse.1 = judge::rmse(data, &without.prediction, output);
-        }
+        let without = fit(&last.model.without(standing.id), data, prior, Effort::CHECK);
+        standing.gain = judge::gain(data, &without.prediction, &last.prediction);
     }
-    selection.last = without;
+    selection.last = last;
 }
 
 impl Outcome {
     fn of(
         data: &Dataset,
         prior: &Prior,
-        selection: &Selection,
+        (selection, fullest): (&Selection, &Fit),
         (model, intervals): (&Model, &[Interval]),
         taken: Taken,
     ) -> Self {
@@ -341,11 +355,11 @@ impl Outcome {
             *ci95 = taken.widened(constant, *value, *ci95);
         }
         causes.extend(scale.map(|scale| scale.cause(data)));
-        let unexplained = unexplained(data, selection);
+        let unexplained = unexplained(data, selection, fullest);
         if unexplained.is_none() {
             // While something is missing it falsifies the constants as well.
             causes.extend(
-                wrong_values(&parameters).into_iter().filter(|cause| !is_of_the_pwm(&cause.effect, data, model)),
+                wrong_values(&parameters).into_iter().filter(|cause| !is_of_the_reading(&cause.effect, data, model)),
             );
         }
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
@@ -357,8 +371,22 @@ impl Outcome {
         let mut outcome =
             Self { verdict, causes, unexplained, parameters, fit: fits(data, selection), advice: Vec::new() };
         outcome.advice = outcome.advice(data);
+        outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
         outcome
+    }
+
+    /// What is left where nothing is missing: more than the noise, and too little for a name.
+    fn small_rest(&self) -> Option<String> {
+        let (reached, floor) = (&self.fit["extended"], &self.fit["noise_floor"]);
+        let times = |(channel, quality): (&&'static str, &Quality)| (quality.rmse / floor[channel].rmse, *channel);
+        let (times, channel) = reached.iter().map(times).max_by(|a, b| a.0.total_cmp(&b.0))?;
+        (self.unexplained.is_none() && times > WORTH_TELLING).then(|| {
+            format!(
+                "The error left in {channel} is {times:.1} times its sensor's noise, yet less than {:.0} % of what it ranges over: something small may be missing that is not looked for.",
+                100.0 * TOLERANCE
+            )
+        })
     }
 
     fn advice_on_values(&self) -> Vec<String> {
@@ -394,9 +422,7 @@ impl Outcome {
                 "Something is missing that has no name here: it acts on {} and depends on {}. Look at the report's plots of what is missing.",
                 acts_on_words(unexplained.acts_on), unexplained.depends_on
             ));
-            if !self.causes.is_empty() {
-                advice.push(BESIDE_UNEXPLAINED.into());
-            }
+            advice.push(BESIDE_UNEXPLAINED.into());
         }
         advice.extend(data.notes());
         if data.current().is_none() {
@@ -424,11 +450,13 @@ fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
     data.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
 }
 
-/// Whether a wrong value is an inductance that the frequency of the PWM may have made: where a drop or diodes show it, and the
-/// rig file does not give it, only their product is certain.
-fn is_of_the_pwm(cause: &str, data: &Dataset, model: &Model) -> bool {
-    let shows = model.terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage);
-    cause == INDUCTANCE && shows && !data.pwm_is_known
+/// Whether a wrong value is an inductance that the frequency of the PWM or the window of the current may have made: where the
+/// rig file does not give them, only both together are certain.
+fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
+    let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage);
+    let of_pwm = || !data.pwm_is_known && shows_pwm();
+    let of_window = || data.timing.current_window_s.is_none() && data.current_window_s > 0.0;
+    cause == INDUCTANCE && (of_pwm() || of_window())
 }
 
 /// In words.
@@ -503,7 +531,7 @@ fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
     let sigmas_beyond = |name: &str| {
         let parameter = parameters.get(name)?;
         let off = (parameter.value / parameter.nominal?).ln().abs();
-        let spread = (parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / 3.92;
+        let spread = (parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / (2.0 * Z95);
         Some((off - DATA_SHEET_TOLERANCE) / spread.max(LEAST_SPREAD))
     };
     let names = [
@@ -535,19 +563,21 @@ fn value_cause(id: &str, constant: &str, estimate: Estimate, sigmas: f64) -> Cau
     }
 }
 
-fn unexplained(data: &Dataset, selection: &Selection) -> Option<Unexplained> {
+/// What remains, and where: what the fullest model lacks, since a drop or a friction that nobody trusts beside something
+/// greater would be found in place of that.
+fn unexplained(data: &Dataset, selection: &Selection, fullest: &Fit) -> Option<Unexplained> {
     if above_floor(data, &selection.last) < NOT_NOISE {
         return None;
     }
-    let residuals = residuals(data, &selection.last.prediction);
-    let motor = &selection.last.model.motor;
+    let left = residuals(data, &fullest.prediction);
     let mut places = vec![ActsOn::Torque, ActsOn::AngleSensor];
     if data.current().is_some() {
         places.extend([ActsOn::Voltage, ActsOn::CurrentSensor]);
     }
-    let lacks = places.into_iter().map(|place| missing::lack(data, motor, &residuals, place));
+    let lacks = places.into_iter().map(|place| missing::lack(data, &fullest.model.motor, &left, place));
     let lack = lacks.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))?;
     let dependence = missing::dependences(data, &lack.values).into_iter().next()?;
+    let residuals = residuals(data, &selection.last.prediction);
     let rest = |output: usize| {
         let after = judge::rmse(data, &selection.last.prediction, output);
         1.0 - (judge::noise(data, &residuals[output], output).min(after) / after).powi(2)

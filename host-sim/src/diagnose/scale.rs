@@ -111,6 +111,11 @@ impl Scale {
         is_one.then_some(Self { quantity, recorded_over_true: x, half, is_beyond_doubt })
     }
 
+    /// Whether it is off by more than any motor's data sheet is.
+    pub fn is_another_unit(&self) -> bool {
+        self.recorded_over_true.abs() > OTHER_UNIT.ln()
+    }
+
     /// By the factor that people get wrong by where it is one.
     fn of_a_known_factor(mut self, data: &Dataset) -> Self {
         let known: &[f64] = match self.quantity {
@@ -179,7 +184,7 @@ impl Scale {
                 "By all constants of the motor the current is {size}: is it in amperes (1000 times too great: in mA), and by the sensor's own sensitivity (an ACS712 has 185, 100 or 66 mV/A)?"
             ),
             Quantity::Voltage => format!(
-                "By all constants of the motor the voltage is {size}: measure the supply at the bridge under load, and write it into [supply] voltage_V."
+                "By all constants of the motor the voltage is {size}: measure the supply at the bridge under load, and write it into [supply] voltage_V; a column u_V is brought to volts by --map u_V=u_V*FACTOR."
             ),
         };
         format!("{question} All that is said here, and the model, are in the scale corrected by that.")

@@ -133,7 +133,7 @@ impl<'a> Losses<'a> {
         let seen = seen_in(stretch, rows);
         let motion = self.data.motion();
         match motion.output {
-            Output::Speed => {
+            Output::Speed | Output::TimedSpeed => {
                 let turned_rad = self.predicted[seen.clone()].iter().sum::<f64>() * stretch.interval_s;
                 turned_rad - (self.data.angle_rad[seen.end] - self.data.angle_rad[seen.start])
             }

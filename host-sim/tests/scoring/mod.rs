@@ -33,6 +33,12 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         "window" => {
             Recipe { channels: Channels::VoltageMeanSpeedCurrent, ..Recipe::of(&[turn(&counted)]).on_real_rig() }
         }
+        "edges" => {
+            // Of which the rig file says nothing is not asked what it counts.
+            let of_the_encoder = [Effect::TachoRipple, Effect::EncoderEccentricity, Effect::MissedCounts];
+            let others: Vec<Effect> = counted.iter().copied().filter(|e| !of_the_encoder.contains(e)).collect();
+            Recipe { channels: Channels::VoltageTimedSpeedCurrent, ..Recipe::of(&[turn(&others)]).on_real_rig() }
+        }
         "timer" => Recipe { timer_of_the_uno: true, ..real() },
         "burst" => Recipe { burst: true, ..real() },
         "scale" => {
