@@ -7,7 +7,7 @@
 mod scoring;
 
 use hidden_effects::{Channels, Effect, Recipe, Trial, draw};
-use host_sim::catalogue::effect;
+use host_sim::catalogue::{ActsOn, effect};
 use host_sim::dataset::{Dataset, Output};
 use host_sim::diagnose::outcome::Verdict;
 use host_sim::diagnose::{Diagnosis, diagnose};
@@ -19,6 +19,7 @@ use host_sim::rig::{NominalMotor, Rig};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use scoring::{diagnosed, hidden, named, recipe};
+use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};
 
