@@ -411,6 +411,29 @@ fn busy_and_missing_ports_and_full_disks_are_named() {
     assert_eq!(full.status.code(), Some(3), "{}", text(&full.stderr));
 }
 
+/// A program that had the port open before, and takes what the board says: no read waits for its turn, and Ctrl-C is heard.
+#[test]
+fn another_reader_of_the_port_is_named_and_blocks_nothing() {
+    let board = Board::new("reader");
+    let line = std::fs::File::open(board.port()).unwrap();
+    let mut thief = Command::new("cat").stdin(line).stdout(Stdio::null()).spawn().unwrap();
+    let talk = board.run("connect", &["status"]);
+    let stopped = board.command("record", &STEPS).spawn().unwrap();
+    // It calls for eight seconds.
+    std::thread::sleep(Duration::from_secs(2));
+    let begun = std::time::Instant::now();
+    assert!(Command::new("kill").args(["-INT", &stopped.id().to_string()]).status().unwrap().success());
+    let stopped = stopped.wait_with_output().unwrap();
+    let took = begun.elapsed();
+    thief.kill().unwrap();
+    thief.wait().unwrap();
+    assert_eq!(talk.status.code(), Some(3), "{}", text(&talk.stderr));
+    let named = format!("another program may be reading the port (`lsof {}`", board.port().display());
+    assert!(text(&talk.stderr).contains(&named), "{}", text(&talk.stderr));
+    assert_eq!((stopped.status.code(), text(&stopped.stderr)), (Some(1), "motorbench: stopped by hand\n".into()));
+    assert!(took < Duration::from_secs(20), "{took:?}");
+}
+
 #[test]
 fn the_eeprom_is_kept_between_runs() {
     let file = std::env::temp_dir().join(format!("motorbench-eeprom-{}.bin", std::process::id()));

@@ -8,7 +8,7 @@ use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
 use crate::link::record::{Asked, Ended, Record, is_played, record};
-use crate::link::{self, Link, Losses};
+use crate::link::{self, Link, Losses, OTHER_READER};
 use crate::live::Live;
 use crate::rig::NominalMotor;
 use crate::telemetry;
@@ -21,14 +21,15 @@ use motorbench_core::settings::{Param, Settings, find};
 use std::collections::BTreeMap;
 use std::io::{BufRead, IsTerminal, stdin};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, LazyLock};
 
 impl From<BoardError> for Failure {
     fn from(error: BoardError) -> Self {
         match error {
-            BoardError::Failed(_) | BoardError::Silent { .. } | BoardError::NoTelemetry => Self::machine(error),
+            BoardError::Silent { .. } | BoardError::NoTelemetry => Self::machine(format!("{error}; {OTHER_READER}")),
+            BoardError::Failed(_) => Self::machine(error),
             BoardError::Refused { .. } | BoardError::Tripped(_) | BoardError::Interrupted => Self::input(error),
         }
     }
@@ -43,14 +44,17 @@ pub struct PortArguments {
     port: Option<String>,
 }
 
-/// So a hint to `connect` begins: who makes it knows no port.
+/// So hints begin to `connect` and to who else has the port: who makes them knows no port.
 const CONNECT: &str = "`motorbench connect";
+const LSOF: &str = "`lsof PORT`";
 
 impl PortArguments {
     /// A text whose hints go to the board that was meant, where a person has said which.
     pub(super) fn named_in(&self, text: &str) -> String {
         match &self.port {
-            Some(port) => text.replace(CONNECT, &format!("{CONNECT} --port {port}")),
+            Some(port) => {
+                text.replace(CONNECT, &format!("{CONNECT} --port {port}")).replace(LSOF, &format!("`lsof {port}`"))
+            }
             None => text.into(),
         }
     }
@@ -65,7 +69,7 @@ impl PortArguments {
             Some(name) => name.clone(),
             None => only_board().map_err(Failure::machine)?,
         };
-        let mut link = open(&name)?;
+        let mut link = open(&name, Arc::clone(&STOPPED))?;
         take_back_watch(&mut link)?;
         Ok((link, name))
     }
@@ -329,12 +333,13 @@ fn send(live: &mut Option<Live>, samples: &[Sample], settings: &Settings) {
     }
 }
 
-/// Ctrl-C and a closed terminal no longer end the program; they set this.
+/// Set by Ctrl-C and a closed terminal, from [`on_interrupt`] on.
+static STOPPED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
+
+/// Ctrl-C and a closed terminal no longer end the program; they set this, which a link that is opened goes by as well.
 pub(super) fn on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
-    let stopped = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stopped);
-    ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).map_err(Failure::machine)?;
-    Ok(stopped)
+    ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).map_err(Failure::machine)?;
+    Ok(Arc::clone(&STOPPED))
 }
 
 /// A sequence as the board plays it.
@@ -476,7 +481,8 @@ fn report(arguments: &RecordArguments, done: &Record) {
     if done.losses != Losses::default() {
         let Losses { lost_frames, damaged_frames } = done.losses;
         println!("on the line {lost_frames} frames were lost, of them {damaged_frames} damaged:");
-        println!("a shorter cable, another USB port, no hub; or a computer that was too busy");
+        println!("a shorter cable, another USB port, no hub; or a computer that was too busy; or");
+        println!("{}", arguments.port.named_in(OTHER_READER));
     }
     let covered = done.coverage();
     println!("{covered}");

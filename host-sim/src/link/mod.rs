@@ -14,7 +14,9 @@ use crate::board::{Board, BoardError, KEEP_ALIVE};
 use motorbench_core::message::Sample;
 use motorbench_core::protocol::{Frame, StreamDecoder};
 use motorbench_core::settings::{Param, Settings, Text, find, text};
-use std::io::{self, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// After a reset the boot loader waits this long for a new program, at most.
@@ -26,6 +28,15 @@ const ANSWER: Duration = Duration::from_secs(4);
 /// The same by the board's own clock, and by that on the wall whatever the board's says.
 const ANSWER_TICKS: u32 = 4000;
 const ANSWER_AT_MOST: Duration = Duration::from_secs(60);
+/// The same for who has pressed Ctrl-C.
+const LAST_ANSWER: Duration = Duration::from_secs(1);
+const LAST_ANSWER_TICKS: u32 = 1000;
+/// A line of the console has gone out within so much time, or the port takes nothing.
+const SENT: Duration = Duration::from_secs(2);
+/// A pause where what the port has cannot be read: another program's turn to read it.
+const NOT_OURS: Duration = Duration::from_millis(1);
+/// Why bytes vanish that no cable has lost; `PORT` stands for the port's name.
+pub const OTHER_READER: &str = "another program may be reading the port (`lsof PORT` names it)";
 /// How often a line is sent that may have been damaged on its way.
 const TRIES: u32 = 3;
 /// A late answer to a line that was given up is not waited for longer than this by both clocks.
@@ -64,15 +75,34 @@ impl<T: Read + Write + Send + ?Sized> Line for Box<T> {
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         match self.read(buffer) {
             // A pseudo-terminal whose other end is closed, and a USB port that was unplugged.
-            Ok(0) => Err(io::ErrorKind::BrokenPipe.into()),
-            Err(error) if matches!(error.kind(), io::ErrorKind::TimedOut | io::ErrorKind::Interrupted) => Ok(0),
+            Ok(0) => Err(ErrorKind::BrokenPipe.into()),
+            Err(error) if is_pause(&error) => {
+                if error.kind() == ErrorKind::WouldBlock {
+                    std::thread::sleep(NOT_OURS);
+                }
+                Ok(0)
+            }
             other => other,
         }
     }
 
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.write_all(bytes)
+        let (begun, mut rest) = (Instant::now(), bytes);
+        while !rest.is_empty() {
+            match self.write(rest) {
+                Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                Ok(count) => rest = &rest[count..],
+                Err(error) if is_pause(&error) && begun.elapsed() < SENT => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
     }
+}
+
+/// Whether a port can do nothing at present, but may later.
+fn is_pause(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock)
 }
 
 /// What was lost on the line.
@@ -100,6 +130,8 @@ pub struct Link<L: Line> {
     /// When the board was last kept alive, by both clocks.
     kept_alive: (Instant, u32),
     gone: bool,
+    /// Set by Ctrl-C.
+    stopped: Arc<AtomicBool>,
     /// What the firmware says of itself.
     pub firmware: String,
 }
@@ -110,6 +142,15 @@ impl<L: Line> Link<L> {
     /// # Errors
     /// [`BoardError`]: nothing answers, or another version does.
     pub fn start(line: L) -> Result<Self, BoardError> {
+        Self::start_unless(line, Arc::default())
+    }
+
+    /// The same for a person, whose Ctrl-C sets `stopped`: no answer is waited for any longer then, and for those to what is
+    /// said afterwards, that the drive be off, not for long.
+    ///
+    /// # Errors
+    /// As [`Link::start`], and [`BoardError::Interrupted`].
+    pub fn start_unless(line: L, stopped: Arc<AtomicBool>) -> Result<Self, BoardError> {
         let mut link = Self {
             line,
             decoder: StreamDecoder::default(),
@@ -121,6 +162,7 @@ impl<L: Line> Link<L> {
             unanswered: 0,
             kept_alive: (Instant::now(), 0),
             gone: false,
+            stopped,
             firmware: String::new(),
         };
         link.firmware = link.call()?;
@@ -143,7 +185,8 @@ impl<L: Line> Link<L> {
     fn switch_over(&mut self) -> Result<(), BoardError> {
         for given_up in 0..TRIES {
             match self.command("stream binary") {
-                Err(_) if !self.gone && given_up + 1 < TRIES => {}
+                Err(BoardError::Silent { .. } | BoardError::Failed(_) | BoardError::Refused { .. })
+                    if !self.gone && given_up + 1 < TRIES => {}
                 Err(error) => return Err(error),
                 Ok(()) => {
                     // Perhaps to the line before; the stream then begins once more with the last.
@@ -159,6 +202,9 @@ impl<L: Line> Link<L> {
     fn call(&mut self) -> Result<String, BoardError> {
         let end = Instant::now() + START;
         while Instant::now() < end {
+            if self.is_stopped() {
+                return Err(BoardError::Interrupted);
+            }
             self.write(b"\nstream off\necho off\nversion\n")?;
             let heard = self.hear(CALL_AGAIN)?;
             let text = String::from_utf8_lossy(&heard).replace('\r', "");
@@ -218,17 +264,26 @@ impl<L: Line> Link<L> {
         }
         self.late_answers()?;
         self.say(line)?;
-        let (begun, tick) = (Instant::now(), self.last_tick);
-        while begun.elapsed() < ANSWER || self.is_slow(begun, tick, ANSWER_TICKS) {
+        let (begun, tick, is_last) = (Instant::now(), self.last_tick, self.is_stopped());
+        let (within, ticks) = if is_last { (LAST_ANSWER, LAST_ANSWER_TICKS) } else { (ANSWER, ANSWER_TICKS) };
+        while begun.elapsed() < within || self.is_slow(begun, tick, ticks) {
             self.poll()?;
             if let Some(answer) = self.answer(line) {
                 return answer;
             }
+            // A board that is well has answered by then, and is told to stop the motor before it is left.
+            if !is_last && self.is_stopped() && begun.elapsed() > LAST_ANSWER {
+                return Err(BoardError::Interrupted);
+            }
         }
-        Err(match self.decoder.damaged {
-            0 => BoardError::Silent { line: line.into() },
-            damaged => damaged_line(damaged, &format!("no answer to `{line}`")),
+        Err(match self.losses() {
+            Losses { lost_frames: 0, damaged_frames: 0 } => BoardError::Silent { line: line.into() },
+            losses => damaged_line(losses, &format!("no answer to `{line}`")),
         })
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
     }
 
     /// Sends a line, whose answer then begins `reply`.
@@ -311,11 +366,11 @@ impl<L: Line> Link<L> {
         for _ in 0..TRIES {
             let before = self.losses();
             let settings = self.shown();
-            if settings.is_ok() || self.losses() == before {
+            if settings.is_ok() || self.losses() == before || self.is_stopped() {
                 return settings;
             }
         }
-        Err(damaged_line(self.decoder.damaged, "the settings do not come whole"))
+        Err(damaged_line(self.losses(), "the settings do not come whole"))
     }
 
     /// The value that the board shows of one setting.
@@ -433,9 +488,10 @@ fn reset(cause: &str) -> BoardError {
     BoardError::Failed(format!("the board was reset ({cause}), its drive is off: {remedy}"))
 }
 
-fn damaged_line(damaged: u32, what: &str) -> BoardError {
+fn damaged_line(losses: Losses, what: &str) -> BoardError {
+    let Losses { lost_frames, damaged_frames } = losses;
     BoardError::Failed(format!(
-        "{what}: the line damages what it carries, {damaged} frames so far. Use a shorter cable, another USB port, no hub; keep the motor's leads away from it"
+        "{what}: {lost_frames} frames were lost on the line so far, {damaged_frames} came damaged. Use a shorter cable, another USB port, no hub; keep the motor's leads away from it; or {OTHER_READER}"
     ))
 }
 

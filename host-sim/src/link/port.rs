@@ -8,7 +8,11 @@ use motorbench_core::pins::BAUD;
 use serialport::{SerialPort, SerialPortType};
 use std::fs::File;
 use std::io;
+#[cfg(unix)]
+use std::os::fd::{AsRawFd as _, BorrowedFd};
 use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 /// A read waits this long.
@@ -107,14 +111,14 @@ fn only_board_of(found: &[Found]) -> Result<String, String> {
 /// A serial port, for this program alone.
 pub type Port = Box<dyn SerialPort>;
 
-/// Opens a port and starts talking to the firmware there.
+/// Opens a port and starts talking to the firmware there, unless `stopped` is set meanwhile.
 ///
 /// # Errors
-/// [`BoardError::Failed`] with what to do: missing, busy, not permitted; else as [`Link::start`].
-pub fn open(name: &str) -> Result<Link<Port>, BoardError> {
+/// [`BoardError::Failed`] with what to do: missing, busy, not permitted; else as [`Link::start_unless`].
+pub fn open(name: &str, stopped: Arc<AtomicBool>) -> Result<Link<Port>, BoardError> {
     // The operating system's own words are better than those that the library makes of them.
     File::options().read(true).write(true).open(name).map_err(|error| BoardError::Failed(cannot_open(name, &error)))?;
-    let port = serialport::new(name, BAUD).timeout(WAIT).open().map_err(|error| {
+    let port = serialport::new(name, BAUD).timeout(WAIT).open_native().map_err(|error| {
         BoardError::Failed(match error.kind() {
             serialport::ErrorKind::NoDevice => busy(name),
             // "Not a typewriter", in the words of the system.
@@ -122,7 +126,19 @@ pub fn open(name: &str) -> Result<Link<Port>, BoardError> {
             _ => format!("{name}: {error}; is it a serial port? `motorbench ports` lists them"),
         })
     })?;
-    Link::start(port)
+    #[cfg(unix)]
+    let port = unblocked(port).map_err(|error| BoardError::Failed(format!("{name}: {error}")))?;
+    Link::start_unless(Box::new(port), stopped)
+}
+
+/// Has a read come back at once: what was there when it was looked may be gone to another program, and to wait for its turn
+/// would be to wait for ever.
+#[cfg(unix)]
+fn unblocked(port: serialport::TTYPort) -> io::Result<serialport::TTYPort> {
+    // SAFETY: the port is open, and is so when this returns.
+    let descriptor = unsafe { BorrowedFd::borrow_raw(port.as_raw_fd()) };
+    rustix::io::ioctl_fionbio(descriptor, true)?;
+    Ok(port)
 }
 
 fn busy(name: &str) -> String {
