@@ -249,6 +249,23 @@ fn a_device_without_room_is_named_at_once() {
     board.motor_is_off();
 }
 
+/// What could not be written beside a recording is named, each file, and the recording not begun.
+#[test]
+fn side_files_without_room_are_named() {
+    let board = Board::new("sidefull");
+    for full in ["run.rig.toml", "run.scenario.toml"] {
+        symlink("/dev/full", board.folder.join(full)).unwrap();
+    }
+    let done = board.run("record", &STEPS);
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    let message = text(&done.stderr);
+    for what in ["run.scenario.toml, run.rig.toml: No space", "--out names another file", "nothing of it is kept"] {
+        assert!(message.contains(what), "{message}");
+    }
+    assert!(!message.contains("run.json:") && !board.folder.join("run.csv").exists(), "{message}");
+    board.motor_is_off();
+}
+
 /// What is killed leaves its recording as far as it had come.
 #[test]
 fn a_program_that_is_killed_leaves_its_recording() {

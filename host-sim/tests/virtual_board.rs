@@ -255,6 +255,16 @@ fn settings_of_a_recording_are_put_back() {
     let refused = board.run("record", &[&STEPS[..], &set, &["--set", "speed_kp=99999"]].concat());
     assert_eq!(refused.status.code(), Some(1), "{}", text(&refused.stderr));
     assert_eq!(shown(), before);
+
+    // What a program that was killed has left is said; and of the earlier recording nothing stands beside the new one.
+    let mut killed = board.command("record", &set).spawn().unwrap();
+    until("rows of another recording", || board.side_file()["ended"] == "running");
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let side = board.side_file();
+    assert_eq!((&side["settings"]["trip_peak"], side.get("samples")), (&5.0.into(), None), "{side}");
+    let scenario = std::fs::read_to_string(board.folder.join("run.scenario.toml")).unwrap();
+    assert!(scenario.contains("\"identify\""), "{scenario}");
 }
 
 /// At 2000 ticks a second the line is too slow for all samples: some are missing, and none has the tick of another.

@@ -7,7 +7,7 @@ use crate::board::{Board, BoardError, LOST_AFTER_MS, leave_host, limit, watch_ho
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
-use crate::link::record::{Asked, Ended, Record, is_played, record};
+use crate::link::record::{Asked, Ended, Record, is_played, record, side_file_of_running};
 use crate::link::{self, Link, Losses, OTHER_READER};
 use crate::live::Live;
 use crate::rig::NominalMotor;
@@ -236,16 +236,18 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let mut live = arguments.live.open()?;
     let (mut link, _) = arguments.port.open()?;
     let before = link.settings()?;
-    let done = play(arguments, &mut link, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
+    let done = play(arguments, &mut link, nominal, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
     put_back(&mut link, &before, &arguments.set);
     let (done, played) = done?;
-    finish(arguments, &done, &link.firmware, &played, nominal)
+    let kept = if growing.is_empty() { 0 } else { done.samples.len() };
+    finish(arguments, &done, &link.firmware, &played, nominal, kept)
 }
 
 /// Prepares the board, plays and records; what came, and what it was told to play.
 fn play(
     arguments: &RecordArguments,
     link: &mut Link<Port>,
+    nominal: NominalMotor,
     growing: &mut GrowingCsv,
     live: &mut Option<Live>,
     stop: &dyn Fn() -> bool,
@@ -253,6 +255,8 @@ fn play(
     let out = &arguments.out;
     let (settings, played) = prepare(link, arguments)?;
     let ticks = played.asked(arguments.sequence).sequence(Mode::OpenLoop, &settings).duration_ticks();
+    let side = side_file_of_running(&settings, &link.firmware, &played.order());
+    let files = files_beside(arguments, &settings, nominal, &played, ticks.into(), &side)?;
     let mut coverage = Coverage::new(&settings);
     let bar = bar(ticks.into());
     bar.set_style(
@@ -263,6 +267,10 @@ fn play(
         coverage.add(came);
         bar.set_message(coverage.covered().to_string());
         send(live, came, &settings);
+        // Those of an earlier recording would tell of rows that they do not know.
+        if growing.is_empty() && !came.is_empty() {
+            write_each(&files).map_err(|failure| format!("{}; {OTHER_FILE}", failure.message))?;
+        }
         growing.add(came, &settings).map_err(|error| cannot_grow(out, &error))
     });
     bar.finish_and_clear();
@@ -286,31 +294,52 @@ fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)])
     }
 }
 
+/// What a person does about a file that cannot be written while the motor turns.
+const OTHER_FILE: &str = "--out names another file";
+
 pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
-    format!("{}; --out names another file", cannot_write(path, error).message)
+    format!("{}; {OTHER_FILE}", cannot_write(path, error).message)
 }
 
-/// Writes what belongs beside the recording and says what became of it.
+/// Writes what belongs beside the recording and says what became of it. `kept`: samples that are in its file.
 fn finish(
     arguments: &RecordArguments,
     done: &Record,
     firmware: &str,
     played: &Played,
     nominal: NominalMotor,
+    kept: usize,
 ) -> Result<(), Failure> {
-    let side = write_beside(arguments, done, firmware, played, nominal);
-    match &side {
-        Ok(side) if arguments.json => print!("{side}"),
-        _ if arguments.json || done.samples.is_empty() => {}
-        _ => report(arguments, done),
+    let side = done.side_file(firmware, &played.order());
+    let ticks = done.samples.len() as f64 + f64::from(done.missing_ticks());
+    // The files of an earlier recording stay as they are where nothing came.
+    let written = match kept {
+        0 => Ok(()),
+        _ => {
+            files_beside(arguments, &done.settings, nominal, played, ticks, &side).and_then(|files| write_each(&files))
+        }
+    };
+    match arguments.json {
+        true => print!("{}", pretty(&side)?),
+        false if kept == 0 => {}
+        false => report(arguments, done),
     }
-    // How it ended comes before what cannot be written any more.
-    ended(&done.ended, done.samples.len(), &arguments.out).map_err(|failure| with_limit(failure, &done.ended))?;
-    side?;
+    let ended = ended(&done.ended, kept, &arguments.out).map_err(|failure| with_limit(failure, &done.ended));
+    both(ended, written)?;
     if !arguments.json {
         next(arguments);
     }
     Ok(())
+}
+
+/// How a recording ended, and then what cannot be written any more.
+fn both(ended: Result<(), Failure>, written: Result<(), Failure>) -> Result<(), Failure> {
+    let Err(unwritten) = written else { return ended };
+    let unwritten = format!("beside it stands what was written at its beginning: {}", unwritten.message);
+    Err(match ended {
+        Ok(()) => Failure::machine(unwritten),
+        Err(failure) => Failure { message: format!("{}; {unwritten}", failure.message), ..failure },
+    })
 }
 
 /// What `record` can do about a trip that goes by a limit.
@@ -374,20 +403,15 @@ impl Played {
     }
 
     /// The recording as a scenario, without a motor: mode, what the settings have of their own, and this as its reference.
-    fn scenario(&self, mode: &str, done: &Record) -> Result<String, Failure> {
+    fn scenario(&self, mode: &str, settings: &Settings, ticks: f64) -> Result<String, Failure> {
         let defaults = Settings::defaults();
-        let own = Param::ALL.iter().filter(|param| done.settings.get(**param) != defaults.get(**param));
+        let own = Param::ALL.iter().filter(|param| settings.get(**param) != defaults.get(**param));
         // The shortest decimals that say the number.
-        let value = |param: &Param| done.settings.get(*param).to_string().parse::<f64>().map_err(Failure::machine);
-        let settings =
+        let value = |param: &Param| settings.get(*param).to_string().parse::<f64>().map_err(Failure::machine);
+        let own =
             own.map(|param| Ok((link::name(*param), value(param)?))).collect::<Result<BTreeMap<_, _>, Failure>>()?;
-        let ticks = done.samples.len() as f64 + f64::from(done.missing_ticks());
-        let scenario = Course {
-            duration_s: ticks / f64::from(done.settings.get(Param::TickRate)),
-            mode,
-            settings,
-            reference: [self],
-        };
+        let duration_s = ticks / f64::from(settings.get(Param::TickRate));
+        let scenario = Course { duration_s, mode, settings: own, reference: [self] };
         toml::to_string(&scenario).map_err(Failure::machine)
     }
 }
@@ -437,39 +461,47 @@ pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
     ))
 }
 
-/// Writes what belongs beside a recording; the side file's text.
-fn write_beside(
+/// What belongs beside a recording of so many ticks.
+fn files_beside(
     arguments: &RecordArguments,
-    done: &Record,
-    firmware: &str,
-    played: &Played,
+    settings: &Settings,
     nominal: NominalMotor,
-) -> Result<String, Failure> {
-    let side = done.side_file(firmware, &played.order());
-    if done.samples.is_empty() {
-        // The files of an earlier recording stay as they are.
-        return pretty(&side);
-    }
-    write(&beside(&arguments.out, "scenario.toml"), &played.scenario(&arguments.mode, done)?)?;
-    write_rig_and_side(&arguments.out, done, nominal, &side)
+    played: &Played,
+    ticks: f64,
+    side: &serde_json::Value,
+) -> Result<Vec<(PathBuf, String)>, Failure> {
+    let scenario = (beside(&arguments.out, "scenario.toml"), played.scenario(&arguments.mode, settings, ticks)?);
+    // The side file last: it says that the others are there.
+    Ok([scenario].into_iter().chain(rig_and_side(&arguments.out, settings, nominal, side)?).collect())
 }
 
 fn pretty(side: &serde_json::Value) -> Result<String, Failure> {
     Ok(serde_json::to_string_pretty(side).map_err(Failure::machine)? + "\n")
 }
 
-/// Writes rig and side file; the latter's text.
-pub(super) fn write_rig_and_side(
+/// Rig and side file of a recording.
+pub(super) fn rig_and_side(
     out: &Path,
-    done: &Record,
+    settings: &Settings,
     nominal: NominalMotor,
     side: &serde_json::Value,
-) -> Result<String, Failure> {
-    let rig = toml::to_string(&telemetry::rig(&done.settings, nominal)).map_err(Failure::machine)?;
-    write(&beside(out, "rig.toml"), &rig)?;
-    let side = pretty(side)?;
-    write(&beside(out, "json"), &side)?;
-    Ok(side)
+) -> Result<Vec<(PathBuf, String)>, Failure> {
+    let rig = toml::to_string(&telemetry::rig(settings, nominal)).map_err(Failure::machine)?;
+    Ok(vec![(beside(out, "rig.toml"), rig), (beside(out, "json"), pretty(side)?)])
+}
+
+/// Writes files, whatever becomes of one of them; the failure names each that could not be.
+pub(super) fn write_each(files: &[(PathBuf, String)]) -> Result<(), Failure> {
+    let mut failed: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    for (path, text) in files {
+        let name = path.display().to_string();
+        if let Err(failure) = write(path, text) {
+            let why = failure.message.trim_start_matches(&name).to_owned();
+            failed.entry(why).or_default().push(name);
+        }
+    }
+    let failed: Vec<String> = failed.iter().map(|(why, names)| names.join(", ") + why).collect();
+    if failed.is_empty() { Ok(()) } else { Err(Failure::machine(failed.join("; "))) }
 }
 
 fn report(arguments: &RecordArguments, done: &Record) {
@@ -505,7 +537,7 @@ fn next(arguments: &RecordArguments) {
 /// An end before its time is a failure, with what was kept.
 pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failure> {
     let kept = match kept {
-        0 => "nothing had come".to_string(),
+        0 => "nothing of it is kept".to_string(),
         _ => format!("{} holds what had come", out.display()),
     };
     match ended {

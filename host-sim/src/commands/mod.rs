@@ -36,7 +36,8 @@ use ratatui::crossterm::terminal::window_size;
 use serde::Serialize;
 use std::any::Any;
 use std::fmt::Display;
-use std::io::{self, ErrorKind, Write as _};
+use std::fs;
+use std::io::{self, ErrorKind, IsTerminal as _, Write as _};
 use std::panic;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -261,13 +262,39 @@ fn write_plot(path: &Path, svg: &str) -> Result<(), Failure> {
     }
 }
 
-/// Writes a file, or to the standard output where it is called `-`.
+/// Writes a file whole or not at all, or to the standard output where it is called `-`.
 fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Failure> {
     if is_terminal(path) {
         let mut output = io::stdout();
         return output.write_all(contents.as_ref()).and_then(|()| output.flush()).or_else(|error| cannot_print(&error));
     }
-    std::fs::write(path, contents).map_err(|error| cannot_write(path, &error))
+    write_whole(path, contents.as_ref()).map_err(|error| cannot_write(path, &error))
+}
+
+/// Writes beside the file and moves it into its place: on a full disk what was there stays, and no half of a file begins.
+fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
+    // What a link points to, not the link.
+    let path = path.canonicalize().unwrap_or_else(|_| path.into());
+    let there = fs::metadata(&path).ok();
+    if there.as_ref().is_some_and(|there| !there.is_file()) {
+        return fs::write(&path, contents);
+    }
+    if there.is_some() {
+        // One that must not be written to is not replaced either.
+        fs::OpenOptions::new().append(true).open(&path)?;
+    }
+    let beside = path.with_added_extension(format!("{}.part", std::process::id()));
+    let keep_mode = || there.as_ref().map_or(Ok(()), |there| fs::set_permissions(&beside, there.permissions()));
+    let written = fs::write(&beside, contents).and_then(|()| keep_mode()).and_then(|()| fs::rename(&beside, &path));
+    written.or_else(|error| {
+        let _ = fs::remove_file(&beside);
+        // Into a folder that takes no new file the old one is written in its place.
+        if there.is_some() && error.kind() == ErrorKind::PermissionDenied {
+            fs::write(&path, contents)
+        } else {
+            Err(error)
+        }
+    })
 }
 
 /// Writes a result for a program.
@@ -318,6 +345,21 @@ fn bar(length: u64) -> ProgressBar {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_file_is_replaced_whole_and_a_link_stays_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link] = ["run.json", "link.json"].map(|name| folder.path().join(name));
+        fs::write(&file, "a longer text of before").unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write(if cfg!(unix) { &link } else { &file }, "new").unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+        assert_eq!(link.is_symlink(), cfg!(unix));
+        assert_eq!(folder.path().read_dir().unwrap().count(), if cfg!(unix) { 2 } else { 1 }, "nothing beside them");
+        write(Path::new("/dev/null"), "nothing").unwrap();
+        assert_eq!(write(&folder.path().join("none/run.json"), "new").unwrap_err().code, 3);
+    }
 
     #[test]
     fn help_fits_a_narrow_terminal() {

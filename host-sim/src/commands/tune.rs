@@ -1,6 +1,6 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
-use super::board::{PortArguments, cannot_grow, finite, on_interrupt, table_file, write_rig_and_side};
+use super::board::{PortArguments, cannot_grow, finite, on_interrupt, rig_and_side, table_file, write_each};
 use super::files::{beside, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, write_json};
@@ -84,8 +84,12 @@ impl Keeper for Numbered {
 
     fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String> {
         let path = self.path();
-        let grown = self.growing.as_mut().map_or(Ok(()), |growing| growing.add(samples, settings));
-        grown.map_err(|error| cannot_grow(&path, &error))
+        let Some(growing) = &mut self.growing else { return Ok(()) };
+        if growing.is_empty() && !samples.is_empty() {
+            // That of an earlier recording knows nothing of these rows.
+            let _ = std::fs::remove_file(beside(&path, "json"));
+        }
+        growing.add(samples, settings).map_err(|error| cannot_grow(&path, &error))
     }
 
     fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> Kept {
@@ -97,8 +101,11 @@ impl Keeper for Numbered {
         self.kept += 1;
         let mut side = record.side_file(firmware, "by hand, in motorbench tune");
         side["settings_before"] = by_name(before).into();
-        let text = match write_rig_and_side(&out, record, NominalMotor::default(), &side) {
-            Ok(_) => format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks()),
+        let files = rig_and_side(&out, &record.settings, NominalMotor::default(), &side);
+        let text = match files.and_then(|files| write_each(&files)) {
+            Ok(()) => {
+                format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks())
+            }
             Err(failure) => format!("{} is there, but what belongs to it not: {}", out.display(), failure.message),
         };
         Kept { text, file: Some(out) }

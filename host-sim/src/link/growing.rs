@@ -40,7 +40,7 @@ impl GrowingFile {
         self.file.is_none()
     }
 
-    /// Adds lines; on an error the file ends with the last whole line that was written before.
+    /// Adds lines; on an error the file ends with the last whole line that was written before, and is gone where there is none.
     ///
     /// # Errors
     /// What the system says, for instance of a full disk.
@@ -52,6 +52,9 @@ impl GrowingFile {
         if let Err(error) = file.write_all(lines.as_bytes()) {
             // A device has no length: then there is nothing to cut off.
             let _ = file.set_len(self.length);
+            if self.length == 0 && self.path.is_file() {
+                let _ = std::fs::remove_file(&self.path);
+            }
             return Err(error);
         }
         self.length += lines.len() as u64;
@@ -73,6 +76,11 @@ impl GrowingCsv {
     /// What the system says.
     pub fn new(path: &Path) -> io::Result<Self> {
         Ok(Self { file: GrowingFile::new(path)?, begun: None })
+    }
+
+    /// Whether nothing was written yet, or nothing could be.
+    pub fn is_empty(&self) -> bool {
+        self.file.length == 0
     }
 
     /// Adds samples, as [`GrowingFile::add`] does.

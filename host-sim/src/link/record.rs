@@ -21,6 +21,9 @@ const TRIES: u32 = 3;
 const LOST_AT_FIRST: usize = 100;
 const ROUNDING: i32 = 2;
 
+/// How a recording ended that has not.
+pub const RUNNING: &str = "running";
+
 /// How a recording ended.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -94,6 +97,18 @@ impl Record {
             "settings": by_name(&self.settings),
         })
     }
+}
+
+/// What the side file says while a recording grows, which a program that is killed leaves.
+pub fn side_file_of_running(settings: &Settings, firmware: &str, sequence: &str) -> serde_json::Value {
+    serde_json::json!({
+        "program": format!("motorbench {}", super::VERSION),
+        "firmware": firmware,
+        "sequence": sequence,
+        "rate_Hz": settings.get(Param::TickRate),
+        "ended": RUNNING,
+        "settings": by_name(settings),
+    })
 }
 
 /// Ticks between the first and the last of some samples of which nothing came.
