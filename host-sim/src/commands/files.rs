@@ -39,11 +39,17 @@ impl Outputs {
                 "two results would mix on the standard output (-): write all but one of them into files",
             ));
         }
-        let read: Vec<PathBuf> =
-            read.into_iter().flat_map(|path| [Some(path.clone()), side_file(path)]).flatten().collect();
-        let read: Vec<PathBuf> = read.iter().filter_map(|path| own_name(path)).collect();
+        let read = read.into_iter().flat_map(|path| [path.clone()].into_iter().chain(noted_beside(path)));
+        let read: Vec<PathBuf> = read.filter_map(|path| own_name(&path)).collect();
         let mut taken: Vec<PathBuf> = Vec::new();
-        for path in files {
+        for &path in &files {
+            if let Some(side) = side_file(path).filter(|side| !files.contains(&side)) {
+                return Err(Failure::input(format!(
+                    "{} is a measurement, of which {} says what was measured: choose another name for what is written, or remove both files first",
+                    path.display(),
+                    side.display()
+                )));
+            }
             let Some(name) = own_name(path) else { continue };
             let path = path.display();
             if read.contains(&name) {
@@ -80,11 +86,22 @@ pub(super) fn beside(table: &Path, ending: &str) -> PathBuf {
     table.with_extension(ending)
 }
 
+/// What belongs to a table that is read: its rig, which many commands read as well, and what was noted when it was measured.
+fn noted_beside(table: &Path) -> impl Iterator<Item = PathBuf> {
+    let rig = is_table(table).then(|| beside(table, "rig.toml"));
+    let side = side_file(table);
+    let scenario = side.is_some().then(|| beside(table, "scenario.toml"));
+    [rig, scenario, side].into_iter().flatten().filter(|path| path.exists())
+}
+
+fn is_table(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
+}
+
 /// What was noted of a table when it was measured, where that stands beside it: nobody can measure it again. Other files of
 /// that name are results.
 fn side_file(table: &Path) -> Option<PathBuf> {
-    let is_table = table.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
-    let path = is_table.then(|| beside(table, "json"))?;
+    let path = (is_table(table) && table.exists()).then(|| beside(table, "json"))?;
     let side: Map<String, Value> = serde_json::from_slice(&fs::read(&path).ok()?).ok()?;
     ["firmware", "settings"].iter().all(|key| side.contains_key(*key)).then_some(path)
 }
@@ -129,6 +146,7 @@ mod tests {
     fn what_was_noted_of_a_table_is_kept_with_it() {
         let directory = TempDir::new().unwrap();
         let [table, side] = ["run.csv", "run.json"].map(|name| directory.path().join(name));
+        fs::write(&table, "").unwrap();
         let is_refused = || Outputs::new([&table], [&side]).is_err();
         assert!(!is_refused(), "there is none");
         fs::write(&side, r#"{"figures": []}"#).unwrap();
@@ -138,6 +156,15 @@ mod tests {
         let written = with_beside(&table, &["rig.toml", "json"]);
         let twice = Outputs::new([], written.iter().chain([&side])).err().map(|failure| failure.message);
         assert!(twice.is_some_and(|why| why.contains("run.json would be written twice")));
+        // A measurement is replaced by another, whole, and by no result.
+        assert!(Outputs::new([], &written).is_ok());
+        let other = directory.path().join("other.csv");
+        let lost = Outputs::new([&other], [&table]).err().map(|failure| failure.message);
+        assert!(lost.is_some_and(|why| why.contains("run.csv is a measurement") && why.contains("run.json")));
+        for (ending, is_kept) in [("rig.toml", true), ("scenario.toml", true), ("model.toml", false)] {
+            fs::write(beside(&table, ending), "").unwrap();
+            assert_eq!(Outputs::new([&table], [&beside(&table, ending)]).is_err(), is_kept, "{ending}");
+        }
     }
 
     #[test]
