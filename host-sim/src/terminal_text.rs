@@ -49,6 +49,18 @@ pub fn wrapped(text: &str, first: &str, other: &str) -> String {
     textwrap::fill(&text, options).replace(HELD_PERCENT, " %") + "\n"
 }
 
+/// A text whose lines that are longer than [`COLUMNS`] are broken; the others, and what they draw, stay as they are.
+pub fn narrow(text: &str) -> String {
+    let line = |line: &str| match line.chars().count() > COLUMNS {
+        true => {
+            let indent = &line[..line.len() - line.trim_start().len()];
+            wrapped(line, indent, indent).trim_end().to_owned()
+        }
+        false => line.into(),
+    };
+    text.split('\n').map(line).collect::<Vec<String>>().join("\n")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -58,6 +70,16 @@ mod tests {
         assert_eq!([-0.004, 0.004, -0.005_1, -12.0].map(|value| fixed(value, 2)), ["0.00", "0.00", "-0.01", "-12.00"]);
         assert_eq!(fixed(-0.4, 0), "0");
         assert_eq!([-0.0, -1e-3].map(short), ["0", "-0.00100"]);
+    }
+
+    #[test]
+    fn only_long_lines_are_broken() {
+        let drawn = "  |   ^^^\n";
+        let text = format!("{drawn}  {}\n", "words ".repeat(20).trim_end());
+        let broken = narrow(&text);
+        assert!(broken.starts_with(drawn) && broken.ends_with("words\n"), "{broken}");
+        assert!(broken.lines().skip(1).all(|line| line.starts_with("  words") && line.len() <= COLUMNS), "{broken}");
+        assert_eq!((broken.lines().count(), broken.matches("words").count()), (3, 20));
     }
 
     #[test]

@@ -536,6 +536,14 @@ impl Complaints {
         }
     }
 
+    /// So does the message on which a command ends; a word that is wider alone, as a path may be, is not broken.
+    fn message_fits(&mut self, err: &str, what: &str) {
+        let message = err.rfind("motorbench: ").map_or("", |at| &err[at..]);
+        self.expect(!message.is_empty(), what, "no message on a terminal");
+        let lines: Vec<&str> = message.lines().filter(|line| line.trim().contains(' ')).collect();
+        self.fits(&lines.join("\n"), what);
+    }
+
     /// No escape sequences, no progress bar.
     fn plain(&mut self, text: &str, what: &str) {
         self.expect(!text.contains([ESCAPE, '\r']), what, &format!("escape sequences or a progress bar: {text:?}"));
@@ -592,6 +600,9 @@ impl Complaints {
         self.ended(&done, code, &what);
         self.expect(done.err.contains(message), &what, &format!("no \"{message}\" in: {}", done.err));
         self.plain(&done.err, &what);
+        if code != 2 {
+            self.message_fits(&on_terminals(arguments, folder, true).err, &what);
+        }
         if !row.json.is_empty() && code != 2 && !arguments.contains(&"--json") {
             self.json(&[arguments, row.json].concat(), code, false, folder);
         }

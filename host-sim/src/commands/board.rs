@@ -2,7 +2,7 @@
 
 use super::files::{beside, with_beside};
 use super::live::LiveArguments;
-use super::{Failure, Outputs, bar, cannot_write, read_rig, write};
+use super::{Failure, Outputs, bar, cannot_write, read_rig, tell, write};
 use crate::board::{Board, BoardError, LOST_AFTER_MS, leave_host, limit, watch_host};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
@@ -82,7 +82,7 @@ fn take_back_watch(link: &mut Link<Port>) -> Result<(), BoardError> {
         return Ok(());
     }
     link.command("set trip_host 0")?;
-    eprintln!("trip_host is 0 again: a program that was killed had left it at {LOST_AFTER_MS} ms");
+    tell(&format!("trip_host is 0 again: a program that was killed had left it at {LOST_AFTER_MS} ms"));
     Ok(())
 }
 
@@ -290,7 +290,7 @@ fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)])
         .and_then(|()| known.try_for_each(|(name, param)| link.command(&format!("set {name} {}", before.get(param)))));
     // A board that is gone has lost them with its supply.
     if let (Err(error), false) = (done, link.is_gone()) {
-        eprintln!("motorbench: {error}; trip_host and what --set has changed stay until the board's next reset");
+        tell(&format!("motorbench: {error}; trip_host and what --set has changed stay until the board's next reset"));
     }
 }
 

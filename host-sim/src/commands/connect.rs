@@ -1,13 +1,15 @@
 //! `motorbench connect`: a board's console, at which no drive outlives the program.
 
-use super::Failure;
 use super::board::{PortArguments, on_interrupt, typed_lines};
+use super::{Failure, tell};
 use crate::board::{Board as _, BoardError, LOST_AFTER_MS, cause, words};
 use crate::link::port::Port;
 use crate::link::{self, Link, VERSION};
+use crate::terminal_text::narrow;
 use clap::Args;
 use motorbench_core::message::Trip;
-use std::io::{Write as _, stderr};
+use motorbench_core::settings::{Param, Settings};
+use std::io::{IsTerminal as _, Write as _, stderr, stdout};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::TryRecvError;
 
@@ -50,10 +52,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         return console.carry_out(&arguments.lines, &stopped);
     }
     if !arguments.json {
-        println!(
-            "{} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor",
-            console.link.firmware
-        );
+        let firmware = &console.link.firmware;
+        let greeting =
+            format!("{firmware} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor");
+        println!("{}", if stdout().is_terminal() { narrow(&greeting) } else { greeting });
     }
     console.converse(&stopped)
 }
@@ -151,7 +153,7 @@ impl Console {
         self.link.stay_alive()?;
         for sample in self.link.samples(LOOK_S)? {
             if sample.trip != *trip && sample.trip != Trip::None {
-                eprintln!("the drive tripped ({}): {}; then `clear`", words(sample.trip), cause(sample.trip));
+                tell(&format!("the drive tripped ({}): {}; then `clear`", words(sample.trip), cause(sample.trip)));
             }
             *trip = sample.trip;
         }

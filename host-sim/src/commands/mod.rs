@@ -28,6 +28,7 @@ use crate::model::Model;
 use crate::picture::{self, Format};
 use crate::rig::Rig;
 use crate::scenario::Scenario;
+use crate::terminal_text::narrow;
 use crate::text_file;
 use clap::{CommandFactory, FromArgMatches as _, Parser, Subcommand};
 use files::{Outputs, beside, is_terminal, terminal};
@@ -153,9 +154,16 @@ pub fn main() -> ExitCode {
             None => panic::resume_unwind(payload),
         },
     };
-    // The exit code says it as well, to who has closed the terminal.
-    let _ = writeln!(std::io::stderr(), "motorbench: {}", failure.message);
+    tell(&format!("motorbench: {}", failure.message));
     ExitCode::from(failure.code)
+}
+
+/// Says something beside the result; on a terminal in lines that fit it.
+fn tell(text: &str) {
+    let mut error = io::stderr();
+    let text = if error.is_terminal() { narrow(text) } else { text.into() };
+    // The exit code says what failed as well, to who has closed the terminal.
+    let _ = writeln!(error, "{text}");
 }
 
 /// What the system said when `println!` gave up: the reader has had enough, as `head` has, or a disk is full. Unwinding,
@@ -203,7 +211,7 @@ fn mapping(text: &str) -> Result<(String, String), String> {
 fn read_rig(path: &Path) -> Result<Rig, Failure> {
     let rig = Rig::read(path).map_err(Failure::input)?;
     for key in &rig.ignored {
-        eprintln!("motorbench: {}: {key} has no meaning in a rig file and is ignored", path.display());
+        tell(&format!("motorbench: {}: {key} has no meaning in a rig file and is ignored", path.display()));
     }
     Ok(rig)
 }
