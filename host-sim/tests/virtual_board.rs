@@ -444,6 +444,29 @@ fn another_reader_of_the_port_is_named_and_blocks_nothing() {
     assert!(took < Duration::from_secs(20), "{took:?}");
 }
 
+/// Who has neither cargo nor the compiler runs what was built before; where there is nothing, the message says what to give.
+#[test]
+fn a_virtual_board_needs_no_cargo() {
+    let built = host_sim::chip::firmware_elf().expect("firmware");
+    let folder = tempfile::tempdir().unwrap();
+    let start = |arguments: &[&str], target: Option<&std::path::Path>| {
+        let mut command = Command::new(MOTORBENCH);
+        command.args(["virtual", "--seconds", "0", "--link", "board"]).args(arguments).current_dir(folder.path());
+        command.env("PATH", "").env_remove("CARGO").stdin(Stdio::null());
+        if let Some(target) = target {
+            command.env("CARGO_TARGET_DIR", target);
+        }
+        command.output().unwrap()
+    };
+    let ready = start(&[], None);
+    assert_eq!(ready.status.code(), Some(0), "{}", text(&ready.stderr));
+    let without = start(&[], Some(folder.path()));
+    assert_eq!(without.status.code(), Some(3), "{}", text(&without.stderr));
+    assert!(text(&without.stderr).contains("give --firmware ELF: "), "{}", text(&without.stderr));
+    let given = start(&["--firmware", built.to_str().unwrap()], Some(folder.path()));
+    assert_eq!(given.status.code(), Some(0), "{}", text(&given.stderr));
+}
+
 #[test]
 fn the_eeprom_is_kept_between_runs() {
     let file = std::env::temp_dir().join(format!("motorbench-eeprom-{}.bin", std::process::id()));

@@ -49,7 +49,7 @@ pub use bench::Bench;
 pub use console::ChipBoard;
 pub use encoder::EncoderFault;
 pub use meter::{HandlerRun, Marker, Meter, Sample, Spread};
-pub use program::{Program, ProgramError, assemble, avr_elf, firmware_elf};
+pub use program::{Program, ProgramError, assemble, avr_elf, firmware_at_hand, firmware_elf};
 pub use pwm::PwmSetting;
 pub use recorder::{Recording, Row};
 pub use registers::EEPROM_BYTES;

@@ -1,6 +1,7 @@
 //! Programs for the chip: the firmware, and small ones in assembly for the tests of the chip itself.
 
 use std::collections::HashMap;
+use std::ffi::OsString;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -125,6 +126,57 @@ pub fn firmware_elf() -> Result<PathBuf, ProgramError> {
     BUILT.get_or_init(|| build("firmware")).clone().map_err(ProgramError::Build)
 }
 
+/// What the firmware is made of, in the workspace.
+const SOURCES: [&str; 6] =
+    ["src", "avr-specs", "Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml"];
+
+/// The firmware for who wants to run it, not to change it: what was built before is taken where it is newer than all its
+/// sources, and where cargo cannot run, which leaves `note` a word of it.
+///
+/// # Errors
+/// As [`firmware_elf`], when there is none either.
+pub fn firmware_at_hand(note: impl FnOnce(&str)) -> Result<PathBuf, ProgramError> {
+    let built = elf_path("firmware");
+    if is_newer(&built, &workspace_root()) {
+        return Ok(built);
+    }
+    match firmware_elf() {
+        // A mistake in sources that are there is a person's to mend.
+        Err(ProgramError::Build(why)) if built.is_file() && !(can_build() && has_sources()) => {
+            note(&format!("the firmware was not built anew ({}); taken is {}", first_line(&why), built.display()));
+            Ok(built)
+        }
+        result => result,
+    }
+}
+
+fn has_sources() -> bool {
+    workspace_root().join("Cargo.toml").is_file()
+}
+
+fn can_build() -> bool {
+    ["avr-gcc".into(), cargo()].into_iter().all(|tool| Command::new(tool).arg("--version").output().is_ok())
+}
+
+fn first_line(text: &str) -> &str {
+    text.lines().next().unwrap_or_default()
+}
+
+/// Whether a file was written after everything it is made of, in `root`.
+fn is_newer(built: &Path, root: &Path) -> bool {
+    let modified = |path: &Path| path.metadata().and_then(|data| data.modified()).ok();
+    let Some(built) = modified(built) else { return false };
+    fn files(path: PathBuf, found: &mut Vec<PathBuf>) {
+        match path.read_dir() {
+            Ok(entries) => entries.flatten().for_each(|entry| files(entry.path(), found)),
+            Err(_) => found.push(path),
+        }
+    }
+    let mut sources = Vec::new();
+    SOURCES.iter().for_each(|source| files(root.join(source), &mut sources));
+    sources.iter().all(|source| modified(source).is_some_and(|modified| modified < built))
+}
+
 /// Builds another binary of the firmware's package for the chip, and returns the path of its ELF file.
 ///
 /// # Errors
@@ -135,7 +187,7 @@ pub fn avr_elf(binary: &str) -> Result<PathBuf, ProgramError> {
 
 fn build(binary: &str) -> Result<PathBuf, String> {
     run(Command::new("avr-gcc").arg("--version"))?;
-    let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    let mut cargo = Command::new(cargo());
     cargo.args(["firmware", "--bin", binary]).current_dir(workspace_root());
     // What cargo sets for the calling test would otherwise make the firmware's dependencies build anew, and flags meant
     // for the host replace those of the AVR target.
@@ -148,7 +200,15 @@ fn build(binary: &str) -> Result<PathBuf, String> {
         }
     }
     run(&mut cargo)?;
-    Ok(target_directory().join("avr-atmega328p/firmware").join(binary).with_extension("elf"))
+    Ok(elf_path(binary))
+}
+
+fn cargo() -> OsString {
+    std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())
+}
+
+fn elf_path(binary: &str) -> PathBuf {
+    target_directory().join("avr-atmega328p/firmware").join(binary).with_extension("elf")
 }
 
 /// Assembles a program for the chip and returns the path of its ELF file, in the target directory.
@@ -180,5 +240,37 @@ fn run(command: &mut Command) -> Result<(), String> {
     match output.status.success() {
         true => Ok(()),
         false => Err(format!("{tool} failed:\n{}", String::from_utf8_lossy(&output.stderr))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::{self, File};
+    use std::time::{Duration, SystemTime};
+
+    #[test]
+    fn what_was_built_is_newer_than_all_its_sources_or_is_not_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path();
+        let built = root.join("firmware.elf");
+        assert!(!is_newer(&built, root), "there is none");
+        let at = |path: &Path, age_s| {
+            let file = File::options().append(true).create(true).open(path).unwrap();
+            file.set_modified(SystemTime::now() - Duration::from_secs(age_s)).unwrap();
+        };
+        for inner in [".cargo", "avr-specs", "src/deep"] {
+            fs::create_dir_all(root.join(inner)).unwrap();
+        }
+        let others = ["Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml", "avr-specs/avr.json"];
+        others.iter().for_each(|source| at(&root.join(source), 100));
+        let source = root.join("src/deep/part.rs");
+        at(&source, 100);
+        at(&built, 50);
+        assert!(is_newer(&built, root));
+        at(&source, 20);
+        assert!(!is_newer(&built, root), "changed since");
+        fs::remove_dir_all(root.join("src")).unwrap();
+        assert!(!is_newer(&built, root), "the sources are gone");
     }
 }

@@ -23,7 +23,7 @@ mod validate;
 mod virtual_board;
 
 #[cfg(feature = "chip")]
-use crate::chip::{ProgramError, firmware_elf};
+use crate::chip::{ProgramError, firmware_at_hand};
 use crate::model::Model;
 use crate::picture::{self, Format};
 use crate::rig::Rig;
@@ -231,12 +231,12 @@ fn rig_for(named: Option<&Path>, recording: Option<&Path>) -> Result<Rig, Failur
     rig_file(named, recording).map_or_else(|| Ok(Rig::default()), |path| read_rig(&path))
 }
 
-/// The firmware for the simulated chip, which is built when it is not there.
+/// The firmware for the simulated chip, which is built when it is not there, or no longer that of its sources.
 #[cfg(feature = "chip")]
 fn firmware() -> Result<PathBuf, ProgramError> {
     let bar = spinner();
     bar.set_message("the firmware is built; the first time takes a minute");
-    let elf = firmware_elf();
+    let elf = firmware_at_hand(|note| bar.suspend(|| tell(note)));
     bar.finish_and_clear();
     elf
 }

@@ -50,7 +50,8 @@ pub struct Arguments {
     /// Says a line to the board that runs at --link, instead of starting one.
     #[arg(long, value_name = "LINE", conflicts_with_all = ["rig", "model", "eeprom", "with", "firmware", "seconds"])]
     tell: Vec<String>,
-    /// Firmware to run, as ELF file; without it this program's own is built.
+    /// Firmware to run, as ELF file; without it this program's own, which is built unless it is there and newer than its
+    /// sources.
     #[arg(long, value_name = "ELF")]
     firmware: Option<PathBuf>,
     /// Holds the chip's time for a program that is late in reading, so many seconds; on a busy computer more.
@@ -118,6 +119,8 @@ mod with_chip {
     use std::sync::mpsc::{Sender, channel};
     use std::time::{Duration, Instant};
 
+    /// What a person does where no firmware can be built.
+    const GIVE_ONE: &str = "give --firmware ELF: the file that `cargo firmware` makes where cargo and the sources are, target/avr-atmega328p/firmware/firmware.elf";
     /// The line that ends it.
     const QUIT: &str = "quit";
     /// The chip runs this long between two looks at the line.
@@ -150,7 +153,9 @@ mod with_chip {
             Surroundings::new(arguments.model.as_deref(), arguments.rig.as_deref().zip(rig.as_ref()))?;
         let elf = match &arguments.firmware {
             Some(path) => path.clone(),
-            None => firmware().map_err(Failure::machine)?,
+            None => {
+                firmware().map_err(|error| Failure::machine(format!("{}; {GIVE_ONE}", error.to_string().trim_end())))?
+            }
         };
         let mut bench = Bench::new(elf, circuit(rig.as_ref()), surroundings.plant()).map_err(Failure::input)?;
         for order in &arguments.with {
