@@ -205,6 +205,16 @@ fn what_is_sent_is_read_back_and_what_is_wrong_is_named() {
     let refused = board.run("send", &["gains.txt"]);
     assert_eq!(refused.status.code(), Some(1));
     assert!(text(&refused.stderr).contains("gains.txt, line 2"), "{}", text(&refused.stderr));
+    // What of it is on the board is said.
+    std::fs::write(&gains, "set speed_kp 0.05\n# so far so good\nset speed_ki 3\nset speed_kp 99999\nset speed_tf 2\n")
+        .unwrap();
+    let half = board.run("send", &["gains.txt", "--json"]);
+    assert_eq!(half.status.code(), Some(1));
+    assert!(text(&half.stderr).contains("done: lines 1 to 3; not done: lines 4 to 5;"), "{}", text(&half.stderr));
+    let half: serde_json::Value = serde_json::from_slice(&half.stdout).unwrap();
+    let (done, not_done) = (["set speed_kp 0.05", "set speed_ki 3"], ["set speed_kp 99999", "set speed_tf 2"]);
+    assert_eq!((&half["done"], &half["not_done"]), (&done.as_slice().into(), &not_done.as_slice().into()), "{half}");
+    assert!(half["error"].as_str().unwrap().contains("gains.txt, line 4: "), "{half}");
     std::fs::write(&gains, "# nothing yet\n").unwrap();
     let nothing = board.run("send", &["gains.txt"]);
     assert!(

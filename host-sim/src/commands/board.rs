@@ -586,8 +586,7 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
         )));
     }
     let (mut link, name) = arguments.port.open()?;
-    send_lines(&mut link, &arguments.file, &lines)?;
-    let checked = read_back(&mut link, lines.iter().map(|(line, _)| *line))?;
+    let checked = send_lines(&mut link, &lines).map_err(|unsent| unsent.failure(arguments, &name, &lines))?;
     if arguments.save {
         link.save()?;
     }
@@ -615,14 +614,52 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Each has to be answered; where one is not, the file's line is named, and what failed is told as anywhere else.
-fn send_lines(board: &mut impl Board, file: &Path, lines: &[(&str, u32)]) -> Result<(), Failure> {
-    lines.iter().try_for_each(|(line, number)| {
-        board.command(line).map_err(|error| {
-            let failure = Failure::from(error);
-            Failure { message: format!("{}, line {number}: {}", file.display(), failure.message), ..failure }
-        })
-    })
+/// Why not all lines of a file are on the board as they should be.
+struct Unsent {
+    /// The lines before which it obeyed.
+    obeyed: usize,
+    why: Failure,
+}
+
+impl Unsent {
+    /// For a person, and with --json for a program, with what is on the board now.
+    fn failure(self, arguments: &SendArguments, port: &str, lines: &[(&str, u32)]) -> Failure {
+        let (done, left) = lines.split_at(self.obeyed);
+        let place = left.first().map_or(String::new(), |(_, number)| format!(", line {number}"));
+        let why = format!("{}{place}: {}", arguments.file.display(), self.why.message);
+        if arguments.json {
+            let texts = |lines: &[(&str, u32)]| lines.iter().map(|(line, _)| (*line).to_owned()).collect::<Vec<_>>();
+            let sent = serde_json::json!({
+                "port": port, "lines": done.len(), "done": texts(done), "not_done": texts(left), "saved": false, "error": why
+            });
+            println!("{sent}");
+        }
+        Failure { message: format!("{why}; {}", told(done, left)), ..self.why }
+    }
+}
+
+/// What the board did of a file, and what not.
+fn told(done: &[(&str, u32)], left: &[(&str, u32)]) -> String {
+    let names = |lines: &[(&str, u32)]| match lines {
+        [(_, only)] => format!("line {only}"),
+        [(_, first), .., (_, last)] => format!("lines {first} to {last}"),
+        [] => "none".into(),
+    };
+    match (done, left) {
+        ([], _) => "nothing of the file was done".into(),
+        (done, []) => format!("done: {}", names(done)),
+        (done, left) => {
+            format!("done: {}; not done: {}; {CONNECT} load` takes what was saved before", names(done), names(left))
+        }
+    }
+}
+
+/// Sends the lines one after the other; how many settings among them read back as they were sent.
+fn send_lines(board: &mut impl Board, lines: &[(&str, u32)]) -> Result<usize, Unsent> {
+    for (obeyed, (line, _)) in lines.iter().enumerate() {
+        board.command(line).map_err(|error| Unsent { obeyed, why: error.into() })?;
+    }
+    read_back(board, lines.iter().map(|(line, _)| *line)).map_err(|why| Unsent { obeyed: lines.len(), why })
 }
 
 /// What a file has for the console, with the numbers of its lines.
@@ -646,8 +683,8 @@ fn reads_back(settings: &Settings, name: &str, sent: f32) -> Result<(), Failure>
 }
 
 /// Compares every setting that was sent with what the board shows.
-fn read_back<'a>(link: &mut Link<Port>, lines: impl Iterator<Item = &'a str>) -> Result<usize, Failure> {
-    let settings = link.settings()?;
+fn read_back<'a>(board: &mut impl Board, lines: impl Iterator<Item = &'a str>) -> Result<usize, Failure> {
+    let settings = board.settings()?;
     let mut checked = 0;
     for line in lines.filter_map(|line| line.strip_prefix("set ")) {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -716,10 +753,9 @@ mod tests {
         let refused = BoardError::Refused { line: line.clone(), reply: "error: out of range".into() };
         let ends = [(refused, 1), (BoardError::Silent { line }, 3), (BoardError::Failed("gone".into()), 3)];
         for (error, code) in ends {
-            let why = error.to_string();
-            let failure =
-                send_lines(&mut Failing(error), Path::new("gains.txt"), &[("set speed_kp 1", 7)]).unwrap_err();
-            assert_eq!((failure.message, failure.code), (format!("gains.txt, line 7: {why}"), code));
+            let unsent = send_lines(&mut Failing(error.clone()), &[("set speed_kp 1", 7)]).unwrap_err();
+            assert_eq!((unsent.obeyed, unsent.why.code), (0, code), "{error}");
+            assert!(unsent.why.message.starts_with(&error.to_string()), "{}", unsent.why.message);
         }
     }
 }
