@@ -262,6 +262,7 @@ fn settings_of_a_recording_are_put_back() {
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
     assert_eq!(board.side_file()["settings"]["trip_peak"], 5.0, "those of the recording");
     assert_eq!(shown(), before);
+    assert_eq!(text(&board.run("connect", &["status"]).stderr), "");
     let refused = board.run("record", &[&STEPS[..], &set, &["--set", "speed_kp=99999"]].concat());
     assert_eq!(refused.status.code(), Some(1), "{}", text(&refused.stderr));
     assert_eq!(shown(), before);
@@ -275,6 +276,11 @@ fn settings_of_a_recording_are_put_back() {
     assert_eq!((&side["settings"]["trip_peak"], side.get("samples")), (&5.0.into(), None), "{side}");
     let scenario = std::fs::read_to_string(board.folder.join("run.scenario.toml")).unwrap();
     assert!(scenario.contains("\"identify\""), "{scenario}");
+    let lifted = text(&board.run("connect", &["version"]).stderr);
+    assert!(
+        lifted.contains("protections are lifted: current_limit off, usually 1; trip_peak 5, usually 1.2;"),
+        "{lifted}"
+    );
 }
 
 /// At 2000 ticks a second the line is too slow for all samples: some are missing, and none has the tick of another.

@@ -586,7 +586,10 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
         )));
     }
     let (mut link, name) = arguments.port.open()?;
-    let checked = send_lines(&mut link, &lines).map_err(|unsent| unsent.failure(arguments, &name, &lines))?;
+    let obeyed = lines.len();
+    let checked = send_lines(&mut link, &lines)
+        .and_then(|()| read_back(&mut link, lines.iter().map(|(line, _)| *line)).map_err(|why| Unsent { obeyed, why }))
+        .map_err(|unsent| unsent.failure(arguments, &name, &lines))?;
     if arguments.save {
         link.save()?;
     }
@@ -654,12 +657,12 @@ fn told(done: &[(&str, u32)], left: &[(&str, u32)]) -> String {
     }
 }
 
-/// Sends the lines one after the other; how many settings among them read back as they were sent.
-fn send_lines(board: &mut impl Board, lines: &[(&str, u32)]) -> Result<usize, Unsent> {
+/// Sends the lines one after the other.
+fn send_lines(board: &mut impl Board, lines: &[(&str, u32)]) -> Result<(), Unsent> {
     for (obeyed, (line, _)) in lines.iter().enumerate() {
         board.command(line).map_err(|error| Unsent { obeyed, why: error.into() })?;
     }
-    read_back(board, lines.iter().map(|(line, _)| *line)).map_err(|why| Unsent { obeyed: lines.len(), why })
+    Ok(())
 }
 
 /// What a file has for the console, with the numbers of its lines.
@@ -683,8 +686,8 @@ fn reads_back(settings: &Settings, name: &str, sent: f32) -> Result<(), Failure>
 }
 
 /// Compares every setting that was sent with what the board shows.
-fn read_back<'a>(board: &mut impl Board, lines: impl Iterator<Item = &'a str>) -> Result<usize, Failure> {
-    let settings = board.settings()?;
+fn read_back<'a>(link: &mut Link<Port>, lines: impl Iterator<Item = &'a str>) -> Result<usize, Failure> {
+    let settings = link.settings()?;
     let mut checked = 0;
     for line in lines.filter_map(|line| line.strip_prefix("set ")) {
         let words: Vec<&str> = line.split_whitespace().collect();

@@ -45,8 +45,12 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] when the board does not answer or refuses.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let (link, name) = arguments.port.open()?;
     let stopped = on_interrupt()?;
+    let (mut link, name) = arguments.port.open()?;
+    // What a damaged line does not let through is no reason to go without a console.
+    if let Some(lifted) = link.settings().ok().as_ref().and_then(lifted_protections) {
+        tell(&lifted);
+    }
     let mut console = Console { link, json: arguments.json, armed: false, watch: Watch::Unknown };
     if !arguments.lines.is_empty() {
         return console.carry_out(&arguments.lines, &stopped);
@@ -58,6 +62,36 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("{}", if stdout().is_terminal() { narrow(&greeting) } else { greeting });
     }
     console.converse(&stopped)
+}
+
+/// Settings that protect motor and bridge; those that protect less where they are greater, but for the lowest supply.
+const PROTECTIONS: [Param; 8] = [
+    Param::CurrentLimit,
+    Param::TripPeak,
+    Param::TripContinuous,
+    Param::TripStall,
+    Param::TripEncoder,
+    Param::TripRunaway,
+    Param::TripSupplyLow,
+    Param::TripSupplyHigh,
+];
+
+/// Which protections are off, or protect less than those that the firmware has of its own: so a person has saved them, or a
+/// `record --set` has left them that was killed.
+fn lifted_protections(settings: &Settings) -> Option<String> {
+    let usual = Settings::defaults();
+    let lifted = PROTECTIONS.iter().filter_map(|&param| {
+        let (is, was, name) = (settings.get(param), usual.get(param), link::name(param));
+        match param {
+            Param::TripSupplyLow if is < was => Some(format!("{name} {is}, usually {was}")),
+            Param::TripSupplyLow => None,
+            _ if is == 0.0 && was > 0.0 => Some(format!("{name} off, usually {was}")),
+            _ => (is > was).then(|| format!("{name} {is}, usually {was}")),
+        }
+    });
+    let lifted: Vec<String> = lifted.collect();
+    let remedy = "`load` takes what is saved, `defaults` what is usual";
+    (!lifted.is_empty()).then(|| format!("protections are lifted: {}; {remedy}", lifted.join("; ")))
 }
 
 /// What becomes of an armed drive when this program dies.
@@ -227,4 +261,25 @@ fn single_lines(text: &str) -> impl Iterator<Item = &str> {
 fn not_here(line: &str) -> Option<String> {
     let command = line.split_whitespace().next().filter(|command| OF_THE_STREAM.contains(command))?;
     Some(format!("{command} {NOT_HERE}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lifted_protections_are_named() {
+        let mut settings = Settings::defaults();
+        assert_eq!(lifted_protections(&settings), None);
+        for (param, value) in [(Param::TripPeak, 0.5), (Param::TripSupplyLow, 9.0)] {
+            settings.set(param, value).unwrap();
+        }
+        assert_eq!(lifted_protections(&settings), None, "they protect more");
+        for (param, value) in [(Param::TripPeak, 5.0), (Param::CurrentLimit, 0.0), (Param::TripSupplyLow, 0.0)] {
+            settings.set(param, value).unwrap();
+        }
+        let lifted = lifted_protections(&settings).unwrap();
+        let expected = "protections are lifted: current_limit off, usually 1; trip_peak 5, usually 1.2; trip_supply_low 0, usually 5; ";
+        assert!(lifted.starts_with(expected), "{lifted}");
+    }
 }
