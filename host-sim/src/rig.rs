@@ -20,7 +20,7 @@
 //! command_delay_s = 0.0002  # from a sample to the voltage it records
 //! readings = "mean"         # speed and current are means since the sample before
 //! current_window_s = 0.001  # current is a mean over so long before the row; left out: found where it shows
-//! speed_window_s = 0.008    # the speed is a difference of counts over so long; left out: found from the counts
+//! speed_window_s = 0.008    # the speed is a difference of counts over so long; 0: of the moment; left out: found
 //! speed_ahead_s = 0.004     # so much of that after the row; left out: none or half, as fits
 //! [motor]                   # nominal values, each optional
 //! resistance_ohm = 5.84

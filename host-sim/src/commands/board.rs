@@ -518,7 +518,11 @@ fn report(arguments: &RecordArguments, done: &Record) {
     }
     let covered = done.coverage();
     println!("{covered}");
-    covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
+    match done.ended {
+        Ended::Complete => covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}")),
+        // What it would have had is in what was not played.
+        _ => println!("  lacks the rest of its sequence, which was broken off: play it whole"),
+    }
 }
 
 /// What a person would do next.

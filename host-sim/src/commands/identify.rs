@@ -38,6 +38,8 @@ pub struct Arguments {
 struct Identified {
     parameters: BTreeMap<&'static str, Constant>,
     fit: BTreeMap<&'static str, Fitted>,
+    /// Then the intervals are those of a model that does not hold.
+    leaves_more_than_noise: bool,
     /// What was noticed of the recording.
     notes: Vec<String>,
 }
@@ -101,7 +103,8 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
         (name, Constant { value, ci95: interval.map_or([value, value], |interval| interval.ci95) })
     };
     let parameters = last.model.motor.named().into_iter().enumerate().map(constant).collect();
-    (last.model, Identified { parameters, fit: quality, notes: data.notes() })
+    let leaves_more_than_noise = judge::above_floor(data, &seen) > judge::NOT_NOISE;
+    (last.model, Identified { parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
 }
 
 fn page(identified: &Identified) -> String {
@@ -115,14 +118,11 @@ fn page(identified: &Identified) -> String {
         let Fitted { rmse, unit, fit_percent } = fitted;
         let _ = writeln!(text, "  {channel:<26} {:>10} {unit} rms, fit {fit_percent:.1} %", short(*rmse));
     }
-    if identified.fit.values().any(|fitted| fitted.fit_percent < WELL_FITTED_PERCENT) {
-        text += "The linear motor leaves much: motorbench diagnose says what it lacks.\n";
+    if identified.leaves_more_than_noise {
+        text += "The linear motor leaves more than noise: its constants make up for what it lacks, and\ntheir intervals do not know of that. motorbench diagnose says what it is.\n";
     }
     for note in &identified.notes {
         text += &wrapped(note, "", "");
     }
     text
 }
-
-/// Below this a reader should look further.
-const WELL_FITTED_PERCENT: f64 = 90.0;
