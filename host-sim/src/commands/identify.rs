@@ -107,6 +107,9 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
     (last.model, Identified { parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
 }
 
+/// What a reader of the intervals has to know.
+const LEAVES_MORE: &str = "The linear motor leaves more than noise: its constants make up for what it lacks, and their intervals do not know of that. motorbench diagnose says what it is.";
+
 fn page(identified: &Identified) -> String {
     let mut text = String::from("The linear motor, with 95 % intervals\n");
     for (name, _) in MotorParameters::PIVT6.named() {
@@ -119,7 +122,7 @@ fn page(identified: &Identified) -> String {
         let _ = writeln!(text, "  {channel:<26} {:>10} {unit} rms, fit {fit_percent:.1} %", short(*rmse));
     }
     if identified.leaves_more_than_noise {
-        text += "The linear motor leaves more than noise: its constants make up for what it lacks, and\ntheir intervals do not know of that. motorbench diagnose says what it is.\n";
+        text += &wrapped(LEAVES_MORE, "", "");
     }
     for note in &identified.notes {
         text += &wrapped(note, "", "");
