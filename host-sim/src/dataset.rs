@@ -438,6 +438,7 @@ impl Dataset {
         let mut all = self.clone();
         all.count_rad *= factor;
         all.angle_rad.iter_mut().for_each(|angle| *angle *= factor);
+        all.edge_timing.iter_mut().for_each(|timing| timing.step_rad *= factor);
         all.read_in_stops.iter_mut().for_each(|(_, read)| *read *= factor);
         all.measured[self.motion_index()].scale(factor);
         all
