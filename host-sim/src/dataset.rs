@@ -721,9 +721,10 @@ impl Dataset {
     fn add_speed(&mut self, mut speed: Vec<f64>, rig: &Rig, time_s: &[f64], told: Option<SpeedReading>) -> Window {
         self.impossible = mistakes::take_out_impossible(&mut speed);
         let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
-        let over = |window_s: f64| Found { span: rows(window_s), ahead: None };
         let given = match (rig.recording.speed_window_s, told) {
-            (Some(window_s), _) | (None, Some(SpeedReading::Mean { window_s })) => Some(over(window_s)),
+            (Some(window_s), _) | (None, Some(SpeedReading::Mean { window_s })) => {
+                Some(Found { span: rows(window_s), ahead: None })
+            }
             (None, _) => None,
         };
         let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
@@ -751,10 +752,11 @@ impl Dataset {
         };
         match timed {
             Some(timed) => {
-                self.edge_timing = Some(timed.timing());
+                let timing = timed.timing();
                 if self.count_rad <= 0.0 {
-                    self.angle_rad = timed.angle_rad();
+                    self.angle_rad = timed.angle_rad(timing.between());
                 }
+                self.edge_timing = Some(timing);
                 self.add(Output::TimedSpeed, timed.readings());
                 let index = self.motion_index();
                 self.measured[index].of_counting = timed.noise();

@@ -77,15 +77,14 @@ impl Motion {
     /// The angle at some time before a row of a stretch, where that had begun: a cubic with the speeds of the rows around.
     fn angle_before(&self, row: usize, first: usize, rows_s: &[f64], time_s: f64) -> Option<f64> {
         let from = (first..=row).rev().find(|row| rows_s[*row] <= time_s)?;
-        let to = (from + 1).min(row);
-        let interval_s = rows_s[to] - rows_s[from];
-        if interval_s <= 0.0 {
-            return Some(self.angle_rad[from]);
+        if from == row {
+            return Some(self.angle_rad[row]);
         }
-        let (share, rest) = ((time_s - rows_s[from]) / interval_s, (rows_s[to] - time_s) / interval_s);
-        let turned_rad = self.angle_rad[to] - self.angle_rad[from];
-        let bent_rad = |at: usize| self.speed_rad_per_s[at] * interval_s - turned_rad;
-        Some(self.angle_rad[from] + share * turned_rad + share * rest * (rest * bent_rad(from) - share * bent_rad(to)))
+        let interval_s = rows_s[from + 1] - rows_s[from];
+        let turned_rad = self.angle_rad[from + 1] - self.angle_rad[from];
+        let bent_rad = [from, from + 1].map(|at| self.speed_rad_per_s[at] * interval_s - turned_rad);
+        let course = Course { from_rad: self.angle_rad[from], turned_rad, bent_rad };
+        Some(course.angle_rad((time_s - rows_s[from]) / interval_s))
     }
 
     fn fill_up_to(&mut self, samples: usize) {
@@ -232,8 +231,8 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
     nudged
 }
 
-/// The measured angle between two samples: a cubic with the speeds that the samples around say, as far as they are rows of the
-/// same stretch. In 10 ms a shaft that gathers speed is elsewhere than on a straight line.
+/// The angle between two samples: a cubic with the speeds at either. In 10 ms a shaft that gathers speed is elsewhere than on
+/// a straight line.
 struct Course {
     from_rad: f64,
     turned_rad: f64,
@@ -242,6 +241,7 @@ struct Course {
 }
 
 impl Course {
+    /// As measured, with the speeds that the samples around say, as far as they are rows of the same stretch.
     fn new(data: &Dataset, rows: Range<usize>, index: usize) -> Self {
         let (angle, time) = (&data.angle_rad, &data.time_s);
         let turned_rad = angle[index + 1] - angle[index];

@@ -182,8 +182,7 @@ impl<'a> Timed<'a> {
     }
 
     /// The angle, by the speeds that are news at the middle of their means, and between them on straight lines.
-    pub(super) fn angle_rad(self) -> Vec<f64> {
-        let between = self.between(Edges::LastTwo);
+    pub(super) fn angle_rad(self, between: &[BetweenEdges]) -> Vec<f64> {
         let middle_s = |row: usize| self.time_s[row] - between[row].age_s - 0.5 * between[row].length_s;
         let mut known: Vec<(f64, f64)> = (0..self.speed.len())
             .filter(|row| self.is_news(*row))
@@ -322,13 +321,13 @@ mod tests {
             let (speed, time_s) = (timed(step_rad, fades), time_s());
             let found = Timed::recognised(&speed, &time_s, None).expect("recognised");
             prop_assert!((found.step_rad / step_rad - 1.0).abs() < 0.05, "{}", found.step_rad / step_rad);
-            let between = found.between(Edges::LastTwo);
+            let (between, readings) = (found.between(Edges::LastTwo), found.readings());
             let off = |row: usize| {
                 let end_s = time_s[row] + INTERVAL_S - between[row].age_s;
                 let mean = (turned_rad(end_s) - turned_rad(end_s - between[row].length_s)) / between[row].length_s;
-                found.readings()[row] - mean
+                readings[row] - mean
             };
-            let rows: Vec<usize> = (1..ROWS).filter(|row| found.readings()[*row].is_finite()).step_by(7).collect();
+            let rows: Vec<usize> = (1..ROWS).filter(|row| readings[*row].is_finite()).step_by(7).collect();
             let square = rows.iter().map(|row| off(*row).powi(2)).sum::<f64>() / rows.len() as f64;
             let of_the_moment = (1..ROWS).step_by(7).map(|row| {
                 let [from, to] = [0.0, INTERVAL_S].map(|ahead_s| turned_rad(time_s[row] + ahead_s));

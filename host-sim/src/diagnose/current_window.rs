@@ -1,7 +1,7 @@
 //! Over how long a program has averaged the current before each row (a period of the PWM, a burst of conversions), where the
 //! rig file does not say it. Such a reading is late by half of that, which no sensor's filter need explain.
 
-use super::judge::{NOT_NOISE, above_floor};
+use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit};
 use crate::model::Model;
@@ -15,9 +15,7 @@ const CLOSER: [f64; 3] = [1.2, 1.1, 1.05];
 /// What comes late by a window: a lag or a delay that is no longer than the longest makes late.
 const LATE: [&str; 2] = ["current_lag", "actuation_delay"];
 const LATEST_S: f64 = 1.25e-3;
-/// A window that costs no more than this many times as much does as well as a lag...
-const AS_GOOD: f64 = 1.02;
-/// ... and has to bring the cost down to this share of it where there is none.
+/// A window has to bring the cost down to this share of it where nothing is late.
 const LEAST_GAIN: f64 = 0.99;
 /// An inductance this many times the nominal one may be a window.
 const EXCESSIVE_INDUCTANCE: f64 = 1.2;

@@ -12,6 +12,9 @@ const BLOCK_S: f64 = 0.1;
 /// Above this multiple of the noise floor something is missing.
 pub const NOT_NOISE: f64 = 1.15;
 
+/// A simpler explanation that costs no more than this many times as much is as good.
+pub(super) const AS_GOOD: f64 = 1.02;
+
 /// What one model gains over another on the data kept back.
 #[derive(Clone, Debug)]
 pub struct Gain {

@@ -118,10 +118,10 @@ impl Filter {
     /// Filters forward; the logarithm of the likelihood of what was measured.
     fn run(&mut self, data: &Dataset, residual: &[Vec<f64>], keep: bool) -> f64 {
         let mut state = Vector4::zeros();
-        let mut covariance = Matrix4::zeros();
-        covariance[(2, 2)] = self.walk_per_s * self.walk_per_s;
+        let mut unknown = Matrix4::zeros();
+        unknown[(2, 2)] = self.walk_per_s * self.walk_per_s;
+        let mut covariance = unknown;
         let mut log_likelihood = 0.0;
-        let unknown = covariance;
         for index in 0..data.len() {
             // The simulation begins anew with each stretch, and so does what it lacks.
             if self.begins(index) {

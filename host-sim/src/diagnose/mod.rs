@@ -221,6 +221,14 @@ fn best_understood(
     ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
 }
 
+/// What the rig file leaves open, by what is understood so far; each says whether the data have changed by it.
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 4] = [
+    |data, _, found| unseen_losses::settle(data, found),
+    |data, prior, found| pwm_frequency::settle(data, prior, std::slice::from_ref(found)),
+    speed_reading::settle,
+    current_window::settle,
+];
+
 fn understood(
     mut data: Dataset,
     prior: &Prior,
@@ -231,17 +239,10 @@ fn understood(
     let beginnings = pwm_frequency::beginnings(&data, prior);
     pwm_frequency::settle(&mut data, prior, &beginnings);
     let mut selection = select(&data, prior, &excluded, progress);
-    if unseen_losses::settle(&mut data, &selection.last) {
-        selection = select(&data, prior, &excluded, progress);
-    }
-    if pwm_frequency::settle(&mut data, prior, std::slice::from_ref(&selection.last)) {
-        selection = select(&data, prior, &excluded, progress);
-    }
-    if speed_reading::settle(&mut data, prior, &selection.last) {
-        selection = select(&data, prior, &excluded, progress);
-    }
-    if current_window::settle(&mut data, prior, &selection.last) {
-        selection = select(&data, prior, &excluded, progress);
+    for settle in SETTLED_IN_TURN {
+        if settle(&mut data, prior, &selection.last) {
+            selection = select(&data, prior, &excluded, progress);
+        }
     }
     (data, selection)
 }
@@ -577,10 +578,10 @@ fn unexplained(data: &Dataset, selection: &Selection, fullest: &Fit) -> Option<U
     let lacks = places.into_iter().map(|place| missing::lack(data, &fullest.model.motor, &left, place));
     let lack = lacks.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))?;
     let dependence = missing::dependences(data, &lack.values).into_iter().next()?;
-    let residuals = residuals(data, &selection.last.prediction);
     let rest = |output: usize| {
         let after = judge::rmse(data, &selection.last.prediction, output);
-        1.0 - (judge::noise(data, &residuals[output], output).min(after) / after).powi(2)
+        let noise = judge::noise(data, &selection.last.residual_of(data, output), output);
+        1.0 - (noise.min(after) / after).powi(2)
     };
     Some(Unexplained {
         acts_on: lack.acts_on,

@@ -1,6 +1,7 @@
 //! The frequency of the PWM, where the rig file does not give it. It shows where a drop or diodes stop the current within each
 //! period; what it changes there, another inductance changes as well.
 
+use super::judge::AS_GOOD;
 use crate::catalogue::{USUAL, effect};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit, scales};
@@ -11,10 +12,8 @@ use rayon::prelude::*;
 const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, 20_000.0];
 /// Another frequency is fitted where it changes the cost by this share as it stands...
 const SHOWS: f64 = 1e-3;
-/// ... and as good as the best if it costs no more than this many times as much: then the inductance nearest to its nominal
-/// value decides...
-const AS_GOOD: f64 = 1.02;
-/// ... if it is nearer by this factor than the one there is.
+/// ... and of those that are as good as the best the inductance nearest to its nominal value decides, if it is nearer by this
+/// factor than the one there is.
 const NEARER: f64 = 1.3;
 
 /// Models in which it shows, if it does: the nominal motor behind a bridge with a drop, with an off phase that brakes and with

@@ -89,10 +89,10 @@ fn residuals(html: &mut String, diagnosis: &Diagnosis) {
         return;
     }
     *html += "<h2>What the extended model leaves</h2><p>Measured less simulated, with everything named. What follows the measured quantity itself, or the angle, and is not seen by the other sensor, is rather the sensor's.</p>";
-    for (measured, extended) in diagnosis.data.measured.iter().zip(&diagnosis.extended) {
-        let left: Vec<f64> = measured.values.iter().zip(extended).map(|(measured, model)| measured - model).collect();
+    let left = super::residuals(&diagnosis.data, &diagnosis.extended);
+    for (measured, left) in diagnosis.data.measured.iter().zip(&left) {
         let what = format!("residual of {}, {}", measured.output.channel(), measured.output.unit());
-        over_everything(html, &diagnosis.data, &what, &left);
+        over_everything(html, &diagnosis.data, &what, left);
     }
 }
 

@@ -1,15 +1,13 @@
 //! What a speed is where the rig file does not say it: of the moment, a mean since the row before, or timed by edges one way
 //! or the other. A mean is late by half its length, which no delay need explain.
 
-use super::judge::{NOT_NOISE, above_floor};
+use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit};
 
 /// What comes late by a mean over a row: a delay of no more than one.
 const LATE: &str = "actuation_delay";
-/// A reading that costs no more than this many times as much does as well as a delay...
-const AS_GOOD: f64 = 1.02;
-/// ... and has to bring the cost down to this share of it where there is none: rows are mostly short beside a motor, and many
+/// Where there is none a reading has to bring the cost down to this share of it: rows are mostly short beside a motor, and many
 /// causes are a little less wrong a little later.
 const LEAST_GAIN: f64 = 0.9;
 

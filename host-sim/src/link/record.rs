@@ -84,18 +84,13 @@ impl Record {
 
     /// What a recording's side file says.
     pub fn side_file(&self, firmware: &str, sequence: &str) -> serde_json::Value {
-        serde_json::json!({
-            "program": format!("motorbench {}", super::VERSION),
-            "firmware": firmware,
-            "sequence": sequence,
-            "rate_Hz": self.settings.get(Param::TickRate),
-            "samples": self.samples.len(),
-            "missing_ticks": self.missing_ticks(),
-            "losses": self.losses,
-            "coverage": self.coverage(),
-            "ended": self.ended,
-            "settings": by_name(&self.settings),
-        })
+        let mut side = side_file_of_running(&self.settings, firmware, sequence);
+        side["samples"] = self.samples.len().into();
+        side["missing_ticks"] = self.missing_ticks().into();
+        side["losses"] = serde_json::json!(self.losses);
+        side["coverage"] = serde_json::json!(self.coverage());
+        side["ended"] = serde_json::json!(self.ended);
+        side
     }
 }
 
