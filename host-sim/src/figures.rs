@@ -10,12 +10,15 @@ const RECOVERED: f64 = 0.1;
 /// Share of the stretch whose mean error is the steady error.
 const LAST_PART: f64 = 0.1;
 
+/// The course of the largest step within a sequence, which has its figures besides those of the whole sequence.
+pub const JUMP: &str = "jump";
+
 /// What a loop made of one reference. Speeds in rad/s, angles in rad. What only a step has is `null` for other courses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figures {
     /// When the reference changed, or the load or fault came.
     pub time_s: f64,
-    /// Its course: step, ramp, sine, points, sequence; load or fault where that disturbed the loop after a step.
+    /// Its course: step, ramp, sine, points, sequence; [`JUMP`]; load or fault where that disturbed the loop after a step.
     pub course: &'static str,
     /// Where the controlled quantity began, and where it was to end.
     pub from: f64,

@@ -17,6 +17,15 @@ pub fn speed_bit_rad_per_s(settings: &Settings) -> f64 {
     f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
 }
 
+/// What one bit of a reference stands for in a mode: V, rad/s or rad.
+pub fn reference_bit(mode: Mode, settings: &Settings) -> f64 {
+    match mode {
+        mode if mode.is_position() => TAU / f64::from(settings.get(Param::CountsPerRev)),
+        mode if mode.is_speed() => speed_bit_rad_per_s(settings),
+        _ => 1.0 / f64::from(VOLT),
+    }
+}
+
 /// The samples as a recording. While the bridge is off, duty and voltage are missing: nothing drives the motor then.
 pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recording {
     let get = |param| f64::from(settings.get(param));

@@ -56,7 +56,10 @@ fn every_course_is_followed() {
         assert!(figures.tracking_rms < if figures.course == "ramp" { 3.0 } else { 10.0 }, "{figures:?}");
     }
     let courses: Vec<_> = outcome.figures.iter().map(|figures| figures.course).collect();
-    assert_eq!(courses, ["step", "ramp", "sine", "points", "sequence"]);
+    assert_eq!(courses, ["step", "ramp", "sine", "points", "sequence", "jump"]);
+    // The stairs are a third of the amplitude each, and the profile is not theirs.
+    let jump = outcome.figures.last().unwrap();
+    assert!((jump.to - jump.from).abs() > 15.0 && jump.rise_s.is_some_and(|rise_s| rise_s < 0.1), "{jump:?}");
     let time_s = outcome.recording.time_s().unwrap();
     let gap = time_s.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f64::max);
     assert!((gap - 0.101).abs() < 1e-6, "{gap}");

@@ -7,10 +7,11 @@ use crate::board::{Board, BoardError, LOST_AFTER_MS, leave_host, limit, watch_ho
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
-use crate::link::record::{Asked, Ended, Record, is_played, record, side_file_of_running};
+use crate::link::record::{Ended, Record, is_played, record, side_file_of_running};
 use crate::link::{self, Link, Losses, OTHER_READER};
 use crate::live::Live;
 use crate::rig::NominalMotor;
+use crate::scenario::sequence::SequenceOrder;
 use crate::telemetry;
 use crate::text_file;
 use clap::{Args, ValueEnum};
@@ -254,7 +255,7 @@ fn play(
 ) -> Result<(Record, Played), Failure> {
     let out = &arguments.out;
     let (settings, played) = prepare(link, arguments)?;
-    let ticks = played.asked(arguments.sequence).sequence(Mode::OpenLoop, &settings).duration_ticks();
+    let ticks = played.asked(arguments.sequence).of_core(Mode::OpenLoop, &settings).duration_ticks();
     let side = side_file_of_running(&settings, &link.firmware, &played.order());
     let files = files_beside(arguments, &settings, nominal, &played, ticks.into(), &side)?;
     let mut coverage = Coverage::new(&settings);
@@ -391,15 +392,15 @@ impl Played {
         format!("sequence {sequence} {amplitude} {offset} {period_ms} {count} {seed}")
     }
 
-    fn asked(&self, excitation: Excitation) -> Asked {
+    fn asked(&self, excitation: Excitation) -> SequenceOrder {
         let Self { amplitude, offset, period_ms, count, seed, .. } = *self;
-        Asked { kind: excitation.kind(), amplitude, offset, period_ms, count, seed }
+        SequenceOrder { kind: excitation.kind(), amplitude, offset, period_ms, count, seed }
     }
 
     /// Whether a whole recording is of this.
     fn agrees(&self, excitation: Excitation, done: &Record) -> bool {
         let Some(first) = done.samples.first().filter(|_| done.ended == Ended::Complete) else { return true };
-        is_played(&done.samples, &self.asked(excitation).sequence(first.state.mode(), &done.settings))
+        is_played(&done.samples, &self.asked(excitation).of_core(first.state.mode(), &done.settings))
     }
 
     /// The recording as a scenario, without a motor: mode, what the settings have of their own, and this as its reference.

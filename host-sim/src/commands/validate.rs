@@ -8,7 +8,7 @@ use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
 use crate::diagnose::diagnose;
 use crate::diagnose::page::verdict;
-use crate::figures::Figures;
+use crate::figures::{Figures, JUMP};
 use crate::panels::{Panel, panels};
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
@@ -370,7 +370,9 @@ fn same_course(loops: &[Loop]) -> bool {
 
 /// The error summed over all references: which loop has the least, and whether the simulation foretold it.
 fn ranking(loops: &[Loop]) -> String {
-    let sum = |figures: &[Figures]| figures.iter().map(|figures| figures.iae).sum::<f64>();
+    // A jump is within its sequence.
+    let references = |figures: &&Figures| figures.course != JUMP;
+    let sum = |figures: &[Figures]| figures.iter().filter(references).map(|figures| figures.iae).sum::<f64>();
     let sums: Vec<[f64; 2]> = loops.iter().map(|one| one.figures.each_ref().map(|figures| sum(figures))).collect();
     let least = |source: usize| (0..loops.len()).min_by(|a, b| sums[*a][source].total_cmp(&sums[*b][source]));
     let (Some(simulated), Some(measured)) = (least(0), least(1)) else { return String::new() };

@@ -8,11 +8,11 @@ use super::sampled_loop::DRIVE_DELAY_S;
 use super::sensor_effects::SensorEffects;
 use crate::model::Model;
 use crate::plant::{Bridge, Inputs as PlantInputs, ModelPlant, PeriodEnd, Plant, Pwm};
-use crate::telemetry::speed_bit_rad_per_s;
+use crate::telemetry::{reference_bit, speed_bit_rad_per_s};
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
 use motorbench_core::converter;
 use motorbench_core::encoder::Edges;
-use motorbench_core::excitation::{self, Kind, Sequence};
+use motorbench_core::excitation;
 use motorbench_core::message::{Mode, Request, Sample, State};
 use motorbench_core::pins::{CPU_HZ, CURRENT_SAMPLING_STEP, PWM_HZ, PWM_STEPS};
 use motorbench_core::settings::{BuildError, Param, Settings};
@@ -199,14 +199,6 @@ impl<P: Plant> Trial<P> {
         Request::Reference(self.bits(self.sample().state.mode(), reference))
     }
 
-    /// The request for a sequence of the core's own, amplitude and offset in the unit of the present mode.
-    pub fn sequence(&self, kind: Kind, [amplitude, offset]: [f64; 2], period_s: f64, count: u16, seed: u16) -> Request {
-        let mode = self.sample().state.mode();
-        let bits = |value| self.bits(mode, value).clamp(i16::MIN.into(), i16::MAX.into()) as i16;
-        let period = (period_s / self.period_s()).round() as u16;
-        Request::Play(Sequence::new(kind, bits(amplitude), bits(offset), period, count, seed))
-    }
-
     /// Follows a reference (rad/s, rad or V) for some time.
     pub fn follow(&mut self, reference: f64, duration_s: f64) -> Vec<Point> {
         let request = self.reference(reference);
@@ -300,15 +292,7 @@ impl<P: Plant> Trial<P> {
 
     /// A reference in the bits of the mode.
     fn bits(&self, mode: Mode, reference: f64) -> i32 {
-        let get = |param| f64::from(self.settings.get(param));
-        let bits = if mode.is_position() {
-            reference * get(Param::CountsPerRev) / TAU
-        } else if mode.is_speed() {
-            reference / speed_bit_rad_per_s(&self.settings)
-        } else {
-            reference * f64::from(VOLT)
-        };
-        bits.round() as i32
+        (reference / reference_bit(mode, &self.settings)).round() as i32
     }
 
     /// The conversions of the tick that has just passed, of what was and of what the sensors show. Its first period has none.

@@ -3,12 +3,9 @@
 use super::coverage::{Coverage, Covered};
 use super::{Line, Link, Losses};
 use crate::board::{Board, BoardError, Silence};
-use crate::telemetry::speed_bit_rad_per_s;
-use motorbench_core::excitation::{Kind, Player, Sequence};
-use motorbench_core::message::{Mode, Sample, State, Trip};
+use motorbench_core::excitation::{Player, Sequence};
+use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::settings::{Param, Settings};
-use motorbench_core::units::VOLT;
-use std::f64::consts::TAU;
 use std::time::{Duration, Instant};
 
 /// How closely the telemetry is fetched.
@@ -209,40 +206,6 @@ fn keep(came: &[Sample], samples: &mut Vec<Sample>) -> Result<Option<Ended>, Boa
         }
     }
     Ok(None)
-}
-
-/// What a `sequence` line asks for.
-#[derive(Clone, Copy, Debug)]
-pub struct Asked {
-    /// Of what kind.
-    pub kind: Kind,
-    /// In the unit of the mode.
-    pub amplitude: f64,
-    /// The same.
-    pub offset: f64,
-    /// Length of one part.
-    pub period_ms: u16,
-    /// How many.
-    pub count: u16,
-    /// Of random ones.
-    pub seed: u16,
-}
-
-impl Asked {
-    /// As the board plays it in a mode.
-    pub fn sequence(&self, mode: Mode, settings: &Settings) -> Sequence {
-        let Self { kind, amplitude, offset, period_ms, count, seed } = *self;
-        let get = |param| f64::from(settings.get(param));
-        let unit = if mode.is_speed() {
-            speed_bit_rad_per_s(settings)
-        } else if mode.is_position() {
-            TAU / get(Param::CountsPerRev)
-        } else {
-            1.0 / f64::from(VOLT)
-        };
-        let ticks = if get(Param::TickRate) > 1500.0 { period_ms.saturating_mul(2) } else { period_ms };
-        Sequence::new(kind, (amplitude / unit).round() as i16, (offset / unit).round() as i16, ticks, count, seed)
-    }
 }
 
 /// Whether samples have the references of a sequence. What is told to the board has no check sum: a line that damages what it

@@ -2,6 +2,7 @@
 
 use super::reference::{Course, Reference};
 use super::refusal::refusal;
+use super::sequence::SequenceOrder;
 use super::{Fault, FaultKind, Load, Noise, Scenario, ScenarioError};
 use crate::keys;
 use crate::link::name;
@@ -242,14 +243,14 @@ impl FileReference {
                 Course::Sine { amplitude, offset, frequency_hz }
             }
             "points" => Course::Points(self.checked_points(within)?),
-            _ => Course::Sequence {
+            _ => Course::Sequence(SequenceOrder {
                 kind: sequence(self.sequence.as_deref())?,
                 amplitude: level("amplitude", self.amplitude)?,
                 offset,
                 period_ms: self.period_ms.unwrap_or(500),
                 count: self.count.unwrap_or(1),
                 seed: self.seed.unwrap_or(1),
-            },
+            }),
         })
     }
 

@@ -20,9 +20,10 @@
 mod file;
 pub mod reference;
 mod refusal;
+pub mod sequence;
 
 use crate::design::trial::{Point, Surroundings, Trial};
-use crate::figures::{Figures, disturbance_figures, step_figures, tracking_figures};
+use crate::figures::{Figures, JUMP, disturbance_figures, step_figures, tracking_figures};
 use crate::model::{Model, ModelError};
 use crate::plant::ModelPlant;
 use crate::recording::Recording;
@@ -203,7 +204,7 @@ impl Scenario {
         for tick in 0..((self.duration_s + ROUNDING_S) / trial.period_s()) as usize {
             let now_s = tick as f64 * trial.period_s();
             trial.surroundings = self.surroundings(now_s + ROUNDING_S);
-            let request = asked.request(&self.references, now_s + ROUNDING_S, &trial);
+            let request = asked.request(self, now_s + ROUNDING_S, &trial);
             points.push(trial.tick(request));
             if !self.active(now_s + ROUNDING_S).any(|kind| kind == FaultKind::FramesLost) {
                 samples.push(*trial.sample());
@@ -265,15 +266,29 @@ impl Scenario {
         stretches
             .map(|Stretch { from_s, until_s, course, cause }| (start(from_s)..start(until_s), course, cause))
             .filter(|(range, ..)| range.len() > 1)
-            .map(|(range, course, cause)| {
+            .flat_map(|(range, course, cause)| {
                 let (stretch, of) = (&points[range], |point: &Point| self.controlled(point));
-                match (course, cause) {
+                let figures = match (course, cause) {
                     (Course::Step { value }, None) => step_figures(stretch, of, *value),
                     (Course::Step { value }, Some(cause)) => disturbance_figures(stretch, of, *value, cause),
                     _ => tracking_figures(stretch, of, course.name()),
-                }
+                };
+                [Some(figures), self.jump_figures(stretch, course)].into_iter().flatten()
             })
             .collect()
+    }
+
+    /// What the loop makes of the largest step of a sequence, by which a step's figures can be told.
+    fn jump_figures(&self, points: &[Point], course: &Course) -> Option<Figures> {
+        let Course::Sequence(order) = course else { return None };
+        let jump = order.largest_jump(self.mode, &self.settings)?;
+        let began_s = points[0].t_s + ROUNDING_S;
+        let at = |time_s: f64| points.partition_point(|point| point.t_s - began_s < time_s);
+        let stretch = points.get(at(jump.from_s)..at(jump.until_s)).filter(|stretch| stretch.len() > 1)?;
+        let of = |point: &Point| self.controlled(point);
+        // A position is asked for from where the sequence began.
+        let origin = if self.mode.is_position() { of(&points[0]) } else { 0.0 };
+        Some(Figures { course: JUMP, ..step_figures(stretch, of, origin + jump.value) })
     }
 
     /// A reference until the next, and apart from it what disturbs the loop after a step.
@@ -313,24 +328,19 @@ struct Asked {
 
 impl Asked {
     /// What to ask of the core at this tick.
-    fn request(&mut self, references: &[Reference], now_s: f64, trial: &Trial<ModelPlant>) -> Option<Request> {
-        let begun = references.iter().take_while(|reference| reference.time_s <= now_s).count();
+    fn request(&mut self, scenario: &Scenario, now_s: f64, trial: &Trial<ModelPlant>) -> Option<Request> {
+        let begun = scenario.references.iter().take_while(|reference| reference.time_s <= now_s).count();
         let begins = begun > self.begun;
         if begins {
             (self.begun, self.before) = (begun, self.last);
         }
-        let reference = &references[self.begun.checked_sub(1)?];
-        let Some(value) = reference.course.value(now_s - reference.time_s, self.before) else {
-            return begins.then(|| sequence(&reference.course, trial)).flatten();
-        };
+        let reference = &scenario.references[self.begun.checked_sub(1)?];
+        if let Course::Sequence(order) = &reference.course {
+            return begins.then(|| Request::Play(order.of_core(scenario.mode, &scenario.settings)));
+        }
+        let value = reference.course.value(now_s - reference.time_s, self.before)?;
         let changed = begins || value != self.last;
         self.last = value;
         changed.then(|| trial.reference(value))
     }
-}
-
-/// The request for what the core plays by itself.
-fn sequence(course: &Course, trial: &Trial<ModelPlant>) -> Option<Request> {
-    let Course::Sequence { kind, amplitude, offset, period_ms, count, seed } = *course else { return None };
-    Some(trial.sequence(kind, [amplitude, offset], f64::from(period_ms) * 1e-3, count, seed))
 }

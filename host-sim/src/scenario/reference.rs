@@ -1,6 +1,6 @@
 //! What a loop is asked to follow: from this computer tick by tick, or by a sequence of the core's own.
 
-use motorbench_core::excitation::Kind;
+use super::sequence::SequenceOrder;
 use std::f64::consts::TAU;
 
 /// What is asked for from a time on, until the next.
@@ -39,20 +39,7 @@ pub enum Course {
     /// Straight lines between points: time since the reference began, value.
     Points(Vec<[f64; 2]>),
     /// A sequence that the core plays by itself.
-    Sequence {
-        /// Which.
-        kind: Kind,
-        /// Its amplitude.
-        amplitude: f64,
-        /// Its mean.
-        offset: f64,
-        /// See `motorbench_core::excitation`.
-        period_ms: u16,
-        /// See there.
-        count: u16,
-        /// See there.
-        seed: u16,
-    },
+    Sequence(SequenceOrder),
 }
 
 impl Course {
@@ -63,7 +50,7 @@ impl Course {
             Self::Ramp { .. } => "ramp",
             Self::Sine { .. } => "sine",
             Self::Points(_) => "points",
-            Self::Sequence { .. } => "sequence",
+            Self::Sequence(_) => "sequence",
         }
     }
 
@@ -76,7 +63,7 @@ impl Course {
                 Some(offset + amplitude * (TAU * frequency_hz * t_s).sin())
             }
             Self::Points(points) => Some(interpolated(points, t_s)),
-            Self::Sequence { .. } => None,
+            Self::Sequence(_) => None,
         }
     }
 }

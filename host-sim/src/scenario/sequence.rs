@@ -1,0 +1,102 @@
+//! A sequence that the core plays by itself, as a `sequence` line of the console or of a scenario asks for it.
+
+use crate::telemetry::reference_bit;
+use motorbench_core::excitation::{Bridge, Kind, Player, Sequence};
+use motorbench_core::message::Mode;
+use motorbench_core::settings::{Param, Settings};
+
+/// A jump is a step if it is more than this share of the amplitude...
+const LEAST_JUMP: f64 = 0.1;
+/// ... and what it leads to stands for at least one in so many periods: the levels of `identify` do.
+const PARTS_OF_A_PERIOD: u16 = 4;
+
+/// What to play.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SequenceOrder {
+    /// Of what kind.
+    pub kind: Kind,
+    /// In the unit of the mode: V, rad/s, rad.
+    pub amplitude: f64,
+    /// The same.
+    pub offset: f64,
+    /// Length of one part; see `motorbench_core::excitation`.
+    pub period_ms: u16,
+    /// How many.
+    pub count: u16,
+    /// Of random ones.
+    pub seed: u16,
+}
+
+/// A step of the reference, and until when it stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Jump {
+    /// Since the sequence began.
+    pub from_s: f64,
+    /// The same.
+    pub until_s: f64,
+    /// In the unit of the mode; positions from where the sequence began.
+    pub value: f64,
+}
+
+impl SequenceOrder {
+    /// As the board plays it in a mode.
+    pub fn of_core(&self, mode: Mode, settings: &Settings) -> Sequence {
+        let bits = |value: f64| (value / reference_bit(mode, settings)).round() as i16;
+        let Self { kind, amplitude, offset, count, seed, .. } = *self;
+        Sequence::new(kind, bits(amplitude), bits(offset), self.period_ticks(settings), count, seed)
+    }
+
+    fn period_ticks(&self, settings: &Settings) -> u16 {
+        let per_ms = if settings.get(Param::TickRate) > 1500.0 { 2 } else { 1 };
+        self.period_ms.saturating_mul(per_ms)
+    }
+
+    /// The largest of its steps in a closed loop that was at zero, the longest of equal ones; ramps and sweeps have none.
+    pub fn largest_jump(&self, mode: Mode, settings: &Settings) -> Option<Jump> {
+        let rate_hz = f64::from(settings.get(Param::TickRate));
+        let least_ticks = usize::from((self.period_ticks(settings) / PARTS_OF_A_PERIOD).max(1));
+        let mut player = Player::default();
+        player.start(&self.of_core(mode, settings));
+        let plays: Vec<_> = std::iter::from_fn(|| Some(player.step()).filter(|play| !play.done)).collect();
+        let (mut before, mut start, mut largest) = (0, 0, None);
+        for stands in plays.chunk_by(|a, b| a == b) {
+            let (play, ticks) = (stands[0], stands.len());
+            let rank = (i32::from(play.value).abs_diff(before), ticks);
+            let is_greater = largest.is_none_or(|(greatest, _)| rank > greatest);
+            if play.bridge == Bridge::Drive && ticks >= least_ticks && is_greater {
+                largest = Some((rank, (start, start + ticks, play.value)));
+            }
+            (before, start) = (play.value.into(), start + ticks);
+        }
+        let unit = reference_bit(mode, settings);
+        let ((bits, _), (from, until, value)) = largest?;
+        (f64::from(bits) * unit > LEAST_JUMP * self.amplitude.abs()).then_some(Jump {
+            from_s: from as f64 / rate_hz,
+            until_s: until as f64 / rate_hz,
+            value: f64::from(value) * unit,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn largest_jump(kind: Kind, count: u16) -> Option<Jump> {
+        let order = SequenceOrder { kind, amplitude: 50.0, offset: 0.0, period_ms: 200, count, seed: 7 };
+        order.largest_jump(Mode::SpeedPid, &Settings::defaults())
+    }
+
+    #[test]
+    fn the_largest_jump_by_hand() {
+        let near = |value: f64, expected: f64| (value - expected).abs() < 0.05;
+        let first = largest_jump(Kind::Steps, 1).unwrap();
+        assert!(near(first.value, 50.0) && near(first.from_s, 0.0) && near(first.until_s, 0.2), "{first:?}");
+        // From one end to the other, and of these the one that stands for most bits.
+        let bits = largest_jump(Kind::Prbs, 60).unwrap();
+        assert!(near(bits.value.abs(), 50.0) && bits.from_s > 0.0 && bits.until_s - bits.from_s > 0.5, "{bits:?}");
+        assert!(largest_jump(Kind::Levels, 20).unwrap().until_s > 0.2);
+        assert!(near(largest_jump(Kind::Stairs, 5).unwrap().value.abs() % 10.0, 0.0));
+        assert_eq!([largest_jump(Kind::Ramp, 1), largest_jump(Kind::Chirp, 1)], [None, None]);
+    }
+}
