@@ -34,6 +34,11 @@ impl Effect for LoadStep {
         Some((1, scales.duration_s / 30.0))
     }
 
+    /// A torque that comes and goes has a first time that it comes.
+    fn shape_over(&self) -> Option<&'static str> {
+        Some("time")
+    }
+
     fn is_outer_torque(&self) -> bool {
         true
     }

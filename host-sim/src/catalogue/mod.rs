@@ -408,6 +408,12 @@ pub trait Effect: Sync {
         None
     }
 
+    /// What something unknown at its place would depend on, to be described by this effect in part: any course over it has
+    /// such a shape in it.
+    fn shape_over(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Which of its constants say how strong it is: with all of them at their least it does nothing that would be its own.
     fn strengths(&self) -> Range<usize> {
         0..self.about().linear_in

@@ -42,6 +42,9 @@ const LEAST_FIT_PERCENT: f64 = 20.0;
 /// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
 /// of something unknown often looks like something known.
 const LEAST_OF_REST: f64 = 3.0;
+/// The same beside what is too little to be called missing: there the law of something that is named may be another one, and what
+/// mends the difference is no cause. Right names explain three times as much and more.
+const LEAST_OF_SMALL_REST: f64 = 2.0;
 /// With this evidence an effect is there, though how strong it is may be unknown. Right names have more, wrong ones that were
 /// seen less.
 const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
@@ -187,6 +190,7 @@ fn certain(data: Dataset, prior: &Prior, not: &[&'static str], progress: select:
     let (seen, mut selection) = best_understood(data.clone(), prior, not, progress);
     let fullest = selection.last.clone();
     distrust(&seen, prior, &mut selection);
+    take_back_shapes(&seen, prior, &mut selection, &fullest);
     progress("intervals");
     let mut everything = seen.clone();
     everything.kept_back.fill(false);
@@ -273,24 +277,59 @@ fn residuals(data: &Dataset, prediction: &Prediction) -> Vec<Vec<f64>> {
 
 /// Takes back names that explain less than what remains: where something big is unknown, small things are not known.
 fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
-    loop {
-        if above_floor(data, &selection.last) < NOT_NOISE {
-            return;
-        }
-        let weak = selection.standings.iter().position(|standing| {
-            let weighed = |value: f64, output: usize| {
-                (value / data.measured[output].least_error(data.measured[output].noise)).powi(2)
-            };
-            let (mut own, mut rest) = (0.0, 0.0);
-            for (output, (before, after)) in standing.gain.rmse.iter().enumerate() {
-                own += weighed(*before, output) - weighed(*after, output);
-                let floor = judge::noise(data, &selection.last.residual_of(data, output), output);
-                rest += weighed(*after, output) - weighed(floor, output);
-            }
-            own < LEAST_OF_REST * rest
-        });
-        let Some(weak) = weak else { return };
+    while let Some(rest) = Rest::of(data, &selection.last) {
+        let Some(weak) = selection.standings.iter().position(|standing| rest.outweighs(standing)) else { return };
         take_back(data, prior, selection, weak);
+    }
+}
+
+/// Takes back names of effects that may be no more than the nearest shape of what remains unknown.
+fn take_back_shapes(data: &Dataset, prior: &Prior, selection: &mut Selection, fullest: &Fit) {
+    let shape = |standing: &Standing| Some((effect(standing.id)?.about().acts_on, effect(standing.id)?.shape_over()?));
+    let shapes: Vec<_> = selection.standings.iter().map(shape).collect();
+    if shapes.iter().all(Option::is_none) {
+        return;
+    }
+    let Some(unknown) = unexplained(data, selection, fullest) else { return };
+    let of_unknown = Some((unknown.acts_on, unknown.depends_on));
+    for index in (0..shapes.len()).rev().filter(|index| shapes[*index] == of_unknown) {
+        take_back(data, prior, selection, index);
+    }
+}
+
+/// What a model leaves of each measured quantity beyond the noise.
+struct Rest {
+    /// Squares of what the quantities are weighed by.
+    units: Vec<f64>,
+    /// The sum of all, in these.
+    weight: f64,
+    /// What a name has to explain, as a multiple of it.
+    least: f64,
+}
+
+impl Rest {
+    /// Of a model that leaves more than noise.
+    fn of(data: &Dataset, fit: &Fit) -> Option<Self> {
+        let outputs = 0..data.measured.len();
+        let floors: Vec<f64> =
+            outputs.clone().map(|output| judge::noise(data, &fit.residual_of(data, output), output)).collect();
+        let left: Vec<f64> = outputs.clone().map(|output| judge::rmse(data, &fit.prediction, output)).collect();
+        let is_missing = above_floor(data, fit) >= NOT_NOISE;
+        if !is_missing && left.iter().zip(&floors).all(|(left, floor)| *left < NOT_NOISE * floor) {
+            return None;
+        }
+        let tolerated = |output: usize| data.measured[output].least_error(data.measured[output].noise);
+        let unit = |output: usize| if is_missing { tolerated(output) } else { floors[output] };
+        let units: Vec<f64> = outputs.clone().map(|output| unit(output).powi(2)).collect();
+        let weight = outputs.map(|output| (left[output].powi(2) - floors[output].powi(2)) / units[output]).sum();
+        Some(Self { units, weight, least: if is_missing { LEAST_OF_REST } else { LEAST_OF_SMALL_REST } })
+    }
+
+    /// Whether a name explains too little beside it.
+    fn outweighs(&self, standing: &Standing) -> bool {
+        let explained = standing.gain.rmse.iter().zip(&self.units);
+        let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
+        own < self.least * self.weight
     }
 }
 
