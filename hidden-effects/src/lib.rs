@@ -101,6 +101,8 @@ pub enum Effect {
     OutsideSpindle,
     /// Not in the catalogue: something grips the shaft for 20 to 50 ms, some twenty times, with 30 to 100 %.
     OutsideGrip,
+    /// Not in the catalogue: a soft spring between shaft and frame, wound up within 20 to 60 rad of where the shaft began, 0.5 to 6 %.
+    OutsideSpring,
 }
 
 impl Effect {
@@ -130,7 +132,7 @@ impl Effect {
         Self::TachoRipple,
     ];
     /// Those it does not.
-    pub const OUTSIDE: [Self; 7] = [
+    pub const OUTSIDE: [Self; 8] = [
         Self::OutsideShaker,
         Self::OutsideSaturation,
         Self::OutsideDropouts,
@@ -138,6 +140,7 @@ impl Effect {
         Self::OutsideDeadBand,
         Self::OutsideSpindle,
         Self::OutsideGrip,
+        Self::OutsideSpring,
     ];
 
     /// Name in the catalogue's contract.
@@ -172,6 +175,7 @@ impl Effect {
             Self::OutsideDeadBand => "outside_dead_band",
             Self::OutsideSpindle => "outside_spindle",
             Self::OutsideGrip => "outside_grip",
+            Self::OutsideSpring => "outside_spring",
         }
     }
 
@@ -264,6 +268,8 @@ pub struct Recipe {
     pub duration_s: f64,
     /// Samples a second.
     pub rate_hz: f64,
+    /// Of so many rows one is written, and the commands between them with none.
+    pub one_row_of: usize,
     /// Each row has the command that acted until it was read, and not the one that acts from then on.
     pub written_after: bool,
     /// The PWM is one of the Uno's timers as they come, and the rig file does not say which.
@@ -284,6 +290,7 @@ impl Recipe {
             excitation: Excitation::Identify,
             duration_s: 20.0,
             rate_hz: 1000.0,
+            one_row_of: 1,
             written_after: false,
             timer_of_the_uno: false,
             burst: false,

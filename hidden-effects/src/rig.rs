@@ -79,6 +79,8 @@ pub struct Hidden {
     counter_stop_s: f64,
     spindle_nm: f64,
     spindle_revolutions: f64,
+    spring_nm: f64,
+    spring_rad: f64,
     /// Something grips the shaft now and then, and for how long.
     grip_nm: f64,
     grip_s: f64,
@@ -377,6 +379,11 @@ impl Bench {
                 hidden.spindle_revolutions = random.random_range(5.0..9.0);
                 Vec::new()
             }
+            Effect::OutsideSpring => {
+                hidden.spring_nm = between(0.005, 0.06) * stall_nm;
+                hidden.spring_rad = random.random_range(20.0..60.0);
+                Vec::new()
+            }
             Effect::OutsideGrip => {
                 hidden.grip_nm = between(0.3, 1.0) * stall_nm;
                 hidden.grip_s = random.random_range(0.02..0.05);
@@ -572,6 +579,9 @@ impl Bench {
             // Binds over a fifth of its period.
             let bound = if turn < 0.2 { hidden.spindle_nm } else { 0.0 };
             torque += bound * self.sense();
+        }
+        if hidden.spring_nm > 0.0 {
+            torque += hidden.spring_nm * (self.angle / hidden.spring_rad).tanh();
         }
         if hidden.grip_nm > 0.0 && self.is_within(hidden.grip_s) {
             torque += hidden.grip_nm * self.sense();

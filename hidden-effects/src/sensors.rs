@@ -180,6 +180,12 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         average_speed(&mut rows, bench.counts_per_rev, recipe.rate_hz, random);
     }
     clip(&mut rows, bench.hidden.clip_share);
+    if recipe.one_row_of > 1 {
+        let first = random.random_range(0..recipe.one_row_of);
+        rows = rows.into_iter().skip(first).step_by(recipe.one_row_of).collect();
+        let start_s = rows.first().map_or(0.0, |row| row.time_s);
+        rows.iter_mut().for_each(|row| row.time_s -= start_s);
+    }
     if let Some(Mistake::CurrentScale(factor)) = recipe.mistake {
         rows.iter_mut().for_each(|row| row.current_a *= factor);
     }

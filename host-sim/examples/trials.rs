@@ -23,7 +23,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 /// Kinds of trials, and what each is.
-const KINDS: [(&str, &str); 19] = [
+const KINDS: [(&str, &str); 20] = [
     ("clean", "nothing hidden"),
     ("single", "each effect alone"),
     ("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway"),
@@ -37,6 +37,10 @@ const KINDS: [(&str, &str); 19] = [
     ("closed-loop", "one effect, recorded in a closed speed loop"),
     ("slow", "one effect on the rig with friction and bridge drop, recorded at 200 Hz"),
     ("slowest", "the same at 100 Hz"),
+    (
+        "fewer",
+        "one effect on that rig, one row written in five or ten milliseconds though the command changes each millisecond, in a closed speed loop or at any moment",
+    ),
     (
         "scale",
         "one effect on that rig and a mistake of scale: half or a quarter of the edges counted, another supply, a current in mA or by another type of ACS712",

@@ -150,6 +150,8 @@ pub struct Dataset {
     pub voltage_v: Vec<f64>,
     /// The same as share of the supply.
     pub duty: Vec<f64>,
+    /// By how much each command acted before its row, where rows are fewer than commands; empty: not at all.
+    pub earlier_s: Vec<f64>,
     /// Supply voltage.
     pub supply_v: Vec<f64>,
     /// The bridge is off from this sample to the next.
@@ -376,6 +378,9 @@ impl Dataset {
         if self.written_after {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
+        if self.has_moments() {
+            notes.push(BETWEEN_ROWS.into());
+        }
         if let Some(Stretch { window, interval_s, .. }) = self.stretches.first()
             && self.motion().output == Output::MeanSpeed
             && self.timing.speed_window_s.is_none()
@@ -426,6 +431,33 @@ impl Dataset {
             ));
         }
         notes
+    }
+
+    /// When the command of a row began to act.
+    pub fn acts_from_s(&self, row: usize) -> f64 {
+        self.time_s[row] - self.earlier_s.get(row).copied().unwrap_or(0.0)
+    }
+
+    /// Whether the moments of the commands are sought, and not those of their rows.
+    pub fn has_moments(&self) -> bool {
+        !self.earlier_s.is_empty()
+    }
+
+    /// The same with commands that changed between the rows, each in the middle between two; none where the rig file says
+    /// when a command acts.
+    pub fn with_commands_between(&self) -> Option<Self> {
+        if self.timing.command_delay_s.is_some() {
+            return None;
+        }
+        let mut other = Self { written_after: false, ..self.clone() };
+        if self.written_after {
+            row_order::move_commands_back(&mut other);
+        }
+        other.earlier_s = vec![0.0; self.len()];
+        for row in self.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1)) {
+            other.earlier_s[row] = 0.5 * (self.time_s[row] - self.time_s[row - 1]);
+        }
+        Some(other)
     }
 
     /// The same with what had been counted without losses.
@@ -888,6 +920,9 @@ fn correlation(a: &[f64], b: &[f64]) -> f64 {
     };
     sum(|a, b| a * b) / (sum(|a, _| a * a) * sum(|_, b| b * b)).sqrt().max(f64::MIN_POSITIVE)
 }
+
+/// Said of commands that changed between rows.
+const BETWEEN_ROWS: &str = "The commands changed between rows, and the rows do not say when: the moments of these changes were found in the readings, in the data kept back as well, and the intervals do not know what they leave open. Write a row for each command; [recording] command_delay_s = 0 in the rig file takes them as they stand.";
 
 /// Said of a speed that is no more than taken for that.
 const OVER_ITS_ROW: &str = "The speed is taken for a mean since the row before, which explains it as well as a delay would: [recording] speed_window_s in the rig file says what it is (0: of the moment).";

@@ -610,18 +610,19 @@ impl<'a> Run<'a> {
         terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }
 
-    /// Means of voltage and duty, held from sample to sample, over `length_s` from `offset_s` after sample `index`.
+    /// Means of voltage and duty, each held until the next acts, over `length_s` from `offset_s` after sample `index`.
     fn command(&self, index: usize, offset_s: f64, length_s: f64) -> (f64, f64) {
         let data = self.data;
-        if offset_s >= 0.0 || index == self.range.start {
-            return (data.voltage_v[index], data.duty[index]);
-        }
         let from_s = data.time_s[index] + offset_s;
         let mut end_s = from_s + length_s;
-        let mut sample = index;
+        let next = index + 1;
+        let mut sample = if next < self.range.end && data.acts_from_s(next) < end_s { next } else { index };
+        if sample == index && (offset_s >= 0.0 || index == self.range.start) {
+            return (data.voltage_v[index], data.duty[index]);
+        }
         let (mut voltage, mut duty) = (0.0, 0.0);
         loop {
-            let start_s = if sample == self.range.start { f64::NEG_INFINITY } else { data.time_s[sample] };
+            let start_s = if sample == self.range.start { f64::NEG_INFINITY } else { data.acts_from_s(sample) };
             let since_s = start_s.max(from_s);
             if since_s < end_s {
                 voltage += data.voltage_v[sample] * (end_s - since_s);

@@ -9,7 +9,7 @@ mod scoring;
 use hidden_effects::{Channels, Effect, Recipe, Trial, draw};
 use host_sim::catalogue::{ActsOn, effect};
 use host_sim::dataset::{Dataset, Output};
-use host_sim::diagnose::outcome::Verdict;
+use host_sim::diagnose::outcome::{Cause, Verdict};
 use host_sim::diagnose::{Diagnosis, diagnose};
 use host_sim::free_run::{Steps, drive, read};
 use host_sim::model::Model;
@@ -108,7 +108,8 @@ fn a_recording_may_be_in_another_scale() {
 #[test]
 fn rows_may_be_far_apart() {
     for (kind, seed) in [("slowest", 30), ("slowest", 45), ("slow", 26)] {
-        assert_found(seed, &recipe(kind, seed));
+        let diagnosis = assert_found(seed, &recipe(kind, seed));
+        assert!(!diagnosis.data.has_moments(), "{kind} {seed}: each row has its command");
     }
 }
 
@@ -288,10 +289,33 @@ fn places(effect: Effect) -> &'static [ActsOn] {
 /// Something unknown drags all constants of the motor with it: that is no other scale.
 #[test]
 fn beside_something_unknown_no_scale_is_named() {
-    for seed in [14, 18, 19] {
-        let outcome = diagnosed(&draw(seed, &recipe("outside-real", seed))).outcome;
+    let outside = [(14, Effect::OutsideShaker), (18, Effect::OutsideDeadBand), (19, Effect::OutsideSpindle)];
+    for (seed, effect) in outside {
+        let recipe = Recipe::of(&[effect]).on_real_rig().with_random_strengths(seed);
+        let outcome = diagnosed(&draw(seed, &recipe)).outcome;
         let of_values = outcome.causes.iter().filter(|cause| cause.is_value()).count();
         assert_eq!(of_values, 0, "seed {seed}: {:?}", outcome.causes);
+    }
+}
+
+/// A spring that is wound up within a few turns is no load that comes and goes, though one is in what it does over time.
+#[test]
+fn beside_an_unknown_torque_no_load_step_is_named() {
+    for seed in [1, 10, 14] {
+        let recipe = Recipe::of(&[Effect::OutsideSpring]).on_real_rig().with_random_strengths(seed);
+        let outcome = diagnosed(&draw(seed, &recipe)).outcome;
+        let of_rig = |cause: &Cause| ["coulomb_friction", "voltage_drop"].contains(&&*cause.effect);
+        assert!(outcome.causes.iter().all(of_rig), "seed {seed}: {:?}", outcome.causes);
+        assert!(outcome.unexplained.is_some(), "seed {seed}");
+    }
+}
+
+/// A loop that runs each millisecond and writes a row each five or ten: the commands between are nowhere.
+#[test]
+fn commands_may_change_between_rows() {
+    for seed in [1, 5, 8] {
+        let diagnosis = assert_found(seed, &recipe("fewer", seed));
+        assert!(diagnosis.data.has_moments(), "seed {seed}");
     }
 }
 

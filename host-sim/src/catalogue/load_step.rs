@@ -34,9 +34,9 @@ impl Effect for LoadStep {
         Some((1, scales.duration_s / 30.0))
     }
 
-    /// A torque that comes and goes has a first time that it comes.
-    fn shape_over(&self) -> Option<&'static str> {
-        Some("time")
+    /// What comes and goes has a first time that it comes.
+    fn is_of_any_course(&self) -> bool {
+        true
     }
 
     fn is_outer_torque(&self) -> bool {

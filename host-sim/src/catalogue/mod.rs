@@ -408,10 +408,9 @@ pub trait Effect: Sync {
         None
     }
 
-    /// What something unknown at its place would depend on, to be described by this effect in part: any course over it has
-    /// such a shape in it.
-    fn shape_over(&self) -> Option<&'static str> {
-        None
+    /// Whether any course over time has it in it: beside something unknown it may then be no more than a part of that.
+    fn is_of_any_course(&self) -> bool {
+        false
     }
 
     /// Which of its constants say how strong it is: with all of them at their least it does nothing that would be its own.

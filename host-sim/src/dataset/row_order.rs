@@ -53,6 +53,19 @@ pub(super) fn move_commands(data: &mut Dataset) {
     }
 }
 
+/// Undoes that; the first row keeps what it has.
+pub(super) fn move_commands_back(data: &mut Dataset) {
+    for Stretch { rows, .. } in &data.stretches {
+        later(&mut data.voltage_v, rows.clone());
+        later(&mut data.duty, rows.clone());
+        later(&mut data.open, rows.clone());
+    }
+}
+
+fn later<T: Copy>(values: &mut [T], range: Range<usize>) {
+    values.copy_within(range.start..range.end - 1, range.start + 1);
+}
+
 fn earlier<T: Copy>(values: &mut [T], range: Range<usize>) {
     values.copy_within(range.start + 1..range.end, range.start);
 }

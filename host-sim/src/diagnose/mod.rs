@@ -7,6 +7,7 @@
 //! 3. What remains above the sensors' noise is located by the lack that makes it most likely ([`missing`]).
 //! 4. The constants that are reported are fitted once more to all the data.
 
+mod command_times;
 mod counter_stops;
 mod current_window;
 pub mod judge;
@@ -175,9 +176,9 @@ fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress)
     let Some(scale) = scale else { return (None, recorded) };
     progress("in another scale");
     let corrected = certain(scale.corrected(&recorded.data), prior, &[], progress);
-    // Something unknown drags all constants with it, though hardly into another unit.
+    // Something unknown drags all constants with it, as unknown commands do, though hardly into another unit.
     let [has_rest, _] = doubts(&corrected);
-    if has_rest && !scale.is_another_unit() {
+    if (has_rest || corrected.data.has_moments()) && !scale.is_another_unit() {
         return (None, recorded);
     }
     let rank = |way: &Understood| (doubts(way), way.selection.last.cost);
@@ -190,7 +191,6 @@ fn certain(data: Dataset, prior: &Prior, not: &[&'static str], progress: select:
     let (seen, mut selection) = best_understood(data.clone(), prior, not, progress);
     let fullest = selection.last.clone();
     distrust(&seen, prior, &mut selection);
-    take_back_shapes(&seen, prior, &mut selection, &fullest);
     progress("intervals");
     let mut everything = seen.clone();
     everything.kept_back.fill(false);
@@ -226,11 +226,13 @@ fn best_understood(
 }
 
 /// What the rig file leaves open, by what is understood so far; each says whether the data have changed by it.
-const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 4] = [
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 6] = [
+    command_times::settle,
     |data, _, found| unseen_losses::settle(data, found),
     |data, prior, found| pwm_frequency::settle(data, prior, std::slice::from_ref(found)),
     speed_reading::settle,
     current_window::settle,
+    command_times::settle,
 ];
 
 fn understood(
@@ -239,13 +241,13 @@ fn understood(
     not: &[&'static str],
     progress: select::Progress,
 ) -> (Dataset, Selection) {
-    let excluded = [&excluded(&data), not].concat();
+    let anew = |data: &Dataset| select(data, prior, &[&excluded(data), not].concat(), progress);
     let beginnings = pwm_frequency::beginnings(&data, prior);
     pwm_frequency::settle(&mut data, prior, &beginnings);
-    let mut selection = select(&data, prior, &excluded, progress);
+    let mut selection = anew(&data);
     for settle in SETTLED_IN_TURN {
         if settle(&mut data, prior, &selection.last) {
-            selection = select(&data, prior, &excluded, progress);
+            selection = anew(&data);
         }
     }
     (data, selection)
@@ -256,6 +258,10 @@ fn excluded(data: &Dataset) -> Vec<&'static str> {
     let mut excluded = Vec::new();
     if data.current().is_none() {
         excluded.extend(["current_offset", "current_lag", "current_clipping"]);
+    }
+    // Moments that are sought are as late as a delay would make them.
+    if data.has_moments() {
+        excluded.push("actuation_delay");
     }
     // Counts have no ripple.
     if data.motion().output != Output::Speed {
@@ -278,33 +284,26 @@ fn residuals(data: &Dataset, prediction: &Prediction) -> Vec<Vec<f64>> {
 /// Takes back names that explain less than what remains: where something big is unknown, small things are not known.
 fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     while let Some(rest) = Rest::of(data, &selection.last) {
-        let Some(weak) = selection.standings.iter().position(|standing| rest.outweighs(standing)) else { return };
+        let is_weak =
+            |standing: &Standing| rest.outweighs(standing) || rest.is_missing && is_of_any_course(standing.id);
+        let Some(weak) = selection.standings.iter().position(is_weak) else { return };
         take_back(data, prior, selection, weak);
     }
 }
 
-/// Takes back names of effects that may be no more than the nearest shape of what remains unknown.
-fn take_back_shapes(data: &Dataset, prior: &Prior, selection: &mut Selection, fullest: &Fit) {
-    let shape = |standing: &Standing| Some((effect(standing.id)?.about().acts_on, effect(standing.id)?.shape_over()?));
-    let shapes: Vec<_> = selection.standings.iter().map(shape).collect();
-    if shapes.iter().all(Option::is_none) {
-        return;
-    }
-    let Some(unknown) = unexplained(data, selection, fullest) else { return };
-    let of_unknown = Some((unknown.acts_on, unknown.depends_on));
-    for index in (0..shapes.len()).rev().filter(|index| shapes[*index] == of_unknown) {
-        take_back(data, prior, selection, index);
-    }
+/// Whether an effect may be no more than a part of something unknown.
+fn is_of_any_course(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.is_of_any_course())
 }
 
 /// What a model leaves of each measured quantity beyond the noise.
 struct Rest {
+    /// Whether it is so much that something is missing.
+    is_missing: bool,
     /// Squares of what the quantities are weighed by.
     units: Vec<f64>,
     /// The sum of all, in these.
     weight: f64,
-    /// What a name has to explain, as a multiple of it.
-    least: f64,
 }
 
 impl Rest {
@@ -322,14 +321,14 @@ impl Rest {
         let unit = |output: usize| if is_missing { tolerated(output) } else { floors[output] };
         let units: Vec<f64> = outputs.clone().map(|output| unit(output).powi(2)).collect();
         let weight = outputs.map(|output| (left[output].powi(2) - floors[output].powi(2)) / units[output]).sum();
-        Some(Self { units, weight, least: if is_missing { LEAST_OF_REST } else { LEAST_OF_SMALL_REST } })
+        Some(Self { is_missing, units, weight })
     }
 
     /// Whether a name explains too little beside it.
     fn outweighs(&self, standing: &Standing) -> bool {
         let explained = standing.gain.rmse.iter().zip(&self.units);
         let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
-        own < self.least * self.weight
+        own < if self.is_missing { LEAST_OF_REST } else { LEAST_OF_SMALL_REST } * self.weight
     }
 }
 
@@ -490,13 +489,13 @@ fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
     data.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
 }
 
-/// Whether a wrong value is an inductance that the frequency of the PWM or the window of the current may have made: where the
-/// rig file does not give them, only both together are certain.
+/// Whether a wrong value is an inductance that the frequency of the PWM, the window of the current or the moments of the commands
+/// may have made: where the rig file does not give them, only both together are certain.
 fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
     let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage);
     let of_pwm = || !data.pwm_is_known && shows_pwm();
     let of_window = || data.timing.current_window_s.is_none() && data.current_window_s > 0.0;
-    cause == INDUCTANCE && (of_pwm() || of_window())
+    cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments())
 }
 
 /// In words.

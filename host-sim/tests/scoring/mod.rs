@@ -30,6 +30,10 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         "closed-loop" => Recipe { excitation: Excitation::ClosedLoop, ..single() },
         "slow" => Recipe { rate_hz: 200.0, ..real() },
         "slowest" => Recipe { rate_hz: 100.0, ..real() },
+        "fewer" => {
+            let excitation = if seed % 2 == 0 { Excitation::ClosedLoop } else { Excitation::Identify };
+            Recipe { excitation, one_row_of: [5, 10][(seed / 2 % 2) as usize], ..real() }
+        }
         "window" => {
             Recipe { channels: Channels::VoltageMeanSpeedCurrent, ..Recipe::of(&[turn(&counted)]).on_real_rig() }
         }

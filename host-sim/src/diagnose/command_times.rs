@@ -1,0 +1,84 @@
+//! When commands changed, where rows are fewer than commands: a loop that runs ten times as often as it writes rows, or a program
+//! that counts the time of a step and the time of a row by two clocks. The rows say what the command was, and not since when;
+//! the motion says that.
+
+use super::judge::{NOT_NOISE, above_floor};
+use crate::dataset::Dataset;
+use crate::free_run::free_run;
+use crate::identify::{Effort, Fit, Prior, fit};
+use crate::model::Model;
+
+/// Rows that are closer hardly lack commands.
+const SHORTEST_ROW_S: f64 = 1.5e-3;
+/// A change by this share of the greatest voltage has a moment of its own; smaller ones are taken for halfway between the rows.
+const LEAST_CHANGE: f64 = 0.002;
+/// What a change does is looked at for so long.
+const ANSWER_S: f64 = 0.1;
+/// Moments and model are found in turn, so often.
+const ROUNDS: usize = 3;
+/// What is shifted to see what it does, as a share of the row.
+const SHIFT: f64 = 0.1;
+/// Moments have to bring the cost down to this share of that of commands that stand with their rows...
+const LEAST_GAIN: f64 = 0.5;
+/// ... and those that were found by a poorer model to this share of what it was.
+const CLOSER: f64 = 0.98;
+
+/// Finds when the commands changed, if that explains most of a rest; whether it did.
+pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
+    if data.interval_s < SHORTEST_ROW_S || above_floor(data, found) < NOT_NOISE {
+        return false;
+    }
+    let is_refined = data.has_moments();
+    let begun = if is_refined { Some(data.clone()) } else { data.with_commands_between() };
+    let Some(mut other) = begun else { return false };
+    let changes = changes(&other);
+    let mut best = fit(&found.model, &other, prior, Effort::TRIAL);
+    for _ in 0..ROUNDS {
+        other.earlier_s = moments(&other, &best.model, &changes);
+        best = fit(&best.model, &other, prior, Effort::TRIAL);
+    }
+    let explains = best.cost <= if is_refined { CLOSER } else { LEAST_GAIN } * found.cost;
+    if explains {
+        *data = other;
+    }
+    explains
+}
+
+/// Rows with commands that are far from those before.
+fn changes(data: &Dataset) -> Vec<usize> {
+    let volts = &data.voltage_v;
+    let greatest_v = volts.iter().fold(0.0, |greatest: f64, volts| greatest.max(volts.abs()));
+    let changes = |row: &usize| (volts[*row] - volts[row - 1]).abs() > LEAST_CHANGE * greatest_v;
+    data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1)).filter(changes).collect()
+}
+
+/// The moments that bring the model closest to what was measured after each change, one step of least squares; where that says
+/// nothing, the middle between the rows.
+fn moments(data: &Dataset, model: &Model, changes: &[usize]) -> Vec<f64> {
+    let row_s = |row: usize| data.time_s[row] - data.time_s[row - 1];
+    let mut shifted = data.clone();
+    for row in changes {
+        let to_the_middle = if data.earlier_s[*row] > 0.5 * row_s(*row) { -SHIFT } else { SHIFT };
+        shifted.earlier_s[*row] += to_the_middle * row_s(*row);
+    }
+    let (as_is, moved) = (free_run(model, data), free_run(model, &shifted));
+    let mut earlier_s = data.earlier_s.clone();
+    let ends = changes.iter().skip(1).copied().chain([data.len()]);
+    for (row, end) in changes.iter().copied().zip(ends) {
+        let answer = row..end.min(row + (ANSWER_S / data.interval_s) as usize + 1);
+        let shift_s = shifted.earlier_s[row] - data.earlier_s[row];
+        // Anywhere in the row: a spread of its length over the root of twelve.
+        let known = 12.0 / row_s(row).powi(2);
+        let (mut normal, mut towards) = (known, known * (0.5 * row_s(row) - data.earlier_s[row]));
+        for (output, measured) in data.measured.iter().enumerate() {
+            let weight = measured.least_error(measured.noise).powi(-2);
+            for index in answer.clone().filter(|index| measured.values[*index].is_finite()) {
+                let slope = (moved[output][index] - as_is[output][index]) / shift_s;
+                normal += weight * slope * slope;
+                towards += weight * slope * (measured.values[index] - as_is[output][index]);
+            }
+        }
+        earlier_s[row] = (data.earlier_s[row] + towards / normal).clamp(0.0, row_s(row));
+    }
+    earlier_s
+}
