@@ -82,3 +82,59 @@ fn moments(data: &Dataset, model: &Model, changes: &[usize]) -> Vec<f64> {
     }
     earlier_s
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::free_run::free_run;
+    use crate::motor::MotorParameters;
+    use crate::recording::Recording;
+    use crate::rig::Rig;
+    use proptest::prelude::*;
+    use std::fmt::Write as _;
+
+    const FINE_S: f64 = 1e-3;
+    const FINE_ROWS: usize = 2000;
+    /// Of so many a row is written.
+    const ONE_OF: usize = 10;
+
+    /// Rows of a command and of readings as a program writes them.
+    fn dataset(interval_s: f64, rows: impl Iterator<Item = [f64; 3]>) -> Dataset {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for (row, [volts, speed, current]) in rows.enumerate() {
+            let _ = writeln!(text, "{:.4},{volts},{speed:.3},{current:.4}", row as f64 * interval_s);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(16))]
+        /// Against commands that were held for a time of their own each, in milliseconds.
+        #[test]
+        fn the_moments_of_steps_are_found(holds in prop::collection::vec((60usize..200, -10.0_f64..10.0), 20)) {
+            let commands = || holds.iter().flat_map(|(hold, volts)| std::iter::repeat_n(*volts, *hold)).take(FINE_ROWS);
+            prop_assume!(commands().count() == FINE_ROWS);
+            let model = Model::linear(MotorParameters::PIVT6);
+            // Only its commands are used.
+            let undriven = commands().enumerate().map(|(row, volts)| [volts, (row % 200) as f64, (row % 2) as f64]);
+            let fine = dataset(FINE_S, undriven);
+            let moved = free_run(&model, &fine);
+            let [speed, current] = [1, 0].map(|output| &moved[output]);
+            let written = (0..FINE_ROWS).step_by(ONE_OF).map(|row| [fine.voltage_v[row], speed[row], current[row]]);
+            let mut data = dataset(FINE_S * ONE_OF as f64, written).with_commands_between().unwrap();
+            let changes = changes(&data);
+            prop_assert!(changes.len() > 5);
+            for _ in 0..ROUNDS {
+                data.earlier_s = moments(&data, &model, &changes);
+            }
+            for row in changes {
+                let (before, after) = (data.voltage_v[row - 1], data.voltage_v[row]);
+                let back = (1..=ONE_OF).find(|back| fine.voltage_v[ONE_OF * row - back] != after).unwrap();
+                let off_s = data.earlier_s[row] - (back - 1) as f64 * FINE_S;
+                // Half a millisecond of a step of 10 V.
+                prop_assert!((off_s * (after - before)).abs() < 5e-3, "{row}: {off_s} s of {} V", after - before);
+            }
+        }
+    }
+}
