@@ -43,6 +43,8 @@ const LEAST_FIT_PERCENT: f64 = 20.0;
 /// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
 /// of something unknown often looks like something known.
 const LEAST_OF_REST: f64 = 3.0;
+/// The same of what any course over time has in it.
+const LEAST_OF_ANY_COURSE: f64 = 20.0;
 /// The same beside what is too little to be called missing: there the law of something that is named may be another one, and what
 /// mends the difference is no cause. Right names explain three times as much and more.
 const LEAST_OF_SMALL_REST: f64 = 2.0;
@@ -281,13 +283,18 @@ fn residuals(data: &Dataset, prediction: &Prediction) -> Vec<Vec<f64>> {
     data.measured.iter().zip(prediction).map(difference).collect()
 }
 
-/// Takes back names that explain less than what remains: where something big is unknown, small things are not known.
+/// Takes back names that explain less than what remains: where something big is unknown, small things are not known. Beside a
+/// rest that is none to speak of a name stays that has made it so.
 fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     while let Some(rest) = Rest::of(data, &selection.last) {
-        let is_weak =
-            |standing: &Standing| rest.outweighs(standing) || rest.is_missing && is_of_any_course(standing.id);
-        let Some(weak) = selection.standings.iter().position(is_weak) else { return };
-        take_back(data, prior, selection, weak);
+        let mut weak = (0..selection.standings.len()).filter(|index| rest.outweighs(&selection.standings[*index]));
+        let without = |index: usize| {
+            let mut without = selection.clone();
+            take_back(data, prior, &mut without, index);
+            (rest.is_missing || above_floor(data, &without.last) < NOT_NOISE).then_some(without)
+        };
+        let Some(without) = weak.find_map(without) else { return };
+        *selection = without;
     }
 }
 
@@ -328,7 +335,12 @@ impl Rest {
     fn outweighs(&self, standing: &Standing) -> bool {
         let explained = standing.gain.rmse.iter().zip(&self.units);
         let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
-        own < if self.is_missing { LEAST_OF_REST } else { LEAST_OF_SMALL_REST } * self.weight
+        let least = match self.is_missing {
+            true if is_of_any_course(standing.id) => LEAST_OF_ANY_COURSE,
+            true => LEAST_OF_REST,
+            false => LEAST_OF_SMALL_REST,
+        };
+        own < least * self.weight
     }
 }
 

@@ -87,6 +87,7 @@ pub struct Standing {
 }
 
 /// The models from the linear one to the last.
+#[derive(Clone)]
 pub struct Selection {
     /// The linear motor, fitted.
     pub base: Fit,
