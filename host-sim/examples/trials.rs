@@ -292,7 +292,7 @@ fn report(done: &Done, count: u64, first: u64) {
     for ((kind, what), score) in KINDS.iter().zip(&scores) {
         text += &score.line(&format!("{kind}: {what}"));
     }
-    text += "\n## What was named instead\nOver all kinds in which the effect was hidden.\n\n| hidden | times | found | wrong names in the same trials |\n|---|---|---|---|\n";
+    text += "\n## Confusion matrix: what was named instead\nOver all kinds in which the effect was hidden.\n\n| hidden | times | found | wrong names in the same trials |\n|---|---|---|---|\n";
     text += &confusion(&all);
     text += "\n## What a confidence is worth\nAll names of all kinds.\n\n";
     text += BELIEFS;

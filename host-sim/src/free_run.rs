@@ -616,7 +616,8 @@ impl<'a> Run<'a> {
         let from_s = data.time_s[index] + offset_s;
         let mut end_s = from_s + length_s;
         let next = index + 1;
-        let mut sample = if next < self.range.end && data.acts_from_s(next) < end_s { next } else { index };
+        let acts_early = || next < self.range.end && data.acts_from_s(next) < end_s;
+        let mut sample = if data.has_moments() && acts_early() { next } else { index };
         if sample == index && (offset_s >= 0.0 || index == self.range.start) {
             return (data.voltage_v[index], data.duty[index]);
         }

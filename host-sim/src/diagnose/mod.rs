@@ -43,10 +43,10 @@ const LEAST_FIT_PERCENT: f64 = 20.0;
 /// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
 /// of something unknown often looks like something known.
 const LEAST_OF_REST: f64 = 3.0;
-/// The same of what any course over time has in it.
+/// The multiple for what any course over time has in it: right names had a hundred, wrong ones up to six.
 const LEAST_OF_ANY_COURSE: f64 = 20.0;
-/// The same beside what is too little to be called missing: there the law of something that is named may be another one, and what
-/// mends the difference is no cause. Right names explain three times as much and more.
+/// The multiple for a fault of a sensor beside what is too little to be called missing: there the law of a torque may be another
+/// one than is named, and no sensor is to blame for what mends the difference. Right names had three and more, wrong ones one.
 const LEAST_OF_SMALL_REST: f64 = 2.0;
 /// With this evidence an effect is there, though how strong it is may be unknown. Right names have more, wrong ones that were
 /// seen less.
@@ -303,6 +303,11 @@ fn is_of_any_course(id: &str) -> bool {
     effect(id).is_some_and(|effect| effect.is_of_any_course())
 }
 
+/// Whether an effect is a sensor's.
+fn is_of_a_sensor(id: &str) -> bool {
+    effect(id).is_some_and(|effect| matches!(effect.about().acts_on, ActsOn::CurrentSensor | ActsOn::AngleSensor))
+}
+
 /// What a model leaves of each measured quantity beyond the noise.
 struct Rest {
     /// Whether it is so much that something is missing.
@@ -338,7 +343,8 @@ impl Rest {
         let least = match self.is_missing {
             true if is_of_any_course(standing.id) => LEAST_OF_ANY_COURSE,
             true => LEAST_OF_REST,
-            false => LEAST_OF_SMALL_REST,
+            false if is_of_a_sensor(standing.id) => LEAST_OF_SMALL_REST,
+            false => return false,
         };
         own < least * self.weight
     }
