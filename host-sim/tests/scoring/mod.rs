@@ -31,7 +31,7 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         "slow" => Recipe { rate_hz: 200.0, ..real() },
         "slowest" => Recipe { rate_hz: 100.0, ..real() },
         "fewer" => {
-            let excitation = if seed % 2 == 0 { Excitation::ClosedLoop } else { Excitation::Identify };
+            let excitation = [Excitation::ClosedLoop, Excitation::Identify][(seed % 2) as usize];
             Recipe { excitation, one_row_of: [5, 10][(seed / 2 % 2) as usize], ..real() }
         }
         "window" => {
