@@ -336,7 +336,7 @@ impl Dataset {
         }
         if rig.recording.command_delay_s.is_none() && row_order::is_written_after(&all) {
             all.written_after = true;
-            row_order::move_commands(&mut all);
+            row_order::move_commands(&mut all, row_order::Towards::Before);
         }
         all.keep_back(KEPT_BACK);
         if let Some(first) = recordings.first() {
@@ -451,7 +451,7 @@ impl Dataset {
         }
         let mut other = Self { written_after: false, ..self.clone() };
         if self.written_after {
-            row_order::move_commands_back(&mut other);
+            row_order::move_commands(&mut other, row_order::Towards::After);
         }
         other.earlier_s = vec![0.0; self.len()];
         for row in self.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1)) {

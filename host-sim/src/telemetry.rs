@@ -46,11 +46,12 @@ pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recordi
     // A trip or a stop at the end leaves no mode, and takes no reference away.
     let mode = samples.iter().rev().map(|sample| sample.state.mode()).find(|mode| *mode != Mode::Off);
     let mode = mode.unwrap_or(Mode::Off);
+    let unit = reference_bit(mode, settings);
+    let reference = || column(&|sample| f64::from(sample.reference) * unit);
     if mode.is_speed() {
-        recording.set(Channel::SpeedReference, column(&|sample| f64::from(sample.reference) * speed_bit));
+        recording.set(Channel::SpeedReference, reference());
     } else if mode.is_position() {
-        let unit = TAU / get(Param::CountsPerRev);
-        recording.set(Channel::AngleReference, column(&|sample| f64::from(sample.reference) * unit));
+        recording.set(Channel::AngleReference, reference());
     }
     recording
 }

@@ -92,6 +92,13 @@ pub enum ActsOn {
     AngleSensor,
 }
 
+impl ActsOn {
+    /// Whether that is what is read, and not what the motor does.
+    pub fn is_sensor(self) -> bool {
+        matches!(self, Self::CurrentSensor | Self::AngleSensor)
+    }
+}
+
 /// A constant of an effect.
 #[derive(Debug)]
 pub struct Parameter {

@@ -255,15 +255,15 @@ fn play(
 ) -> Result<(Record, Played), Failure> {
     let out = &arguments.out;
     let (settings, played) = prepare(link, arguments)?;
-    let ticks = played.asked(arguments.sequence).of_core(Mode::OpenLoop, &settings).duration_ticks();
-    let side = side_file_of_running(&settings, &link.firmware, &played.order());
+    let ticks = played.order.of_core(Mode::OpenLoop, &settings).duration_ticks();
+    let side = side_file_of_running(&settings, &link.firmware, &played.order.line());
     let files = files_beside(arguments, &settings, nominal, &played, ticks.into(), &side)?;
     let mut coverage = Coverage::new(&settings);
     let bar = bar(ticks.into());
     bar.set_style(
         ProgressStyle::with_template("{bar:40} {percent} % {elapsed}\n{msg}").expect("a constant that is right"),
     );
-    let mut done = record(link, settings, &played.order(), stop, &mut |came| {
+    let mut done = record(link, settings, &played.order.line(), stop, &mut |came| {
         bar.inc(came.len() as u64);
         coverage.add(came);
         bar.set_message(coverage.covered().to_string());
@@ -275,7 +275,7 @@ fn play(
         growing.add(came, &settings).map_err(|error| cannot_grow(out, &error))
     });
     bar.finish_and_clear();
-    if !played.agrees(arguments.sequence, &done) {
+    if !played.agrees(&done) {
         done.ended = Ended::Failed(
             "the board has played another sequence than it was told: the line damages what it carries, use a shorter cable or another USB port".into(),
         );
@@ -311,7 +311,7 @@ fn finish(
     nominal: NominalMotor,
     kept: usize,
 ) -> Result<(), Failure> {
-    let side = done.side_file(firmware, &played.order());
+    let side = done.side_file(firmware, &played.order.line());
     let ticks = done.samples.len() as f64 + f64::from(done.missing_ticks());
     // The files of an earlier recording stay as they are where nothing came.
     let written = match kept {
@@ -377,30 +377,15 @@ pub(super) fn on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
 struct Played {
     time_s: f64,
     kind: &'static str,
-    sequence: String,
-    amplitude: f64,
-    offset: f64,
-    period_ms: u16,
-    count: u16,
-    seed: u16,
+    #[serde(flatten)]
+    order: SequenceOrder,
 }
 
 impl Played {
-    /// For the console.
-    fn order(&self) -> String {
-        let Self { sequence, amplitude, offset, period_ms, count, seed, .. } = self;
-        format!("sequence {sequence} {amplitude} {offset} {period_ms} {count} {seed}")
-    }
-
-    fn asked(&self, excitation: Excitation) -> SequenceOrder {
-        let Self { amplitude, offset, period_ms, count, seed, .. } = *self;
-        SequenceOrder { kind: excitation.kind(), amplitude, offset, period_ms, count, seed }
-    }
-
     /// Whether a whole recording is of this.
-    fn agrees(&self, excitation: Excitation, done: &Record) -> bool {
+    fn agrees(&self, done: &Record) -> bool {
         let Some(first) = done.samples.first().filter(|_| done.ended == Ended::Complete) else { return true };
-        is_played(&done.samples, &self.asked(excitation).of_core(first.state.mode(), &done.settings))
+        is_played(&done.samples, &self.order.of_core(first.state.mode(), &done.settings))
     }
 
     /// The recording as a scenario, without a motor: mode, what the settings have of their own, and this as its reference.
@@ -442,12 +427,12 @@ fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settin
     }
     let amplitude =
         arguments.amplitude.unwrap_or_else(|| (8.0 * f64::from(settings.get(Param::SupplyVoltage))).round() / 10.0);
-    let sequence = arguments.sequence.to_possible_value().expect("none is skipped").get_name().to_owned();
     link.command("arm")?;
     link.command(&format!("mode {}", arguments.mode))?;
     let RecordArguments { offset, period: period_ms, seed, .. } = *arguments;
     let count = arguments.count.unwrap_or_else(|| arguments.sequence.usual_count(period_ms));
-    Ok((settings, Played { time_s: 0.0, kind: "sequence", sequence, amplitude, offset, period_ms, count, seed }))
+    let order = SequenceOrder { kind: arguments.sequence.kind(), amplitude, offset, period_ms, count, seed };
+    Ok((settings, Played { time_s: 0.0, kind: "sequence", order }))
 }
 
 /// A table that is measured: its other files stand beside it under its name, so that one with another ending could be one of them.

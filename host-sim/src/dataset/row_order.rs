@@ -7,7 +7,6 @@
 
 use super::{Dataset, Output, Stretch};
 use nalgebra::{DMatrix, DVector};
-use std::ops::Range;
 
 /// What is said of such a recording.
 pub const WRITTEN_AFTER: &str = "The motor answers each command in the row in which it stands: these rows were written after their command had acted, and the commands were moved to the row before. [recording] command_delay_s = 0 in the rig file takes them as they stand.";
@@ -44,30 +43,29 @@ pub(super) fn is_written_after(data: &Dataset) -> bool {
     own > LEAST_SIGMAS * own_error && own > least_share * greatest && own > 2.0 * ahead.abs()
 }
 
-/// Puts each command into the row that was read before it acted.
-pub(super) fn move_commands(data: &mut Dataset) {
+/// Which row commands are moved to.
+#[derive(Clone, Copy)]
+pub(super) enum Towards {
+    /// The one that was read before they acted; the last keeps its own as well.
+    Before,
+    /// Back from there; the first keeps what it has.
+    After,
+}
+
+/// Moves each command by a row.
+pub(super) fn move_commands(data: &mut Dataset, towards: Towards) {
     for Stretch { rows, .. } in &data.stretches {
-        earlier(&mut data.voltage_v, rows.clone());
-        earlier(&mut data.duty, rows.clone());
-        earlier(&mut data.open, rows.clone());
+        moved(&mut data.voltage_v[rows.clone()], towards);
+        moved(&mut data.duty[rows.clone()], towards);
+        moved(&mut data.open[rows.clone()], towards);
     }
 }
 
-/// Undoes that; the first row keeps what it has.
-pub(super) fn move_commands_back(data: &mut Dataset) {
-    for Stretch { rows, .. } in &data.stretches {
-        later(&mut data.voltage_v, rows.clone());
-        later(&mut data.duty, rows.clone());
-        later(&mut data.open, rows.clone());
+fn moved<T: Copy>(values: &mut [T], towards: Towards) {
+    match towards {
+        Towards::Before => values.copy_within(1.., 0),
+        Towards::After => values.copy_within(..values.len() - 1, 1),
     }
-}
-
-fn later<T: Copy>(values: &mut [T], range: Range<usize>) {
-    values.copy_within(range.start..range.end - 1, range.start + 1);
-}
-
-fn earlier<T: Copy>(values: &mut [T], range: Range<usize>) {
-    values.copy_within(range.start + 1..range.end, range.start);
 }
 
 /// How a reading changes after a change of the command: least squares, with errors that hold where the scatter is not the

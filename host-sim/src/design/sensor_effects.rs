@@ -1,7 +1,7 @@
 //! What a model says of the sensors, under the core: offset, lag and end of the current sensor, an eccentric or lossy
 //! encoder, the ripple of a tachogenerator.
 
-use crate::catalogue::{ActsOn, Effect, Readings, Sampling};
+use crate::catalogue::{Effect, Readings, Sampling};
 use crate::free_run::between_rows::Bulge;
 use crate::model::{Model, Term};
 use crate::plant::PeriodEnd;
@@ -27,8 +27,7 @@ struct Last {
 impl SensorEffects {
     /// Those of a model.
     pub fn of(model: &Model) -> Self {
-        let on_sensors =
-            |effect: &dyn Effect| matches!(effect.about().acts_on, ActsOn::CurrentSensor | ActsOn::AngleSensor);
+        let on_sensors = |effect: &dyn Effect| effect.about().acts_on.is_sensor();
         let (tachogenerator, others): (Vec<_>, Vec<_>) =
             model.in_turn(on_sensors).into_iter().cloned().partition(|term| term.id() == TACHOGENERATOR);
         let with_state = |term: Term| {

@@ -270,14 +270,7 @@ impl<P: Plant> Trial<P> {
         let sample = self.sample();
         let get = |param| f64::from(self.settings.get(param));
         let speed = speed_bit_rad_per_s(&self.settings);
-        let mode = sample.state.mode();
-        let unit = if mode.is_position() {
-            TAU / get(Param::CountsPerRev)
-        } else if mode.is_speed() {
-            speed
-        } else {
-            1.0 / f64::from(VOLT)
-        };
+        let unit = reference_bit(sample.state.mode(), &self.settings);
         Point {
             t_s: f64::from(self.periods) / f64::from(PWM_HZ),
             reference: f64::from(sample.reference) * unit,

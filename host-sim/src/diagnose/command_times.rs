@@ -86,7 +86,6 @@ fn moments(data: &Dataset, model: &Model, changes: &[usize]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::free_run::free_run;
     use crate::motor::MotorParameters;
     use crate::recording::Recording;
     use crate::rig::Rig;

@@ -305,7 +305,7 @@ fn is_of_any_course(id: &str) -> bool {
 
 /// Whether an effect is a sensor's.
 fn is_of_a_sensor(id: &str) -> bool {
-    effect(id).is_some_and(|effect| matches!(effect.about().acts_on, ActsOn::CurrentSensor | ActsOn::AngleSensor))
+    effect(id).is_some_and(|effect| effect.about().acts_on.is_sensor())
 }
 
 /// What a model leaves of each measured quantity beyond the noise.

@@ -2,7 +2,7 @@
 
 use super::reference::{Course, Reference};
 use super::refusal::refusal;
-use super::sequence::SequenceOrder;
+use super::sequence::{self, SequenceOrder};
 use super::{Fault, FaultKind, Load, Noise, Scenario, ScenarioError};
 use crate::keys;
 use crate::link::name;
@@ -244,7 +244,7 @@ impl FileReference {
             }
             "points" => Course::Points(self.checked_points(within)?),
             _ => Course::Sequence(SequenceOrder {
-                kind: sequence(self.sequence.as_deref())?,
+                kind: kind_of_sequence(self.sequence.as_deref())?,
                 amplitude: level("amplitude", self.amplitude)?,
                 offset,
                 period_ms: self.period_ms.unwrap_or(500),
@@ -350,12 +350,14 @@ fn mode(name: Option<&str>) -> Result<Mode, String> {
     })
 }
 
-fn sequence(name: Option<&str>) -> Result<Kind, String> {
+fn kind_of_sequence(name: Option<&str>) -> Result<Kind, String> {
     let kinds = (0..Kind::COUNT).filter_map(Kind::from_number);
-    let named = |kind: &Kind| format!("{kind:?}").to_lowercase();
-    let known = kinds.clone().map(|kind| named(&kind)).collect::<Vec<_>>().join(", ");
+    let known = kinds.clone().map(sequence::name).collect::<Vec<_>>().join(", ");
     let name = name.ok_or_else(|| format!("sequence is missing: expected one of {known}"))?;
-    kinds.into_iter().find(|kind| named(kind) == name).ok_or(format!("sequence = \"{name}\": expected one of {known}"))
+    kinds
+        .into_iter()
+        .find(|kind| sequence::name(*kind) == name)
+        .ok_or(format!("sequence = \"{name}\": expected one of {known}"))
 }
 
 fn trip(name: &str) -> Result<Trip, String> {

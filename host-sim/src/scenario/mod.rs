@@ -258,8 +258,7 @@ impl Scenario {
         if self.mode == Mode::OpenLoop {
             return Vec::new();
         }
-        let first_s = points.first().map_or(0.0, |point| point.t_s);
-        let start = |time_s: f64| points.partition_point(|point| point.t_s - first_s + ROUNDING_S < time_s);
+        let start = |time_s: f64| start(points, time_s);
         let ends = self.references.iter().skip(1).map(|next| next.time_s).chain([f64::INFINITY]);
         let stretches =
             self.references.iter().zip(ends).flat_map(|(reference, end_s)| self.stretches(reference, end_s));
@@ -282,9 +281,10 @@ impl Scenario {
     fn jump_figures(&self, points: &[Point], course: &Course) -> Option<Figures> {
         let Course::Sequence(order) = course else { return None };
         let jump = order.largest_jump(self.mode, &self.settings)?;
-        let began_s = points[0].t_s + ROUNDING_S;
-        let at = |time_s: f64| points.partition_point(|point| point.t_s - began_s < time_s);
-        let stretch = points.get(at(jump.from_s)..at(jump.until_s)).filter(|stretch| stretch.len() > 1)?;
+        let stretch = &points[start(points, jump.from_s)..start(points, jump.until_s)];
+        if stretch.len() < 2 {
+            return None;
+        }
         let of = |point: &Point| self.controlled(point);
         // A position is asked for from where the sequence began.
         let origin = if self.mode.is_position() { of(&points[0]) } else { 0.0 };
@@ -314,6 +314,12 @@ struct Stretch<'a> {
     course: &'a Course,
     /// What disturbs the loop from its beginning on, if anything does.
     cause: Option<&'static str>,
+}
+
+/// The first of the points that is so long after the first of all.
+fn start(points: &[Point], time_s: f64) -> usize {
+    let first_s = points.first().map_or(0.0, |point| point.t_s);
+    points.partition_point(|point| point.t_s - first_s + ROUNDING_S < time_s)
 }
 
 /// Where the references are.

@@ -10,10 +10,11 @@ const LEAST_JUMP: f64 = 0.1;
 /// ... and what it leads to stands for at least one in so many periods: the levels of `identify` do.
 const PARTS_OF_A_PERIOD: u16 = 4;
 
-/// What to play.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What to play, with the names of a scenario file.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SequenceOrder {
     /// Of what kind.
+    #[serde(rename = "sequence", serialize_with = "by_its_name")]
     pub kind: Kind,
     /// In the unit of the mode: V, rad/s, rad.
     pub amplitude: f64,
@@ -25,6 +26,15 @@ pub struct SequenceOrder {
     pub count: u16,
     /// Of random ones.
     pub seed: u16,
+}
+
+/// The name of a kind, on the console and in files.
+pub fn name(kind: Kind) -> String {
+    format!("{kind:?}").to_lowercase()
+}
+
+fn by_its_name<S: serde::Serializer>(kind: &Kind, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&name(*kind))
 }
 
 /// A step of the reference, and until when it stands.
@@ -39,6 +49,12 @@ pub struct Jump {
 }
 
 impl SequenceOrder {
+    /// For the console.
+    pub fn line(&self) -> String {
+        let Self { kind, amplitude, offset, period_ms, count, seed } = *self;
+        format!("sequence {} {amplitude} {offset} {period_ms} {count} {seed}", name(kind))
+    }
+
     /// As the board plays it in a mode.
     pub fn of_core(&self, mode: Mode, settings: &Settings) -> Sequence {
         let bits = |value: f64| (value / reference_bit(mode, settings)).round() as i16;
