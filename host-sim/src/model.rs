@@ -9,7 +9,7 @@
 //! torque_Nm = 0.004
 //! ```
 
-use crate::catalogue::{Alone, Effect, Scales, effect};
+use crate::catalogue::{Alone, DryLosses, Effect, OffPhase, Scales, effect};
 use crate::keys;
 use crate::motor::{MotorParameters, NonPhysical};
 use serde::{Deserialize, Serialize};
@@ -211,6 +211,23 @@ impl Model {
         self.terms.iter().map(|term| term.effect.motor_share(&term.values)).product()
     }
 
+    /// What its effects take at any speed and current.
+    pub fn dry_losses(&self) -> DryLosses {
+        let mut sum = DryLosses::default();
+        for term in &self.terms {
+            let own = term.effect.dry_losses(&term.values);
+            sum.friction_forward_nm += own.friction_forward_nm;
+            sum.friction_reverse_nm += own.friction_reverse_nm;
+            sum.bridge_drop_v += own.bridge_drop_v;
+        }
+        sum
+    }
+
+    /// What a bridge does between pulses for it.
+    pub fn off_phase(&self) -> OffPhase {
+        self.terms.iter().find_map(|term| term.effect.off_phase(&term.values)).unwrap_or(OffPhase::Brakes)
+    }
+
     /// What an effect is in it that lacks the one that it stands on; nothing if it does not lack it.
     pub fn alone(&self, effect: &dyn Effect) -> Option<Alone> {
         effect.stands_on().filter(|(other, _)| !self.has(other)).map(|(_, alone)| alone)
@@ -316,5 +333,15 @@ mod tests {
         assert!(message("[effects.coulomb_friction]").contains("torque_Nm is missing"));
         assert!(message("[effects.coulomb_friction]\ntorque_Nm = -1").contains("out of range"));
         assert!(Model::parse("[motor]\nresistance_ohm = 1").unwrap_err().to_string().contains("missing field"));
+    }
+
+    #[test]
+    fn dry_losses_are_of_friction_its_asymmetry_and_the_bridge() {
+        let file = Model::linear(MotorParameters::PIVT6).to_toml()
+            + "[effects.coulomb_friction]\ntorque_Nm = 0.5\n[effects.friction_asymmetry]\ndifference_Nm = 0.25\n\
+               [effects.voltage_drop]\ndrop_V = 2.0\n";
+        let losses = Model::parse(&file).unwrap().dry_losses();
+        assert_eq!((losses.friction_forward_nm, losses.friction_reverse_nm), (0.625, 0.375));
+        assert_eq!(losses.bridge_drop_v, 2.0);
     }
 }

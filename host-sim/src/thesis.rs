@@ -3,7 +3,7 @@
 
 use crate::board::{Board, BoardError, untripped};
 use crate::dataset::DatasetError;
-use crate::design::compensation::{Losses, OutOfRange, compensation};
+use crate::design::compensation::{OutOfRange, compensation};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::ControlLaw;
 use crate::design::specification::Specification;
@@ -153,7 +153,7 @@ fn closed_loop(
     let design = design(&model.motor, &Bench::default(), law, specification)?;
     let mut list = design.settings.clone();
     let motor = &model.motor;
-    for setting in compensation(&Losses::of(model), motor.resistance_ohm, motor.torque_constant_nm_per_a)? {
+    for setting in compensation(&model.dry_losses(), motor.resistance_ohm, motor.torque_constant_nm_per_a)? {
         list.set(setting.param, setting.value)?;
     }
     let rate_hz = f64::from(list.all.get(Param::TickRate));

@@ -1,6 +1,6 @@
 //! Actuation delay: the voltage comes later than the recording says.
 
-use super::{About, ActsOn, Effect, INDUCTANCE, Parameter, Scales};
+use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Parameter, Scales};
 
 /// See the module.
 pub struct ActuationDelay;
@@ -32,6 +32,11 @@ impl Effect for ActuationDelay {
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
         // Of a lag, its time constant.
         [INDUCTANCE, "current_lag"].contains(&rival).then(|| vec![values[0]])
+    }
+
+    /// Moments that are sought are as late as a delay would make them.
+    fn shows_in(&self, channels: &Channels) -> bool {
+        !channels.moments
     }
 
     fn delay_s(&self, values: &[f64]) -> f64 {

@@ -1,7 +1,7 @@
 //! Coasting off phase: with the PWM on the enable pin the current flows back through the diodes and stops. Or the program
 //! takes the enable away only where it asks for nothing, and brakes between pulses.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Effect, Instant, OffPhase, Parameter, Scales};
 use crate::motor::MotorParameters;
 
 /// Free-wheeling diode.
@@ -42,6 +42,15 @@ impl Effect for CoastDecay {
 
     fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         vec![vec![values[0], 1.0 - values[1]]]
+    }
+
+    fn is_of_switching(&self) -> bool {
+        true
+    }
+
+    /// What the diodes take is the bridge's own, whatever the share.
+    fn off_phase(&self, values: &[f64]) -> Option<OffPhase> {
+        Some(if values[1] > 0.0 { OffPhase::CoastsAtZeroDuty } else { OffPhase::Coasts })
     }
 
     fn changes_everything(&self) -> bool {

@@ -1,6 +1,6 @@
 //! Coulomb friction: bearings and brushes resist with a constant torque, and hold the shaft below it.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
+use super::{About, ActsOn, Balance, DryLosses, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -32,6 +32,14 @@ impl Effect for CoulombFriction {
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         vec![vec![0.03 * scales.stall_torque_nm()]]
+    }
+
+    fn dry_losses(&self, values: &[f64]) -> DryLosses {
+        DryLosses { friction_forward_nm: values[0], friction_reverse_nm: values[0], ..DryLosses::default() }
+    }
+
+    fn is_dry_losses_alone(&self, _values: &[f64]) -> bool {
+        true
     }
 
     /// What scales it comes after it.

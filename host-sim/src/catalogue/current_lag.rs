@@ -37,6 +37,10 @@ impl Effect for CurrentLag {
         vec![vec![values[0], 1.0 - values[1]]]
     }
 
+    fn current_late_s(&self, values: &[f64]) -> f64 {
+        values[0]
+    }
+
     /// What is read, and the current at the last reading.
     fn states(&self) -> usize {
         2

@@ -1,6 +1,6 @@
 //! Friction asymmetry: brushes set at an angle and preloaded bearings rub more in one direction.
 
-use super::{About, ActsOn, Alone, Balance, Effect, Instant, Parameter, Scales, Simplification};
+use super::{About, ActsOn, Alone, Balance, DryLosses, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -37,6 +37,14 @@ impl Effect for FrictionAsymmetry {
     /// While the motor turns the two are the same.
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
         (rival == "load_torque").then(|| vec![2.0 * values[0]])
+    }
+
+    fn dry_losses(&self, values: &[f64]) -> DryLosses {
+        DryLosses {
+            friction_forward_nm: 0.5 * values[0],
+            friction_reverse_nm: -0.5 * values[0],
+            ..DryLosses::default()
+        }
     }
 
     fn stands_on(&self) -> Option<(&'static str, Alone)> {

@@ -92,11 +92,50 @@ pub enum ActsOn {
     AngleSensor,
 }
 
-impl ActsOn {
-    /// Whether that is what is read, and not what the motor does.
-    pub fn is_sensor(self) -> bool {
-        matches!(self, Self::CurrentSensor | Self::AngleSensor)
-    }
+/// A sensor that an effect may be of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sensor {
+    /// Of the current.
+    Current,
+    /// Of the angle, by counts.
+    Encoder,
+    /// Of the speed, by a voltage.
+    Tachogenerator,
+}
+
+/// What a recording has, for the effects that need it to be seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Channels {
+    /// A current.
+    pub current: bool,
+    /// A speed, not an angle.
+    pub speed: bool,
+    /// An angle or a speed from counts.
+    pub counts: bool,
+    /// Moments of commands between its rows, which are sought in its readings.
+    pub moments: bool,
+}
+
+/// How a bridge leaves the motor between pulses.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OffPhase {
+    /// Short-circuited.
+    Brakes,
+    /// Open: the current flows on through the diodes and stops.
+    Coasts,
+    /// Open where nothing is asked for, short-circuited between pulses.
+    CoastsAtZeroDuty,
+}
+
+/// What is lost at any speed and current: the core has a compensation for it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DryLosses {
+    /// Torque of friction turning forward.
+    pub friction_forward_nm: f64,
+    /// Turning in reverse, as a positive number.
+    pub friction_reverse_nm: f64,
+    /// Voltage the bridge loses, averaged over a PWM period.
+    pub bridge_drop_v: f64,
 }
 
 /// A constant of an effect.
@@ -470,6 +509,25 @@ pub trait Effect: Sync {
         f64::INFINITY
     }
 
+    /// The sensor that it is of; most of those on the angle are of an encoder.
+    fn sensor(&self) -> Option<Sensor> {
+        match self.about().acts_on {
+            ActsOn::Torque | ActsOn::Voltage => None,
+            ActsOn::CurrentSensor => Some(Sensor::Current),
+            ActsOn::AngleSensor => Some(Sensor::Encoder),
+        }
+    }
+
+    /// Whether a recording of these says anything of it.
+    fn shows_in(&self, channels: &Channels) -> bool {
+        match self.sensor() {
+            None => true,
+            Some(Sensor::Current) => channels.current,
+            Some(Sensor::Encoder) => channels.counts,
+            Some(Sensor::Tachogenerator) => channels.speed,
+        }
+    }
+
     /// Share of the inertia that turns with the motor's own shaft.
     fn motor_share(&self, _values: &[f64]) -> f64 {
         1.0
@@ -478,6 +536,38 @@ pub trait Effect: Sync {
     /// Time by which the bridge carries out a command late.
     fn delay_s(&self, _values: &[f64]) -> f64 {
         0.0
+    }
+
+    /// Time by which the current is read late.
+    fn current_late_s(&self, values: &[f64]) -> f64 {
+        self.delay_s(values)
+    }
+
+    /// Whether it is of how the bridge is switched: a motor that is switched does not have it, who switches takes it from
+    /// the model.
+    fn is_of_switching(&self) -> bool {
+        false
+    }
+
+    /// What the bridge does between pulses, where it is of that.
+    fn off_phase(&self, _values: &[f64]) -> Option<OffPhase> {
+        None
+    }
+
+    /// What it takes at any speed and current.
+    fn dry_losses(&self, _values: &[f64]) -> DryLosses {
+        DryLosses::default()
+    }
+
+    /// Whether its [`dry_losses`](Self::dry_losses) are all that it is, and the same both ways: a motor that is solved from event to
+    /// event has them.
+    fn is_dry_losses_alone(&self, _values: &[f64]) -> bool {
+        false
+    }
+
+    /// Whether all it does to the voltage is to change the resistance, and that over seconds.
+    fn is_slow_resistance(&self) -> bool {
+        false
     }
 
     /// The torque it adds, where that is a wave over the angle and nothing else.

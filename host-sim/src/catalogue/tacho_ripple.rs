@@ -1,6 +1,6 @@
 //! Tachogenerator ripple: its commutator lets the voltage fall between segments.
 
-use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
+use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales, Sensor};
 use crate::model::Term;
 
 /// Most commutator ripples a revolution that are looked for.
@@ -34,6 +34,10 @@ impl Effect for TachoRipple {
 
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
         (1..=MOST_RIPPLES).map(|ripples| vec![0.02, 0.02, f64::from(ripples)]).collect()
+    }
+
+    fn sensor(&self) -> Option<Sensor> {
+        Some(Sensor::Tachogenerator)
     }
 
     /// Once a revolution they are the same, and an encoder has no commutator.

@@ -4,7 +4,7 @@
 //! it both ways. Behind a filter, a linear amplifier or in a program's averages the drop follows the mean current, and comes
 //! up over a knee.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, DryLosses, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
 
 /// Knees that are tried, as shares of the greatest current; 0: at every moment.
@@ -41,6 +41,15 @@ impl Effect for VoltageDrop {
         // A fit has moved its knee.
         laws.retain(|law| law[1] != values[1]);
         laws
+    }
+
+    fn dry_losses(&self, values: &[f64]) -> DryLosses {
+        DryLosses { bridge_drop_v: values[0], ..DryLosses::default() }
+    }
+
+    /// One that follows the mean current is not the switched bridge's.
+    fn is_dry_losses_alone(&self, values: &[f64]) -> bool {
+        values[1] == 0.0
     }
 
     fn contribute(

@@ -30,6 +30,10 @@ impl Effect for WindingHeating {
         [0.1, 0.5].map(|share| vec![0.2 / power_w.max(1e-9), share * scales.duration_s]).to_vec()
     }
 
+    fn is_slow_resistance(&self) -> bool {
+        true
+    }
+
     fn states(&self) -> usize {
         1
     }

@@ -2,7 +2,8 @@
 
 use super::analyse::motor_of;
 use super::{Failure, Outputs, read_model, read_rig, spinner, write, write_json};
-use crate::design::compensation::{CompensationSetting, Losses, Standstill, compensation, near_standstill};
+use crate::catalogue::DryLosses;
+use crate::design::compensation::{CompensationSetting, Standstill, compensation, model_of, near_standstill};
 use crate::design::fixed_point::SettingList;
 use crate::design::law::ControlLaw;
 use crate::design::specification::{Specification, Speed};
@@ -226,10 +227,11 @@ impl Arguments {
         if !self.compensate {
             return Ok(Compensation { settings: Vec::new(), model: None });
         }
-        let losses = model.map_or_else(|| self.losses(rig), Losses::of);
+        let losses = model.map_or_else(|| self.losses(rig), Model::dry_losses);
         let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
         // The settings are sent all the same: the board may have others from another motor.
-        let model = (losses != Losses::default()).then(|| model.cloned().unwrap_or_else(|| losses.model(motor)));
+        let model =
+            (losses != DryLosses::default()).then(|| model.cloned().unwrap_or_else(|| model_of(&losses, motor)));
         Ok(Compensation { settings: settings.map_err(Failure::input)?, model })
     }
 
@@ -243,10 +245,10 @@ impl Arguments {
     }
 
     /// What rig file and command line say of them.
-    fn losses(&self, rig: &Rig) -> Losses {
-        Losses {
-            coulomb_forward_nm: self.coulomb_nm,
-            coulomb_reverse_nm: self.coulomb_nm,
+    fn losses(&self, rig: &Rig) -> DryLosses {
+        DryLosses {
+            friction_forward_nm: self.coulomb_nm,
+            friction_reverse_nm: self.coulomb_nm,
             bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
         }
     }

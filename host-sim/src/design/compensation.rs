@@ -3,7 +3,7 @@
 use super::law::{ControlLaw, setting_name};
 use super::tachogenerator::Tachogenerator;
 use super::trial::Trial;
-use crate::catalogue::effect;
+use crate::catalogue::{DryLosses, effect};
 use crate::linear::motor_model;
 use crate::model::Model;
 use crate::motor::MotorParameters;
@@ -11,43 +11,17 @@ use motorbench_core::message::Trip;
 use motorbench_core::settings::{BuildError, Param, Settings};
 use serde::Serialize;
 
-/// What an extended model says beyond the linear motor.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Losses {
-    /// Torque of Coulomb friction turning forward, not negative.
-    pub coulomb_forward_nm: f64,
-    /// Turning in reverse, as a positive number.
-    pub coulomb_reverse_nm: f64,
-    /// Voltage the bridge loses, averaged over a PWM period; not negative.
-    pub bridge_drop_v: f64,
-}
-
-impl Losses {
-    /// What a model says.
-    pub fn of(model: &Model) -> Self {
-        let first = |id: &str| model.term(id).map_or(0.0, |term| term.values[0]);
-        let (coulomb_nm, difference_nm) = (first("coulomb_friction"), first("friction_asymmetry"));
-        Self {
-            coulomb_forward_nm: (coulomb_nm + 0.5 * difference_nm).max(0.0),
-            coulomb_reverse_nm: (coulomb_nm - 0.5 * difference_nm).max(0.0),
-            bridge_drop_v: first("voltage_drop"),
-        }
-    }
-}
-
-impl Losses {
-    /// The linear motor with these losses.
-    pub fn model(&self, motor: &MotorParameters) -> Model {
-        let mean_nm = 0.5 * (self.coulomb_forward_nm + self.coulomb_reverse_nm);
-        let terms = [
-            ("coulomb_friction", mean_nm),
-            ("friction_asymmetry", self.coulomb_forward_nm - self.coulomb_reverse_nm),
-            ("voltage_drop", self.bridge_drop_v),
-        ];
-        let known = |id| effect(id).expect("an effect of the catalogue");
-        let there = terms.into_iter().filter(|(_, value)| *value != 0.0);
-        there.fold(Model::linear(*motor), |model, (id, value)| model.with(known(id), vec![value]))
-    }
+/// The linear motor with these losses.
+pub fn model_of(losses: &DryLosses, motor: &MotorParameters) -> Model {
+    let mean_nm = 0.5 * (losses.friction_forward_nm + losses.friction_reverse_nm);
+    let terms = [
+        ("coulomb_friction", mean_nm),
+        ("friction_asymmetry", losses.friction_forward_nm - losses.friction_reverse_nm),
+        ("voltage_drop", losses.bridge_drop_v),
+    ];
+    let known = |id| effect(id).expect("an effect of the catalogue");
+    let there = terms.into_iter().filter(|(_, value)| *value != 0.0);
+    there.fold(Model::linear(*motor), |model, (id, value)| model.with(known(id), vec![value]))
 }
 
 /// Slow motion to and fro about standstill: part of the no-load speed (or a turn), in which time the profile takes it,
@@ -157,14 +131,14 @@ pub const PART: f64 = 0.8;
 /// # Errors
 /// [`OutOfRange`].
 pub fn compensation(
-    losses: &Losses,
+    losses: &DryLosses,
     resistance_ohm: f64,
     torque_constant_nm_per_a: f64,
 ) -> Result<Vec<CompensationSetting>, OutOfRange> {
     let volts_per_nm = resistance_ohm / torque_constant_nm_per_a;
     let values = [
-        (Param::CompFrictionForward, PART * losses.coulomb_forward_nm * volts_per_nm),
-        (Param::CompFrictionReverse, PART * losses.coulomb_reverse_nm * volts_per_nm),
+        (Param::CompFrictionForward, PART * losses.friction_forward_nm.max(0.0) * volts_per_nm),
+        (Param::CompFrictionReverse, PART * losses.friction_reverse_nm.max(0.0) * volts_per_nm),
         (Param::CompDrop, PART * losses.bridge_drop_v),
     ];
     let setting = |(param, value): (Param, f64)| {
@@ -189,7 +163,7 @@ mod tests {
     #[test]
     fn tracking_near_standstill_gains_by_a_factor() {
         let motor = MotorParameters::PIVT6;
-        let losses = Losses { coulomb_forward_nm: 0.01, coulomb_reverse_nm: 0.01, bridge_drop_v: 2.5 };
+        let losses = DryLosses { friction_forward_nm: 0.01, friction_reverse_nm: 0.01, bridge_drop_v: 2.5 };
         for law in ControlLaw::ALL {
             let hz = if law.is_position() { 5.0 } else { 10.0 };
             let specification =
@@ -198,7 +172,7 @@ mod tests {
             for setting in compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a).unwrap() {
                 settings.set(setting.param, setting.value as f32).unwrap();
             }
-            let found = near_standstill(&losses.model(&motor), &settings, law, None).unwrap();
+            let found = near_standstill(&model_of(&losses, &motor), &settings, law, None).unwrap();
             print!("{}", found.text());
             // Stuck for too long without it, a loop trips.
             let with = found.with.unwrap();
@@ -207,18 +181,8 @@ mod tests {
     }
 
     #[test]
-    fn losses_of_an_extended_model() {
-        let file = Model::linear(MotorParameters::PIVT6).to_toml()
-            + "[effects.coulomb_friction]\ntorque_Nm = 0.5\n[effects.friction_asymmetry]\ndifference_Nm = 0.25\n\
-               [effects.voltage_drop]\ndrop_V = 2.0\n";
-        let losses = Losses::of(&Model::parse(&file).unwrap());
-        assert_eq!((losses.coulomb_forward_nm, losses.coulomb_reverse_nm), (0.625, 0.375));
-        assert_eq!(losses.bridge_drop_v, 2.0);
-    }
-
-    #[test]
     fn a_loss_beyond_the_core_is_refused_by_name() {
-        let losses = Losses { coulomb_forward_nm: 1.0, ..Losses::default() };
+        let losses = DryLosses { friction_forward_nm: 1.0, ..DryLosses::default() };
         let error = compensation(&losses, 5.84, 0.072).unwrap_err().to_string();
         assert!(error.starts_with("comp_friction_fwd would be 64.89 V"), "{error}");
     }

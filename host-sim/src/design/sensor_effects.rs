@@ -1,13 +1,10 @@
 //! What a model says of the sensors, under the core: offset, lag and end of the current sensor, an eccentric or lossy
 //! encoder, the ripple of a tachogenerator.
 
-use crate::catalogue::{Effect, Readings, Sampling};
+use crate::catalogue::{Effect, Readings, Sampling, Sensor};
 use crate::free_run::between_rows::Bulge;
 use crate::model::{Model, Term};
 use crate::plant::PeriodEnd;
-
-/// The one effect on a tachogenerator's voltage; all others on the angle are the encoder's.
-const TACHOGENERATOR: &str = "tacho_ripple";
 
 /// The effects of a model on its sensors, read once in a PWM period. A lag follows the current as it is sampled there.
 #[derive(Clone, Debug, Default)]
@@ -27,9 +24,12 @@ struct Last {
 impl SensorEffects {
     /// Those of a model.
     pub fn of(model: &Model) -> Self {
-        let on_sensors = |effect: &dyn Effect| effect.about().acts_on.is_sensor();
-        let (tachogenerator, others): (Vec<_>, Vec<_>) =
-            model.in_turn(on_sensors).into_iter().cloned().partition(|term| term.id() == TACHOGENERATOR);
+        let on_sensors = |effect: &dyn Effect| effect.sensor().is_some();
+        let (tachogenerator, others): (Vec<_>, Vec<_>) = model
+            .in_turn(on_sensors)
+            .into_iter()
+            .cloned()
+            .partition(|term| term.effect.sensor() == Some(Sensor::Tachogenerator));
         let with_state = |term: Term| {
             let states = vec![0.0; term.effect.states()];
             (term, states)

@@ -6,6 +6,7 @@
 
 use super::sampled_loop::DRIVE_DELAY_S;
 use super::sensor_effects::SensorEffects;
+use crate::catalogue::OffPhase;
 use crate::model::Model;
 use crate::plant::{Bridge, Inputs as PlantInputs, ModelPlant, PeriodEnd, Plant, Pwm};
 use crate::telemetry::{reference_bit, speed_bit_rad_per_s};
@@ -370,46 +371,25 @@ impl Trial<ModelPlant> {
     pub fn of_model(model: &Model, settings: Settings) -> Result<Self, BuildError> {
         let mut trial = Self::new(ModelPlant::new(model.clone()), settings)?;
         trial.delay_by(model.delay_s());
-        trial.off_phase = OffPhase::of(model);
+        trial.off_phase = model.off_phase();
         trial.sensors = SensorEffects::of(model);
         Ok(trial)
     }
 }
 
-/// What a bridge does between the pulses of a PWM.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum OffPhase {
-    /// As the firmware switches it.
-    Brakes,
-    /// The PWM is on the enable pin.
-    Coasts,
-    /// The enable is taken away where nothing is asked for.
-    CoastsAtZeroDuty,
-}
-
-impl OffPhase {
-    /// Of the bridge that a model was found behind. What the diodes take then is the plant's own, whatever the model's share.
-    fn of(model: &Model) -> Self {
-        match model.terms.iter().find(|term| term.id() == "coast_decay") {
-            None => Self::Brakes,
-            Some(coasts) if coasts.values[1] > 0.0 => Self::CoastsAtZeroDuty,
-            Some(_) => Self::Coasts,
-        }
-    }
-
-    fn coasts(self, duty: i16) -> bool {
-        match self {
-            Self::Brakes => false,
-            Self::Coasts => true,
-            Self::CoastsAtZeroDuty => duty == 0,
-        }
+/// Whether the bridge is open for the rest of a period.
+fn coasts(off_phase: OffPhase, duty: i16) -> bool {
+    match off_phase {
+        OffPhase::Brakes => false,
+        OffPhase::Coasts => true,
+        OffPhase::CoastsAtZeroDuty => duty == 0,
     }
 }
 
 /// How a drive switches the bridge: on for the duty, braking or coasting for the rest.
 fn pwm(drive: &Drive, off_phase: OffPhase) -> Pwm {
     let rest = match drive.bridge {
-        excitation::Bridge::Drive if off_phase.coasts(drive.duty) => Bridge::Coast,
+        excitation::Bridge::Drive if coasts(off_phase, drive.duty) => Bridge::Coast,
         excitation::Bridge::Coast => Bridge::Coast,
         excitation::Bridge::Drive | excitation::Bridge::Brake => Bridge::Brake,
     };

@@ -4,7 +4,7 @@
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit};
-use crate::model::Model;
+use crate::model::{Model, Term};
 use crate::rig::Readings;
 use rayon::prelude::*;
 
@@ -12,8 +12,7 @@ use rayon::prelude::*;
 const LOOKED_AT_S: [f64; 6] = [0.2e-3, 0.4e-3, 0.7e-3, 1.0e-3, 1.5e-3, 2.05e-3];
 /// Then closer and closer around the best.
 const CLOSER: [f64; 3] = [1.2, 1.1, 1.05];
-/// What comes late by a window: a lag or a delay that is no longer than the longest makes late.
-const LATE: [&str; 2] = ["current_lag", "actuation_delay"];
+/// What makes the current late by no longer than the longest window does may be a window.
 const LATEST_S: f64 = 1.25e-3;
 /// A window has to bring the cost down to this share of it where nothing is late.
 const LEAST_GAIN: f64 = 0.99;
@@ -32,8 +31,9 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
 }
 
 fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
-    let is_short = |id: &&str| found.model.term(id).is_some_and(|late| late.values[0] < LATEST_S);
-    let late: Vec<&str> = LATE.into_iter().filter(is_short).collect();
+    let is_short = |late_s: f64| late_s > 0.0 && late_s < LATEST_S;
+    let terms = found.model.terms.iter().filter(|term| is_short(term.effect.current_late_s(&term.values)));
+    let late: Vec<&str> = terms.map(Term::id).collect();
     let is_late = !late.is_empty();
     let has_rest = above_floor(data, found) > NOT_NOISE;
     if !(is_late || has_rest || is_excessive(prior, found)) {

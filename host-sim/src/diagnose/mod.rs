@@ -22,7 +22,7 @@ pub mod select;
 mod speed_reading;
 mod unseen_losses;
 
-use crate::catalogue::{ActsOn, INDUCTANCE, effect};
+use crate::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, effect};
 use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Interval, Place, Prior, Z95, fit};
@@ -257,22 +257,13 @@ fn understood(
 
 /// Effects that these channels say nothing of.
 fn excluded(data: &Dataset) -> Vec<&'static str> {
-    let mut excluded = Vec::new();
-    if data.current().is_none() {
-        excluded.extend(["current_offset", "current_lag", "current_clipping"]);
-    }
-    // Moments that are sought are as late as a delay would make them.
-    if data.has_moments() {
-        excluded.push("actuation_delay");
-    }
-    // Counts have no ripple.
-    if data.motion().output != Output::Speed {
-        excluded.push("tacho_ripple");
-    }
-    if !data.is_counted {
-        excluded.extend(["encoder_eccentricity", "missed_counts"]);
-    }
-    excluded
+    let channels = Channels {
+        current: data.current().is_some(),
+        speed: data.motion().output == Output::Speed,
+        counts: data.is_counted,
+        moments: data.has_moments(),
+    };
+    CATALOGUE.iter().filter(|effect| !effect.shows_in(&channels)).map(|effect| effect.about().id).collect()
 }
 
 /// Measured minus simulated, per quantity.
@@ -305,7 +296,7 @@ fn is_of_any_course(id: &str) -> bool {
 
 /// Whether an effect is a sensor's.
 fn is_of_a_sensor(id: &str) -> bool {
-    effect(id).is_some_and(|effect| effect.about().acts_on.is_sensor())
+    effect(id).is_some_and(|effect| effect.sensor().is_some())
 }
 
 /// What a model leaves of each measured quantity beyond the noise.

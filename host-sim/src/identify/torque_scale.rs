@@ -84,7 +84,7 @@ fn scaled(model: &Model, unknowns: &[Unknown], logarithm: f64) -> Model {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalogue::CATALOGUE;
+    use crate::catalogue::{CATALOGUE, Sensor};
     use crate::free_run::free_run;
     use crate::identify::{Prior, motor_values, scales, unknowns};
     use crate::recording::Recording;
@@ -111,8 +111,7 @@ mod tests {
     #[test]
     fn no_reading_depends_on_it() {
         let (data, prior) = without_a_current();
-        let of_the_current = ["current_offset", "current_lag", "current_clipping"];
-        for effect in CATALOGUE.iter().filter(|effect| !of_the_current.contains(&effect.about().id)) {
+        for effect in CATALOGUE.iter().filter(|effect| effect.sensor() != Some(Sensor::Current)) {
             let linear = Model::linear(prior.motor);
             let model = linear.with_start(*effect, &scales(&prior.motor, &data));
             let other = scaled(&model, &unknowns(&model, &data, &prior), 0.4);

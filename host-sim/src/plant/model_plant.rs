@@ -2,7 +2,7 @@
 
 use super::dc_motor::Torques;
 use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, PeriodEnd, Plant, Pwm};
-use crate::catalogue::{ActsOn, Balance, Effect, Instant, Wave};
+use crate::catalogue::{ActsOn, Balance, DryLosses, Effect, Instant, Wave};
 use crate::free_run::LinearStep;
 use crate::model::{Model, Term};
 use crate::motor::MotorParameters;
@@ -11,15 +11,6 @@ use crate::motor::MotorParameters;
 const LONGEST_STEP_S: f64 = 50e-6;
 /// Time over which a capacitor at the bridge evens out what pulses draw: some tenths of an ohm and some millifarads.
 const CAPACITOR_S: f64 = 1e-3;
-/// Effects of how the bridge is switched and when: whoever switches it takes them from the model
-/// ([`Trial::of_model`](crate::design::trial::Trial::of_model)).
-const NOT_THE_MOTORS: [&str; 2] = ["coast_decay", "actuation_delay"];
-
-/// Effects that the event-exact motor has as well.
-const EXACT: [&str; 2] = ["coulomb_friction", "voltage_drop"];
-/// Effects on the voltage that only change the resistance, and that over seconds.
-const SLOW: [&str; 1] = ["winding_heating"];
-
 /// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop are solved event by event
 /// ([`DcMotor`]), also under other torques and in a winding that warms up (`Held`); everything else step by step. What
 /// the model says of sensors and of timing is not part of it.
@@ -59,12 +50,10 @@ impl ModelPlant {
     pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
         model.terms.retain(|term| Self::simulates(term.effect));
         model.terms.sort_by_key(Term::turn);
-        // A drop that follows the mean current is not the switched bridge's.
-        let exact = |term: &Term| EXACT.contains(&term.id()) && term.values[1..].iter().all(|knee_a| *knee_a == 0.0);
-        let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque || SLOW.contains(&term.id());
-        Self(if model.terms.iter().all(exact) {
+        let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque || term.effect.is_slow_resistance();
+        Self(if model.terms.iter().all(is_exact) {
             Solver::Exact(event_exact(bridge, &model))
-        } else if model.terms.iter().all(|term| exact(term) || held(term)) {
+        } else if model.terms.iter().all(|term| is_exact(term) || held(term)) {
             Solver::Held(Held::new(bridge, model))
         } else {
             Solver::Stepwise(Stepwise::new(bridge, model))
@@ -73,7 +62,7 @@ impl ModelPlant {
 
     /// Whether an effect is part of it.
     pub fn simulates(effect: &dyn Effect) -> bool {
-        effect.acts_on_motor() && !NOT_THE_MOTORS.contains(&effect.about().id)
+        effect.acts_on_motor() && !effect.is_of_switching()
     }
 
     /// Becomes another motor while it turns: angle, speed and current stay, what effects remember is forgotten.
@@ -153,11 +142,11 @@ struct Step {
 
 impl FurtherTorques {
     fn of(model: Model) -> Self {
-        let others = model.terms.iter().filter(|term| !EXACT.contains(&term.id()));
+        let others = model.terms.iter().filter(|term| !is_exact(term));
         let (waves, terms): (Vec<_>, Vec<_>) = others.partition(|term| term.effect.wave(&term.values).is_some());
         let with_state = |term: &Term| (term.clone(), vec![0.0; term.effect.states()]);
         Self {
-            friction_nm: sum(&model, "coulomb_friction"),
+            friction_nm: exact_losses(&model).friction_forward_nm,
             waves: waves.iter().filter_map(|term| term.effect.wave(&term.values)).map(FollowedWave::new).collect(),
             remembers: terms.iter().any(|term| term.effect.states() > 0),
             warms_up: terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage),
@@ -378,21 +367,28 @@ fn motor_inertia_kg_m2(model: &Model) -> f64 {
     model.motor.inertia_kg_m2 * model.motor_share()
 }
 
-/// The first constants of all terms of an effect.
-fn sum(model: &Model, id: &str) -> f64 {
-    model.terms.iter().filter(|term| term.id() == id).map(|term| term.values[0]).sum()
+/// Whether the event-exact motor has an effect as well.
+fn is_exact(term: &Term) -> bool {
+    term.effect.is_dry_losses_alone(&term.values)
 }
 
-/// The motor of a model, without other effects than [`EXACT`].
+/// What those take that it has.
+fn exact_losses(model: &Model) -> DryLosses {
+    let terms = model.terms.iter().filter(|term| is_exact(term)).cloned().collect();
+    Model { terms, ..model.clone() }.dry_losses()
+}
+
+/// The motor of a model, without effects that it does not have.
 fn event_exact(bridge: BridgeLosses, model: &Model) -> DcMotor {
-    let drop_v = sum(model, "voltage_drop");
+    let losses = exact_losses(model);
+    let drop_v = losses.bridge_drop_v;
     DcMotor::new(DcMotorParameters {
         resistance_ohm: model.motor.resistance_ohm,
         inductance_h: model.motor.inductance_h,
         torque_constant_nm_per_a: model.motor.torque_constant_nm_per_a,
         inertia_kg_m2: motor_inertia_kg_m2(model),
         viscous_friction_nms_per_rad: model.motor.viscous_friction_nm_s,
-        coulomb_friction_nm: sum(model, "coulomb_friction"),
+        coulomb_friction_nm: losses.friction_forward_nm,
         // The drop is there whatever the bridge does; a coasting current flows through two diodes besides.
         bridge: BridgeLosses {
             drive_v: bridge.drive_v + drop_v,

@@ -1,7 +1,7 @@
 //! The speed loop on the motor that was drawn: designed before the diagnosis, and after it.
 
 use crate::commands::Failure;
-use crate::design::compensation::{Losses, compensation};
+use crate::design::compensation::compensation;
 use crate::design::law::ControlLaw;
 use crate::design::specification::{Specification, Speed};
 use crate::design::trial::{Point, Trial};
@@ -69,7 +69,7 @@ impl Loops {
         let mut list = designed(&found.motor)?.settings;
         let without = list.all;
         let motor = &found.motor;
-        let losses = compensation(&Losses::of(found), motor.resistance_ohm, motor.torque_constant_nm_per_a);
+        let losses = compensation(&found.dry_losses(), motor.resistance_ohm, motor.torque_constant_nm_per_a);
         for setting in losses.map_err(Failure::input)? {
             list.set(setting.param, setting.value).map_err(Failure::input)?;
         }
