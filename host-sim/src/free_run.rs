@@ -114,7 +114,7 @@ pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
 
 /// Reads a motion with the sensors of the model.
 pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
-    if data.current_window_s > 0.0 {
+    if data.origin.current_window_s > 0.0 {
         motion.current_a = mean_current(model, &motion, data);
     }
     for term in model.in_turn(|effect| !effect.acts_on_motor()) {
@@ -140,7 +140,8 @@ fn mean_current(model: &Model, motion: &Motion, data: &Dataset) -> Vec<f64> {
     let mut means = motion.current_a.clone();
     for Stretch { rows, .. } in &data.stretches {
         for (mean_a, row) in means[rows.clone()].iter_mut().zip(rows.clone()).skip(1) {
-            *mean_a = mean_current_before(motion, &data.time_s, rows.start..row, data.current_window_s, winding_s);
+            *mean_a =
+                mean_current_before(motion, &data.time_s, rows.start..row, data.origin.current_window_s, winding_s);
         }
     }
     means
@@ -177,7 +178,7 @@ fn mean_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
 /// Means between the edges that the recording tells.
 fn timed_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     let mut speed = vec![f64::NAN; data.len()];
-    let Some(timing) = &data.edge_timing else { return speed };
+    let Some(timing) = &data.origin.edge_timing else { return speed };
     for Stretch { rows, .. } in &data.stretches {
         for row in rows.clone() {
             let BetweenEdges { age_s, length_s } = timing.between()[row];
@@ -496,7 +497,7 @@ impl<'a> Run<'a> {
         Self {
             model,
             data,
-            delay_s: model.delay_s() + data.timing.command_delay_s.unwrap_or(0.0),
+            delay_s: model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0),
             longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: inertia_kg_m2(model),
             step: LinearStep::default(),
@@ -509,13 +510,13 @@ impl<'a> Run<'a> {
             means: (0.0, 0.0),
             bulge_a: 0.0,
             ripple_a: 0.0,
-            undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.pwm_hz),
+            undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.origin.pwm_hz),
             range,
         }
     }
 
     fn whole(mut self, motion: &mut Motion) {
-        let means = self.data.timing.readings == rig::Readings::Mean;
+        let means = self.data.origin.timing.readings == rig::Readings::Mean;
         for index in self.range.clone() {
             let (current_a, speed_rad_per_s) = match index > self.range.start && means {
                 true => self.means,
@@ -567,7 +568,7 @@ impl<'a> Run<'a> {
                 step_s,
             };
             let (terms, mean_a) = self.advance(&mut at, data.load_nm[index]);
-            if let (Some(sampled_at), true) = (data.timing.current_sampled_at, part + 1 == steps as usize) {
+            if let (Some(sampled_at), true) = (data.origin.timing.current_sampled_at, part + 1 == steps as usize) {
                 self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
             }
             current_sum += mean_a;
@@ -686,7 +687,7 @@ mod tests {
         fn a_current_is_averaged_before_its_row(window_s in 0.2e-3_f64..3e-3, inductance_h in 0.5e-3_f64..12e-3) {
             let model = Model::linear(MotorParameters { inductance_h, ..MotorParameters::PIVT6 });
             let mut data = stepped(1e-3);
-            data.current_window_s = window_s;
+            data.origin.current_window_s = window_s;
             let means = &free_run(&model, &data)[0];
             let fine = stepped(25e-6);
             let currents = &free_run(&model, &fine)[0];

@@ -121,7 +121,7 @@ pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
         // Of the longest recording: each has its own time.
         duration_s: greatest(&data.time_s),
         interval_s: data.interval_s,
-        pwm_hz: data.pwm_hz,
+        pwm_hz: data.origin.pwm_hz,
     }
 }
 
@@ -665,7 +665,7 @@ impl Fit {
 
     /// Relative error of a constant that comes from what the model leaves out.
     fn simplified(&self, place: Place, data: &Dataset) -> f64 {
-        let of_the_pwm = if data.pwm_is_known { 0.0 } else { GUESSED_PWM };
+        let of_the_pwm = if data.origin.pwm_is_known { 0.0 } else { GUESSED_PWM };
         let terms = self.model.terms.iter().map(|term| term.effect.simplification());
         match place {
             Place::Motor(INERTIA) => terms.map(|law| law.inertia).fold(SYSTEMATIC, f64::hypot),

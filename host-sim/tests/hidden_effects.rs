@@ -120,7 +120,7 @@ fn commands_may_be_written_before_or_after_they_acted() {
         for written_after in [false, true] {
             let diagnosis = assert_found(seed, &Recipe { written_after, ..Recipe::of(&[effect]) });
             assert_eq!(
-                diagnosis.data.written_after,
+                diagnosis.data.origin.written_after,
                 written_after && effect != Effect::ActuationDelay,
                 "{}",
                 effect.id()

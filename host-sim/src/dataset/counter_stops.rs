@@ -5,6 +5,7 @@
 //! before, and gathers speed after; a counter that stands has counted at full speed to the last edge, does so again from the
 //! first, and the bridge was asked for as much as before all the while.
 
+use super::{DIFFERENCE_SPAN_S, Dataset, Output, Stretch};
 use std::ops::Range;
 
 /// From so many counts lost on a stop is one, and so many on either side tell how fast the motor was.
@@ -121,6 +122,60 @@ impl Stand {
 
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+impl Dataset {
+    /// How long a counter stood.
+    pub fn length_s(&self, stop: &CounterStop) -> f64 {
+        self.time_s[stop.rows.end - 1] - self.time_s[stop.rows.start]
+    }
+
+    /// Stops that the counts themselves show.
+    pub(super) fn find_counter_stops(&self) -> Vec<CounterStop> {
+        // Of a recorded angle, or of the counts a speed was made of.
+        if self.count_rad <= 0.0 {
+            return Vec::new();
+        }
+        let count = |row: usize| match self.motion().values[row].is_finite() {
+            true => (self.angle_rad[row] / self.count_rad).round(),
+            false => f64::NAN,
+        };
+        let of_stretch = |Stretch { rows, .. }: &Stretch| {
+            let counts: Vec<f64> = rows.clone().map(count).collect();
+            let stops = find(&counts, &self.voltage_v[rows.clone()]).into_iter();
+            stops.map(|stop| stop.later_by(rows.start)).collect::<Vec<_>>()
+        };
+        self.stretches.iter().flat_map(of_stretch).collect()
+    }
+
+    /// No model says when a counter stands: rows in whose window it did are missing, and the angle goes on.
+    pub fn leave_out(&mut self, stops: Vec<CounterStop>) {
+        let is_recorded = self.motion().output == Output::Speed;
+        for stop in stops {
+            let stretch = self.stretches.iter().find(|stretch| stretch.rows.contains(&stop.rows.start));
+            let Some(Stretch { rows, interval_s, window }) = stretch.cloned() else { continue };
+            // What a board made of a speed it had from elsewhere takes no longer than a difference of angles.
+            let span = if is_recorded { (DIFFERENCE_SPAN_S / interval_s).ceil() as usize } else { window.span };
+            let seen_from = stop.rows.start.saturating_sub(span).max(rows.start);
+            self.leave_out_motion(seen_from..(stop.rows.end + span).min(rows.end));
+            for row in stop.rows.start..rows.end {
+                self.angle_rad[row] += stop.lost_before(row) * self.count_rad;
+            }
+            self.origin.counter_stops.push(stop);
+        }
+        self.origin.counter_stops.sort_by_key(|stop| stop.rows.start);
+    }
+
+    fn leave_out_motion(&mut self, rows: Range<usize>) {
+        let index = self.motion_index();
+        let motion = &mut self.measured[index];
+        for row in rows {
+            let read = std::mem::replace(&mut motion.values[row], f64::NAN);
+            if read.is_finite() {
+                self.origin.read_in_stops.push((row, read));
+            }
+        }
+    }
 }
 
 #[cfg(test)]

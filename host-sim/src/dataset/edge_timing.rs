@@ -4,7 +4,7 @@
 //! next one comes: of a coarse encoder that turns slowly that is late by more than a motor takes. Taken for the speed of the
 //! moment it looks like a delay, or like something that is missing.
 
-use super::integrated;
+use super::columns::integrated;
 use std::f64::consts::TAU;
 
 /// A speed worth a look has so many rows that repeat the two before them, or fade.

@@ -1,7 +1,7 @@
 //! What no shaft does, and a recording says now and then: go one way whatever the voltage, or be three times as fast for a
 //! single row.
 
-use super::{correlation, greatest};
+use super::columns::{correlation, greatest};
 
 /// Substantial is this share of the greatest.
 const SUBSTANTIAL: f64 = 0.1;

@@ -196,10 +196,10 @@ mod tests {
             }
             let recording = || Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
             let data = Dataset::new(&[recording()], &Rig::parse("rig.toml", rig).unwrap()).unwrap();
-            prop_assert_eq!(data.written_after, after);
+            prop_assert_eq!(data.origin.written_after, after);
             let given = format!("{rig}[recording]\ncommand_delay_s = 0.0\n");
             let data = Dataset::new(&[recording()], &Rig::parse("rig.toml", &given).unwrap()).unwrap();
-            prop_assert!(!data.written_after, "the rig file decides");
+            prop_assert!(!data.origin.written_after, "the rig file decides");
         }
     }
 }

@@ -13,7 +13,7 @@ pub const ID: &str = "missed_counts";
 
 /// What stops of the counter are named.
 pub fn cause(data: &Dataset, prediction: &Prediction) -> Option<Cause> {
-    let stops = &data.counter_stops;
+    let stops = &data.origin.counter_stops;
     if stops.is_empty() {
         return None;
     }
@@ -53,7 +53,7 @@ fn path_rad(data: &Dataset) -> f64 {
 fn gain(data: &Dataset, prediction: &Prediction) -> BTreeMap<&'static str, RmseGain> {
     let output = data.motion_index();
     let mut as_read = data.clone();
-    for (row, read) in &data.read_in_stops {
+    for (row, read) in &data.origin.read_in_stops {
         as_read.measured[output].values[*row] = *read;
     }
     let [rmse_before, rmse_after] = [&as_read, data].map(|data| rmse(data, prediction, output));

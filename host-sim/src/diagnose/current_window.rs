@@ -21,12 +21,12 @@ const EXCESSIVE_INDUCTANCE: f64 = 1.2;
 
 /// Sets the window, if one explains what would be a lag, a rest, or too much inductance; whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    let is_open = data.timing.readings == Readings::Instant
-        && data.timing.current_sampled_at.is_none()
-        && data.timing.current_window_s.is_none()
+    let is_open = data.origin.timing.readings == Readings::Instant
+        && data.origin.timing.current_sampled_at.is_none()
+        && data.origin.timing.current_window_s.is_none()
         && data.current().is_some();
     let best = if is_open { likelier_s(data, prior, found) } else { None };
-    data.current_window_s = best.unwrap_or(data.current_window_s);
+    data.origin.current_window_s = best.unwrap_or(data.origin.current_window_s);
     best.is_some()
 }
 
@@ -51,7 +51,8 @@ fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
 
 fn best_window(data: &Dataset, prior: &Prior, model: &Model) -> Option<(f64, Fit)> {
     let fitted = |window_s: f64, model: &Model| {
-        let other = Dataset { current_window_s: window_s, ..data.clone() };
+        let mut other = data.clone();
+        other.origin.current_window_s = window_s;
         (window_s, fit(model, &other, prior, Effort::TRIAL))
     };
     let least = |fits: Vec<(f64, Fit)>| fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));

@@ -160,7 +160,7 @@ impl Understood {
     /// Counts lost at all speeds alike, where nothing else says that counts are lost.
     fn random_losses(&self) -> Option<RandomLosses> {
         let Self { data, selection, .. } = self;
-        let is_named = selection.last.model.has(counter_stops::ID) || !data.counter_stops.is_empty();
+        let is_named = selection.last.model.has(counter_stops::ID) || !data.origin.counter_stops.is_empty();
         if is_named {
             return None;
         }
@@ -260,7 +260,7 @@ fn excluded(data: &Dataset) -> Vec<&'static str> {
     let channels = Channels {
         current: data.current().is_some(),
         speed: data.motion().output == Output::Speed,
-        counts: data.is_counted,
+        counts: data.origin.is_counted,
         moments: data.has_moments(),
     };
     CATALOGUE.iter().filter(|effect| !effect.shows_in(&channels)).map(|effect| effect.about().id).collect()
@@ -495,15 +495,15 @@ fn is_other_unit(parameter: &Parameter) -> bool {
 /// its row a command acts, and is no delay of the bridge.
 fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
     let delay_s = model.term(id).map_or(0.0, |term| term.effect.delay_s(&term.values));
-    data.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
+    data.origin.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
 }
 
 /// Whether a wrong value is an inductance that the frequency of the PWM, the window of the current or the moments of the commands
 /// may have made: where the rig file does not give them, only both together are certain.
 fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
     let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage);
-    let of_pwm = || !data.pwm_is_known && shows_pwm();
-    let of_window = || data.timing.current_window_s.is_none() && data.current_window_s > 0.0;
+    let of_pwm = || !data.origin.pwm_is_known && shows_pwm();
+    let of_window = || data.origin.timing.current_window_s.is_none() && data.origin.current_window_s > 0.0;
     cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments())
 }
 

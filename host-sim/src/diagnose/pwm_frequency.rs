@@ -19,7 +19,7 @@ const NEARER: f64 = 1.3;
 /// Models in which it shows, if it does: the nominal motor behind a bridge with a drop, with an off phase that brakes and with
 /// one that coasts.
 pub(super) fn beginnings(data: &Dataset, prior: &Prior) -> Vec<Fit> {
-    if data.pwm_is_known {
+    if data.origin.pwm_is_known {
         return Vec::new();
     }
     let scales = scales(&prior.motor, data);
@@ -33,22 +33,23 @@ pub(super) fn beginnings(data: &Dataset, prior: &Prior) -> Vec<Fit> {
 /// Sets the one with which the best of some models explains more; whether it is another one.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &[Fit]) -> bool {
     let best = found.iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
-    let Some(best) = best.filter(|_| !data.pwm_is_known) else { return false };
+    let Some(best) = best.filter(|_| !data.origin.pwm_is_known) else { return false };
     let other = likelier_hz(data, prior, best);
     if let Some(hz) = other {
-        data.pwm_hz = hz;
+        data.origin.pwm_hz = hz;
     }
     other.is_some()
 }
 
 fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
-    let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.pwm_hz).filter_map(|hz| {
-        let other = Dataset { pwm_hz: hz, ..data.clone() };
+    let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.origin.pwm_hz).filter_map(|hz| {
+        let mut other = data.clone();
+        other.origin.pwm_hz = hz;
         let as_it_stands = fit(&found.model, &other, prior, Effort::NONE);
         let shows = (as_it_stands.cost / found.cost - 1.0).abs() > SHOWS;
         let mut model = found.model.clone();
         // A period's ripple stays what it is.
-        model.motor.inductance_h *= data.pwm_hz / hz;
+        model.motor.inductance_h *= data.origin.pwm_hz / hz;
         shows.then(|| (hz, fit(&model, &other, prior, Effort::TRIAL)))
     });
     let fits: Vec<(f64, Fit)> = fits.collect();

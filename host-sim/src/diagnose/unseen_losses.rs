@@ -78,7 +78,7 @@ impl<'a> Losses<'a> {
         let is_rare = rows as f64 <= MOST_ROWS * self.data.len() as f64;
         let abrupt = losses.iter().filter(|(stretch, rows)| self.is_abrupt(stretch, rows)).count();
         // Where some have been seen already, the others need not show by themselves what they are.
-        let are_known = abrupt >= FEWEST_ABRUPT || !self.data.counter_stops.is_empty();
+        let are_known = abrupt >= FEWEST_ABRUPT || !self.data.origin.counter_stops.is_empty();
         match is_rare && are_known && losses.len() as f64 >= LEAST_SHARE * moments.len() as f64 {
             true => losses.into_iter().map(|(stretch, rows)| self.stop(stretch, rows)).collect(),
             false => Vec::new(),

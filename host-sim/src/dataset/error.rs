@@ -1,0 +1,113 @@
+//! Why recordings cannot be used, each with where and what to do.
+
+use super::LONGEST_INTERVAL_S;
+
+/// Why recordings cannot be used together with this rig file.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum DatasetError {
+    /// A recording without time, among others with.
+    #[error("{0}: no column t_s; a table of steady states is diagnosed alone")]
+    NoTime(String),
+    /// The same, with a column that looks like it.
+    #[error("{0}")]
+    OtherTime(String),
+    /// Nothing says what drove the motor.
+    #[error("{0}: neither u_V nor duty: record what the bridge was asked for")]
+    NoDrive(String),
+    /// A duty alone has no volts.
+    #[error("{0}: duty without u_V needs the supply: [supply] voltage_V in the rig file, or a column supply_V")]
+    NoSupply(String),
+    /// A duty of more than all.
+    #[error(
+        "{0}: duty goes to {1}, and it is the share of the supply, from -1 to 1: `motorbench convert {0} NEW.csv --map duty=duty*0.01` if it is in percent, duty*0.00392157 if in 255 steps of a timer"
+    )]
+    NoShare(String, f64),
+    /// A reading that opposes what drives it.
+    #[error(
+        "{name}: {column} goes against the voltage that drives it: one of them has the wrong sign; swap the channels of the encoder or the wires, or `motorbench convert {name} NEW.csv --map {column}={column}*-1`"
+    )]
+    Backward {
+        /// Which recording.
+        name: String,
+        /// What has the wrong sign.
+        column: &'static str,
+    },
+    /// A motion that is not said to go backwards.
+    #[error(
+        "{name}: {column} never goes backwards though the voltage does: it has no sign; count both channels of the encoder (a single one knows no direction), or record one direction alone"
+    )]
+    NoSign {
+        /// Which recording.
+        name: String,
+        /// What has no sign.
+        column: &'static str,
+    },
+    /// Counts alone have no angle.
+    #[error("{0}: counts without an angle or a speed need [encoder] counts_per_rev in the rig file")]
+    NoCountsPerRev(String),
+    /// Nothing was measured.
+    #[error(
+        "{0}: no measured motion: record omega_rad_per_s, rpm, theta_rad or counts (and i_A if there is a current sensor)"
+    )]
+    NoMotion(String),
+    /// Recordings of one rig with other columns.
+    #[error("{0}: its columns differ from those of {1}: diagnose them one by one")]
+    Mixed(String, String),
+    /// Too slow, or with times in another unit.
+    #[error(
+        "{name}: {interval_s} s from sample to sample (t_s): nothing of a motor's dynamics is left; record at 100 Hz or more. Are the times in {unit}? Then `motorbench convert {name} NEW.csv --map t_s=t_s*{factor}`"
+    )]
+    TooSlow {
+        /// Which recording.
+        name: String,
+        /// Usual time between samples.
+        interval_s: f64,
+        /// In which the times would make sense.
+        unit: &'static str,
+        /// What brings them to seconds.
+        factor: f64,
+    },
+    /// Too short.
+    #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
+    TooShort(String, usize),
+    /// An angle or a counter that goes round too fast.
+    #[error(
+        "{name}: {column} begins anew after {span:.4}, and from row to row ({interval_s:.4} s) it often goes nearly half of that or more: how far and which way cannot be told; record at least twice as often, or let the program count on"
+    )]
+    Aliased {
+        /// Which recording.
+        name: String,
+        /// What goes round.
+        column: &'static str,
+        /// After what.
+        span: f64,
+        /// Usual time between samples.
+        interval_s: f64,
+    },
+    /// The noise is greater than what moves.
+    #[error(
+        "{0}: the recorded motion is little more than the noise of its sensor (a fit of {1:.0} %): drive faster, record the speed by edge timing, or sample the angle less often"
+    )]
+    Drowned(String, f64),
+    /// One operating point.
+    #[error(
+        "{0}: neither command nor motion changes, and one operating point says nothing of a motor: play the sequence `identify` (20 s), or write means of several such points as a table of steady states (no t_s)"
+    )]
+    Steady(String),
+    /// Nothing happens in it.
+    #[error(
+        "{0}: the motor is never driven, or what moves is less than the noise of its sensor: play the sequence `identify` (20 s), which reverses and stops"
+    )]
+    Quiet(String),
+}
+
+impl DatasetError {
+    /// With the unit in which such times would make sense.
+    pub(super) fn too_slow(name: String, interval_s: f64) -> Self {
+        let (unit, factor) = match 1e-3 * interval_s > LONGEST_INTERVAL_S {
+            true => ("microseconds", 1e-6),
+            false => ("milliseconds", 1e-3),
+        };
+        Self::TooSlow { name, interval_s, unit, factor }
+    }
+}
