@@ -131,7 +131,7 @@ fn from_start(values: &mut [f64]) {
 }
 
 /// Root mean square of the difference, and fit in percent, where neither is missing.
-fn distance(first: &[f64], second: &[f64]) -> (f64, f64) {
+pub fn distance(first: &[f64], second: &[f64]) -> (f64, f64) {
     let pairs = || first.iter().zip(second).filter(|(a, b)| a.is_finite() && b.is_finite());
     let count = pairs().count().max(1) as f64;
     let mean = pairs().map(|(a, _)| a).sum::<f64>() / count;

@@ -193,6 +193,16 @@ impl Recording {
         self.len() == 0
     }
 
+    /// The rows before a time that is counted from the first.
+    #[must_use]
+    pub fn before(&self, end_s: f64) -> Self {
+        let time_s = self.time_s().unwrap_or_default();
+        let count = time_s.iter().take_while(|t_s| **t_s - time_s[0] < end_s).count();
+        let mut cut = Self { columns: BTreeMap::new(), ..self.clone() };
+        self.columns.iter().for_each(|(channel, values)| cut.set(*channel, values[..count].to_vec()));
+        cut
+    }
+
     /// Reads a CSV file. `names` maps column names of the file to those of this project: `("speed", "omega_rad_per_s")`.
     ///
     /// # Errors

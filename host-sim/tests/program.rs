@@ -253,6 +253,82 @@ fn validate_sees_what_the_model_lacks() {
     assert!((rise("measured") / rise("simulated") - 1.0).abs() < 0.1, "{} and {}", rise("measured"), rise("simulated"));
 }
 
+/// With a lighter motor than the true one the simulated loop swings, and the drive switches itself off.
+#[test]
+fn validate_compares_up_to_a_trip_of_the_simulation() {
+    let bench = bench();
+    let directory = with_and_without_friction();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::write(at("wrong.toml"), PIVT6_TOML.replace("5.84", "0.584")).unwrap();
+    let scenario = |extra: &str| {
+        format!(
+            "duration_s = 2.0\nmode = \"speed\"\nmodel = \"true.toml\"\n{extra}[settings]\nslew_limit = 30000\ncurrent_limit = 0\n[[reference]]\ntime_s = 0.1\nvalue = 30\n[[reference]]\ntime_s = 0.6\nkind = \"sequence\"\nsequence = \"steps\"\namplitude = 60\nperiod_ms = 300\ncount = 2\n"
+        )
+    };
+    std::fs::write(at("loop.toml"), scenario("")).unwrap();
+    motorbench(&["simulate", path(&at("loop.toml")), "--csv", path(&at("loop.csv"))]).success();
+    let (measured, course, wrong) = (at("loop.csv"), at("loop.toml"), at("wrong.toml"));
+    let validate =
+        ["validate", path(&measured), "--scenario", path(&course), "--rig", path(&bench.rig), "--model", path(&wrong)];
+    let off = "the drive switched itself off at 0.9";
+    let told = motorbench(&validate).code(1).stderr(predicate::str::contains(format!("speed PID, simulated: {off}")));
+    let text = String::from_utf8(told.get_output().stdout.clone()).unwrap();
+    assert!(text.contains("compared over 0.9") && text.contains(&format!("in the simulation {off}")), "{text}");
+    assert!(text.contains("over-current, peak;") && !text.contains("OverCurrent"), "{text}");
+    let found = motorbench(&[&validate[..], &["--json", "-"]].concat()).code(1).get_output().stdout.clone();
+    let found: Value = serde_json::from_slice(&found).unwrap();
+    assert_eq!(found["trip"], "OverCurrentPeak", "{found}");
+    let (trip_s, duration_s) = (found["trip_s"].as_f64().unwrap(), found["comparison"]["duration_s"].as_f64().unwrap());
+    assert!((trip_s - duration_s).abs() < 0.003 && (0.9..1.0).contains(&trip_s), "{found}");
+    assert!(found["notes"][0].as_str().unwrap().contains("beyond that there is nothing to compare"), "{found}");
+    assert_eq!(found["figures"]["measured"][0]["course"], "step", "what was before is told");
+    // What the scenario expects is a part of the course.
+    std::fs::write(at("loop.toml"), scenario("expected_trip = \"OverCurrentPeak\"\n")).unwrap();
+    motorbench(&["simulate", path(&course), "--model", path(&wrong), "--csv", path(&measured)])
+        .success()
+        .stderr(predicate::str::contains(format!("as expected {off}")));
+    motorbench(&validate).success().stdout(predicate::str::contains("compared over 2.00 s"));
+}
+
+/// Another mode, another reference, another length.
+#[test]
+fn validate_refuses_the_recording_of_another_scenario() {
+    let bench = bench();
+    let directory = with_and_without_friction();
+    let at = |name: &str| directory.path().join(name);
+    let write = |name: &str, mode: &str, value: f64, duration_s: f64| {
+        let scenario = format!(
+            "duration_s = {duration_s}\nmode = \"{mode}\"\nmodel = \"true.toml\"\n[[reference]]\ntime_s = 0.1\nvalue = {value}\n"
+        );
+        std::fs::write(at(&format!("{name}.toml")), scenario).unwrap();
+        motorbench(&["simulate", path(&at(&format!("{name}.toml"))), "--csv", path(&at(&format!("{name}.csv")))])
+            .success();
+    };
+    write("open", "open", 6.0, 1.0);
+    write("speed", "speed", 40.0, 1.0);
+    write("slower", "speed", 20.0, 1.0);
+    write("longer", "speed", 40.0, 3.0);
+    write("position", "position", 3.0, 1.0);
+    let validate = |recording: &str, scenario: &str| {
+        let (recording, scenario) = (at(recording), at(scenario));
+        motorbench(&["validate", path(&recording), "--scenario", path(&scenario), "--rig", path(&bench.rig)])
+    };
+    let says = |text: &str| predicate::str::contains(text.to_owned());
+    validate("speed.csv", "speed.toml").success();
+    validate("speed.csv", "open.toml")
+        .code(1)
+        .stderr(says("is of the open loop, the recording has a column ref_rad_per_s"));
+    validate("position.csv", "speed.toml").code(1).stderr(says("speed PID, the recording has a column ref_rad"));
+    validate("slower.csv", "speed.toml").code(1).stderr(says("ref_rad_per_s of the two differ by"));
+    validate("speed.csv", "longer.toml")
+        .success()
+        .stdout(says("the scenario lasts 3.00 s; the recording has 0.999 s of it"));
+    // Only what this program has recorded surely has the reference.
+    validate("open.csv", "speed.toml").success().stdout(says("cannot be told"));
+    std::fs::write(at("open.json"), r#"{"firmware": "motorbench", "settings": {}}"#).unwrap();
+    validate("open.csv", "speed.toml").code(1).stderr(says("the recording of an open loop"));
+}
+
 /// PID and LQR recorded on a motor with friction: one table and one plot, against the motor as it is and without friction.
 #[test]
 fn validate_puts_laws_side_by_side() {

@@ -100,7 +100,7 @@ fn is_table(path: &Path) -> bool {
 
 /// What was noted of a table when it was measured, where that stands beside it: nobody can measure it again. Other files of
 /// that name are results.
-fn side_file(table: &Path) -> Option<PathBuf> {
+pub(super) fn side_file(table: &Path) -> Option<PathBuf> {
     let path = (is_table(table) && table.exists()).then(|| beside(table, "json"))?;
     let side: Map<String, Value> = serde_json::from_slice(&fs::read(&path).ok()?).ok()?;
     ["firmware", "settings"].iter().all(|key| side.contains_key(*key)).then_some(path)

@@ -1,6 +1,6 @@
 //! `motorbench simulate`
 
-use super::{Failure, Outputs, plot_file, spinner, write, write_json, write_plot};
+use super::{Failure, Outputs, plot_file, spinner, tell, write, write_json, write_plot};
 use crate::board::words;
 use crate::design::trial::Point;
 use crate::figures::Figures;
@@ -61,8 +61,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
         write_plot(path, &plot(&scenario, &outcome))?;
     }
-    let trip = (outcome.trip != Trip::None).then(|| format!("{:?}", outcome.trip));
-    let result = serde_json::json!({ "figures": outcome.figures, "trip": trip, "trip_s": outcome.trip_s });
+    let result =
+        serde_json::json!({ "figures": outcome.figures, "trip": trip_name(outcome.trip), "trip_s": outcome.trip_s });
     if let Some(path) = &arguments.json {
         write_json(path, &result)?;
     }
@@ -70,7 +70,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         true => outputs.say(&format!("{} s without a reference to judge\n", scenario.duration_s)),
         false => outputs.say(&table(&outcome.figures)),
     }
-    judged(&scenario, &outcome)
+    if let Some(expected) = judged(&scenario, &outcome)? {
+        tell(&expected);
+    }
+    Ok(())
 }
 
 impl Arguments {
@@ -105,22 +108,21 @@ fn set(settings: &mut Settings, path: &Path) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A trip is a failure unless the scenario expects it; so is one that does not come.
-fn judged(scenario: &Scenario, outcome: &Outcome) -> Result<(), Failure> {
+/// A trip as scenarios and programs name it.
+pub(super) fn trip_name(trip: Trip) -> Option<String> {
+    (trip != Trip::None).then(|| format!("{trip:?}"))
+}
+
+/// A trip is a failure unless the scenario expects it, which is said then; so is one that does not come.
+pub(super) fn judged(scenario: &Scenario, outcome: &Outcome) -> Result<Option<String>, Failure> {
     let at = outcome.trip_s.map_or(String::new(), |trip_s| format!(" at {trip_s:.3} s"));
+    let off = format!("the drive switched itself off{at}: {}", words(outcome.trip));
     match (scenario.expected_trip, outcome.trip) {
-        (expected, trip) if expected == trip && trip == Trip::None => Ok(()),
-        (expected, trip) if expected == trip => {
-            eprintln!("tripped as expected: {trip:?}{at}");
-            Ok(())
-        }
-        (Trip::None, trip) => {
-            Err(Failure::input(format!("the drive switched itself off{at}: {trip:?}, {}", words(trip))))
-        }
-        (expected, Trip::None) => Err(Failure::input(format!("the expected trip {expected:?} did not come"))),
-        (expected, trip) => {
-            Err(Failure::input(format!("the drive switched itself off{at}: {trip:?} instead of {expected:?}")))
-        }
+        (Trip::None, Trip::None) => Ok(None),
+        (expected, trip) if expected == trip => Ok(Some(format!("as expected {off}"))),
+        (Trip::None, _) => Err(Failure::input(off)),
+        (expected, Trip::None) => Err(Failure::input(format!("the expected trip did not come: {}", words(expected)))),
+        (expected, _) => Err(Failure::input(format!("{off} instead of {}", words(expected)))),
     }
 }
 

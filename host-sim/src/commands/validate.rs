@@ -1,9 +1,10 @@
 //! `motorbench validate`
 
 use super::compare::{plot, table};
-use super::files::beside;
+use super::files::{beside, side_file};
+use super::simulate::{judged, trip_name};
 use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write_json, write_plot};
-use crate::compare::{Comparison, Difference, compare};
+use crate::compare::{Comparison, Difference, compare, distance};
 use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
 use crate::diagnose::diagnose;
@@ -15,6 +16,7 @@ use crate::rig::Rig;
 use crate::scenario::Scenario;
 use crate::terminal_text::{rounded, short, wrapped};
 use clap::Args;
+use motorbench_core::message::Trip;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -27,7 +29,10 @@ use std::path::{Path, PathBuf};
   motorbench validate pid.csv lqr.csv --model found.toml --plot laws.svg
 
 A scenario has the references and settings that were recorded; motorbench record
-writes it beside the recording: docs/scenarios.md")]
+writes it beside the recording: docs/scenarios.md
+
+Where the simulated drive switches itself off, both are compared up to then, and
+the exit code is 1, as that of simulate.")]
 pub struct Arguments {
     /// Recordings of loops, each from the start of its scenario or from up to a quarter of its length before; several, of a
     /// PID and an LQR say, come into one table.
@@ -62,6 +67,13 @@ struct Loop {
     compared: Comparison,
     /// Simulated, measured.
     figures: [Vec<Figures>; 2],
+    /// By which the simulated drive switched itself off, and when.
+    trip: Trip,
+    trip_s: Option<f64>,
+    /// What became of it that the scenario does not expect.
+    unexpected: Option<Failure>,
+    /// What a reader of the comparison has to know.
+    notes: Vec<String>,
 }
 
 /// Runs it.
@@ -87,7 +99,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write_json(path, &result(&loops, &remaining))?;
     }
     outputs.say(&page(&loops, &remaining));
-    Ok(())
+    match loops.into_iter().find_map(|one| Some((one.name, one.unexpected?))) {
+        Some((name, failure)) => Err(Failure { message: format!("{name}, simulated: {}", failure.message), ..failure }),
+        None => Ok(()),
+    }
 }
 
 impl Arguments {
@@ -130,19 +145,126 @@ fn scenario_beside(measured: &Path) -> Result<PathBuf, Failure> {
 }
 
 impl Loop {
-    fn new(arguments: &Arguments, measured: &Path, scenario: &Path, rig: &Rig) -> Result<Self, Failure> {
-        let measured = Recording::read(measured, &arguments.columns).map_err(Failure::input)?;
-        let scenario = super::scenario(scenario, arguments.model.as_deref())?;
-        let simulated = scenario.run().map_err(Failure::input)?.recording;
-        // The simulation first: its times are those of the scenario.
-        let compared = compare(&simulated, &measured, None).map_err(Failure::input)?;
-        let figures = [
-            scenario.figures(&points(&simulated, rig, 0.0)),
-            scenario.figures(&points(&measured, rig, compared.delay_s)),
-        ];
-        let law = ControlLaw::ALL.into_iter().find(|law| law.mode() == scenario.mode);
-        Ok(Self { name: law.map_or("open loop", ControlLaw::title).into(), scenario, measured, compared, figures })
+    fn new(arguments: &Arguments, file: &Path, scenario_file: &Path, rig: &Rig) -> Result<Self, Failure> {
+        let measured = Recording::read(file, &arguments.columns).map_err(Failure::input)?;
+        let scenario = super::scenario(scenario_file, arguments.model.as_deref())?;
+        let is_not_of = |why: String| {
+            let (file, scenario) = (file.display(), scenario_file.display());
+            Failure::input(format!("{file} is no recording of {scenario}: {why}; say with --scenario which it is of"))
+        };
+        let unknown = agrees_by_mode(&scenario, &measured, file).map_err(is_not_of)?;
+        let outcome = scenario.run().map_err(Failure::input)?;
+        let judged = judged(&scenario, &outcome);
+        // What a drive that is off does is nothing that the loop does.
+        let until_s = outcome.trip_s.filter(|_| judged.is_err());
+        let compared = compared(&outcome.recording, &measured, until_s)?;
+        agrees_by_course(&scenario, &compared).map_err(is_not_of)?;
+        let figures = [(&outcome.recording, 0.0), (&measured, compared.delay_s)].map(|(recording, late_s)| {
+            let mut points = points(recording, rig, late_s);
+            points.retain(|point| until_s.is_none_or(|until_s| point.t_s < until_s));
+            scenario.figures(&points)
+        });
+        let cut = until_s
+            .and(judged.as_ref().err())
+            .map(|off| format!("in the simulation {}; {NOTHING_BEYOND}", off.message));
+        let short = || is_short(&scenario, &compared);
+        let notes = [unknown, cut.or_else(short)].into_iter().flatten().collect();
+        Ok(Self {
+            name: title(&scenario).into(),
+            scenario,
+            measured,
+            compared,
+            figures,
+            trip: outcome.trip,
+            trip_s: outcome.trip_s,
+            unexpected: judged.err(),
+            notes,
+        })
     }
+}
+
+/// What a scenario's loop is called.
+fn title(scenario: &Scenario) -> &'static str {
+    ControlLaw::ALL.into_iter().find(|law| law.mode() == scenario.mode).map_or("open loop", ControlLaw::title)
+}
+
+/// Of a simulated drive that has switched itself off.
+const NOTHING_BEYOND: &str = "beyond that there is nothing to compare";
+
+/// The measured loop against the simulated one, whose drive may have switched itself off.
+fn compared(simulated: &Recording, measured: &Recording, until_s: Option<f64>) -> Result<Comparison, Failure> {
+    // The simulation first: its times are those of the scenario.
+    let Some(until_s) = until_s else { return compare(simulated, measured, None).map_err(Failure::input) };
+    // It is late by what the loop was asked for until then; of the rest nothing is known.
+    let mut blank = simulated.clone();
+    let before = simulated.before(until_s).len();
+    for channel in simulated.channels().filter(|channel| *channel != Channel::Time) {
+        let values = simulated.get(channel).unwrap_or_default().iter().enumerate();
+        blank.set(channel, values.map(|(row, value)| if row < before { *value } else { f64::NAN }).collect());
+    }
+    let delay_s = compare(&blank, measured, None).map_err(Failure::input)?.delay_s;
+    compare(&simulated.before(until_s), measured, Some(delay_s)).map_err(Failure::input)
+}
+
+/// The column of what a mode is asked for; an open loop has none.
+fn reference(scenario: &Scenario) -> Option<Channel> {
+    match scenario.mode {
+        mode if mode.is_speed() => Some(Channel::SpeedReference),
+        mode if mode.is_position() => Some(Channel::AngleReference),
+        _ => None,
+    }
+}
+
+/// Whether a recording was asked for what the scenario's mode is asked for; where that cannot be told, that is said.
+fn agrees_by_mode(scenario: &Scenario, measured: &Recording, file: &Path) -> Result<Option<String>, String> {
+    let wanted = reference(scenario);
+    let has =
+        [Channel::SpeedReference, Channel::AngleReference].into_iter().find(|channel| measured.get(*channel).is_some());
+    let mode = format!("that is of the {}", title(scenario));
+    match (wanted, has) {
+        (Some(wanted), _) if measured.get(wanted).is_some() => Ok(None),
+        (None, None) => Ok(None),
+        (_, Some(other)) => Err(format!("{mode}, the recording has a column {}", other.column())),
+        (Some(wanted), None) if side_file(file).is_some() => {
+            Err(format!("{mode}, the recording of an open loop, without a column {}", wanted.column()))
+        }
+        (Some(wanted), None) => {
+            let (file, column) = (file.display(), wanted.column());
+            Ok(Some(format!("{file} has no {column}: that it is of this scenario cannot be told")))
+        }
+    }
+}
+
+/// What was asked for differs by less than this share of it, in open loop, where limits of the motor change it, by less than
+/// that one.
+const SAME_COURSE: f64 = 0.25;
+const SAME_VOLTAGE: f64 = 0.5;
+
+/// Whether the recording was asked for the same as the simulation.
+fn agrees_by_course(scenario: &Scenario, compared: &Comparison) -> Result<(), String> {
+    let (channel, most) =
+        reference(scenario).map_or((Channel::Voltage, SAME_VOLTAGE), |channel| (channel, SAME_COURSE));
+    let Some(asked) = compared.channels.iter().find(|found| found.channel == channel.column()) else { return Ok(()) };
+    // A position is asked for from where the loop was closed.
+    let origin = |values: &[f64]| if scenario.mode.is_position() { values[0] } else { 0.0 };
+    let from_origin = |values: &[f64]| values.iter().map(|value| value - origin(values)).collect::<Vec<f64>>();
+    let (simulated, measured) = (from_origin(&asked.first), from_origin(&asked.second));
+    let (apart, _) = distance(&simulated, &measured);
+    let (size, _) = distance(&simulated, &vec![0.0; simulated.len()]);
+    match apart > most * size {
+        true => Err(format!("{} of the two differ by {} rms", asked.channel, short(apart))),
+        false => Ok(()),
+    }
+}
+
+/// A recording that has less than this share of its scenario is told so.
+const WHOLE: f64 = 0.95;
+
+fn is_short(scenario: &Scenario, compared: &Comparison) -> Option<String> {
+    let Comparison { duration_s, .. } = compared;
+    (*duration_s < WHOLE * scenario.duration_s).then(|| {
+        format!("the scenario lasts {} s; the recording has {} s of it", short(scenario.duration_s), short(*duration_s))
+    })
 }
 
 /// Names loops of one law by their files.
@@ -159,11 +281,17 @@ fn name(loops: &mut [Loop], files: &[PathBuf]) {
 fn result(loops: &[Loop], remaining: &[String]) -> Value {
     let figures = |one: &Loop| json!({ "simulated": one.figures[0], "measured": one.figures[1] });
     if let [only] = loops {
-        return json!({ "comparison": only.compared, "figures": figures(only), "remaining": remaining });
+        return json!({
+            "comparison": only.compared, "figures": figures(only), "trip": trip_name(only.trip), "trip_s": only.trip_s,
+            "notes": only.notes, "remaining": remaining
+        });
     }
     let list = loops.iter().map(|one| {
         let law = ControlLaw::ALL.into_iter().find(|law| law.mode() == one.scenario.mode);
-        json!({ "name": one.name, "law": law, "comparison": one.compared, "figures": figures(one) })
+        json!({
+            "name": one.name, "law": law, "comparison": one.compared, "figures": figures(one), "trip": trip_name(one.trip),
+            "trip_s": one.trip_s, "notes": one.notes
+        })
     });
     json!({ "loops": list.collect::<Vec<_>>(), "remaining": remaining })
 }
@@ -264,6 +392,10 @@ fn page(loops: &[Loop], remaining: &[String]) -> String {
         }
         _ => side_by_side(loops),
     };
+    for one in loops {
+        let name = if loops.len() > 1 { format!("{}: ", one.name) } else { String::new() };
+        one.notes.iter().for_each(|note| text += &format!("\n{}", wrapped(&format!("{name}{note}"), "", "  ")));
+    }
     text.push('\n');
     for line in remaining {
         line.lines().for_each(|line| text += &wrapped(line, "", "  "));
@@ -287,7 +419,9 @@ fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
             ("tracking error, rms", Some(simulated.tracking_rms), Some(measured.tracking_rms)),
         ];
         let largest = simulated.largest_error.map(|error| ("largest error", Some(error), measured.largest_error));
-        for (name, simulated_value, measured_value) in rows.into_iter().chain(largest) {
+        // A course that is followed has no rise.
+        let told = |(_, simulated, measured): &(_, Option<f64>, Option<f64>)| simulated.is_some() || measured.is_some();
+        for (name, simulated_value, measured_value) in rows.into_iter().chain(largest).filter(told) {
             let (time, a, b) = (short(simulated.time_s), or_dash(simulated_value, 3), or_dash(measured_value, 3));
             text += &format!("  {time:<8} {name:<22} {a:>13} {b:>12}\n");
         }
