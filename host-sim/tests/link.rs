@@ -43,6 +43,9 @@ struct Fake {
     playing: u32,
     played: u32,
     out: VecDeque<u8>,
+    /// A line that has not ended.
+    line: String,
+    obeyed: Arc<Mutex<Vec<String>>>,
     heard: Arc<Mutex<String>>,
     random: ChaCha8Rng,
 }
@@ -61,6 +64,8 @@ impl Fake {
             playing: 0,
             played: 0,
             out: VecDeque::new(),
+            line: String::new(),
+            obeyed: Arc::default(),
             heard: Arc::clone(&heard),
             random: ChaCha8Rng::seed_from_u64(1),
         };
@@ -151,7 +156,17 @@ impl Line for Fake {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         let text = String::from_utf8_lossy(bytes).into_owned();
         self.heard.lock().unwrap().push_str(&text);
-        text.lines().for_each(|line| self.obey(line));
+        for character in text.chars() {
+            match character {
+                '\n' => {
+                    let line = std::mem::take(&mut self.line);
+                    self.obey(&line);
+                    self.obeyed.lock().unwrap().push(line);
+                }
+                '\u{15}' => self.line.clear(),
+                other => self.line.push(other),
+            }
+        }
         Ok(())
     }
 }
@@ -235,6 +250,17 @@ fn the_person_ends_it() {
     assert_eq!(record.ended, Ended::Interrupted);
     let heard = heard.lock().unwrap();
     assert!(heard.find("stop").unwrap() < heard.rfind("disarm").unwrap());
+}
+
+#[test]
+fn what_a_program_that_died_has_typed_is_forgotten() {
+    let (mut fake, _) = Fake::new(Fault::None);
+    fake.line = "set trip_peak 7".into();
+    let obeyed = Arc::clone(&fake.obeyed);
+    drop(Link::start(fake).unwrap());
+    let obeyed = obeyed.lock().unwrap();
+    assert_eq!(obeyed[..4], ["", "stream off", "echo off", "version"]);
+    assert!(obeyed.iter().all(|line| !line.contains("trip_peak")), "{obeyed:?}");
 }
 
 #[test]

@@ -251,6 +251,20 @@ fn a_blocked_rotor_trips_and_what_had_come_is_kept() {
     assert!(text(&again.stderr).contains(&remedy), "{}", text(&again.stderr));
 }
 
+/// The firmware forgets it as well.
+#[test]
+fn half_a_line_of_a_program_that_died_is_not_carried_out() {
+    let board = Board::new("half-line");
+    for prompt in ["", "stream binary\n"] {
+        let mut line = serialport::new(board.port().to_str().unwrap(), 500_000).open_native().unwrap();
+        line.write_all(format!("{prompt}set trip_peak 7").as_bytes()).unwrap();
+        board.order("wait 0.1");
+        drop(line);
+        let shown = text(&board.run("connect", &["show trip_peak"]).stdout);
+        assert!(shown.starts_with("trip_peak 1.2 "), "{shown}");
+    }
+}
+
 /// What `--set` changes is changed for one recording, also for one that does not begin.
 #[test]
 fn settings_of_a_recording_are_put_back() {

@@ -49,6 +49,8 @@ const KEPT_ALIVE: Duration = Duration::from_millis(50);
 /// The greeting of a board that begins: two lines outside of any frame.
 const GREETING: &[u8] = b"# motorbench ";
 const GREETING_CAUSE: &[u8] = b"# reset: ";
+/// Ctrl-U: the console forgets the line so far.
+const FORGET: &str = "\x15";
 /// What the board says of its own, some time after the answer to `save`.
 const SAVED: &str = "# saved\n";
 /// Longer than the greeting, and than any frame.
@@ -205,7 +207,8 @@ impl<L: Line> Link<L> {
             if self.is_stopped() {
                 return Err(BoardError::Interrupted);
             }
-            self.write(b"\nstream off\necho off\nversion\n")?;
+            // What a program that died has left of a line is not carried out.
+            self.write(format!("{FORGET}\nstream off\necho off\nversion\n").as_bytes())?;
             let heard = self.hear(CALL_AGAIN)?;
             let text = String::from_utf8_lossy(&heard).replace('\r', "");
             let version = text.rfind("motorbench ").map(|at| text[at..].lines().next().unwrap_or_default().to_owned());
