@@ -295,6 +295,19 @@ fn settings_of_a_recording_are_put_back() {
         lifted.contains("protections are lifted: current_limit off, usually 1; trip_peak 5, usually 1.2;"),
         "{lifted}"
     );
+    let drives = [
+        board.command("record", &STEPS),
+        board.command("tune", &["--keys", "down"]),
+        board.command("autotune", &["--hold", "0.2"]),
+        board.command("stand", &["--rig", "rig.toml", "--voltages", "6,7,8"]),
+    ];
+    std::fs::write(board.folder.join("rig.toml"), PIVT6_TOML).unwrap();
+    for mut command in drives {
+        assert_eq!(board.run("connect", &["set current_limit 0 trip_peak 5", "clear"]).status.code(), Some(0));
+        let said = text(&command.output().unwrap().stderr);
+        let remedy = format!("`motorbench connect --port {} load` takes what is saved", board.port().display());
+        assert!(said.contains("protections are lifted: current_limit off") && said.contains(&remedy), "{said}");
+    }
 }
 
 /// At 2000 ticks a second the line is too slow for all samples: some are missing, and none has the tick of another.

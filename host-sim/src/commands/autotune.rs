@@ -122,8 +122,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let json = terminal(arguments.json);
     let outputs = Outputs::new([], arguments.console.iter().chain(&json))?;
     let stopped = on_interrupt()?;
-    let (mut link, _) = arguments.port.open()?;
-    let settings = link.settings()?;
+    let (link, _, settings) = arguments.port.open_to_drive()?;
     let mut board = Attended { link, stopped };
     watch_host(&mut board, &settings)?;
     let tuned = tuned(&mut board, &settings, arguments, &outputs);

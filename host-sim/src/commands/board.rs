@@ -74,6 +74,47 @@ impl PortArguments {
         take_back_watch(&mut link)?;
         Ok((link, name))
     }
+
+    /// The same for a motor that will be driven, with the settings as the board has them; which of its protections are lifted
+    /// is said.
+    pub(super) fn open_to_drive(&self) -> Result<(Link<Port>, String, Settings), Failure> {
+        let (mut link, name) = self.open()?;
+        let settings = link.settings()?;
+        if let Some(lifted) = lifted_protections(&settings) {
+            let remedy = format!("{CONNECT} load` takes what is saved, {CONNECT} defaults` what is usual");
+            tell(&self.named_in(&format!("{lifted}; {remedy}")));
+        }
+        Ok((link, name, settings))
+    }
+}
+
+/// Settings that protect motor and bridge; those that protect less where they are greater, but for the lowest supply.
+const PROTECTIONS: [Param; 8] = [
+    Param::CurrentLimit,
+    Param::TripPeak,
+    Param::TripContinuous,
+    Param::TripStall,
+    Param::TripEncoder,
+    Param::TripRunaway,
+    Param::TripSupplyLow,
+    Param::TripSupplyHigh,
+];
+
+/// Which protections are off, or protect less than those that the firmware has of its own: so a person has saved them, or a
+/// `record --set` has left them that was killed.
+pub(super) fn lifted_protections(settings: &Settings) -> Option<String> {
+    let usual = Settings::defaults();
+    let lifted = PROTECTIONS.iter().filter_map(|&param| {
+        let (is, was, name) = (settings.get(param), usual.get(param), link::name(param));
+        match param {
+            Param::TripSupplyLow if is < was => Some(format!("{name} {is}, usually {was}")),
+            Param::TripSupplyLow => None,
+            _ if is == 0.0 && was > 0.0 => Some(format!("{name} off, usually {was}")),
+            _ => (is > was).then(|| format!("{name} {is}, usually {was}")),
+        }
+    });
+    let lifted: Vec<String> = lifted.collect();
+    (!lifted.is_empty()).then(|| format!("protections are lifted: {}", lifted.join("; ")))
 }
 
 /// Switches off the `trip_host` that a program has left which was killed while it had the motor: else it would pass for the
@@ -235,8 +276,7 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let mut growing = GrowingCsv::new(out).map_err(|error| cannot_write(out, &error))?;
     let stopped = on_interrupt()?;
     let mut live = arguments.live.open()?;
-    let (mut link, _) = arguments.port.open()?;
-    let before = link.settings()?;
+    let (mut link, _, before) = arguments.port.open_to_drive()?;
     let done = play(arguments, &mut link, nominal, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
     put_back(&mut link, &before, &arguments.set);
     let (done, played) = done?;
@@ -700,6 +740,22 @@ mod tests {
         let parts =
             [(Excitation::Levels, 500), (Excitation::Prbs, 60), (Excitation::Levels, 60_000), (Excitation::Steps, 500)];
         assert_eq!(parts.map(|(excitation, period_ms)| excitation.usual_count(period_ms)), [20, 167, 1, 1]);
+    }
+
+    #[test]
+    fn lifted_protections_are_named() {
+        let mut settings = Settings::defaults();
+        assert_eq!(lifted_protections(&settings), None);
+        for (param, value) in [(Param::TripPeak, 0.5), (Param::TripSupplyLow, 9.0)] {
+            settings.set(param, value).unwrap();
+        }
+        assert_eq!(lifted_protections(&settings), None, "they protect more");
+        for (param, value) in [(Param::TripPeak, 5.0), (Param::CurrentLimit, 0.0), (Param::TripSupplyLow, 0.0)] {
+            settings.set(param, value).unwrap();
+        }
+        let lifted = lifted_protections(&settings).unwrap();
+        let expected = "protections are lifted: current_limit off, usually 1; trip_peak 5, usually 1.2; trip_supply_low 0, usually 5";
+        assert_eq!(lifted, expected);
     }
 
     /// Beside what the firmware makes of a number, one digit that is another.

@@ -1,6 +1,6 @@
 //! `motorbench connect`: a board's console, at which no drive outlives the program.
 
-use super::board::{PortArguments, on_interrupt, typed_lines};
+use super::board::{PortArguments, lifted_protections, on_interrupt, typed_lines};
 use super::{Failure, tell};
 use crate::board::{Board as _, BoardError, LOST_AFTER_MS, cause, words};
 use crate::link::port::Port;
@@ -8,7 +8,6 @@ use crate::link::{self, Link, VERSION};
 use crate::terminal_text::narrow;
 use clap::Args;
 use motorbench_core::message::Trip;
-use motorbench_core::settings::{Param, Settings};
 use std::io::{IsTerminal as _, Write as _, stderr, stdout};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::TryRecvError;
@@ -49,7 +48,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (mut link, name) = arguments.port.open()?;
     // What a damaged line does not let through is no reason to go without a console.
     if let Some(lifted) = link.settings().ok().as_ref().and_then(lifted_protections) {
-        tell(&lifted);
+        tell(&format!("{lifted}; `load` takes what is saved, `defaults` what is usual"));
     }
     let mut console = Console { link, json: arguments.json, armed: false, watch: Watch::Unknown };
     if !arguments.lines.is_empty() {
@@ -62,36 +61,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         println!("{}", if stdout().is_terminal() { narrow(&greeting) } else { greeting });
     }
     console.converse(&stopped)
-}
-
-/// Settings that protect motor and bridge; those that protect less where they are greater, but for the lowest supply.
-const PROTECTIONS: [Param; 8] = [
-    Param::CurrentLimit,
-    Param::TripPeak,
-    Param::TripContinuous,
-    Param::TripStall,
-    Param::TripEncoder,
-    Param::TripRunaway,
-    Param::TripSupplyLow,
-    Param::TripSupplyHigh,
-];
-
-/// Which protections are off, or protect less than those that the firmware has of its own: so a person has saved them, or a
-/// `record --set` has left them that was killed.
-fn lifted_protections(settings: &Settings) -> Option<String> {
-    let usual = Settings::defaults();
-    let lifted = PROTECTIONS.iter().filter_map(|&param| {
-        let (is, was, name) = (settings.get(param), usual.get(param), link::name(param));
-        match param {
-            Param::TripSupplyLow if is < was => Some(format!("{name} {is}, usually {was}")),
-            Param::TripSupplyLow => None,
-            _ if is == 0.0 && was > 0.0 => Some(format!("{name} off, usually {was}")),
-            _ => (is > was).then(|| format!("{name} {is}, usually {was}")),
-        }
-    });
-    let lifted: Vec<String> = lifted.collect();
-    let remedy = "`load` takes what is saved, `defaults` what is usual";
-    (!lifted.is_empty()).then(|| format!("protections are lifted: {}; {remedy}", lifted.join("; ")))
 }
 
 /// What becomes of an armed drive when this program dies.
@@ -261,25 +230,4 @@ fn single_lines(text: &str) -> impl Iterator<Item = &str> {
 fn not_here(line: &str) -> Option<String> {
     let command = line.split_whitespace().next().filter(|command| OF_THE_STREAM.contains(command))?;
     Some(format!("{command} {NOT_HERE}"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lifted_protections_are_named() {
-        let mut settings = Settings::defaults();
-        assert_eq!(lifted_protections(&settings), None);
-        for (param, value) in [(Param::TripPeak, 0.5), (Param::TripSupplyLow, 9.0)] {
-            settings.set(param, value).unwrap();
-        }
-        assert_eq!(lifted_protections(&settings), None, "they protect more");
-        for (param, value) in [(Param::TripPeak, 5.0), (Param::CurrentLimit, 0.0), (Param::TripSupplyLow, 0.0)] {
-            settings.set(param, value).unwrap();
-        }
-        let lifted = lifted_protections(&settings).unwrap();
-        let expected = "protections are lifted: current_limit off, usually 1; trip_peak 5, usually 1.2; trip_supply_low 0, usually 5; ";
-        assert!(lifted.starts_with(expected), "{lifted}");
-    }
 }

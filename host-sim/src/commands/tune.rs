@@ -127,7 +127,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stopped = on_interrupt()?;
     let stop = || stopped.load(Ordering::Relaxed);
     let live = arguments.live.open()?;
-    let (link, _) = arguments.port.open()?;
+    let (link, ..) = arguments.port.open_to_drive()?;
     let keeper = Numbered { out: arguments.out.clone(), kept: 0, growing: None };
     let mut session = Session::new(link, arguments.reference, live, Box::new(keeper))?;
     let says = |text: &str| outputs.say(&format!("{text}\n"));

@@ -77,9 +77,8 @@ impl BoardArguments {
         }
         let mut files = Files::new(&self.save, !self.loads_nm.is_empty())?;
         let stopped = on_interrupt()?;
-        let (mut link, port) = self.port.open()?;
+        let (mut link, port, settings) = self.port.open_to_drive()?;
         let mut person = Terminal { stopped, lines: None, brake: brake(&port) };
-        let settings = link.settings()?;
         same_encoder(rig, &settings)?;
         let plan = self.plan(&settings)?;
         if rig.motor.inductance_h.is_none() {
