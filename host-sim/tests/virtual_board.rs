@@ -251,6 +251,32 @@ fn a_blocked_rotor_trips_and_what_had_come_is_kept() {
     assert!(text(&again.stderr).contains(&remedy), "{}", text(&again.stderr));
 }
 
+/// Without a name each recording has its own, with all that stands beside it.
+#[test]
+fn a_recording_that_nobody_named_replaces_none() {
+    let board = Board::new("free-name");
+    let port = board.port();
+    std::fs::write(board.folder.join("run-2.rig.toml"), "# by hand\n").unwrap();
+    let mut first = Vec::new();
+    for name in ["run", "run-3"] {
+        let done = board.run_alone(&[&["record", "--port", port.to_str().unwrap()], &STEPS[..]].concat());
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        let said = text(&done.stdout);
+        assert!(said.starts_with(&format!("{name}.csv: ")), "{said}");
+        assert!(said.ends_with(&format!("next: motorbench diagnose {name}.csv --rig {name}.rig.toml\n")), "{said}");
+        let files =
+            ["csv", "rig.toml", "scenario.toml", "json"].map(|ending| board.folder.join(format!("{name}.{ending}")));
+        assert!(files.iter().all(|file| file.exists()), "{files:?}");
+        let side: serde_json::Value = serde_json::from_slice(&std::fs::read(&files[3]).unwrap()).unwrap();
+        assert_eq!(side["file"], format!("{name}.csv"));
+        if first.is_empty() {
+            first = std::fs::read(&files[0]).unwrap();
+        }
+    }
+    assert_eq!(std::fs::read(board.folder.join("run.csv")).unwrap(), first);
+    assert!(!board.folder.join("run-2.csv").exists());
+}
+
 /// The firmware forgets it as well.
 #[test]
 fn half_a_line_of_a_program_that_died_is_not_carried_out() {

@@ -202,15 +202,16 @@ impl Excitation {
 /// Plays an excitation on a board and records it at full rate, with rig file and side file.
 #[derive(Args)]
 #[command(after_help = "Examples:
-  motorbench record --out run.csv
+  motorbench record
+  motorbench record --out motor_a.csv
   motorbench record --sequence steps --amplitude 6 --period 800 --count 4
   motorbench record --mode speed --sequence levels --amplitude 80 --out loop.csv
   motorbench record --live plotjuggler --live teleplot=192.168.1.20:47269
 
 Without --sequence it plays the 20 s that tell the most causes apart. Beside
-run.csv it writes run.rig.toml, for motorbench diagnose, run.scenario.toml, for
-validate, and run.json: firmware, settings, what was lost. Ctrl-C stops the
-motor and keeps what has come.")]
+run.csv, or what --out names, it writes run.rig.toml, for motorbench diagnose,
+run.scenario.toml, for validate, and run.json: firmware, settings, what was
+lost. Ctrl-C stops the motor and keeps what has come.")]
 pub struct RecordArguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
@@ -241,9 +242,9 @@ pub struct RecordArguments {
     /// A rig file whose nominal constants of the motor go into the new one.
     #[arg(long, value_name = "RIG.toml")]
     motor: Option<PathBuf>,
-    /// Where to, a .csv.
-    #[arg(long, default_value = "run.csv", value_parser = table_file)]
-    out: PathBuf,
+    /// Where to, a .csv; without it the first of run.csv, run-2.csv, run-3.csv ... that is free.
+    #[arg(long, value_parser = table_file)]
+    out: Option<PathBuf>,
     #[command(flatten)]
     live: LiveArguments,
     /// Prints the side file instead of text.
@@ -266,38 +267,50 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
 /// # Errors
 /// [`Failure`] when nothing could be recorded, or when the recording ended before its time; what has come is written.
 pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
-    Outputs::new(&arguments.motor, &with_beside(&arguments.out, &["scenario.toml", "rig.toml", "json"]))?;
+    let out = &arguments.out.clone().unwrap_or_else(free_name);
+    Outputs::new(&arguments.motor, &recording_files(out))?;
     let nominal = match &arguments.motor {
         Some(path) => read_rig(path)?.motor,
         None => NominalMotor::default(),
     };
     // Before the motor turns: a wrong folder shall not cost a recording.
-    let out = &arguments.out;
     let mut growing = GrowingCsv::new(out).map_err(|error| cannot_write(out, &error))?;
     let stopped = on_interrupt()?;
     let mut live = arguments.live.open()?;
     let (mut link, _, before) = arguments.port.open_to_drive()?;
-    let done = play(arguments, &mut link, nominal, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
+    let done = play((arguments, out), &mut link, nominal, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
     put_back(&mut link, &before, &arguments.set);
     let (done, played) = done?;
     let kept = if growing.is_empty() { 0 } else { done.samples.len() };
-    finish(arguments, &done, &link.firmware, &played, nominal, kept)
+    finish((arguments, out), &done, &link.firmware, &played, nominal, kept)
+}
+
+/// A recording and all that stands beside it.
+fn recording_files(out: &Path) -> Vec<PathBuf> {
+    with_beside(out, &["scenario.toml", "rig.toml", "json"])
+}
+
+/// Where a recording goes that nobody has named: it replaces nothing.
+fn free_name() -> PathBuf {
+    let numbered = (2..).map(|number| format!("run-{number}.csv"));
+    let mut names = std::iter::once("run.csv".to_string()).chain(numbered).map(PathBuf::from);
+    names.find(|name| recording_files(name).iter().all(|file| !file.exists())).expect("there is no end of names")
 }
 
 /// Prepares the board, plays and records; what came, and what it was told to play.
 fn play(
-    arguments: &RecordArguments,
+    (arguments, out): (&RecordArguments, &Path),
     link: &mut Link<Port>,
     nominal: NominalMotor,
     growing: &mut GrowingCsv,
     live: &mut Option<Live>,
     stop: &dyn Fn() -> bool,
 ) -> Result<(Record, Played), Failure> {
-    let out = &arguments.out;
     let (settings, played) = prepare(link, arguments)?;
     let ticks = played.order.of_core(Mode::OpenLoop, &settings).duration_ticks();
-    let side = side_file_of_running(&settings, &link.firmware, &played.order.line());
-    let files = files_beside(arguments, &settings, nominal, &played, ticks.into(), &side)?;
+    let mut side = side_file_of_running(&settings, &link.firmware, &played.order.line());
+    side["file"] = out.display().to_string().into();
+    let files = files_beside((arguments, out), &settings, nominal, &played, ticks.into(), &side)?;
     let mut coverage = Coverage::new(&settings);
     let bar = bar(ticks.into());
     bar.set_style(
@@ -344,31 +357,31 @@ pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
 
 /// Writes what belongs beside the recording and says what became of it. `kept`: samples that are in its file.
 fn finish(
-    arguments: &RecordArguments,
+    (arguments, out): (&RecordArguments, &Path),
     done: &Record,
     firmware: &str,
     played: &Played,
     nominal: NominalMotor,
     kept: usize,
 ) -> Result<(), Failure> {
-    let side = done.side_file(firmware, &played.order.line());
+    let mut side = done.side_file(firmware, &played.order.line());
+    side["file"] = out.display().to_string().into();
     let ticks = done.samples.len() as f64 + f64::from(done.missing_ticks());
     // The files of an earlier recording stay as they are where nothing came.
     let written = match kept {
         0 => Ok(()),
-        _ => {
-            files_beside(arguments, &done.settings, nominal, played, ticks, &side).and_then(|files| write_each(&files))
-        }
+        _ => files_beside((arguments, out), &done.settings, nominal, played, ticks, &side)
+            .and_then(|files| write_each(&files)),
     };
     match arguments.json {
         true => print!("{}", pretty(&side)?),
         false if kept == 0 => {}
-        false => report(arguments, done),
+        false => report((arguments, out), done),
     }
-    let ended = ended(&done.ended, kept, &arguments.out).map_err(|failure| with_limit(failure, &done.ended));
+    let ended = ended(&done.ended, kept, out).map_err(|failure| with_limit(failure, &done.ended));
     both(ended, written)?;
     if !arguments.json {
-        next(arguments);
+        next(arguments, out);
     }
     Ok(())
 }
@@ -489,16 +502,16 @@ pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
 
 /// What belongs beside a recording of so many ticks.
 fn files_beside(
-    arguments: &RecordArguments,
+    (arguments, out): (&RecordArguments, &Path),
     settings: &Settings,
     nominal: NominalMotor,
     played: &Played,
     ticks: f64,
     side: &serde_json::Value,
 ) -> Result<Vec<(PathBuf, String)>, Failure> {
-    let scenario = (beside(&arguments.out, "scenario.toml"), played.scenario(&arguments.mode, settings, ticks)?);
+    let scenario = (beside(out, "scenario.toml"), played.scenario(&arguments.mode, settings, ticks)?);
     // The side file last: it says that the others are there.
-    Ok([scenario].into_iter().chain(rig_and_side(&arguments.out, settings, nominal, side)?).collect())
+    Ok([scenario].into_iter().chain(rig_and_side(out, settings, nominal, side)?).collect())
 }
 
 fn pretty(side: &serde_json::Value) -> Result<String, Failure> {
@@ -530,8 +543,8 @@ pub(super) fn write_each(files: &[(PathBuf, String)]) -> Result<(), Failure> {
     if failed.is_empty() { Ok(()) } else { Err(Failure::machine(failed.join("; "))) }
 }
 
-fn report(arguments: &RecordArguments, done: &Record) {
-    let out = arguments.out.display();
+fn report((arguments, out): (&RecordArguments, &Path), done: &Record) {
+    let out = out.display();
     let rate_hz = f64::from(done.settings.get(Param::TickRate));
     let missing = done.missing_ticks();
     let seconds = (done.samples.len() as f64 + f64::from(missing)) / rate_hz;
@@ -552,15 +565,12 @@ fn report(arguments: &RecordArguments, done: &Record) {
 }
 
 /// What a person would do next.
-fn next(arguments: &RecordArguments) {
-    let (out, rig) = (arguments.out.display(), beside(&arguments.out, "rig.toml"));
-    let (rig, scenario) = (rig.display(), beside(&arguments.out, "scenario.toml"));
+fn next(arguments: &RecordArguments, out: &Path) {
+    let [out, rig, scenario] =
+        [out, &beside(out, "rig.toml"), &beside(out, "scenario.toml")].map(|path| path.display().to_string());
     match arguments.mode.as_str() {
         "open" => println!("next: motorbench diagnose {out} --rig {rig}"),
-        _ => println!(
-            "next: motorbench validate {out} --scenario {} \\\n  --rig {rig} --model MODEL.toml",
-            scenario.display()
-        ),
+        _ => println!("next: motorbench validate {out} --scenario {scenario} \\\n  --rig {rig} --model MODEL.toml"),
     }
 }
 

@@ -72,6 +72,10 @@ impl Board {
     pub fn command(&self, name: &str, arguments: &[&str]) -> Command {
         let mut command = Command::new(MOTORBENCH);
         command.arg(name).arg("--port").arg(self.port()).args(arguments).current_dir(&self.folder);
+        // Where `has_recorded` and `side_file` look, also for another one.
+        if name == "record" && !arguments.contains(&"--out") {
+            command.args(["--out", "run.csv"]);
+        }
         command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
         command
     }
