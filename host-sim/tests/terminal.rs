@@ -137,6 +137,7 @@ const TABLE: &[Row] = &[
             (&["time.csv"], 1, "time.csv: no column t_s"),
             (&["glitch.csv"], 1, "glitch.csv, line 3: column omega_rad_per_s: 1e300 is no measurement"),
             (&["run.csv", "--model", "run.csv"], 1, "run.csv would be overwritten"),
+            (&["run.csv", "--model", "model.toml"], 1, "model.toml: motorbench has not written this file"),
             (&["run.csv", "--rig", "rig.toml", "--report", "rig.toml"], 1, "rig.toml would be overwritten"),
             (&["run.csv", "--json", "-", "--model", "-"], 1, "would mix on the standard output"),
             (&[], 2, "<RECORDINGS>"),
@@ -151,6 +152,7 @@ const TABLE: &[Row] = &[
             (&["bad.csv"], 1, "bad.csv"),
             (&["run.csv", "--rig", "rig.toml", "--model", "/nonexistent/m.toml"], 3, "/nonexistent/m.toml"),
             (&["run.csv", "--rig", "rig.toml", "--json", "run.csv"], 1, "run.csv would be overwritten"),
+            (&["run.csv", "--model", "model.toml"], 1, "model.toml: motorbench has not written this file"),
             (&[], 2, "<RECORDINGS>"),
         ],
         ..row("identify")

@@ -1,7 +1,7 @@
 //! `motorbench diagnose`
 
 use super::recordings::RecordingArguments;
-use super::{Failure, Outputs, rig_beside, rig_for, spinner, write, write_json};
+use super::{Failure, Outputs, may_hold_model, rig_beside, rig_for, spinner, write, write_json, write_model};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Writes a page with plots.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Writes the extended model.
+    /// Writes the extended model; a file that a person has written is not replaced.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
 }
@@ -52,6 +52,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     }
     let outputs =
         Outputs::new(&args.recordings.files(), [&args.json, &args.report, &args.model].into_iter().flatten())?;
+    may_hold_model(args.model.as_deref())?;
     let (rig, recordings) = (args.recordings.rig()?, args.recordings.read()?);
     if let [table] = &recordings[..]
         && table.time_s().is_none()
@@ -64,7 +65,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     let diagnosis = result.map_err(Failure::input)?;
     let names: Vec<String> = recordings.iter().map(|recording| recording.name.clone()).collect();
     if let Some(path) = &args.model {
-        write(path, &diagnosis.model.to_toml())?;
+        write_model(path, &diagnosis.model)?;
     }
     if let Some(path) = &args.report {
         write(path, &report::report(&diagnosis, &names))?;

@@ -1,7 +1,7 @@
 //! `motorbench identify`
 
 use super::recordings::RecordingArguments;
-use super::{Failure, Outputs, spinner, write, write_json};
+use super::{Failure, Outputs, may_hold_model, spinner, write_json, write_model};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
 use crate::free_run::free_run;
@@ -25,7 +25,7 @@ What the linear motor lacks is said by motorbench diagnose.")]
 pub struct Arguments {
     #[command(flatten)]
     recordings: RecordingArguments,
-    /// Writes the motor as a model file.
+    /// Writes the motor as a model file; one that a person has written is not replaced.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -64,13 +64,14 @@ struct Fitted {
 /// [`Failure`] with what is wrong with the input, and where.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = Outputs::new(&arguments.recordings.files(), arguments.model.iter().chain(&arguments.json))?;
+    may_hold_model(arguments.model.as_deref())?;
     let (rig, recordings) = (arguments.recordings.rig()?, arguments.recordings.read()?);
     let data = with_window_settled(Dataset::new(&recordings, &rig).map_err(Failure::input)?, &rig.motor);
     let bar = spinner();
     let (model, identified) = identify(&data, &rig.motor, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
     if let Some(path) = &arguments.model {
-        write(path, &model.to_toml())?;
+        write_model(path, &model)?;
     }
     if let Some(path) = &arguments.json {
         write_json(path, &identified)?;

@@ -248,6 +248,26 @@ fn read_model(path: &Path) -> Result<Model, Failure> {
     Model::parse(&text).map_err(|error| failed(&error))
 }
 
+/// How a model file begins that this program has written: it may write over it.
+const WRITTEN: &str = "# Written by motorbench, which writes over it.\n";
+
+/// Whether a model that is found may go there, asked before it is looked for: what a person has written stays.
+fn may_hold_model(path: Option<&Path>) -> Result<(), Failure> {
+    let by_hand =
+        |path: &&Path| path.is_file() && !fs::read(path).is_ok_and(|text| text.starts_with(WRITTEN.as_bytes()));
+    path.filter(by_hand).map_or(Ok(()), |path| {
+        let path = path.display();
+        Err(Failure::input(format!(
+            "{path}: motorbench has not written this file and does not write over it: choose another name for the model that is found"
+        )))
+    })
+}
+
+/// Writes a model that was found.
+fn write_model(path: &Path, model: &Model) -> Result<(), Failure> {
+    write(path, &(WRITTEN.to_owned() + &model.to_toml()))
+}
+
 /// A scenario, with another model than its own if one is given.
 fn scenario(path: &Path, model: Option<&Path>) -> Result<Scenario, Failure> {
     let Some(file) = model else { return Scenario::read(path).map_err(Failure::input) };
@@ -367,6 +387,21 @@ mod tests {
         assert_eq!(folder.path().read_dir().unwrap().count(), if cfg!(unix) { 2 } else { 1 }, "nothing beside them");
         write(Path::new("/dev/null"), "nothing").unwrap();
         assert_eq!(write(&folder.path().join("none/run.json"), "new").unwrap_err().code, 3);
+    }
+
+    #[test]
+    fn a_model_by_hand_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("model.toml");
+        let model = Model::linear(crate::motor::MotorParameters::PIVT6);
+        for _ in 0..2 {
+            may_hold_model(Some(&file)).unwrap();
+            write_model(&file, &model).unwrap();
+            assert_eq!(read_model(&file).unwrap().motor, model.motor);
+        }
+        fs::write(&file, model.to_toml()).unwrap();
+        assert_eq!(may_hold_model(Some(&file)).unwrap_err().code, 1);
+        assert!(may_hold_model(Some(Path::new("-"))).is_ok() && may_hold_model(Some(Path::new("/dev/null"))).is_ok());
     }
 
     #[test]
