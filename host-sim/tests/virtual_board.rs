@@ -386,6 +386,25 @@ fn a_person_at_the_console() {
     assert!(text(&done.stderr).contains("connection is gone"), "{}", text(&done.stderr));
 }
 
+/// Through a pipe as in an argument: the exit code says that a line was refused, whatever comes after it.
+#[test]
+fn a_script_hears_of_a_line_that_was_refused() {
+    let board = Board::new("console-pipe");
+    for json in [&[][..], &["--json"]] {
+        let mut talk = board.command("connect", json).stdin(Stdio::piped()).spawn().unwrap();
+        talk.stdin.take().unwrap().write_all(b"bogus\nshow speed_kp\n").unwrap();
+        let done = talk.wait_with_output().unwrap();
+        let said = text(&done.stdout);
+        assert!(said.contains("error: unknown command") && said.contains("speed_kp 0.05 "), "{said}");
+        assert_eq!(done.status.code(), Some(1), "{said}");
+        assert!(
+            text(&done.stderr).contains("the board refuses `bogus`: error: unknown command"),
+            "{}",
+            text(&done.stderr)
+        );
+    }
+}
+
 /// A drive that a person has armed ends with the console, whatever ends it.
 #[test]
 fn a_console_that_ends_leaves_no_drive() {

@@ -8,7 +8,7 @@ use crate::link::{self, Link, VERSION};
 use crate::terminal_text::narrow;
 use clap::Args;
 use motorbench_core::message::Trip;
-use std::io::{IsTerminal as _, Write as _, stderr, stdout};
+use std::io::{IsTerminal as _, Write as _, stderr, stdin, stdout};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::TryRecvError;
 
@@ -26,9 +26,10 @@ const OF_SETTINGS: [&str; 5] = ["set", "show", "save", "load", "defaults"];
   motorbench connect
   motorbench connect --port /dev/ttyACM0 status 'show speed_kp'
 
-Without lines it takes them from the terminal; an empty line stops the motor,
-Ctrl-D and Ctrl-C end. The drive is off in the end; without this program an
-armed one stops by itself after half a second.")]
+Without lines it takes them from the terminal or a pipe, of which a refused line
+makes exit code 1 in the end; an empty line stops the motor, Ctrl-D and Ctrl-C
+end. The drive is off in the end; without this program an armed one stops by
+itself after half a second.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
@@ -50,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(lifted) = link.settings().ok().as_ref().and_then(lifted_protections) {
         tell(&format!("{lifted}; `load` takes what is saved, `defaults` what is usual"));
     }
-    let mut console = Console { link, json: arguments.json, armed: false, watch: Watch::Unknown };
+    let mut console = Console { link, json: arguments.json, armed: false, watch: Watch::Unknown, refused: None };
     if !arguments.lines.is_empty() {
         return console.carry_out(&arguments.lines, &stopped);
     }
@@ -81,6 +82,8 @@ struct Console {
     /// The drive has been armed from here.
     armed: bool,
     watch: Watch,
+    /// The first line that was typed and not done.
+    refused: Option<Failure>,
 }
 
 impl Console {
@@ -106,7 +109,10 @@ impl Console {
         while !stopped.load(Ordering::Relaxed) {
             match lines.try_recv() {
                 Ok(line) => self.answer(&line)?,
-                Err(TryRecvError::Disconnected) => return Ok(()),
+                // A script goes by the exit code; a person has read it.
+                Err(TryRecvError::Disconnected) => {
+                    return self.refused.take().filter(|_| !stdin().is_terminal()).map_or(Ok(()), Err);
+                }
                 Err(TryRecvError::Empty) => self.look(&mut trip)?,
             }
         }
@@ -115,12 +121,15 @@ impl Console {
 
     /// What is said to a line that was typed; one that the board refuses ends nothing.
     fn answer(&mut self, line: &str) -> Result<(), BoardError> {
-        let replies = match not_here(line) {
-            Some(why) => vec![why],
-            None => match self.ask(line) {
-                Err(BoardError::Refused { reply, .. }) => vec![reply],
-                answer => answer?,
-            },
+        let asked = not_here(line)
+            .map_or_else(|| self.ask(line), |reply| Err(BoardError::Refused { line: line.into(), reply }));
+        let replies = match asked {
+            Err(BoardError::Refused { line, reply }) => {
+                let refused = || BoardError::Refused { line, reply: reply.clone() }.into();
+                self.refused.get_or_insert_with(refused);
+                vec![reply]
+            }
+            answer => answer?,
         };
         self.say(line, &replies);
         Ok(())
