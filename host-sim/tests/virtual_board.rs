@@ -472,7 +472,12 @@ fn ctrl_c_stops_the_motor_first() {
     assert!(interrupted.success());
     let done = recording.wait_with_output().unwrap();
     assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
-    assert_eq!(board.side_file()["ended"], "interrupted");
+    let (side, said) = (board.side_file(), text(&done.stdout));
+    assert_eq!(side["ended"], "interrupted");
+    let lacks = side["coverage"]["lacks"].as_array().unwrap();
+    assert_eq!((lacks.len(), &lacks[0]["what"]), (1, &"the rest of its sequence".into()), "{side}");
+    assert!(said.contains("  lacks the rest of its sequence: play it whole\n"), "{said}");
+    assert!(!said.contains("enough to identify"), "{said}");
     board.motor_is_off();
 }
 

@@ -557,11 +557,7 @@ fn report((arguments, out): (&RecordArguments, &Path), done: &Record) {
     }
     let covered = done.coverage();
     println!("{covered}");
-    match done.ended {
-        Ended::Complete => covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}")),
-        // What it would have had is in what was not played.
-        _ => println!("  lacks the rest of its sequence, which was broken off: play it whole"),
-    }
+    covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
 }
 
 /// What a person would do next.

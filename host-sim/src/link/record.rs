@@ -1,6 +1,6 @@
 //! Recording an excitation that the firmware plays: everything that came, whatever ended it.
 
-use super::coverage::{Coverage, Covered};
+use super::coverage::{Coverage, Covered, Lack};
 use super::{Line, Link, Losses};
 use crate::board::{Board, BoardError, Silence};
 use motorbench_core::excitation::{Player, Sequence};
@@ -17,6 +17,9 @@ const TRIES: u32 = 3;
 /// Samples of the beginning that may be lost, and bits that two roundings may differ by, when it is looked at what was played.
 const LOST_AT_FIRST: usize = 100;
 const ROUNDING: i32 = 2;
+
+/// What a recording lacks that was broken off: what else it would have had is in that.
+const REST: Lack = Lack { what: "the rest of its sequence", remedy: "play it whole" };
 
 /// How a recording ended that has not.
 pub const RUNNING: &str = "running";
@@ -76,7 +79,11 @@ impl Record {
     pub fn coverage(&self) -> Covered {
         let mut coverage = Coverage::new(&self.settings);
         coverage.add(&self.samples);
-        coverage.covered()
+        let mut covered = coverage.covered();
+        if self.ended != Ended::Complete {
+            covered.lacks = vec![REST];
+        }
+        covered
     }
 
     /// What a recording's side file says.
