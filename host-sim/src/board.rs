@@ -98,6 +98,37 @@ fn remedy(reply: &str) -> &'static str {
     if reply.ends_with("clear it first") { " (`motorbench connect clear`)" } else { "" }
 }
 
+/// The board's own word on a trip comes within so much time.
+const LATCHED_S: f64 = 0.05;
+
+/// Allows the drive. A board that refuses for a trip it has latched says by that what to do about it.
+///
+/// # Errors
+/// [`BoardError`], [`BoardError::Tripped`] for such a trip.
+pub fn arm(board: &mut impl Board) -> Result<(), BoardError> {
+    match board.command("arm") {
+        Err(refused @ BoardError::Refused { .. }) => latched(board).and(Err(refused)),
+        done => done,
+    }
+}
+
+/// Forgets a trip. One whose cause is still there comes again at once.
+///
+/// # Errors
+/// [`BoardError`], [`BoardError::Tripped`] for such a trip.
+pub fn clear(board: &mut impl Board) -> Result<(), BoardError> {
+    board.command("clear")?;
+    latched(board)
+}
+
+/// Whether the board has no trip at present.
+fn latched(board: &mut impl Board) -> Result<(), BoardError> {
+    match board.samples(LATCHED_S)?.last() {
+        Some(Sample { trip, .. }) if *trip != Trip::None => Err(BoardError::Tripped(*trip)),
+        _ => Ok(()),
+    }
+}
+
 /// Has the drive stop by itself when this program dies, where the board's own `trip_host` is off; who calls this keeps the board
 /// alive. `settings` are those of the board.
 ///
@@ -188,6 +219,8 @@ pub(crate) mod tests {
     /// A board that obeys every line, holds every speed at once, and sends so many samples: then its telemetry stops.
     pub(crate) struct Fake {
         pub heard: Vec<String>,
+        /// A trip that it has latched, for which it refuses to arm.
+        pub trip: Trip,
         /// One sample of so many comes over the line.
         pub every: u32,
         tick: u32,
@@ -198,7 +231,7 @@ pub(crate) mod tests {
 
     impl Fake {
         pub(crate) fn that_sends(samples: u32) -> Self {
-            Self { heard: Vec::new(), every: 1, tick: 0, left: samples, speed: 0, silent_s: 0.0 }
+            Self { heard: Vec::new(), trip: Trip::None, every: 1, tick: 0, left: samples, speed: 0, silent_s: 0.0 }
         }
     }
 
@@ -211,7 +244,11 @@ pub(crate) mod tests {
                 self.speed = (speed.parse::<f32>().unwrap() / settings.get(Param::SpeedRange) * FULL_RANGE) as i16;
             }
             self.heard.push(line.into());
-            Ok(())
+            match self.trip {
+                Trip::None => Ok(()),
+                _ if line != "arm" => Ok(()),
+                _ => Err(BoardError::Refused { line: line.into(), reply: "error: tripped, clear it first".into() }),
+            }
         }
 
         fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError> {
@@ -225,13 +262,23 @@ pub(crate) mod tests {
             }
             let ticks = self.tick + 1..=self.tick + sent;
             self.tick += sent;
-            let sample = |tick| Sample { tick, speed: self.speed, ..Sample::default() };
+            let sample = |tick| Sample { tick, speed: self.speed, trip: self.trip, ..Sample::default() };
             Ok(ticks.filter(|tick| tick % self.every == 0).map(sample).collect())
         }
 
         fn stay_alive(&mut self) -> Result<(), BoardError> {
             Ok(())
         }
+    }
+
+    #[test]
+    fn a_trip_that_stays_says_what_to_do() {
+        let mut board = Fake::that_sends(u32::MAX);
+        assert_eq!([arm(&mut board), clear(&mut board)], [Ok(()), Ok(())]);
+        board.trip = Trip::EmergencyStop;
+        let stays = BoardError::Tripped(Trip::EmergencyStop);
+        assert_eq!([arm(&mut board), clear(&mut board)], [Err(stays.clone()), Err(stays.clone())]);
+        assert!(stays.to_string().contains("release the emergency stop; then"));
     }
 
     #[test]

@@ -247,8 +247,36 @@ fn a_blocked_rotor_trips_and_what_had_come_is_kept() {
     // The trip is latched: what to do about it is said, at this board and no other.
     let again = board.run("record", &STEPS);
     assert_eq!(again.status.code(), Some(1));
-    let remedy = format!("clear it first (`motorbench connect --port {} clear`)", board.port().display());
-    assert!(text(&again.stderr).contains(&remedy), "{}", text(&again.stderr));
+    let clear = format!("then `motorbench connect --port {} clear`", board.port().display());
+    assert!(text(&again.stderr).contains(&clear), "{}", text(&again.stderr));
+}
+
+/// Whatever is asked of the board then, it says what to do: a trip whose cause stays comes again.
+#[test]
+fn an_emergency_stop_that_is_pressed_is_named() {
+    let board = Board::new("stop");
+    board.order("stop on");
+    std::fs::write(board.folder.join("rig.toml"), PIVT6_TOML).unwrap();
+    let stand = ["--rig", "rig.toml", "--voltages", "6,7,8"];
+    for (command, arguments) in [
+        ("connect", &["clear"][..]),
+        ("record", &STEPS),
+        ("autotune", &[]),
+        ("tune", &["--keys", "a"]),
+        ("stand", &stand),
+    ] {
+        let done = board.run(command, arguments);
+        assert_eq!(done.status.code(), Some(1), "{command}: {}", text(&done.stderr));
+        assert!(text(&done.stderr).contains("release the emergency stop; then"), "{command}: {}", text(&done.stderr));
+    }
+    let (mut talk, mut fingers, mut answers) = console(&board);
+    writeln!(fingers, "clear").unwrap();
+    assert!(answers.next().unwrap().contains("release the emergency stop; then"));
+    board.order("stop off");
+    drop(fingers);
+    assert_eq!(talk.wait().unwrap().code(), Some(1));
+    assert_eq!(board.run("connect", &["clear"]).status.code(), Some(0));
+    assert_eq!(board.run("record", &STEPS).status.code(), Some(0));
 }
 
 /// Without a name each recording has its own, with all that stands beside it.

@@ -2,7 +2,7 @@
 
 use super::board::{PortArguments, finite, on_interrupt};
 use super::{Failure, Outputs, terminal, write};
-use crate::board::{Board, BoardError, leave_host, samples_of, untripped, watch_host};
+use crate::board::{Board, BoardError, arm, leave_host, samples_of, untripped, watch_host};
 use crate::design::on_board::{self, TuningError};
 use crate::design::relay::{Relay, tyreus_luyben};
 use crate::design::step_tuning::simc;
@@ -233,7 +233,7 @@ fn shown(settings: &Settings, name: &str) -> String {
 
 /// Lets the bridge brake the motor, which may turn from the experiment: what it has of that is no overshoot.
 fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(), BoardError> {
-    board.command("arm")?;
+    arm(board)?;
     board.command("mode open")?;
     board.samples(0.0)?;
     let resting = RESTING_SHARE * reference.abs() / speed_bit_rad_per_s(settings);
@@ -249,7 +249,7 @@ fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> 
 /// Goes to the reference from rest; overshoot in percent, and mean error at the end.
 fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(f64, f64), BoardError> {
     come_to_rest(board, settings, reference)?;
-    board.command("arm")?;
+    arm(board)?;
     board.command("mode speed")?;
     board.samples(0.0)?;
     board.command(&format!("ref {reference}"))?;

@@ -3,7 +3,7 @@
 use super::files::{beside, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, bar, cannot_write, read_rig, tell, write};
-use crate::board::{Board, BoardError, LOST_AFTER_MS, leave_host, limit, watch_host};
+use crate::board::{Board, BoardError, LOST_AFTER_MS, arm, leave_host, limit, watch_host};
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
@@ -480,7 +480,7 @@ fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settin
     }
     let amplitude =
         arguments.amplitude.unwrap_or_else(|| (8.0 * f64::from(settings.get(Param::SupplyVoltage))).round() / 10.0);
-    link.command("arm")?;
+    arm(link)?;
     link.command(&format!("mode {}", arguments.mode))?;
     let RecordArguments { offset, period: period_ms, seed, .. } = *arguments;
     let count = arguments.count.unwrap_or_else(|| arguments.sequence.usual_count(period_ms));

@@ -2,7 +2,7 @@
 
 use super::board::{PortArguments, lifted_protections, on_interrupt, typed_lines};
 use super::{Failure, tell};
-use crate::board::{Board as _, BoardError, LOST_AFTER_MS, cause, words};
+use crate::board::{Board as _, BoardError, LOST_AFTER_MS, cause, clear, words};
 use crate::link::port::Port;
 use crate::link::{self, Link, VERSION};
 use crate::terminal_text::narrow;
@@ -129,6 +129,12 @@ impl Console {
                 self.refused.get_or_insert_with(refused);
                 vec![reply]
             }
+            // Its cause is still there.
+            Err(tripped @ BoardError::Tripped(_)) => {
+                let reply = format!("error: {tripped}");
+                self.refused.get_or_insert(tripped.into());
+                vec![reply]
+            }
             answer => answer?,
         };
         self.say(line, &replies);
@@ -147,6 +153,7 @@ impl Console {
         let replies = match command {
             // Its word that all is saved must not come behind the answer to the next line.
             "save" if words.len() == 1 => self.link.save().map(|()| Vec::new())?,
+            "clear" if words.len() == 1 => clear(&mut self.link).map(|()| Vec::new())?,
             _ => self.link.ask(line)?,
         };
         match command {

@@ -7,7 +7,7 @@
 
 use super::relay::{LimitCycle, Relay, RelayError, Switching};
 use super::step_tuning::{FirstOrder, StepError, fit};
-use crate::board::{Board, BoardError, Silence, samples_of, untripped};
+use crate::board::{Board, BoardError, Silence, arm, samples_of, untripped};
 use crate::telemetry::speed_bit_rad_per_s;
 use motorbench_core::message::Sample;
 use motorbench_core::pins::PWM_STEPS;
@@ -112,7 +112,7 @@ fn jumping<B: Board, R>(
 }
 
 fn begin(board: &mut impl Board) -> Result<(), BoardError> {
-    board.command("arm")?;
+    arm(board)?;
     board.command("mode open")?;
     board.samples(0.0).map(drop)
 }

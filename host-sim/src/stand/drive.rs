@@ -9,7 +9,7 @@
 
 mod creep;
 
-use crate::board::{Board, BoardError, leave_host, untripped, watch_host};
+use crate::board::{Board, BoardError, arm, leave_host, untripped, watch_host};
 use crate::diagnose::outcome::Estimate;
 use crate::diagnose::page::estimate;
 use crate::free_run::pwm_period::{Ripple, Volts};
@@ -312,7 +312,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     }
 
     fn arm(&mut self) -> Result<(), Ended> {
-        self.board.command("arm")?;
+        arm(self.board)?;
         self.board.command("mode open")?;
         self.waiting.clear();
         Ok(self.board.samples(0.0).map(|_| ())?)

@@ -283,6 +283,11 @@ impl<L: Line> Session<L> {
                 self.message = reply;
                 Ok(())
             }
+            // Its cause is still there.
+            Err(BoardError::Tripped(trip)) => {
+                self.message = format!("no drive ({}): {}; then a clears it and arms", words(trip), cause(trip));
+                Ok(())
+            }
             other => other,
         }
     }
@@ -421,6 +426,11 @@ impl<L: Line> Session<L> {
 
     fn arm(&mut self) -> Result<(), BoardError> {
         self.link.command("clear")?;
+        // Nothing that comes meanwhile is lost to traces and recording.
+        self.poll()?;
+        if let Some(Sample { trip, .. }) = self.traces.back().filter(|sample| sample.trip != Trip::None) {
+            return Err(BoardError::Tripped(*trip));
+        }
         self.link.command("arm")?;
         self.enter_mode()?;
         self.armed = true;
