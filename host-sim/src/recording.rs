@@ -4,6 +4,7 @@
 //! is missing is empty or `nan`.
 
 use crate::delimited::{self, Delimited};
+use crate::terminal_text::quoted;
 use crate::text_file;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -236,7 +237,8 @@ impl Recording {
         text.read_to_end(&mut bytes).map_err(|source| RecordingError::Read { name: name.into(), source })?;
         let no_text = || {
             let message = format!(
-                "this is no text; a CSV table is expected, and `motorbench convert {name} NEW.csv` makes one of other formats"
+                "this is no text; a CSV table is expected, and `motorbench convert {} NEW.csv` makes one of other formats",
+                quoted(name)
             );
             RecordingError::Table { name: name.into(), message }
         };
@@ -292,9 +294,9 @@ impl Recording {
             return None;
         }
         let found = self.ignored.iter().find(looks_like_time)?;
-        let (name, rows) = (&self.name, self.len());
+        let (name, quoted, rows) = (&self.name, quoted(&self.name), self.len());
         Some(format!(
-            "{name}: no column t_s, and {rows} rows are no table of steady states. Is {found} the time in seconds? Then --column {found}=t_s; in milliseconds `motorbench convert {name} NEW.csv --map {found}=t_s*0.001`"
+            "{name}: no column t_s, and {rows} rows are no table of steady states. Is {found} the time in seconds? Then --column {found}=t_s; in milliseconds `motorbench convert {quoted} NEW.csv --map {found}=t_s*0.001`"
         ))
     }
 
@@ -307,7 +309,7 @@ impl Recording {
         if let Some(delimiter) = header.get(0).filter(|_| header.len() == 1).and_then(other_delimiter) {
             return Err(error(format!(
                 "its values stand between {delimiter} and not between commas: `motorbench convert {} NEW.csv` makes the project's CSV of it, with --decimal-comma where numbers are 1,5",
-                self.name
+                quoted(&self.name)
             )));
         }
         let known = || Channel::ALL.map(Channel::column).join(", ");

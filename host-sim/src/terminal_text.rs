@@ -49,6 +49,12 @@ pub fn wrapped(text: &str, first: &str, other: &str) -> String {
     textwrap::fill(&text, options).replace(HELD_PERCENT, " %") + "\n"
 }
 
+/// A name as a shell takes it, for a command that a person is told to type.
+pub fn quoted(name: &str) -> String {
+    // No name of a file has what cannot be quoted, a zero.
+    shlex::try_quote(name).map_or_else(|_| name.into(), Into::into)
+}
+
 /// A text whose lines that are longer than [`COLUMNS`] are broken; the others, and what they draw, stay as they are.
 pub fn narrow(text: &str) -> String {
     let line = |line: &str| match line.chars().count() > COLUMNS {
@@ -70,6 +76,14 @@ mod tests {
         assert_eq!([-0.004, 0.004, -0.005_1, -12.0].map(|value| fixed(value, 2)), ["0.00", "0.00", "-0.01", "-12.00"]);
         assert_eq!(fixed(-0.4, 0), "0");
         assert_eq!([-0.0, -1e-3].map(short), ["0", "-0.00100"]);
+    }
+
+    #[test]
+    fn a_name_is_one_word_of_a_shell() {
+        for name in ["run.csv", "/dev/ttyACM0", "\u{fc} r\u{fc}n.csv", "it's $HOME.csv", "a;b&c.csv"] {
+            assert_eq!(shlex::split(&quoted(name)), Some(vec![name.to_string()]));
+        }
+        assert_eq!(quoted("../runs/run-2.csv"), "../runs/run-2.csv");
     }
 
     #[test]

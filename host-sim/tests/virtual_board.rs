@@ -302,6 +302,10 @@ fn a_recording_that_nobody_named_replaces_none() {
         }
     }
     assert_eq!(std::fs::read(board.folder.join("run.csv")).unwrap(), first);
+    // What is to be typed next can be, whatever the name.
+    let named = board.run("record", &[&STEPS[..], &["--out", "\u{fc} r\u{fc}n.csv"]].concat());
+    let next = "\nnext: motorbench diagnose '\u{fc} r\u{fc}n.csv' --rig '\u{fc} r\u{fc}n.rig.toml'\n";
+    assert!(text(&named.stdout).ends_with(next), "{}", text(&named.stdout));
     assert!(!board.folder.join("run-2.csv").exists());
 }
 

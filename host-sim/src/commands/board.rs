@@ -13,6 +13,7 @@ use crate::live::Live;
 use crate::rig::NominalMotor;
 use crate::scenario::sequence::SequenceOrder;
 use crate::telemetry;
+use crate::terminal_text::quoted;
 use crate::text_file;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressStyle;
@@ -54,6 +55,7 @@ impl PortArguments {
     pub(super) fn named_in(&self, text: &str) -> String {
         match &self.port {
             Some(port) => {
+                let port = quoted(port);
                 text.replace(CONNECT, &format!("{CONNECT} --port {port}")).replace(LSOF, &format!("`lsof {port}`"))
             }
             None => text.into(),
@@ -563,7 +565,7 @@ fn report((arguments, out): (&RecordArguments, &Path), done: &Record) {
 /// What a person would do next.
 fn next(arguments: &RecordArguments, out: &Path) {
     let [out, rig, scenario] =
-        [out, &beside(out, "rig.toml"), &beside(out, "scenario.toml")].map(|path| path.display().to_string());
+        [out, &beside(out, "rig.toml"), &beside(out, "scenario.toml")].map(|path| quoted(&path.to_string_lossy()));
     match arguments.mode.as_str() {
         "open" => println!("next: motorbench diagnose {out} --rig {rig}"),
         _ => println!("next: motorbench validate {out} --scenario {scenario} \\\n  --rig {rig} --model MODEL.toml"),
