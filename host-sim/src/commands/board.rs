@@ -4,6 +4,7 @@ use super::files::{beside, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, bar, cannot_write, read_rig, tell, write};
 use crate::board::{Board, BoardError, LOST_AFTER_MS, arm, leave_host, limit, watch_host};
+use crate::keys;
 use crate::link::coverage::{Coverage, Lack};
 use crate::link::growing::GrowingCsv;
 use crate::link::port::{Port, only_board, open, ports};
@@ -235,8 +236,8 @@ pub struct RecordArguments {
     /// Of random excitations.
     #[arg(long, default_value_t = 1)]
     seed: u16,
-    /// Who sets the voltage: open, speed, position, lqr_speed, lqr_position.
-    #[arg(long, default_value = "open")]
+    /// Who sets the voltage.
+    #[arg(long, default_value = "open", value_parser = ["open", "speed", "position", "lqr_speed", "lqr_position"])]
     mode: String,
     /// Settings to change for this recording, put back after it: NAME=VALUE.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
@@ -260,8 +261,17 @@ pub(super) fn finite(text: &str) -> Result<f64, String> {
 }
 
 fn assignment(text: &str) -> Result<(String, f64), String> {
-    let parts = text.split_once('=').and_then(|(name, value)| Some((name.into(), finite(value).ok()?)));
-    parts.ok_or("expected NAME=VALUE, for instance current_limit=0".into())
+    let parts = text.split_once('=').and_then(|(name, value)| Some((name, finite(value).ok()?)));
+    let (name, value) = parts.ok_or("expected NAME=VALUE, for instance current_limit=0")?;
+    if find(name.as_bytes()).is_none() {
+        let known: Vec<String> = Param::ALL.iter().map(|param| link::name(*param)).collect();
+        let meant = keys::nearest(name, known.iter().map(String::as_str));
+        return Err(format!(
+            "{name}: no such setting{}; `motorbench connect show` lists them",
+            keys::suggestion(meant)
+        ));
+    }
+    Ok((name.into(), value))
 }
 
 /// Runs `record`.

@@ -37,28 +37,30 @@ pub fn completions(arguments: &CompletionsArguments) {
   motorbench man --json")]
 pub struct ManArguments {
     /// Of this command; without it of the program.
-    command: Option<String>,
+    #[arg(value_parser = named)]
+    command: Option<Box<Command>>,
     /// Prints commands, arguments, values and defaults as JSON instead of the page.
     #[arg(long)]
     json: bool,
 }
 
+/// The program, with the options' defaults and the whole usage of each command.
+fn built() -> Command {
+    let mut program = command();
+    program.build();
+    program
+}
+
+fn named(name: &str) -> Result<Box<Command>, &'static str> {
+    built().find_subcommand(name).cloned().map(Box::new).ok_or("no such command; `motorbench --help` lists them")
+}
+
 /// Runs `man`.
 ///
 /// # Errors
-/// When there is no such command.
-pub fn man(arguments: &ManArguments) -> Result<(), Failure> {
-    let mut program = command();
-    // So that a command's page has the options' defaults and the whole usage.
-    program.build();
-    let of = match &arguments.command {
-        None => program,
-        Some(name) => {
-            let found = program.find_subcommand(name).cloned();
-            found
-                .ok_or_else(|| Failure::input(format!("man {name}: no such command; `motorbench --help` lists them")))?
-        }
-    };
+/// When a page cannot be made.
+pub fn man(arguments: ManArguments) -> Result<(), Failure> {
+    let of = arguments.command.map_or_else(built, |command| *command);
     if arguments.json {
         println!("{:#}", described(&of));
         return Ok(());
@@ -114,8 +116,7 @@ mod tests {
 
     #[test]
     fn every_page_names_the_program_and_its_version() {
-        let mut program = command();
-        program.build();
+        let program = built();
         for of in program.get_subcommands().chain([&program]) {
             let page = page(of.clone()).unwrap_or_else(|failure| panic!("{}", failure.message));
             let title = page.lines().find(|line| line.starts_with(".TH")).expect("a title");

@@ -105,6 +105,12 @@ impl Failure {
         Self { message: message.to_string(), code: 1 }
     }
 
+    /// The command line is wrong, which only shows when it is carried out.
+    #[cfg(all(feature = "chip", unix))]
+    fn command_line(message: impl Display) -> Self {
+        Self { message: message.to_string(), code: 2 }
+    }
+
     /// Something is missing on this machine.
     pub fn machine(message: impl Display) -> Self {
         Self { message: message.to_string(), code: 3 }
@@ -197,7 +203,7 @@ fn run(program: Program) -> Result<(), Failure> {
             manual::completions(&arguments);
             Ok(())
         }
-        Command::Man(arguments) => manual::man(&arguments),
+        Command::Man(arguments) => manual::man(arguments),
     }
 }
 

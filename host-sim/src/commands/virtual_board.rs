@@ -160,9 +160,14 @@ mod with_chip {
         let mut bench = Bench::new(elf, circuit(rig.as_ref()), surroundings.plant()).map_err(Failure::input)?;
         for order in &arguments.with {
             if order.trim() == QUIT {
-                return Err(Failure::input("--with quit: that is for a board that runs; --seconds 1 ends this one"));
+                return Err(Failure::command_line(
+                    "--with quit: that is for a board that runs; --seconds 1 ends this one",
+                ));
             }
-            surroundings.obey(&mut bench, order).map_err(|why| Failure::input(format!("--with {why}")))?;
+            // A file that a line names is none of the line.
+            let names_file = order.split_whitespace().next() == Some("model");
+            let failure = if names_file { Failure::input } else { Failure::command_line };
+            surroundings.obey(&mut bench, order).map_err(|why| failure(format!("--with {why}")))?;
         }
         let mut eeprom = arguments.eeprom.clone().map(Eeprom).map(|eeprom| eeprom.load(&mut bench)).transpose()?;
         let ended = serve(arguments, &mut bench, surroundings, &mut eeprom);
