@@ -542,8 +542,11 @@ fn busy_and_missing_ports_and_full_disks_are_named() {
     let missing = Command::new(MOTORBENCH).args(["connect", "--port", "/dev/none", "status"]).output().unwrap();
     assert_eq!(missing.status.code(), Some(3));
     assert!(text(&missing.stderr).contains("motorbench ports"), "{}", text(&missing.stderr));
-    let full = board.run("record", &["--out", "/proc/none.csv"]);
-    assert_eq!(full.status.code(), Some(3), "{}", text(&full.stderr));
+    for (file, remedy) in [("/proc/none.csv", "choose another folder"), ("none/run.csv", "make its folder first")] {
+        let none = board.run("record", &["--out", file]);
+        assert_eq!(none.status.code(), Some(3), "{}", text(&none.stderr));
+        assert!(text(&none.stderr).contains(remedy), "{}", text(&none.stderr));
+    }
 }
 
 /// A program that had the port open before, and takes what the board says: no read waits for its turn, and Ctrl-C is heard.
@@ -701,6 +704,14 @@ fn a_board_in_the_background() {
     assert_eq!(tell("load 0.4").status.code(), Some(0));
     assert_eq!(tell("wait 2").status.code(), Some(0));
     assert!(text(&board.run("connect", &["version"]).stdout).starts_with("motorbench "), "the motor races");
+    // A name is that of who says it, wherever the board was begun.
+    let elsewhere = board.folder.join("else where");
+    std::fs::create_dir(&elsewhere).unwrap();
+    std::fs::write(elsewhere.join("own.toml"), PIVT6_TOML).unwrap();
+    let mut command = Command::new(MOTORBENCH);
+    command.args(["virtual", "--link", &link, "--tell", "model own.toml"]).current_dir(&elsewhere);
+    let done = command.output().unwrap();
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
     let refused = tell("load 1e30");
     assert_eq!((refused.status.code(), text(&refused.stderr).contains("expected -0.493")), (Some(1), true));
     assert_eq!(tell("quit").status.code(), Some(0));

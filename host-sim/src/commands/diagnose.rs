@@ -143,7 +143,10 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 /// Those of a folder's entries. A folder of which a part cannot be read is not studied as if the rest were all.
 fn recordings_of(entries: impl Iterator<Item = io::Result<PathBuf>>) -> io::Result<Vec<PathBuf>> {
     let mut files = entries.collect::<io::Result<Vec<PathBuf>>>()?;
-    files.retain(|file| file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")));
+    // Who writes into a pipe may never come.
+    let is_recording = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
+    let is_no_file = |file: &PathBuf| file.metadata().is_ok_and(|found| !found.is_file());
+    files.retain(|file| is_recording(file) && !is_no_file(file));
     files.sort();
     Ok(files)
 }
@@ -193,11 +196,15 @@ mod tests {
 
     #[test]
     fn a_folder_that_cannot_be_read_whole_is_told() {
-        let entries = |names: &[&str]| names.iter().map(|name| Ok(PathBuf::from(name))).collect::<Vec<_>>();
-        let found = recordings_of(entries(&["b.csv", "run.json", "a.CSV"]).into_iter()).unwrap();
-        assert_eq!(found, [Path::new("a.CSV"), Path::new("b.csv")]);
+        let folder = tempfile::tempdir().unwrap();
+        let [a, b, other] = ["a.CSV", "b.csv", "run.json"].map(|name| folder.path().join(name));
+        [&a, &b, &other].into_iter().for_each(|file| std::fs::write(file, "").unwrap());
+        let folders = folder.path().join("old.csv");
+        std::fs::create_dir(&folders).unwrap();
+        let found = recordings_of([&b, &other, &folders, &a].map(|file| Ok(file.clone())).into_iter()).unwrap();
+        assert_eq!(found, [a.clone(), b]);
         let lost = Err(io::Error::other("input/output error"));
-        let error = recordings_of(entries(&["a.csv"]).into_iter().chain([lost])).unwrap_err();
+        let error = recordings_of([Ok(a), lost].into_iter()).unwrap_err();
         assert!(error.to_string().contains("input/output error"));
     }
 }

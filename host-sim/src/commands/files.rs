@@ -1,6 +1,6 @@
 //! The files of one command line: none is written over another that it reads or writes, and the terminal has one thing.
 
-use super::Failure;
+use super::{Failure, folder};
 use serde_json::{Map, Value};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -111,10 +111,7 @@ pub(super) fn side_file(table: &Path) -> Option<PathBuf> {
 fn own_name(path: &Path) -> Option<PathBuf> {
     match path.canonicalize() {
         Ok(name) => Some(name).filter(|name| name.is_file()),
-        Err(_) => {
-            let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
-            Some(folder.canonicalize().ok()?.join(path.file_name()?))
-        }
+        Err(_) => Some(folder(path).canonicalize().ok()?.join(path.file_name()?)),
     }
 }
 

@@ -349,11 +349,16 @@ fn not_printed(why: impl Display) -> Failure {
     Failure::machine(format!("the standard output cannot be written: {why}: make room there, or send it elsewhere"))
 }
 
+/// Where a file is or would be.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
+}
+
 /// Why a file cannot be written, and what to do.
 fn cannot_write(path: &Path, error: &io::Error) -> Failure {
     let remedy = match error.kind() {
-        ErrorKind::NotFound => ": make its folder first",
-        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => ": choose another folder",
+        ErrorKind::NotFound if !folder(path).is_dir() => ": make its folder first",
+        ErrorKind::NotFound | ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => ": choose another folder",
         ErrorKind::StorageFull | ErrorKind::FileTooLarge | ErrorKind::QuotaExceeded => ": make room on the disk",
         ErrorKind::IsADirectory => ": it is a folder, name a file in it",
         _ => "",

@@ -98,7 +98,7 @@ pub use with_chip::run;
 #[cfg(all(feature = "chip", unix))]
 mod with_chip {
     use super::super::{firmware, read_rig};
-    use super::surroundings::{ORDERS, Surroundings, Until};
+    use super::surroundings::{ORDERS, Surroundings, Until, model_file};
     use super::{Arguments, Failure};
     use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator};
     use crate::link::virtual_control::{VirtualControl, control_path};
@@ -111,6 +111,7 @@ mod with_chip {
     use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
     use rustix::stdio::stdin;
     use rustix::termios::{OptionalActions, tcgetattr, tcgetpgrp, tcsetattr};
+    use std::borrow::Cow;
     use std::fs::File;
     use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
     use std::os::unix::fs::OpenOptionsExt;
@@ -165,8 +166,7 @@ mod with_chip {
                 ));
             }
             // A file that a line names is none of the line.
-            let names_file = order.split_whitespace().next() == Some("model");
-            let failure = if names_file { Failure::input } else { Failure::command_line };
+            let failure = if model_file(order).is_some() { Failure::input } else { Failure::command_line };
             surroundings.obey(&mut bench, order).map_err(|why| failure(format!("--with {why}")))?;
         }
         let mut eeprom = arguments.eeprom.clone().map(Eeprom).map(|eeprom| eeprom.load(&mut bench)).transpose()?;
@@ -186,12 +186,23 @@ mod with_chip {
             ))
         })?;
         for line in &arguments.tell {
-            board.order(line).map_err(Failure::input)?;
+            board.order(&from_here(line)).map_err(Failure::input)?;
             if arguments.json {
                 println!("{}", serde_json::json!({ "line": line, "error": null }));
             }
         }
         Ok(())
+    }
+
+    /// A line for a board that runs in another folder.
+    fn from_here(line: &str) -> Cow<'_, str> {
+        match model_file(line) {
+            Some(file) => {
+                let file = std::path::absolute(file).unwrap_or_else(|_| file.into());
+                format!("model {}", file.display()).into()
+            }
+            None => line.into(),
+        }
     }
 
     fn circuit(rig: Option<&Rig>) -> Circuit {

@@ -29,6 +29,11 @@ pub(super) const ORDERS: &str =
     "motor, effect, model, load, brake, supply, block, turn, encoder, current, stop,\nreset, wait, quit";
 const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, brake NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset, wait S or quit";
 
+/// The file of a line that names one, which may have spaces in its name.
+pub(super) fn model_file(order: &str) -> Option<&str> {
+    order.trim().strip_prefix("model").filter(|rest| rest.starts_with(char::is_whitespace)).map(str::trim)
+}
+
 /// How long a line is at work.
 #[derive(Clone, Copy)]
 pub(super) enum Until {
@@ -102,9 +107,10 @@ impl Surroundings {
             ["motor", ref pairs @ ..] if !pairs.is_empty() => self.become_motor(bench, self.with_motor(pairs)?),
             ["effect", id, "off"] => self.become_motor(bench, self.without_effect(id)?),
             ["effect", id, ref pairs @ ..] => self.become_motor(bench, self.with_effect(id, pairs)?),
-            ["model", path] => {
+            ["model", _, ..] => {
+                let file = model_file(order).expect("the rest of the line");
+                let model = read_model(Path::new(file)).map_err(|failure| failure.message)?;
                 self.bridge = BridgeLosses::DIODES;
-                let model = read_model(Path::new(path)).map_err(|failure| failure.message)?;
                 self.become_motor(bench, model);
             }
             ["load", torque_nm] => {
