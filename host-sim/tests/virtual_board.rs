@@ -1031,6 +1031,28 @@ fn a_tuning_session_without_a_person() {
     assert!(shown.starts_with("trip_host 0 "), "{shown}");
 }
 
+/// A session over a network that breaks off, or a window that is closed: the drive is off, and the board as it came.
+#[test]
+fn the_tuning_console_takes_leave_without_its_terminal() {
+    let board = Board::new("tune-closed");
+    let Some(terminal) = Terminal::new(&board) else { return };
+    terminal.shows("speed off to 30");
+    terminal.does("a", "ARMED");
+    terminal.does("r", "recording; r ends it");
+    let own = std::fs::read_to_string(board.folder.join("tune.pid")).unwrap();
+    terminal.tmux(&["kill-session", "-t", &terminal.0]);
+    until("its end", || {
+        !Command::new("kill").args(["-0", own.trim()]).stderr(Stdio::null()).status().unwrap().success()
+    });
+    let left = board.run("connect", &["status", "show trip_host"]);
+    let (said, warned) = (text(&left.stdout), text(&left.stderr));
+    assert!(said.contains("mode off armed 0 trip 0 none") && said.contains("trip_host 0 "), "{said}{warned}");
+    assert_eq!(warned, "");
+    let side: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(board.folder.join("tune.json")).unwrap()).unwrap();
+    assert_eq!(side["samples"].as_u64().unwrap() as usize, rows(&board.folder.join("tune.csv")));
+}
+
 /// Killed, it cannot stop the motor; the drive does. The recording under way is kept as far as it had come.
 #[test]
 fn the_tuning_console_dies_without_leaving_the_motor_driven() {

@@ -3,7 +3,7 @@
 use super::board::{PortArguments, cannot_grow, finite, on_interrupt, rig_and_side, table_file, write_each};
 use super::files::{beside, with_beside};
 use super::live::LiveArguments;
-use super::{Failure, Outputs, write_json};
+use super::{Failure, Outputs, tell, write_json};
 use crate::board::BoardError;
 use crate::link::growing::GrowingCsv;
 use crate::link::record::{Ended, Record, by_name};
@@ -139,7 +139,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     };
     let failed = if let Ended::Failed(why) = &ended { Some(BoardError::Failed(why.clone())) } else { None };
     if let Some(kept) = session.end_recording(failed.as_ref()) {
-        eprintln!("{kept}");
+        tell(&kept);
     }
     // Also after a trip; a board that is gone has said so already.
     if let (Err(error), Ended::Complete) = (session.leave(), &ended) {

@@ -14,6 +14,7 @@ use ratatui::style::{Modifier, Style};
 use ratatui::text::Line as TextLine;
 use ratatui::widgets::{Block, Chart, Paragraph};
 use std::borrow::Cow;
+use std::mem::ManuallyDrop;
 use std::time::Duration;
 
 /// Points drawn of a trace.
@@ -29,9 +30,11 @@ const PLOT: u16 = 5;
 /// # Errors
 /// [`BoardError`], when the board or the terminal is gone.
 pub fn run<L: Line>(session: &mut Session<L>, stop: &dyn Fn() -> bool) -> Result<(), BoardError> {
-    let mut terminal = ratatui::init();
+    // Neither dropped nor restored aloud: of a terminal that was closed both would complain to it, and end the program before it
+    // has taken leave of the board.
+    let mut terminal = ManuallyDrop::new(ratatui::init());
     let ended = until_quit(&mut terminal, session, stop);
-    ratatui::restore();
+    let _ = (terminal.show_cursor(), ratatui::try_restore());
     ended
 }
 
