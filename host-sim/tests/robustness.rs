@@ -214,6 +214,11 @@ fn a_reader_that_pauses_for_too_long_is_taken_for_lost() {
     let done = paused(&board, recording);
     assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
     assert!(text(&done.stderr).contains("host silent"), "{}", text(&done.stderr));
+    // The trip came over before the line was full: what was lost after it is none of the recording.
+    let side = board.side_file();
+    let undisturbed = serde_json::json!({ "lost_frames": 0, "damaged_frames": 0 });
+    assert!(side["missing_ticks"] != 0 || side["losses"] == undisturbed, "{side}");
+    assert_eq!(text(&done.stdout).contains("on the line"), side["losses"] != undisturbed, "{}", text(&done.stdout));
     board.motor_is_off();
 }
 

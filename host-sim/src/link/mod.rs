@@ -123,6 +123,8 @@ pub struct Link<L: Line> {
     samples: Vec<Sample>,
     reply: String,
     last_tick: Option<u32>,
+    /// What had been lost by the ticks at which more of it was noticed.
+    noticed: Vec<(u32, Losses)>,
     /// When the last frame came.
     heard: Instant,
     /// What came since the end of the last frame: a board that begins anew greets there.
@@ -159,6 +161,7 @@ impl<L: Line> Link<L> {
             samples: Vec::new(),
             reply: String::new(),
             last_tick: None,
+            noticed: Vec::new(),
             heard: Instant::now(),
             outside: Vec::new(),
             unanswered: 0,
@@ -238,12 +241,19 @@ impl<L: Line> Link<L> {
         self.samples.clear();
         self.outside.clear();
         (self.decoder.lost, self.decoder.damaged) = (0, 0);
+        self.noticed.clear();
         Ok(())
     }
 
     /// What was lost since the start.
     pub fn losses(&self) -> Losses {
         Losses { lost_frames: self.decoder.lost, damaged_frames: self.decoder.damaged }
+    }
+
+    /// What of it was lost before a tick that came.
+    pub fn losses_before(&self, tick: u32) -> Losses {
+        let last = self.noticed.iter().rev().find(|(noticed, _)| *noticed <= tick);
+        last.map_or(Losses::default(), |(_, losses)| *losses)
     }
 
     /// The samples that have come and nobody has fetched: those before the line failed.
@@ -454,6 +464,10 @@ impl<L: Line> Link<L> {
             return Err(reset("unknown"));
         }
         self.last_tick = Some(sample.tick);
+        let losses = self.losses();
+        if losses != self.noticed.last().map_or(Losses::default(), |(_, noticed)| *noticed) {
+            self.noticed.push((sample.tick, losses));
+        }
         self.samples.push(sample);
         Ok(())
     }

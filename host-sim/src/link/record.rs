@@ -148,7 +148,12 @@ pub fn record<L: Line>(
         (Ended::Complete, Err(error)) => Ended::Failed(error.to_string()),
         (ended, _) => ended,
     };
-    Record { samples, settings, ended, losses: link.losses() }
+    // What was lost after the last sample is none of a recording that was broken off: its samples are as many without it.
+    let losses = match (&ended, samples.last()) {
+        (Ended::Complete, _) | (_, None) => link.losses(),
+        (_, Some(last)) => link.losses_before(last.tick),
+    };
+    Record { samples, settings, ended, losses }
 }
 
 /// Who gets the samples while they come; what they could not be kept for is the error.
