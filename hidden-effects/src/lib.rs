@@ -360,6 +360,8 @@ pub struct Truth {
     pub nominal: Motor,
     /// What is in another scale.
     pub mistake: Option<Mistake>,
+    /// Whether a drop does anything that a motor of other constants does not: behind two levels of one magnitude it does not.
+    pub drop_shows: bool,
 }
 
 /// A recording with a secret.
@@ -381,7 +383,8 @@ pub fn draw(seed: u64, recipe: &Recipe) -> Trial {
     let nominal = wrong(motor, &mut random);
     let rig_toml = rig_toml(&bench, &nominal, recipe);
     let csv = sensors::record(bench, recipe, &mut random);
-    Trial { csv, rig_toml, truth: Truth { effects, motor, nominal, mistake: recipe.mistake } }
+    let drop_shows = recipe.excitation != Excitation::Prbs;
+    Trial { csv, rig_toml, truth: Truth { effects, motor, nominal, mistake: recipe.mistake, drop_shows } }
 }
 
 fn log_uniform(random: &mut impl Rng, from: f64, to: f64) -> f64 {

@@ -1,10 +1,10 @@
 //! What understanding a recording costs: 20 s at 1 kHz as the core records them, of a motor with Coulomb friction behind
 //! a bridge with a drop. `benches/peers/compare.py` runs the fits beside SciPy's least squares on a compiled model.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use host_sim::catalogue::effect;
 use host_sim::dataset::Dataset;
-use host_sim::diagnose::diagnose;
+use host_sim::diagnose::{diagnose, report::report};
 use host_sim::identify::{Effort, Prior, fit};
 use host_sim::model::Model;
 use host_sim::rig::NominalMotor;
@@ -45,6 +45,19 @@ fn identification(criterion: &mut Criterion) {
     group.bench_function("diagnosis", |b| {
         b.iter(|| diagnose(std::slice::from_ref(&recording), &rig, &|_| ()).map(|diagnosis| diagnosis.outcome))
     });
+    group.bench_function("diagnosis_with_report", |b| {
+        b.iter(|| {
+            let diagnosis = diagnose(std::slice::from_ref(&recording), &rig, &|_| ())?;
+            Ok::<_, host_sim::dataset::DatasetError>(report(&diagnosis, std::slice::from_ref(&recording.name)))
+        })
+    });
+    // It is to take time in proportion to the length.
+    for times in [2, 4] {
+        let several = vec![recording.clone(); times];
+        group.bench_function(BenchmarkId::new("diagnosis_of_recordings", times), |b| {
+            b.iter(|| diagnose(&several, &rig, &|_| ()).map(|diagnosis| diagnosis.outcome))
+        });
+    }
     group.finish();
 }
 

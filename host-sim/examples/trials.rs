@@ -23,7 +23,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 /// Kinds of trials, and what each is.
-const KINDS: [(&str, &str); 20] = [
+const KINDS: [(&str, &str); 21] = [
     ("clean", "nothing hidden"),
     ("single", "each effect alone"),
     ("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway"),
@@ -34,6 +34,10 @@ const KINDS: [(&str, &str); 20] = [
     ("voltage-speed", "one effect, voltage and speed alone recorded"),
     ("counts", "one effect, duty, counts and current recorded"),
     ("levels", "one effect, driven by random levels only"),
+    (
+        "binary",
+        "one effect on the rig with friction and bridge drop, driven by plus and minus one voltage at random, behind which a drop cannot be seen",
+    ),
     ("closed-loop", "one effect, recorded in a closed speed loop"),
     ("slow", "one effect on the rig with friction and bridge drop, recorded at 200 Hz"),
     ("slowest", "the same at 100 Hz"),

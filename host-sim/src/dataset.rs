@@ -44,6 +44,12 @@ const KEPT_BACK: usize = 1;
 /// An error below this share of a quantity's spread is not worth a name: holding terms over half a millisecond, a friction
 /// that bends before it slips and reading a speed as a mean cost up to as much.
 pub const TOLERANCE: f64 = 0.01;
+/// A row whose command is this share of the greatest one has that magnitude...
+const SAME_MAGNITUDE: f64 = 0.97;
+/// ... and where nothing else happens so many rows have it, of those in which the motor is driven or turns...
+const ONE_MAGNITUDE_ROWS: f64 = 0.98;
+/// ... by more than this share of the most.
+const AT_REST: f64 = 0.05;
 /// PWM frequency of the firmware, where the rig file gives none.
 const PWM_HZ: f64 = 20_000.0;
 
@@ -274,6 +280,17 @@ impl Dataset {
             mine.values.extend(theirs.values);
             mine.of_counting = mine.of_counting.max(theirs.of_counting);
         }
+    }
+
+    /// Whether nothing happens in it but by one voltage, this way and that.
+    pub fn has_one_magnitude(&self) -> bool {
+        let motion = &self.motion().values;
+        let (asked_v, fastest) = (greatest(&self.voltage_v), greatest(motion));
+        let drives = |row: usize, share: f64| !self.open[row] && self.voltage_v[row].abs() > share * asked_v;
+        let happens = |row: &usize| drives(*row, AT_REST) || motion[*row].abs() > AT_REST * fastest;
+        let happening = (0..self.len()).filter(happens).count();
+        let by_that = (0..self.len()).filter(|row| drives(*row, SAME_MAGNITUDE)).count();
+        by_that as f64 >= ONE_MAGNITUDE_ROWS * happening as f64
     }
 
     /// Whether it was driven in one way from beginning to end.

@@ -584,7 +584,8 @@ impl<'a> Run<'a> {
     fn advance(&mut self, at: &mut Instant, load_nm: f64) -> (Balance, f64) {
         let motor = &self.model.motor;
         let ripple = self.undriven.with_duty(at.duty);
-        let mut terms = Balance { torque_nm: -load_nm, ripple, ..Balance::default() };
+        let dry_drop_v = self.data.origin.hidden_drop_v;
+        let mut terms = Balance { torque_nm: -load_nm, dry_drop_v, ripple, ..Balance::default() };
         for Acting { effect, values, state } in &mut self.acting {
             effect.contribute(values, motor, at, state, &mut terms);
         }

@@ -319,6 +319,20 @@ fn commands_may_change_between_rows() {
     }
 }
 
+/// Plus and minus one voltage: a drop is not named, and what it leaves open of the motor is in the intervals.
+#[test]
+fn a_drop_is_not_seen_behind_one_magnitude() {
+    for seed in [1, 8, 20] {
+        let recipe = recipe("binary", seed);
+        let Diagnosis { outcome, model, .. } = assert_found(seed, &recipe);
+        assert!(outcome.advice.iter().any(|text| text.starts_with("The command has one magnitude")), "seed {seed}");
+        assert!(model.has("voltage_drop"), "seed {seed}: the model is of the voltage asked for");
+        let [lowest, highest] = outcome.parameters["resistance_ohm"].ci95;
+        let truth = draw(seed, &recipe).truth.motor.resistance_ohm;
+        assert!((lowest..highest).contains(&truth), "seed {seed}: {truth} is not in {lowest}..{highest}");
+    }
+}
+
 /// Ten milliseconds from row to row, or five: a mean over that is late by more than the current is.
 #[test]
 fn a_speed_may_be_a_mean_since_the_row_before() {

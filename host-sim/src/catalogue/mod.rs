@@ -114,6 +114,8 @@ pub struct Channels {
     pub counts: bool,
     /// Moments of commands between its rows, which are sought in its readings.
     pub moments: bool,
+    /// One voltage, this way and that, and nothing else that happens.
+    pub one_magnitude: bool,
 }
 
 /// How a bridge leaves the motor between pulses.

@@ -4,7 +4,7 @@
 //! it both ways. Behind a filter, a linear amplifier or in a program's averages the drop follows the mean current, and comes
 //! up over a knee.
 
-use super::{About, ActsOn, Balance, DryLosses, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Channels, DryLosses, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
 
 /// Knees that are tried, as shares of the greatest current; 0: at every moment.
@@ -41,6 +41,11 @@ impl Effect for VoltageDrop {
         // A fit has moved its knee.
         laws.retain(|law| law[1] != values[1]);
         laws
+    }
+
+    /// Of one voltage it is one share.
+    fn shows_in(&self, channels: &Channels) -> bool {
+        !channels.one_magnitude
     }
 
     fn dry_losses(&self, values: &[f64]) -> DryLosses {

@@ -13,6 +13,8 @@ pub struct Origin {
     pub pwm_is_known: bool,
     /// How it was recorded.
     pub timing: Timing,
+    /// A drop of the bridge that they do not show; every model is simulated behind it.
+    pub hidden_drop_v: f64,
     /// Over how long before its row each current is a mean; 0: it is that of the moment.
     pub current_window_s: f64,
     /// Whether each row had the command that had acted before it was read; the commands here have been moved.

@@ -47,10 +47,18 @@ impl Dataset {
         all
     }
 
+    /// The same behind a bridge with a drop that they do not show.
+    pub fn behind_a_drop(&self, drop_v: f64) -> Self {
+        let mut all = self.clone();
+        all.origin.hidden_drop_v = drop_v;
+        all
+    }
+
     /// The same with every voltage so many times as great.
     pub fn with_voltage_times(&self, factor: f64) -> Self {
         let mut all = self.clone();
         all.voltage_v.iter_mut().chain(&mut all.supply_v).for_each(|voltage| *voltage *= factor);
+        all.origin.hidden_drop_v *= factor;
         all
     }
 

@@ -10,6 +10,7 @@
 mod command_times;
 mod counter_stops;
 mod current_window;
+mod hidden_drop;
 pub mod judge;
 pub mod missing;
 pub mod outcome;
@@ -30,6 +31,7 @@ use crate::model::Model;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
 use crate::terminal_text::short;
+use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
@@ -98,6 +100,11 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         progress("with the counts that are lost");
         understood = certain(understood.data.with_counts_lost(losses.share), &prior, &[], progress);
     }
+    let hidden_drop = HiddenDrop::of(&understood.data, &prior, &rig.bridge, &understood.selection.last);
+    if let Some(drop) = hidden_drop {
+        progress("behind a drop that the data do not show");
+        understood = certain(drop.before(&understood.data), &prior, &[], progress);
+    }
     let (scale, understood) = in_its_scale(understood, &prior, progress);
     let Understood { data, selection, fullest, last, intervals } = understood;
     let motion = data.motion_index();
@@ -114,17 +121,23 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let residuals = residuals(&data, &free_run(&bare, &data));
     let places = [ActsOn::Torque, ActsOn::Voltage];
     let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
-    let outcome =
-        Outcome::of(&data, &prior, (&selection, &fullest), (&last.model, &intervals), Taken { losses, scale });
+    let outcome = Outcome::of(
+        &data,
+        &prior,
+        (&selection, &fullest),
+        (&last.model, &intervals),
+        Taken { losses, scale, hidden_drop },
+    );
+    let model = losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model));
     Ok(Diagnosis {
         outcome,
-        model: losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model)),
+        model: hidden_drop::also_in(model, &data),
         base: selection.base.prediction,
         extended: selection.last.prediction,
         base_model: selection.base.model,
         lacks,
         steps: selection.steps,
-        data,
+        data: data.behind_a_drop(0.0),
     })
 }
 
@@ -133,6 +146,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
 struct Taken {
     losses: Option<RandomLosses>,
     scale: Option<Scale>,
+    hidden_drop: Option<HiddenDrop>,
 }
 
 impl Taken {
@@ -140,7 +154,8 @@ impl Taken {
     fn widened(&self, constant: &str, value: f64, ci95: [f64; 2]) -> [f64; 2] {
         let of_losses = self.losses.map_or(0.0, |losses| losses.uncertainty(constant));
         let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(constant));
-        let besides = Z95 * of_losses.hypot(of_scale) * value;
+        let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(constant));
+        let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop) * value;
         [value - (value - ci95[0]).hypot(besides), value + (ci95[1] - value).hypot(besides)]
     }
 }
@@ -262,6 +277,7 @@ fn excluded(data: &Dataset) -> Vec<&'static str> {
         speed: data.motion().output == Output::Speed,
         counts: data.origin.is_counted,
         moments: data.has_moments(),
+        one_magnitude: data.has_one_magnitude(),
     };
     CATALOGUE.iter().filter(|effect| !effect.shows_in(&channels)).map(|effect| effect.about().id).collect()
 }
@@ -384,7 +400,7 @@ impl Outcome {
         (model, intervals): (&Model, &[Interval]),
         taken: Taken,
     ) -> Self {
-        let Taken { losses, scale } = taken;
+        let Taken { losses, scale, hidden_drop } = taken;
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
         for (constant, Estimate { value, ci95 }) in causes.iter_mut().flat_map(|cause| &mut cause.parameters) {
@@ -402,7 +418,7 @@ impl Outcome {
         for (constant, Parameter { value, ci95, .. }) in &mut parameters {
             *ci95 = taken.widened(constant, *value, *ci95);
         }
-        causes.extend(scale.map(|scale| scale.cause(data)));
+        causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
         if unexplained.is_none() {
             // While something is missing it falsifies the constants as well.
@@ -421,6 +437,7 @@ impl Outcome {
         outcome.advice = outcome.advice(data);
         outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
+        outcome.advice.extend(hidden_drop.map(|drop| drop.note()));
         outcome
     }
 

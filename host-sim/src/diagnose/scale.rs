@@ -4,7 +4,7 @@
 
 use super::outcome::{Cause, Estimate};
 use super::select::{OF_SIZE, off_data_sheet};
-use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, value_cause};
+use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, hidden_drop, value_cause};
 use crate::dataset::{Dataset, Output, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
 use crate::model::Model;
@@ -87,6 +87,11 @@ impl Scale {
         Some(best.of_a_known_factor(data))
     }
 
+    /// Of a voltage, by the logarithm of what was asked for over what there was, and half of its 95 % interval.
+    pub fn of_the_voltage(recorded_over_true: f64, half: f64) -> Self {
+        Self { quantity: Quantity::Voltage, recorded_over_true, half, is_beyond_doubt: false }
+    }
+
     /// From logarithms of found over nominal.
     fn common(off: &[(&str, f64)], quantity: Quantity) -> Option<Self> {
         let of_scale: Vec<(f64, f64)> = off.iter().map(|(constant, off)| (quantity.power(constant), *off)).collect();
@@ -146,8 +151,8 @@ impl Scale {
     }
 
     /// What it is named. A supply and counts per revolution are values of the rig file; of a recorded column it is the factor to
-    /// take it by. `data`: as corrected.
-    pub fn cause(&self, data: &Dataset) -> Cause {
+    /// take it by. `data`: as corrected; `hides_a_drop`: and whether a drop would be no more than another supply in them.
+    pub fn cause(&self, data: &Dataset, hides_a_drop: bool) -> Cause {
         let estimate =
             |value: f64| Estimate { value, ci95: Some([-self.half, self.half].map(|off| value * off.exp())) };
         let true_over_recorded = (-self.recorded_over_true).exp();
@@ -162,6 +167,9 @@ impl Scale {
         // Where fewer are counted than the rig file says, they may also be lost, the same share at all speeds.
         let may_be_lost = self.is_of_counts(data) && self.recorded_over_true < 0.0;
         let mut not_separable_from: Vec<&'static str> = may_be_lost.then_some(counter_stops::ID).into_iter().collect();
+        if hides_a_drop && self.quantity == Quantity::Voltage {
+            not_separable_from.push(hidden_drop::ID);
+        }
         if !self.is_beyond_doubt {
             let concerned = OF_SIZE.iter().zip(VALUES).filter(|(constant, _)| self.quantity.power(constant) != 0.0);
             not_separable_from.extend(concerned.map(|(_, value)| value));

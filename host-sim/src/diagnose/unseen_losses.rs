@@ -15,12 +15,14 @@ use std::ops::Range;
 const RIGHT_OTHERWISE: f64 = 1.5;
 /// A moment stands out from so many standard deviations on...
 const STANDS_OUT: f64 = 6.0;
-/// ... and so many counts.
+/// ... so many counts, and what no model is asked to know better.
 const LEAST_COUNTS: f64 = 2.5;
 /// No more of all rows may.
 const MOST_ROWS: f64 = 0.1;
 /// Of the moments that stand out, at least this share are losses.
 const LEAST_SHARE: f64 = 0.9;
+/// In the middle of one, as much of what the shaft turns is counted at most: several short ones may be one moment.
+const MOST_COUNTED: f64 = 0.5;
 /// Fewer that end too abruptly for a shaft may be anything...
 const FEWEST_ABRUPT: usize = 3;
 /// ... if the speed came back by this factor more than a shaft could in that time.
@@ -55,7 +57,8 @@ impl<'a> Losses<'a> {
         let residuals = residuals(data, &found.prediction);
         let usual: Vec<f64> = residuals.iter().map(|residual| of_most(residual)).collect();
         let window_s = data.stretches.first().map_or(data.interval_s, Stretch::window_s);
-        let threshold = (STANDS_OUT * usual[motion]).max(LEAST_COUNTS * data.count_rad / window_s);
+        let of_counts = LEAST_COUNTS * data.count_rad / window_s;
+        let threshold = (STANDS_OUT * usual[motion]).max(of_counts).max(data.motion().tolerance);
         let in_its_sense = residuals[motion].iter().zip(predicted);
         let shortfall = in_its_sense.map(|(residual, speed)| -residual * speed.signum()).collect();
         Self { data, found, predicted, residuals, usual, shortfall, threshold }
@@ -103,8 +106,17 @@ impl<'a> Losses<'a> {
             |row: usize| (0.0..=self.predicted[row].abs() + self.threshold).contains(&self.shortfall[row]);
         let measured_rad = self.shortfall[rows.clone()].iter().sum::<f64>() * stretch.interval_s;
         rows.clone().all(falls_short)
+            && self.stands_within(stretch, rows)
             && self.lost_rad(stretch, rows).abs() > 0.5 * measured_rad
             && self.current_is_usual(rows)
+    }
+
+    /// Where it goes on for longer than the windows of its first and last rows, nothing is counted between these.
+    fn stands_within(&self, stretch: &Stretch, rows: &Range<usize>) -> bool {
+        let span = stretch.window.span.max(1);
+        let counted_share = |row: usize| 1.0 - self.shortfall[row] / self.predicted[row].abs();
+        let within = rows.start + span..rows.end.saturating_sub(span);
+        median(within.map(counted_share)) < MOST_COUNTED
     }
 
     fn current_is_usual(&self, rows: &Range<usize>) -> bool {
@@ -116,9 +128,10 @@ impl<'a> Losses<'a> {
         own <= STANDS_OUT * self.usual[current]
     }
 
-    /// No shaft gathers so much speed in so short a time.
+    /// No shaft gathers so much speed in so short a time, be its load behind a gap or a spring.
     fn is_abrupt(&self, stretch: &Stretch, rows: &Range<usize>) -> bool {
-        let time_constant_s = TimeConstants::of(&self.found.model.motor).electromechanical_s;
+        let model = &self.found.model;
+        let time_constant_s = TimeConstants::of(&model.motor).electromechanical_s * model.motor_share();
         // From inside the moment to the first row after it.
         let back = stretch.window.span.max(1) + 1;
         let inside = self.shortfall[rows.end.saturating_sub(back).max(rows.start)..rows.end]

@@ -27,6 +27,11 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         "voltage-speed" => Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[turn(&without_current)]) },
         "counts" => Recipe { channels: Channels::DutyCountsCurrent, ..Recipe::of(&[turn(&counted)]) },
         "levels" => Recipe { excitation: Excitation::Levels, ..single() },
+        "binary" => {
+            // A coasting off phase only scales the voltage as well.
+            let others: Vec<Effect> = counted.iter().copied().filter(|effect| *effect != Effect::CoastDecay).collect();
+            Recipe { excitation: Excitation::Prbs, ..Recipe::of(&[turn(&others)]).on_real_rig() }
+        }
         "closed-loop" => Recipe { excitation: Excitation::ClosedLoop, ..single() },
         "slow" => Recipe { rate_hz: 200.0, ..real() },
         "slowest" => Recipe { rate_hz: 100.0, ..real() },
@@ -69,6 +74,7 @@ pub fn diagnosed(trial: &Trial) -> Diagnosis {
 pub fn hidden(trial: &Trial) -> Vec<&'static str> {
     let mut hidden: Vec<_> = trial.truth.effects.iter().map(|(effect, _)| effect.id()).collect();
     hidden.retain(|id| !id.starts_with("outside"));
+    hidden.retain(|id| *id != Effect::VoltageDrop.id() || trial.truth.drop_shows);
     hidden.extend(trial.truth.mistake.map(Mistake::id));
     hidden.sort_unstable();
     hidden
