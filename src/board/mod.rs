@@ -1,6 +1,8 @@
-//! The Uno's registers: the only place that touches hardware, and the only one with `unsafe`.
+//! The Uno's registers: the only place that touches hardware. Elsewhere `unsafe` stands, with its reason, for what the language
+//! cannot say or what would not fit: products in assembler, tables and texts read out of flash, states that are all zeros, numbers
+//! that are an enum's, sections for the linker.
 //!
-//! Interrupts and who waits for whom: the encoder's handler (47 cycles) is served first and nothing else may keep
+//! Interrupts and who waits for whom: the handler of [`encoder`] is served first and nothing else may keep
 //! interrupts off for longer than 100 cycles, so that at 100,000 edges/s no edge is lost. The tick therefore takes its
 //! inputs with interrupts off and computes with interrupts on; the main loop never turns interrupts off for longer than
 //! a few loads and stores.

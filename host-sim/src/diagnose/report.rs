@@ -161,7 +161,10 @@ fn intervals(html: &mut String, outcome: &Outcome) {
             interval.map_or("not fitted".into(), |[low, high]| format!("{} to {}", short(low), short(high))),
         ]
     });
-    *html += "<h2>The motor</h2><p>Found over nominal, with 95 % intervals; grey: what data sheets are worth.</p>";
-    *html += &plots::found_over_nominal(&outcome.parameters);
+    *html += "<h2>The motor</h2>";
+    if outcome.parameters.values().any(|parameter| parameter.nominal.is_some()) {
+        *html += "<p>Found over nominal, with 95 % intervals; grey: what data sheets are worth.</p>";
+        *html += &plots::found_over_nominal(&outcome.parameters);
+    }
     *html += &table(&["", "nominal", "found", "95 % interval"], rows);
 }
