@@ -42,6 +42,11 @@ impl Term {
         self.effect.turn(&self.values)
     }
 
+    /// See [`Effect::dry_losses`].
+    pub fn dry_losses(&self) -> DryLosses {
+        self.effect.dry_losses(&self.values)
+    }
+
     /// Whether it is more than nothing.
     pub fn is_there(&self) -> bool {
         let mut strengths = self.effect.strengths();
@@ -213,14 +218,7 @@ impl Model {
 
     /// What its effects take at any speed and current.
     pub fn dry_losses(&self) -> DryLosses {
-        let mut sum = DryLosses::default();
-        for term in &self.terms {
-            let own = term.effect.dry_losses(&term.values);
-            sum.friction_forward_nm += own.friction_forward_nm;
-            sum.friction_reverse_nm += own.friction_reverse_nm;
-            sum.bridge_drop_v += own.bridge_drop_v;
-        }
-        sum
+        self.terms.iter().map(Term::dry_losses).sum()
     }
 
     /// What a bridge does between pulses for it.

@@ -140,6 +140,16 @@ pub struct DryLosses {
     pub bridge_drop_v: f64,
 }
 
+impl std::iter::Sum for DryLosses {
+    fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
+        all.fold(Self::default(), |sum, one| Self {
+            friction_forward_nm: sum.friction_forward_nm + one.friction_forward_nm,
+            friction_reverse_nm: sum.friction_reverse_nm + one.friction_reverse_nm,
+            bridge_drop_v: sum.bridge_drop_v + one.bridge_drop_v,
+        })
+    }
+}
+
 /// A constant of an effect.
 #[derive(Debug)]
 pub struct Parameter {

@@ -2,7 +2,7 @@
 //! same share of every pulse, and a motor of which resistance, torque constant, inertia and all torques are smaller by that share
 //! turns exactly as one without a drop. The readings say nothing of it; nominal values do, and what bridges usually take.
 
-use super::scale::Scale;
+use super::scale::Quantity;
 use super::select::off_data_sheet;
 use crate::catalogue::effect;
 use crate::dataset::{Dataset, greatest};
@@ -23,9 +23,9 @@ const LEAST_LEFT: f64 = 0.3;
 /// What is taken for the drop.
 #[derive(Clone, Copy, Debug)]
 pub struct HiddenDrop {
-    /// What it does to the constants: nearly as much as another supply would.
-    scale: Scale,
     drop_v: f64,
+    /// Standard deviation of the logarithm of what the bridge leaves.
+    spread: f64,
     /// Greatest that is as plausible.
     most_v: f64,
 }
@@ -43,11 +43,7 @@ impl HiddenDrop {
         let (mean, spread) = with_nominal_values(known, off_data_sheet(prior, found).map(|(_, off)| off));
         let asked_over_left = mean.clamp(0.0, -LEAST_LEFT.ln());
         let drop_v = |asked_over_left: f64| asked_v * (1.0 - (-asked_over_left).exp());
-        Some(Self {
-            scale: Scale::of_the_voltage(asked_over_left, Z95 * spread),
-            drop_v: drop_v(asked_over_left),
-            most_v: drop_v(asked_over_left + Z95 * spread),
-        })
+        Some(Self { drop_v: drop_v(asked_over_left), spread, most_v: drop_v(asked_over_left + Z95 * spread) })
     }
 
     /// The data behind it.
@@ -55,9 +51,9 @@ impl HiddenDrop {
         data.behind_a_drop(self.drop_v)
     }
 
-    /// By how much a constant is uncertain by it: standard deviations of the logarithm.
+    /// By how much a constant is uncertain by it, as by a supply: standard deviations of the logarithm.
     pub fn uncertainty(&self, constant: &str) -> f64 {
-        self.scale.uncertainty(constant)
+        Quantity::Voltage.power(constant).abs() * self.spread
     }
 
     /// What is said of it.

@@ -87,11 +87,6 @@ impl Scale {
         Some(best.of_a_known_factor(data))
     }
 
-    /// Of a voltage, by the logarithm of what was asked for over what there was, and half of its 95 % interval.
-    pub fn of_the_voltage(recorded_over_true: f64, half: f64) -> Self {
-        Self { quantity: Quantity::Voltage, recorded_over_true, half, is_beyond_doubt: false }
-    }
-
     /// From logarithms of found over nominal.
     fn common(off: &[(&str, f64)], quantity: Quantity) -> Option<Self> {
         let of_scale: Vec<(f64, f64)> = off.iter().map(|(constant, off)| (quantity.power(constant), *off)).collect();

@@ -374,8 +374,7 @@ fn is_exact(term: &Term) -> bool {
 
 /// What those take that it has.
 fn exact_losses(model: &Model) -> DryLosses {
-    let terms = model.terms.iter().filter(|term| is_exact(term)).cloned().collect();
-    Model { terms, ..model.clone() }.dry_losses()
+    model.terms.iter().filter(|term| is_exact(term)).map(Term::dry_losses).sum()
 }
 
 /// The motor of a model, without effects that it does not have.
