@@ -40,6 +40,23 @@ pub struct Difference {
     pub second: Vec<f64>,
 }
 
+impl Difference {
+    /// Title of its axis.
+    pub fn title(&self) -> &'static str {
+        Channel::of_column(self.channel).map_or(self.channel, Channel::title)
+    }
+
+    /// The second less the first.
+    pub fn second_less_first(&self) -> Vec<f64> {
+        self.second.iter().zip(&self.first).map(|(second, first)| second - first).collect()
+    }
+
+    /// Whether the two differ anywhere: a reference mostly does not.
+    pub fn differs(&self) -> bool {
+        self.rms > 0.0
+    }
+}
+
 /// Two recordings beside each other.
 #[derive(Clone, Debug, Serialize)]
 pub struct Comparison {

@@ -78,6 +78,15 @@ impl Output {
         }
     }
 
+    /// What it is, for a person: the title of an axis, with its unit.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Current => Channel::Current.title(),
+            Self::Speed | Self::MeanSpeed | Self::TimedSpeed => Channel::Speed.title(),
+            Self::AngleDifference => "speed from the angle, rad/s",
+        }
+    }
+
     /// Its unit.
     pub fn unit(self) -> &'static str {
         match self {

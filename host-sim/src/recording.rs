@@ -75,6 +75,24 @@ impl Channel {
         }
     }
 
+    /// What it is, for a person: the title of an axis, with its unit.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Time => "time, s",
+            Self::Duty => "duty",
+            Self::Voltage => "voltage, V",
+            Self::Counts => "encoder, counts",
+            Self::Angle => "angle, rad",
+            Self::Speed => "speed, rad/s",
+            Self::Rpm => "speed, rpm",
+            Self::Current => "current, A",
+            Self::Supply => "supply, V",
+            Self::SpeedReference => "reference of the speed, rad/s",
+            Self::AngleReference => "reference of the angle, rad",
+            Self::LoadTorque => "load, Nm",
+        }
+    }
+
     /// Magnitude beyond which a value is a slip or a glitch, and no measurement: of no small motor's bench by far.
     fn greatest(self) -> f64 {
         match self {

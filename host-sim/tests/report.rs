@@ -27,7 +27,7 @@ fn what_has_no_name_is_shown_as_the_residual_of_each_sensor() {
     let (unnamed, html) = plots(&diagnosis);
     for measured in &diagnosis.data.measured {
         for over in ["time", "speed", "angle", "current", "direction"] {
-            let caption = format!("residual of {} over {over}", measured.output.channel());
+            let caption = format!("residual of {} over {over}", measured.output.title().split(',').next().unwrap());
             assert!(html.contains(&caption), "{caption}");
         }
     }

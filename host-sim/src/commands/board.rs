@@ -1,6 +1,6 @@
 //! `motorbench ports`, `motorbench record`, `motorbench send`, and what the commands that talk to a board share.
 
-use super::files::{beside, with_beside};
+use super::files::{beside, free_name, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, bar, cannot_write, read_rig, tell, write};
 use crate::board::{Board, BoardError, LOST_AFTER_MS, arm, leave_host, limit, watch_host};
@@ -279,8 +279,8 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
 /// # Errors
 /// [`Failure`] when nothing could be recorded, or when the recording ended before its time; what has come is written.
 pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
-    let out = &arguments.out.clone().unwrap_or_else(free_name);
-    Outputs::new(&arguments.motor, &recording_files(out))?;
+    let out = &arguments.out.clone().unwrap_or_else(|| free_name("run", &BESIDE));
+    Outputs::new(&arguments.motor, &with_beside(out, &BESIDE))?;
     let nominal = match &arguments.motor {
         Some(path) => read_rig(path)?.motor,
         None => NominalMotor::default(),
@@ -297,17 +297,8 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     finish((arguments, out), &done, &link.firmware, &played, nominal, kept)
 }
 
-/// A recording and all that stands beside it.
-fn recording_files(out: &Path) -> Vec<PathBuf> {
-    with_beside(out, &["scenario.toml", "rig.toml", "json"])
-}
-
-/// Where a recording goes that nobody has named: it replaces nothing.
-fn free_name() -> PathBuf {
-    let numbered = (2..).map(|number| format!("run-{number}.csv"));
-    let mut names = std::iter::once("run.csv".to_string()).chain(numbered).map(PathBuf::from);
-    names.find(|name| recording_files(name).iter().all(|file| !file.exists())).expect("there is no end of names")
-}
+/// What stands beside a recording.
+const BESIDE: [&str; 3] = ["scenario.toml", "rig.toml", "json"];
 
 /// Prepares the board, plays and records; what came, and what it was told to play.
 fn play(

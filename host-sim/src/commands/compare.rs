@@ -1,7 +1,7 @@
 //! `motorbench compare`
 
 use super::{Failure, Outputs, mapping, plot_file, read_model, rig_file, rig_for, write_json, write_plot};
-use crate::compare::{Comparison, compare};
+use crate::compare::{Comparison, Difference, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
 use crate::free_run::free_run;
@@ -129,12 +129,16 @@ pub fn table(compared: &Comparison) -> String {
     text
 }
 
-/// Both over time, a panel for each channel.
+/// Both over time, a panel for each channel, and below it one for what they differ by.
 pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
-    let panel = |channel: &crate::compare::Difference| {
-        Panel::new(channel.channel).line(names[0], channel.first.clone()).line(names[1], channel.second.clone())
+    let of_channel = |channel: &Difference| {
+        let both =
+            Panel::new(channel.title()).line(names[0], channel.first.clone()).line(names[1], channel.second.clone());
+        let title = format!("{}: {} less {}", channel.title(), names[1], names[0]);
+        let apart = channel.differs().then(|| Panel::new(&title).line(names[1], channel.second_less_first()));
+        [both].into_iter().chain(apart)
     };
-    panels(compared.interval_s, &compared.channels.iter().map(panel).collect::<Vec<_>>())
+    panels(compared.interval_s, &compared.channels.iter().flat_map(of_channel).collect::<Vec<_>>())
 }
 
 /// A free run of the model over the recording, against everything that was measured.
@@ -154,7 +158,9 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
         text += &format!("  {channel:<18} {:>10} {unit} rms, fit {fit:.1} %\n", short(rmse));
         channels.push(json!({ "channel": channel, "rms": rmse, "fit_percent": fit }));
         let simulated = prediction[output].clone();
-        drawn.push(Panel::new(channel).line("measured", measured.values.clone()).line("model", simulated));
+        drawn.push(
+            Panel::new(measured.output.title()).line("measured", measured.values.clone()).line("model", simulated),
+        );
     }
     finish(arguments, &json!({ "channels": channels }), &text, || panels(data.interval_s, &drawn))
 }

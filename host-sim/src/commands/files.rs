@@ -81,6 +81,15 @@ pub(super) fn with_beside(table: &Path, endings: &[&str]) -> Vec<PathBuf> {
     [table.to_path_buf()].into_iter().chain(others).collect()
 }
 
+/// Where a measurement goes that nobody has named, as `name.csv`, `name-2.csv`, ...: it replaces nothing, nor what stands
+/// beside a table under these endings.
+pub(super) fn free_name(name: &str, endings: &[&str]) -> PathBuf {
+    let numbered = (2..).map(|number| format!("{name}-{number}.csv"));
+    let mut tables = std::iter::once(format!("{name}.csv")).chain(numbered).map(PathBuf::from);
+    let is_free = |table: &PathBuf| with_beside(table, endings).iter().all(|file| !file.exists());
+    tables.find(is_free).expect("there is no end of names")
+}
+
 /// A file that has a table's name and another ending.
 pub(super) fn beside(table: &Path, ending: &str) -> PathBuf {
     table.with_extension(ending)

@@ -1,7 +1,7 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
 use super::board::{PortArguments, cannot_grow, finite, on_interrupt, rig_and_side, table_file, write_each};
-use super::files::{beside, with_beside};
+use super::files::{beside, free_name, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, tell, write_json};
 use crate::board::BoardError;
@@ -38,9 +38,10 @@ pub struct Arguments {
     /// Speed that a step test goes to, in rad/s.
     #[arg(long, default_value_t = 40.0, allow_negative_numbers = true, value_parser = finite)]
     reference: f64,
-    /// Where recordings go, a .csv, with rig and side file; those after the first get a number.
-    #[arg(long, default_value = "tune.csv", value_parser = table_file)]
-    out: PathBuf,
+    /// Where recordings go, a .csv, with rig and side file; those after the first get a number. Without it: tune.csv, or
+    /// the first of tune-2.csv, ... that is free.
+    #[arg(long, value_parser = table_file)]
+    out: Option<PathBuf>,
     #[command(flatten)]
     live: LiveArguments,
     /// A session without a person: these keys one after another, separated by spaces.
@@ -57,43 +58,55 @@ fn key(name: &str) -> Result<Key, String> {
         .ok_or_else(|| "expected a s r u w - + space tab up down left right, as in --keys 'a s right s'".into())
 }
 
+/// What stands beside a recording.
+const BESIDE: [&str; 2] = ["rig.toml", "json"];
+
 /// Numbered recordings of a tuning session.
 struct Numbered {
-    out: PathBuf,
+    /// Of the first, where a person has named it.
+    out: Option<PathBuf>,
     kept: u32,
-    /// That under way.
+    /// That under way, or the last.
+    path: PathBuf,
     growing: Option<GrowingCsv>,
 }
 
 impl Numbered {
-    /// Of the recording under way.
-    fn path(&self) -> PathBuf {
-        match self.kept {
-            0 => self.out.clone(),
-            kept => beside(&self.out, &format!("{}.csv", kept + 1)),
+    fn new(out: Option<PathBuf>) -> Self {
+        let mut new = Self { out, kept: 0, path: PathBuf::new(), growing: None };
+        new.path = new.next();
+        new
+    }
+
+    /// Where the next recording goes.
+    fn next(&self) -> PathBuf {
+        match (&self.out, self.kept) {
+            (None, _) => free_name("tune", &BESIDE),
+            (Some(out), 0) => out.clone(),
+            (Some(out), kept) => beside(out, &format!("{}.csv", kept + 1)),
         }
     }
 }
 
 impl Keeper for Numbered {
     fn begin(&mut self) -> Result<(), String> {
-        let path = self.path();
-        self.growing = Some(GrowingCsv::new(&path).map_err(|error| cannot_grow(&path, &error))?);
+        self.path = self.next();
+        self.growing = Some(GrowingCsv::new(&self.path).map_err(|error| cannot_grow(&self.path, &error))?);
         Ok(())
     }
 
     fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String> {
-        let path = self.path();
+        let path = &self.path;
         let Some(growing) = &mut self.growing else { return Ok(()) };
         if growing.is_empty() && !samples.is_empty() {
             // That of an earlier recording knows nothing of these rows.
-            let _ = std::fs::remove_file(beside(&path, "json"));
+            let _ = std::fs::remove_file(beside(path, "json"));
         }
-        growing.add(samples, settings).map_err(|error| cannot_grow(&path, &error))
+        growing.add(samples, settings).map_err(|error| cannot_grow(path, &error))
     }
 
     fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> Kept {
-        let out = self.path();
+        let out = self.path.clone();
         self.growing = None;
         if record.samples.is_empty() {
             return Kept { text: "nothing had come".into(), file: None };
@@ -122,13 +135,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             "tune needs a terminal, or --keys for a session without a person; for programs also: `motorbench connect`, `send` and `record`",
         ));
     }
-    let recording = with_beside(&arguments.out, &["rig.toml", "json"]);
+    let keeper = Numbered::new(arguments.out.clone());
+    let recording = with_beside(&keeper.path, &BESIDE);
     let outputs = Outputs::new([], recording.iter().chain(&arguments.json))?;
     let stopped = on_interrupt()?;
     let stop = || stopped.load(Ordering::Relaxed);
     let live = arguments.live.open()?;
     let (link, ..) = arguments.port.open_to_drive()?;
-    let keeper = Numbered { out: arguments.out.clone(), kept: 0, growing: None };
     let mut session = Session::new(link, arguments.reference, live, Box::new(keeper))?;
     let says = |text: &str| outputs.say(&format!("{text}\n"));
     let mut ended = match &arguments.keys {

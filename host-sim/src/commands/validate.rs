@@ -296,26 +296,35 @@ fn result(loops: &[Loop], remaining: &[String]) -> Value {
     json!({ "loops": list.collect::<Vec<_>>(), "remaining": remaining })
 }
 
-/// One loop as `compare` draws it; of several every channel that all have, over the time of the first.
+/// One loop as `compare` draws it; of several every channel that all have, over the time of the first, and what measured and
+/// simulated differ by.
 fn picture(loops: &[Loop]) -> String {
     if let [only] = loops {
         return plot(&only.compared, ["simulated", "measured"]);
     }
     let interval_s = loops[0].compared.interval_s;
-    let channels = shared(loops).into_iter().map(|channel| {
-        loops.iter().fold(Panel::new(channel), |panel, one| {
-            let difference = difference(one, channel);
-            let sampled = |values: &[f64]| {
-                let step = interval_s / one.compared.interval_s;
-                let places = (0..).map(|index| (f64::from(index) * step).round() as usize);
-                places.map_while(|place| values.get(place).copied()).collect()
-            };
+    let sampled = |one: &Loop, values: &[f64]| -> Vec<f64> {
+        let step = interval_s / one.compared.interval_s;
+        let places = (0..).map(|index| (f64::from(index) * step).round() as usize);
+        places.map_while(|place| values.get(place).copied()).collect()
+    };
+    let of_channel = |channel: &str| {
+        let found: Vec<_> = loops.iter().map(|one| (one, difference(one, channel))).collect();
+        let title = found[0].1.title();
+        let both = found.iter().fold(Panel::new(title), |panel, (one, difference)| {
             panel
-                .line(&format!("{}, simulated", one.name), sampled(&difference.first))
-                .line(&format!("{}, measured", one.name), sampled(&difference.second))
-        })
-    });
-    panels(interval_s, &channels.collect::<Vec<_>>())
+                .line(&format!("{}, simulated", one.name), sampled(one, &difference.first))
+                .line(&format!("{}, measured", one.name), sampled(one, &difference.second))
+        });
+        let apart = found.iter().any(|(_, difference)| difference.differs()).then(|| {
+            let new = Panel::new(&format!("{title}: measured less simulated"));
+            found.iter().fold(new, |panel, (one, difference)| {
+                panel.line(&one.name, sampled(one, &difference.second_less_first()))
+            })
+        });
+        [both].into_iter().chain(apart)
+    };
+    panels(interval_s, &shared(loops).into_iter().flat_map(of_channel).collect::<Vec<_>>())
 }
 
 /// Channels that all loops have.

@@ -7,6 +7,9 @@ use crate::terminal_text::short;
 /// Said of commands that changed between rows.
 const BETWEEN_ROWS: &str = "The commands changed between rows, and the rows do not say when: the moments of these changes were found in the readings, in the data kept back as well, and the intervals do not know what they leave open. Write a row for each command; [recording] command_delay_s = 0 in the rig file takes them as they stand.";
 
+/// Said of an angle that only a tachogenerator tells.
+const BY_RIPPLE: &str = "Where on the revolution the shaft is, the ripple of the speed says, in the data kept back as well: the speed's integral loses it. An encoder would say it.";
+
 /// Said of a speed that is no more than taken for that.
 const OVER_ITS_ROW: &str = "The speed is taken for a mean since the row before, which explains it as well as a delay would: [recording] speed_window_s in the rig file says what it is (0: of the moment).";
 
@@ -25,6 +28,9 @@ impl Dataset {
             && self.origin.timing.speed_window_s.is_none()
         {
             notes.push(if self.origin.taken_over_its_row { OVER_ITS_ROW.into() } else { window.note(*interval_s) });
+        }
+        if self.origin.angle_by_ripple {
+            notes.push(BY_RIPPLE.into());
         }
         notes.extend(self.origin.edge_timing.as_ref().map(EdgeTiming::note));
         if let Some(first) = self.origin.counter_stops.first() {

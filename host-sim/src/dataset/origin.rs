@@ -37,6 +37,8 @@ pub struct Origin {
     pub window_end_is_known: bool,
     /// Whether a speed is no more than taken for a mean since the row before.
     pub taken_over_its_row: bool,
+    /// Whether the angle was found by the ripple of the speed.
+    pub angle_by_ripple: bool,
     /// How a speed was timed by edges.
     pub edge_timing: Option<EdgeTiming>,
 }

@@ -18,6 +18,7 @@ pub mod page;
 mod pwm_frequency;
 mod random_losses;
 pub mod report;
+mod ripple_phase;
 mod scale;
 pub mod select;
 mod speed_reading;
@@ -243,12 +244,13 @@ fn best_understood(
 }
 
 /// What the rig file leaves open, by what is understood so far; each says whether the data have changed by it.
-const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 6] = [
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 7] = [
     command_times::settle,
     |data, _, found| unseen_losses::settle(data, found),
     |data, prior, found| pwm_frequency::settle(data, prior, std::slice::from_ref(found)),
     speed_reading::settle,
     current_window::settle,
+    ripple_phase::settle,
     command_times::settle,
 ];
 

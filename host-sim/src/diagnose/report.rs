@@ -91,7 +91,7 @@ fn residuals(html: &mut String, diagnosis: &Diagnosis) {
     *html += "<h2>What the extended model leaves</h2><p>Measured less simulated, with everything named. What follows the measured quantity itself, or the angle, and is not seen by the other sensor, is rather the sensor's.</p>";
     let left = super::residuals(&diagnosis.data, &diagnosis.extended);
     for (measured, left) in diagnosis.data.measured.iter().zip(&left) {
-        let what = format!("residual of {}, {}", measured.output.channel(), measured.output.unit());
+        let what = format!("residual of {}", measured.output.title());
         over_everything(html, &diagnosis.data, &what, left);
     }
 }
@@ -126,7 +126,7 @@ fn gains(html: &mut String, diagnosis: &Diagnosis) {
             .chain(steps)
             .chain([whole("in the end", of("extended")), whole("noise", of("noise_floor"))])
             .collect();
-        let axis = format!("rms error of {}, {}", measured.output.channel(), measured.output.unit());
+        let axis = format!("rms error of {}", measured.output.title());
         *html += &plots::waterfall(&axis, &rungs);
     }
     *html += &gains_in_figures(diagnosis);
@@ -134,7 +134,7 @@ fn gains(html: &mut String, diagnosis: &Diagnosis) {
 
 fn gains_in_figures(diagnosis: &Diagnosis) -> String {
     let measured = &diagnosis.data.measured;
-    let errors = measured.iter().map(|m| format!("rms error of {}, {}", m.output.channel(), m.output.unit()));
+    let errors = measured.iter().map(|m| format!("rms error of {}", m.output.title()));
     let header: Vec<String> = ["model".into()].into_iter().chain(errors).collect();
     let row = |name: &str, values: &mut dyn Iterator<Item = f64>| -> Vec<String> {
         [name.into()].into_iter().chain(values.map(short)).collect()

@@ -1,7 +1,7 @@
 //! A board as the test stand of `motorbench stand`.
 
 use crate::commands::board::{PortArguments, ended, on_interrupt, table_file, typed_lines};
-use crate::commands::files::{beside, with_beside};
+use crate::commands::files::{beside, free_name, with_beside};
 use crate::commands::{Failure, cannot_write, write};
 use crate::link::growing::GrowingFile;
 use crate::link::port::Port;
@@ -30,6 +30,8 @@ const SAME_COUNTS: f64 = 1e-3;
 
 /// Ending of the table of positions.
 const POSITIONS: &str = "positions.csv";
+/// What stands beside the table.
+const BESIDE: [&str; 2] = [POSITIONS, "json"];
 
 /// How the board is driven.
 #[derive(Args)]
@@ -54,15 +56,20 @@ pub(super) struct BoardArguments {
     /// Measures the winding in so many sectors of a turn while you let the rotor creep, a turn in some seconds.
     #[arg(long, value_name = "SECTORS", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=360), conflicts_with = "table")]
     slow_turn: u16,
-    /// Where the table goes; beside it the positions (.positions.csv) and firmware, settings and losses (.json).
-    #[arg(long, value_name = "TABLE.csv", default_value = "stand.csv", value_parser = table_file, conflicts_with = "table")]
-    save: PathBuf,
+    /// Where the table goes; beside it the positions (.positions.csv) and firmware, settings and losses (.json). Without it:
+    /// stand.csv, or the first of stand-2.csv, ... that is free.
+    #[arg(long, value_name = "TABLE.csv", value_parser = table_file, conflicts_with = "table")]
+    save: Option<PathBuf>,
 }
 
 impl BoardArguments {
     /// Every file that is written.
     pub(super) fn files(&self) -> Vec<PathBuf> {
-        with_beside(&self.save, &[POSITIONS, "json"])
+        with_beside(&self.save(), &BESIDE)
+    }
+
+    fn save(&self) -> PathBuf {
+        self.save.clone().unwrap_or_else(|| free_name("stand", &BESIDE))
     }
 
     /// Drives the board, writes what came, and has the table and the held resistances evaluated.
@@ -75,7 +82,8 @@ impl BoardArguments {
         if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
             return Err(Failure::input(format!("{}: {}", rig_file.display(), StudyError::NoNominal)));
         }
-        let mut files = Files::new(&self.save, !self.loads_nm.is_empty())?;
+        let save = &self.save();
+        let mut files = Files::new(save, !self.loads_nm.is_empty())?;
         let stopped = on_interrupt()?;
         let (mut link, port, settings) = self.port.open_to_drive()?;
         let mut person = Terminal { stopped, lines: None, brake: brake(&port) };
@@ -87,26 +95,14 @@ impl BoardArguments {
             );
         }
         let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person, &mut |found| files.keep(found));
-        let table = table(&self.save.display().to_string(), &findings.readings, files.loaded);
-        let saved = self.write_side(&findings, &link, &settings);
+        let table = table(&save.display().to_string(), &findings.readings, files.loaded);
+        let saved = write_side(save, &findings, &link, &settings);
         drop(link);
         let held = findings.positions.iter().map(|position| position.resistance_ohm.value).collect();
         let evaluated = as_written(table).and_then(|table| evaluate(&table, held));
-        ended(&findings.ended, findings.readings.len(), &self.save)?;
+        ended(&findings.ended, findings.readings.len(), save)?;
         evaluated.and(saved)?;
-        self.whole(&findings)
-    }
-
-    /// A script shall hear that something is lacking.
-    fn whole(&self, findings: &Findings) -> Result<(), Failure> {
-        if findings.left_out.is_empty() {
-            return Ok(());
-        }
-        Err(Failure::input(format!(
-            "nobody answered, so that {} are left out; {} has the rest. Run it where somebody can press Enter, or without --positions, --slow-turn and --load-Nm",
-            findings.left_out.join(" and "),
-            self.save.display()
-        )))
+        whole(&findings, save)
     }
 
     fn plan(&self, settings: &Settings) -> Result<Plan, Failure> {
@@ -141,20 +137,32 @@ impl BoardArguments {
             sectors: self.slow_turn.into(),
         })
     }
+}
 
-    fn write_side(&self, findings: &Findings, link: &Link<Port>, settings: &Settings) -> Result<(), Failure> {
-        let side = serde_json::json!({
-            "program": format!("motorbench {VERSION}"),
-            "firmware": link.firmware,
-            "ended": findings.ended,
-            "losses": link.losses(),
-            "positions": findings.positions,
-            "left_out": findings.left_out,
-            "settings": by_name(settings),
-        });
-        let side = serde_json::to_string_pretty(&side).map_err(Failure::machine)?;
-        write(&beside(&self.save, "json"), &(side + "\n"))
+/// A script shall hear that something is lacking.
+fn whole(findings: &Findings, save: &Path) -> Result<(), Failure> {
+    if findings.left_out.is_empty() {
+        return Ok(());
     }
+    Err(Failure::input(format!(
+        "nobody answered, so that {} are left out; {} has the rest. Run it where somebody can press Enter, or without --positions, --slow-turn and --load-Nm",
+        findings.left_out.join(" and "),
+        save.display()
+    )))
+}
+
+fn write_side(save: &Path, findings: &Findings, link: &Link<Port>, settings: &Settings) -> Result<(), Failure> {
+    let side = serde_json::json!({
+        "program": format!("motorbench {VERSION}"),
+        "firmware": link.firmware,
+        "ended": findings.ended,
+        "losses": link.losses(),
+        "positions": findings.positions,
+        "left_out": findings.left_out,
+        "settings": by_name(settings),
+    });
+    let side = serde_json::to_string_pretty(&side).map_err(Failure::machine)?;
+    write(&beside(save, "json"), &(side + "\n"))
 }
 
 /// What its file will say, so that a later evaluation says the same to the last digit.

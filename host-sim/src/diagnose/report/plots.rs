@@ -117,7 +117,7 @@ pub fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
     let vertical = range(series.iter().flat_map(|(values, _)| values.iter().copied()));
     drawn(PLOT_SIZE, |area| {
         let horizontal = 0.0..time_s(data, data.len());
-        let up = (vertical.clone(), measured.output.channel());
+        let up = (vertical.clone(), measured.output.title());
         let mut chart = axes(area, 72, (horizontal, "time, s"), up)?;
         let mut start = 0;
         while start < data.len() {
