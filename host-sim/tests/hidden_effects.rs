@@ -319,6 +319,13 @@ fn commands_may_change_between_rows() {
     }
 }
 
+/// The integral of a speed loses the angle, and with it the ripple; no encoder counts here.
+#[test]
+fn a_ripple_says_where_the_shaft_is() {
+    let diagnosis = assert_found(37, &recipe("voltage-speed", 37));
+    assert!(diagnosis.data.origin.angle_by_ripple, "{:?}", diagnosis.outcome.advice);
+}
+
 /// Plus and minus one voltage: a drop is not named, and what it leaves open of the motor is in the intervals.
 #[test]
 fn a_drop_is_not_seen_behind_one_magnitude() {
