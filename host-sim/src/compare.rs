@@ -46,6 +46,14 @@ impl Difference {
         Channel::of_column(self.channel).map_or(self.channel, Channel::title)
     }
 
+    /// Title of the axis of [`Self::second_less_first`], which stands below the quantity itself.
+    pub fn title_of_difference(&self, [first, second]: [&str; 2]) -> String {
+        match self.title().rsplit_once(", ") {
+            Some((_, unit)) => format!("{second} - {first}, {unit}"),
+            None => format!("{second} - {first}"),
+        }
+    }
+
     /// The second less the first.
     pub fn second_less_first(&self) -> Vec<f64> {
         self.second.iter().zip(&self.first).map(|(second, first)| second - first).collect()

@@ -134,7 +134,7 @@ pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
     let of_channel = |channel: &Difference| {
         let both =
             Panel::new(channel.title()).line(names[0], channel.first.clone()).line(names[1], channel.second.clone());
-        let title = format!("{}: {} less {}", channel.title(), names[1], names[0]);
+        let title = channel.title_of_difference(names);
         let apart = channel.differs().then(|| Panel::new(&title).line(names[1], channel.second_less_first()));
         [both].into_iter().chain(apart)
     };

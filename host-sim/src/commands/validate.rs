@@ -317,7 +317,7 @@ fn picture(loops: &[Loop]) -> String {
                 .line(&format!("{}, measured", one.name), sampled(one, &difference.second))
         });
         let apart = found.iter().any(|(_, difference)| difference.differs()).then(|| {
-            let new = Panel::new(&format!("{title}: measured less simulated"));
+            let new = Panel::new(&found[0].1.title_of_difference(["simulated", "measured"]));
             found.iter().fold(new, |panel, (one, difference)| {
                 panel.line(&one.name, sampled(one, &difference.second_less_first()))
             })
