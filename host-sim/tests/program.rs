@@ -118,7 +118,7 @@ fn compare_finds_the_delay_between_two_recordings() {
         assert!(channel["fit_percent"].as_f64() > Some(95.0), "{channel}");
     }
     let svg = std::fs::read_to_string(plot).unwrap();
-    assert!(svg.contains("omega_rad_per_s") && svg.contains("</svg>"));
+    assert!(svg.contains("speed, rad/s") && svg.contains("second - first, rad/s") && svg.contains("</svg>"));
 }
 
 /// Every command that draws; what a PNG shows is tested where it is made.
