@@ -87,6 +87,9 @@ pub enum Effect {
     /// 2 to 5 % of ripple, 11 to 31 times a revolution.
     /// Speed times 1 + ripple sin(`ripples_per_rev` angle + phase).
     TachoRipple,
+    /// The speed is read through a filter of 3 to 15 ms.
+    /// First order, `time_constant_s`; the tachogenerator's own, or of two in five the program's, of the readings.
+    SpeedLag,
     /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
     OutsideShaker,
     /// Not in the catalogue: the torque constant falls with the current, by 25 to 50 % at the peak.
@@ -106,7 +109,7 @@ pub enum Effect {
 }
 
 impl Effect {
-    /// Those the catalogue knows.
+    /// Those the catalogue knows that any recording may have.
     pub const CATALOGUE: [Self; 22] = [
         Self::CoulombFriction,
         Self::StribeckFriction,
@@ -131,6 +134,8 @@ impl Effect {
         Self::MissedCounts,
         Self::TachoRipple,
     ];
+    /// Those it knows of a tachogenerator alone: drawn where they are asked for.
+    pub const OF_A_TACHOGENERATOR: [Self; 1] = [Self::SpeedLag];
     /// Those it does not.
     pub const OUTSIDE: [Self; 8] = [
         Self::OutsideShaker,
@@ -168,6 +173,7 @@ impl Effect {
             Self::EncoderEccentricity => "encoder_eccentricity",
             Self::MissedCounts => "missed_counts",
             Self::TachoRipple => "tacho_ripple",
+            Self::SpeedLag => "speed_lag",
             Self::OutsideShaker => "outside_shaker",
             Self::OutsideSaturation => "outside_saturation",
             Self::OutsideDropouts => "outside_dropouts",
@@ -419,8 +425,9 @@ fn wrong(motor: Motor, random: &mut impl Rng) -> Motor {
 }
 
 fn rig_toml(bench: &rig::Bench, nominal: &Motor, recipe: &Recipe) -> String {
-    let tacho =
-        if recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple) { "[tachogenerator]\n" } else { "" };
+    let by_tachogenerator = [Effect::TachoRipple, Effect::SpeedLag];
+    let has_tachogenerator = recipe.effects.iter().any(|(effect, _)| by_tachogenerator.contains(effect));
+    let tacho = if has_tachogenerator { "[tachogenerator]\n" } else { "" };
     let (supply, counts) = match recipe.mistake {
         Some(Mistake::SupplyVoltage(factor)) => (factor, 1.0),
         Some(Mistake::CountsPerRev(factor)) => (1.0, factor),

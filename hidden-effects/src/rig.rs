@@ -89,6 +89,12 @@ pub struct Hidden {
     pub(crate) lag_s: f64,
     /// The filter is the program's, of its readings, and not the sensor's.
     pub(crate) lag_in_program: bool,
+    /// Whether that is a Butterworth filter of the first order.
+    pub(crate) lag_is_butterworth: bool,
+    /// The same of the speed.
+    pub(crate) speed_lag_s: f64,
+    pub(crate) speed_lag_in_program: bool,
+    pub(crate) speed_lag_is_butterworth: bool,
     pub(crate) clip_share: f64,
     pub(crate) eccentricity_rad: f64,
     pub(crate) eccentricity_phase: f64,
@@ -102,6 +108,7 @@ pub struct Hidden {
     pub(crate) lost_at_random: bool,
     pub(crate) ripple: f64,
     pub(crate) ripples: f64,
+    pub(crate) ripple_phase: f64,
     pub(crate) drift: f64,
     pub(crate) dead_band: f64,
 }
@@ -122,6 +129,8 @@ pub struct Bench {
     pub smooth_a: f64,
     /// The same behind the sensor's filter.
     pub lagged_a: f64,
+    /// The speed behind the capacitor of a tachogenerator.
+    lagged_rad_per_s: f64,
     summed_as: f64,
     summed_s: f64,
     /// Current drawn from the supply behind its capacitor.
@@ -175,6 +184,7 @@ impl Bench {
             current_a: 0.0,
             smooth_a: 0.0,
             lagged_a: 0.0,
+            lagged_rad_per_s: 0.0,
             summed_as: 0.0,
             summed_s: 0.0,
             drawn_a: 0.0,
@@ -323,7 +333,14 @@ impl Bench {
             Effect::CurrentLag => {
                 hidden.lag_s = between(0.003, 0.015);
                 hidden.lag_in_program = random.random_bool(0.4);
+                hidden.lag_is_butterworth = hidden.lag_in_program && random.random_bool(0.4);
                 vec![("time_constant_s", hidden.lag_s)]
+            }
+            Effect::SpeedLag => {
+                hidden.speed_lag_s = between(0.003, 0.015);
+                hidden.speed_lag_in_program = random.random_bool(0.4);
+                hidden.speed_lag_is_butterworth = hidden.speed_lag_in_program && random.random_bool(0.4);
+                vec![("time_constant_s", hidden.speed_lag_s)]
             }
             Effect::CurrentClipping => {
                 hidden.clip_share = 1.0 - between(0.3, 0.6);
@@ -398,6 +415,18 @@ impl Bench {
         if has_filter { self.lagged_a } else { self.smooth_a }
     }
 
+    /// What a tachogenerator shows of the speed: its ripple is in proportion.
+    fn tachogenerator_rad_per_s(&self) -> f64 {
+        let Hidden { ripple, ripples, ripple_phase, .. } = self.hidden;
+        self.speed * (1.0 + ripple * (ripples * self.angle + ripple_phase).sin())
+    }
+
+    /// The same behind its capacitor, where it has one.
+    pub fn shown_rad_per_s(&self) -> f64 {
+        let has_filter = self.hidden.speed_lag_s > 0.0 && !self.hidden.speed_lag_in_program;
+        if has_filter { self.lagged_rad_per_s } else { self.tachogenerator_rad_per_s() }
+    }
+
     /// The angle that the disc of the encoder shows.
     pub fn seen_rad(&self) -> f64 {
         self.angle + self.hidden.eccentricity_rad * (self.angle + self.hidden.eccentricity_phase).sin()
@@ -426,6 +455,10 @@ impl Bench {
             self.oversample(dt);
         } else {
             self.smooth_a = self.current_a;
+        }
+        if self.hidden.speed_lag_s > 0.0 {
+            let shown = self.tachogenerator_rad_per_s();
+            self.lagged_rad_per_s += dt / self.hidden.speed_lag_s * (shown - self.lagged_rad_per_s);
         }
         if self.hidden.lag_s > 0.0 {
             self.lagged_a += dt / self.hidden.lag_s * (self.smooth_a - self.lagged_a);

@@ -121,6 +121,29 @@ struct Row {
     current_a: f64,
 }
 
+/// A low-pass in the program that records: exponential smoothing, or a Butterworth filter of the first order.
+#[derive(Default)]
+struct LowPass {
+    filtered: f64,
+    last: f64,
+}
+
+impl LowPass {
+    /// What it makes of the next value, with a time constant of so many rows.
+    fn next(&mut self, value: f64, rows: f64, is_butterworth: bool) -> f64 {
+        self.filtered = if is_butterworth {
+            // The analog corner, moved to where the bilinear transform puts it back.
+            let analog = 2.0 * (0.5 / rows).tan();
+            ((2.0 - analog) * self.filtered + analog * (value + self.last)) / (2.0 + analog)
+        } else {
+            let keep = (-1.0 / rows).exp();
+            keep * self.filtered + (1.0 - keep) * value
+        };
+        self.last = value;
+        self.filtered
+    }
+}
+
 /// Drives the bench and records it.
 pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> String {
     let count = (recipe.duration_s * recipe.rate_hz) as usize;
@@ -129,11 +152,11 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         (recipe.excitation == Excitation::ClosedLoop).then(|| SpeedLoop::new(count, recipe.rate_hz, random));
     let interval_s = 1.0 / recipe.rate_hz;
     let tacho = recipe.effects.iter().any(|(effect, _)| *effect == Effect::TachoRipple);
-    let ripple_phase = random.random_range(0.0..TAU);
+    bench.hidden.ripple_phase = random.random_range(0.0..TAU);
     let drift_hz = random.random_range(0.05..0.15);
     let mut burst = recipe.burst.then(|| Burst::new(random));
     let mut edge_timer = (recipe.channels == Channels::VoltageTimedSpeedCurrent).then(|| EdgeTimer::new(random));
-    let (mut lost_rad, mut low_passed_a) = (0.0, 0.0);
+    let (mut lost_rad, mut low_pass, mut low_passed_speed) = (0.0, LowPass::default(), LowPass::default());
     let mut edges = Edges { per_rad: bench.counts_per_rev / TAU, last: 0.0 };
     let mut rows = Vec::with_capacity(count);
     let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
@@ -146,18 +169,21 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         };
         let turn = bench.angle + hidden.eccentricity_phase;
         let seen_rad = bench.seen_rad() - lost_rad;
-        let mut seen_speed = bench.speed * (1.0 + hidden.eccentricity_rad * turn.cos()) - uncounted;
-        seen_speed *= 1.0 + hidden.ripple * (hidden.ripples * bench.angle + ripple_phase).sin();
+        let mut seen_speed = bench.shown_rad_per_s() * (1.0 + hidden.eccentricity_rad * turn.cos()) - uncounted;
         seen_speed *= 1.0 + hidden.drift * (TAU * drift_hz * bench.time_s).sin();
         if seen_speed.abs() < hidden.dead_band {
             seen_speed = 0.0;
         }
-        let keep = if hidden.lag_s > 0.0 { (-interval_s / hidden.lag_s).exp() } else { 0.0 };
         let converted_a = burst.as_ref().map_or(bench.reading_a(), Burst::mean_a);
-        low_passed_a = keep * low_passed_a + (1.0 - keep) * converted_a;
-        let seen_a = if hidden.lag_in_program { low_passed_a } else { converted_a };
+        let seen_a = match hidden.lag_in_program {
+            true => low_pass.next(converted_a, hidden.lag_s / interval_s, hidden.lag_is_butterworth),
+            false => converted_a,
+        };
         let noise = |random: &mut _| -> f64 { StandardNormal.sample(random) };
-        let speed = seen_speed + speed_noise * noise(random);
+        let mut speed = seen_speed + speed_noise * noise(random);
+        if hidden.speed_lag_in_program {
+            speed = low_passed_speed.next(speed, hidden.speed_lag_s / interval_s, hidden.speed_lag_is_butterworth);
+        }
         if let Some(speed_loop) = &mut speed_loop {
             duty[index] = speed_loop.duty(index, speed / bench.top_speed);
         }

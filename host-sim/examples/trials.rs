@@ -23,7 +23,7 @@ use std::ops::Range;
 use std::sync::Mutex;
 
 /// Kinds of trials, and what each is.
-const KINDS: [(&str, &str); 21] = [
+const KINDS: [(&str, &str); 22] = [
     ("clean", "nothing hidden"),
     ("single", "each effect alone"),
     ("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway"),
@@ -48,6 +48,10 @@ const KINDS: [(&str, &str); 21] = [
     (
         "scale",
         "one effect on that rig and a mistake of scale: half or a quarter of the edges counted, another supply, a current in mA or by another type of ACS712",
+    ),
+    (
+        "filtered",
+        "one effect on the rig with friction and bridge drop, the speed read through a low-pass of a tachogenerator's or a program's",
     ),
     ("after", "one effect, each row with the command that had acted before it was read"),
     ("window", "one effect on the rig with friction and bridge drop, the speed a difference of counts over some rows"),

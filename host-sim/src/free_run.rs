@@ -117,9 +117,10 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     if data.origin.current_window_s > 0.0 {
         motion.current_a = mean_current(model, &motion, data);
     }
+    let shaft_bulges = shaft_bulges(model, &motion, data);
     for term in model.in_turn(|effect| !effect.acts_on_motor()) {
         for stretch in &data.stretches {
-            falsify(term, model, data, stretch.rows.clone(), &mut motion);
+            falsify(term, model, data, (stretch.rows.clone(), &shaft_bulges), &mut motion);
         }
     }
     data.measured
@@ -132,6 +133,23 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
             Output::TimedSpeed => timed_speed(&motion, data),
         })
         .collect()
+}
+
+/// What the shaft's speed does between rows beside the straight line: the way says its mean. Nothing is said of it where no
+/// effect asks for it.
+fn shaft_bulges(model: &Model, motion: &Motion, data: &Dataset) -> Vec<Bulge> {
+    let mut bulges = Vec::new();
+    if model.speed_late_s() == 0.0 {
+        return bulges;
+    }
+    bulges.resize(data.len(), Bulge::NONE);
+    for index in data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1)) {
+        let step_s = data.time_s[index] - data.time_s[index - 1];
+        let mean = (motion.angle_rad[index] - motion.angle_rad[index - 1]) / step_s;
+        let of_line = 0.5 * (motion.speed_rad_per_s[index - 1] + motion.speed_rad_per_s[index]);
+        bulges[index] = Bulge::parabola(mean - of_line);
+    }
+    bulges
 }
 
 /// The current as a mean over the window before each row.
@@ -267,7 +285,13 @@ fn inertia_kg_m2(model: &Model) -> f64 {
 }
 
 /// Lets one sensor's effect act on the readings of one stretch.
-fn falsify(term: &Term, model: &Model, data: &Dataset, range: Range<usize>, motion: &mut Motion) {
+fn falsify(
+    term: &Term,
+    model: &Model,
+    data: &Dataset,
+    (range, shaft_bulges): (Range<usize>, &[Bulge]),
+    motion: &mut Motion,
+) {
     let winding_s = TimeConstants::of(&model.motor).electromagnetic_s;
     let mut state = vec![0.0; term.effect.states()];
     for index in range.clone() {
@@ -278,7 +302,8 @@ fn falsify(term: &Term, model: &Model, data: &Dataset, range: Range<usize>, moti
             angle_rad: motion.angle_rad[index],
         };
         let bulge = Bulge::new(motion.bulge_a[index], step_s, winding_s);
-        let at = Sampling { angle_rad: motion.shaft_rad[index], step_s, bulge };
+        let speed_bulge = shaft_bulges.get(index).copied().unwrap_or(Bulge::NONE);
+        let at = Sampling { angle_rad: motion.shaft_rad[index], step_s, bulge, speed_bulge };
         term.effect.sense(&term.values, &at, &mut state, &mut readings);
         motion.current_a[index] = readings.current_a;
         motion.speed_rad_per_s[index] = readings.speed_rad_per_s;
@@ -667,7 +692,7 @@ mod tests {
     #[test]
     fn the_order_in_which_effects_were_found_means_nothing() {
         let effects: [(&str, &[f64]); 5] = [
-            ("current_lag", &[2e-3, 0.0]),
+            ("current_lag", &[2e-3, 0.0, 0.0]),
             ("current_offset", &[-0.3]),
             ("current_clipping", &[0.8]),
             ("encoder_eccentricity", &[0.02, 0.01]),

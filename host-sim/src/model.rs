@@ -149,6 +149,11 @@ impl Model {
         self.terms.iter().map(|term| term.effect.delay_s(&term.values)).sum()
     }
 
+    /// By how much a tachogenerator shows the speed later than it is.
+    pub fn speed_late_s(&self) -> f64 {
+        self.terms.iter().map(|term| term.effect.speed_late_s(&term.values)).sum()
+    }
+
     /// The same with one effect more. Of its last constants those may be left out that go without saying.
     pub fn with(&self, effect: &'static dyn Effect, mut values: Vec<f64>) -> Self {
         let unsaid = effect.about().parameters[values.len()..].iter().map(|parameter| parameter.unsaid);

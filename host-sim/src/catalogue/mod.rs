@@ -25,9 +25,11 @@ mod friction_warmup;
 mod gravity_unbalance;
 mod load_step;
 mod load_torque;
+mod low_pass;
 mod missed_counts;
 mod quadratic_drag;
 mod shaft_compliance;
+mod speed_lag;
 mod stribeck_friction;
 mod supply_sag;
 mod tacho_ripple;
@@ -41,7 +43,7 @@ use crate::motor::MotorParameters;
 use std::ops::Range;
 
 /// Every effect the diagnosis knows, in the order in which those on the sensors act on a reading.
-pub static CATALOGUE: [&dyn Effect; 22] = [
+pub static CATALOGUE: [&dyn Effect; 23] = [
     &coulomb_friction::CoulombFriction,
     &stribeck_friction::StribeckFriction,
     &friction_asymmetry::FrictionAsymmetry,
@@ -64,6 +66,7 @@ pub static CATALOGUE: [&dyn Effect; 22] = [
     &missed_counts::MissedCounts,
     &encoder_eccentricity::EncoderEccentricity,
     &tacho_ripple::TachoRipple,
+    &speed_lag::SpeedLag,
 ];
 
 /// Effects that hardly any bench is without.
@@ -394,6 +397,8 @@ pub struct Sampling {
     pub step_s: f64,
     /// The current since the last reading.
     pub bulge: Bulge,
+    /// The shaft's speed since then.
+    pub speed_bulge: Bulge,
 }
 
 /// Readings of the sensors.
@@ -553,6 +558,11 @@ pub trait Effect: Sync {
     /// Time by which the current is read late.
     fn current_late_s(&self, values: &[f64]) -> f64 {
         self.delay_s(values)
+    }
+
+    /// Time constant with which its sensor, and no program, lets the speed lag.
+    fn speed_late_s(&self, _values: &[f64]) -> f64 {
+        0.0
     }
 
     /// Whether it is of how the bridge is switched: a motor that is switched does not have it, who switches takes it from

@@ -306,7 +306,7 @@ impl Arguments {
             counts_per_rev: rig.encoder.counts_per_rev,
             tachogenerator,
             current_measured: !self.no_current_sensor && rig.current_sensor.present != Some(false),
-            delay_s: model.as_ref().map_or(0.0, Model::delay_s),
+            delay_s: model.as_ref().map_or(0.0, |model| late_s(model, tachogenerator.is_some())),
             ..Bench::default()
         };
         Ok((motor, bench, rig, model))
@@ -318,6 +318,11 @@ impl Arguments {
 struct Refused {
     law: ControlLaw,
     why: String,
+}
+
+/// By how much a model's loop is late, a tachogenerator's lag with it where the speed comes from there.
+fn late_s(model: &Model, by_tachogenerator: bool) -> f64 {
+    model.delay_s() + if by_tachogenerator { model.speed_late_s() } else { 0.0 }
 }
 
 /// What measures the speed in place of an encoder: of a rig that says so or has no encoder. Inside: `None` without a gain.

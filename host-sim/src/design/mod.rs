@@ -71,7 +71,8 @@ pub struct Bench {
     pub tick_rate_hz: f64,
     /// Whether the current is measured; without it an LQR has that of the core's observer, by an encoder.
     pub current_measured: bool,
-    /// By how much the voltage comes later than the firmware's own, as a model says it.
+    /// By how much the voltage comes later than the firmware's own, as a model says it, and the speed by a tachogenerator's lag: to a
+    /// loop that is slow beside it a lag is a delay.
     pub delay_s: f64,
 }
 
@@ -181,7 +182,7 @@ pub enum DesignError {
     },
     /// The voltage comes too late for a loop that has it in its states.
     #[error(
-        "the model's actuation_delay.delay_s = {delay_s}: a design reckons with {most_s} at most at this tick rate; find what holds the voltage up, and take it away"
+        "the model's actuation_delay.delay_s = {delay_s} (behind a tachogenerator with speed_lag.time_constant_s): a design reckons with {most_s} at most at this tick rate; find what holds voltage or reading up, and take it away"
     )]
     Delay {
         /// The model's.

@@ -1,5 +1,5 @@
 //! What a model says of the sensors, under the core: offset, lag and end of the current sensor, an eccentric or lossy
-//! encoder, the ripple of a tachogenerator.
+//! encoder, ripple and lag of a tachogenerator.
 
 use crate::catalogue::{Effect, Readings, Sampling, Sensor};
 use crate::free_run::between_rows::Bulge;
@@ -10,7 +10,9 @@ use crate::plant::PeriodEnd;
 #[derive(Clone, Debug, Default)]
 pub struct SensorEffects {
     current_and_encoder: Vec<(Term, Vec<f64>)>,
-    tachogenerator: Vec<Term>,
+    tachogenerator: Vec<(Term, Vec<f64>)>,
+    /// Whether it has been read before.
+    tachogenerator_was_read: bool,
     /// True angle at the last reading, and by how much an encoder was off at the first: it counts from there.
     last: Option<Last>,
 }
@@ -34,7 +36,12 @@ impl SensorEffects {
             let states = vec![0.0; term.effect.states()];
             (term, states)
         };
-        Self { current_and_encoder: others.into_iter().map(with_state).collect(), tachogenerator, last: None }
+        Self {
+            current_and_encoder: others.into_iter().map(with_state).collect(),
+            tachogenerator: tachogenerator.into_iter().map(with_state).collect(),
+            tachogenerator_was_read: false,
+            last: None,
+        }
     }
 
     /// What current sensor and encoder show of PWM periods; `None` if that is what is true.
@@ -51,7 +58,7 @@ impl SensorEffects {
             speed_rad_per_s: (end.angle_rad - last_rad) / period_s,
             angle_rad: end.angle_rad,
         };
-        let at = Sampling { angle_rad: end.angle_rad, step_s, bulge: Bulge::NONE };
+        let at = Sampling { angle_rad: end.angle_rad, step_s, bulge: Bulge::NONE, speed_bulge: Bulge::NONE };
         for (term, state) in &mut self.current_and_encoder {
             term.effect.sense(&term.values, &at, state, &mut readings);
         }
@@ -60,12 +67,14 @@ impl SensorEffects {
         PeriodEnd { angle_rad: readings.angle_rad - zero_rad, sampled_a: readings.current_a }
     }
 
-    /// The speed that a tachogenerator shows.
-    pub fn tachogenerator_rad_per_s(&self, speed_rad_per_s: f64, angle_rad: f64) -> f64 {
+    /// The speed that a tachogenerator shows, `since_s` after it was read last.
+    pub fn tachogenerator_rad_per_s(&mut self, since_s: f64, speed_rad_per_s: f64, angle_rad: f64) -> f64 {
         let mut readings = Readings { current_a: 0.0, speed_rad_per_s, angle_rad };
-        let at = Sampling { angle_rad, step_s: 0.0, bulge: Bulge::NONE };
-        for term in &self.tachogenerator {
-            term.effect.sense(&term.values, &at, &mut [], &mut readings);
+        let step_s = if self.tachogenerator_was_read { since_s } else { 0.0 };
+        self.tachogenerator_was_read = true;
+        let at = Sampling { angle_rad, step_s, bulge: Bulge::NONE, speed_bulge: Bulge::NONE };
+        for (term, state) in &mut self.tachogenerator {
+            term.effect.sense(&term.values, &at, state, &mut readings);
         }
         readings.speed_rad_per_s
     }

@@ -35,6 +35,8 @@ const PERIODS_PER_CONVERSION: u32 = converter::PERIODS_PER_CONVERSION as u32;
 const BLOCK: u32 = converter::BLOCK as u32;
 const SLOTS_PER_BLOCK: u32 = converter::SLOTS as u32 / 2;
 const PERIOD_S: f64 = 1.0 / PWM_HZ as f64;
+/// From one conversion of the tachogenerator to the next.
+const TACHO_PERIOD_S: f64 = PERIOD_S * (PERIODS_PER_CONVERSION * 2 * SLOTS_PER_BLOCK) as f64;
 /// From the start of a PWM period to the sample of its conversion.
 const SAMPLED_S: f64 = PERIOD_S * CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64;
 /// Periods of the tachogenerator's ripple in a turn: its commutator has 22 segments.
@@ -307,7 +309,8 @@ impl<P: Plant> Trial<P> {
         let [before_rad, angle_rad] = [ends[0].angle_rad, ends[1].angle_rad];
         let Surroundings { tacho_ripple, tacho_ripples_per_turn, .. } = self.surroundings;
         let ripple = 1.0 + tacho_ripple * (tacho_ripples_per_turn * angle_rad).sin();
-        let shown_rad_per_s = self.sensors.tachogenerator_rad_per_s((angle_rad - before_rad) / PERIOD_S, angle_rad);
+        let speed_rad_per_s = (angle_rad - before_rad) / PERIOD_S;
+        let shown_rad_per_s = self.sensors.tachogenerator_rad_per_s(TACHO_PERIOD_S, speed_rad_per_s, angle_rad);
         let output_v = self.scales.tacho_v_s_per_rad * shown_rad_per_s.abs() * ripple;
         self.tacho = (output_v * STEPS_PER_VOLT).clamp(0.0, HIGHEST) as u16;
     }

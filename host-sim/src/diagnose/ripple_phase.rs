@@ -28,8 +28,11 @@ const LEAST_GAIN: f64 = 0.9;
 /// Corrects the angle, if a ripple with it explains what none did, or one more than it did; whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     let is_integrated = data.motion().output == Output::Speed && data.count_rad <= 0.0;
-    let of_tachogenerator = |effect: &&dyn Effect| effect.sensor() == Some(Sensor::Tachogenerator);
-    let Some(effect) = CATALOGUE.into_iter().find(of_tachogenerator).filter(|_| is_integrated) else { return false };
+    let ripples = |effect: &&dyn Effect| {
+        let has_number = effect.about().parameters.iter().any(Parameter::is_number);
+        effect.sensor() == Some(Sensor::Tachogenerator) && has_number
+    };
+    let Some(effect) = CATALOGUE.into_iter().find(ripples).filter(|_| is_integrated) else { return false };
     let id = effect.about().id;
     let anew = found.model.has(id).then(|| fit(&found.model.without(id), data, prior, Effort::TRIAL));
     let bare = anew.as_ref().unwrap_or(found);

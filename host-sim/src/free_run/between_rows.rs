@@ -24,6 +24,11 @@ impl Bulge {
         Self { mean_a, constants: interval_s / winding_s }
     }
 
+    /// Of something that settles much slower than from row to row.
+    pub fn parabola(mean: f64) -> Self {
+        Self { mean_a: mean, constants: 0.0 }
+    }
+
     fn is_parabola(self) -> bool {
         self.constants < LEAST_BENT
     }

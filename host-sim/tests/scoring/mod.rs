@@ -54,9 +54,16 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
             let mistake = Some(Mistake::draw(seed));
             Recipe { mistake, channels: Channels::DutyCountsCurrent, ..Recipe::of(&[turn(&counted)]).on_real_rig() }
         }
+        "filtered" => {
+            let of_an_encoder = [Effect::EncoderEccentricity, Effect::MissedCounts];
+            let others: Vec<Effect> =
+                Effect::CATALOGUE.into_iter().filter(|effect| !of_an_encoder.contains(effect)).collect();
+            let channels = Channels::VoltageSpeedCurrent;
+            Recipe { channels, ..Recipe::of(&[Effect::SpeedLag, turn(&others)]).on_real_rig() }
+        }
         "after" => Recipe { written_after: true, ..single() },
         id => {
-            let all = Effect::CATALOGUE.into_iter().chain(Effect::OUTSIDE);
+            let all = Effect::CATALOGUE.into_iter().chain(Effect::OF_A_TACHOGENERATOR).chain(Effect::OUTSIDE);
             Recipe::of(&[all.into_iter().find(|effect| effect.id() == id).expect("KIND is known")])
         }
     };

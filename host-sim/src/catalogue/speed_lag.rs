@@ -1,0 +1,65 @@
+//! Speed lag: the capacitor behind a tachogenerator that smooths its ripple, or a low-pass in the program that records.
+
+use super::low_pass::{self, Low};
+use super::{About, ActsOn, Effect, INDUCTANCE, Readings, Sampling, Scales, Sensor};
+
+/// See the module.
+pub struct SpeedLag;
+
+static ABOUT: About = About {
+    id: "speed_lag",
+    title: "a lag of the speed reading",
+    acts_on: ActsOn::AngleSensor,
+    parameters: &low_pass::PARAMETERS,
+    linear_in: 0,
+    law: low_pass::LAW,
+    looks_like: "After a step the speed sets out level and late while the current is right",
+    confused_with: &["actuation_delay", "shaft_compliance", "current_lag"],
+    experiment: "Record current and counts besides: a delay moves the current too, and an encoder has no capacitor",
+    remedy: "A smaller capacitor or none in the program; else bandwidth below 0.2 / time_constant_s",
+    source: "Tietze and Schenk, Electronic Circuits (2008), first-order low-pass; the bilinear transform: Oppenheim and Schafer, Discrete-Time Signal Processing (2010)",
+};
+
+impl Effect for SpeedLag {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        low_pass::starts(scales)
+    }
+
+    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        low_pass::other_laws(values)
+    }
+
+    /// A winding that the current does not show, or a wait of both readings.
+    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        [INDUCTANCE, "actuation_delay"].contains(&rival).then(|| vec![values[0], 0.0, 0.0])
+    }
+
+    fn sensor(&self) -> Option<Sensor> {
+        Some(Sensor::Tachogenerator)
+    }
+
+    fn speed_late_s(&self, values: &[f64]) -> f64 {
+        if values[1] > 0.0 { 0.0 } else { values[0] }
+    }
+
+    /// What is read, and the speed at the last reading.
+    fn states(&self) -> usize {
+        2
+    }
+
+    /// A capacitor is behind what the sensor itself does.
+    fn turn(&self, values: &[f64]) -> i8 {
+        low_pass::turn(values, 1)
+    }
+
+    fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
+        let low = Low { passed: state[0], last: state[1], now: readings.speed_rad_per_s };
+        let read_rad_per_s = low.pass(values, at.step_s, at.speed_bulge);
+        state.copy_from_slice(&[read_rad_per_s, readings.speed_rad_per_s]);
+        readings.speed_rad_per_s = read_rad_per_s;
+    }
+}
