@@ -1,7 +1,7 @@
 //! Speed lag: the capacitor behind a tachogenerator that smooths its ripple, or a low-pass in the program that records.
 
 use super::low_pass::{self, Low};
-use super::{About, ActsOn, Effect, INDUCTANCE, Readings, Sampling, Scales, Sensor};
+use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Readings, Sampling, Scales, Sensor};
 
 /// See the module.
 pub struct SpeedLag;
@@ -40,6 +40,11 @@ impl Effect for SpeedLag {
 
     fn sensor(&self) -> Option<Sensor> {
         Some(Sensor::Tachogenerator)
+    }
+
+    /// Moments that are sought are as late as a short one would make them.
+    fn shows_in(&self, channels: &Channels) -> bool {
+        channels.speed && !channels.moments
     }
 
     fn speed_late_s(&self, values: &[f64]) -> f64 {

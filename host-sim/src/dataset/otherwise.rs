@@ -4,9 +4,8 @@ use super::{Dataset, Edges, KEPT_BACK, KEPT_BACK_EVERY, Output, Stretch, Window,
 use crate::rig::Readings;
 
 impl Dataset {
-    /// The same with commands that changed between the rows, each in the middle between two; none where the rig file says
-    /// when a command acts.
-    pub fn with_commands_between(&self) -> Option<Self> {
+    /// The same with each command in the row in which it was written; none where the rig file says when a command acts.
+    pub fn with_commands_as_written(&self) -> Option<Self> {
         if self.origin.timing.command_delay_s.is_some() {
             return None;
         }
@@ -14,11 +13,17 @@ impl Dataset {
         if std::mem::take(&mut other.origin.written_after) {
             row_order::move_commands(&mut other, row_order::Towards::After);
         }
+        Some(other)
+    }
+
+    /// The same with commands that changed in the middle before these rows.
+    pub fn with_commands_between(&self, rows: &[usize]) -> Self {
+        let mut other = self.clone();
         other.earlier_s = vec![0.0; self.len()];
-        for row in self.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1)) {
+        for row in rows.iter().copied() {
             other.earlier_s[row] = 0.5 * (self.time_s[row] - self.time_s[row - 1]);
         }
-        Some(other)
+        other
     }
 
     /// The same with what had been counted without losses.

@@ -138,9 +138,9 @@ impl Dataset {
             }
         };
         let angle = match (recording.get(Channel::Angle), counts, rig.encoder.counts_per_rev) {
-            (Some(angle), _, _) => Some(turns::angle_rad(angle).map_err(too_fast(Channel::Angle))?),
+            (Some(angle), _, _) => Some(turns::angle_rad(time_s, angle).map_err(too_fast(Channel::Angle))?),
             (None, Some(counts), Some(per_rev)) => {
-                let counts = turns::counts(counts, per_rev).map_err(too_fast(Channel::Counts))?;
+                let counts = turns::counts(time_s, counts, per_rev).map_err(too_fast(Channel::Counts))?;
                 Some(counts.iter().map(|count| count * TAU / per_rev).collect())
             }
             (None, Some(_), None) if speed.is_none() => {

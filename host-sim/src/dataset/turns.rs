@@ -1,5 +1,6 @@
 //! Counters that wrap and angles within one revolution, as they go on beyond.
 
+use super::columns::median;
 use std::f64::consts::TAU;
 
 /// By how much an angle within a revolution may be beyond it.
@@ -10,6 +11,8 @@ const LONG_SPANS: [f64; 2] = [65_536.0, 4_294_967_296.0];
 const BYTE: f64 = 256.0;
 /// A step of more than this share of the span may as well be one the other way round.
 const MOST_OF_SPAN: f64 = 0.4;
+/// A step of more than so many usual ones is over missing rows.
+const LONG_STEP: f64 = 1.5;
 /// As many steps as that are more than a glitch.
 const AMBIGUOUS_SHARE: f64 = 0.01;
 
@@ -20,32 +23,36 @@ pub(super) struct Ambiguous {
 }
 
 /// A counter without its wrap-arounds; missing values stay missing.
-pub(super) fn counts(counts: &[f64], per_rev: f64) -> Result<Vec<f64>, Ambiguous> {
+pub(super) fn counts(time_s: &[f64], counts: &[f64], per_rev: f64) -> Result<Vec<f64>, Ambiguous> {
     // One that a sketch sets back with each revolution, or that is a byte.
     let goes_round = |span: &f64| width(counts) < *span && steps(counts).any(|step| step.abs() > 0.5 * span);
     if let Some(span) = [BYTE, per_rev].into_iter().find(goes_round) {
-        return the_shorter_way(counts, span);
+        return the_shorter_way(time_s, counts, span);
     }
     let span_of = |step: f64| LONG_SPANS.into_iter().find(|span| (step.abs() - span).abs() < 0.1 * span);
-    Ok(without_jumps(counts, |step| span_of(step).map_or(0.0, |span| span * step.signum())))
+    Ok(without_jumps(time_s, counts, |Step { way, .. }| span_of(way).map_or(0.0, |span| span * way.signum())))
 }
 
 /// An angle that is recorded within one revolution, as it goes on beyond; missing values stay missing.
-pub(super) fn angle_rad(angle_rad: &[f64]) -> Result<Vec<f64>, Ambiguous> {
+pub(super) fn angle_rad(time_s: &[f64], angle_rad: &[f64]) -> Result<Vec<f64>, Ambiguous> {
     match width(angle_rad) <= TAU * (1.0 + ROUNDED) {
-        true => the_shorter_way(angle_rad, TAU),
+        true => the_shorter_way(time_s, angle_rad, TAU),
         false => Ok(angle_rad.to_vec()),
     }
 }
 
-fn the_shorter_way(values: &[f64], span: f64) -> Result<Vec<f64>, Ambiguous> {
-    let continued = without_jumps(values, |step| span * (step / span).round());
+/// Whichever way round is nearer; over missing rows, whichever is nearer to going on as before.
+fn the_shorter_way(time_s: &[f64], values: &[f64], span: f64) -> Result<Vec<f64>, Ambiguous> {
+    let usual_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
+    let expected = |step: &Step| if step.time_s > LONG_STEP * usual_s { step.rate_before * step.time_s } else { 0.0 };
+    let continued = without_jumps(time_s, values, |step| span * ((step.way - expected(&step)) / span).round());
     let (mut all, mut ambiguous) = (0, 0);
-    for step in steps(&continued) {
-        all += 1;
-        ambiguous += usize::from(step.abs() > MOST_OF_SPAN * span);
+    for (times, pair) in time_s.windows(2).zip(continued.windows(2)) {
+        let is_usual = times[1] - times[0] <= LONG_STEP * usual_s && (pair[1] - pair[0]).is_finite();
+        all += u32::from(is_usual);
+        ambiguous += u32::from(is_usual && (pair[1] - pair[0]).abs() > MOST_OF_SPAN * span);
     }
-    if ambiguous as f64 > AMBIGUOUS_SHARE * f64::from(all) { Err(Ambiguous { span }) } else { Ok(continued) }
+    if f64::from(ambiguous) > AMBIGUOUS_SHARE * f64::from(all) { Err(Ambiguous { span }) } else { Ok(continued) }
 }
 
 fn width(values: &[f64]) -> f64 {
@@ -58,17 +65,30 @@ fn steps(values: &[f64]) -> impl Iterator<Item = f64> {
     values.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| step.is_finite())
 }
 
+/// From one value that is there to the next.
+struct Step {
+    way: f64,
+    time_s: f64,
+    /// How fast it went before.
+    rate_before: f64,
+}
+
 /// Values less what `jump` says of each step from one that is there to the next.
-fn without_jumps(values: &[f64], jump: impl Fn(f64) -> f64) -> Vec<f64> {
-    let (mut last, mut offset) = (None, 0.0);
-    let mut continued = |value: f64| {
+fn without_jumps(time_s: &[f64], values: &[f64], jump: impl Fn(Step) -> f64) -> Vec<f64> {
+    let (mut last, mut offset, mut rate_before) = (None, 0.0, 0.0);
+    let mut continued = |(at_s, value): (f64, f64)| {
         if value.is_finite() {
-            offset -= last.map_or(0.0, |last| jump(value - last));
-            last = Some(value);
+            if let Some((last_s, last)) = last {
+                let (way, time_s) = (value - last, at_s - last_s);
+                let jumped = jump(Step { way, time_s, rate_before });
+                rate_before = (way - jumped) / time_s;
+                offset -= jumped;
+            }
+            last = Some((at_s, value));
         }
         value + offset
     };
-    values.iter().map(|value| continued(*value)).collect()
+    time_s.iter().copied().zip(values.iter().copied()).map(&mut continued).collect()
 }
 
 #[cfg(test)]
@@ -80,25 +100,41 @@ mod tests {
         (0..2000).map(|row| (fastest * 300.0 * (1.0 - (f64::from(row) / 300.0).cos())).floor()).collect()
     }
 
+    /// Milliseconds.
+    fn times(rows: usize) -> Vec<f64> {
+        (0..rows).map(|row| 1e-3 * row as f64).collect()
+    }
+
+    /// At 90 counts a row three rows are more than the half of a byte.
+    #[test]
+    fn a_short_counter_goes_on_over_missing_rows() {
+        let whole = shaft(90.0);
+        let is_there = |row: &usize| !(50..).step_by(37).take(50).any(|lost| (lost..lost + 2).contains(row));
+        let kept: Vec<usize> = (0..whole.len()).filter(is_there).collect();
+        let of = |values: &[f64]| -> Vec<f64> { kept.iter().map(|row| values[*row]).collect() };
+        let wrapped: Vec<f64> = whole.iter().map(|count| count.rem_euclid(256.0)).collect();
+        assert_eq!(counts(&of(&times(whole.len())), &of(&wrapped), 400.0), Ok(of(&whole)));
+    }
+
     #[test]
     fn short_counters_go_on_whatever_their_span() {
         let whole = shaft(90.0);
         for span in [256.0, 400.0] {
             let wrapped: Vec<f64> = whole.iter().map(|count| count.rem_euclid(span)).collect();
-            assert_eq!(counts(&wrapped, 400.0), Ok(whole.clone()), "{span}");
+            assert_eq!(counts(&times(whole.len()), &wrapped, 400.0), Ok(whole.clone()), "{span}");
         }
-        assert_eq!(counts(&whole, 400.0), Ok(whole));
+        assert_eq!(counts(&times(whole.len()), &whole, 400.0), Ok(whole));
     }
 
     #[test]
     fn what_goes_round_too_fast_is_no_angle() {
         let whole = shaft(390.0);
         let wrapped: Vec<f64> = whole.iter().map(|count| count.rem_euclid(400.0)).collect();
-        assert_eq!(counts(&wrapped, 400.0), Err(Ambiguous { span: 400.0 }));
+        assert_eq!(counts(&times(whole.len()), &wrapped, 400.0), Err(Ambiguous { span: 400.0 }));
         let angle: Vec<f64> = wrapped.iter().map(|count| count * TAU / 400.0).collect();
-        assert_eq!(angle_rad(&angle), Err(Ambiguous { span: TAU }));
+        assert_eq!(angle_rad(&times(angle.len()), &angle), Err(Ambiguous { span: TAU }));
         // A counter of two bytes is not too fast for that.
         let long: Vec<f64> = whole.iter().map(|count| count.rem_euclid(65_536.0)).collect();
-        assert_eq!(counts(&long, 400.0), Ok(whole));
+        assert_eq!(counts(&times(whole.len()), &long, 400.0), Ok(whole));
     }
 }

@@ -8,14 +8,18 @@ use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use crate::model::Model;
 
-/// Rows that are closer hardly lack commands.
+/// Rows that are closer hardly lack commands, unless one is missing...
 const SHORTEST_ROW_S: f64 = 1.5e-3;
+/// ... which a row says that is longer than so many...
+const LONG_ROW: f64 = 1.5;
+/// ... or commands and rows go by two clocks: then they change in no more than this share of the rows.
+const RARELY: f64 = 0.05;
 /// A change by this share of the greatest voltage has a moment of its own; smaller ones are taken for halfway between the rows.
 const LEAST_CHANGE: f64 = 0.002;
 /// What a change does is looked at for so long.
 const ANSWER_S: f64 = 0.1;
 /// Moments and model are found in turn, so often.
-const ROUNDS: usize = 3;
+const ROUNDS: usize = 5;
 /// What is shifted to see what it does, as a share of the row.
 const SHIFT: f64 = 0.1;
 /// Moments have to bring the cost down to this share of that of commands that stand with their rows...
@@ -25,31 +29,53 @@ const CLOSER: f64 = 0.98;
 
 /// Finds when the commands changed, if that explains most of a rest; whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    if data.interval_s < SHORTEST_ROW_S || above_floor(data, found) < NOT_NOISE {
+    if above_floor(data, found) < NOT_NOISE {
         return false;
     }
     let is_refined = data.has_moments();
-    let begun = if is_refined { Some(data.clone()) } else { data.with_commands_between() };
-    let Some(mut other) = begun else { return false };
-    let changes = changes(&other);
-    let mut best = fit(&found.model, &other, prior, Effort::TRIAL);
-    for _ in 0..ROUNDS {
-        other.earlier_s = moments(&other, &best.model, &changes);
-        best = fit(&best.model, &other, prior, Effort::TRIAL);
-    }
-    let explains = best.cost <= if is_refined { CLOSER } else { LEAST_GAIN } * found.cost;
+    let ways: Vec<(Dataset, Vec<usize>)> = match is_refined {
+        true => {
+            vec![(data.clone(), sought(data, |row| data.interval_s >= SHORTEST_ROW_S || data.earlier_s[row] > 0.0))]
+        }
+        false => data.with_commands_as_written().map_or_else(Vec::new, |data| with_commands_between(&data)),
+    };
+    let best = ways.into_iter().map(|(way, sought)| with_moments(way, &sought, prior, &found.model));
+    let Some((other, cost)) = best.min_by(|a, b| a.1.total_cmp(&b.1)) else { return false };
+    let explains = cost <= if is_refined { CLOSER } else { LEAST_GAIN } * found.cost;
     if explains {
         *data = other;
     }
     explains
 }
 
-/// Rows with commands that are far from those before.
-fn changes(data: &Dataset) -> Vec<usize> {
+/// The data with commands that changed at moments of their own, and the rows before which they did: all of them, or those that
+/// are longer than others.
+fn with_commands_between(data: &Dataset) -> Vec<(Dataset, Vec<usize>)> {
+    let all = sought(data, |_| true);
+    let of_long_rows = sought(data, |row| data.time_s[row] - data.time_s[row - 1] > LONG_ROW * data.interval_s);
+    let rows = data.len() as f64;
+    let any = data.interval_s >= SHORTEST_ROW_S || (all.len() as f64) < RARELY * rows;
+    let ways = [any.then_some(all), (!of_long_rows.is_empty()).then_some(of_long_rows)];
+    ways.into_iter().flatten().map(|sought| (data.with_commands_between(&sought), sought)).collect()
+}
+
+/// The same with the moments that the readings say, and what the model costs with them.
+fn with_moments(mut data: Dataset, sought: &[usize], prior: &Prior, model: &Model) -> (Dataset, f64) {
+    let mut best = fit(model, &data, prior, Effort::TRIAL);
+    for _ in 0..ROUNDS {
+        data.earlier_s = moments(&data, &best.model, sought);
+        best = fit(&best.model, &data, prior, Effort::TRIAL);
+    }
+    (data, best.cost)
+}
+
+/// Rows with commands that are far from those before, of those that are `chosen`.
+fn sought(data: &Dataset, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
     let volts = &data.voltage_v;
     let greatest_v = volts.iter().fold(0.0, |greatest: f64, volts| greatest.max(volts.abs()));
-    let changes = |row: &usize| (volts[*row] - volts[row - 1]).abs() > LEAST_CHANGE * greatest_v;
-    data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1)).filter(changes).collect()
+    let changes = |row: usize| (volts[row] - volts[row - 1]).abs() > LEAST_CHANGE * greatest_v;
+    let rows = data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1));
+    rows.filter(|row| changes(*row) && chosen(*row)).collect()
 }
 
 /// The moments that bring the model closest to what was measured after each change, one step of least squares; where that says
@@ -121,8 +147,9 @@ mod tests {
             let moved = free_run(&model, &fine);
             let [speed, current] = [1, 0].map(|output| &moved[output]);
             let written = (0..FINE_ROWS).step_by(ONE_OF).map(|row| [fine.voltage_v[row], speed[row], current[row]]);
-            let mut data = dataset(FINE_S * ONE_OF as f64, written).with_commands_between().unwrap();
-            let changes = changes(&data);
+            let mut data = dataset(FINE_S * ONE_OF as f64, written);
+            let changes = sought(&data, |_| true);
+            data = data.with_commands_between(&changes);
             prop_assert!(changes.len() > 5);
             for _ in 0..ROUNDS {
                 data.earlier_s = moments(&data, &model, &changes);
