@@ -1021,6 +1021,16 @@ fn a_tuning_session_without_a_person() {
     }
     assert_eq!((&account["gains_before"]["speed_kp"], &account["saved"]), (&0.055.into(), &false.into()), "{account}");
 
+    // Begun before the drive is armed: the reference has its column all the same, and nothing is lost while it is.
+    let (done, account) = session(&board, "r a s space r");
+    assert_eq!((done.status.code(), &account["recordings"]), (Some(0), &serde_json::json!(["tune.csv"])));
+    let recording = host_sim::recording::Recording::read(&board.folder.join("tune.csv"), &[]).unwrap();
+    let asked = recording.get(host_sim::recording::Channel::SpeedReference).unwrap();
+    assert!(asked[0] == 0.0 && asked.iter().any(|value| (value - 30.0).abs() < 0.1), "{asked:?}");
+    let side: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(board.folder.join("tune.json")).unwrap()).unwrap();
+    assert!(side["missing_ticks"].as_u64().unwrap() < 100, "some ten for each line: {}", side["missing_ticks"]);
+
     board.change("block on");
     let (done, account) = session(&board, "a s s");
     assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));

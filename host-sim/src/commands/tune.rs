@@ -8,7 +8,7 @@ use crate::board::BoardError;
 use crate::link::growing::GrowingCsv;
 use crate::link::record::{Ended, Record, by_name};
 use crate::rig::NominalMotor;
-use crate::tune::{Keeper, Kept, Key, Session, screen};
+use crate::tune::{Keeper, Kept, Key, REFERENCE, Session, screen};
 use clap::Args;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::Settings;
@@ -91,7 +91,8 @@ impl Numbered {
 impl Keeper for Numbered {
     fn begin(&mut self) -> Result<(), String> {
         self.path = self.next();
-        self.growing = Some(GrowingCsv::new(&self.path).map_err(|error| cannot_grow(&self.path, &error))?);
+        let growing = GrowingCsv::new(&self.path).map_err(|error| cannot_grow(&self.path, &error))?;
+        self.growing = Some(growing.of_mode(REFERENCE));
         Ok(())
     }
 

@@ -11,7 +11,7 @@ use crate::link::record::{Ended, Record, missing_ticks};
 use crate::link::{Line, Link, Losses, name};
 use crate::live::Live;
 use crate::telemetry::speed_bit_rad_per_s;
-use motorbench_core::message::{Sample, State, Trip};
+use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
@@ -53,6 +53,9 @@ pub const LOOPS: [TunedLoop; 2] = [
         gains: &[Param::LqrSpeedKw, Param::LqrSpeedKc, Param::LqrSpeedKi, Param::LqrSpeedKr],
     },
 ];
+
+/// What both are asked for is a speed, also in a recording that begins before one of them drives.
+pub const REFERENCE: Mode = Mode::SpeedPid;
 
 /// A change that can be taken back.
 struct Change {
