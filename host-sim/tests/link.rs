@@ -30,6 +30,8 @@ enum Fault {
     Noise,
     /// The telemetry stops after so many samples.
     SilentAfter(u32),
+    /// While the board lists its settings none of its samples is sent.
+    BusyListing,
 }
 
 /// A board that answers `ok`, and sends samples while a sequence of 500 ticks plays.
@@ -51,6 +53,8 @@ struct Fake {
 }
 
 const TICKS: u32 = 500;
+/// So long a board lists its settings.
+const LISTING_TICKS: u32 = 390;
 
 impl Fake {
     fn new(fault: Fault) -> (Self, Arc<Mutex<String>>) {
@@ -125,6 +129,9 @@ impl Fake {
                 let settings = Settings::defaults();
                 let line = |param: &Param| format!("# {} {} unit\r\n", name(*param), settings.get(*param));
                 let lines: String = Param::ALL.iter().map(line).collect();
+                if self.fault == Fault::BusyListing {
+                    self.tick += LISTING_TICKS;
+                }
                 self.say(&(lines + "ok\r\n"));
             }
             // Nothing had changed: all is saved at once.
@@ -354,6 +361,18 @@ fn a_recording_out_of_the_tuning_console() {
     assert!(first.settings.get(Param::SpeedKp) > before.get(Param::SpeedKp));
     assert_eq!(second.ended, Ended::Failed("the cable".into()));
     assert_eq!(*grown, [&first.samples[..], &second.samples].concat(), "kept as it came");
+}
+
+/// Pressed as soon as the console is there.
+#[test]
+fn a_recording_out_of_the_tuning_console_begins_when_it_is_asked_for() {
+    let (kept, (fake, _)) = (Shared::default(), Fake::new(Fault::BusyListing));
+    let mut session = Session::new(Link::start(fake).unwrap(), 30.0, None, Box::new(kept.clone())).unwrap();
+    [Key::Record, Key::Arm, Key::Stop, Key::Record].into_iter().for_each(|key| session.press(key).unwrap());
+    let kept = kept.ended.lock().unwrap();
+    let [(record, _)] = &kept[..] else { panic!("{} recordings", kept.len()) };
+    assert!(!record.samples.is_empty());
+    assert_eq!(record.missing_ticks(), 0);
 }
 
 #[test]

@@ -521,6 +521,8 @@ impl<L: Line> Session<L> {
             self.message = kept;
             return Ok(());
         }
+        // What had come before is none of it, with the gaps of a board that was listing its settings.
+        self.poll()?;
         match self.keeper.begin() {
             Ok(()) => {
                 let begun = Recorded { samples: Vec::new(), losses: self.link.losses(), settings: self.settings };
