@@ -30,8 +30,8 @@ pub struct Difference {
     pub channel: &'static str,
     /// Root mean square of the difference.
     pub rms: f64,
-    /// 100 (1 - |a - b| / |a - mean a|).
-    pub fit_percent: f64,
+    /// 100 (1 - |a - b| / |a - mean a|); none of a first that is constant but for how it was rounded.
+    pub fit_percent: Option<f64>,
     /// Values of the first.
     #[serde(skip)]
     pub first: Vec<f64>,
@@ -155,14 +155,18 @@ fn from_start(values: &mut [f64]) {
     values.iter_mut().for_each(|value| *value -= start);
 }
 
+/// A channel whose spread is less than this share of its values is constant: files have nine digits.
+const ROUNDING: f64 = 1e-8;
+
 /// Root mean square of the difference, and fit in percent, where neither is missing.
-pub fn distance(first: &[f64], second: &[f64]) -> (f64, f64) {
+pub fn distance(first: &[f64], second: &[f64]) -> (f64, Option<f64>) {
     let pairs = || first.iter().zip(second).filter(|(a, b)| a.is_finite() && b.is_finite());
     let count = pairs().count().max(1) as f64;
     let mean = pairs().map(|(a, _)| a).sum::<f64>() / count;
     let rms = (pairs().map(|(a, b)| (a - b).powi(2)).sum::<f64>() / count).sqrt();
     let spread = (pairs().map(|(a, _)| (a - mean).powi(2)).sum::<f64>() / count).sqrt();
-    (rms, 100.0 * (1.0 - rms / spread.max(f64::MIN_POSITIVE)))
+    let largest = pairs().map(|(a, _)| a.abs()).fold(0.0, f64::max);
+    (rms, (spread > ROUNDING * largest).then(|| 100.0 * (1.0 - rms / spread)))
 }
 
 /// Value at a time, straight between samples; outside it is missing.
@@ -232,7 +236,7 @@ mod tests {
     fn a_delay_is_found_across_rates_and_taken_off() {
         let compared = compare(&recording("a", 1e-3, 0.0, 1.0), &recording("b", 1.3e-3, 0.137, 1.0), None).unwrap();
         assert!((compared.delay_s - 0.137).abs() < 2e-4, "{}", compared.delay_s);
-        assert!(compared.channels[0].fit_percent > 99.0, "{}", compared.channels[0].fit_percent);
+        assert!(compared.channels[0].fit_percent > Some(99.0), "{:?}", compared.channels[0].fit_percent);
         let scaled = compare(&recording("a", 1e-3, 0.0, 1.0), &recording("b", 1e-3, 0.0, 0.9), Some(0.0)).unwrap();
         // A tenth of the root mean square of the course itself.
         let values = &scaled.channels[0].first;
@@ -268,7 +272,15 @@ mod tests {
             let both = compare(&with("a", 0.0, reference), &with("b", 20.0, reference), Some(0.0)).unwrap();
             both.channels.iter().find(|channel| channel.channel == "theta_rad").unwrap().fit_percent
         };
-        assert!(fit(false) > 99.9 && fit(true) < 50.0, "{} {}", fit(false), fit(true));
+        assert!(fit(false) > Some(99.9) && fit(true) < Some(50.0), "{:?} {:?}", fit(false), fit(true));
+    }
+
+    #[test]
+    fn what_is_constant_has_no_fit() {
+        let third = [1.0 / 3.0, 1.0 / 3.0 + 1e-12, 1.0 / 3.0, 1.0 / 3.0];
+        let written = [0.333_333_333; 4];
+        assert_eq!([distance(&third, &written).1, distance(&[0.0; 4], &[0.0; 4]).1], [None, None]);
+        assert!(distance(&[1.0, 1.0 + 1e-6], &[1.0, 1.0 + 1e-6]).1 > Some(99.9));
     }
 
     #[test]

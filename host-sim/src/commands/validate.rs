@@ -457,7 +457,8 @@ fn side_by_side(loops: &[Loop]) -> String {
         text += &format!("\n  {:<12.12}", one.name);
         for channel in &channels {
             let found = difference(one, channel);
-            text += &format!("{:>16}", format!("{:.1} ({})", found.fit_percent, rounded(found.rms, 2)));
+            let fit = found.fit_percent.map_or("-".into(), |fit| format!("{fit:.1}"));
+            text += &format!("{:>16}", format!("{fit} ({})", rounded(found.rms, 2)));
         }
     }
     text.push('\n');
