@@ -138,7 +138,7 @@ pub struct Account {
     /// In the order in which they were made.
     pub step_tests: Vec<StepTest>,
     /// In the order in which they were made.
-    pub recordings: Vec<PathBuf>,
+    pub recordings: Vec<String>,
     /// How it ended.
     pub ended: Ended,
 }
@@ -374,7 +374,8 @@ impl<L: Line> Session<L> {
             saved: self.saved.as_ref() == Some(&gains_after),
             gains_after,
             step_tests: self.step_tests.clone(),
-            recordings: self.recordings.clone(),
+            // Names are bytes to some systems, and JSON is text.
+            recordings: self.recordings.iter().map(|file| file.to_string_lossy().into_owned()).collect(),
             ended,
         }
     }
