@@ -121,6 +121,10 @@ impl Fake {
                 self.binary = true;
                 self.say("ok\r\n");
             }
+            "stream off" => {
+                self.binary = false;
+                self.say("ok\r\n");
+            }
             line if line.starts_with("sequence") => {
                 self.playing = TICKS;
                 self.say("ok\r\n");

@@ -1042,6 +1042,25 @@ fn a_tuning_session_without_a_person() {
     assert!(shown.starts_with("trip_host 0 "), "{shown}");
 }
 
+/// What the board answers to who takes leave is not left in the line for the program that opens it next.
+#[test]
+fn nothing_is_left_in_the_line() {
+    let board = Board::new("leave");
+    for (name, arguments) in [
+        ("connect", &["status"][..]),
+        ("connect", &["echo on"]),
+        ("record", &["--sequence", "steps", "--period", "100"]),
+        ("tune", &["--keys", "a s"]),
+    ] {
+        let done = board.run(name, arguments);
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        let line = std::fs::File::options().read(true).write(true).open(board.port()).unwrap();
+        // What the board had to say is there by then.
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        assert_eq!(rustix::io::ioctl_fionread(&line).unwrap(), 0, "{name} {arguments:?}");
+    }
+}
+
 /// A session over a network that breaks off, or a window that is closed: the drive is off, and the board as it came.
 #[test]
 fn the_tuning_console_takes_leave_without_its_terminal() {
