@@ -224,7 +224,8 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
 
 /// The rig file beside a recording, where there is one.
 fn rig_beside(recording: &Path) -> Option<PathBuf> {
-    Some(beside(recording, "rig.toml")).filter(|path| path.exists())
+    // `.` has no name that another ending could follow.
+    Some(beside(recording, "rig.toml")).filter(|path| path.exists() && !path.is_dir())
 }
 
 /// The rig file that is named, else that beside a recording.
