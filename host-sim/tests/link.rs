@@ -326,7 +326,7 @@ struct Shared {
 }
 
 impl Keeper for Shared {
-    fn begin(&mut self) -> Result<(), String> {
+    fn begin(&mut self, _: &Settings, _firmware: &str) -> Result<(), String> {
         Ok(())
     }
 
@@ -337,7 +337,7 @@ impl Keeper for Shared {
 
     fn keep(&mut self, record: &Record, before: &Settings, _firmware: &str) -> Kept {
         self.ended.lock().unwrap().push((record.clone(), *before));
-        Kept { text: "kept".into(), file: Some("kept.csv".into()) }
+        Kept { text: "kept".into(), file: Some("kept.csv".into()), is_whole: true }
     }
 }
 
@@ -355,7 +355,7 @@ fn a_recording_out_of_the_tuning_console() {
     session.press(Key::Record).unwrap();
     session.poll().unwrap();
     let gone = BoardError::Failed("the cable".into());
-    assert_eq!(session.end_recording(Some(&gone)).as_deref(), Some("kept"));
+    assert_eq!(session.end_recording(Some(&gone)).map(|kept| kept.text).as_deref(), Some("kept"));
     assert!(session.end_recording(None).is_none(), "it is kept once");
     let grown = kept.grown.lock().unwrap();
     let kept = kept.ended.lock().unwrap();
@@ -389,4 +389,10 @@ fn a_full_disk_ends_the_recording_of_the_tuning_console_and_not_the_session() {
     let [(record, _)] = &kept[..] else { panic!("{} recordings", kept.len()) };
     assert_eq!(record.ended, Ended::Failed("the disk is full".into()));
     assert!(session.end_recording(None).is_none(), "it has ended");
+    session.press(Key::More).unwrap();
+    assert_eq!(
+        session.account(Ended::Complete).ended,
+        Ended::Failed("the disk is full; kept".into()),
+        "it is not forgotten"
+    );
 }

@@ -1097,5 +1097,9 @@ fn the_tuning_console_dies_without_leaving_the_motor_driven() {
     assert!(Command::new("kill").args(["-KILL", own.trim()]).status().unwrap().success());
     terminal.shows("exit 137");
     assert!(rows(&recording) >= 300, "what had come is kept");
+    let side = std::fs::read(board.folder.join("tune.json")).unwrap();
+    let side: serde_json::Value = serde_json::from_slice(&side).unwrap();
+    assert!(side["ended"] == "running" && side["settings_before"]["speed_kp"].is_number(), "{side}");
+    assert!(std::fs::read_to_string(board.folder.join("tune.rig.toml")).unwrap().contains("counts_per_rev"));
     board.trips_by_itself();
 }

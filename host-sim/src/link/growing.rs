@@ -69,6 +69,10 @@ pub struct GrowingCsv {
     begun: Option<Sample>,
     /// Whose reference has a column. A header line that is written stays: what comes later cannot choose it.
     mode: Option<Mode>,
+    /// Rows that are in the file.
+    rows: usize,
+    /// Some could not be written: none follows them.
+    is_over: bool,
 }
 
 impl GrowingCsv {
@@ -77,7 +81,7 @@ impl GrowingCsv {
     /// # Errors
     /// What the system says.
     pub fn new(path: &Path) -> io::Result<Self> {
-        Ok(Self { file: GrowingFile::new(path)?, begun: None, mode: None })
+        Ok(Self { file: GrowingFile::new(path)?, begun: None, mode: None, rows: 0, is_over: false })
     }
 
     /// The reference is that of a mode which may begin later, or never.
@@ -85,9 +89,9 @@ impl GrowingCsv {
         Self { mode: Some(mode), ..self }
     }
 
-    /// Whether nothing was written yet, or nothing could be.
-    pub fn is_empty(&self) -> bool {
-        self.file.length == 0
+    /// Samples that are in the file.
+    pub fn rows(&self) -> usize {
+        self.rows
     }
 
     /// Adds samples, as [`GrowingFile::add`] does.
@@ -95,7 +99,7 @@ impl GrowingCsv {
     /// # Errors
     /// What the system says, for instance of a full disk.
     pub fn add(&mut self, samples: &[Sample], settings: &Settings) -> io::Result<()> {
-        let Some(first) = samples.first() else { return Ok(()) };
+        let Some(first) = samples.first().filter(|_| !self.is_over) else { return Ok(()) };
         let mode = *self.mode.get_or_insert_with(|| driven_mode(samples));
         let text = match self.begun {
             None => recording_of("", samples, settings, mode).to_csv(),
@@ -103,7 +107,12 @@ impl GrowingCsv {
             Some(begun) => recording_of("", &[&[begun], samples].concat(), settings, mode).csv_rows(1),
         };
         self.begun.get_or_insert(*first);
-        self.file.add(&text)
+        let added = self.file.add(&text);
+        match added {
+            Ok(()) => self.rows += samples.len(),
+            Err(_) => self.is_over = true,
+        }
+        added
     }
 }
 
