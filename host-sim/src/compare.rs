@@ -30,8 +30,8 @@ pub struct Difference {
     pub channel: &'static str,
     /// Root mean square of the difference.
     pub rms: f64,
-    /// 100 (1 - |a - b| / |a - mean a|).
-    pub fit_percent: f64,
+    /// 100 (1 - |a - b| / |a - mean a|); none of a first that is constant but for how it was rounded.
+    pub fit_percent: Option<f64>,
     /// Values of the first.
     #[serde(skip)]
     pub first: Vec<f64>,
@@ -120,7 +120,7 @@ pub fn compare(first: &Recording, second: &Recording, delay_s: Option<f64>) -> R
     let values = |recording: &Recording, channel| recording.get(channel).expect("both have it").to_vec();
     let delay_s = delay_s.unwrap_or_else(|| {
         let (a, b) = (values(first, telling), values(second, telling));
-        found_delay_s((&a_s, &a), (&b_s, &b))
+        found_delay_s((&a_s, &a), (&b_s, &b), has_origin(telling))
     });
     let common: Vec<usize> =
         (0..a_s.len()).filter(|index| (b_s[0]..=b_s[b_s.len() - 1]).contains(&(a_s[*index] + delay_s))).collect();
@@ -134,7 +134,7 @@ pub fn compare(first: &Recording, second: &Recording, delay_s: Option<f64>) -> R
         let (a, b) = (values(first, channel), values(second, channel));
         let mut first: Vec<f64> = common.iter().map(|index| a[*index]).collect();
         let mut second: Vec<f64> = common.iter().map(|index| at(&b_s, &b, a_s[*index] + delay_s)).collect();
-        if anywhere && matches!(channel, Channel::Counts | Channel::Angle) {
+        if anywhere && has_origin(channel) {
             from_start(&mut first);
             from_start(&mut second);
         }
@@ -149,20 +149,29 @@ pub fn compare(first: &Recording, second: &Recording, delay_s: Option<f64>) -> R
     })
 }
 
+/// Whether a channel counts from where a shaft stood, or a loop was closed, which another recording has elsewhere.
+fn has_origin(channel: Channel) -> bool {
+    matches!(channel, Channel::Counts | Channel::Angle | Channel::AngleReference)
+}
+
 /// Takes off the first value that is there.
 fn from_start(values: &mut [f64]) {
     let start = values.iter().copied().find(|value| value.is_finite()).unwrap_or_default();
     values.iter_mut().for_each(|value| *value -= start);
 }
 
+/// A channel whose spread is less than this share of its values is constant: files have nine digits.
+const ROUNDING: f64 = 1e-8;
+
 /// Root mean square of the difference, and fit in percent, where neither is missing.
-pub fn distance(first: &[f64], second: &[f64]) -> (f64, f64) {
+pub fn distance(first: &[f64], second: &[f64]) -> (f64, Option<f64>) {
     let pairs = || first.iter().zip(second).filter(|(a, b)| a.is_finite() && b.is_finite());
     let count = pairs().count().max(1) as f64;
     let mean = pairs().map(|(a, _)| a).sum::<f64>() / count;
     let rms = (pairs().map(|(a, b)| (a - b).powi(2)).sum::<f64>() / count).sqrt();
     let spread = (pairs().map(|(a, _)| (a - mean).powi(2)).sum::<f64>() / count).sqrt();
-    (rms, 100.0 * (1.0 - rms / spread.max(f64::MIN_POSITIVE)))
+    let largest = pairs().map(|(a, _)| a.abs()).fold(0.0, f64::max);
+    (rms, (spread > ROUNDING * largest).then(|| 100.0 * (1.0 - rms / spread)))
 }
 
 /// Value at a time, straight between samples; outside it is missing.
@@ -178,19 +187,25 @@ fn at(time_s: &[f64], values: &[f64], t_s: f64) -> f64 {
     }
 }
 
-/// The shift with the least mean square difference: first on a grid, then by a parabola through the three best.
-fn found_delay_s(first: (&[f64], &[f64]), second: (&[f64], &[f64])) -> f64 {
+/// The shift with the least mean square difference, of what has an origin but for a constant one: first on a grid, then by
+/// halves of its step.
+fn found_delay_s(first: (&[f64], &[f64]), second: (&[f64], &[f64]), has_origin: bool) -> f64 {
     let (time_s, values) = first;
     let every = (time_s.len() / JUDGED).max(1);
     let range_s = LARGEST_DELAY * time_s[time_s.len() - 1];
     let cost = |delay_s: f64| {
-        let squares = (0..time_s.len())
+        let apart: Vec<f64> = (0..time_s.len())
             .step_by(every)
-            .map(|index| (values[index] - at(second.0, second.1, time_s[index] + delay_s)).powi(2))
-            .filter(|square| square.is_finite());
-        let (sum, count) = squares.fold((0.0, 0_usize), |(sum, count), square| (sum + square, count + 1));
+            .map(|index| values[index] - at(second.0, second.1, time_s[index] + delay_s))
+            .filter(|apart| apart.is_finite())
+            .collect();
         // A short overlap may agree by chance.
-        if 2 * count * every < time_s.len() { f64::INFINITY } else { sum / count as f64 }
+        if 2 * apart.len() * every < time_s.len() {
+            return f64::INFINITY;
+        }
+        let mean = |of: &dyn Fn(f64) -> f64| apart.iter().map(|apart| of(*apart)).sum::<f64>() / apart.len() as f64;
+        let origin = if has_origin { mean(&|apart| apart) } else { 0.0 };
+        mean(&|apart| (apart - origin).powi(2))
     };
     let mut step_s = range_s / SHIFTS as f64;
     let mut best_s = 0.0;
@@ -232,7 +247,7 @@ mod tests {
     fn a_delay_is_found_across_rates_and_taken_off() {
         let compared = compare(&recording("a", 1e-3, 0.0, 1.0), &recording("b", 1.3e-3, 0.137, 1.0), None).unwrap();
         assert!((compared.delay_s - 0.137).abs() < 2e-4, "{}", compared.delay_s);
-        assert!(compared.channels[0].fit_percent > 99.0, "{}", compared.channels[0].fit_percent);
+        assert!(compared.channels[0].fit_percent > Some(99.0), "{:?}", compared.channels[0].fit_percent);
         let scaled = compare(&recording("a", 1e-3, 0.0, 1.0), &recording("b", 1e-3, 0.0, 0.9), Some(0.0)).unwrap();
         // A tenth of the root mean square of the course itself.
         let values = &scaled.channels[0].first;
@@ -268,7 +283,29 @@ mod tests {
             let both = compare(&with("a", 0.0, reference), &with("b", 20.0, reference), Some(0.0)).unwrap();
             both.channels.iter().find(|channel| channel.channel == "theta_rad").unwrap().fit_percent
         };
-        assert!(fit(false) > 99.9 && fit(true) < 50.0, "{} {}", fit(false), fit(true));
+        assert!(fit(false) > Some(99.9) && fit(true) < Some(50.0), "{:?} {:?}", fit(false), fit(true));
+    }
+
+    /// Where the shaft stood when a position loop was closed says nothing of when that was.
+    #[test]
+    fn a_shaft_that_stood_elsewhere_is_no_delay() {
+        let from = |name: &str, start: f64| {
+            let mut recording = recording(name, 1e-3, 0.0, 1.0);
+            let time_s = recording.time_s().unwrap();
+            let asked = time_s.iter().map(|t_s| start + f64::from(*t_s > 1.0) - 2.0 * f64::from(*t_s > 2.0)).collect();
+            recording.set(Channel::AngleReference, asked);
+            recording
+        };
+        let compared = compare(&from("a", 0.0), &from("b", 1.2), None).unwrap();
+        assert!(compared.delay_s.abs() < 1e-4, "{}", compared.delay_s);
+    }
+
+    #[test]
+    fn what_is_constant_has_no_fit() {
+        let third = [1.0 / 3.0, 1.0 / 3.0 + 1e-12, 1.0 / 3.0, 1.0 / 3.0];
+        let written = [0.333_333_333; 4];
+        assert_eq!([distance(&third, &written).1, distance(&[0.0; 4], &[0.0; 4]).1], [None, None]);
+        assert!(distance(&[1.0, 1.0 + 1e-6], &[1.0, 1.0 + 1e-6]).1 > Some(99.9));
     }
 
     #[test]

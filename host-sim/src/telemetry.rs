@@ -26,8 +26,20 @@ pub fn reference_bit(mode: Mode, settings: &Settings) -> f64 {
     }
 }
 
-/// The samples as a recording. While the bridge is off, duty and voltage are missing: nothing drives the motor then.
+/// The mode that samples were driven in last. A trip or a stop at the end leaves no mode, and takes no reference away.
+pub fn driven_mode(samples: &[Sample]) -> Mode {
+    let mut modes = samples.iter().rev().map(|sample| sample.state.mode());
+    modes.find(|mode| *mode != Mode::Off).unwrap_or(Mode::Off)
+}
+
+/// The samples as a recording, with the reference of their mode.
 pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recording {
+    recording_of(name, samples, settings, driven_mode(samples))
+}
+
+/// The samples as a recording with the reference of `mode`. While the bridge is off, duty and voltage are missing: nothing
+/// drives the motor then.
+pub fn recording_of(name: &str, samples: &[Sample], settings: &Settings, mode: Mode) -> Recording {
     let get = |param| f64::from(settings.get(param));
     let rate_hz = get(Param::TickRate);
     let first = samples.first().map_or(0, |sample| sample.tick);
@@ -43,9 +55,6 @@ pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recordi
     let speed_bit = speed_bit_rad_per_s(settings);
     recording.set(Channel::Speed, column(&|sample| f64::from(sample.speed) * speed_bit));
     recording.set(Channel::Current, column(&|sample| f64::from(sample.current) / f64::from(AMPERE)));
-    // A trip or a stop at the end leaves no mode, and takes no reference away.
-    let mode = samples.iter().rev().map(|sample| sample.state.mode()).find(|mode| *mode != Mode::Off);
-    let mode = mode.unwrap_or(Mode::Off);
     let unit = reference_bit(mode, settings);
     let reference = || column(&|sample| f64::from(sample.reference) * unit);
     if mode.is_speed() {

@@ -39,3 +39,25 @@ fn each_file_has_its_line_and_a_bad_one_stops_nothing() {
     assert!(alone["rig"].as_str().unwrap().ends_with("good.rig.toml"), "{alone}");
     assert_eq!((beside.status.code(), &alone["outcome"]), (Some(0), &of("good.csv")["outcome"]));
 }
+
+/// Names are bytes to Linux; the lines are text whatever they are.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_name_that_is_no_text_has_its_line_too() {
+    use std::os::unix::ffi::OsStrExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    for name in [&b"m\xfcde.csv"[..], b"other.csv"] {
+        std::fs::write(folder.path().join(std::ffi::OsStr::from_bytes(name)), "t_s,u_V\n0,zero\n").unwrap();
+    }
+    std::fs::write(folder.path().join(std::ffi::OsStr::from_bytes(b"m\xfcde.rig.toml")), "").unwrap();
+    let done = Command::new(env!("CARGO_BIN_EXE_motorbench"))
+        .args(["diagnose", "--batch", "."])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    let text = String::from_utf8(done.stdout).unwrap();
+    let lines: Vec<serde_json::Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let mut files: Vec<&str> = lines.iter().map(|line| line["file"].as_str().unwrap()).collect();
+    files.sort_unstable();
+    assert_eq!((done.status.code(), &files[..]), (Some(1), &["./m\u{fffd}de.csv", "./other.csv"][..]), "{text}");
+}

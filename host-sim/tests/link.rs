@@ -30,6 +30,8 @@ enum Fault {
     Noise,
     /// The telemetry stops after so many samples.
     SilentAfter(u32),
+    /// While the board lists its settings none of its samples is sent.
+    BusyListing,
 }
 
 /// A board that answers `ok`, and sends samples while a sequence of 500 ticks plays.
@@ -51,6 +53,8 @@ struct Fake {
 }
 
 const TICKS: u32 = 500;
+/// So long a board lists its settings.
+const LISTING_TICKS: u32 = 390;
 
 impl Fake {
     fn new(fault: Fault) -> (Self, Arc<Mutex<String>>) {
@@ -117,6 +121,10 @@ impl Fake {
                 self.binary = true;
                 self.say("ok\r\n");
             }
+            "stream off" => {
+                self.binary = false;
+                self.say("ok\r\n");
+            }
             line if line.starts_with("sequence") => {
                 self.playing = TICKS;
                 self.say("ok\r\n");
@@ -125,6 +133,9 @@ impl Fake {
                 let settings = Settings::defaults();
                 let line = |param: &Param| format!("# {} {} unit\r\n", name(*param), settings.get(*param));
                 let lines: String = Param::ALL.iter().map(line).collect();
+                if self.fault == Fault::BusyListing {
+                    self.tick += LISTING_TICKS;
+                }
                 self.say(&(lines + "ok\r\n"));
             }
             // Nothing had changed: all is saved at once.
@@ -315,7 +326,7 @@ struct Shared {
 }
 
 impl Keeper for Shared {
-    fn begin(&mut self) -> Result<(), String> {
+    fn begin(&mut self, _: &Settings, _firmware: &str) -> Result<(), String> {
         Ok(())
     }
 
@@ -326,7 +337,7 @@ impl Keeper for Shared {
 
     fn keep(&mut self, record: &Record, before: &Settings, _firmware: &str) -> Kept {
         self.ended.lock().unwrap().push((record.clone(), *before));
-        Kept { text: "kept".into(), file: Some("kept.csv".into()) }
+        Kept { text: "kept".into(), file: Some("kept.csv".into()), is_whole: true }
     }
 }
 
@@ -344,7 +355,7 @@ fn a_recording_out_of_the_tuning_console() {
     session.press(Key::Record).unwrap();
     session.poll().unwrap();
     let gone = BoardError::Failed("the cable".into());
-    assert_eq!(session.end_recording(Some(&gone)).as_deref(), Some("kept"));
+    assert_eq!(session.end_recording(Some(&gone)).map(|kept| kept.text).as_deref(), Some("kept"));
     assert!(session.end_recording(None).is_none(), "it is kept once");
     let grown = kept.grown.lock().unwrap();
     let kept = kept.ended.lock().unwrap();
@@ -354,6 +365,18 @@ fn a_recording_out_of_the_tuning_console() {
     assert!(first.settings.get(Param::SpeedKp) > before.get(Param::SpeedKp));
     assert_eq!(second.ended, Ended::Failed("the cable".into()));
     assert_eq!(*grown, [&first.samples[..], &second.samples].concat(), "kept as it came");
+}
+
+/// Pressed as soon as the console is there.
+#[test]
+fn a_recording_out_of_the_tuning_console_begins_when_it_is_asked_for() {
+    let (kept, (fake, _)) = (Shared::default(), Fake::new(Fault::BusyListing));
+    let mut session = Session::new(Link::start(fake).unwrap(), 30.0, None, Box::new(kept.clone())).unwrap();
+    [Key::Record, Key::Arm, Key::Stop, Key::Record].into_iter().for_each(|key| session.press(key).unwrap());
+    let kept = kept.ended.lock().unwrap();
+    let [(record, _)] = &kept[..] else { panic!("{} recordings", kept.len()) };
+    assert!(!record.samples.is_empty());
+    assert_eq!(record.missing_ticks(), 0);
 }
 
 #[test]
@@ -366,4 +389,10 @@ fn a_full_disk_ends_the_recording_of_the_tuning_console_and_not_the_session() {
     let [(record, _)] = &kept[..] else { panic!("{} recordings", kept.len()) };
     assert_eq!(record.ended, Ended::Failed("the disk is full".into()));
     assert!(session.end_recording(None).is_none(), "it has ended");
+    session.press(Key::More).unwrap();
+    assert_eq!(
+        session.account(Ended::Complete).ended,
+        Ended::Failed("the disk is full; kept".into()),
+        "it is not forgotten"
+    );
 }

@@ -242,6 +242,33 @@ fn a_full_disk_stops_the_motor_and_keeps_what_was_written() {
     assert!(csv.ends_with('\n') && csv.len() > 20_000 && csv.len() <= 64 * 512, "{} bytes", csv.len());
     let recording = Recording::read(&board.folder.join("run.csv"), &[]).unwrap();
     assert!(recording.len() > 300, "{} samples", recording.len());
+    assert_eq!(board.side_file()["samples"].as_u64().unwrap() as usize, recording.len());
+}
+
+/// The same of a recording out of the tuning console: it is there as far as it goes, and what stands beside it says so.
+#[test]
+fn a_full_disk_ends_a_recording_out_of_the_tuning_console() {
+    let board = Board::new("tune-full");
+    let limited = format!(
+        "trap '' XFSZ; ulimit -f 64; exec '{MOTORBENCH}' tune --port '{}' --keys 'a r s s s s' --json session.json",
+        board.port().display()
+    );
+    let done = Command::new("sh").args(["-c", &limited]).current_dir(&board.folder).output().unwrap();
+    let message = text(&done.stderr);
+    assert_eq!(done.status.code(), Some(3), "{message}");
+    let [csv, rig] = ["tune.csv", "tune.rig.toml"].map(|name| board.folder.join(name));
+    let recording = Recording::read(&csv, &[]).unwrap();
+    let kept = format!("make room on the disk; --out names another file; tune.csv: {} samples", recording.len());
+    assert!(recording.len() > 300 && message.contains(&kept), "{message}");
+    let json = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(board.folder.join(name)).unwrap()).unwrap()
+    };
+    for file in ["tune.json", "session.json"] {
+        assert!(json(file)["ended"]["failed"].as_str().unwrap().contains("make room"), "{file}: {}", json(file));
+    }
+    assert_eq!(json("tune.json")["samples"].as_u64().unwrap() as usize, recording.len());
+    assert!(rig.exists());
+    board.motor_is_off();
 }
 
 #[test]

@@ -1021,6 +1021,16 @@ fn a_tuning_session_without_a_person() {
     }
     assert_eq!((&account["gains_before"]["speed_kp"], &account["saved"]), (&0.055.into(), &false.into()), "{account}");
 
+    // Begun before the drive is armed: the reference has its column all the same, and nothing is lost while it is.
+    let (done, account) = session(&board, "r a s space r");
+    assert_eq!((done.status.code(), &account["recordings"]), (Some(0), &serde_json::json!(["tune.csv"])));
+    let recording = host_sim::recording::Recording::read(&board.folder.join("tune.csv"), &[]).unwrap();
+    let asked = recording.get(host_sim::recording::Channel::SpeedReference).unwrap();
+    assert!(asked[0] == 0.0 && asked.iter().any(|value| (value - 30.0).abs() < 0.1), "{asked:?}");
+    let side: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(board.folder.join("tune.json")).unwrap()).unwrap();
+    assert!(side["missing_ticks"].as_u64().unwrap() < 100, "some ten for each line: {}", side["missing_ticks"]);
+
     board.change("block on");
     let (done, account) = session(&board, "a s s");
     assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
@@ -1030,6 +1040,25 @@ fn a_tuning_session_without_a_person() {
     // As the board came, not as the session needed it.
     let shown = text(&board.run("connect", &["show trip_host"]).stdout);
     assert!(shown.starts_with("trip_host 0 "), "{shown}");
+}
+
+/// What the board answers to who takes leave is not left in the line for the program that opens it next.
+#[test]
+fn nothing_is_left_in_the_line() {
+    let board = Board::new("leave");
+    for (name, arguments) in [
+        ("connect", &["status"][..]),
+        ("connect", &["echo on"]),
+        ("record", &["--sequence", "steps", "--period", "100"]),
+        ("tune", &["--keys", "a s"]),
+    ] {
+        let done = board.run(name, arguments);
+        assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+        let line = std::fs::File::options().read(true).write(true).open(board.port()).unwrap();
+        // What the board had to say is there by then.
+        std::thread::sleep(std::time::Duration::from_millis(300));
+        assert_eq!(rustix::io::ioctl_fionread(&line).unwrap(), 0, "{name} {arguments:?}");
+    }
 }
 
 /// A session over a network that breaks off, or a window that is closed: the drive is off, and the board as it came.
@@ -1068,5 +1097,9 @@ fn the_tuning_console_dies_without_leaving_the_motor_driven() {
     assert!(Command::new("kill").args(["-KILL", own.trim()]).status().unwrap().success());
     terminal.shows("exit 137");
     assert!(rows(&recording) >= 300, "what had come is kept");
+    let side = std::fs::read(board.folder.join("tune.json")).unwrap();
+    let side: serde_json::Value = serde_json::from_slice(&side).unwrap();
+    assert!(side["ended"] == "running" && side["settings_before"]["speed_kp"].is_number(), "{side}");
+    assert!(std::fs::read_to_string(board.folder.join("tune.rig.toml")).unwrap().contains("counts_per_rev"));
     board.trips_by_itself();
 }

@@ -292,9 +292,10 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let (mut link, _, before) = arguments.port.open_to_drive()?;
     let done = play((arguments, out), &mut link, nominal, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
     put_back(&mut link, &before, &arguments.set);
-    let (done, played) = done?;
-    let kept = if growing.is_empty() { 0 } else { done.samples.len() };
-    finish((arguments, out), &done, &link.firmware, &played, nominal, kept)
+    let (mut done, played) = done?;
+    // What is told of a recording is told of its file.
+    done.samples.truncate(growing.rows());
+    finish((arguments, out), &done, &link.firmware, &played, nominal)
 }
 
 /// What stands beside a recording.
@@ -324,9 +325,8 @@ fn play(
         coverage.add(came);
         bar.set_message(coverage.covered().to_string());
         send(live, came, &settings);
-        // Those of an earlier recording would tell of rows that they do not know.
-        if growing.is_empty() && !came.is_empty() {
-            write_each(&files).map_err(|failure| format!("{}; {OTHER_FILE}", failure.message))?;
+        if growing.rows() == 0 && !came.is_empty() {
+            write_first(&files)?;
         }
         growing.add(came, &settings).map_err(|error| cannot_grow(out, &error))
     });
@@ -358,23 +358,22 @@ pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
     format!("{}; {OTHER_FILE}", cannot_write(path, error).message)
 }
 
-/// Writes what belongs beside the recording and says what became of it. `kept`: samples that are in its file.
+/// Writes what belongs beside the recording and says what became of it.
 fn finish(
     (arguments, out): (&RecordArguments, &Path),
     done: &Record,
     firmware: &str,
     played: &Played,
     nominal: NominalMotor,
-    kept: usize,
 ) -> Result<(), Failure> {
+    let kept = done.samples.len();
     let mut side = done.side_file(firmware, &played.order.line());
     side["file"] = out.display().to_string().into();
     let ticks = done.samples.len() as f64 + f64::from(done.missing_ticks());
     // The files of an earlier recording stay as they are where nothing came.
     let written = match kept {
         0 => Ok(()),
-        _ => files_beside((arguments, out), &done.settings, nominal, played, ticks, &side)
-            .and_then(|files| write_each(&files)),
+        _ => write_each(&files_beside((arguments, out), &done.settings, nominal, played, ticks, &side)?),
     };
     match arguments.json {
         true => print!("{}", pretty(&side)?),
@@ -390,12 +389,13 @@ fn finish(
 }
 
 /// How a recording ended, and then what cannot be written any more.
-fn both(ended: Result<(), Failure>, written: Result<(), Failure>) -> Result<(), Failure> {
+fn both(ended: Result<(), Failure>, written: Result<(), Unwritten>) -> Result<(), Failure> {
     let Err(unwritten) = written else { return ended };
-    let unwritten = format!("beside it stands what was written at its beginning: {}", unwritten.message);
     Err(match ended {
-        Ok(()) => Failure::machine(unwritten),
-        Err(failure) => Failure { message: format!("{}; {unwritten}", failure.message), ..failure },
+        Ok(()) => Failure::machine(unwritten.beside("")),
+        Err(failure) => {
+            Failure { message: format!("{}; {}", failure.message, unwritten.beside(&failure.message)), ..failure }
+        }
     })
 }
 
@@ -532,8 +532,24 @@ pub(super) fn rig_and_side(
     Ok(vec![(beside(out, "rig.toml"), rig), (beside(out, "json"), pretty(side)?)])
 }
 
-/// Writes files, whatever becomes of one of them; the failure names each that could not be.
-pub(super) fn write_each(files: &[(PathBuf, String)]) -> Result<(), Failure> {
+/// Files that could not be written, by why not.
+pub(super) struct Unwritten(BTreeMap<String, Vec<String>>);
+
+impl Unwritten {
+    /// Each reason with its files; of one that was `said` already only these.
+    fn named(&self, said: &str) -> String {
+        let why = |why: &str| if said.contains(why) { String::new() } else { why.to_owned() };
+        self.0.iter().map(|(reason, names)| names.join(", ") + &why(reason)).collect::<Vec<_>>().join("; ")
+    }
+
+    /// Of those beside a recording that is over.
+    pub(super) fn beside(&self, said: &str) -> String {
+        format!("beside it stands what was written at its beginning: {}", self.named(said))
+    }
+}
+
+/// Writes files, whatever becomes of one of them.
+pub(super) fn write_each(files: &[(PathBuf, String)]) -> Result<(), Unwritten> {
     let mut failed: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for (path, text) in files {
         let name = path.display().to_string();
@@ -542,8 +558,17 @@ pub(super) fn write_each(files: &[(PathBuf, String)]) -> Result<(), Failure> {
             failed.entry(why).or_default().push(name);
         }
     }
-    let failed: Vec<String> = failed.iter().map(|(why, names)| names.join(", ") + why).collect();
-    if failed.is_empty() { Ok(()) } else { Err(Failure::machine(failed.join("; "))) }
+    if failed.is_empty() { Ok(()) } else { Err(Unwritten(failed)) }
+}
+
+/// What a recording's end adds to the files beside it takes no more than this; the disk may be full by then.
+const ROOM: usize = 2048;
+
+/// Writes what stands beside a recording before its first row: those of an earlier one would tell of rows that they do not
+/// know. Each keeps room for what is known in the end.
+pub(super) fn write_first(files: &[(PathBuf, String)]) -> Result<(), String> {
+    let with_room = files.iter().map(|(path, text)| (path.clone(), format!("{text}{:ROOM$}\n", "")));
+    write_each(&with_room.collect::<Vec<_>>()).map_err(|unwritten| format!("{}; {OTHER_FILE}", unwritten.named("")))
 }
 
 fn report((arguments, out): (&RecordArguments, &Path), done: &Record) {
@@ -765,6 +790,17 @@ mod tests {
         let lifted = lifted_protections(&settings).unwrap();
         let expected = "protections are lifted: current_limit off, usually 1; trip_peak 5, usually 1.2; trip_supply_low 0, usually 5";
         assert_eq!(lifted, expected);
+    }
+
+    #[test]
+    fn a_full_disk_is_said_once() {
+        let why = ": no space: make room on the disk";
+        let unwritten = || Unwritten([(why.to_owned(), vec!["run.json".to_owned()])].into());
+        let ended = Failure::machine(format!("run.csv{why}; run.csv holds what had come"));
+        let told = both(Err(ended), Err(unwritten())).unwrap_err().message;
+        assert!(told.matches("make room").count() == 1 && told.ends_with("at its beginning: run.json"), "{told}");
+        let told = both(Ok(()), Err(unwritten())).unwrap_err().message;
+        assert!(told.ends_with(&format!("run.json{why}")), "{told}");
     }
 
     /// Beside what the firmware makes of a number, one digit that is another.

@@ -123,8 +123,8 @@ pub fn table(compared: &Comparison) -> String {
     let mut text = format!("The second is {delay} ms later; compared over {duration} s\n");
     text += "  channel            rms difference        fit\n";
     for channel in &compared.channels {
-        let fit = channel.fit_percent;
-        text += &format!("  {:<18} {:>14} {fit:>8.1} %\n", channel.channel, short(channel.rms));
+        let fit = channel.fit_percent.map_or("-".into(), |fit| format!("{fit:.1} %"));
+        text += &format!("  {:<18} {:>14} {fit:>10}\n", channel.channel, short(channel.rms));
     }
     text
 }

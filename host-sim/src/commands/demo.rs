@@ -83,6 +83,9 @@ pub struct Arguments {
     csv: Option<PathBuf>,
 }
 
+/// Lines of a terminal, without that which says where the page is and the prompt's.
+const SCREENFUL: u16 = 22;
+
 /// Runs it.
 ///
 /// # Errors
@@ -96,7 +99,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let nominal = wrong(&truth.motor, &mut random);
     let settings = recording_settings();
     let recorded = record(&truth, settings)?;
-    outputs.say(&wrapped(&format!("A motor with something hidden in it (seed {seed}): {}.", recorded.words()), "", ""));
+    let drawn = wrapped(&format!("A motor with something hidden in it (seed {seed}): {}.", recorded.words()), "", "");
+    outputs.say(&drawn);
     let recording = telemetry::recording("demo", &recorded.samples, &settings);
     let rig = (recorded.rig)(&settings, NominalMotor::from(nominal));
     if let Some(path) = &arguments.csv {
@@ -107,9 +111,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(Failure::input)?;
     let hidden = on_clock_of(&recorded.samples, &truth, &settings);
     let revealed = Revealed::of(&hidden, &diagnosis.model);
-    outputs.say(&format!("\n{}\n{}{}", page::verdict(&diagnosis.outcome), errors(&diagnosis.outcome), revealed.text()));
+    let found = format!("\n{}\n{}{}\n", page::verdict(&diagnosis.outcome), errors(&diagnosis.outcome), revealed.text());
+    outputs.say(&found);
     let loops = working("three loops are designed and tried", |_| Loops::compared(&truth, &nominal, &diagnosis))?;
-    outputs.say(&format!("\n{}", loops.picture()));
+    let taken = drawn.lines().chain(found.lines()).count();
+    outputs.say(&loops.picture(SCREENFUL.saturating_sub(taken as u16)));
     let whole = Whole { seed, recorded, hidden, diagnosis, loops, revealed };
     match &arguments.report {
         Some(path) => {

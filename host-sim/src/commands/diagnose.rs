@@ -85,6 +85,8 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
             let result = own.and_then(|own| guarded(|| alone(path, args, own.as_ref().unwrap_or(rig))));
             let rig = args.recordings.rig.as_ref().or(beside.as_ref());
             let failed = result.is_err();
+            // Names are bytes to some systems, and JSON is text.
+            let (path, rig) = (path.to_string_lossy(), rig.map(|rig| rig.to_string_lossy()));
             let line = match result {
                 Ok(outcome) => serde_json::json!({ "file": path, "rig": rig, "outcome": outcome }),
                 Err(error) => serde_json::json!({ "file": path, "rig": rig, "error": error }),

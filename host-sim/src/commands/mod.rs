@@ -224,7 +224,8 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
 
 /// The rig file beside a recording, where there is one.
 fn rig_beside(recording: &Path) -> Option<PathBuf> {
-    Some(beside(recording, "rig.toml")).filter(|path| path.exists())
+    // `.` has no name that another ending could follow.
+    Some(beside(recording, "rig.toml")).filter(|path| path.exists() && !path.is_dir())
 }
 
 /// The rig file that is named, else that beside a recording.
@@ -322,13 +323,25 @@ fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
     let written = fs::write(&beside, contents).and_then(|()| keep_mode()).and_then(|()| fs::rename(&beside, &path));
     written.or_else(|error| {
         let _ = fs::remove_file(&beside);
-        // Into a folder that takes no new file the old one is written in its place.
-        if there.is_some() && error.kind() == ErrorKind::PermissionDenied {
-            fs::write(&path, contents)
-        } else {
-            Err(error)
+        match (error.kind(), there) {
+            // Into a folder that takes no new file the old one is written in its place...
+            (ErrorKind::PermissionDenied, Some(_)) => fs::write(&path, contents),
+            // ... and on a full disk where it has the room already.
+            (ErrorKind::StorageFull | ErrorKind::QuotaExceeded, Some(there))
+                if there.len() >= contents.len() as u64 =>
+            {
+                write_within(&path, contents)
+            }
+            _ => Err(error),
         }
     })
+}
+
+/// Writes over the beginning of a longer file, and takes the rest away.
+fn write_within(path: &Path, contents: &[u8]) -> io::Result<()> {
+    let mut file = fs::OpenOptions::new().write(true).open(path)?;
+    file.write_all(contents)?;
+    file.set_len(contents.len() as u64)
 }
 
 /// Writes a result for a program.
@@ -398,6 +411,21 @@ mod tests {
         assert_eq!(folder.path().read_dir().unwrap().count(), if cfg!(unix) { 2 } else { 1 }, "nothing beside them");
         write(Path::new("/dev/null"), "nothing").unwrap();
         assert_eq!(write(&folder.path().join("none/run.json"), "new").unwrap_err().code, 3);
+    }
+
+    /// What is written beside the file finds no room.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn on_a_full_disk_a_file_is_written_into_the_room_it_has() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("run.json");
+        let beside = file.with_added_extension(format!("{}.part", std::process::id()));
+        for (before, is_written) in [("running, and room", true), ("short", false)] {
+            fs::write(&file, before).unwrap();
+            std::os::unix::fs::symlink("/dev/full", &beside).unwrap();
+            assert_eq!(write(&file, "complete").is_ok(), is_written);
+            assert_eq!(fs::read_to_string(&file).unwrap(), if is_written { "complete" } else { before });
+        }
     }
 
     #[test]

@@ -1,19 +1,21 @@
 //! `motorbench tune`: the tuning console, and a session of it without a person.
 
-use super::board::{PortArguments, cannot_grow, finite, on_interrupt, rig_and_side, table_file, write_each};
+use super::board::{
+    PortArguments, cannot_grow, finite, on_interrupt, rig_and_side, table_file, write_each, write_first,
+};
 use super::files::{beside, free_name, with_beside};
 use super::live::LiveArguments;
 use super::{Failure, Outputs, tell, write_json};
 use crate::board::BoardError;
 use crate::link::growing::GrowingCsv;
-use crate::link::record::{Ended, Record, by_name};
+use crate::link::record::{Ended, Record, by_name, side_file_of_running};
 use crate::rig::NominalMotor;
-use crate::tune::{Keeper, Kept, Key, Session, screen};
+use crate::tune::{Keeper, Kept, Key, REFERENCE, Session, screen};
 use clap::Args;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::Settings;
 use std::io::IsTerminal;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
 /// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
@@ -69,11 +71,13 @@ struct Numbered {
     /// That under way, or the last.
     path: PathBuf,
     growing: Option<GrowingCsv>,
+    /// What stands beside it before its first row.
+    first: Vec<(PathBuf, String)>,
 }
 
 impl Numbered {
     fn new(out: Option<PathBuf>) -> Self {
-        let mut new = Self { out, kept: 0, path: PathBuf::new(), growing: None };
+        let mut new = Self { out, kept: 0, path: PathBuf::new(), growing: None, first: Vec::new() };
         new.path = new.next();
         new
     }
@@ -88,40 +92,55 @@ impl Numbered {
     }
 }
 
+/// What was played, as the side file says it.
+const BY_HAND: &str = "by hand, in motorbench tune";
+
+/// Rig and side file, with the gains that the recording began with.
+fn files_beside(
+    out: &Path,
+    settings: &Settings,
+    before: &Settings,
+    mut side: serde_json::Value,
+) -> Result<Vec<(PathBuf, String)>, Failure> {
+    side["settings_before"] = by_name(before).into();
+    rig_and_side(out, settings, NominalMotor::default(), &side)
+}
+
 impl Keeper for Numbered {
-    fn begin(&mut self) -> Result<(), String> {
+    fn begin(&mut self, settings: &Settings, firmware: &str) -> Result<(), String> {
         self.path = self.next();
-        self.growing = Some(GrowingCsv::new(&self.path).map_err(|error| cannot_grow(&self.path, &error))?);
+        let growing = GrowingCsv::new(&self.path).map_err(|error| cannot_grow(&self.path, &error))?;
+        self.growing = Some(growing.of_mode(REFERENCE));
+        let side = side_file_of_running(settings, firmware, BY_HAND);
+        self.first = files_beside(&self.path, settings, settings, side).map_err(|failure| failure.message)?;
         Ok(())
     }
 
     fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String> {
-        let path = &self.path;
         let Some(growing) = &mut self.growing else { return Ok(()) };
-        if growing.is_empty() && !samples.is_empty() {
-            // That of an earlier recording knows nothing of these rows.
-            let _ = std::fs::remove_file(beside(path, "json"));
+        if growing.rows() == 0 && !samples.is_empty() {
+            write_first(&self.first)?;
         }
-        growing.add(samples, settings).map_err(|error| cannot_grow(path, &error))
+        growing.add(samples, settings).map_err(|error| cannot_grow(&self.path, &error))
     }
 
     fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> Kept {
         let out = self.path.clone();
         self.growing = None;
         if record.samples.is_empty() {
-            return Kept { text: "nothing had come".into(), file: None };
+            return Kept { text: "nothing had come".into(), file: None, is_whole: true };
         }
         self.kept += 1;
-        let mut side = record.side_file(firmware, "by hand, in motorbench tune");
-        side["settings_before"] = by_name(before).into();
-        let files = rig_and_side(&out, &record.settings, NominalMotor::default(), &side);
-        let text = match files.and_then(|files| write_each(&files)) {
-            Ok(()) => {
-                format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks())
-            }
-            Err(failure) => format!("{} is there, but what belongs to it not: {}", out.display(), failure.message),
+        let text = format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks());
+        let files = files_beside(&out, &record.settings, before, record.side_file(firmware, BY_HAND));
+        let lacks = match files.map(|files| write_each(&files)) {
+            Ok(Ok(())) => None,
+            Ok(Err(unwritten)) => Some(unwritten.beside("")),
+            Err(failure) => Some(failure.message),
         };
-        Kept { text, file: Some(out) }
+        let is_whole = lacks.is_none();
+        let text = [Some(text), lacks].into_iter().flatten().collect::<Vec<_>>().join("; ");
+        Kept { text, file: Some(out), is_whole }
     }
 }
 
@@ -151,8 +170,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         None => screen::run(&mut session, &stop).map_or_else(Ended::from, |()| Ended::Complete),
     };
     let failed = if let Ended::Failed(why) = &ended { Some(BoardError::Failed(why.clone())) } else { None };
-    if let Some(kept) = session.end_recording(failed.as_ref()) {
-        tell(&kept);
+    if let Some(Kept { text, is_whole, .. }) = session.end_recording(failed.as_ref())
+        // What is not kept whole is the failure of a session that has no other.
+        && (is_whole || ended != Ended::Complete)
+    {
+        tell(&text);
     }
     // Also after a trip; a board that is gone has said so already.
     if let (Err(error), Ended::Complete) = (session.leave(), &ended) {

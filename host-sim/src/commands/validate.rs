@@ -5,6 +5,7 @@ use super::files::{beside, side_file};
 use super::simulate::{judged, trip_name};
 use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write_json, write_plot};
 use crate::compare::{Comparison, Difference, compare, distance};
+use crate::dataset::median;
 use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
 use crate::diagnose::diagnose;
@@ -17,6 +18,7 @@ use crate::scenario::Scenario;
 use crate::terminal_text::{rounded, short, wrapped};
 use clap::Args;
 use motorbench_core::message::Trip;
+use motorbench_core::settings::Param;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -157,9 +159,9 @@ impl Loop {
         let judged = judged(&scenario, &outcome);
         // What a drive that is off does is nothing that the loop does.
         let until_s = outcome.trip_s.filter(|_| judged.is_err());
-        let compared = compared(&outcome.recording, &measured, until_s)?;
+        let (compared, moved) = compared(&scenario, &outcome.recording, &measured, until_s)?;
         agrees_by_course(&scenario, &compared).map_err(is_not_of)?;
-        let figures = [(&outcome.recording, 0.0), (&measured, compared.delay_s)].map(|(recording, late_s)| {
+        let figures = [(&outcome.recording, 0.0), (&moved, compared.delay_s)].map(|(recording, late_s)| {
             let mut points = points(recording, rig, late_s);
             points.retain(|point| until_s.is_none_or(|until_s| point.t_s < until_s));
             scenario.figures(&points)
@@ -191,19 +193,43 @@ fn title(scenario: &Scenario) -> &'static str {
 /// Of a simulated drive that has switched itself off.
 const NOTHING_BEYOND: &str = "beyond that there is nothing to compare";
 
-/// The measured loop against the simulated one, whose drive may have switched itself off.
-fn compared(simulated: &Recording, measured: &Recording, until_s: Option<f64>) -> Result<Comparison, Failure> {
-    // The simulation first: its times are those of the scenario.
-    let Some(until_s) = until_s else { return compare(simulated, measured, None).map_err(Failure::input) };
+/// The measured loop against the simulated one, whose drive may have switched itself off; and as it was compared, from the
+/// simulated one's origin.
+fn compared(
+    scenario: &Scenario,
+    simulated: &Recording,
+    measured: &Recording,
+    until_s: Option<f64>,
+) -> Result<(Comparison, Recording), Failure> {
+    let upto = until_s.map_or_else(|| simulated.clone(), |until_s| simulated.before(until_s));
     // It is late by what the loop was asked for until then; of the rest nothing is known.
     let mut blank = simulated.clone();
-    let before = simulated.before(until_s).len();
     for channel in simulated.channels().filter(|channel| *channel != Channel::Time) {
         let values = simulated.get(channel).unwrap_or_default().iter().enumerate();
-        blank.set(channel, values.map(|(row, value)| if row < before { *value } else { f64::NAN }).collect());
+        blank.set(channel, values.map(|(row, value)| if row < upto.len() { *value } else { f64::NAN }).collect());
     }
-    let delay_s = compare(&blank, measured, None).map_err(Failure::input)?.delay_s;
-    compare(&simulated.before(until_s), measured, Some(delay_s)).map_err(Failure::input)
+    // The simulation first: its times are those of the scenario.
+    let asked = compare(&blank, measured, None).map_err(Failure::input)?;
+    let moved = from_origin(scenario, &asked, measured);
+    let compared = compare(&upto, &moved, Some(asked.delay_s)).map_err(Failure::input)?;
+    Ok((compared, moved))
+}
+
+/// The measured loop with its positions from where the simulated one has them: a loop is closed wherever the shaft stands, and
+/// its sequence counts from there.
+fn from_origin(scenario: &Scenario, asked: &Comparison, measured: &Recording) -> Recording {
+    let mut moved = measured.clone();
+    let column = Channel::AngleReference.column();
+    let Some(reference) = asked.channels.iter().find(|found| found.channel == column) else { return moved };
+    let origin_rad = median(reference.second_less_first().into_iter());
+    let counts_per_rad = f64::from(scenario.settings.get(Param::CountsPerRev)) / TAU;
+    for (channel, per_rad) in [(Channel::AngleReference, 1.0), (Channel::Angle, 1.0), (Channel::Counts, counts_per_rad)]
+    {
+        if let Some(values) = measured.get(channel) {
+            moved.set(channel, values.iter().map(|value| value - origin_rad * per_rad).collect());
+        }
+    }
+    moved
 }
 
 /// The column of what a mode is asked for; an open loop has none.
@@ -245,12 +271,8 @@ fn agrees_by_course(scenario: &Scenario, compared: &Comparison) -> Result<(), St
     let (channel, most) =
         reference(scenario).map_or((Channel::Voltage, SAME_VOLTAGE), |channel| (channel, SAME_COURSE));
     let Some(asked) = compared.channels.iter().find(|found| found.channel == channel.column()) else { return Ok(()) };
-    // A position is asked for from where the loop was closed.
-    let origin = |values: &[f64]| if scenario.mode.is_position() { values[0] } else { 0.0 };
-    let from_origin = |values: &[f64]| values.iter().map(|value| value - origin(values)).collect::<Vec<f64>>();
-    let (simulated, measured) = (from_origin(&asked.first), from_origin(&asked.second));
-    let (apart, _) = distance(&simulated, &measured);
-    let (size, _) = distance(&simulated, &vec![0.0; simulated.len()]);
+    let (apart, _) = distance(&asked.first, &asked.second);
+    let (size, _) = distance(&asked.first, &vec![0.0; asked.first.len()]);
     match apart > most * size {
         true => Err(format!("{} of the two differ by {} rms", asked.channel, short(apart))),
         false => Ok(()),
@@ -353,6 +375,9 @@ fn points(recording: &Recording, rig: &Rig, late_s: f64) -> Vec<Point> {
     let current = column(Channel::Current, 1.0).unwrap_or_else(missing);
     let time_s = recording.time_s().unwrap_or_default();
     let start_s = time_s.first().copied().unwrap_or(0.0) + late_s;
+    // Without a position that was asked for, where an angle is zero says nothing.
+    let origin = angle.first().filter(|_| recording.get(Channel::AngleReference).is_none());
+    let origin_rad = origin.copied().unwrap_or(0.0);
     (0..time_s.len())
         .filter(|index| time_s[*index] >= start_s)
         .map(|index| Point {
@@ -361,7 +386,7 @@ fn points(recording: &Recording, rig: &Rig, late_s: f64) -> Vec<Point> {
             u_v: voltage[index],
             measured_rad_per_s: speed[index],
             omega_rad_per_s: speed[index],
-            theta_rad: angle[index] - angle[0],
+            theta_rad: angle[index] - origin_rad,
             i_a: current[index],
             limited: false,
         })
@@ -457,7 +482,8 @@ fn side_by_side(loops: &[Loop]) -> String {
         text += &format!("\n  {:<12.12}", one.name);
         for channel in &channels {
             let found = difference(one, channel);
-            text += &format!("{:>16}", format!("{:.1} ({})", found.fit_percent, rounded(found.rms, 2)));
+            let fit = found.fit_percent.map_or("-".into(), |fit| format!("{fit:.1}"));
+            text += &format!("{:>16}", format!("{fit} ({})", rounded(found.rms, 2)));
         }
     }
     text.push('\n');

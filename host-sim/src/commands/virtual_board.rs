@@ -368,9 +368,9 @@ mod with_chip {
     ) -> serde_json::Value {
         let model = surroundings.model();
         serde_json::json!({
-            "port": named.0,
+            "port": named.0.to_string_lossy(),
             "device": device,
-            "control": control.0,
+            "control": control.0.to_string_lossy(),
             "firmware": greeting.map(|line| line.trim_start_matches("# ")),
             "motor": model.motor,
             "effects": model.effects(),

@@ -14,9 +14,13 @@ pub struct Dialect {
     pub decimal_comma: bool,
 }
 
+/// A file whose ending says CSV.
+const NO_TEXT: &str =
+    "this is no text; a CSV table is expected, and --from says another format: mat, npy, npz or wpilog";
+
 /// Columns that are channels, and the names of the others.
 pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column>, Vec<String>), Fault> {
-    let text = text_file::decoded(bytes.to_vec()).ok_or_else(|| Fault::whole("this is no text"))?;
+    let text = text_file::decoded(bytes.to_vec()).ok_or_else(|| Fault::whole(NO_TEXT))?;
     let mut table = Delimited::new(&text);
     table.delimiter = dialect.delimiter.unwrap_or(table.delimiter);
     let mut reader = table.reader();

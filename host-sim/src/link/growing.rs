@@ -1,7 +1,7 @@
 //! Files that are written while a board is measured: what becomes of the program costs nothing that had come.
 
-use crate::telemetry::recording;
-use motorbench_core::message::Sample;
+use crate::telemetry::{driven_mode, recording_of};
+use motorbench_core::message::{Mode, Sample};
 use motorbench_core::settings::Settings;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -67,20 +67,31 @@ impl GrowingFile {
 pub struct GrowingCsv {
     file: GrowingFile,
     begun: Option<Sample>,
+    /// Whose reference has a column. A header line that is written stays: what comes later cannot choose it.
+    mode: Option<Mode>,
+    /// Rows that are in the file.
+    rows: usize,
+    /// Some could not be written: none follows them.
+    is_over: bool,
 }
 
 impl GrowingCsv {
-    /// As [`GrowingFile::new`].
+    /// As [`GrowingFile::new`]. The reference is that of the mode that the first samples are driven in.
     ///
     /// # Errors
     /// What the system says.
     pub fn new(path: &Path) -> io::Result<Self> {
-        Ok(Self { file: GrowingFile::new(path)?, begun: None })
+        Ok(Self { file: GrowingFile::new(path)?, begun: None, mode: None, rows: 0, is_over: false })
     }
 
-    /// Whether nothing was written yet, or nothing could be.
-    pub fn is_empty(&self) -> bool {
-        self.file.length == 0
+    /// The reference is that of a mode which may begin later, or never.
+    pub fn of_mode(self, mode: Mode) -> Self {
+        Self { mode: Some(mode), ..self }
+    }
+
+    /// Samples that are in the file.
+    pub fn rows(&self) -> usize {
+        self.rows
     }
 
     /// Adds samples, as [`GrowingFile::add`] does.
@@ -88,21 +99,29 @@ impl GrowingCsv {
     /// # Errors
     /// What the system says, for instance of a full disk.
     pub fn add(&mut self, samples: &[Sample], settings: &Settings) -> io::Result<()> {
-        let Some(first) = samples.first() else { return Ok(()) };
+        let Some(first) = samples.first().filter(|_| !self.is_over) else { return Ok(()) };
+        let mode = *self.mode.get_or_insert_with(|| driven_mode(samples));
         let text = match self.begun {
-            None => recording("", samples, settings).to_csv(),
-            // Times and columns are those that the first sample began.
-            Some(begun) => recording("", &[&[begun], samples].concat(), settings).csv_rows(1),
+            None => recording_of("", samples, settings, mode).to_csv(),
+            // Times are those that the first sample began.
+            Some(begun) => recording_of("", &[&[begun], samples].concat(), settings, mode).csv_rows(1),
         };
         self.begun.get_or_insert(*first);
-        self.file.add(&text)
+        let added = self.file.add(&text);
+        match added {
+            Ok(()) => self.rows += samples.len(),
+            Err(_) => self.is_over = true,
+        }
+        added
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use motorbench_core::message::{Mode, State};
+    use crate::recording::{Channel, Recording};
+    use crate::telemetry::recording;
+    use motorbench_core::message::State;
 
     #[test]
     fn it_grows_to_what_is_written_at_once() {
@@ -115,6 +134,23 @@ mod tests {
         assert!(!path.exists(), "nothing has come");
         samples.chunks(7).for_each(|some| growing.add(some, &settings).unwrap());
         assert_eq!(std::fs::read_to_string(&path).unwrap(), recording("", &samples, &settings).to_csv());
+    }
+
+    /// The drive is armed within it, goes off, and is armed in the other loop: one table, with every sample.
+    #[test]
+    fn its_columns_stay_whatever_the_drive_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, settings) = (folder.path().join("tune.csv"), Settings::defaults());
+        let mode = |tick: u32| [Mode::Off, Mode::SpeedPid, Mode::Off, Mode::SpeedLqr][(tick / 20) as usize];
+        let reference = |tick| if mode(tick) == Mode::Off { 0 } else { 100 };
+        let sample =
+            |tick| Sample { tick, state: State(mode(tick) as u8), reference: reference(tick), ..Sample::default() };
+        let samples: Vec<Sample> = (0..80).map(sample).collect();
+        let mut growing = GrowingCsv::new(&path).unwrap().of_mode(Mode::SpeedPid);
+        samples.chunks(7).for_each(|some| growing.add(some, &settings).unwrap());
+        let read = Recording::read(&path, &[]).unwrap();
+        let asked = read.get(Channel::SpeedReference).unwrap();
+        assert_eq!((read.len(), asked.iter().filter(|value| **value != 0.0).count()), (80, 40));
     }
 
     #[test]

@@ -55,6 +55,11 @@ const FORGET: &str = "\x15";
 const SAVED: &str = "# saved\n";
 /// Longer than the greeting, and than any frame.
 const OUTSIDE: usize = 256;
+/// Who takes leave of a board says three lines. From the second on, which ends the stream, its answers are no frames.
+const LEAVE: &[u8] = b"\ndisarm\nstream off\necho on\n";
+const LEAVE_LINES: usize = 3;
+/// Its answers are not waited for longer.
+const LEAVING: Duration = Duration::from_millis(500);
 /// Firmware and program understand each other within one version of the protocol.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
@@ -442,6 +447,20 @@ impl<L: Line> Link<L> {
         self.greeted()
     }
 
+    /// Takes what the board says until so many answers have come outside of frames: a line keeps what nobody has read for the
+    /// program that opens it next.
+    fn take_rest(&mut self, answers: usize) {
+        let (begun, mut said, mut buffer) = (Instant::now(), Vec::new(), [0; 1024]);
+        while begun.elapsed() < LEAVING {
+            let Ok(count) = self.line.receive(&mut buffer) else { return };
+            said.extend_from_slice(&buffer[..count]);
+            let text = said.rsplit(|byte| *byte == 0).next().unwrap_or_default();
+            if String::from_utf8_lossy(text).matches("ok\r\n").count() >= answers {
+                return;
+            }
+        }
+    }
+
     /// A board that begins anew greets, and streams nothing.
     fn greeted(&mut self) -> Result<(), BoardError> {
         let after = |bytes: &[u8], what: &[u8]| {
@@ -554,7 +573,10 @@ impl<L: Line> Drop for Link<L> {
     fn drop(&mut self) {
         let times = if self.decoder.damaged == 0 { 1 } else { TRIES };
         for _ in 0..if self.gone { 0 } else { times } {
-            let _ = self.line.send(b"\ndisarm\nstream off\necho on\n");
+            let _ = self.line.send(LEAVE);
+        }
+        if !self.gone {
+            self.take_rest(LEAVE_LINES * times as usize - 1);
         }
     }
 }

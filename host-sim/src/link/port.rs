@@ -52,10 +52,21 @@ pub struct Found {
 /// When the operating system does not tell.
 pub fn ports() -> Result<Vec<Found>, String> {
     let ports = serialport::available_ports().map_err(|error| format!("the serial ports cannot be listed: {error}"))?;
-    let mut found: Vec<Found> = ports.into_iter().map(|port| describe(port.port_name, &port.port_type)).collect();
+    let found: Vec<Found> = ports.into_iter().map(|port| describe(port.port_name, &port.port_type)).collect();
+    let mut found = once_each(found);
     found.extend(simulated(Path::new(USUAL_LINK)));
     found.sort_by_key(|port| (!port.board, port.simulated));
     Ok(found)
+}
+
+/// macOS has each port twice: `/dev/tty.NAME` waits for a carrier, which boards do not have; `/dev/cu.NAME` is the other.
+fn once_each(found: Vec<Found>) -> Vec<Found> {
+    let outgoing: Vec<String> =
+        found.iter().filter_map(|port| Some(port.port.strip_prefix("/dev/cu.")?.into())).collect();
+    let is_twin = |port: &Found| {
+        port.port.strip_prefix("/dev/tty.").is_some_and(|name| outgoing.iter().any(|outgoing| outgoing == name))
+    };
+    found.into_iter().filter(|port| !is_twin(port)).collect()
 }
 
 /// The simulated board at a link, if one runs there.
@@ -173,6 +184,16 @@ mod tests {
         let two = only_board_of(&[one, two, simulated]).unwrap_err();
         assert!(two.contains("--port /dev/ttyACM0 or /dev/ttyACM1 or /tmp/s"), "{two}");
         assert!(only_board_of(&[other]).unwrap_err().contains("no board found"));
+    }
+
+    #[test]
+    fn a_port_with_two_names_is_one_board() {
+        let names =
+            ["/dev/cu.Bluetooth", "/dev/tty.Bluetooth", "/dev/tty.usbmodem1", "/dev/cu.usbmodem1", "/dev/tty.other"];
+        let found = once_each(names.map(|name| Found { board: name.contains("usb"), ..board(name, false) }).into());
+        let kept: Vec<&str> = found.iter().map(|port| port.port.as_str()).collect();
+        assert_eq!(kept, ["/dev/cu.Bluetooth", "/dev/cu.usbmodem1", "/dev/tty.other"]);
+        assert_eq!(only_board_of(&found), Ok("/dev/cu.usbmodem1".into()));
     }
 
     #[cfg(unix)]

@@ -11,7 +11,7 @@ use crate::link::record::{Ended, Record, missing_ticks};
 use crate::link::{Line, Link, Losses, name};
 use crate::live::Live;
 use crate::telemetry::speed_bit_rad_per_s;
-use motorbench_core::message::{Sample, State, Trip};
+use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
@@ -54,6 +54,9 @@ pub const LOOPS: [TunedLoop; 2] = [
     },
 ];
 
+/// What both are asked for is a speed, also in a recording that begins before one of them drives.
+pub const REFERENCE: Mode = Mode::SpeedPid;
+
 /// A change that can be taken back.
 struct Change {
     param: Param,
@@ -87,15 +90,17 @@ pub struct Kept {
     pub text: String,
     /// Where it is, if anything of it had come.
     pub file: Option<PathBuf>,
+    /// Whether all that belongs to it could be written.
+    pub is_whole: bool,
 }
 
 /// Where recordings go.
 pub trait Keeper {
-    /// Finds out whether one can be kept.
+    /// Finds out whether one can be kept, made with these gains and this firmware.
     ///
     /// # Errors
     /// Why it cannot, with what to do.
-    fn begin(&mut self) -> Result<(), String>;
+    fn begin(&mut self, settings: &Settings, firmware: &str) -> Result<(), String>;
 
     /// Keeps what has come of the recording under way, so that a program that dies costs none of it.
     ///
@@ -135,7 +140,7 @@ pub struct Account {
     /// In the order in which they were made.
     pub step_tests: Vec<StepTest>,
     /// In the order in which they were made.
-    pub recordings: Vec<PathBuf>,
+    pub recordings: Vec<String>,
     /// How it ended.
     pub ended: Ended,
 }
@@ -162,8 +167,8 @@ pub struct Session<L: Line> {
     live: Option<Live>,
     keeper: Box<dyn Keeper>,
     recording: Option<Recorded>,
-    /// Why the last one could not be kept.
-    not_kept: Option<String>,
+    /// Why some could not be kept, or not all of them.
+    not_kept: Vec<String>,
     loop_index: usize,
     selected: usize,
     armed: bool,
@@ -204,7 +209,7 @@ impl<L: Line> Session<L> {
             live,
             keeper,
             recording: None,
-            not_kept: None,
+            not_kept: Vec::new(),
             loop_index: 0,
             selected: 0,
             armed: false,
@@ -345,7 +350,7 @@ impl<L: Line> Session<L> {
             match self.trip {
                 Some(trip) => return Err(Ended::Tripped(trip)),
                 None if stop() => return Err(Ended::Interrupted),
-                None if self.not_kept.is_some() => return Err(Ended::Failed(self.not_kept.take().unwrap_or_default())),
+                None if !self.not_kept.is_empty() => return Err(Ended::Failed(self.not_kept.join("; "))),
                 None if is(self) => return Ok(()),
                 None => {}
             }
@@ -362,16 +367,21 @@ impl<L: Line> Session<L> {
         self.traces.back().map_or(0, |sample| sample.tick)
     }
 
-    /// What the session was.
+    /// What the session was. One that lacks what a recording should have kept has failed, whoever has ended it.
     pub fn account(&self, ended: Ended) -> Account {
         let gains_after = all_gains(&self.settings);
+        let ended = match ended {
+            Ended::Complete if !self.not_kept.is_empty() => Ended::Failed(self.not_kept.join("; ")),
+            ended => ended,
+        };
         Account {
             firmware: self.link.firmware.clone(),
             gains_before: self.gains_before.clone(),
             saved: self.saved.as_ref() == Some(&gains_after),
             gains_after,
             step_tests: self.step_tests.clone(),
-            recordings: self.recordings.clone(),
+            // Names are bytes to some systems, and JSON is text.
+            recordings: self.recordings.iter().map(|file| file.to_string_lossy().into_owned()).collect(),
             ended,
         }
     }
@@ -515,10 +525,12 @@ impl<L: Line> Session<L> {
 
     fn record(&mut self) -> Result<(), BoardError> {
         if let Some(kept) = self.end_recording(None) {
-            self.message = kept;
+            self.message = kept.text;
             return Ok(());
         }
-        match self.keeper.begin() {
+        // What had come before is none of it, with the gaps of a board that was listing its settings.
+        self.poll()?;
+        match self.keeper.begin(&self.settings, &self.link.firmware) {
             Ok(()) => {
                 let begun = Recorded { samples: Vec::new(), losses: self.link.losses(), settings: self.settings };
                 self.recording = Some(begun);
@@ -529,10 +541,10 @@ impl<L: Line> Session<L> {
         Ok(())
     }
 
-    /// A person reads it; a session without one ends.
+    /// A person reads it, now and when the session is over; one without a person ends.
     fn is_not_kept(&mut self, why: String) {
         self.message.clone_from(&why);
-        self.not_kept = Some(why);
+        self.not_kept.push(why);
     }
 
     /// Adds to the recording under way, if there is one; one that cannot be kept ends.
@@ -541,14 +553,23 @@ impl<L: Line> Session<L> {
         match self.keeper.grow(came, &self.settings) {
             Ok(()) => recording.samples.extend(came),
             Err(why) => {
-                self.end_recording(Some(&BoardError::Failed(why.clone())));
-                self.is_not_kept(why);
+                let kept = self.closed_recording(Some(&BoardError::Failed(why.clone())));
+                let kept = kept.map(|kept| format!("; {}", kept.text)).unwrap_or_default();
+                self.is_not_kept(why + &kept);
             }
         }
     }
 
     /// Ends the recording under way, if there is one; what became of it. `failed`: why it could not go on.
-    pub fn end_recording(&mut self, failed: Option<&BoardError>) -> Option<String> {
+    pub fn end_recording(&mut self, failed: Option<&BoardError>) -> Option<Kept> {
+        let kept = self.closed_recording(failed)?;
+        if !kept.is_whole {
+            self.not_kept.push(kept.text.clone());
+        }
+        Some(kept)
+    }
+
+    fn closed_recording(&mut self, failed: Option<&BoardError>) -> Option<Kept> {
         let Recorded { samples, losses: before, settings } = self.recording.take()?;
         let now = self.link.losses();
         let record = Record {
@@ -560,9 +581,9 @@ impl<L: Line> Session<L> {
                 damaged_frames: now.damaged_frames - before.damaged_frames,
             },
         };
-        let Kept { text, file } = self.keeper.keep(&record, &settings, &self.link.firmware);
-        self.recordings.extend(file);
-        Some(text)
+        let kept = self.keeper.keep(&record, &settings, &self.link.firmware);
+        self.recordings.extend(kept.file.clone());
+        Some(kept)
     }
 
     fn save(&mut self) -> Result<(), BoardError> {

@@ -15,6 +15,7 @@ use crate::terminal_text::short;
 use crate::web_page::{escaped, table};
 use motorbench_core::message::Mode;
 use motorbench_core::settings::Settings;
+use std::ops::RangeInclusive;
 
 /// Speed loop that is asked for, and the references it is tried with, each for so long.
 const BANDWIDTH_HZ: f64 = 5.0;
@@ -22,8 +23,8 @@ const REFERENCES_RAD_PER_S: [f64; 6] = [5.0, -5.0, 5.0, 60.0, -60.0, 0.0];
 const HOLD_S: f64 = 0.8;
 /// The first of them are slow.
 const SLOW: usize = 3;
-/// The picture's: with all that stands above it, it fits a terminal.
-const PICTURE_ROWS: u16 = 8;
+/// Rows of the picture below its title, where a terminal has room for them; in fewer nothing is seen.
+const PICTURE_ROWS: RangeInclusive<u16> = 4..=8;
 
 /// A loop and how it followed.
 struct Attempt {
@@ -79,8 +80,8 @@ impl Loops {
         Ok(Self { attempts: [before?, without?, after?], commands: list.commands() })
     }
 
-    /// In a terminal, about standstill: the first beside the last.
-    pub(super) fn picture(&self) -> String {
+    /// In so many lines of a terminal, about standstill: the first beside the last.
+    pub(super) fn picture(&self, lines: u16) -> String {
         let [before, _, after] = &self.attempts;
         let courses = [before, after].map(Attempt::slow_courses);
         let (end_s, speeds) = (SLOW as f64 * HOLD_S, range(courses.iter().flatten().map(Vec::as_slice)));
@@ -90,7 +91,7 @@ impl Loops {
         let [first, last] = courses.each_ref().map(|courses| courses.each_ref().map(Vec::as_slice));
         let plots = [plot("before, by the data sheet", before, first), plot("after, by what was found", after, last)];
         format!("Its speed loop of {BANDWIDTH_HZ} Hz, {end_s:.1} s about standstill (dots: reference), rms error:\n")
-            + &side_by_side(plots, PICTURE_ROWS)
+            + &side_by_side(plots, lines.saturating_sub(1).clamp(*PICTURE_ROWS.start(), *PICTURE_ROWS.end()))
     }
 
     /// For a program.
