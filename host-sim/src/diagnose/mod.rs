@@ -45,7 +45,7 @@ use std::collections::BTreeMap;
 const LEAST_FIT_PERCENT: f64 = 20.0;
 /// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
 /// of something unknown often looks like something known.
-const LEAST_OF_REST: f64 = 3.0;
+pub(crate) const LEAST_OF_REST: f64 = 3.0;
 /// The multiple for what any course over time has in it: right names had a hundred, wrong ones up to six.
 const LEAST_OF_ANY_COURSE: f64 = 20.0;
 /// The multiple for a fault of a sensor beside what is too little to be called missing: there the law of a torque may be another
@@ -63,6 +63,8 @@ const LEAST_SPREAD: f64 = 0.02;
 /// A value that is off by more than this factor is rather in another unit, or counted otherwise.
 const OTHER_UNIT: f64 = 2.5;
 
+/// On what something depends that no curve explains.
+pub(crate) const NOTHING_SEEN: &str = "nothing seen";
 /// What is said of constants that were found beside something unknown.
 const BESIDE_UNEXPLAINED: &str = "While that is missing all constants, those of the motor too, hold only roughly: their intervals know of the noise and not of what is missing.";
 /// An error this many times the sensor's noise is told, though it is too little for a name.
@@ -486,8 +488,8 @@ impl Outcome {
         advice.extend(self.advice_on_values());
         if let Some(unexplained) = &self.unexplained {
             advice.push(format!(
-                "Something is missing that has no name here: it acts on {} and depends on {}. Look at the report's plots of what is missing.",
-                acts_on_words(unexplained.acts_on), unexplained.depends_on
+                "Something is missing that has no name here: {}. Look at the report's plots of what is missing.",
+                unexplained.place()
             ));
             advice.push(BESIDE_UNEXPLAINED.into());
         }
@@ -651,7 +653,7 @@ fn unexplained(data: &Dataset, selection: &Selection, fullest: &Fit) -> Option<U
     };
     Some(Unexplained {
         acts_on: lack.acts_on,
-        depends_on: if dependence.share > 0.1 { dependence.on } else { "nothing seen" },
+        depends_on: if dependence.share > 0.1 { dependence.on } else { NOTHING_SEEN }.into(),
         share: (0..data.measured.len()).map(rest).fold(0.0, f64::max),
     })
 }
