@@ -57,6 +57,12 @@ impl Dataset {
                 self.span_s()
             ));
         }
+        if self.origin.without_time > 0 {
+            notes.push(format!(
+                "{} rows are left out, whose t_s is no number: were lines garbled?",
+                self.origin.without_time
+            ));
+        }
         if self.origin.lost_share > 0.0 {
             notes.push(format!(
                 "{:.1} % of all counts are taken for lost, by their scatter, and speeds and angles for as much greater: every constant here is one of the motor with that.",

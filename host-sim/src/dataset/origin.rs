@@ -27,6 +27,8 @@ pub struct Origin {
     pub read_in_stops: Vec<(usize, f64)>,
     /// Rows left out for a speed that no shaft can have had.
     pub impossible: usize,
+    /// Rows left out for want of a time.
+    pub without_time: usize,
     /// Where the range of a sensor of the speed ended before the motor's speed did.
     pub end_of_range: Option<EndOfRange>,
     /// Share of all counts that is taken for lost; angles and speeds are those with it.
@@ -62,6 +64,7 @@ impl Origin {
         }
     }
 
+            without_time: recording.without_time,
     /// With what another recording shows, which begins after so many rows.
     pub(super) fn append(&mut self, other: Self, before: usize) {
         self.counter_stops.extend(other.counter_stops.into_iter().map(|stop| stop.later_by(before)));
@@ -71,6 +74,7 @@ impl Origin {
         self.end_of_range = match (self.end_of_range, other.end_of_range) {
             (Some(mine), Some(theirs)) => {
                 Some(EndOfRange { value: mine.value.max(theirs.value), rows: mine.rows + theirs.rows })
+        self.without_time += other.without_time;
             }
             (mine, theirs) => mine.or(theirs),
         };
