@@ -6,6 +6,7 @@ use std::ops::Range;
 
 mod columns;
 mod counter_stops;
+mod dead_current;
 mod edge_timing;
 mod end_of_range;
 mod error;
@@ -188,8 +189,10 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError`], which says what to record or to write into the rig file.
     pub fn new(recordings: &[Recording], rig: &Rig) -> Result<Self, DatasetError> {
+        let mut each = Self::each(recordings, rig)?;
+        dead_current::leave_out(&mut each, rig.current_sensor.resolution_a);
         let mut all = Self::default();
-        for (recording, one) in recordings.iter().zip(Self::each(recordings, rig)?) {
+        for (recording, one) in recordings.iter().zip(each) {
             if all.stretches.is_empty() {
                 all = one;
                 continue;
@@ -233,6 +236,10 @@ impl Dataset {
     /// The measured current, where there is one.
     pub fn current(&self) -> Option<&Measured> {
         self.measured.iter().find(|measured| measured.output == Output::Current)
+    }
+
+    fn current_mut(&mut self) -> Option<&mut Measured> {
+        self.measured.iter_mut().find(|measured| measured.output == Output::Current)
     }
 
     /// Speed or what stands for it.

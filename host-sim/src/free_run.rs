@@ -682,7 +682,8 @@ mod tests {
         for row in 0..(0.4 / interval_s).round() as usize {
             let time_s = row as f64 * interval_s;
             let volts = if (time_s * 50.0 + 1e-6).floor() % 2.0 == 0.0 { 12.0 } else { -3.0 };
-            let _ = writeln!(text, "{time_s:.6},{volts},{},0", if row % 2 == 0 { 100.0 } else { 101.0 });
+            let (speed, current) = if row % 2 == 0 { (100, 0) } else { (101, 1) };
+            let _ = writeln!(text, "{time_s:.6},{volts},{speed},{current}");
         }
         let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
         Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()

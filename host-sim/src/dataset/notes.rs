@@ -1,6 +1,6 @@
 //! What is said of how the recordings were made, where the rig file does not say it.
 
-use super::{Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, row_order};
+use super::{Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, row_order};
 use crate::recording::Channel;
 use crate::terminal_text::short;
 
@@ -17,6 +17,7 @@ impl Dataset {
     /// What was found of how the recordings were made, where the rig file does not say it.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.origin.empty.iter().map(|channel| without_a_number(*channel)).collect();
+        notes.extend(self.origin.dead_current_a.map(dead_current::note));
         if self.origin.written_after {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
@@ -51,16 +52,16 @@ impl Dataset {
                 self.origin.impossible
             ));
         }
-        if self.span_s() < SHORTEST_S {
-            notes.push(format!(
-                "{:.1} s are little to tell causes apart: play the sequence `identify` (20 s), which shows most of them.",
-                self.span_s()
-            ));
-        }
         if self.origin.without_time > 0 {
             notes.push(format!(
                 "{} rows are left out, whose t_s is no number: were lines garbled?",
                 self.origin.without_time
+            ));
+        }
+        if self.span_s() < SHORTEST_S {
+            notes.push(format!(
+                "{:.1} s are little to tell causes apart: play the sequence `identify` (20 s), which shows most of them.",
+                self.span_s()
             ));
         }
         if self.origin.lost_share > 0.0 {

@@ -35,6 +35,8 @@ pub struct Origin {
     pub lost_share: f64,
     /// Columns in which there is no number.
     pub empty: Vec<Channel>,
+    /// At what the reading of a current sensor that is dead stands.
+    pub dead_current_a: Option<f64>,
     /// Whether the rig file says where in its window a mean speed stands.
     pub window_end_is_known: bool,
     /// Whether a speed is no more than taken for a mean since the row before.
@@ -60,21 +62,22 @@ impl Origin {
             },
             is_counted: rig.encoder.counts_per_rev.is_some(),
             empty: recording.empty.clone(),
+            without_time: recording.without_time,
             ..Self::default()
         }
     }
 
-            without_time: recording.without_time,
     /// With what another recording shows, which begins after so many rows.
     pub(super) fn append(&mut self, other: Self, before: usize) {
         self.counter_stops.extend(other.counter_stops.into_iter().map(|stop| stop.later_by(before)));
         self.read_in_stops.extend(other.read_in_stops.into_iter().map(|(row, read)| (row + before, read)));
         self.impossible += other.impossible;
+        self.without_time += other.without_time;
         self.empty.extend(other.empty.into_iter().filter(|channel| !self.empty.contains(channel)).collect::<Vec<_>>());
+        self.dead_current_a = self.dead_current_a.or(other.dead_current_a);
         self.end_of_range = match (self.end_of_range, other.end_of_range) {
             (Some(mine), Some(theirs)) => {
                 Some(EndOfRange { value: mine.value.max(theirs.value), rows: mine.rows + theirs.rows })
-        self.without_time += other.without_time;
             }
             (mine, theirs) => mine.or(theirs),
         };
