@@ -10,6 +10,7 @@ mod dead_current;
 mod edge_timing;
 mod end_of_range;
 mod error;
+mod held_rotor;
 mod mistakes;
 mod notes;
 mod origin;
@@ -25,6 +26,7 @@ pub use counter_stops::CounterStop;
 pub use edge_timing::{BetweenEdges, EdgeTiming, Edges};
 pub use end_of_range::EndOfRange;
 pub use error::DatasetError;
+pub use held_rotor::HeldRotor;
 pub use origin::Origin;
 pub use speed_window::Window;
 
@@ -191,6 +193,7 @@ impl Dataset {
     pub fn new(recordings: &[Recording], rig: &Rig) -> Result<Self, DatasetError> {
         let mut each = Self::each(recordings, rig)?;
         dead_current::leave_out(&mut each, rig.current_sensor.resolution_a);
+        each.iter_mut().zip(recordings).for_each(|(one, recording)| one.recognise_held_rotor(&recording.name));
         let mut all = Self::default();
         for (recording, one) in recordings.iter().zip(each) {
             if all.stretches.is_empty() {
@@ -217,6 +220,7 @@ impl Dataset {
         }
         all.keep_back(KEPT_BACK);
         if let Some(first) = recordings.first() {
+            all.check_that_it_turns(&first.name)?;
             all.check(&first.name)?;
             all.check_signs(&first.name, &first.channels().collect::<Vec<_>>())?;
         }

@@ -1,6 +1,6 @@
 //! How recordings came to be, by the rig file or by what they show themselves.
 
-use super::{CounterStop, EdgeTiming, EndOfRange, PWM_HZ};
+use super::{CounterStop, EdgeTiming, EndOfRange, HeldRotor, PWM_HZ};
 use crate::recording::{Channel, Recording};
 use crate::rig::{Readings, Rig, Timing};
 
@@ -35,6 +35,8 @@ pub struct Origin {
     pub lost_share: f64,
     /// Columns in which there is no number.
     pub empty: Vec<Channel>,
+    /// Recordings with the rotor held.
+    pub held_rotor: Vec<HeldRotor>,
     /// At what the reading of a current sensor that is dead stands.
     pub dead_current_a: Option<f64>,
     /// Whether the rig file says where in its window a mean speed stands.
@@ -74,6 +76,7 @@ impl Origin {
         self.impossible += other.impossible;
         self.without_time += other.without_time;
         self.empty.extend(other.empty.into_iter().filter(|channel| !self.empty.contains(channel)).collect::<Vec<_>>());
+        self.held_rotor.extend(other.held_rotor.into_iter().map(|held| held.later_by(before)));
         self.dead_current_a = self.dead_current_a.or(other.dead_current_a);
         self.end_of_range = match (self.end_of_range, other.end_of_range) {
             (Some(mine), Some(theirs)) => {
