@@ -6,9 +6,11 @@ use std::ops::Range;
 
 mod columns;
 mod counter_stops;
+mod dead_current;
 mod edge_timing;
 mod end_of_range;
 mod error;
+mod held_rotor;
 mod mistakes;
 mod notes;
 mod origin;
@@ -24,6 +26,7 @@ pub use counter_stops::CounterStop;
 pub use edge_timing::{BetweenEdges, EdgeTiming, Edges};
 pub use end_of_range::EndOfRange;
 pub use error::DatasetError;
+pub use held_rotor::HeldRotor;
 pub use origin::Origin;
 pub use speed_window::Window;
 
@@ -188,8 +191,11 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError`], which says what to record or to write into the rig file.
     pub fn new(recordings: &[Recording], rig: &Rig) -> Result<Self, DatasetError> {
+        let mut each = Self::each(recordings, rig)?;
+        dead_current::leave_out(&mut each, rig.current_sensor.resolution_a);
+        each.iter_mut().zip(recordings).for_each(|(one, recording)| one.recognise_held_rotor(&recording.name));
         let mut all = Self::default();
-        for (recording, one) in recordings.iter().zip(Self::each(recordings, rig)?) {
+        for (recording, one) in recordings.iter().zip(each) {
             if all.stretches.is_empty() {
                 all = one;
                 continue;
@@ -214,6 +220,7 @@ impl Dataset {
         }
         all.keep_back(KEPT_BACK);
         if let Some(first) = recordings.first() {
+            all.check_that_it_turns(&first.name)?;
             all.check(&first.name)?;
             all.check_signs(&first.name, &first.channels().collect::<Vec<_>>())?;
         }
@@ -233,6 +240,10 @@ impl Dataset {
     /// The measured current, where there is one.
     pub fn current(&self) -> Option<&Measured> {
         self.measured.iter().find(|measured| measured.output == Output::Current)
+    }
+
+    fn current_mut(&mut self) -> Option<&mut Measured> {
+        self.measured.iter_mut().find(|measured| measured.output == Output::Current)
     }
 
     /// Speed or what stands for it.

@@ -22,6 +22,8 @@ const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 
 /// Recorded times are rounded: steps that differ by less are of one length.
 const SAME_LENGTH_S: f64 = 1e-9;
+/// Whatever torque acts on it, a rotor that is held stays where it is, as one of this inertia does.
+const HELD_KG_M2: f64 = 1e9;
 /// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
 const NEWTON_STEPS: usize = 12;
 const NEWTON_CLOSENESS: f64 = 1e-3;
@@ -227,7 +229,7 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
     let mut nudged = motion.clone();
     let inertia_kg_m2 = inertia_kg_m2(model);
     let mut step = LinearStep::default();
-    for Stretch { rows: range, .. } in &data.stretches {
+    for Stretch { rows: range, .. } in data.stretches.iter().filter(|stretch| !data.is_held(stretch)) {
         let (mut current_a, mut speed_rad_per_s, mut angle_rad) = (0.0, 0.0, 0.0);
         for index in range.start..range.end - 1 {
             let next = index + 1;
@@ -557,7 +559,7 @@ impl<'a> Run<'a> {
             data,
             delay_s: model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0),
             longest_step_s: longest_step_s(model).min(usual_step_s),
-            inertia_kg_m2: inertia_kg_m2(model),
+            inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
             step: LinearStep::default(),
             acting: acting.collect(),
             current_a: if still { 0.0 } else { current_a },
@@ -702,6 +704,7 @@ impl<'a> Run<'a> {
 mod tests {
     use super::*;
     use crate::catalogue::effect;
+    use crate::dataset::HeldRotor;
     use crate::motor::MotorParameters;
     use crate::recording::Recording;
     use crate::rig::Rig;
@@ -715,7 +718,8 @@ mod tests {
         for row in 0..(0.4 / interval_s).round() as usize {
             let time_s = row as f64 * interval_s;
             let volts = if (time_s * 50.0 + 1e-6).floor() % 2.0 == 0.0 { 12.0 } else { -3.0 };
-            let _ = writeln!(text, "{time_s:.6},{volts},{},0", if row % 2 == 0 { 100.0 } else { 101.0 });
+            let (speed, current) = if row % 2 == 0 { (100, 0) } else { (101, 1) };
+            let _ = writeln!(text, "{time_s:.6},{volts},{speed},{current}");
         }
         let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
         Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
@@ -737,6 +741,25 @@ mod tests {
         let as_listed = free_run(&effects.iter().fold(linear(), with), &data);
         assert_eq!(free_run(&effects.iter().rev().fold(linear(), with), &data), as_listed);
         assert!(as_listed[0].iter().all(|current| current.abs() <= 0.8), "the range ends what the offset has moved");
+    }
+
+    /// Whatever torque its current and the magnets exert: the winding alone says what flows.
+    #[test]
+    fn a_rotor_that_is_held_does_not_turn() {
+        let mut data = stepped(1e-3);
+        data.origin.held_rotor = vec![HeldRotor { name: "run.csv".into(), rows: 0..data.len() }];
+        data.measured[1].values.fill(f64::NAN);
+        let motor = MotorParameters::PIVT6;
+        let model = Model::linear(motor).with(effect("coulomb_friction").unwrap(), vec![0.01]);
+        let model = model.with(effect("cogging").unwrap(), vec![0.02, 0.01, 12.0]);
+        let prediction = free_run(&model, &data);
+        assert!(prediction[1].iter().all(|speed| speed.abs() < 1e-9), "{:?}", prediction[1]);
+        // Each level lasts for many time constants of the winding.
+        let end_of_level = 19;
+        let settled_a = data.voltage_v[end_of_level - 1] / motor.resistance_ohm;
+        let share_left = (-18e-3 * motor.resistance_ohm / motor.inductance_h).exp();
+        let flows_a = prediction[0][end_of_level];
+        assert!((flows_a - settled_a).abs() < (1e-3 + 2.0 * share_left) * settled_a, "{flows_a} {settled_a}");
     }
 
     proptest! {

@@ -124,6 +124,8 @@ impl Channel {
 
 /// How the names of columns begin that most likely hold the time.
 const TIMES: [&str; 8] = ["time", "t_", "t(", "t [", "zeit", "milli", "micro", "second"];
+/// More rows without a time than this share are no garbled lines.
+const MOST_WITHOUT_TIME: f64 = 0.01;
 /// Rows of a table of steady states that may have a time of day beside it.
 const LONGEST_TABLE: usize = 80;
 
@@ -137,6 +139,8 @@ pub struct Recording {
     pub ignored: Vec<String>,
     /// Columns in which there is no number: not recorded.
     pub empty: Vec<Channel>,
+    /// Rows that were left out for want of a time.
+    pub without_time: usize,
 }
 
 /// Why a recording cannot be read.
@@ -290,9 +294,24 @@ impl Recording {
                 recording.columns.insert(channel, values);
             }
         }
+        recording.leave_rows_without_time_out();
         recording.check()?;
         recording.leave_empty_out();
         Ok(recording)
+    }
+
+    /// Single rows whose time is no number, as garbled lines make them.
+    fn leave_rows_without_time_out(&mut self) {
+        let has_time: Vec<bool> = self.time_s().unwrap_or_default().iter().map(|t_s| !t_s.is_nan()).collect();
+        let without = has_time.iter().filter(|has_time| !**has_time).count();
+        if without as f64 > MOST_WITHOUT_TIME * has_time.len() as f64 || without == 0 {
+            return;
+        }
+        for values in self.columns.values_mut() {
+            let mut has_time = has_time.iter();
+            values.retain(|_| *has_time.next().expect("columns are equally long"));
+        }
+        self.without_time = without;
     }
 
     /// Of columns without a number nothing is known; what is left has at least one.
@@ -380,8 +399,15 @@ impl Recording {
             }
         }
         let Some(time_s) = self.time_s() else { return Ok(()) };
+        let without = time_s.iter().filter(|t_s| t_s.is_nan()).count();
+        if without > 0 {
+            return Err(error(format!(
+                "t_s is no number in {without} of {} rows: a few lines that were garbled are left out, these are too many; which column is the time?",
+                time_s.len()
+            )));
+        }
         for (row, pair) in time_s.windows(2).enumerate() {
-            if pair[1].is_nan() || pair[0].is_nan() || pair[1] <= pair[0] {
+            if pair[1] <= pair[0] {
                 return Err(error(format!(
                     "sample {}: t_s goes from {} to {}; time has to increase from sample to sample (times in whole milliseconds of faster rows? write t_s from micros())",
                     row + 2,
@@ -503,6 +529,21 @@ mod tests {
         assert_eq!((read.get(Channel::Current), &read.empty[..]), (None, &[Channel::Current][..]));
         // It is still a table of two rows.
         assert_eq!(parse("u_V,i_A\nnan,\n,\n").unwrap().len(), 2);
+    }
+
+    #[test]
+    fn few_rows_without_a_time_are_left_out() {
+        let csv = |lost: usize| {
+            let time = |row: usize| if row % 100 < lost { "nan".into() } else { row.to_string() };
+            (0..1000).fold("t_s,u_V\n".to_string(), |csv, row| csv + &format!("{},{row}\n", time(row)))
+        };
+        let read = parse(&csv(1)).unwrap();
+        assert_eq!((read.len(), read.without_time), (990, 10));
+        assert!(read.time_s().unwrap().iter().eq(read.get(Channel::Voltage).unwrap()), "whole rows are");
+        let refused = parse(&csv(2)).unwrap_err().to_string();
+        assert!(refused.starts_with("test.csv: t_s is no number in 20 of 1000 rows: "), "{refused}");
+        assert!(!refused.contains("micros()"), "{refused}");
+        assert_eq!(parse(&csv(0)).unwrap().without_time, 0);
     }
 
     #[test]

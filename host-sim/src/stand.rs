@@ -296,10 +296,6 @@ impl Constants {
     /// The best explanation's, nominal ones where it has none.
     fn of(study: &Study, rig: &Rig) -> Option<Self> {
         let found = |name: &str| study.explanations.first()?.constants.get(name).map(|constant| constant.value);
-        let cause = |effect: &str, name: &str| {
-            let cause = study.outcome.causes.iter().find(|cause| cause.effect == effect)?;
-            cause.parameters.get(name).map(|constant| constant.value)
-        };
         let viscous = study.outcome.parameters.get("viscous_friction_Nm_s").map(|parameter| parameter.value);
         let nominal_k = rig.motor.torque_constant_nm_per_a?;
         let k = found("back_emf_constant_V_s").unwrap_or(nominal_k);
@@ -309,7 +305,7 @@ impl Constants {
             resistance_ohm: found("resistance_ohm").or(rig.motor.resistance_ohm)?,
             torque_constant_Nm_per_A: k,
             drop_V: found("drop_V").unwrap_or(0.0),
-            coulomb_Nm: torque * cause("coulomb_friction", "torque_Nm").unwrap_or(0.0),
+            coulomb_Nm: torque * study.coulomb_nm,
             viscous_Nm_s: torque * viscous.unwrap_or(0.0).max(0.0),
         })
     }

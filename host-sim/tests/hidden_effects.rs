@@ -6,7 +6,7 @@
 
 mod scoring;
 
-use hidden_effects::{Channels, Effect, Recipe, Trial, draw};
+use hidden_effects::{Channels, Effect, Excitation, Motor, Recipe, Trial, draw};
 use host_sim::catalogue::{ActsOn, effect};
 use host_sim::dataset::{Dataset, Output};
 use host_sim::diagnose::outcome::{Cause, Verdict};
@@ -338,6 +338,52 @@ fn a_drop_is_not_seen_behind_one_magnitude() {
         let truth = draw(seed, &recipe).truth.motor.resistance_ohm;
         assert!((lowest..highest).contains(&truth), "seed {seed}: {truth} is not in {lowest}..{highest}");
     }
+}
+
+/// With the rotor held other levels show it, and the winding's resistance.
+#[test]
+fn a_held_rotor_shows_the_drop_that_one_magnitude_hides() {
+    for seed in [1, 8] {
+        let recipe = Recipe {
+            excitation: Excitation::Prbs,
+            channels: Channels::VoltageSpeedCurrent,
+            ..Recipe::of(&[]).on_real_rig()
+        };
+        let Trial { csv, rig_toml, truth } = draw(seed, &recipe);
+        let constants = truth.effects.iter().flat_map(|(_, constants)| constants);
+        let (_, drop_v) = constants.into_iter().find(|(name, _)| *name == "drop_V").unwrap();
+        let recording = |name: &str, csv: &str| Recording::parse(name, csv.as_bytes(), &[]).unwrap();
+        let recordings = [recording("free.csv", &csv), recording("held.csv", &held(&truth.motor, *drop_v))];
+        let rig = Rig::parse("rig.toml", &rig_toml).unwrap();
+        let Diagnosis { outcome, data, .. } = diagnose(&recordings, &rig, &|_| ()).unwrap();
+        assert_eq!(data.origin.held_rotor.len(), 1, "seed {seed}");
+        let mut causes: Vec<&str> = outcome.causes.iter().map(|cause| &*cause.effect).collect();
+        causes.sort_unstable();
+        assert_eq!(causes, ["coulomb_friction", "voltage_drop"], "seed {seed}");
+        let found_v = outcome.causes.iter().find_map(|cause| cause.parameters.get("drop_V")).unwrap().value;
+        assert!((found_v - drop_v).abs() < 0.05 * drop_v, "seed {seed}: {found_v} instead of {drop_v}");
+        let found_ohm = outcome.parameters["resistance_ohm"].value;
+        let off = found_ohm / truth.motor.resistance_ohm - 1.0;
+        assert!(off.abs() < 0.01, "seed {seed}: {found_ohm}, off by {off}");
+    }
+}
+
+/// Levels of half a second through a winding behind a drop, as `t_s, u_V, omega_rad_per_s, i_A`.
+fn held(motor: &Motor, drop_v: f64) -> String {
+    let mut csv = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    let mut current_a: f64 = 0.0;
+    for row in 0..8000 {
+        let volts = (3.0 * drop_v).min(6.0) * (f64::from(row / 100) * 2.3).sin();
+        let [speed, read_a] = [0.0, current_a].map(|about| about + random.random_range(-0.02..0.02));
+        let _ = writeln!(csv, "{},{volts},{},{read_a}", f64::from(row) * 1e-3, speed);
+        for _ in 0..50 {
+            let free = current_a + 2e-5 / motor.inductance_h * (volts - motor.resistance_ohm * current_a);
+            let dry = 2e-5 / motor.inductance_h * drop_v;
+            current_a = free.signum() * (free.abs() - dry).max(0.0);
+        }
+    }
+    csv
 }
 
 /// Ten milliseconds from row to row, or five: a mean over that is late by more than the current is.

@@ -1,6 +1,7 @@
 //! What others have measured, where their recordings are at hand beside this project: `../shared/recordings/`. What comes out
 //! is in docs/diagnosis.md.
 
+use host_sim::catalogue::ActsOn;
 use host_sim::dataset::DatasetError;
 use host_sim::diagnose::{Diagnosis, diagnose};
 use host_sim::recording::Recording;
@@ -29,6 +30,12 @@ fn names(diagnosis: &Diagnosis, id: &str) -> bool {
     diagnosis.outcome.causes.iter().any(|cause| cause.effect == id || cause.not_separable_from.contains(&id))
 }
 
+/// Fit of the linear motor and of the extended model, to the tenth of a percent that the document gives.
+fn fit_percent(diagnosis: &Diagnosis) -> [String; 2] {
+    let percent = |fit: &str| diagnosis.outcome.fit[fit]["omega_rad_per_s"].fit_percent;
+    ["base", "extended"].map(|fit| format!("{:.1}", percent(fit)))
+}
+
 fn gain(diagnosis: &Diagnosis) -> f64 {
     let rmse = |fit: &str| diagnosis.outcome.fit[fit]["omega_rad_per_s"].rmse;
     rmse("base") / rmse("extended")
@@ -49,7 +56,9 @@ fn gearmotor_with_a_dead_zone() {
         "without a current nobody can be sure"
     );
     assert!(gain(&diagnosis) > 3.0, "{}", gain(&diagnosis));
-    assert!(diagnosis.outcome.unexplained.is_some(), "the sensor's steps of 4 rad/s are no effect of the catalogue");
+    assert_eq!(fit_percent(&diagnosis), ["91.9", "97.7"]);
+    let rest = diagnosis.outcome.unexplained.expect("the author found it neither linear nor symmetric");
+    assert_eq!((rest.acts_on, &*rest.depends_on), (ActsOn::Torque, "speed"));
 }
 
 /// A teaching motor around one speed at 50 Hz: friction or load cannot be told apart, the delay can.
@@ -59,6 +68,9 @@ fn teaching_motor_around_one_speed() {
     let diagnosis = diagnosed(&[folder.join("prbs_open_loop.csv")], 5.0).unwrap();
     assert!(names(&diagnosis, "actuation_delay"), "{:?}", diagnosis.outcome);
     assert!(names(&diagnosis, "load_torque") && names(&diagnosis, "coulomb_friction"), "{:?}", diagnosis.outcome);
+    assert_eq!(fit_percent(&diagnosis), ["89.7", "96.1"]);
+    let delay_s = diagnosis.outcome.causes.iter().find_map(|cause| cause.parameters.get("delay_s")).unwrap().value;
+    assert!((delay_s - 0.012).abs() < 0.0005, "{delay_s}");
     let fit = &diagnosis.outcome.fit;
     let excess = fit["extended"]["omega_rad_per_s"].rmse / fit["noise_floor"]["omega_rad_per_s"].rmse;
     assert!(excess < 1.1 && gain(&diagnosis) > 2.0, "{excess} {}", gain(&diagnosis));

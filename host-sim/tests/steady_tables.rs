@@ -3,6 +3,7 @@
 //! The tables are solved here from the power balance, not from the equations of the study; a fresh draw each time must clear
 //! a bound that an honest run misses less than once in ten thousand.
 
+use host_sim::catalogue::ActsOn;
 use host_sim::recording::{Channel, Recording};
 use host_sim::rig::Rig;
 use host_sim::stand::Winding;
@@ -157,6 +158,39 @@ fn a_resistance_is_found_where_loads_or_a_held_winding_tell_it_from_a_drop() {
         vec![("parameter:resistance", 15.0)]
     });
     assert!(right >= FEWEST_RIGHT, "{right}");
+}
+
+/// What no term takes has no name: it is said where it acts and what it goes with, and a drop that is less than a third of it
+/// is none.
+#[test]
+fn what_remains_of_a_table_is_located() {
+    let rest = |lost_v: fn(f64) -> f64, drag_nm_s2: f64, loads_nm: &[f64]| {
+        let mut text = String::from("u_V,i_A,omega_rad_per_s,load_Nm\n");
+        for u_v in [4.0, 6.0, 8.0, 10.0, 12.0] {
+            for load_nm in loads_nm {
+                let omega_at = |i_a: f64| (u_v - lost_v(u_v) - NOMINAL_OHM * i_a) / NOMINAL_V_S;
+                let current_a = |omega: f64| (0.006 + load_nm + drag_nm_s2 * omega * omega) / NOMINAL_V_S;
+                let i_a = (0..100).fold(0.0, |i_a, _| 0.5 * i_a + 0.5 * current_a(omega_at(i_a)));
+                for scatter in [-1.0, 1.0] {
+                    text += &format!("{u_v},{},{},{load_nm}\n", i_a + 1e-4 * scatter, omega_at(i_a) + 0.02 * scatter);
+                }
+            }
+        }
+        let table = Recording::parse("table.csv", text.as_bytes(), &[]).unwrap();
+        let outcome = study(&table, &rig(), None).unwrap().outcome;
+        let rest = outcome.unexplained.map(|rest| (rest.acts_on, rest.depends_on, rest.share > 0.9));
+        (rest, outcome.causes.into_iter().map(|cause| cause.effect).collect::<Vec<_>>())
+    };
+    let (loads_nm, friction) = ([0.0, 0.005, 0.01], ["coulomb_friction".to_string()]);
+    let bent: fn(f64) -> f64 = |u_v| 0.03 * (u_v - 8.0).powi(2);
+    assert_eq!(rest(bent, 0.0, &loads_nm), (Some((ActsOn::Voltage, "voltage".into(), true)), friction.to_vec()));
+    let (drag, named) = rest(|_| 0.0, 1e-6, &loads_nm);
+    assert_eq!(drag, Some((ActsOn::Torque, "speed".into(), true)));
+    assert_eq!(named, [""; 0], "the drag is most of what a dry friction explains");
+    // Without a load voltage and speed go together.
+    let (drag, _) = rest(|_| 0.0, 1e-6, &[0.0]);
+    assert!(drag.is_some_and(|(acts_on, on, _)| acts_on == ActsOn::Torque && on.contains(" or ")));
+    assert_eq!(rest(|_| 1.5, 0.0, &loads_nm), (None, ["voltage_drop".to_string(), friction[0].clone()].to_vec()));
 }
 
 /// Under loads it is told from everything else; without, the constant is named and it stands beside that.

@@ -1,7 +1,7 @@
 //! Speed lag: the capacitor behind a tachogenerator that smooths its ripple, or a low-pass in the program that records.
 
 use super::low_pass::{self, Low};
-use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Readings, Sampling, Scales, Sensor};
+use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Readings, Sampling, Scales, Sensor, Simplification};
 
 /// See the module.
 pub struct SpeedLag;
@@ -45,6 +45,11 @@ impl Effect for SpeedLag {
     /// Moments that are sought are as late as a short one would make them.
     fn shows_in(&self, channels: &Channels) -> bool {
         channels.speed && !channels.moments
+    }
+
+    /// What is between two readings of a motion with ripple, or of a noise that was filtered with it, is not in the law.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 0.01, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     fn speed_late_s(&self, values: &[f64]) -> f64 {

@@ -11,11 +11,17 @@ pub fn greatest(values: &[f64]) -> f64 {
     values.iter().fold(0.0, |most: f64, value| most.max(value.abs()))
 }
 
+/// Of what is not missing; 0 of nothing.
+pub(super) fn mean(values: &[f64]) -> f64 {
+    let finite = || values.iter().filter(|value| value.is_finite());
+    finite().sum::<f64>() / finite().count().max(1) as f64
+}
+
 /// Standard deviation of what is not missing.
 pub fn spread(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|value| value.is_finite());
     let count = finite().count().max(1) as f64;
-    let mean = finite().sum::<f64>() / count;
+    let mean = mean(values);
     (finite().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 

@@ -94,6 +94,11 @@ pub enum DatasetError {
         "{0}: neither command nor motion changes, and one operating point says nothing of a motor: play the sequence `identify` (20 s), or write means of several such points as a table of steady states (no t_s)"
     )]
     Steady(String),
+    /// The rotor is held, and nothing else was recorded.
+    #[error(
+        "{0}: the motor is driven and its current answers, and nothing turns: the rotor is held. That shows resistance, inductance and the bridge's drop, and nothing of torque constant, inertia and friction: diagnose it together with a recording of the same rig that turns (`motorbench diagnose TURNING.csv {0}`)"
+    )]
+    Held(String),
     /// Nothing happens in it.
     #[error(
         "{0}: the motor is never driven, or what moves is less than the noise of its sensor: play the sequence `identify` (20 s), which reverses and stops"

@@ -1,7 +1,7 @@
 //! What no shaft does, and a recording says now and then: go one way whatever the voltage, or be three times as fast for a
 //! single row.
 
-use super::columns::{correlation, greatest};
+use super::columns::{correlation, greatest, mean};
 
 /// Substantial is this share of the greatest.
 const SUBSTANTIAL: f64 = 0.1;
@@ -28,9 +28,8 @@ fn goes(values: &[f64], sense: f64) -> bool {
     values.iter().filter(|value| sense * **value > least).count() as f64 > OFTEN * values.len() as f64
 }
 
-fn about_mean(values: &[f64]) -> Vec<f64> {
-    let there = || values.iter().filter(|value| value.is_finite());
-    let mean = there().sum::<f64>() / there().count().max(1) as f64;
+pub(super) fn about_mean(values: &[f64]) -> Vec<f64> {
+    let mean = mean(values);
     values.iter().map(|value| value - mean).collect()
 }
 

@@ -1,6 +1,8 @@
 //! What is said of how the recordings were made, where the rig file does not say it.
 
-use super::{Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, row_order};
+use super::{
+    Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, held_rotor, row_order,
+};
 use crate::recording::Channel;
 use crate::terminal_text::short;
 
@@ -17,6 +19,10 @@ impl Dataset {
     /// What was found of how the recordings were made, where the rig file does not say it.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.origin.empty.iter().map(|channel| without_a_number(*channel)).collect();
+        if !self.origin.held_rotor.is_empty() {
+            notes.push(held_rotor::note(&self.origin.held_rotor));
+        }
+        notes.extend(self.origin.dead_current_a.map(dead_current::note));
         if self.origin.written_after {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
@@ -49,6 +55,12 @@ impl Dataset {
             notes.push(format!(
                 "{} rows are left out, each of a speed that no shaft can have had for one row alone: were lines garbled?",
                 self.origin.impossible
+            ));
+        }
+        if self.origin.without_time > 0 {
+            notes.push(format!(
+                "{} rows are left out, whose t_s is no number: were lines garbled?",
+                self.origin.without_time
             ));
         }
         if self.span_s() < SHORTEST_S {

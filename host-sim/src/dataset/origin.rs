@@ -1,6 +1,6 @@
 //! How recordings came to be, by the rig file or by what they show themselves.
 
-use super::{CounterStop, EdgeTiming, EndOfRange, PWM_HZ};
+use super::{CounterStop, EdgeTiming, EndOfRange, HeldRotor, PWM_HZ};
 use crate::recording::{Channel, Recording};
 use crate::rig::{Readings, Rig, Timing};
 
@@ -27,12 +27,18 @@ pub struct Origin {
     pub read_in_stops: Vec<(usize, f64)>,
     /// Rows left out for a speed that no shaft can have had.
     pub impossible: usize,
+    /// Rows left out for want of a time.
+    pub without_time: usize,
     /// Where the range of a sensor of the speed ended before the motor's speed did.
     pub end_of_range: Option<EndOfRange>,
     /// Share of all counts that is taken for lost; angles and speeds are those with it.
     pub lost_share: f64,
     /// Columns in which there is no number.
     pub empty: Vec<Channel>,
+    /// Recordings with the rotor held.
+    pub held_rotor: Vec<HeldRotor>,
+    /// At what the reading of a current sensor that is dead stands.
+    pub dead_current_a: Option<f64>,
     /// Whether the rig file says where in its window a mean speed stands.
     pub window_end_is_known: bool,
     /// Whether a speed is no more than taken for a mean since the row before.
@@ -58,6 +64,7 @@ impl Origin {
             },
             is_counted: rig.encoder.counts_per_rev.is_some(),
             empty: recording.empty.clone(),
+            without_time: recording.without_time,
             ..Self::default()
         }
     }
@@ -67,7 +74,10 @@ impl Origin {
         self.counter_stops.extend(other.counter_stops.into_iter().map(|stop| stop.later_by(before)));
         self.read_in_stops.extend(other.read_in_stops.into_iter().map(|(row, read)| (row + before, read)));
         self.impossible += other.impossible;
+        self.without_time += other.without_time;
         self.empty.extend(other.empty.into_iter().filter(|channel| !self.empty.contains(channel)).collect::<Vec<_>>());
+        self.held_rotor.extend(other.held_rotor.into_iter().map(|held| held.later_by(before)));
+        self.dead_current_a = self.dead_current_a.or(other.dead_current_a);
         self.end_of_range = match (self.end_of_range, other.end_of_range) {
             (Some(mine), Some(theirs)) => {
                 Some(EndOfRange { value: mine.value.max(theirs.value), rows: mine.rows + theirs.rows })

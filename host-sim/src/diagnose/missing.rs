@@ -107,10 +107,13 @@ impl Filter {
             let row = if current { Vector4::new(1.0, 0.0, bias, 0.0) } else { Vector4::new(0.0, 1.0, bias, 0.0) };
             (row, measured.least_error(measured.noise).powi(2))
         });
-        let step = |Stretch { rows, interval_s, .. }: &Stretch| Step {
-            end: rows.end,
-            of_state: (rates * *interval_s).exp(),
-            walk_variance: walk_per_s * walk_per_s * interval_s,
+        // Nothing changes the speed of a rotor that is held.
+        let mut held_rates = rates;
+        held_rates.row_mut(1).fill(0.0);
+        let step = |stretch: &Stretch| Step {
+            end: stretch.rows.end,
+            of_state: (if data.is_held(stretch) { held_rates } else { rates } * stretch.interval_s).exp(),
+            walk_variance: walk_per_s * walk_per_s * stretch.interval_s,
         };
         Self { steps: data.stretches.iter().map(step).collect(), walk_per_s, rows: rows.collect(), history: Vec::new() }
     }
@@ -173,11 +176,11 @@ impl Filter {
             }
             let (predicted, predicted_covariance, ..) = &self.history[index + 1];
             let (_, _, filtered, covariance) = &self.history[index];
-            // The unused fourth state would make the matrix singular.
+            // The unused fourth state would make the matrix singular, and the speed of a rotor that is held.
             let mut regular = *predicted_covariance;
-            regular[(3, 3)] = 1.0;
-            for place in 0..3 {
-                regular[(place, place)] *= 1.0 + 1e-9;
+            for place in 0..4 {
+                let variance = regular[(place, place)];
+                regular[(place, place)] = if variance == 0.0 { 1.0 } else { variance * (1.0 + 1e-9) };
             }
             if let Some(inverse) = regular.try_inverse() {
                 let gain = covariance * self.step(index).of_state.transpose() * inverse;

@@ -34,6 +34,7 @@ use crate::rig::{NominalMotor, Rig};
 use crate::terminal_text::short;
 use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
+use motorbench_core::pins::PWM_HZ;
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
 use scale::Scale;
@@ -45,7 +46,7 @@ use std::collections::BTreeMap;
 const LEAST_FIT_PERCENT: f64 = 20.0;
 /// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
 /// of something unknown often looks like something known.
-const LEAST_OF_REST: f64 = 3.0;
+pub(crate) const LEAST_OF_REST: f64 = 3.0;
 /// The multiple for what any course over time has in it: right names had a hundred, wrong ones up to six.
 const LEAST_OF_ANY_COURSE: f64 = 20.0;
 /// The multiple for a fault of a sensor beside what is too little to be called missing: there the law of a torque may be another
@@ -62,6 +63,11 @@ const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
 const LEAST_SPREAD: f64 = 0.02;
 /// A value that is off by more than this factor is rather in another unit, or counted otherwise.
 const OTHER_UNIT: f64 = 2.5;
+
+/// On what something depends that no curve explains.
+pub(crate) const NOTHING_SEEN: &str = "nothing seen";
+/// The constant that says when a current answers.
+const INDUCTANCE_H: &str = "inductance_H";
 
 /// What is said of constants that were found beside something unknown.
 const BESIDE_UNEXPLAINED: &str = "While that is missing all constants, those of the motor too, hold only roughly: their intervals know of the noise and not of what is missing.";
@@ -127,7 +133,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         &prior,
         (&selection, &fullest),
         (&last.model, &intervals),
-        Taken { losses, scale, hidden_drop },
+        Taken { losses, scale, hidden_drop, late_h: late_h(&data, &last.model) },
     );
     let model = losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model));
     Ok(Diagnosis {
@@ -145,6 +151,8 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
 /// As what the data were taken, other than they were recorded.
 #[derive(Clone, Copy)]
 struct Taken {
+    /// What an inductance is uncertain by when in its period a current is read.
+    late_h: f64,
     losses: Option<RandomLosses>,
     scale: Option<Scale>,
     hidden_drop: Option<HiddenDrop>,
@@ -156,9 +164,17 @@ impl Taken {
         let of_losses = self.losses.map_or(0.0, |losses| losses.uncertainty(constant));
         let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(constant));
         let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(constant));
-        let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop) * value;
+        let of_reading = if constant == INDUCTANCE_H { self.late_h / value } else { 0.0 };
+        let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_reading) * value;
         [value - (value - ci95[0]).hypot(besides), value + (ci95[1] - value).hypot(besides)]
     }
+}
+
+/// A current that is read anywhere in a period of the PWM is as much too late as a winding of more inductance is.
+fn late_h(data: &Dataset, model: &Model) -> f64 {
+    let is_open = data.current().is_some() && data.origin.timing.current_sampled_at.is_none();
+    // Standard deviation of what is anywhere in it.
+    if is_open { model.motor.resistance_ohm / (12.0_f64.sqrt() * f64::from(PWM_HZ)) } else { 0.0 }
 }
 
 /// What is understood of data.
@@ -402,7 +418,7 @@ impl Outcome {
         (model, intervals): (&Model, &[Interval]),
         taken: Taken,
     ) -> Self {
-        let Taken { losses, scale, hidden_drop } = taken;
+        let Taken { losses, scale, hidden_drop, .. } = taken;
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
         for (constant, Estimate { value, ci95 }) in causes.iter_mut().flat_map(|cause| &mut cause.parameters) {
@@ -486,8 +502,8 @@ impl Outcome {
         advice.extend(self.advice_on_values());
         if let Some(unexplained) = &self.unexplained {
             advice.push(format!(
-                "Something is missing that has no name here: it acts on {} and depends on {}. Look at the report's plots of what is missing.",
-                acts_on_words(unexplained.acts_on), unexplained.depends_on
+                "Something is missing that has no name here: {}. Look at the report's plots of what is missing.",
+                unexplained.place()
             ));
             advice.push(BESIDE_UNEXPLAINED.into());
         }
@@ -651,7 +667,7 @@ fn unexplained(data: &Dataset, selection: &Selection, fullest: &Fit) -> Option<U
     };
     Some(Unexplained {
         acts_on: lack.acts_on,
-        depends_on: if dependence.share > 0.1 { dependence.on } else { "nothing seen" },
+        depends_on: if dependence.share > 0.1 { dependence.on } else { NOTHING_SEEN }.into(),
         share: (0..data.measured.len()).map(rest).fold(0.0, f64::max),
     })
 }

@@ -2,6 +2,7 @@
 //!
 //! Every number has its unit in its name or beside it. `null` stands for what could not be computed.
 
+use super::acts_on_words;
 use crate::catalogue::ActsOn;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
@@ -101,10 +102,17 @@ pub struct RmseGain {
 pub struct Unexplained {
     /// Where it acts.
     pub acts_on: ActsOn,
-    /// What it depends on most; `nothing seen` when no curve explains a tenth of it.
-    pub depends_on: &'static str,
+    /// What it depends on most; `nothing seen` when no curve explains a tenth of it, of a table half.
+    pub depends_on: String,
     /// Share of the mean square error that remains, noise taken off, of the channel where it is greatest.
     pub share: f64,
+}
+
+impl Unexplained {
+    /// In words: where it acts and what it depends on.
+    pub fn place(&self) -> String {
+        format!("it acts on {} and depends on {}", acts_on_words(self.acts_on), self.depends_on)
+    }
 }
 
 /// A constant of the linear motor.

@@ -1,7 +1,7 @@
 //! The result as a page that a person reads in half a minute.
 
-use super::outcome::{Cause, Estimate, Outcome, RunnerUp, Verdict};
-use super::{DATA_SHEET_TOLERANCE, Diagnosis, acts_on_words};
+use super::outcome::{Cause, Estimate, Outcome, RunnerUp, Unexplained, Verdict};
+use super::{DATA_SHEET_TOLERANCE, Diagnosis};
 use crate::catalogue::effect;
 use crate::dataset::TOLERANCE;
 use crate::terminal_text::{rounded, short, wrapped};
@@ -123,18 +123,14 @@ fn errors(outcome: &Outcome) -> String {
         );
     }
     if let Some(unexplained) = &outcome.unexplained {
-        text.push_str(&wrapped(
-            &format!(
-                "Without a name: {:.0} % of what is left; it acts on {} and depends on {}.",
-                100.0 * unexplained.share,
-                acts_on_words(unexplained.acts_on),
-                unexplained.depends_on
-            ),
-            "  ",
-            "  ",
-        ));
+        text.push_str(&wrapped(&without_a_name(unexplained), "  ", "  "));
     }
     text
+}
+
+/// What has no name, in a sentence.
+pub fn without_a_name(unexplained: &Unexplained) -> String {
+    format!("Without a name: {:.0} % of what is left; {}.", 100.0 * unexplained.share, unexplained.place())
 }
 
 fn parameters(outcome: &Outcome) -> String {

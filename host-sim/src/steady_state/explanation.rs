@@ -78,6 +78,9 @@ pub struct Explanation {
     pub lacks_sigmas: f64,
     /// Error of the voltage at a level that the fit has not seen.
     pub left_out_rmse_v: f64,
+    /// What it leaves of the voltage at each level.
+    #[serde(skip)]
+    pub(super) left_v: Vec<f64>,
 }
 
 impl Explanation {
@@ -93,13 +96,40 @@ impl Explanation {
     }
 
     /// What in place of one of its terms explains the table as well.
-    pub(super) fn instead_of(&self, term: &str, others: &[Self]) -> Vec<&'static str> {
-        let kept: Vec<_> = self.terms.iter().filter(|kept| **kept != term).collect();
-        let replaces = |other: &&Self| {
-            other.holds() && other.terms.len() == self.terms.len() && kept.iter().all(|kept| other.terms.contains(kept))
+    pub(super) fn instead_of(&self, term: &str, all: &[Self]) -> Vec<&'static str> {
+        self.replacements(term, all).filter(|(_, other)| other.holds()).map(|(rival, _)| rival).collect()
+    }
+
+    /// What comes closest in place of one of its terms, and the explanation with it.
+    pub(super) fn next_best<'a>(&self, term: &str, all: &'a [Self]) -> Option<(&'static str, &'a Self)> {
+        let order = |(_, a): &(_, &Self), (_, b): &(_, &Self)| {
+            b.holds().cmp(&a.holds()).then(a.left_out_rmse_v.total_cmp(&b.left_out_rmse_v))
         };
-        let others = others.iter().filter(replaces).flat_map(|other| &other.terms);
-        others.filter(|other| !self.terms.contains(other)).copied().collect()
+        self.replacements(term, all).min_by(order)
+    }
+
+    /// Those in which another term stands for one of its own, and everything else is kept.
+    fn replacements<'a>(&self, term: &str, all: &'a [Self]) -> impl Iterator<Item = (&'static str, &'a Self)> {
+        let kept = self.all_but(term);
+        all.iter().filter(move |other| other.terms.len() == self.terms.len()).filter_map(move |other| {
+            let rival = other.terms.iter().find(|rival| !self.terms.contains(rival))?;
+            kept.iter().all(|kept| other.terms.contains(kept)).then_some((*rival, other))
+        })
+    }
+
+    /// The same without one of its terms, everything else fitted anew; without more of them where that has constants of no
+    /// motor.
+    pub(super) fn without<'a>(&self, term: &str, all: &'a [Self]) -> &'a Self {
+        let kept = self.all_but(term);
+        let less = all.iter().filter(|other| other.terms.iter().all(|other| kept.contains(other)));
+        let order = |a: &&Self, b: &&Self| {
+            b.terms.len().cmp(&a.terms.len()).then(a.left_out_rmse_v.total_cmp(&b.left_out_rmse_v))
+        };
+        less.min_by(order).expect("the nominal values are always tried")
+    }
+
+    fn all_but(&self, term: &str) -> Vec<&'static str> {
+        self.terms.iter().copied().filter(|kept| *kept != term).collect()
     }
 }
 
@@ -150,7 +180,10 @@ impl Equation {
             let above = Estimate { value: nominal + value, ci95: ci95.map(|ci95| ci95.map(|end| nominal + end)) };
             (TERMS[*term].constant, above)
         });
+        let mut left_v = line.left(&self.of(terms), &self.missing);
+        left_v.truncate(self.turning);
         Explanation {
+            left_v,
             terms: terms.iter().map(|term| TERMS[*term].effect).collect(),
             constants: constants.collect(),
             sigmas: (0..terms.len()).map(|index| line.sigmas(index, noise)).collect(),

@@ -68,6 +68,11 @@ impl Line {
         self.chi2 / self.dof as f64
     }
 
+    /// What it leaves of each point of the columns that it was fitted to.
+    pub(crate) fn left(&self, columns: &[&[f64]], target: &[f64]) -> Vec<f64> {
+        (0..target.len()).map(|row| target[row] - predicted(columns, &self.values, row)).collect()
+    }
+
     /// What the points say: they lie off by more than their errors.
     pub(crate) fn noise(&self) -> Noise {
         Noise { scale: self.chi2_per_dof().sqrt().max(self.least_scale), dof: self.dof }

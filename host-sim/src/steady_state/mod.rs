@@ -9,15 +9,19 @@ mod explanation;
 mod line;
 mod plots;
 mod report;
+mod rest;
 mod signs;
 
 pub use explanation::Explanation;
 use explanation::{TERMS, explanations};
 pub(crate) use line::{Errors, Line};
 use line::{left_out, rms};
+use rest::{Rest, curve_sigmas};
 
 use crate::dataset::DatasetError;
-use crate::diagnose::outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Verdict, confidence};
+use crate::diagnose::outcome::{
+    Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence,
+};
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
 use crate::stand::Winding;
@@ -94,6 +98,9 @@ pub struct Study {
     pub levels: Vec<Level>,
     /// Everything that was tried for the missing voltage, best first.
     pub explanations: Vec<Explanation>,
+    /// Place among them of the one that is named.
+    #[serde(skip)]
+    named: usize,
     /// What the levels are the means of.
     #[serde(skip)]
     pub(crate) rows: Rows,
@@ -103,6 +110,9 @@ pub struct Study {
     /// The current at each level by viscous friction alone, and with dry friction.
     #[serde(skip)]
     friction_a: Option<[Vec<f64>; 2]>,
+    /// Coulomb friction as fitted, whether or not it has a name beside what remains.
+    #[serde(skip)]
+    pub(crate) coulomb_nm: f64,
 }
 
 /// Why a table cannot be studied.
@@ -163,10 +173,13 @@ pub fn study(table: &Recording, rig: &Rig, winding: Option<&Winding>) -> Result<
     let levels = levels(&table.name, &rows, r, k)?;
     let held: Vec<Level> = rows.held.iter().map(|row| level(&[row.forwards()], r, k)).collect();
     let explanations = explanations(&levels, &held, winding, (r, k));
+    let named = trusted(&levels, &explanations);
     let friction = friction(&levels, torque_constant(&levels, &explanations[0], k));
-    let outcome = outcome(&levels, &explanations, &friction, rig);
+    let outcome = outcome(&levels, &explanations, named, friction.as_ref(), rig);
+    let coulomb_nm =
+        friction.as_ref().filter(|friction| friction.is_needed()).map_or(0.0, |friction| friction.coulomb.value);
     let friction_a = friction.map(|friction| friction.currents_a);
-    Ok(Study { outcome, levels, explanations, rows, nominal: (r, k), friction_a })
+    Ok(Study { outcome, levels, explanations, named, rows, nominal: (r, k), friction_a, coulomb_nm })
 }
 
 /// Resistance and torque constant.
@@ -343,10 +356,30 @@ struct Friction {
     coulomb: Estimate,
     viscous: Estimate,
     sigmas: f64,
-    before: f64,
-    after: f64,
+    gain: RmseGain,
+    /// What both leave of the torque at each level, and how far a curve in that is from nothing.
+    left_nm: Vec<f64>,
+    lacks_sigmas: f64,
     /// At each level by viscous friction alone, and by both.
     currents_a: [Vec<f64>; 2],
+}
+
+impl Friction {
+    fn is_needed(&self) -> bool {
+        self.sigmas > NEEDED_SIGMAS && self.coulomb.value > 0.0
+    }
+
+    fn cause(&self) -> Cause {
+        Cause {
+            effect: "coulomb_friction".into(),
+            confidence: confidence(self.sigmas),
+            parameters: BTreeMap::from([("torque_Nm".into(), self.coulomb)]),
+            gain: BTreeMap::from([("i_A", self.gain)]),
+            not_separable_from: vec!["current_offset"],
+            evidence_sigmas: self.sigmas,
+            runner_up: None,
+        }
+    }
 }
 
 fn friction(levels: &[Level], k: f64) -> Option<Friction> {
@@ -368,77 +401,86 @@ fn friction(levels: &[Level], k: f64) -> Option<Friction> {
         coulomb: line.estimate(0),
         viscous: line.estimate(1),
         sigmas: line.sigmas(0, line.noise()),
-        before: rms(&left_out(&both[1..], &target, &errors)?) / k,
-        after: rms(&left_out(&both, &target, &errors)?) / k,
+        gain: RmseGain {
+            rmse_before: rms(&left_out(&both[1..], &target, &errors)?) / k,
+            rmse_after: rms(&left_out(&both, &target, &errors)?) / k,
+        },
+        left_nm: line.left(&both, &target),
+        lacks_sigmas: curve_sigmas(levels, both, &target, &errors),
     })
 }
 
-fn outcome(levels: &[Level], explanations: &[Explanation], friction: &Option<Friction>, rig: &Rig) -> Outcome {
-    let nominal = explanations.iter().find(|explanation| explanation.terms.is_empty()).expect("it is always tried");
+/// Which explanation is named: the best, less the terms that explain too little beside what it leaves without a name.
+fn trusted(levels: &[Level], explanations: &[Explanation]) -> usize {
     let best = &explanations[0];
-    let mut causes: Vec<Cause> = Vec::new();
-    for index in 0..best.terms.len() {
-        causes.push(voltage_cause(index, explanations, nominal));
+    let mut named = best;
+    while let Some(rest) = Rest::of_voltage(levels, named, best) {
+        let less = named.terms.iter().map(|term| named.without(term, explanations));
+        let weak = less.filter(|less| rest.outweighs(&gain(less, named)));
+        let Some(less) = weak.min_by(|a, b| a.left_out_rmse_v.total_cmp(&b.left_out_rmse_v)) else { break };
+        named = less;
     }
-    if let Some(friction) =
-        friction.as_ref().filter(|friction| friction.sigmas > NEEDED_SIGMAS && friction.coulomb.value > 0.0)
-    {
-        causes.push(Cause {
-            effect: "coulomb_friction".into(),
-            confidence: confidence(friction.sigmas),
-            parameters: BTreeMap::from([("torque_Nm".into(), friction.coulomb)]),
-            gain: BTreeMap::from([("i_A", RmseGain { rmse_before: friction.before, rmse_after: friction.after })]),
-            not_separable_from: vec!["current_offset"],
-            evidence_sigmas: friction.sigmas,
-            runner_up: None,
-        });
-    }
-    let verdict = match (causes.is_empty(), leaves_nothing(best, levels)) {
-        (true, true) => Verdict::Sufficient,
-        (true, false) => Verdict::Unexplained,
-        (false, true) => Verdict::Explained,
-        (false, false) => Verdict::PartlyExplained,
+    explanations.iter().position(|one| one.terms == named.terms).expect("it is one of them")
+}
+
+/// Errors at a voltage left out by one explanation and by a better one.
+fn gain(before: &Explanation, after: &Explanation) -> RmseGain {
+    RmseGain { rmse_before: before.left_out_rmse_v, rmse_after: after.left_out_rmse_v }
+}
+
+fn outcome(
+    levels: &[Level],
+    explanations: &[Explanation],
+    named: usize,
+    friction: Option<&Friction>,
+    rig: &Rig,
+) -> Outcome {
+    let nominal = explanations.iter().find(|explanation| explanation.terms.is_empty()).expect("it is always tried");
+    let (best, named) = (&explanations[0], &explanations[named]);
+    let torque_rest = friction.and_then(|friction| Rest::of_torque(levels, friction));
+    let mut causes: Vec<Cause> =
+        (0..named.terms.len()).map(|index| voltage_cause(named, index, explanations)).collect();
+    let is_trusted = |friction: &Friction| torque_rest.as_ref().is_none_or(|rest| !rest.outweighs(&friction.gain));
+    causes.extend(friction.filter(|friction| friction.is_needed() && is_trusted(friction)).map(Friction::cause));
+    let rests = Rest::of_voltage(levels, named, best).into_iter().chain(torque_rest);
+    let unexplained = rests.reduce(Rest::greater).map(Rest::told);
+    let verdict = match (causes.is_empty(), unexplained.is_some()) {
+        (true, false) => Verdict::Sufficient,
+        (true, true) => Verdict::Unexplained,
+        (false, false) => Verdict::Explained,
+        (false, true) => Verdict::PartlyExplained,
     };
+    let advice = advice(levels, unexplained.as_ref());
     Outcome {
         verdict,
         causes,
-        unexplained: None,
-        parameters: parameters(rig, best, friction),
-        fit: fit(levels, nominal, best, friction),
-        advice: advice(levels),
+        unexplained,
+        parameters: parameters(rig, named, friction),
+        fit: fit(levels, nominal, named, friction),
+        advice,
     }
 }
 
-/// Whether what an explanation leaves of the voltage is no more than the levels differ by.
-fn leaves_nothing(best: &Explanation, levels: &[Level]) -> bool {
-    let most_v = levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
-    best.holds() && best.left_out_rmse_v < ALIKE_SHARE * most_v
-}
-
-fn voltage_cause(index: usize, explanations: &[Explanation], nominal: &Explanation) -> Cause {
-    let (best, others) = explanations.split_first().expect("the nominal values are always tried");
-    let effect = best.terms[index];
-    let not_separable_from = best.instead_of(effect, others);
+fn voltage_cause(named: &Explanation, index: usize, explanations: &[Explanation]) -> Cause {
+    let effect = named.terms[index];
+    let not_separable_from = named.instead_of(effect, explanations);
     let term = TERMS.iter().find(|term| term.effect == effect).expect("one of them");
     Cause {
         effect: effect.into(),
         confidence: 1.0 / (1.0 + not_separable_from.len() as f64),
-        parameters: BTreeMap::from([(term.constant.to_string(), best.constants[term.constant])]),
-        gain: BTreeMap::from([(
-            "u_V",
-            RmseGain { rmse_before: nominal.left_out_rmse_v, rmse_after: best.left_out_rmse_v },
-        )]),
+        parameters: BTreeMap::from([(term.constant.to_string(), named.constants[term.constant])]),
+        gain: BTreeMap::from([("u_V", gain(named.without(effect, explanations), named))]),
         not_separable_from,
-        evidence_sigmas: best.sigmas[index],
-        runner_up: others.iter().find_map(|other| {
-            let effect = *other.terms.iter().find(|other| !best.terms.contains(other))?;
-            let share = (other.left_out_rmse_v / best.left_out_rmse_v).powi(2) - 1.0;
-            Some(RunnerUp { effect, worse_by_sigmas: other.lacks_sigmas, worse_by_share: share })
+        evidence_sigmas: named.sigmas[index],
+        runner_up: named.next_best(effect, explanations).map(|(effect, other)| RunnerUp {
+            effect,
+            worse_by_sigmas: other.lacks_sigmas,
+            worse_by_share: (other.left_out_rmse_v / named.left_out_rmse_v).powi(2) - 1.0,
         }),
     }
 }
 
-fn parameters(rig: &Rig, best: &Explanation, friction: &Option<Friction>) -> BTreeMap<&'static str, Parameter> {
+fn parameters(rig: &Rig, best: &Explanation, friction: Option<&Friction>) -> BTreeMap<&'static str, Parameter> {
     let mut found = BTreeMap::new();
     let mut add = |name, nominal: Option<f64>, estimate: Option<&Estimate>| {
         let value = estimate.map(|estimate| estimate.value).or(nominal);
@@ -449,7 +491,7 @@ fn parameters(rig: &Rig, best: &Explanation, friction: &Option<Friction>) -> BTr
     };
     add("resistance_ohm", rig.motor.resistance_ohm, best.constants.get("resistance_ohm"));
     add("torque_constant_Nm_per_A", rig.motor.torque_constant_nm_per_a, best.constants.get("back_emf_constant_V_s"));
-    let viscous = friction.as_ref().map(|friction| &friction.viscous);
+    let viscous = friction.map(|friction| &friction.viscous);
     add("viscous_friction_Nm_s", rig.motor.viscous_friction_nm_s, viscous);
     found
 }
@@ -458,7 +500,7 @@ fn fit(
     levels: &[Level],
     nominal: &Explanation,
     best: &Explanation,
-    friction: &Option<Friction>,
+    friction: Option<&Friction>,
 ) -> BTreeMap<&'static str, BTreeMap<&'static str, Quality>> {
     let spread = |of: &dyn Fn(&Level) -> f64| {
         let mean = levels.iter().map(of).sum::<f64>() / levels.len() as f64;
@@ -472,18 +514,27 @@ fn fit(
     let current_floor = rms(|level| level.current_error);
     let voltage_floor = rms(|level| level.voltage_error);
     let of = |u: f64, i: f64| BTreeMap::from([("u_V", quality(u, "V", volts)), ("i_A", quality(i, "A", amperes))]);
-    let current = friction.as_ref().map_or((f64::NAN, f64::NAN), |friction| (friction.before, friction.after));
+    let none = RmseGain { rmse_before: f64::NAN, rmse_after: f64::NAN };
+    let current = friction.map_or(none, |friction| friction.gain);
     BTreeMap::from([
-        ("base", of(nominal.left_out_rmse_v, current.0)),
-        ("extended", of(best.left_out_rmse_v, current.1)),
+        ("base", of(nominal.left_out_rmse_v, current.rmse_before)),
+        ("extended", of(best.left_out_rmse_v, current.rmse_after)),
         ("noise_floor", of(voltage_floor, current_floor)),
     ])
 }
 
-fn advice(levels: &[Level]) -> Vec<String> {
+fn advice(levels: &[Level], unexplained: Option<&Unexplained>) -> Vec<String> {
     let least_a = levels.iter().map(|level| level.i_A).fold(f64::INFINITY, f64::min);
     let most_a = levels.iter().map(|level| level.i_A).fold(0.0, f64::max);
-    let mut advice = Vec::new();
+    let mut advice: Vec<String> = unexplained
+        .map(|rest| {
+            format!(
+                "Something is missing that has no name here: {}. While it is missing the constants hold only roughly.",
+                rest.place()
+            )
+        })
+        .into_iter()
+        .collect();
     if most_a < 2.0 * least_a {
         advice.push(format!(
             "The current only goes from {} to {} A: a resistance and a constant voltage drop cannot be told apart, nor a back-EMF constant and a resistance that grows with speed. Hold the rotor and step the voltage (resistance, drop), or brake the shaft at one speed (what grows with the current is resistance).",

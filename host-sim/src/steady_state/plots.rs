@@ -29,7 +29,7 @@ impl Study {
         let lines = nominal.map(|nominal| simulated(BEFORE.stroke_width(LINE), nominal)).into_iter();
         // Behind the named one, which it mostly follows.
         let lines = lines.chain(self.as_good().map(|other| simulated(AS_WELL.mix(0.5).stroke_width(BEHIND), other)));
-        let lines = lines.chain(self.explanations.first().map(|named| simulated(AFTER.stroke_width(LINE), named)));
+        let lines = lines.chain([simulated(AFTER.stroke_width(LINE), self.named())]);
         self.over_voltage("speed, rad/s", |level| level.omega_rad_per_s, &lines.collect::<Vec<_>>())
     }
 
@@ -42,10 +42,16 @@ impl Study {
         self.over_voltage("current, A", |level| level.i_A, &lines)
     }
 
+    /// What the causes are taken from.
+    pub(super) fn named(&self) -> &Explanation {
+        &self.explanations[self.named]
+    }
+
     /// What else holds with as many terms.
     pub(super) fn as_good(&self) -> Option<&Explanation> {
-        let (named, others) = self.explanations.split_first()?;
-        others.iter().find(|other| other.holds() && other.terms.len() == named.terms.len())
+        let named = self.named();
+        let is_as_good = |other: &&Explanation| other.holds() && other.terms.len() == named.terms.len();
+        self.explanations.iter().filter(|other| other.terms != named.terms).find(is_as_good)
     }
 
     /// By the voltage and the current of a level.

@@ -2,7 +2,7 @@
 
 use super::{Explanation, Level, Study};
 use crate::diagnose::outcome::{Cause, Estimate};
-use crate::diagnose::page::{estimate, verdict};
+use crate::diagnose::page::{estimate, verdict, without_a_name};
 use crate::terminal_text::wrapped;
 use crate::web_page::{code, document, escaped, list, table};
 use std::fmt::Write as _;
@@ -57,7 +57,7 @@ fn terms_html(explanation: &Explanation) -> String {
 impl Study {
     /// Measured and simulated, with what the colours mean.
     fn plots(&self) -> String {
-        let named = self.explanations.first().map(terms_html).unwrap_or_default();
+        let named = terms_html(self.named());
         let as_good = self.as_good().map_or(String::new(), |other| {
             format!(" Green, broad: {}, which explains the table as well.", terms_html(other))
         });
@@ -96,6 +96,10 @@ impl Study {
                 text += &wrapped(&format!("not to be told from: {others}"), "    ", "    ");
             }
         }
+        if let Some(unexplained) = &self.outcome.unexplained {
+            text += "\n";
+            text += &wrapped(&without_a_name(unexplained), "  ", "  ");
+        }
         text += "\nWhat to do\n";
         for advice in &self.outcome.advice {
             text += &wrapped(advice, "  - ", "    ");
@@ -122,6 +126,9 @@ impl Study {
                 ]
             }),
         );
+        if let Some(unexplained) = &self.outcome.unexplained {
+            let _ = writeln!(body, "<p>{}</p>", escaped(&without_a_name(unexplained)));
+        }
         let _ = writeln!(body, "<h2>{EXPLANATIONS}</h2>");
         body += &table(
             &["error", "explanation", "constants"],
