@@ -144,7 +144,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
 /// effect asks for it.
 fn shaft_bulges(model: &Model, motion: &Motion, data: &Dataset) -> Vec<Bulge> {
     let mut bulges = Vec::new();
-    if model.speed_late_s() == 0.0 {
+    if model.tachogenerator_lag_s() == 0.0 {
         return bulges;
     }
     bulges.resize(data.len(), Bulge::NONE);

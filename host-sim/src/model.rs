@@ -150,8 +150,8 @@ impl Model {
     }
 
     /// By how much a tachogenerator shows the speed later than it is.
-    pub fn speed_late_s(&self) -> f64 {
-        self.terms.iter().map(|term| term.effect.speed_late_s(&term.values)).sum()
+    pub fn tachogenerator_lag_s(&self) -> f64 {
+        self.terms.iter().map(|term| term.effect.tachogenerator_lag_s(&term.values)).sum()
     }
 
     /// The same with one effect more. Of its last constants those may be left out that go without saying.

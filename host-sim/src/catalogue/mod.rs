@@ -560,8 +560,13 @@ pub trait Effect: Sync {
         self.delay_s(values)
     }
 
+    /// Time by which the speed is read late.
+    fn speed_late_s(&self, values: &[f64]) -> f64 {
+        self.delay_s(values)
+    }
+
     /// Time constant with which its sensor, and no program, lets the speed lag.
-    fn speed_late_s(&self, _values: &[f64]) -> f64 {
+    fn tachogenerator_lag_s(&self, _values: &[f64]) -> f64 {
         0.0
     }
 

@@ -53,6 +53,10 @@ impl Effect for SpeedLag {
     }
 
     fn speed_late_s(&self, values: &[f64]) -> f64 {
+        values[0]
+    }
+
+    fn tachogenerator_lag_s(&self, values: &[f64]) -> f64 {
         if values[1] > 0.0 { 0.0 } else { values[0] }
     }
 

@@ -322,7 +322,7 @@ struct Refused {
 
 /// By how much a model's loop is late, a tachogenerator's lag with it where the speed comes from there.
 fn late_s(model: &Model, by_tachogenerator: bool) -> f64 {
-    model.delay_s() + if by_tachogenerator { model.speed_late_s() } else { 0.0 }
+    model.delay_s() + if by_tachogenerator { model.tachogenerator_lag_s() } else { 0.0 }
 }
 
 /// What measures the speed in place of an encoder: of a rig that says so or has no encoder. Inside: `None` without a gain.

@@ -24,6 +24,8 @@ const ROUNDS: usize = 5;
 const SHIFT: f64 = 0.1;
 /// Moments have to bring the cost down to this share of that of commands that stand with their rows...
 const LEAST_GAIN: f64 = 0.5;
+/// ... where rows are close, and hardly lack commands, to this one...
+const LEAST_GAIN_OF_CLOSE_ROWS: f64 = 0.2;
 /// ... and those that were found by a poorer model to this share of what it was.
 const CLOSER: f64 = 0.98;
 
@@ -41,7 +43,12 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     };
     let best = ways.into_iter().map(|(way, sought)| with_moments(way, &sought, prior, &found.model));
     let Some((other, cost)) = best.min_by(|a, b| a.1.total_cmp(&b.1)) else { return false };
-    let explains = cost <= if is_refined { CLOSER } else { LEAST_GAIN } * found.cost;
+    let least_gain = match (is_refined, data.interval_s < SHORTEST_ROW_S) {
+        (true, _) => CLOSER,
+        (false, true) => LEAST_GAIN_OF_CLOSE_ROWS,
+        (false, false) => LEAST_GAIN,
+    };
+    let explains = cost <= least_gain * found.cost;
     if explains {
         *data = other;
     }

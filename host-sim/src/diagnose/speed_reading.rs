@@ -13,8 +13,8 @@ const LEAST_GAIN: f64 = 0.9;
 /// Takes the speed for the other reading, if that explains what would be a delay or a rest; whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     // A mean over a row is late by no more than one.
-    let is_short = |delay_s: f64| delay_s > 0.0 && delay_s < data.interval_s;
-    let late = found.model.terms.iter().find(|term| is_short(term.effect.delay_s(&term.values))).map(Term::id);
+    let is_short = |late_s: f64| late_s > 0.0 && late_s < data.interval_s;
+    let late = found.model.terms.iter().find(|term| is_short(term.effect.speed_late_s(&term.values))).map(Term::id);
     let has_rest = above_floor(data, found) > NOT_NOISE;
     if !(late.is_some() || has_rest) {
         return false;
