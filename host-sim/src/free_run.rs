@@ -408,7 +408,7 @@ impl LinearStep {
     pub fn take(&self, current_a: f64, speed: f64, voltage_v: f64, open: bool, terms: &Balance) -> Reached {
         if open {
             let free = self.open_speed_of[0] * speed + self.open_speed_of[1] * terms.torque_nm;
-            let speed_rad_per_s = oppose_motion(speed, free, self.open_speed_of[1], terms);
+            let speed_rad_per_s = oppose_motion(free, self.open_speed_of[1], terms);
             return Reached { current_a: 0.0, speed_rad_per_s, mean_a: 0.0 };
         }
         let inputs = [current_a, speed, voltage_v + terms.voltage_v, terms.torque_nm];
@@ -418,17 +418,13 @@ impl LinearStep {
         let dry_a = gain * terms.ripple.mean_drop_v(terms.drops_v());
         let flowing_a = match terms.drops_with_the_mean() {
             true => eased_a(free_a, dry_a, terms.knee_a),
-            false => {
-                let left_a =
-                    terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms));
-                turned(current_a, left_a, free_a, [dry_a; 2])
-            }
+            false => terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms)),
         };
         // Quotients as products: they do not wait for what they scale.
         let left_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
         let lost_v = (free_a - left_a) * self.inverse_gains[0];
         let free = dot(&self.speed_of) - self.speed_of[2] * lost_v;
-        let speed_rad_per_s = oppose_motion(speed, free, self.speed_of[3], terms);
+        let speed_rad_per_s = oppose_motion(free, self.speed_of[3], terms);
         let lost_nm = (free - speed_rad_per_s) * self.inverse_gains[1];
         let reached_a = left_a - self.current_of[3] * lost_nm;
         // What the resistance takes on the average is what emf and inductance leave of the voltage.
@@ -455,31 +451,13 @@ fn eased_a(free_a: f64, dry_a: f64, knee_a: f64) -> f64 {
     flowing.copysign(free_a)
 }
 
-/// What friction leaves of a speed that was `before`; `gain`: speed gained of a torque over the step.
+/// What friction leaves of a speed; `gain`: speed gained of a torque over the step.
 #[inline]
-pub(crate) fn oppose_motion(before: f64, free: f64, gain: f64, terms: &Balance) -> f64 {
+pub(crate) fn oppose_motion(free: f64, gain: f64, terms: &Balance) -> f64 {
     let forward = gain * terms.dry_forward_nm.max(0.0);
     let backward = gain * terms.dry_backward_nm.max(0.0);
     let moving = if free > forward { free - forward } else { (free + backward).min(0.0) };
-    turned(before, moving, free, [forward, backward]) * (1.0 / (1.0 + gain * terms.viscous_nm_s))
-}
-
-/// What a dry loss leaves of something that has turned round in a step: until it did, the loss acted the other way. `left`:
-/// with the loss against where it goes all the time, `free` without; `dry`: what the loss takes going forward and backward.
-#[inline]
-fn turned(before: f64, left: f64, free: f64, dry: [f64; 2]) -> f64 {
-    if before * left >= 0.0 {
-        return left;
-    }
-    let [before_dry, after_dry] = if before > 0.0 { dry } else { [dry[1], dry[0]] };
-    let sense = before.signum();
-    // One that stopped on its way, or hangs on what pulses leave, has no time of its own.
-    if left != free + sense * after_dry {
-        return left;
-    }
-    let as_before = sense * free - before_dry;
-    let share_before = sense * before / (sense * before - as_before);
-    left - sense * share_before * (before_dry + after_dry)
+    moving * (1.0 / (1.0 + gain * terms.viscous_nm_s))
 }
 
 fn first(values: &[f64]) -> f64 {
