@@ -119,9 +119,6 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     if data.origin.current_window_s > 0.0 {
         motion.current_a = mean_current(model, &motion, data);
     }
-    if let Some(late_s) = data.origin.timing.current_late_s {
-        read_late(&mut motion.current_a, data, late_s);
-    }
     let shaft_bulges = shaft_bulges(model, &motion, data);
     for term in model.in_turn(|effect| !effect.acts_on_motor()) {
         for stretch in &data.stretches {
@@ -168,14 +165,6 @@ fn mean_current(model: &Model, motion: &Motion, data: &Dataset) -> Vec<f64> {
         }
     }
     means
-}
-
-/// Readings as they were so long before, by what is between each two.
-fn read_late(readings: &mut [f64], data: &Dataset, late_s: f64) {
-    for row in data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1).rev()) {
-        let share = (late_s / (data.time_s[row] - data.time_s[row - 1])).min(1.0);
-        readings[row] += share * (readings[row - 1] - readings[row]);
-    }
 }
 
 /// Mean current over the last `window_s` of some rows and the one after them, or all of that where it is shorter.

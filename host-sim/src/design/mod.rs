@@ -182,7 +182,7 @@ pub enum DesignError {
     },
     /// The voltage comes too late for a loop that has it in its states.
     #[error(
-        "the model's actuation_delay.delay_s = {delay_s} (behind a tachogenerator with speed_lag.time_constant_s): a design reckons with {most_s} at most at this tick rate; find what holds voltage or reading up, and take it away"
+        "the model's actuation_delay.delay_s = {delay_s}: a design reckons with {most_s} at most at this tick rate (a tachogenerator's speed_lag.time_constant_s is in it); find what holds the voltage or the reading up, and take it away"
     )]
     Delay {
         /// The model's.

@@ -39,7 +39,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         true => {
             vec![(data.clone(), sought(data, |row| data.interval_s >= SHORTEST_ROW_S || data.earlier_s[row] > 0.0))]
         }
-        false => data.with_commands_as_written().map_or_else(Vec::new, |data| with_commands_between(&data)),
+        false => with_commands_between(data),
     };
     let best = ways.into_iter().map(|(way, sought)| with_moments(way, &sought, prior, &found.model));
     let Some((other, cost)) = best.min_by(|a, b| a.1.total_cmp(&b.1)) else { return false };
@@ -57,11 +57,15 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
 
 /// The data with commands that changed at moments of their own, and the rows before which they did: all of them, or those that
 /// are longer than others.
-fn with_commands_between(data: &Dataset) -> Vec<(Dataset, Vec<usize>)> {
+fn with_commands_between(recorded: &Dataset) -> Vec<(Dataset, Vec<usize>)> {
+    let Some(data) = recorded.with_commands_as_written() else { return Vec::new() };
+    let data = &data;
     let all = sought(data, |_| true);
     let of_long_rows = sought(data, |row| data.time_s[row] - data.time_s[row - 1] > LONG_ROW * data.interval_s);
     let rows = data.len() as f64;
-    let any = data.interval_s >= SHORTEST_ROW_S || (all.len() as f64) < RARELY * rows;
+    // What looks as if it had been written after its command at close rows mostly was.
+    let are_rare = (all.len() as f64) < RARELY * rows && !recorded.origin.written_after;
+    let any = data.interval_s >= SHORTEST_ROW_S || are_rare;
     let ways = [any.then_some(all), (!of_long_rows.is_empty()).then_some(of_long_rows)];
     ways.into_iter().flatten().map(|sought| (data.with_commands_between(&sought), sought)).collect()
 }
