@@ -332,14 +332,16 @@ impl Bench {
             }
             Effect::CurrentLag => {
                 hidden.lag_s = between(0.003, 0.015);
-                hidden.lag_in_program = random.random_bool(0.4);
-                hidden.lag_is_butterworth = hidden.lag_in_program && random.random_bool(0.4);
+                let drawn: f64 = random.random();
+                hidden.lag_in_program = drawn < 0.4;
+                hidden.lag_is_butterworth = drawn < 0.16;
                 vec![("time_constant_s", hidden.lag_s)]
             }
             Effect::SpeedLag => {
                 hidden.speed_lag_s = between(0.003, 0.015);
-                hidden.speed_lag_in_program = random.random_bool(0.4);
-                hidden.speed_lag_is_butterworth = hidden.speed_lag_in_program && random.random_bool(0.4);
+                let drawn: f64 = random.random();
+                hidden.speed_lag_in_program = drawn < 0.4;
+                hidden.speed_lag_is_butterworth = drawn < 0.16;
                 vec![("time_constant_s", hidden.speed_lag_s)]
             }
             Effect::CurrentClipping => {
