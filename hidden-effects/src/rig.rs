@@ -86,15 +86,8 @@ pub struct Hidden {
     grip_s: f64,
     pub(crate) delay_s: f64,
     pub(crate) offset_a: f64,
-    pub(crate) lag_s: f64,
-    /// The filter is the program's, of its readings, and not the sensor's.
-    pub(crate) lag_in_program: bool,
-    /// Whether that is a Butterworth filter of the first order.
-    pub(crate) lag_is_butterworth: bool,
-    /// The same of the speed.
-    pub(crate) speed_lag_s: f64,
-    pub(crate) speed_lag_in_program: bool,
-    pub(crate) speed_lag_is_butterworth: bool,
+    pub(crate) current_lag: Lag,
+    pub(crate) speed_lag: Lag,
     pub(crate) clip_share: f64,
     pub(crate) eccentricity_rad: f64,
     pub(crate) eccentricity_phase: f64,
@@ -111,6 +104,32 @@ pub struct Hidden {
     pub(crate) ripple_phase: f64,
     pub(crate) drift: f64,
     pub(crate) dead_band: f64,
+}
+
+/// A low-pass of the first order before a reading.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Lag {
+    pub(crate) time_constant_s: f64,
+    /// The filter is the program's, of its readings, and not the sensor's.
+    pub(crate) in_program: bool,
+    /// Whether that is a Butterworth filter.
+    pub(crate) is_butterworth: bool,
+}
+
+impl Lag {
+    fn draw(time_constant_s: f64, random: &mut impl Rng) -> Self {
+        let drawn: f64 = random.random();
+        Self { time_constant_s, in_program: drawn < 0.4, is_butterworth: drawn < 0.16 }
+    }
+
+    fn is_of_sensor(self) -> bool {
+        self.time_constant_s > 0.0 && !self.in_program
+    }
+
+    /// By how much what is `behind` so far comes closer.
+    fn change(self, behind: f64, dt: f64) -> f64 {
+        dt / self.time_constant_s * behind
+    }
 }
 
 /// A bench and its state.
@@ -331,18 +350,12 @@ impl Bench {
                 vec![("offset_A", hidden.offset_a)]
             }
             Effect::CurrentLag => {
-                hidden.lag_s = between(0.003, 0.015);
-                let drawn: f64 = random.random();
-                hidden.lag_in_program = drawn < 0.4;
-                hidden.lag_is_butterworth = drawn < 0.16;
-                vec![("time_constant_s", hidden.lag_s)]
+                hidden.current_lag = Lag::draw(between(0.003, 0.015), random);
+                vec![("time_constant_s", hidden.current_lag.time_constant_s)]
             }
             Effect::SpeedLag => {
-                hidden.speed_lag_s = between(0.003, 0.015);
-                let drawn: f64 = random.random();
-                hidden.speed_lag_in_program = drawn < 0.4;
-                hidden.speed_lag_is_butterworth = drawn < 0.16;
-                vec![("time_constant_s", hidden.speed_lag_s)]
+                hidden.speed_lag = Lag::draw(between(0.003, 0.015), random);
+                vec![("time_constant_s", hidden.speed_lag.time_constant_s)]
             }
             Effect::CurrentClipping => {
                 hidden.clip_share = 1.0 - between(0.3, 0.6);
@@ -413,8 +426,7 @@ impl Bench {
 
     /// What the sensor shows of the current.
     pub fn reading_a(&self) -> f64 {
-        let has_filter = self.hidden.lag_s > 0.0 && !self.hidden.lag_in_program;
-        if has_filter { self.lagged_a } else { self.smooth_a }
+        if self.hidden.current_lag.is_of_sensor() { self.lagged_a } else { self.smooth_a }
     }
 
     /// What a tachogenerator shows of the speed: its ripple is in proportion.
@@ -425,8 +437,7 @@ impl Bench {
 
     /// The same behind its capacitor, where it has one.
     pub fn shown_rad_per_s(&self) -> f64 {
-        let has_filter = self.hidden.speed_lag_s > 0.0 && !self.hidden.speed_lag_in_program;
-        if has_filter { self.lagged_rad_per_s } else { self.tachogenerator_rad_per_s() }
+        if self.hidden.speed_lag.is_of_sensor() { self.lagged_rad_per_s } else { self.tachogenerator_rad_per_s() }
     }
 
     /// The angle that the disc of the encoder shows.
@@ -458,12 +469,12 @@ impl Bench {
         } else {
             self.smooth_a = self.current_a;
         }
-        if self.hidden.speed_lag_s > 0.0 {
-            let shown = self.tachogenerator_rad_per_s();
-            self.lagged_rad_per_s += dt / self.hidden.speed_lag_s * (shown - self.lagged_rad_per_s);
+        if self.hidden.speed_lag.is_of_sensor() {
+            self.lagged_rad_per_s +=
+                self.hidden.speed_lag.change(self.tachogenerator_rad_per_s() - self.lagged_rad_per_s, dt);
         }
-        if self.hidden.lag_s > 0.0 {
-            self.lagged_a += dt / self.hidden.lag_s * (self.smooth_a - self.lagged_a);
+        if self.hidden.current_lag.is_of_sensor() {
+            self.lagged_a += self.hidden.current_lag.change(self.smooth_a - self.lagged_a, dt);
         }
     }
 

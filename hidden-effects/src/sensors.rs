@@ -1,7 +1,7 @@
 //! The recording: what the Uno's sensors make of the bench.
 
 use crate::drive::{Excitation, SpeedLoop, duties};
-use crate::rig::Bench;
+use crate::rig::{Bench, Lag};
 use crate::{Channels, Effect, Mistake, Recipe};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal};
@@ -129,9 +129,10 @@ struct LowPass {
 }
 
 impl LowPass {
-    /// What it makes of the next value, with a time constant of so many rows.
-    fn next(&mut self, value: f64, rows: f64, is_butterworth: bool) -> f64 {
-        self.filtered = if is_butterworth {
+    /// What it makes of the next value, a row later.
+    fn next(&mut self, value: f64, lag: Lag, interval_s: f64) -> f64 {
+        let rows = lag.time_constant_s / interval_s;
+        self.filtered = if lag.is_butterworth {
             // The analog corner, moved to where the bilinear transform puts it back.
             let analog = 2.0 * (0.5 / rows).tan();
             ((2.0 - analog) * self.filtered + analog * (value + self.last)) / (2.0 + analog)
@@ -156,7 +157,8 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     let drift_hz = random.random_range(0.05..0.15);
     let mut burst = recipe.burst.then(|| Burst::new(random));
     let mut edge_timer = (recipe.channels == Channels::VoltageTimedSpeedCurrent).then(|| EdgeTimer::new(random));
-    let (mut lost_rad, mut low_pass, mut low_passed_speed) = (0.0, LowPass::default(), LowPass::default());
+    let (mut low_passed_current, mut low_passed_speed) = (LowPass::default(), LowPass::default());
+    let mut lost_rad = 0.0;
     let mut edges = Edges { per_rad: bench.counts_per_rev / TAU, last: 0.0 };
     let mut rows = Vec::with_capacity(count);
     let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
@@ -174,15 +176,14 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
         if seen_speed.abs() < hidden.dead_band {
             seen_speed = 0.0;
         }
-        let converted_a = burst.as_ref().map_or(bench.reading_a(), Burst::mean_a);
-        let seen_a = match hidden.lag_in_program {
-            true => low_pass.next(converted_a, hidden.lag_s / interval_s, hidden.lag_is_butterworth),
-            false => converted_a,
-        };
+        let mut seen_a = burst.as_ref().map_or(bench.reading_a(), Burst::mean_a);
+        if hidden.current_lag.in_program {
+            seen_a = low_passed_current.next(seen_a, hidden.current_lag, interval_s);
+        }
         let noise = |random: &mut _| -> f64 { StandardNormal.sample(random) };
         let mut speed = seen_speed + speed_noise * noise(random);
-        if hidden.speed_lag_in_program {
-            speed = low_passed_speed.next(speed, hidden.speed_lag_s / interval_s, hidden.speed_lag_is_butterworth);
+        if hidden.speed_lag.in_program {
+            speed = low_passed_speed.next(speed, hidden.speed_lag, interval_s);
         }
         if let Some(speed_loop) = &mut speed_loop {
             duty[index] = speed_loop.duty(index, speed / bench.top_speed);

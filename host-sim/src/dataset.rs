@@ -36,6 +36,8 @@ const SHORTEST_STRETCH: usize = 20;
 const SHORTEST_S: f64 = 2.0;
 /// Rows farther apart show nothing of a motor's dynamics.
 const LONGEST_INTERVAL_S: f64 = 0.1;
+/// A row longer than so many usual ones is over missing rows.
+pub const LONG_ROW: f64 = 1.5;
 /// Span over which an angle is differentiated: short against the motor, long against the encoder's step.
 const DIFFERENCE_SPAN_S: f64 = 0.005;
 /// Blocks of this length are kept back in turn, one in [`KEPT_BACK_EVERY`]; shorter in short recordings.

@@ -1,7 +1,6 @@
 //! Current lag: a filter capacitor at the sensor or averaging in the program.
 
-use super::low_pass::{self, Low};
-use super::{About, ActsOn, Effect, Readings, Sampling, Scales};
+use super::{About, ActsOn, Effect, Readings, Sampling, Scales, low_pass};
 
 /// See the module.
 pub struct CurrentLag;
@@ -37,9 +36,8 @@ impl Effect for CurrentLag {
         values[0]
     }
 
-    /// What is read, and the current at the last reading.
     fn states(&self) -> usize {
-        2
+        low_pass::STATES
     }
 
     /// A filter at the sensor comes first.
@@ -48,9 +46,6 @@ impl Effect for CurrentLag {
     }
 
     fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
-        let low = Low { passed: state[0], last: state[1], now: readings.current_a };
-        let read_a = low.pass(values, at.step_s, at.bulge);
-        state.copy_from_slice(&[read_a, readings.current_a]);
-        readings.current_a = read_a;
+        low_pass::pass(values, at.step_s, at.bulge, state, &mut readings.current_a);
     }
 }

@@ -38,32 +38,27 @@ pub(super) fn turn(values: &[f64], of_sensor: i8) -> i8 {
     if values[1] > 0.0 { PROGRAM } else { of_sensor }
 }
 
-/// What has passed at the last reading, and what was there; what is there now.
-pub(super) struct Low {
-    pub passed: f64,
-    pub last: f64,
-    pub now: f64,
-}
+/// What it keeps: what had passed at the last reading, and what was there.
+pub(super) const STATES: usize = 2;
 
-impl Low {
-    /// What has passed `step_s` later. `bulge`: the quantity between the two readings.
-    pub fn pass(self, values: &[f64], step_s: f64, bulge: Bulge) -> f64 {
-        let [time_constant_s, in_program, bilinear] = [values[0], values[1], values[2]];
-        let Self { passed, last, now } = self;
-        let steps = step_s / time_constant_s.max(LEAST_OF_STEP * step_s);
-        let left = (-steps).exp();
-        if step_s == 0.0 {
-            now
-        } else if in_program > 0.0 && bilinear > 0.0 {
-            let mean = 0.5 * (last + now);
-            mean + left_by_bilinear(steps) * (passed - mean)
-        } else if in_program > 0.0 {
-            now + left * (passed - now)
-        } else {
-            let rise = (now - last) / steps;
-            now - rise + left * (passed - last + rise) + bulge.in_a_low_pass(steps)
-        }
-    }
+/// What has passed of a reading, `step_s` after the last one. `bulge`: the quantity between the two.
+pub(super) fn pass(values: &[f64], step_s: f64, bulge: Bulge, state: &mut [f64], reading: &mut f64) {
+    let [time_constant_s, in_program, bilinear] = [values[0], values[1], values[2]];
+    let (passed, last, now) = (state[0], state[1], *reading);
+    let steps = step_s / time_constant_s.max(LEAST_OF_STEP * step_s);
+    let left = (-steps).exp();
+    *reading = if step_s == 0.0 {
+        now
+    } else if in_program > 0.0 && bilinear > 0.0 {
+        let mean = 0.5 * (last + now);
+        mean + left_by_bilinear(steps) * (passed - mean)
+    } else if in_program > 0.0 {
+        now + left * (passed - now)
+    } else {
+        let rise = (now - last) / steps;
+        now - rise + left * (passed - last + rise) + bulge.in_a_low_pass(steps)
+    };
+    state.copy_from_slice(&[*reading, now]);
 }
 
 /// What a reading keeps of the one before, by a low-pass of so many time constants a step, its corner kept in place.
@@ -92,8 +87,8 @@ mod tests {
         }
         let [start_a, end_a] = [0.0, interval_s].map(current_a);
         let bulge = Bulge::new(sum_a / f64::from(parts) - 0.5 * (start_a + end_a), interval_s, winding_s);
-        let passed_a =
-            Low { passed: 0.2, last: start_a, now: end_a }.pass(&[time_constant_s, 0.0, 0.0], interval_s, bulge);
+        let mut passed_a = end_a;
+        pass(&[time_constant_s, 0.0, 0.0], interval_s, bulge, &mut [0.2, start_a], &mut passed_a);
         assert!((passed_a - filtered_a).abs() < 1e-6, "{passed_a} {filtered_a}");
     }
 
@@ -101,10 +96,9 @@ mod tests {
     #[test]
     fn bilinear_is_butterworth() {
         let filtered = [0.1116284486183253, 0.421591973391433, 0.43909710613051034, 0.2852514243210577];
-        let (mut passed, mut last) = (0.0, 0.0);
-        for (now, filtered) in [1.0, 2.0, -1.0, 0.5].into_iter().zip(filtered) {
-            passed = Low { passed, last, now }.pass(&[4e-3, 1.0, 1.0], 1e-3, Bulge::NONE);
-            last = now;
+        let mut state = [0.0; STATES];
+        for (mut passed, filtered) in [1.0, 2.0, -1.0, 0.5].into_iter().zip(filtered) {
+            pass(&[4e-3, 1.0, 1.0], 1e-3, Bulge::NONE, &mut state, &mut passed);
             assert!((passed - filtered).abs() < 1e-9, "{passed} {filtered}");
         }
     }

@@ -1,7 +1,8 @@
 //! Speed lag: the capacitor behind a tachogenerator that smooths its ripple, or a low-pass in the program that records.
 
-use super::low_pass::{self, Low};
-use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Readings, Sampling, Scales, Sensor, Simplification};
+use super::{
+    About, ActsOn, Channels, Effect, INDUCTANCE, Readings, Sampling, Scales, Sensor, Simplification, low_pass,
+};
 
 /// See the module.
 pub struct SpeedLag;
@@ -60,9 +61,8 @@ impl Effect for SpeedLag {
         if values[1] > 0.0 { 0.0 } else { values[0] }
     }
 
-    /// What is read, and the speed at the last reading.
     fn states(&self) -> usize {
-        2
+        low_pass::STATES
     }
 
     /// A capacitor is behind what the sensor itself does.
@@ -71,9 +71,6 @@ impl Effect for SpeedLag {
     }
 
     fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
-        let low = Low { passed: state[0], last: state[1], now: readings.speed_rad_per_s };
-        let read_rad_per_s = low.pass(values, at.step_s, at.speed_bulge);
-        state.copy_from_slice(&[read_rad_per_s, readings.speed_rad_per_s]);
-        readings.speed_rad_per_s = read_rad_per_s;
+        low_pass::pass(values, at.step_s, at.speed_bulge, state, &mut readings.speed_rad_per_s);
     }
 }

@@ -1,6 +1,6 @@
 //! A current sensor that is dead: its reading stands still while the motor is driven and turns.
 
-use super::columns::{correlation, greatest, mean, noise};
+use super::columns::{correlation, greatest, mean, noise, width};
 use super::mistakes::about_mean;
 use super::{Dataset, Measured, Output};
 use crate::terminal_text::short;
@@ -45,9 +45,8 @@ pub(super) fn note(stands_at_a: f64) -> String {
 
 fn stands(data: &Dataset, resolution_a: f64) -> bool {
     let Some(Measured { values, .. }) = data.current() else { return false };
-    let there = || values.iter().copied().filter(|value| value.is_finite());
-    let range = there().fold(f64::NEG_INFINITY, f64::max) - there().fold(f64::INFINITY, f64::min);
-    range <= MOST_STEPS * resolution_a && correlation(&about_mean(&data.voltage_v), &about_mean(values)).abs() < FOLLOWS
+    width(values) <= MOST_STEPS * resolution_a
+        && correlation(&about_mean(&data.voltage_v), &about_mean(values)).abs() < FOLLOWS
 }
 
 /// Whether the motor is driven and moves: then a current flows.

@@ -1,6 +1,7 @@
 //! Counters that wrap and angles within one revolution, as they go on beyond.
 
-use super::columns::median;
+use super::LONG_ROW;
+use super::columns::{median, width};
 use std::f64::consts::TAU;
 
 /// By how much an angle within a revolution may be beyond it.
@@ -11,8 +12,6 @@ const LONG_SPANS: [f64; 2] = [65_536.0, 4_294_967_296.0];
 const BYTE: f64 = 256.0;
 /// A step of more than this share of the span may as well be one the other way round.
 const MOST_OF_SPAN: f64 = 0.4;
-/// A step of more than so many usual ones is over missing rows.
-const LONG_STEP: f64 = 1.5;
 /// As many steps as that are more than a glitch.
 const AMBIGUOUS_SHARE: f64 = 0.01;
 
@@ -44,20 +43,15 @@ pub(super) fn angle_rad(time_s: &[f64], angle_rad: &[f64]) -> Result<Vec<f64>, A
 /// Whichever way round is nearer; over missing rows, whichever is nearer to going on as before.
 fn the_shorter_way(time_s: &[f64], values: &[f64], span: f64) -> Result<Vec<f64>, Ambiguous> {
     let usual_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
-    let expected = |step: &Step| if step.time_s > LONG_STEP * usual_s { step.rate_before * step.time_s } else { 0.0 };
+    let expected = |step: &Step| if step.time_s > LONG_ROW * usual_s { step.rate_before * step.time_s } else { 0.0 };
     let continued = without_jumps(time_s, values, |step| span * ((step.way - expected(&step)) / span).round());
     let (mut all, mut ambiguous) = (0, 0);
     for (times, pair) in time_s.windows(2).zip(continued.windows(2)) {
-        let is_usual = times[1] - times[0] <= LONG_STEP * usual_s && (pair[1] - pair[0]).is_finite();
+        let is_usual = times[1] - times[0] <= LONG_ROW * usual_s && (pair[1] - pair[0]).is_finite();
         all += u32::from(is_usual);
         ambiguous += u32::from(is_usual && (pair[1] - pair[0]).abs() > MOST_OF_SPAN * span);
     }
     if f64::from(ambiguous) > AMBIGUOUS_SHARE * f64::from(all) { Err(Ambiguous { span }) } else { Ok(continued) }
-}
-
-fn width(values: &[f64]) -> f64 {
-    let finite = || values.iter().copied().filter(|value| value.is_finite());
-    finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min)
 }
 
 /// From each row to the next, where both are there.

@@ -3,16 +3,14 @@
 //! the motion says that.
 
 use super::judge::{NOT_NOISE, above_floor};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, LONG_ROW};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use crate::model::Model;
 
 /// Rows that are closer hardly lack commands, unless one is missing...
 const SHORTEST_ROW_S: f64 = 1.5e-3;
-/// ... which a row says that is longer than so many...
-const LONG_ROW: f64 = 1.5;
-/// ... or commands and rows go by two clocks: then they change in no more than this share of the rows.
+/// ... which a long row says, or commands and rows go by two clocks: then they change in no more than this share of the rows.
 const RARELY: f64 = 0.05;
 /// A change by this share of the greatest voltage has a moment of its own; smaller ones are taken for halfway between the rows.
 const LEAST_CHANGE: f64 = 0.002;

@@ -2,13 +2,15 @@
 //! its noise makes half a radian, and a ripple sampled too rarely more, which at 14 ripples a revolution is a whole one. The
 //! ripple itself says where the shaft is: stretch by stretch its phase is tracked, and the angle is corrected by it.
 
-use crate::catalogue::{CATALOGUE, Effect, Parameter, Sensor};
+use crate::catalogue::{Effect, Parameter, effect};
 use crate::dataset::{Dataset, Output, Stretch};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
+/// What is tracked.
+const ID: &str = "tacho_ripple";
 /// The phase is that of the ripple within so many cells of this length.
 const CELL_S: f64 = 0.1;
 const CELLS: usize = 4;
@@ -28,13 +30,8 @@ const LEAST_GAIN: f64 = 0.9;
 /// Corrects the angle, if a ripple with it explains what none did, or one more than it did; whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     let is_integrated = data.motion().output == Output::Speed && data.count_rad <= 0.0;
-    let ripples = |effect: &&dyn Effect| {
-        let has_number = effect.about().parameters.iter().any(Parameter::is_number);
-        effect.sensor() == Some(Sensor::Tachogenerator) && has_number
-    };
-    let Some(effect) = CATALOGUE.into_iter().find(ripples).filter(|_| is_integrated) else { return false };
-    let id = effect.about().id;
-    let anew = found.model.has(id).then(|| fit(&found.model.without(id), data, prior, Effort::TRIAL));
+    let Some(effect) = effect(ID).filter(|_| is_integrated) else { return false };
+    let anew = found.model.has(ID).then(|| fit(&found.model.without(ID), data, prior, Effort::TRIAL));
     let bare = anew.as_ref().unwrap_or(found);
     let Some((other, start)) = with_angle_by_ripple(data, bare, effect) else { return false };
     let with_ripple = bare.model.with(effect, start);
