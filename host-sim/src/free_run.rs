@@ -500,6 +500,10 @@ struct Run<'a> {
     ripple_a: f64,
     /// The PWM without a duty.
     undriven: Ripple,
+    /// Whether the bridge is ever open.
+    opens: bool,
+    /// Whether neither current nor motion shows that the first command acted before its row.
+    from_rest: bool,
 }
 
 impl<'a> Run<'a> {
@@ -538,6 +542,8 @@ impl<'a> Run<'a> {
             bulge_a: 0.0,
             ripple_a: 0.0,
             undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.origin.pwm_hz),
+            from_rest: still && data.current().is_none_or(|measured| current_a.abs() < 5.0 * measured.noise),
+            opens: data.open[range.clone()].contains(&true),
             range,
         }
     }
@@ -574,36 +580,42 @@ impl<'a> Run<'a> {
         let interval_s = data.time_s[next] - data.time_s[index];
         let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
-        self.step.set_length(&self.model.motor, self.inertia_kg_m2, step_s);
-        let (mut current_sum, angle_before_rad, first_a) = (0.0, self.angle_rad, self.current_a);
+        let (mut charge, angle_before_rad, first_a) = (0.0, self.angle_rad, self.current_a);
         let course = Course::new(data, self.range.clone(), index);
         for part in 0..steps as usize {
-            // The middle of the step stands for it.
-            let share = (part as f64 + 0.5) / steps;
-            let (voltage_v, duty) = self.command(index, part as f64 * step_s - self.delay_s, step_s);
-            let mut at = Instant {
-                time_s: data.time_s[index] + share * interval_s,
-                voltage_v,
-                duty,
-                mean_duty: duty,
-                supply_v: data.supply_v[index],
-                open: data.open[index],
-                current_a: self.current_a,
-                speed_rad_per_s: self.speed_rad_per_s,
-                angle_rad: self.shaft_rad(course.angle_rad(share)),
-                turned_rad: course.angle_rad(share + 0.5 / steps) - course.angle_rad(share - 0.5 / steps),
-                step_s,
-            };
-            let (terms, mean_a) = self.advance(&mut at, data.load_nm[index]);
-            if let (Some(sampled_at), true) = (data.origin.timing.current_sampled_at, part + 1 == steps as usize) {
-                self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
+            for (since_s, length_s) in self.pieces(index, part as f64 * step_s, step_s) {
+                if length_s == 0.0 {
+                    continue;
+                }
+                self.step.set_length(&self.model.motor, self.inertia_kg_m2, length_s);
+                // The middle of the step stands for it.
+                let share = (since_s + 0.5 * length_s) / interval_s;
+                let half = 0.5 * length_s / interval_s;
+                let (voltage_v, duty) = self.command(index, since_s - self.delay_s, length_s);
+                let mut at = Instant {
+                    time_s: data.time_s[index] + share * interval_s,
+                    voltage_v,
+                    duty,
+                    mean_duty: duty,
+                    supply_v: data.supply_v[index],
+                    open: data.open[self.acting_at(index, since_s + 0.5 * length_s - self.delay_s)],
+                    current_a: self.current_a,
+                    speed_rad_per_s: self.speed_rad_per_s,
+                    angle_rad: self.shaft_rad(course.angle_rad(share)),
+                    turned_rad: course.angle_rad(share + half) - course.angle_rad(share - half),
+                    step_s: length_s,
+                };
+                let (terms, mean_a) = self.advance(&mut at, data.load_nm[index]);
+                if let (Some(sampled_at), true) = (data.origin.timing.current_sampled_at, part + 1 == steps as usize) {
+                    self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
+                }
+                charge += mean_a * length_s;
             }
-            current_sum += mean_a;
         }
         for term in &self.angle_sensor {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
         }
-        self.means = (current_sum / steps, (self.angle_rad - angle_before_rad) / interval_s);
+        self.means = (charge / interval_s, (self.angle_rad - angle_before_rad) / interval_s);
         self.bulge_a = self.means.0 - 0.5 * (first_a + self.current_a);
     }
 
@@ -639,6 +651,36 @@ impl<'a> Run<'a> {
         terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }
 
+    /// When after sample `index` the parts of a step begin, and how long they are: the bridge opens and closes between two.
+    fn pieces(&self, index: usize, since_s: f64, length_s: f64) -> [(f64, f64); 2] {
+        let whole = [(since_s, length_s), (since_s + length_s, 0.0)];
+        if !self.opens {
+            return whole;
+        }
+        let data = self.data;
+        let before = self.acting_at(index, since_s - self.delay_s);
+        let after = self.acting_at(index, since_s + length_s - self.delay_s);
+        let Some(switched) = (before + 1..=after).find(|row| data.open[*row] != data.open[before]) else {
+            return whole;
+        };
+        let first_s = data.acts_from_s(switched) + self.delay_s - data.time_s[index] - since_s;
+        match (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(&first_s) {
+            true => [(since_s, first_s), (since_s + first_s, length_s - first_s)],
+            false => whole,
+        }
+    }
+
+    /// The sample whose command acts so long after sample `index`.
+    fn acting_at(&self, index: usize, offset_s: f64) -> usize {
+        let data = self.data;
+        if !self.opens {
+            return index;
+        }
+        let at_s = data.time_s[index] + offset_s;
+        let last = if data.has_moments() { (index + 1).min(self.range.end - 1) } else { index };
+        (self.range.start..=last).rev().find(|row| data.acts_from_s(*row) <= at_s).unwrap_or(self.range.start)
+    }
+
     /// Means of voltage and duty, each held until the next acts, over `length_s` from `offset_s` after sample `index`.
     fn command(&self, index: usize, offset_s: f64, length_s: f64) -> (f64, f64) {
         let data = self.data;
@@ -647,19 +689,21 @@ impl<'a> Run<'a> {
         let next = index + 1;
         let acts_early = || next < self.range.end && data.acts_from_s(next) < end_s;
         let mut sample = if data.has_moments() && acts_early() { next } else { index };
-        if sample == index && (offset_s >= 0.0 || index == self.range.start) {
+        if sample == index && (offset_s >= 0.0 || index == self.range.start && !self.from_rest) {
             return (data.voltage_v[index], data.duty[index]);
         }
         let (mut voltage, mut duty) = (0.0, 0.0);
         loop {
-            let start_s = if sample == self.range.start { f64::NEG_INFINITY } else { data.acts_from_s(sample) };
+            let acts_before = sample == self.range.start && !self.from_rest;
+            let start_s = if acts_before { f64::NEG_INFINITY } else { data.acts_from_s(sample) };
             let since_s = start_s.max(from_s);
             if since_s < end_s {
                 voltage += data.voltage_v[sample] * (end_s - since_s);
                 duty += data.duty[sample] * (end_s - since_s);
                 end_s = since_s;
             }
-            if since_s <= from_s {
+            // Before a start from rest nothing acted.
+            if since_s <= from_s || sample == self.range.start {
                 return (voltage / length_s, duty / length_s);
             }
             sample -= 1;
@@ -727,6 +771,33 @@ mod tests {
         let share_left = (-18e-3 * motor.resistance_ohm / motor.inductance_h).exp();
         let flows_a = prediction[0][end_of_level];
         assert!((flows_a - settled_a).abs() < (1e-3 + 2.0 * share_left) * settled_a, "{flows_a} {settled_a}");
+    }
+
+    /// From a start at rest on, and where the bridge opens and closes within a step as well.
+    #[test]
+    fn late_commands_are_the_same_later() {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for row in 0..300 {
+            let volts = if row / 50 % 2 == 0 { "12" } else { "" };
+            let _ = writeln!(text, "{:.3},{volts},{},{}", f64::from(row) * 1e-3, row / 2 + row % 2, row % 2);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        let data = Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap();
+        assert!(data.open[75] && !data.open[25]);
+        let linear = Model::linear(MotorParameters::PIVT6);
+        let late = |delay_s: f64| free_run(&linear.with(effect("actuation_delay").unwrap(), vec![delay_s]), &data);
+        let [at_once, by_two_rows, between] = [0.0, 2e-3, 1.37e-3].map(late);
+        for channel in 0..2 {
+            let largest = at_once[channel].iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+            for row in 2..300 {
+                let (later, earlier) = (by_two_rows[channel][row], at_once[channel][row - 2]);
+                assert!((later - earlier).abs() < 1e-3 * largest, "channel {channel}, row {row}: {later} {earlier}");
+            }
+        }
+        assert_eq!(by_two_rows[0][..3], [0.0; 3], "nothing has acted yet");
+        // After the bridge has opened no current flows, and before that it does.
+        let [before, after] = [51, 52].map(|row| between[0][row]);
+        assert!(before > 0.1 && after == 0.0, "{before} {after}");
     }
 
     proptest! {

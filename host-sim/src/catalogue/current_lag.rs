@@ -1,6 +1,6 @@
 //! Current lag: a filter capacitor at the sensor or averaging in the program.
 
-use super::{About, ActsOn, Effect, Readings, Sampling, Scales, low_pass};
+use super::{About, ActsOn, Effect, INDUCTANCE, Readings, Sampling, Scales, low_pass};
 
 /// See the module.
 pub struct CurrentLag;
@@ -30,6 +30,11 @@ impl Effect for CurrentLag {
 
     fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         low_pass::other_laws(values)
+    }
+
+    /// A winding is as slow, and only the torque tells that the current itself was not late.
+    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        (rival == INDUCTANCE).then(|| vec![values[0], 0.0, 0.0])
     }
 
     fn current_late_s(&self, values: &[f64]) -> f64 {

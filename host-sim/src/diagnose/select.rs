@@ -212,7 +212,9 @@ impl Chooser<'_> {
             fits.push(found);
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let as_good = (0..fits.len()).filter(|law| is_same(&self.gain(&fits[*law], &fits[0])));
-            let simplest = as_good.min_by_key(|law| fits[*law].model.terms[index].moving());
+            let has_other_winding = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
+            let simplest =
+                as_good.min_by_key(|law| (fits[*law].model.terms[index].moving(), has_other_winding(&fits[*law])));
             found = fits.swap_remove(simplest.unwrap_or(0));
         }
         found
@@ -220,16 +222,33 @@ impl Chooser<'_> {
 
     /// In place of an inductance that no data sheet has: an effect that looks like it, where that says as much.
     fn or_instead_of_inductance(&self, found: Fit) -> Fit {
+        let found = self.or_beside_nominal_inductance(found);
         let Some(excess_h) = self.excessive_inductance_h(&found) else { return found };
         let excess_s = excess_h / found.model.motor.resistance_ohm;
-        let mut others = self.possible().filter(|effect| !found.model.has(effect.about().id));
-        let like_it = others.find_map(|effect| Some((effect, effect.instead_of(INDUCTANCE, &[excess_s])?)));
-        let Some((effect, values)) = like_it else { return found };
-        let mut model = found.model.with(effect, values);
-        model.motor.inductance_h -= excess_h;
-        let other = fit(&model, self.data, self.prior, Effort::FULL);
-        let is_as_good = is_same(&self.gain(&other, &found));
-        if is_as_good && self.excessive_inductance_h(&other).is_none() { other } else { found }
+        let others = self.possible().filter(|effect| !found.model.has(effect.about().id));
+        let like_it = others.filter_map(|effect| Some((effect, effect.instead_of(INDUCTANCE, &[excess_s])?)));
+        let fits = like_it.map(|(effect, values)| {
+            let mut model = found.model.with(effect, values);
+            model.motor.inductance_h -= excess_h;
+            self.or_other_laws(fit(&model, self.data, self.prior, Effort::FULL), |term| term.id() == effect.about().id)
+        });
+        let has_the_winding = fits.filter(|other| self.excessive_inductance_h(other).is_none());
+        match has_the_winding.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
+            Some(other) if is_same(&self.gain(&other, &found)) => other,
+            _ => found,
+        }
+    }
+
+    /// Where such an effect is there already and has left the inductance what it had become without it: both from the nominal one.
+    fn or_beside_nominal_inductance(&self, found: Fit) -> Fit {
+        let has_like_it = found.model.terms.iter().any(|term| looks_like_inductance(term.id()));
+        if !has_like_it || self.excessive_inductance_h(&found).is_none() {
+            return found;
+        }
+        let held = self.with_nominal_inductance(&found);
+        let other = fit(&held.model, self.data, self.prior, Effort::FULL);
+        let other = self.or_other_laws(other, |term| looks_like_inductance(term.id()));
+        if other.cost < found.cost { other } else { found }
     }
 
     /// By how much the inductance is above the nominal one, where that is much.
@@ -455,7 +474,7 @@ impl Chooser<'_> {
         let keeps_the_winding = || {
             looks_like_inductance(id)
                 && is_excessive(&without)
-                && !is_excessive(current)
+                && (!is_excessive(current) || is_same(&self.gain(&self.with_nominal_inductance(current), current)))
                 && !is_same(&self.gain(&self.with_nominal_inductance(&without), current))
         };
         let is_certain =
