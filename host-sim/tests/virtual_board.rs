@@ -481,6 +481,18 @@ fn a_lost_host_is_not_mistaken_for_a_busy_one() {
     let next = board.run("connect", &["show trip_host"]);
     assert_eq!(text(&next.stdout), before);
     assert!(text(&next.stderr).contains("a program that was killed"), "{}", text(&next.stderr));
+
+    // Who comes before the board has missed the dead one stops the motor: nobody else would.
+    std::fs::remove_file(board.folder.join("run.csv")).unwrap();
+    board.run("connect", &["clear"]);
+    let mut killed = board.command("record", &steps).spawn().unwrap();
+    board.has_recorded(300);
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let next = board.run("connect", &["status", "show trip_host"]);
+    let (said, warned) = (text(&next.stdout), text(&next.stderr));
+    assert!(said.contains("armed 0") && said.contains("trip_host 0 "), "{said}{warned}");
+    assert!(warned.contains("the drive is off"), "{warned}");
 }
 
 #[test]

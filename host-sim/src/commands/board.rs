@@ -120,14 +120,17 @@ pub(super) fn lifted_protections(settings: &Settings) -> Option<String> {
     (!lifted.is_empty()).then(|| format!("protections are lifted: {}", lifted.join("; ")))
 }
 
-/// Switches off the `trip_host` that a program has left which was killed while it had the motor: else it would pass for the
-/// board's own.
+/// Switches off the motor, and then the `trip_host` that a program has left which was killed while it had the motor: else that
+/// would pass for the board's own, and a motor that still turns would have nobody who stops it.
 fn take_back_watch(link: &mut Link<Port>) -> Result<(), BoardError> {
     if link.shows("trip_host")? != Some(LOST_AFTER_MS) {
         return Ok(());
     }
+    link.command("disarm")?;
     link.command("set trip_host 0")?;
-    tell(&format!("trip_host is 0 again: a program that was killed had left it at {LOST_AFTER_MS} ms"));
+    tell(&format!(
+        "the drive is off and trip_host 0 again: a program that was killed had left it at {LOST_AFTER_MS} ms"
+    ));
     Ok(())
 }
 
@@ -291,11 +294,16 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let mut live = arguments.live.open()?;
     let (mut link, _, before) = arguments.port.open_to_drive()?;
     let done = play((arguments, out), &mut link, nominal, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
-    put_back(&mut link, &before, &arguments.set);
-    let (mut done, played) = done?;
-    // What is told of a recording is told of its file.
-    done.samples.truncate(growing.rows());
-    finish((arguments, out), &done, &link.firmware, &played, nominal)
+    let put_back = put_back(&mut link, &before, &arguments.set);
+    let finished = done.and_then(|(mut done, played)| {
+        // What is told of a recording is told of its file.
+        done.samples.truncate(growing.rows());
+        finish((arguments, out), &done, &link.firmware, &played, nominal)
+    });
+    if let (Err(_), Err(kept)) = (&finished, &put_back) {
+        tell(&arguments.port.named_in(&format!("motorbench: {}", kept.message)));
+    }
+    finished.and(put_back)
 }
 
 /// What stands beside a recording.
@@ -341,13 +349,18 @@ fn play(
 
 /// Gives the settings that were changed for a recording their values of before, the last first: what limits others may have
 /// been changed after them.
-fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)]) {
+///
+/// # Errors
+/// [`Failure`] where the board keeps what was changed. One that is gone has lost that with its supply.
+fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)]) -> Result<(), Failure> {
     let mut known = changed.iter().rev().filter_map(|(name, _)| Some((name, find(name.as_bytes())?)));
     let done = leave_host(link, before)
         .and_then(|()| known.try_for_each(|(name, param)| link.command(&format!("set {name} {}", before.get(param)))));
-    // A board that is gone has lost them with its supply.
-    if let (Err(error), false) = (done, link.is_gone()) {
-        tell(&format!("motorbench: {error}; trip_host and what --set has changed stay until the board's next reset"));
+    match done {
+        Err(error) if !link.is_gone() => Err(Failure::machine(format!(
+            "{error}; trip_host and what --set has changed stay until the board's next reset"
+        ))),
+        _ => Ok(()),
     }
 }
 
