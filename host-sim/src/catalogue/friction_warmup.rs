@@ -10,9 +10,13 @@ static ABOUT: About = About {
     id: "friction_warmup",
     title: "friction that falls while the motor warms up",
     acts_on: ActsOn::Torque,
-    parameters: &[Parameter::within("excess_share", 0.0, 20.0), Parameter::slow("time_constant_s", 0.05, 1e4)],
+    parameters: &[
+        Parameter::within("excess_share", 0.0, 20.0),
+        Parameter::slow("time_constant_s", 0.05, 1e4),
+        Parameter::choice("dry_only"),
+    ],
     linear_in: 1,
-    law: "Viscous and Coulomb friction are greater by excess_share exp(-t / time_constant_s)",
+    law: "Viscous and Coulomb friction are greater by excess_share exp(-t / time_constant_s); Coulomb friction alone with dry_only = 1",
     looks_like: "The friction curve of the first seconds lies above that of the last",
     confused_with: &["winding_heating", "load_step"],
     experiment: "Record again at once, without a pause: warm friction stays low; and after an hour's rest",
@@ -26,7 +30,12 @@ impl Effect for FrictionWarmup {
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        [0.12, 0.35].map(|share| vec![0.4, share * scales.duration_s]).to_vec()
+        [0.12, 0.35].map(|share| vec![0.4, share * scales.duration_s, 0.0]).to_vec()
+    }
+
+    /// Grease warms up as a whole, brushes and seals rub dry.
+    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![values[0], values[1], 1.0 - values[2]]]
     }
 
     /// After the Coulomb friction, before what differs between directions or falls off with speed: grease has no part in
@@ -44,7 +53,9 @@ impl Effect for FrictionWarmup {
         balance: &mut Balance,
     ) {
         let excess = values[0] * (-at.time_s / values[1]).exp();
-        balance.viscous_nm_s += excess * (motor.viscous_friction_nm_s + balance.viscous_nm_s);
+        if values[2] == 0.0 {
+            balance.viscous_nm_s += excess * (motor.viscous_friction_nm_s + balance.viscous_nm_s);
+        }
         balance.dry_forward_nm *= 1.0 + excess;
         balance.dry_backward_nm *= 1.0 + excess;
     }
