@@ -137,15 +137,45 @@ pub struct StreamDecoder {
     buffer: [u8; FRAME],
     length: usize,
     expected: Option<u8>,
-    /// Frames that never came, by their sequence numbers (modulo 256 in a row).
+    gap: Gap,
+    /// Frames that never came: by their sequence numbers, and where so many are missing in a row that these begin anew, by the
+    /// ticks of the samples around them.
     pub lost: u32,
-    /// Frames that came damaged.
+    /// Of them those that came damaged. Pieces of one frame count once when the next sample is there.
     pub damaged: u32,
+}
+
+/// What came since the last sample.
+#[derive(Clone, Copy, Debug, Default)]
+struct Gap {
+    /// When that was; none before the first.
+    tick: Option<u32>,
+    lost: u32,
+    damaged: u32,
+    texts: u32,
+}
+
+/// A text on the line makes so many samples wait at most, which then have no number: a listing of the settings, 2.6 a frame.
+const SAMPLES_HELD_UP: u32 = 4;
+/// Sequence numbers until they begin anew.
+const NUMBERS: u32 = 256;
+
+impl Gap {
+    /// Frames that the sequence numbers do not show, when a sample of this tick ends it: rounds of them, as near to the ticks
+    /// as can be. Without another sign of a loss the ticks between are those of a divider.
+    fn hidden(&self, tick: u32) -> u32 {
+        if (self.lost, self.damaged) == (0, 0) {
+            return 0;
+        }
+        let missing = self.tick.and_then(|last| tick.checked_sub(last)).map_or(0, |ticks| ticks.saturating_sub(1));
+        let missing = missing.saturating_sub(SAMPLES_HELD_UP * self.texts);
+        (missing.saturating_sub(self.lost) + NUMBERS / 2) / NUMBERS * NUMBERS
+    }
 }
 
 impl Default for StreamDecoder {
     fn default() -> Self {
-        Self { buffer: [0; FRAME], length: 0, expected: None, lost: 0, damaged: 0 }
+        Self { buffer: [0; FRAME], length: 0, expected: None, gap: Gap::default(), lost: 0, damaged: 0 }
     }
 }
 
@@ -164,10 +194,29 @@ impl StreamDecoder {
             return None;
         }
         let frame = self.decode(length);
-        if frame.is_none() {
-            self.damaged += 1;
+        match frame {
+            None => self.piece(),
+            Some(Frame::Text(..)) => self.gap.texts += 1,
+            Some(Frame::Sample(sample)) => self.close(sample.tick),
         }
         frame
+    }
+
+    fn piece(&mut self) {
+        self.damaged += 1;
+        self.gap.damaged += 1;
+    }
+
+    fn lose(&mut self, frames: u32) {
+        self.lost += frames;
+        self.gap.lost += frames;
+    }
+
+    /// A sample ends a gap: what was lost in it is known.
+    fn close(&mut self, tick: u32) {
+        self.lose(self.gap.hidden(tick));
+        self.damaged = self.damaged.saturating_sub(self.gap.damaged.saturating_sub(self.gap.lost));
+        self.gap = Gap { tick: Some(tick), ..Gap::default() };
     }
 
     fn decode(&mut self, length: usize) -> Option<Frame> {
@@ -179,7 +228,7 @@ impl StreamDecoder {
             return None;
         }
         if let Some(expected) = self.expected.replace(sequence.wrapping_add(1)) {
-            self.lost += sequence.wrapping_sub(expected) as u32;
+            self.lose(sequence.wrapping_sub(expected).into());
         }
         match kind {
             SAMPLE => unpack(payload.try_into().ok()?).map(Frame::Sample),
@@ -226,6 +275,18 @@ mod tests {
         assert_eq!(bytes, SAMPLE_BYTES);
     }
 
+    /// While the board lists its settings it sends no samples, and loses none.
+    #[test]
+    fn what_was_not_sent_is_not_lost() {
+        let (mut framer, mut decoder) = (Framer::default(), StreamDecoder::default());
+        let sample = |tick| Sample { tick, ..Sample::default() };
+        let mut stream = encode(&mut framer, SAMPLE, pack(&sample(1)));
+        (0..150).for_each(|_| stream.extend(encode(&mut framer, TEXT, b"# speed_kp 0.05")));
+        stream.extend(encode(&mut framer, SAMPLE, pack(&sample(391))));
+        stream.iter().for_each(|&byte| drop(decoder.push(byte)));
+        assert_eq!((decoder.lost, decoder.damaged), (0, 0));
+    }
+
     proptest! {
         #[test]
         fn samples_come_back(samples in proptest::collection::vec(sample(), 1..20)) {
@@ -270,6 +331,30 @@ mod tests {
             prop_assert_eq!(found.last(), Some(&Frame::Sample(samples[99])));
             let first = samples.iter().position(|sample| found[0] == Frame::Sample(*sample)).unwrap();
             prop_assert_eq!(found.len() + decoder.lost as usize + first, 100);
+        }
+
+        /// However many are missing in a row, of the answers that come between as well; and a frame in pieces is one frame.
+        #[test]
+        fn all_that_is_lost_is_counted(gaps in proptest::collection::vec((0u32..3000, 0usize..10, 0u32..4), 1..10)) {
+            let (mut framer, mut decoder) = (Framer::default(), StreamDecoder::default());
+            let mut tick = 0;
+            let mut sample = |framer: &mut Framer| {
+                tick += 1;
+                encode(framer, SAMPLE, pack(&Sample { tick, ..Sample::default() }))
+            };
+            let mut lost = 0;
+            for (samples, texts, pieces) in gaps {
+                sample(&mut framer).iter().for_each(|&byte| drop(decoder.push(byte)));
+                (0..samples).for_each(|_| drop(sample(&mut framer)));
+                (0..texts).for_each(|_| drop(encode(&mut framer, TEXT, b"ok")));
+                let missing = samples + texts as u32;
+                prop_assume!(pieces > 0 || missing == 0 || !missing.is_multiple_of(NUMBERS));
+                lost += missing;
+                (0..pieces).for_each(|_| [7, 1, 2, 0].iter().for_each(|&byte| drop(decoder.push(byte))));
+            }
+            sample(&mut framer).iter().for_each(|&byte| drop(decoder.push(byte)));
+            prop_assert_eq!(decoder.lost, lost);
+            prop_assert!(decoder.damaged <= lost);
         }
 
         #[test]

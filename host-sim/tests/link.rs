@@ -28,6 +28,8 @@ enum Fault {
     TripAfter(u32),
     /// One byte in a hundred is another.
     Noise,
+    /// A thousand frames do not come, and of the one after them four pieces.
+    Gap,
     /// The telemetry stops after so many samples.
     SilentAfter(u32),
     /// While the board lists its settings none of its samples is sent.
@@ -53,6 +55,7 @@ struct Fake {
 }
 
 const TICKS: u32 = 500;
+const LOST: u32 = 1000;
 /// So long a board lists its settings.
 const LISTING_TICKS: u32 = 390;
 
@@ -85,6 +88,12 @@ impl Fake {
         }
     }
 
+    /// A sample that does not come.
+    fn lose(&mut self) {
+        self.tick += 1;
+        self.framer.frame(SAMPLE, pack(&Sample::default()), &mut [0; FRAME]);
+    }
+
     fn say(&mut self, text: &str) {
         if self.binary {
             let chunks: Vec<Vec<u8>> = text.as_bytes().chunks(TEXT_CHUNK).map(<[u8]>::to_vec).collect();
@@ -108,6 +117,10 @@ impl Fake {
         };
         if self.fault == Fault::ResetAfter(self.played) {
             self.tick = 0;
+        }
+        if self.fault == Fault::Gap && self.played == 100 {
+            (0..LOST).for_each(|_| self.lose());
+            self.out.extend([7, 0, 7, 0, 7, 0, 7, 0]);
         }
         let sample = Sample { tick: self.tick, state: State(state), trip, ..Sample::default() };
         self.frame(SAMPLE, pack(&sample));
@@ -243,8 +256,17 @@ fn flipped_bytes_are_counted() {
     let (record, _) = recorded(Fault::Noise);
     assert_eq!(record.ended, Ended::Complete);
     assert!(record.losses.damaged_frames > 50, "{:?}", record.losses);
+    assert!(record.losses.damaged_frames <= record.losses.lost_frames, "{:?}", record.losses);
     assert!(record.missing_ticks() > 50);
     assert!(record.samples.windows(2).all(|pair| pair[1].tick > pair[0].tick));
+}
+
+/// The frames' own numbers begin anew after 256.
+#[test]
+fn a_thousand_lost_frames_are_a_thousand() {
+    let (record, _) = recorded(Fault::Gap);
+    assert_eq!((record.losses.lost_frames, record.missing_ticks()), (LOST, LOST));
+    assert_eq!(record.losses.damaged_frames, 4);
 }
 
 #[test]

@@ -117,7 +117,7 @@ fn is_pause(error: &io::Error) -> bool {
 pub struct Losses {
     /// Frames that never came.
     pub lost_frames: u32,
-    /// Frames that came damaged.
+    /// Of them those that came damaged.
     pub damaged_frames: u32,
 }
 
@@ -252,7 +252,9 @@ impl<L: Line> Link<L> {
 
     /// What was lost since the start.
     pub fn losses(&self) -> Losses {
-        Losses { lost_frames: self.decoder.lost, damaged_frames: self.decoder.damaged }
+        let StreamDecoder { lost, damaged, .. } = self.decoder;
+        // What came damaged since the last whole frame is lost as well.
+        Losses { lost_frames: lost.max(damaged), damaged_frames: damaged }
     }
 
     /// What of it was lost before a tick that came.
@@ -527,7 +529,7 @@ fn reset(cause: &str) -> BoardError {
 fn damaged_line(losses: Losses, what: &str) -> BoardError {
     let Losses { lost_frames, damaged_frames } = losses;
     BoardError::Failed(format!(
-        "{what}: {lost_frames} frames were lost on the line so far, {damaged_frames} came damaged. Use a shorter cable, another USB port, no hub; keep the motor's leads away from it; or {OTHER_READER}"
+        "{what}: {lost_frames} frames were lost on the line so far, of them {damaged_frames} damaged. Use a shorter cable, another USB port, no hub; keep the motor's leads away from it; or {OTHER_READER}"
     ))
 }
 
