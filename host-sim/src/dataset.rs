@@ -5,6 +5,7 @@ use crate::rig::Rig;
 use std::ops::Range;
 
 mod columns;
+mod contradictions;
 mod counter_stops;
 mod dead_current;
 mod edge_timing;
@@ -22,6 +23,7 @@ mod turns;
 
 use columns::held;
 pub use columns::{NORMAL_MEDIAN, difference, greatest, median, noise, runs, spread};
+pub use contradictions::{Contradiction, contradictions};
 pub use counter_stops::CounterStop;
 pub use edge_timing::{BetweenEdges, EdgeTiming, Edges};
 pub use end_of_range::EndOfRange;

@@ -88,6 +88,27 @@ fn the_rig_file_beside_a_recording_is_taken() {
     assert_eq!(identified(&[]), named);
 }
 
+/// Counts before x4 decoding, and another supply: the recording's own columns know better.
+#[test]
+fn a_rig_file_that_contradicts_the_recording_is_told() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let (rig, wrong) = (std::fs::read_to_string(&bench.rig).unwrap(), directory.path().join("wrong.toml"));
+    let changed = rig.replace("counts_per_rev = 2000.0", "counts_per_rev = 500.0");
+    let changed = changed.replace("voltage_V = 12.0", "voltage_V = 24.0");
+    std::fs::write(&wrong, changed).unwrap();
+    let notes = |rig: &Path| -> Vec<String> {
+        let found = json_of(&["identify", path(&bench.run), "--rig", path(rig), "--json", "-"]);
+        serde_json::from_value(found["notes"].clone()).unwrap()
+    };
+    let told = |rig: &Path| notes(rig).into_iter().filter(|note| note.contains("contradicts")).collect::<Vec<_>>();
+    assert_eq!(told(&bench.rig), [""; 0]);
+    let told = told(&wrong);
+    assert_eq!(told.len(), 2, "{told:?}");
+    assert!(told[0].contains("counts_per_rev = 500, and counts and omega_rad_per_s say 2000"), "{told:?}");
+    assert!(told[1].contains("voltage_V = 24.0, and duty and u_V say 12.0"), "{told:?}");
+}
+
 #[test]
 fn identify_writes_a_model_that_others_read() {
     let bench = bench();

@@ -5,7 +5,7 @@ use super::files::{beside, side_file};
 use super::simulate::{judged, trip_name};
 use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write_json, write_plot};
 use crate::compare::{Comparison, Difference, compare, distance};
-use crate::dataset::median;
+use crate::dataset::{contradictions, median};
 use crate::design::law::ControlLaw;
 use crate::design::trial::Point;
 use crate::diagnose::diagnose;
@@ -170,7 +170,8 @@ impl Loop {
             .and(judged.as_ref().err())
             .map(|off| format!("in the simulation {}; {NOTHING_BEYOND}", off.message));
         let short = || is_short(&scenario, &compared);
-        let notes = [unknown, cut.or_else(short)].into_iter().flatten().collect();
+        let contradicted = contradictions(&measured, rig).into_iter().map(|found| found.note());
+        let notes = contradicted.chain([unknown, cut.or_else(short)].into_iter().flatten()).collect();
         Ok(Self {
             name: title(&scenario).into(),
             scenario,

@@ -1,7 +1,7 @@
 //! What is said of how the recordings were made, where the rig file does not say it.
 
 use super::{
-    Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, held_rotor, row_order,
+    Contradiction, Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, held_rotor, row_order,
 };
 use crate::recording::Channel;
 use crate::terminal_text::short;
@@ -18,7 +18,8 @@ const OVER_ITS_ROW: &str = "The speed is taken for a mean since the row before, 
 impl Dataset {
     /// What was found of how the recordings were made, where the rig file does not say it.
     pub fn notes(&self) -> Vec<String> {
-        let mut notes: Vec<String> = self.origin.empty.iter().map(|channel| without_a_number(*channel)).collect();
+        let mut notes: Vec<String> = self.origin.contradictions.iter().map(Contradiction::note).collect();
+        notes.extend(self.origin.empty.iter().map(|channel| without_a_number(*channel)));
         if !self.origin.held_rotor.is_empty() {
             notes.push(held_rotor::note(&self.origin.held_rotor));
         }

@@ -1,6 +1,6 @@
 //! How recordings came to be, by the rig file or by what they show themselves.
 
-use super::{CounterStop, EdgeTiming, EndOfRange, HeldRotor, PWM_HZ};
+use super::{Contradiction, CounterStop, EdgeTiming, EndOfRange, HeldRotor, PWM_HZ, contradictions};
 use crate::recording::{Channel, Recording};
 use crate::rig::{Readings, Rig, Timing};
 
@@ -33,6 +33,8 @@ pub struct Origin {
     pub end_of_range: Option<EndOfRange>,
     /// Share of all counts that is taken for lost; angles and speeds are those with it.
     pub lost_share: f64,
+    /// What of the rig file they contradict, each value once.
+    pub contradictions: Vec<Contradiction>,
     /// Columns in which there is no number.
     pub empty: Vec<Channel>,
     /// Recordings with the rotor held.
@@ -63,6 +65,7 @@ impl Origin {
                 Readings::Mean => 0.0,
             },
             is_counted: rig.encoder.counts_per_rev.is_some(),
+            contradictions: contradictions(recording, rig),
             empty: recording.empty.clone(),
             without_time: recording.without_time,
             ..Self::default()
@@ -75,6 +78,9 @@ impl Origin {
         self.read_in_stops.extend(other.read_in_stops.into_iter().map(|(row, read)| (row + before, read)));
         self.impossible += other.impossible;
         self.without_time += other.without_time;
+        let is_new = |found: &Contradiction| self.contradictions.iter().all(|known| known.key != found.key);
+        let new: Vec<Contradiction> = other.contradictions.into_iter().filter(is_new).collect();
+        self.contradictions.extend(new);
         self.empty.extend(other.empty.into_iter().filter(|channel| !self.empty.contains(channel)).collect::<Vec<_>>());
         self.held_rotor.extend(other.held_rotor.into_iter().map(|held| held.later_by(before)));
         self.dead_current_a = self.dead_current_a.or(other.dead_current_a);
