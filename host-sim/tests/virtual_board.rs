@@ -368,6 +368,22 @@ fn settings_of_a_recording_are_put_back() {
     }
 }
 
+/// Gains of a fast loop come with a slew limit of its own, with which a reversal in open loop would trip. The board keeps it.
+#[test]
+fn a_board_with_a_fast_loop_is_recorded_as_one_without() {
+    let board = Board::new("fast_loop");
+    std::fs::write(board.folder.join("gains.txt"), "set slew_limit 3000 speed_kp 0.05768 speed_ki 3.1498\n").unwrap();
+    assert_eq!(board.run("send", &["gains.txt", "--save"]).status.code(), Some(0));
+    let done = board.run("record", &[]);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    assert_eq!(board.side_file()["settings"]["slew_limit"], 500.0);
+    assert!(text(&board.run("connect", &["show slew_limit"]).stdout).contains("slew_limit 3000"));
+    let done = board.run("record", &["--set", "slew_limit=3000"]);
+    let message = text(&done.stderr);
+    assert_eq!(done.status.code(), Some(1), "{message}");
+    assert!(message.contains("exceeded `trip_peak`") && message.contains("`slew_limit`"), "{message}");
+}
+
 /// At 2000 ticks a second the line is too slow for all samples: some are missing, and none has the tick of another.
 #[test]
 fn a_line_that_is_too_slow_mixes_no_samples() {

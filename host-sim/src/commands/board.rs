@@ -205,6 +205,9 @@ impl Excitation {
     }
 }
 
+/// The mode in which the excitation is the voltage.
+const OPEN: &str = "open";
+
 /// Plays an excitation on a board and records it at full rate, with rig file and side file.
 #[derive(Args)]
 #[command(after_help = "Examples:
@@ -240,9 +243,10 @@ pub struct RecordArguments {
     #[arg(long, default_value_t = 1)]
     seed: u16,
     /// Who sets the voltage.
-    #[arg(long, default_value = "open", value_parser = ["open", "speed", "position", "lqr_speed", "lqr_position"])]
+    #[arg(long, default_value = OPEN, value_parser = [OPEN, "speed", "position", "lqr_speed", "lqr_position"])]
     mode: String,
-    /// Settings to change for this recording, put back after it: NAME=VALUE.
+    /// Settings to change for this recording, put back after it: NAME=VALUE. In mode open slew_limit is 500 at most unless it
+    /// is named here.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, f64)>,
     /// A rig file whose nominal constants of the motor go into the new one.
@@ -293,8 +297,10 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let stopped = on_interrupt()?;
     let mut live = arguments.live.open()?;
     let (mut link, _, before) = arguments.port.open_to_drive()?;
-    let done = play((arguments, out), &mut link, nominal, &mut growing, &mut live, &|| stopped.load(Ordering::Relaxed));
-    let put_back = put_back(&mut link, &before, &arguments.set);
+    let changed = arguments.changes(&before);
+    let stop = || stopped.load(Ordering::Relaxed);
+    let done = play((arguments, out), &changed, &mut link, nominal, &mut growing, &mut live, &stop);
+    let put_back = put_back(&mut link, &before, &changed);
     let finished = done.and_then(|(mut done, played)| {
         // What is told of a recording is told of its file.
         done.samples.truncate(growing.rows());
@@ -309,16 +315,29 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
 /// What stands beside a recording.
 const BESIDE: [&str; 3] = ["scenario.toml", "rig.toml", "json"];
 
+impl RecordArguments {
+    /// What is changed for this recording: what a person says, and where nobody regulates how fast the voltage changes. A loop's
+    /// slew limit lets an excitation reverse the motor faster than its current is folded back.
+    fn changes(&self, before: &Settings) -> Vec<(String, f64)> {
+        let slew_limit = Settings::defaults().get(Param::SlewLimit);
+        let is_said = self.set.iter().any(|(name, _)| find(name.as_bytes()) == Some(Param::SlewLimit));
+        let is_slower = self.mode == OPEN && !is_said && before.get(Param::SlewLimit) > slew_limit;
+        let slower = is_slower.then(|| (link::name(Param::SlewLimit), slew_limit.into()));
+        self.set.iter().cloned().chain(slower).collect()
+    }
+}
+
 /// Prepares the board, plays and records; what came, and what it was told to play.
 fn play(
     (arguments, out): (&RecordArguments, &Path),
+    changed: &[(String, f64)],
     link: &mut Link<Port>,
     nominal: NominalMotor,
     growing: &mut GrowingCsv,
     live: &mut Option<Live>,
     stop: &dyn Fn() -> bool,
 ) -> Result<(Record, Played), Failure> {
-    let (settings, played) = prepare(link, arguments)?;
+    let (settings, played) = prepare(link, arguments, changed)?;
     let ticks = played.order.of_core(Mode::OpenLoop, &settings).duration_ticks();
     let mut side = side_file_of_running(&settings, &link.firmware, &played.order.line());
     side["file"] = out.display().to_string().into();
@@ -358,9 +377,18 @@ fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)])
         .and_then(|()| known.try_for_each(|(name, param)| link.command(&format!("set {name} {}", before.get(param)))));
     match done {
         Err(error) if !link.is_gone() => Err(Failure::machine(format!(
-            "{error}; trip_host and what --set has changed stay until the board's next reset"
+            "{error}; trip_host and what was changed for the recording stay until the board's next reset{}",
+            named(changed)
         ))),
         _ => Ok(()),
+    }
+}
+
+/// What was changed, in brackets; nothing of nothing.
+fn named(changed: &[(String, f64)]) -> String {
+    match changed {
+        [] => String::new(),
+        changed => format!(" ({})", changed.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ")),
     }
 }
 
@@ -481,13 +509,17 @@ struct Course<'a> {
 }
 
 /// Settings, mode, armed; the settings as the board then has them and what to play.
-fn prepare(link: &mut Link<Port>, arguments: &RecordArguments) -> Result<(Settings, Played), Failure> {
+fn prepare(
+    link: &mut Link<Port>,
+    arguments: &RecordArguments,
+    changed: &[(String, f64)],
+) -> Result<(Settings, Played), Failure> {
     link.command("disarm")?;
-    for (name, value) in &arguments.set {
+    for (name, value) in changed {
         link.command(&format!("set {name} {value}"))?;
     }
     let settings = link.settings()?;
-    for (name, value) in &arguments.set {
+    for (name, value) in changed {
         reads_back(&settings, name, *value as f32)?;
     }
     // Off where a person says so.
@@ -606,7 +638,7 @@ fn next(arguments: &RecordArguments, out: &Path) {
     let [out, rig, scenario] =
         [out, &beside(out, "rig.toml"), &beside(out, "scenario.toml")].map(|path| quoted(&path.to_string_lossy()));
     match arguments.mode.as_str() {
-        "open" => println!("next: motorbench diagnose {out} --rig {rig}"),
+        OPEN => println!("next: motorbench diagnose {out} --rig {rig}"),
         _ => println!("next: motorbench validate {out} --scenario {scenario} \\\n  --rig {rig} --model MODEL.toml"),
     }
 }
