@@ -180,6 +180,22 @@ fn flipped_bytes_are_missing_and_counted() {
     board.motor_is_off();
 }
 
+/// A line over which nothing comes any more: the board keeps what was changed, and the side file says so as well.
+#[test]
+fn settings_that_stay_changed_are_in_the_side_file() {
+    let board = Board::new("stays");
+    let port = Port::new(&board, Cable::default());
+    let changed = ["--set", "trip_peak=1.1"];
+    let recording = port.command(&board, "record", &[&STEPS[..], &changed].concat()).spawn().unwrap();
+    board.has_recorded(300);
+    port.flip(1000);
+    let done = recording.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    let side = board.side_file();
+    let why = side["not_put_back"].as_str().unwrap_or_default();
+    assert!(why.contains("(trip_peak)") && text(&done.stderr).contains(why), "{side}{}", text(&done.stderr));
+}
+
 /// From the beginning not even the settings come whole: the motor does not turn, and the line is blamed, not the firmware.
 #[test]
 fn a_line_that_damages_from_the_beginning_is_named() {

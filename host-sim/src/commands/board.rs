@@ -304,7 +304,8 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let finished = done.and_then(|(mut done, played)| {
         // What is told of a recording is told of its file.
         done.samples.truncate(growing.rows());
-        finish((arguments, out), &done, &link.firmware, &played, nominal)
+        let not_put_back = put_back.as_ref().err().map(|failure| arguments.port.named_in(&failure.message));
+        finish((arguments, out), &done, (&link.firmware, not_put_back.as_deref()), &played, nominal)
     });
     if let (Err(_), Err(kept)) = (&finished, &put_back) {
         tell(&arguments.port.named_in(&format!("motorbench: {}", kept.message)));
@@ -403,13 +404,16 @@ pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
 fn finish(
     (arguments, out): (&RecordArguments, &Path),
     done: &Record,
-    firmware: &str,
+    (firmware, not_put_back): (&str, Option<&str>),
     played: &Played,
     nominal: NominalMotor,
 ) -> Result<(), Failure> {
     let kept = done.samples.len();
     let mut side = done.side_file(firmware, &played.order.line());
     side["file"] = out.display().to_string().into();
+    if let Some(why) = not_put_back {
+        side["not_put_back"] = why.into();
+    }
     let ticks = done.samples.len() as f64 + f64::from(done.missing_ticks());
     // The files of an earlier recording stay as they are where nothing came.
     let written = match kept {
