@@ -52,6 +52,28 @@ fn a_robots_log() {
     assert_spin_up(&read("robot.wpilog", &map), 1e-6);
 }
 
+/// A robot that is switched off while it logs: what is whole is kept.
+#[test]
+fn a_log_that_ends_within_a_record() {
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let mut whole = Recording::new("whole");
+    let times = || (0..20).map(|row| 0.01 * f64::from(row));
+    whole.set(Channel::Time, times().collect());
+    whole.set(Channel::Speed, times().map(|t_s| 80.0 * t_s).collect());
+    std::fs::write(at("whole.csv"), whole.to_csv()).unwrap();
+    convert(&at("whole.csv"), &at("whole.wpilog"), &[]).success();
+    let log = std::fs::read(at("whole.wpilog")).unwrap();
+    for missing in 1..25 {
+        std::fs::write(at("cut.wpilog"), &log[..log.len() - missing]).unwrap();
+        let said = predicate::str::contains("is cut: what is before it is whole");
+        convert(&at("cut.wpilog"), &at("cut.csv"), &[]).success().stdout(said);
+        assert_eq!(Recording::read(&at("cut.csv"), &[]).unwrap().len(), 19, "{missing} bytes are missing");
+    }
+    std::fs::write(at("cut.wpilog"), &log[..10]).unwrap();
+    convert(&at("cut.wpilog"), &at("cut.csv"), &[]).code(1);
+}
+
 #[test]
 fn the_four_tests_of_sysid() {
     let recording = read("sysid.json", &[]);
@@ -157,9 +179,12 @@ fn what_is_not_used_is_said() {
     convert(&data("compressed.mat"), &directory.path().join("a.csv"), &[])
         .success()
         .stdout(predicate::str::contains("run (a structure: save its fields with save(..., '-struct', ...))"));
-    convert(&data("plain.mat"), &directory.path().join("a.csv"), &["--json"])
-        .success()
-        .stdout("{\"channels\":[\"t_s\",\"u_V\",\"omega_rad_per_s\",\"i_A\"],\"ignored\":[\"comment\",\"gains\"],\"samples\":20}\n");
+    let made = convert(&data("plain.mat"), &directory.path().join("a.csv"), &["--json"]).success();
+    let said: serde_json::Value = serde_json::from_slice(&made.get_output().stdout).unwrap();
+    let expected = serde_json::json!({
+        "channels": ["t_s", "u_V", "omega_rad_per_s", "i_A"], "ignored": ["comment", "gains"], "samples": 20, "cut": null
+    });
+    assert_eq!(said, expected);
 }
 
 #[test]

@@ -100,12 +100,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let kept = tests.as_ref().map_or(recording, |tests| &tests.recording);
     let channels: Vec<&str> = kept.channels().map(Channel::column).collect();
     if arguments.json {
-        let summary = serde_json::json!({ "samples": kept.len(), "channels": channels, "ignored": converted.ignored });
+        let summary = serde_json::json!({
+            "samples": kept.len(), "channels": channels, "ignored": converted.ignored, "cut": converted.cut
+        });
         println!("{summary}");
         return Ok(());
     }
     let (count, channels) = (kept.len(), channels.join(", "));
     outputs.say(&format!("{}: {count} samples of {channels}\n", target.display()));
+    if let Some(cut) = &converted.cut {
+        outputs.say(&format!("{name}: {cut}\n"));
+    }
     if kept.len() < recording.len() {
         let whole = recording.len();
         outputs.say(&format!("of {whole}: SysId takes the longest ramp and the longest step of each direction\n"));

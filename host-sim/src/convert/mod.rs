@@ -165,6 +165,8 @@ pub struct Converted {
     pub recording: Recording,
     /// Names without a meaning here.
     pub ignored: Vec<String>,
+    /// What is lacking, where the file ends before its time.
+    pub cut: Option<String>,
 }
 
 /// Reads a file's bytes. `dialect` is for CSV.
@@ -179,18 +181,19 @@ pub fn read(
     dialect: Dialect,
 ) -> Result<Converted, ConvertError> {
     let failed = |fault| ConvertError::new(name, fault);
-    let (columns, ignored) = match format {
-        Format::Csv if plotjuggler::is_one(bytes) => plotjuggler::read(bytes, names),
-        Format::Csv => csv::read(bytes, names, dialect),
-        Format::Plotjuggler => plotjuggler::read(bytes, names),
-        Format::Sysid => sysid::read(bytes).map(|columns| (columns, Vec::new())),
+    let whole = |(columns, ignored)| (columns, ignored, None);
+    let (columns, ignored, cut) = match format {
         Format::Wpilog => wpilog::read(bytes, names),
-        Format::Mat => mat::read(bytes, names),
-        Format::Npy => numpy::read_npy(bytes).map(|columns| (columns, Vec::new())),
-        Format::Npz => numpy::read_npz(bytes, names),
+        Format::Csv if plotjuggler::is_one(bytes) => plotjuggler::read(bytes, names).map(whole),
+        Format::Csv => csv::read(bytes, names, dialect).map(whole),
+        Format::Plotjuggler => plotjuggler::read(bytes, names).map(whole),
+        Format::Sysid => sysid::read(bytes).map(|columns| (columns, Vec::new(), None)),
+        Format::Mat => mat::read(bytes, names).map(whole),
+        Format::Npy => numpy::read_npy(bytes).map(|columns| (columns, Vec::new(), None)),
+        Format::Npz => numpy::read_npz(bytes, names).map(whole),
     }
     .map_err(failed)?;
-    assembled(name, columns, ignored, names)
+    Ok(Converted { cut, ..assembled(name, columns, ignored, names)? })
 }
 
 fn assembled(
@@ -233,7 +236,7 @@ fn assembled(
         recording.set(channel, column.values.into_iter().map(|value| value * factor).collect());
     }
     recording.check()?;
-    Ok(Converted { recording, ignored })
+    Ok(Converted { recording, ignored, cut: None })
 }
 
 /// The bytes of a file. `dialect` is for CSV; `renamed` maps channels to other names in the file.

@@ -29,6 +29,16 @@ struct Cursor<'a> {
     at: usize,
 }
 
+/// A record of the log.
+struct Record<'a> {
+    entry: u64,
+    stamp_us: u64,
+    /// Length of its payload.
+    size: usize,
+    /// At the payload; its fields end with the record.
+    record: Cursor<'a>,
+}
+
 impl<'a> Cursor<'a> {
     fn take(&mut self, count: usize) -> Result<&'a [u8], Fault> {
         let end = self.at.checked_add(count).filter(|end| *end <= self.bytes.len());
@@ -50,6 +60,17 @@ impl<'a> Cursor<'a> {
         Ok(self.take(count)?.iter().rev().fold(0, |sum, byte| sum << 8 | u64::from(*byte)))
     }
 
+    /// The next record.
+    fn record(&mut self) -> Result<Record<'a>, Fault> {
+        let lengths = self.number(1)?;
+        let entry = self.number((lengths & 3) as usize + 1)?;
+        let size = self.number((lengths >> 2 & 3) as usize + 1)? as usize;
+        let stamp_us = self.number((lengths >> 4 & 7) as usize + 1)?;
+        let at = self.at;
+        self.take(size)?;
+        Ok(Record { entry, stamp_us, size, record: Cursor { bytes: &self.bytes[..self.at], at } })
+    }
+
     fn text(&mut self) -> Result<String, Fault> {
         let (length, at) = (self.number(4)? as usize, self.at);
         let text = std::str::from_utf8(self.take(length)?);
@@ -57,8 +78,9 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Entries of numbers that are channels, and the names of the others.
-pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), Fault> {
+/// Entries of numbers that are channels, the names of the others, and what is said of a log that ends within a record: one whose
+/// robot was switched off.
+pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>, Option<String>), Fault> {
     let mut cursor = Cursor { bytes, at: 0 };
     if cursor.take(MAGIC.len()).ok() != Some(MAGIC) {
         return Err(Fault::at_byte(0, "it does not begin with WPILOG: not a WPILib data log"));
@@ -72,16 +94,13 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
     let mut open: BTreeMap<u64, (String, Kind)> = BTreeMap::new();
     let mut found: BTreeMap<String, Series> = BTreeMap::new();
     let mut units: BTreeMap<String, String> = BTreeMap::new();
+    let mut cut = None;
     while cursor.at < bytes.len() {
         let at = cursor.at;
-        let lengths = cursor.number(1)?;
-        let entry = cursor.number((lengths & 3) as usize + 1)?;
-        let size = cursor.number((lengths >> 2 & 3) as usize + 1)? as usize;
-        let stamp_us = cursor.number((lengths >> 4 & 7) as usize + 1)?;
-        let payload_at = cursor.at;
-        cursor.take(size)?;
-        // A record's fields end with the record.
-        let mut record = Cursor { bytes: &bytes[..cursor.at], at: payload_at };
+        let Ok(Record { entry, stamp_us, size, mut record }) = cursor.record() else {
+            cut = Some(format!("its last record, from byte {at} on, is cut: what is before it is whole"));
+            break;
+        };
         if entry == 0 {
             control(&mut record, &mut open, &mut found, &mut units)?;
             continue;
@@ -105,7 +124,8 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
             return Err(Fault::at(&series.name, "its times go back: the log holds two runs; split it"));
         }
     }
-    joined(found, names)
+    let (columns, ignored) = joined(found, names)?;
+    Ok((columns, ignored, cut))
 }
 
 /// Gives what a `SysIdRoutineLog` logged of its only motor the names and units of channels. Of several motors none is meant
