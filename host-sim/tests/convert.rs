@@ -74,6 +74,19 @@ fn a_log_that_ends_within_a_record() {
     convert(&at("cut.wpilog"), &at("cut.csv"), &[]).code(1);
 }
 
+/// Its own tables for a spreadsheet, without being told what is in them.
+#[test]
+fn a_table_with_decimal_commas_is_read_again() {
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    convert(&data("plain.mat"), &at("run.csv"), &[]).success();
+    let to = ["--to-delimiter", ";", "--to-decimal-comma"];
+    convert(&at("run.csv"), &at("commas.csv"), &to).success();
+    convert(&at("commas.csv"), &at("again.csv"), &[]).success();
+    let [run, again] = ["run.csv", "again.csv"].map(|name| Recording::read(&at(name), &[]).unwrap().to_csv());
+    assert_eq!(run, again);
+}
+
 #[test]
 fn the_four_tests_of_sysid() {
     let recording = read("sysid.json", &[]);

@@ -39,7 +39,7 @@ pub struct Arguments {
     /// What stands between the values of a CSV source; left out: what its header has most of.
     #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
     delimiter: Option<u8>,
-    /// The CSV source writes 1,5 for 1.5.
+    /// The CSV source writes 1,5 for 1.5; one between semicolons may do so without this.
     #[arg(long)]
     decimal_comma: bool,
     /// What stands between the values of a CSV target.

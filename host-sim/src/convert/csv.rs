@@ -23,6 +23,7 @@ pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column
     let text = text_file::decoded(bytes.to_vec()).ok_or_else(|| Fault::whole(NO_TEXT))?;
     let mut table = Delimited::new(&text);
     table.delimiter = dialect.delimiter.unwrap_or(table.delimiter);
+    let decimal_comma = dialect.decimal_comma || table.has_decimal_commas();
     let mut reader = table.reader();
     let line_fault = |error: csv::Error| {
         let (line, delimiter, fault) =
@@ -40,7 +41,7 @@ pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column
         let line = table.line(row.position());
         for ((column, wanted), text) in columns.iter_mut().zip(&wanted).zip(&row) {
             if *wanted {
-                let value = number(text, dialect.decimal_comma);
+                let value = number(text, decimal_comma);
                 column
                     .values
                     .push(value.map_err(|what| Fault::at(format_args!("line {line}, column {}", column.name), what))?);

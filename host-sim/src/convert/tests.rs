@@ -51,7 +51,9 @@ fn exports_of_spreadsheets_are_read() {
         assert_eq!(converted.recording.time_s(), Some(&[0.0, 0.001][..]));
         assert!(converted.ignored.is_empty(), "{:?}", converted.ignored);
     }
-    let without = read("made.csv", table.as_bytes(), Format::Csv, &Names::default(), Dialect::default());
+    let plain = |table: &str| read("made.csv", table.as_bytes(), Format::Csv, &Names::default(), Dialect::default());
+    assert_eq!(plain(table).unwrap().recording.get(Channel::Voltage), Some(&[1.5, -2.0][..]));
+    let without = plain(&table.replace(';', "\t"));
     assert!(without.unwrap_err().to_string().contains("--decimal-comma"));
 }
 
@@ -133,7 +135,7 @@ fn message(bytes: &[u8], format: Format, names: &[&str]) -> String {
 fn errors_say_where_and_what_to_do() {
     let csv = |text: &str, names: &[&str]| message(text.as_bytes(), Format::Csv, names);
     assert_eq!(
-        csv("t_s;u_V\n0;1,5\n", &[]),
+        csv("t_s\tu_V\n0\t1,5\n", &[]),
         "in: line 2, column u_V: expected a number, found \"1,5\"; for decimal commas add --decimal-comma"
     );
     assert!(csv("a,b\n0,1\n", &[]).contains("no known channel among a, b; say which is which"));
