@@ -2,21 +2,19 @@
 //! resistance from rows at rest, the motor's condition against an earlier test, and where it is most efficient: measured where
 //! a brake of known torque was at the shaft, else foretold.
 
+mod condition;
 pub mod derived;
 pub mod drive;
 
 use crate::diagnose::outcome::Estimate;
-use crate::identify::Z95;
 use crate::recording::Recording;
 use crate::rig::Rig;
-use crate::steady_state::{
-    Level, Line, Row, Rows, Study, StudyError, errors, is_loaded, levels, nominal, rows, same_level, study,
-};
+use crate::steady_state::{Level, Line, Row, Rows, Study, StudyError, errors, is_loaded, nominal, same_level, study};
+pub use condition::Condition;
+use condition::condition;
 use derived::Slip;
 use serde::Serialize;
 
-/// A change of the motor's condition is one from so many standard errors on.
-const CHANGED_SIGMAS: f64 = 3.0;
 /// Voltages and torques of the efficiency map.
 const MAP_SIZE: usize = 40;
 
@@ -97,23 +95,6 @@ pub struct Losses {
     pub viscous_W: f64,
     /// What none of these explains.
     pub rest_W: f64,
-}
-
-/// A part of the motor against an earlier test.
-#[derive(Clone, Debug, Serialize)]
-pub struct Condition {
-    /// Brushes, magnets, bearings.
-    pub part: &'static str,
-    /// What is compared, with its unit.
-    pub quantity: &'static str,
-    /// In the earlier test.
-    pub before: Estimate,
-    /// Now.
-    pub now: Estimate,
-    /// Difference in standard errors.
-    pub sigmas: f64,
-    /// What that means.
-    pub verdict: &'static str,
 }
 
 /// A steady state under load.
@@ -362,61 +343,4 @@ impl Constants {
             middles(step_v).flat_map(|u| middles(step_nm).filter_map(move |torque| self.operating_point(u, torque)));
         EfficiencyMap { step_v, step_nm, points: points.collect() }
     }
-}
-
-/// The same two lines through both tests: the voltage that nominal resistance and back-EMF leave, over speed, and the
-/// torque over speed.
-fn condition(earlier: &Recording, now: &[Level], rig: &Rig) -> Result<Vec<Condition>, StudyError> {
-    let (r, k) = nominal(rig)?;
-    let earlier = levels(&earlier.name, &rows(earlier, k)?, r, k)?;
-    let estimates = |test: &[Level]| -> Option<[Estimate; 4]> {
-        let speed: Vec<f64> = test.iter().map(|level| level.omega_rad_per_s).collect();
-        let constant = vec![1.0; speed.len()];
-        let columns: [&[f64]; 2] = [&constant, &speed];
-        let line = |of: &dyn Fn(&Level) -> f64, error: &dyn Fn(&Level) -> f64| {
-            Line::new(&columns, &test.iter().map(of).collect::<Vec<_>>(), &errors(test, error))
-        };
-        let voltage = line(&|level| level.missing_V, &|level| level.voltage_error)?;
-        let torque = line(&|level| level.torque_Nm - level.load_Nm, &|level| k * level.current_error)?;
-        let mut emf = voltage.estimate(1);
-        emf = Estimate { value: k + emf.value, ci95: emf.ci95.map(|ci95| ci95.map(|end| k + end)) };
-        Some([voltage.estimate(0), emf, torque.estimate(0), torque.estimate(1)])
-    };
-    let (Some(before), Some(now)) = (estimates(&earlier), estimates(now)) else { return Ok(Vec::new()) };
-    let parts = [
-        (
-            "brushes",
-            "voltage lost at standstill, V",
-            "more voltage is lost: brushes or commutator worn or dirty",
-            "less voltage is lost: run in",
-        ),
-        (
-            "magnets",
-            "back-EMF constant, V s/rad",
-            "the back-EMF constant has grown: check the speed's scale",
-            "the back-EMF constant has fallen: magnets weakened or hot",
-        ),
-        ("bearings", "dry friction, Nm", "more dry friction: bearings or brush pressure", "less dry friction: run in"),
-        (
-            "bearings",
-            "viscous friction, Nm s",
-            "more viscous friction: grease or cold",
-            "less viscous friction: run in or warm",
-        ),
-    ];
-    Ok(parts
-        .into_iter()
-        .zip(before.into_iter().zip(now))
-        .map(|((part, quantity, more, less), (before, now))| {
-            // Both intervals are of one width of Student's distribution, nearly two standard errors a side.
-            let half = |estimate: &Estimate| estimate.ci95.map_or(0.0, |ci95| 0.5 * (ci95[1] - ci95[0]));
-            let sigmas = Z95 * (now.value - before.value) / half(&before).hypot(half(&now)).max(f64::MIN_POSITIVE);
-            let verdict = match sigmas {
-                sigmas if sigmas > CHANGED_SIGMAS => more,
-                sigmas if sigmas < -CHANGED_SIGMAS => less,
-                _ => "unchanged within the errors",
-            };
-            Condition { part, quantity, before, now, sigmas, verdict }
-        })
-        .collect())
 }

@@ -538,7 +538,12 @@ fn exit_codes_are_those_of_the_page() {
 
 /// A table of a motor whose constants are known, with readings that scatter.
 fn stand_table(brush_drop_v: f64, coulomb_nm: f64) -> String {
-    let (r, k, viscous) = (5.84, 0.072, 5e-6);
+    stand_table_of(5.84, brush_drop_v, coulomb_nm)
+}
+
+/// The same with a winding that resists so much.
+fn stand_table_of(r: f64, brush_drop_v: f64, coulomb_nm: f64) -> String {
+    let (k, viscous) = (0.072, 5e-6);
     let mut table = String::from("u_V,i_A,omega_rad_per_s\n");
     for u in [10.0, 15.0, 20.0, 25.0, 30.0] {
         let omega = (u - brush_drop_v - r * coulomb_nm / k) / (k + r * viscous / k);
@@ -586,6 +591,32 @@ fn stand_finds_where_the_power_goes_and_what_has_worn() {
     motorbench(&["stand", path(&new), "--rig", path(&rig), "--resistance", path(&at("bad.csv"))])
         .code(1)
         .stderr(predicate::str::contains("a column resistance_ohm is expected"));
+}
+
+/// Half an hour later the winding is 40 K warmer, and nothing has worn; beside more friction the brushes may have.
+#[test]
+fn a_warm_winding_is_no_worn_brush() {
+    let directory = TempDir::new().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    std::fs::write(at("rig.toml"), PIVT6_TOML).unwrap();
+    std::fs::write(at("cold.csv"), stand_table(2.0, 0.015)).unwrap();
+    std::fs::write(at("warm.csv"), stand_table_of(5.84 * (1.0 + 0.0039 * 40.0), 2.0, 0.015)).unwrap();
+    std::fs::write(at("rough.csv"), stand_table(2.2, 0.018)).unwrap();
+    let voltage = |now: &str, earlier: &str| {
+        let [now, earlier, rig] = [now, earlier, "rig.toml"].map(at);
+        let stand = json_of(&["stand", path(&now), "--earlier", path(&earlier), "--rig", path(&rig), "--json", "-"]);
+        let condition = &stand["condition"][0];
+        (condition["verdict"].as_str().unwrap().to_owned(), condition["winding_warmer_K"].as_f64().unwrap())
+    };
+    for (now, earlier, kelvin, what) in
+        [("warm.csv", "cold.csv", 40.0, "warmer"), ("cold.csv", "warm.csv", -40.0, "cooler")]
+    {
+        let (verdict, warmer_k) = voltage(now, earlier);
+        assert!((warmer_k - kelvin).abs() < 4.0, "{warmer_k} K");
+        assert!(verdict.contains(&format!("K {what}")) && !verdict.contains("brush"), "{verdict}");
+    }
+    let (verdict, warmer_k) = voltage("rough.csv", "cold.csv");
+    assert!(verdict.contains("brushes or commutator worn") && warmer_k < 100.0, "{verdict} {warmer_k}");
 }
 
 /// At rest without a voltage a sensor shows what it is off by: no winding of 0 ohm.

@@ -315,7 +315,7 @@ fn condition(text: &mut String, stand: &Stand) {
     text.push_str("\nAgainst the earlier test\n");
     for condition in &stand.condition {
         let (before, now) = (estimate(&condition.before), estimate(&condition.now));
-        let _ = writeln!(text, "  {}: {}", condition.part, condition.verdict);
+        text.push_str(&wrapped(&format!("{}: {}", condition.part, condition.verdict), "  ", "    "));
         let _ = writeln!(text, "    {}, {:+.1} sigmas:\n    {before} -> {now}", condition.quantity, condition.sigmas);
     }
 }
