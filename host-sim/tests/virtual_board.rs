@@ -998,6 +998,7 @@ fn the_tuning_console_in_a_terminal() {
     board.order("stop off");
     terminal.press("q");
     terminal.shows("exit 0");
+    terminal.shows_at_once(&["the drive is off; the gains are as before", "recordings: tune.csv"]);
     let side: serde_json::Value =
         serde_json::from_slice(&std::fs::read(board.folder.join("tune.json")).unwrap()).unwrap();
     assert_eq!(side["samples"].as_u64().unwrap() as usize, rows(&board.folder.join("tune.csv")));
@@ -1022,6 +1023,7 @@ fn a_tuning_session_without_a_person() {
     let (done, account) = session(&board, "a s right s w");
     assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
     assert!(text(&done.stdout).contains("\nspeed       0."), "{}", text(&done.stdout));
+    assert!(text(&done.stdout).ends_with("the drive is off; the board keeps these gains\n"), "{}", text(&done.stdout));
     assert_eq!((&account["ended"], &account["saved"]), (&"complete".into(), &true.into()), "{account}");
     let tests = account["step_tests"].as_array().unwrap();
     assert_eq!(tests.len(), 2, "{account}");
@@ -1047,6 +1049,11 @@ fn a_tuning_session_without_a_person() {
     for did in ["more       lqr_speed_kw 0.", "higher     reference 35 rad/s", "down       lqr_speed_kc 0."] {
         assert!(text(&done.stdout).contains(did), "{}", text(&done.stdout));
     }
+    let said = text(&done.stdout);
+    assert!(
+        said.ends_with("the drive is off; the changed gains are not saved and last until the next reset\n"),
+        "{said}"
+    );
     assert_eq!((&account["gains_before"]["speed_kp"], &account["saved"]), (&0.055.into(), &false.into()), "{account}");
 
     // Begun before the drive is armed: the reference has its column all the same, and nothing is lost while it is.

@@ -177,12 +177,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         tell(&text);
     }
     // Also after a trip; a board that is gone has said so already.
-    if let (Err(error), Ended::Complete) = (session.leave(), &ended) {
+    let left = session.leave();
+    let is_off = left.is_ok();
+    if let (Err(error), Ended::Complete) = (left, &ended) {
         ended = error.into();
     }
     let account = session.account(ended);
     if arguments.keys.is_some() {
         screen::figure_lines(&account.step_tests).iter().for_each(|line| says(line));
+    }
+    if is_off {
+        account.left().iter().for_each(|line| says(line));
     }
     if let Some(path) = &arguments.json {
         write_json(path, &account)?;

@@ -145,6 +145,22 @@ pub struct Account {
     pub ended: Ended,
 }
 
+impl Account {
+    /// In what state the board was left, and where the recordings are.
+    pub fn left(&self) -> Vec<String> {
+        let gains = match (self.saved, self.gains_after == self.gains_before) {
+            (true, _) => "the board keeps these gains",
+            (false, true) => "the gains are as before",
+            (false, false) => "the changed gains are not saved and last until the next reset",
+        };
+        let recordings = format!("recordings: {}", self.recordings.join(", "));
+        [Some(format!("the drive is off; {gains}")), (!self.recordings.is_empty()).then_some(recordings)]
+            .into_iter()
+            .flatten()
+            .collect()
+    }
+}
+
 /// What a person would write down.
 fn four_digits(value: f32) -> f32 {
     format!("{value:.3e}").parse().unwrap_or(value)
