@@ -64,6 +64,9 @@ pub struct Rig {
     /// Keys of the file that have no meaning here.
     #[serde(skip)]
     pub ignored: Vec<String>,
+    /// Whether it has the effects of a model, which mean as little.
+    #[serde(skip)]
+    pub is_model: bool,
 }
 
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
@@ -311,6 +314,7 @@ impl Rig {
             ignored.push(key.to_string())
         })
         .map_err(syntax)?;
+        rig.is_model = ignored.iter().any(|key| key == "effects");
         rig.ignored = ignored.into_iter().filter(|key| key != "effects").collect();
         rig.check_ignored(name, text)?;
         rig.check(name)?;

@@ -109,6 +109,27 @@ fn a_rig_file_that_contradicts_the_recording_is_told() {
     assert!(told[1].contains("voltage_V = 24.0, and duty and u_V say 12.0"), "{told:?}");
 }
 
+/// A model in the place of a rig file, and columns that no command knows: neither is left out silently.
+#[test]
+fn what_is_not_used_of_a_file_is_said() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let [model, odd] = ["found.toml", "odd.csv"].map(|name| directory.path().join(name));
+    std::fs::write(&model, format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n")).unwrap();
+    let lines = std::fs::read_to_string(&bench.run).unwrap();
+    let lines =
+        lines.lines().enumerate().map(|(line, text)| format!("{text},{}\n", if line == 0 { "temp_C" } else { "21" }));
+    std::fs::write(&odd, lines.collect::<String>()).unwrap();
+    let is_model = predicate::str::contains("found.toml is a model: in the place of a rig file");
+    motorbench(&["identify", path(&bench.run), "--rig", path(&model)]).success().stderr(is_model);
+    let unknown = || predicate::str::contains("odd.csv: not used").and(predicate::str::contains(": temp_C\n"));
+    for command in
+        [&["identify", path(&odd), "--rig", path(&bench.rig)][..], &["compare", path(&odd), path(&bench.run)]]
+    {
+        motorbench(command).success().stderr(unknown());
+    }
+}
+
 #[test]
 fn identify_writes_a_model_that_others_read() {
     let bench = bench();

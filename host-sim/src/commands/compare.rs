@@ -1,6 +1,8 @@
 //! `motorbench compare`
 
-use super::{Failure, Outputs, mapping, plot_file, read_model, rig_file, rig_for, write_json, write_plot};
+use super::{
+    Failure, Outputs, mapping, plot_file, read_model, read_recording, rig_file, rig_for, write_json, write_plot,
+};
 use crate::compare::{Comparison, Difference, compare};
 use crate::dataset::Dataset;
 use crate::diagnose::judge;
@@ -10,7 +12,6 @@ use crate::linear::motor_model::speed;
 use crate::model::Model;
 use crate::panels::{Panel, panels};
 use crate::plant::{Bridge, Inputs, ModelPlant, Plant};
-use crate::recording::Recording;
 use crate::terminal_text::{fixed, short};
 use crate::text_file;
 use clap::Args;
@@ -110,7 +111,7 @@ impl Arguments {
 }
 
 fn recordings(arguments: &Arguments) -> Result<(), Failure> {
-    let read = |path: &Path| Recording::read(path, &arguments.columns).map_err(Failure::input);
+    let read = |path: &Path| read_recording(path, &arguments.columns);
     let compared =
         compare(&read(&arguments.first)?, &read(&arguments.second)?, arguments.delay).map_err(Failure::input)?;
     let result = serde_json::to_value(&compared).map_err(Failure::machine)?;
@@ -144,7 +145,7 @@ pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
 /// A free run of the model over the recording, against everything that was measured.
 fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(), Failure> {
     let rig = rig_for(arguments.rig.as_deref(), Some(recording))?;
-    let recording = Recording::read(recording, &arguments.columns).map_err(Failure::input)?;
+    let recording = read_recording(recording, &arguments.columns)?;
     let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
     let model = read_model(model)?;
     // The model was not fitted here: all of it is new to it.

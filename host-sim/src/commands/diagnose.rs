@@ -1,7 +1,9 @@
 //! `motorbench diagnose`
 
 use super::recordings::RecordingArguments;
-use super::{Failure, Outputs, may_hold_model, rig_beside, rig_for, spinner, write, write_json, write_model};
+use super::{
+    Failure, Outputs, may_hold_model, read_recording, rig_beside, rig_for, spinner, write, write_json, write_model,
+};
 use crate::diagnose::{diagnose, page, report};
 use crate::recording::Recording;
 use crate::rig::Rig;
@@ -113,7 +115,7 @@ fn guarded<T>(study: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
 }
 
 fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, String> {
-    let recording = Recording::read(path, &args.recordings.columns).map_err(|error| error.to_string())?;
+    let recording = read_recording(path, &args.recordings.columns).map_err(|failure| failure.message)?;
     recording.advice_on_time().map_or(Ok(()), Err)?;
     let outcome = if recording.time_s().is_none() {
         serde_json::to_value(steady_state::study(&recording, rig, None).map_err(|error| error.to_string())?)

@@ -1,8 +1,7 @@
 //! `motorbench live`
 
-use super::Failure;
+use super::{Failure, read_recording};
 use crate::live::{Live, PLOTJUGGLER, TELEPLOT};
-use crate::recording::Recording;
 use clap::Args;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
@@ -38,7 +37,7 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] for a recording without time and for an address that is none.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    let recording = Recording::read(&arguments.recording, &[]).map_err(Failure::input)?;
+    let recording = read_recording(&arguments.recording, &[])?;
     let Some(time_s) = recording.time_s() else {
         return Err(Failure::input(format!(
             "{}: no column t_s: a table of steady states has no course",

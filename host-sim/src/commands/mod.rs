@@ -26,6 +26,7 @@ mod virtual_board;
 use crate::chip::{ProgramError, firmware_at_hand};
 use crate::model::Model;
 use crate::picture::{self, Format};
+use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::scenario::Scenario;
 use crate::terminal_text::narrow;
@@ -216,10 +217,28 @@ fn mapping(text: &str) -> Result<(String, String), String> {
 /// A rig file; which of its keys mean nothing is said.
 fn read_rig(path: &Path) -> Result<Rig, Failure> {
     let rig = Rig::read(path).map_err(Failure::input)?;
+    if rig.is_model {
+        let path = path.display();
+        tell(&format!(
+            "motorbench: {path} is a model: in the place of a rig file it gives nominal values of the motor, and its [effects] are ignored"
+        ));
+    }
     for key in &rig.ignored {
         tell(&format!("motorbench: {}: {key} has no meaning in a rig file and is ignored", path.display()));
     }
     Ok(rig)
+}
+
+/// A recording; which of its columns mean nothing is said.
+fn read_recording(path: &Path, names: &[(String, String)]) -> Result<Recording, Failure> {
+    let recording = Recording::read(path, names).map_err(Failure::input)?;
+    if !recording.ignored.is_empty() {
+        let (path, ignored) = (path.display(), recording.ignored.join(", "));
+        tell(&format!(
+            "motorbench: {path}: not used, for they are no channel (--column NAME=CHANNEL, or `motorbench convert` with --map): {ignored}"
+        ));
+    }
+    Ok(recording)
 }
 
 /// The rig file beside a recording, where there is one.

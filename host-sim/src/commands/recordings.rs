@@ -1,6 +1,6 @@
 //! What `diagnose` and `identify` take: recordings of one rig.
 
-use super::{Failure, mapping, rig_file, rig_for};
+use super::{Failure, mapping, read_recording, rig_file, rig_for};
 use crate::recording::Recording;
 use crate::rig::Rig;
 use clap::Args;
@@ -25,7 +25,7 @@ pub struct RecordingArguments {
 impl RecordingArguments {
     /// All recordings.
     pub fn read(&self) -> Result<Vec<Recording>, Failure> {
-        let read = |path: &PathBuf| Recording::read(path, &self.columns).map_err(Failure::input);
+        let read = |path: &PathBuf| read_recording(path, &self.columns);
         self.recordings.iter().map(read).collect()
     }
 

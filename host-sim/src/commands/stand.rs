@@ -2,7 +2,7 @@
 
 mod board;
 
-use super::{Failure, Outputs, mapping, plot_file, read_rig, write_json, write_plot};
+use super::{Failure, Outputs, mapping, plot_file, read_recording, read_rig, write_json, write_plot};
 use crate::delimited::Delimited;
 use crate::diagnose::page::estimate;
 use crate::recording::Recording;
@@ -86,7 +86,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// A table of steady states.
 fn table(path: &Path, columns: &[(String, String)]) -> Result<Recording, Failure> {
-    let table = Recording::read(path, columns).map_err(Failure::input)?;
+    let table = read_recording(path, columns)?;
     if table.time_s().is_some() {
         return Err(Failure::input(format!(
             "{}: a recording over time (t_s); a table of steady states is expected, a row a reading. Recordings are for motorbench diagnose",

@@ -3,7 +3,7 @@
 use super::compare::{plot, table};
 use super::files::{beside, side_file};
 use super::simulate::{judged, trip_name};
-use super::{Failure, Outputs, mapping, plot_file, rig_file, rig_for, spinner, write_json, write_plot};
+use super::{Failure, Outputs, mapping, plot_file, read_recording, rig_file, rig_for, spinner, write_json, write_plot};
 use crate::compare::{Comparison, Difference, compare, distance};
 use crate::dataset::{contradictions, median};
 use crate::design::law::ControlLaw;
@@ -148,7 +148,7 @@ fn scenario_beside(measured: &Path) -> Result<PathBuf, Failure> {
 
 impl Loop {
     fn new(arguments: &Arguments, file: &Path, scenario_file: &Path, rig: &Rig) -> Result<Self, Failure> {
-        let measured = Recording::read(file, &arguments.columns).map_err(Failure::input)?;
+        let measured = read_recording(file, &arguments.columns)?;
         let scenario = super::scenario(scenario_file, arguments.model.as_deref())?;
         let is_not_of = |why: String| {
             let (file, scenario) = (file.display(), scenario_file.display());
