@@ -614,6 +614,16 @@ fn stand_finds_where_the_power_goes_and_what_has_worn() {
         .stderr(predicate::str::contains("a column resistance_ohm is expected"));
 }
 
+/// As `record` writes a scenario: each command that runs one takes the model with its own option.
+#[test]
+fn a_scenario_without_a_motor_says_how_it_gets_one() {
+    let directory = TempDir::new().unwrap();
+    let scenario = directory.path().join("run.scenario.toml");
+    std::fs::write(&scenario, "duration_s = 1.0\nmode = \"open\"\n").unwrap();
+    let said = predicate::str::contains("or say --model MODEL.toml beside the scenario");
+    motorbench(&["simulate", path(&scenario)]).code(1).stderr(said.and(predicate::str::contains("validate").not()));
+}
+
 /// Half an hour later the winding is 40 K warmer, and nothing has worn; beside more friction the brushes may have.
 #[test]
 fn a_warm_winding_is_no_worn_brush() {

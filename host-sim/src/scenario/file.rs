@@ -117,7 +117,7 @@ impl File {
         }
         if self.motor.is_none() {
             let what =
-                "it has no motor: give it [motor], model = \"FILE.toml\", or --model to `motorbench validate`".into();
+                "it has no motor: give it [motor], model = \"FILE.toml\", or say --model MODEL.toml beside the scenario".into();
             return Err(ScenarioError::Value { path: path.display().to_string(), what });
         }
         Ok(text.into())
