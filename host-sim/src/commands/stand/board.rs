@@ -96,7 +96,9 @@ impl BoardArguments {
         }
         let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person, &mut |found| files.keep(found));
         let table = table(&save.display().to_string(), &findings.readings, files.loaded);
-        let saved = write_side(save, &findings, &link, &settings);
+        // Beside nothing it would tell of nothing, or of an earlier table.
+        let is_empty = findings.readings.is_empty() && findings.positions.is_empty();
+        let saved = if is_empty { Ok(()) } else { write_side(save, &findings, &link, &settings) };
         drop(link);
         let held = findings.positions.iter().map(|position| position.resistance_ohm.value).collect();
         let evaluated = as_written(table).and_then(|table| evaluate(&table, held));
