@@ -649,6 +649,36 @@ fn the_eeprom_is_kept_between_runs() {
 
 /// One line says all that a script has to know that starts boards for a class, and a board is not pushed from its place by
 /// another.
+/// What the board saves finds no room; and a device without an end is no EEPROM.
+#[test]
+fn an_eeprom_without_room_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let virtual_board = |eeprom: &std::path::Path| {
+        let mut command = Command::new(MOTORBENCH);
+        command.args(["virtual", "--seconds", "900", "--link"]).arg(at("board")).arg("--eeprom").arg(eeprom);
+        command.stdin(Stdio::piped()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let endless = virtual_board("/dev/full".as_ref()).wait_with_output().unwrap();
+    assert_eq!(endless.status.code(), Some(1));
+    assert!(text(&endless.stderr).contains("/dev/full has more than 1024 bytes"), "{}", text(&endless.stderr));
+
+    let full = virtual_board(&at("board.bin"));
+    until("a port", || at("board").exists());
+    std::os::unix::fs::symlink("/dev/full", at(&format!("board.bin.{}.part", full.id()))).unwrap();
+    Command::new(MOTORBENCH)
+        .args(["connect", "--port"])
+        .arg(at("board"))
+        .args(["set speed_kp 0.06", "save"])
+        .output()
+        .unwrap();
+    let full = full.wait_with_output().unwrap();
+    let message = text(&full.stderr);
+    assert_eq!(full.status.code(), Some(3), "{message}");
+    assert!(message.contains("board.bin: No space left on device") && message.contains("make room"), "{message}");
+    assert!(!at("board.bin").exists() && std::fs::read_dir(folder.path()).unwrap().next().is_none(), "nothing is left");
+}
+
 #[test]
 fn a_script_learns_of_the_board_it_has_started() {
     let folder = tempfile::TempDir::new().unwrap();

@@ -97,7 +97,7 @@ pub use with_chip::run;
 
 #[cfg(all(feature = "chip", unix))]
 mod with_chip {
-    use super::super::{firmware, read_rig};
+    use super::super::{cannot_write, firmware, read_rig, write_whole};
     use super::surroundings::{ORDERS, Surroundings, Until, model_file};
     use super::{Arguments, Failure};
     use crate::chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator};
@@ -233,18 +233,28 @@ mod with_chip {
         /// Puts the file's content into the chip, which has not begun; a chip without file is as from the factory.
         fn load(self, bench: &mut Bench<ModelPlant>) -> Result<KeptEeprom, Failure> {
             let name = self.0.display();
-            match std::fs::read(&self.0) {
+            match self.image() {
                 Ok(image) if image.len() == EEPROM_BYTES => bench.chip_mut().set_eeprom(&image),
                 Ok(image) => {
+                    let bytes = match image.len() {
+                        bytes if bytes > EEPROM_BYTES => format!("more than {EEPROM_BYTES}"),
+                        bytes => bytes.to_string(),
+                    };
                     return Err(Failure::input(format!(
-                        "{name} has {} bytes, an EEPROM {EEPROM_BYTES}: is it another file?",
-                        image.len()
+                        "{name} has {bytes} bytes, an EEPROM {EEPROM_BYTES}: is it another file?"
                     )));
                 }
                 Err(error) if error.kind() == ErrorKind::NotFound => {}
                 Err(error) => return Err(Failure::machine(format!("{name}: {error}"))),
             }
             Ok(KeptEeprom { path: self.0, written: 0, kept: 0, quiet: 0 })
+        }
+
+        /// The file's bytes, one too many at most: a device may have no end.
+        fn image(&self) -> std::io::Result<Vec<u8>> {
+            let mut image = Vec::new();
+            File::open(&self.0)?.take(EEPROM_BYTES as u64 + 1).read_to_end(&mut image)?;
+            Ok(image)
         }
     }
 
@@ -271,11 +281,12 @@ mod with_chip {
             if written == self.kept {
                 return Ok(());
             }
-            let beside = self.path.with_added_extension("part");
-            std::fs::write(&beside, bench.chip().eeprom())
-                .and_then(|()| std::fs::rename(&beside, &self.path))
-                .map_err(|error| Failure::machine(format!("{}: {error}", self.path.display())))?;
+            // What finds no room is not tried again when the board ends.
             self.kept = written;
+            write_whole(&self.path, &bench.chip().eeprom()).map_err(|error| {
+                let Failure { message, code } = cannot_write(&self.path, &error);
+                Failure { message: format!("{message}; what was saved on the board is lost, it has ended"), code }
+            })?;
             Ok(())
         }
     }
