@@ -28,6 +28,8 @@ enum Fault {
     TripAfter(u32),
     /// One byte in a hundred is another.
     Noise,
+    /// One bit in three thousand is another, in samples and answers.
+    Bits,
     /// A thousand frames do not come, and of the one after them four pieces.
     Gap,
     /// The telemetry stops after so many samples.
@@ -83,7 +85,11 @@ impl Fake {
         let mut frame = [0; FRAME];
         let length = self.framer.frame(kind, payload, &mut frame);
         for &byte in &frame[..length] {
-            let flipped = self.fault == Fault::Noise && kind == SAMPLE && self.random.random_bool(0.01);
+            let flipped = match self.fault {
+                Fault::Noise => kind == SAMPLE && self.random.random_bool(0.01),
+                Fault::Bits => self.random.random_bool(8.0 * 0.0003),
+                _ => false,
+            };
             self.out.push_back(if flipped { byte ^ 0x55 } else { byte });
         }
     }
@@ -141,6 +147,10 @@ impl Fake {
             line if line.starts_with("sequence") => {
                 self.playing = TICKS;
                 self.say("ok\r\n");
+            }
+            "show trip_peak" => {
+                let trip_peak = Settings::defaults().get(Param::TripPeak);
+                self.say(&format!("# trip_peak {trip_peak} A 0.05..7.999, over-current, for 5 ms\r\nok\r\n"));
             }
             "show" => {
                 let settings = Settings::defaults();
@@ -259,6 +269,28 @@ fn flipped_bytes_are_counted() {
     assert!(record.losses.damaged_frames <= record.losses.lost_frames, "{:?}", record.losses);
     assert!(record.missing_ticks() > 50);
     assert!(record.samples.windows(2).all(|pair| pair[1].tick > pair[0].tick));
+}
+
+/// Of a list of the settings hardly one line in ten gets lost, but no list comes whole; answers get lost as well.
+#[test]
+fn a_line_that_damages_some_frames_is_no_reason_to_give_up() {
+    for seed in 0..8 {
+        let (mut fake, heard) = Fake::new(Fault::Bits);
+        fake.random = ChaCha8Rng::seed_from_u64(seed);
+        let mut link = Link::start(fake).unwrap();
+        assert_eq!(link.settings().unwrap().values, Settings::defaults().values);
+        assert_eq!(link.shows("trip_peak").unwrap(), Some(Settings::defaults().get(Param::TripPeak)));
+        let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| false, &mut |_| Ok(()));
+        assert_eq!(record.ended, Ended::Complete);
+        assert!(
+            record.losses.lost_frames >= record.missing_ticks() && record.missing_ticks() > 0,
+            "{:?}",
+            record.losses
+        );
+        let heard = heard.lock().unwrap();
+        assert_eq!(heard.matches("sequence").count(), 1, "it is not begun anew");
+        assert!(heard.contains("disarm"));
+    }
 }
 
 /// The frames' own numbers begin anew after 256.

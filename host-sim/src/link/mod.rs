@@ -11,7 +11,7 @@ pub mod record;
 pub mod virtual_control;
 
 use crate::board::{Board, BoardError, KEEP_ALIVE};
-use motorbench_core::message::Sample;
+use motorbench_core::message::{Sample, State};
 use motorbench_core::protocol::{Frame, StreamDecoder};
 use motorbench_core::settings::{Param, Settings, Text, find, text};
 use std::io::{self, ErrorKind, Read, Write};
@@ -39,6 +39,13 @@ const NOT_OURS: Duration = Duration::from_millis(1);
 pub const OTHER_READER: &str = "another program may be reading the port (`lsof PORT` names it)";
 /// How often a line is sent that may have been damaged on its way.
 const TRIES: u32 = 3;
+/// The same over a line that loses frames, as long as some come whole.
+const LOSSY_TRIES: u32 = 10;
+/// An answer that was damaged on its way is waited for so long by both clocks after what came of it last.
+const DAMAGED_ANSWER: Duration = Duration::from_millis(300);
+const DAMAGED_ANSWER_TICKS: u32 = 300;
+/// Stands in a reply where frames were lost within a line.
+const GAP: char = char::REPLACEMENT_CHARACTER;
 /// A late answer to a line that was given up is not waited for longer than this by both clocks.
 const LATE: Duration = Duration::from_millis(200);
 const LATE_TICKS: u32 = 200;
@@ -127,6 +134,10 @@ pub struct Link<L: Line> {
     decoder: StreamDecoder,
     samples: Vec<Sample>,
     reply: String,
+    /// When the last of it came, or was asked for, by both clocks.
+    replied: (Instant, u32),
+    /// What had been lost by then.
+    lost_before_reply: u32,
     last_tick: Option<u32>,
     /// What had been lost by the ticks at which more of it was noticed.
     noticed: Vec<(u32, Losses)>,
@@ -165,6 +176,8 @@ impl<L: Line> Link<L> {
             decoder: StreamDecoder::default(),
             samples: Vec::new(),
             reply: String::new(),
+            replied: (Instant::now(), 0),
+            lost_before_reply: 0,
             last_tick: None,
             noticed: Vec::new(),
             heard: Instant::now(),
@@ -246,6 +259,7 @@ impl<L: Line> Link<L> {
         self.samples.clear();
         self.outside.clear();
         (self.decoder.lost, self.decoder.damaged) = (0, 0);
+        self.lost_before_reply = 0;
         self.noticed.clear();
         Ok(())
     }
@@ -284,7 +298,7 @@ impl<L: Line> Link<L> {
         }
         self.late_answers()?;
         self.say(line)?;
-        let (begun, tick, is_last) = (Instant::now(), self.last_tick, self.is_stopped());
+        let (begun, tick, is_last, before) = (Instant::now(), self.last_tick, self.is_stopped(), self.losses());
         let (within, ticks) = if is_last { (LAST_ANSWER, LAST_ANSWER_TICKS) } else { (ANSWER, ANSWER_TICKS) };
         while begun.elapsed() < within || self.is_slow(begun, tick, ticks) {
             self.poll()?;
@@ -295,11 +309,46 @@ impl<L: Line> Link<L> {
             if !is_last && self.is_stopped() && begun.elapsed() > LAST_ANSWER {
                 return Err(BoardError::Interrupted);
             }
+            if self.losses() != before && self.is_overdue() {
+                break;
+            }
         }
         Err(match self.losses() {
             Losses { lost_frames: 0, damaged_frames: 0 } => BoardError::Silent { line: line.into() },
             losses => damaged_line(losses, &format!("no answer to `{line}`")),
         })
+    }
+
+    /// The same until an answer comes whole, as long as the line loses only some of them. A refused line had no effect: it is sent
+    /// again, as it may have been another when it arrived.
+    fn ask_again(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
+        for tried in 1.. {
+            let asked = self.ask_noting_losses(line);
+            let again = match &asked {
+                (Ok(lines), is_lossy) => *is_lossy && lines.iter().any(|line| line.contains(GAP)),
+                (Err(BoardError::Refused { .. }), is_lossy) => tried < TRIES || *is_lossy,
+                (Err(_), is_lossy) => *is_lossy,
+            };
+            if !again || tried >= LOSSY_TRIES {
+                return asked.0;
+            }
+        }
+        unreachable!("it has an end")
+    }
+
+    /// With whether frames were lost meanwhile, and others came, of a board that is there.
+    fn ask_noting_losses(&mut self, line: &str) -> (Result<Vec<String>, BoardError>, bool) {
+        let (begun, before) = (Instant::now(), self.losses());
+        let asked = self.ask(line);
+        let is_lossy = self.losses() != before && self.heard > begun && !self.gone && !self.is_stopped();
+        (asked, is_lossy)
+    }
+
+    /// Whether the board has had time enough for what was asked, and says other things.
+    fn is_overdue(&self) -> bool {
+        let (replied, tick) = self.replied;
+        let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick);
+        replied.elapsed() > DAMAGED_ANSWER && ticks > DAMAGED_ANSWER_TICKS
     }
 
     fn is_stopped(&self) -> bool {
@@ -312,6 +361,7 @@ impl<L: Line> Link<L> {
         self.kept_alive = (Instant::now(), self.last_tick.unwrap_or(0));
         self.unanswered = self.unanswered.saturating_sub(self.answers()) + 1;
         self.reply.clear();
+        (self.replied, self.lost_before_reply) = (self.kept_alive, self.decoder.lost);
         // What a damaged line has left at the board ends before this one begins.
         self.write(format!("\n{line}\n").as_bytes())
     }
@@ -378,19 +428,34 @@ impl<L: Line> Link<L> {
         Ok(())
     }
 
-    /// The settings as the board has them.
+    /// The settings as the board has them: of a line that loses some of the list, what is whole of several.
     ///
     /// # Errors
     /// [`BoardError`], also when it knows other settings than this program.
     pub fn settings(&mut self) -> Result<Settings, BoardError> {
-        for _ in 0..TRIES {
-            let before = self.losses();
-            let settings = self.shown();
-            if settings.is_ok() || self.losses() == before || self.is_stopped() {
-                return settings;
+        let mut known = [None; Param::COUNT];
+        for _ in 0..LOSSY_TRIES {
+            let (lines, is_lossy) = match self.ask_noting_losses("show") {
+                (Ok(lines), is_lossy) => (lines, is_lossy),
+                (Err(_), true) => (self.whole_lines(), true),
+                (Err(error), false) => return Err(error),
+            };
+            take_settings(&lines, &mut known)?;
+            let unknown = known.iter().filter(|value| value.is_none()).count();
+            if unknown == 0 {
+                return Ok(Settings { values: known.map(Option::unwrap_or_default) });
+            }
+            if !is_lossy {
+                return Err(other_settings(lines.len(), Param::COUNT - unknown));
             }
         }
         Err(damaged_line(self.losses(), "the settings do not come whole"))
+    }
+
+    /// What has come of an answer.
+    fn whole_lines(&self) -> Vec<String> {
+        let whole = self.reply.split_inclusive('\n').filter_map(|line| line.strip_prefix("# ")?.strip_suffix('\n'));
+        whole.map(str::to_owned).collect()
     }
 
     /// The value that the board shows of one setting.
@@ -398,30 +463,39 @@ impl<L: Line> Link<L> {
     /// # Errors
     /// [`BoardError`].
     pub fn shows(&mut self, setting: &str) -> Result<Option<f32>, BoardError> {
-        let shown = self.ask(&format!("show {setting}"))?;
-        Ok(shown.first().and_then(|line| line.split(' ').nth(1)?.parse().ok()))
-    }
-
-    fn shown(&mut self) -> Result<Settings, BoardError> {
-        let lines = self.ask("show")?;
-        let mut settings = Settings::defaults();
-        let mut known = 0;
-        for line in &lines {
-            let mut words = line.split(' ');
-            let (name, value) = (words.next().unwrap_or_default(), words.next().and_then(|word| word.parse().ok()));
-            if let (Some(param), Some(value)) = (find(name.as_bytes()), value) {
-                settings.values[param as usize] = value;
-                known += 1;
+        let mut shown = None;
+        for _ in 0..LOSSY_TRIES {
+            let before = self.losses();
+            let lines = self.ask_again(&format!("show {setting}"))?;
+            shown = lines.first().and_then(|line| line.split(' ').nth(1)?.parse().ok());
+            if shown.is_some() || self.losses() == before {
+                break;
             }
         }
-        if known == Param::COUNT && known == lines.len() {
-            return Ok(settings);
+        Ok(shown)
+    }
+
+    /// Whether samples of a sequence have come that nobody has fetched.
+    fn plays(&self) -> bool {
+        self.samples.iter().any(|sample| sample.state.has(State::PLAYING))
+    }
+
+    /// Begins a sequence, once: whose answer is lost and which plays is not begun anew.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn begin(&mut self, order: &str) -> Result<(), BoardError> {
+        for tried in 1.. {
+            let (asked, is_lossy) = self.ask_noting_losses(order);
+            match asked {
+                Ok(_) => return Ok(()),
+                Err(_) if self.plays() => return Ok(()),
+                Err(_) if is_lossy && tried < LOSSY_TRIES => {}
+                Err(BoardError::Refused { .. }) if tried < TRIES => {}
+                Err(error) => return Err(error),
+            }
         }
-        Err(BoardError::Failed(format!(
-            "the board lists {} settings, of which this program knows {known} of its {}: flash the firmware of this version",
-            lines.len(),
-            Param::COUNT
-        )))
+        unreachable!("it has an end")
     }
 
     /// Takes what has come.
@@ -436,6 +510,7 @@ impl<L: Line> Link<L> {
             match frame {
                 Some(Frame::Sample(sample)) => self.take(sample)?,
                 Some(Frame::Text(text, length)) => {
+                    self.note_gap();
                     self.reply += &String::from_utf8_lossy(&text[..length]).replace('\r', "");
                 }
                 None => {}
@@ -447,6 +522,16 @@ impl<L: Line> Link<L> {
             }
         }
         self.greeted()
+    }
+
+    /// Text comes: whether it goes on where the last ended.
+    fn note_gap(&mut self) {
+        let is_within = !self.reply.is_empty() && !self.reply.ends_with('\n');
+        if is_within && self.decoder.lost != self.lost_before_reply {
+            self.reply.push(GAP);
+        }
+        self.replied = (Instant::now(), self.last_tick.unwrap_or(0));
+        self.lost_before_reply = self.decoder.lost;
     }
 
     /// Takes what the board says until so many answers have come outside of frames: a line keeps what nobody has read for the
@@ -505,6 +590,26 @@ impl<L: Line> Link<L> {
     }
 }
 
+/// Takes the values of a list of settings; lines that are not whole say nothing.
+fn take_settings(lines: &[String], known: &mut [Option<f32>; Param::COUNT]) -> Result<(), BoardError> {
+    for line in lines.iter().filter(|line| !line.contains(GAP)) {
+        let mut words = line.split(' ');
+        let (name, value) = (words.next().unwrap_or_default(), words.next().and_then(|word| word.parse().ok()));
+        match (find(name.as_bytes()), value) {
+            (Some(param), Some(value)) => known[param as usize] = Some(value),
+            _ => return Err(other_settings(lines.len(), known.iter().flatten().count())),
+        }
+    }
+    Ok(())
+}
+
+fn other_settings(listed: usize, known: usize) -> BoardError {
+    let all = Param::COUNT;
+    BoardError::Failed(format!(
+        "the board lists {listed} settings, of which this program knows {known} of its {all}: flash the firmware of this version"
+    ))
+}
+
 /// A text taken apart where the console ends a line.
 pub fn lines(text: &str) -> impl Iterator<Item = &str> {
     text.split(['\r', '\n'])
@@ -539,15 +644,8 @@ pub fn name(param: Param) -> String {
 }
 
 impl<L: Line> Board for Link<L> {
-    /// A refused line had no effect: it is sent again, as it may have been another when it arrived.
     fn command(&mut self, line: &str) -> Result<(), BoardError> {
-        for _ in 1..TRIES {
-            match self.ask(line) {
-                Err(BoardError::Refused { .. }) => {}
-                answer => return answer.map(|_| ()),
-            }
-        }
-        self.ask(line).map(|_| ())
+        self.ask_again(line).map(|_| ())
     }
 
     fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError> {

@@ -178,7 +178,7 @@ fn play<L: Line>(
     hears: Hears,
 ) -> Result<Ended, BoardError> {
     link.samples(0.0)?;
-    link.command(order)?;
+    link.begin(order)?;
     let mut silence = Silence::default();
     let begun = Instant::now();
     loop {
