@@ -24,6 +24,8 @@ use std::process::{Command, Stdio};
 use tempfile::TempDir;
 
 const COLUMNS: usize = 80;
+/// Commands that print a line of JSON for each of theirs, while they run.
+const IN_LINES: [&str; 2] = ["connect", "virtual"];
 /// Begins every escape sequence; what a terminal shows in colour is ESC [ ... m.
 const ESCAPE: char = '\u{1b}';
 
@@ -593,6 +595,24 @@ impl Complaints {
         if !row.json.is_empty() {
             self.json(&[arguments, row.json].concat(), 0, true, folder);
         }
+        if row.json == ["--json"] {
+            self.json(&[arguments, &["--json", "-"]].concat(), 0, true, folder);
+            if !IN_LINES.contains(&row.command) {
+                self.json_file(arguments, folder);
+            }
+        }
+    }
+
+    /// A file has JSON, and the standard output what a person reads.
+    fn json_file(&mut self, arguments: &[&str], folder: &Path) {
+        let arguments = [arguments, &["--json", "made.json"]].concat();
+        let (what, file) = (arguments.join(" "), folder.join("made.json"));
+        let done = piped(&arguments, folder);
+        self.ended(&done, 0, &what);
+        let made = std::fs::read(&file).ok().and_then(|text| serde_json::from_slice::<serde_json::Value>(&text).ok());
+        self.expect(made.is_some(), &what, "no JSON in the file");
+        self.expect(!done.out.is_empty(), &what, "it says nothing");
+        let _ = std::fs::remove_file(file);
     }
 
     /// The standard output has JSON and nothing else.

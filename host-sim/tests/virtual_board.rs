@@ -438,6 +438,10 @@ fn a_person_at_the_console() {
 #[test]
 fn a_script_hears_of_a_line_that_was_refused() {
     let board = Board::new("console-pipe");
+    let refused = board.run("connect", &["--json", "bogus"]);
+    let said: serde_json::Value = serde_json::from_slice(&refused.stdout).unwrap();
+    let expected = serde_json::json!({ "line": "bogus", "reply": ["error: unknown command, see help"] });
+    assert_eq!((refused.status.code(), said), (Some(1), expected));
     for json in [&[][..], &["--json"]] {
         let mut talk = board.command("connect", json).stdin(Stdio::piped()).spawn().unwrap();
         talk.stdin.take().unwrap().write_all(b"bogus\nshow speed_kp\n").unwrap();

@@ -1,6 +1,6 @@
 //! `motorbench analyse`: what the linear model of a motor says.
 
-use super::{Failure, Outputs, terminal, write};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, write, write_json};
 use crate::design::fixed_point::rounded;
 use crate::linear::frequency_response::{bode, log_spaced};
 use crate::linear::motor_model::{TimeConstants, angle, current, speed};
@@ -26,8 +26,8 @@ pub struct Arguments {
     #[arg(long, alias = "model", value_name = "FILE")]
     rig: PathBuf,
     /// Prints poles, zeros, gains and time constants as JSON.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
     /// Also as sampled with this period, the voltage held between samples.
     #[arg(long = "period-ms", value_name = "MS", allow_negative_numbers = true)]
     period_ms: Option<f64>,
@@ -53,18 +53,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = Outputs::new([&arguments.rig], arguments.written().iter())?;
     let (motor, _) = motor_of(&arguments.rig)?;
     let sampled = arguments.sampled(&motor)?;
-    if arguments.json {
+    if let Some(path) = &arguments.json {
         let mut figures = figures(&motor);
-        if let Some(sampled) = sampled {
+        if let Some(sampled) = &sampled {
             let coefficients = |form: &TransferFunction| json!([form.numerator, form.denominator]);
             figures["sampled"] = sampled.iter().map(|(name, form)| (name.to_string(), coefficients(form))).collect();
         }
-        println!("{figures:#}");
-    } else {
-        let forms = sampled.iter().flatten().map(|(name, form)| equation(name, &form.text("z")));
-        let gap = if sampled.is_some() { "\n" } else { "" };
-        outputs.say(&(analysis(&motor) + gap + &forms.collect::<String>()));
+        write_json(path, &figures)?;
     }
+    let forms = sampled.iter().flatten().map(|(name, form)| equation(name, &form.text("z")));
+    let gap = if sampled.is_some() { "\n" } else { "" };
+    outputs.say(&(analysis(&motor) + gap + &forms.collect::<String>()));
     if let Some(path) = &arguments.bode {
         write(path, &bode_csv(&motor))?;
     }
@@ -80,8 +79,7 @@ type Named = (&'static str, TransferFunction);
 impl Arguments {
     /// What is written where.
     fn written(&self) -> Vec<PathBuf> {
-        let json = terminal(self.json);
-        [&self.bode, &self.step, &json].into_iter().flatten().cloned().collect()
+        [&self.bode, &self.step, &self.json].into_iter().flatten().cloned().collect()
     }
 
     /// The forms in `z`, if they are asked for.
@@ -313,7 +311,7 @@ mod tests {
     }
 
     fn asked(period_ms: f64, delay_ms: f64) -> Arguments {
-        Arguments { rig: PathBuf::new(), json: false, period_ms: Some(period_ms), delay_ms, bode: None, step: None }
+        Arguments { rig: PathBuf::new(), json: None, period_ms: Some(period_ms), delay_ms, bode: None, step: None }
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! `motorbench autotune`
 
 use super::board::{PortArguments, finite, on_interrupt};
-use super::{Failure, Outputs, terminal, write};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, write, write_json};
 use crate::board::{Board, BoardError, arm, leave_host, samples_of, untripped, watch_host};
 use crate::design::on_board::{self, TuningError};
 use crate::design::relay::{Relay, tyreus_luyben};
@@ -67,8 +67,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.txt")]
     console: Option<PathBuf>,
     /// Prints experiment, gains and test as JSON.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
 }
 
 /// How long a voltage may be held, in seconds: the motor has to arrive, and somebody waits.
@@ -119,8 +119,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.relay.is_some() && arguments.reference < 0.0 {
         return Err(Failure::input("--relay: its --reference is forwards, above 0; a step may go backwards"));
     }
-    let json = terminal(arguments.json);
-    let outputs = Outputs::new([], arguments.console.iter().chain(&json))?;
+    let outputs = Outputs::new([], arguments.console.iter().chain(&arguments.json))?;
     let stopped = on_interrupt()?;
     let (link, _, settings) = arguments.port.open_to_drive()?;
     let mut board = Attended { link, stopped };
@@ -146,7 +145,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     let (overshoot_percent, error) = tested?;
     let most_error = MOST_ERROR_SHARE * arguments.reference.abs();
     let accepted = overshoot_percent <= MOST_OVERSHOOT_PERCENT && error <= most_error;
-    if arguments.json {
+    if let Some(path) = &arguments.json {
         let result = json!({
             "experiment": found.json,
             "gains": gains.iter().cloned().collect::<BTreeMap<_, _>>(),
@@ -157,15 +156,14 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
             },
             "accepted": accepted,
         });
-        println!("{result:#}");
-    } else {
-        outputs.say(&format!("{}\ngains\n", found.text));
-        gains.iter().for_each(|(name, value)| outputs.say(&format!("  {name} {value:.6}\n")));
-        outputs.say(&format!(
-            "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s\n",
-            arguments.reference
-        ));
+        write_json(path, &result)?;
     }
+    outputs.say(&format!("{}\ngains\n", found.text));
+    gains.iter().for_each(|(name, value)| outputs.say(&format!("  {name} {value:.6}\n")));
+    outputs.say(&format!(
+        "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s\n",
+        arguments.reference
+    ));
     if !accepted {
         board.command(&restore)?;
         return Err(Failure::input(format!(

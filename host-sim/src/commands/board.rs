@@ -1,8 +1,8 @@
 //! `motorbench ports`, `motorbench record`, `motorbench send`, and what the commands that talk to a board share.
 
-use super::files::{beside, free_name, with_beside};
+use super::files::{beside, free_name, is_terminal, with_beside};
 use super::live::LiveArguments;
-use super::{Failure, Outputs, bar, cannot_write, read_rig, tell, write};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, bar, cannot_write, read_rig, tell, write, write_json};
 use crate::board::{Board, BoardError, LOST_AFTER_MS, arm, leave_host, limit, watch_host};
 use crate::keys;
 use crate::link::coverage::{Coverage, Lack};
@@ -140,8 +140,8 @@ fn take_back_watch(link: &mut Link<Port>) -> Result<(), BoardError> {
   motorbench ports --json")]
 pub struct PortsArguments {
     /// One JSON list for programs.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
 }
 
 /// Runs `ports`.
@@ -149,16 +149,16 @@ pub struct PortsArguments {
 /// # Errors
 /// When the system does not tell.
 pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
+    let outputs = Outputs::new([], &arguments.json)?;
     let found = ports().map_err(Failure::machine)?;
-    if arguments.json {
-        println!("{}", serde_json::to_string_pretty(&found).map_err(Failure::machine)?);
-        return Ok(());
+    if let Some(path) = &arguments.json {
+        write_json(path, &found)?;
     }
     if found.is_empty() {
-        println!("no serial port here; without a board: motorbench virtual");
+        outputs.say("no serial port here; without a board: motorbench virtual\n");
     }
     for port in found {
-        println!("{:24} {}{}", port.port, if port.board { "board: " } else { "" }, port.what);
+        outputs.say(&format!("{:24} {}{}\n", port.port, if port.board { "board: " } else { "" }, port.what));
     }
     Ok(())
 }
@@ -258,8 +258,8 @@ pub struct RecordArguments {
     #[command(flatten)]
     live: LiveArguments,
     /// Prints the side file instead of text.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
 }
 
 /// A number that the console takes.
@@ -287,7 +287,7 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
 /// [`Failure`] when nothing could be recorded, or when the recording ended before its time; what has come is written.
 pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let out = &arguments.out.clone().unwrap_or_else(|| free_name("run", &BESIDE));
-    Outputs::new(&arguments.motor, &with_beside(out, &BESIDE))?;
+    let outputs = Outputs::new(&arguments.motor, with_beside(out, &BESIDE).iter().chain(&arguments.json))?;
     let nominal = match &arguments.motor {
         Some(path) => read_rig(path)?.motor,
         None => NominalMotor::default(),
@@ -305,7 +305,7 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
         // What is told of a recording is told of its file.
         done.samples.truncate(growing.rows());
         let not_put_back = put_back.as_ref().err().map(|failure| arguments.port.named_in(&failure.message));
-        finish((arguments, out), &done, (&link.firmware, not_put_back.as_deref()), &played, nominal)
+        finish((arguments, out, &outputs), &done, (&link.firmware, not_put_back.as_deref()), &played, nominal)
     });
     if let (Err(_), Err(kept)) = (&finished, &put_back) {
         tell(&arguments.port.named_in(&format!("motorbench: {}", kept.message)));
@@ -402,7 +402,7 @@ pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
 
 /// Writes what belongs beside the recording and says what became of it.
 fn finish(
-    (arguments, out): (&RecordArguments, &Path),
+    (arguments, out, outputs): (&RecordArguments, &Path, &Outputs),
     done: &Record,
     (firmware, not_put_back): (&str, Option<&str>),
     played: &Played,
@@ -420,16 +420,15 @@ fn finish(
         0 => Ok(()),
         _ => write_each(&files_beside((arguments, out), &done.settings, nominal, played, ticks, &side)?),
     };
-    match arguments.json {
-        true => print!("{}", pretty(&side)?),
-        false if kept == 0 => {}
-        false => report((arguments, out), done),
+    if let Some(path) = &arguments.json {
+        write_json(path, &side)?;
+    }
+    if kept > 0 {
+        outputs.say(&report((arguments, out), done));
     }
     let ended = ended(&done.ended, kept, out).map_err(|failure| with_limit(failure, &done.ended));
     both(ended, written)?;
-    if !arguments.json {
-        next(arguments, out);
-    }
+    outputs.say(&next(arguments, out));
     Ok(())
 }
 
@@ -620,30 +619,31 @@ pub(super) fn write_first(files: &[(PathBuf, String)]) -> Result<(), String> {
     write_each(&with_room.collect::<Vec<_>>()).map_err(|unwritten| format!("{}; {OTHER_FILE}", unwritten.named("")))
 }
 
-fn report((arguments, out): (&RecordArguments, &Path), done: &Record) {
+fn report((arguments, out): (&RecordArguments, &Path), done: &Record) -> String {
     let out = out.display();
     let rate_hz = f64::from(done.settings.get(Param::TickRate));
     let missing = done.missing_ticks();
     let seconds = (done.samples.len() as f64 + f64::from(missing)) / rate_hz;
-    println!("{out}: {} samples, {seconds:.2} s, {missing} missing", done.samples.len());
+    let mut text = format!("{out}: {} samples, {seconds:.2} s, {missing} missing\n", done.samples.len());
     if done.losses != Losses::default() {
         let Losses { lost_frames, damaged_frames } = done.losses;
-        println!("on the line {lost_frames} frames were lost, of them {damaged_frames} damaged:");
-        println!("a shorter cable, another USB port, no hub; or a computer that was too busy; or");
-        println!("{}", arguments.port.named_in(OTHER_READER));
+        text += &format!("on the line {lost_frames} frames were lost, of them {damaged_frames} damaged:\n");
+        text += "a shorter cable, another USB port, no hub; or a computer that was too busy; or\n";
+        text += &format!("{}\n", arguments.port.named_in(OTHER_READER));
     }
     let covered = done.coverage();
-    println!("{covered}");
-    covered.lacks.iter().for_each(|Lack { what, remedy }| println!("  lacks {what}: {remedy}"));
+    text += &format!("{covered}\n");
+    covered.lacks.iter().for_each(|Lack { what, remedy }| text += &format!("  lacks {what}: {remedy}\n"));
+    text
 }
 
 /// What a person would do next.
-fn next(arguments: &RecordArguments, out: &Path) {
+fn next(arguments: &RecordArguments, out: &Path) -> String {
     let [out, rig, scenario] =
         [out, &beside(out, "rig.toml"), &beside(out, "scenario.toml")].map(|path| quoted(&path.to_string_lossy()));
     match arguments.mode.as_str() {
-        OPEN => println!("next: motorbench diagnose {out} --rig {rig}"),
-        _ => println!("next: motorbench validate {out} --scenario {scenario} \\\n  --rig {rig} --model MODEL.toml"),
+        OPEN => format!("next: motorbench diagnose {out} --rig {rig}\n"),
+        _ => format!("next: motorbench validate {out} --scenario {scenario} \\\n  --rig {rig} --model MODEL.toml\n"),
     }
 }
 
@@ -676,8 +676,8 @@ pub struct SendArguments {
     #[arg(long)]
     save: bool,
     /// Prints what was sent as JSON.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
 }
 
 /// Runs `send`.
@@ -685,7 +685,8 @@ pub struct SendArguments {
 /// # Errors
 /// [`Failure`] at the first line the board refuses, or when a setting does not read back as it was sent.
 pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
-    let text = if arguments.file == Path::new("-") {
+    let outputs = Outputs::new([&arguments.file].into_iter().filter(|file| !is_terminal(file)), &arguments.json)?;
+    let text = if is_terminal(&arguments.file) {
         std::io::read_to_string(stdin().lock()).map_err(Failure::machine)?
     } else {
         text_file::read(&arguments.file, "a file of lines for the console")
@@ -707,12 +708,11 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
         link.save()?;
     }
     let sent = lines.len();
-    if arguments.json {
+    if let Some(path) = &arguments.json {
         let sent = serde_json::json!({
             "port": name, "lines": sent, "settings_read_back": checked, "saved": arguments.save
         });
-        println!("{sent}");
-        return Ok(());
+        write_json(path, &sent)?;
     }
     let confirmed = match checked {
         0 => "each answered by ok; no setting is among them".into(),
@@ -720,12 +720,12 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
         checked => format!("{checked} settings read back"),
     };
     let lines_sent = if sent == 1 { "1 line".into() } else { format!("{sent} lines") };
-    println!("{lines_sent} sent to {name}, {confirmed}{}", if arguments.save { ", saved" } else { "" });
+    outputs.say(&format!("{lines_sent} sent to {name}, {confirmed}{}\n", if arguments.save { ", saved" } else { "" }));
     if lines.iter().any(|(line, _)| *line == "arm") {
-        println!("the drive is off again: it stays on while connect, tune or record has the board");
+        outputs.say("the drive is off again: it stays on while connect, tune or record has the board\n");
     }
     if checked > 0 && stdin().is_terminal() && !arguments.save {
-        println!("they are lost at the next reset: --save keeps them");
+        outputs.say("they are lost at the next reset: --save keeps them\n");
     }
     Ok(())
 }
@@ -743,12 +743,14 @@ impl Unsent {
         let (done, left) = lines.split_at(self.obeyed);
         let place = left.first().map_or(String::new(), |(_, number)| format!(", line {number}"));
         let why = format!("{}{place}: {}", arguments.file.display(), self.why.message);
-        if arguments.json {
+        if let Some(path) = &arguments.json {
             let texts = |lines: &[(&str, u32)]| lines.iter().map(|(line, _)| (*line).to_owned()).collect::<Vec<_>>();
             let sent = serde_json::json!({
                 "port": port, "lines": done.len(), "done": texts(done), "not_done": texts(left), "saved": false, "error": why
             });
-            println!("{sent}");
+            if let Err(unwritten) = write_json(path, &sent) {
+                tell(&format!("motorbench: {}", unwritten.message));
+            }
         }
         Failure { message: format!("{why}; {}", told(done, left)), ..self.why }
     }

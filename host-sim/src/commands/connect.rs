@@ -1,7 +1,7 @@
 //! `motorbench connect`: a board's console, at which no drive outlives the program.
 
 use super::board::{PortArguments, lifted_protections, on_interrupt, typed_lines};
-use super::{Failure, tell};
+use super::{Failure, TERMINAL, tell};
 use crate::board::{Board as _, BoardError, LOST_AFTER_MS, cause, clear, words};
 use crate::link::port::Port;
 use crate::link::{self, Link, VERSION};
@@ -9,6 +9,7 @@ use crate::terminal_text::narrow;
 use clap::Args;
 use motorbench_core::message::Trip;
 use std::io::{IsTerminal as _, Write as _, stderr, stdin, stdout};
+use std::slice;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::TryRecvError;
 
@@ -36,8 +37,8 @@ pub struct Arguments {
     /// Lines of the console.
     lines: Vec<String>,
     /// One line of JSON for each line of the console, for programs.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = TERMINAL, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL, value_parser = [TERMINAL])]
+    json: Option<String>,
 }
 
 /// Runs it.
@@ -51,11 +52,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(lifted) = link.settings().ok().as_ref().and_then(lifted_protections) {
         tell(&format!("{lifted}; `load` takes what is saved, `defaults` what is usual"));
     }
-    let mut console = Console { link, json: arguments.json, armed: false, watch: Watch::Unknown, refused: None };
+    let mut console =
+        Console { link, json: arguments.json.is_some(), armed: false, watch: Watch::Unknown, refused: None };
     if !arguments.lines.is_empty() {
         return console.carry_out(&arguments.lines, &stopped);
     }
-    if !arguments.json {
+    if arguments.json.is_none() {
         let firmware = &console.link.firmware;
         let greeting =
             format!("{firmware} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor");
@@ -96,8 +98,11 @@ impl Console {
             if let Some(why) = not_here(line) {
                 return Err(Failure::input(why));
             }
-            let replies = self.ask(line)?;
-            self.say(line, &replies);
+            let asked = self.ask(line);
+            if let (Err(BoardError::Refused { reply, .. }), true) = (&asked, self.json) {
+                self.say(line, slice::from_ref(reply));
+            }
+            self.say(line, &asked?);
         }
         Ok(())
     }

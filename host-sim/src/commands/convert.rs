@@ -1,6 +1,6 @@
 //! `motorbench convert`
 
-use super::{Failure, Outputs, is_terminal, terminal, write};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write, write_json};
 use crate::convert::{self, Dialect, Format, Mapping, Names};
 use crate::recording::Channel;
 use crate::text_file;
@@ -49,8 +49,8 @@ pub struct Arguments {
     #[arg(long)]
     to_decimal_comma: bool,
     /// Prints what was converted as JSON.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
 }
 
 fn renaming(text: &str) -> Result<(Channel, String), String> {
@@ -79,8 +79,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     // Without a file there is no ending.
     let wanted = arguments.to.or_else(|| is_terminal(&arguments.target).then_some(Format::Csv));
     let (from, to) = (format(arguments.from, &arguments.source)?, format(wanted, &arguments.target)?);
-    let json = terminal(arguments.json);
-    let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&json))?;
+    let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&arguments.json))?;
     let name = arguments.source.display().to_string();
     let bytes = std::fs::read(&arguments.source)
         .map_err(|error| Failure::input(format!("{name}: {}", text_file::explained(&arguments.source, error))))?;
@@ -99,12 +98,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(Failure::input)?;
     let kept = tests.as_ref().map_or(recording, |tests| &tests.recording);
     let channels: Vec<&str> = kept.channels().map(Channel::column).collect();
-    if arguments.json {
+    if let Some(path) = &arguments.json {
         let summary = serde_json::json!({
             "samples": kept.len(), "channels": channels, "ignored": converted.ignored, "cut": converted.cut
         });
-        println!("{summary}");
-        return Ok(());
+        write_json(path, &summary)?;
     }
     let (count, channels) = (kept.len(), channels.join(", "));
     outputs.say(&format!("{}: {count} samples of {channels}\n", target.display()));

@@ -3,7 +3,7 @@
 mod loops;
 mod revealed;
 
-use super::{Failure, Outputs, is_terminal, terminal};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write_json};
 use crate::board::words;
 #[cfg(feature = "chip")]
 use crate::board::{Board, BoardError, untripped};
@@ -76,8 +76,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.html", overrides_with = "report")]
     report: Option<PathBuf>,
     /// Prints the result as JSON instead of text.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
     /// Writes the recording for the other commands, and what a data sheet would say beside it (.rig.toml).
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
@@ -122,11 +122,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             super::write(path, &whole.html())?;
             outputs.say(&page_is_at(path));
         }
-        None if arguments.json => {}
+        None if arguments.json.is_some() => {}
         None => outputs.say(&unasked(&PathBuf::from(format!("motorbench-demo-{seed}.html")), &whole.html())),
     }
-    if arguments.json {
-        println!("{:#}", whole.json());
+    if let Some(path) = &arguments.json {
+        write_json(path, &whole.json())?;
     }
     Ok(())
 }
@@ -209,8 +209,8 @@ impl Arguments {
         if self.csv.as_deref().is_some_and(is_terminal) {
             return Err(Failure::input("--csv -: a rig file is written beside the recording: give it a name"));
         }
-        let (rig, json) = (self.csv.as_deref().map(rig_of), terminal(self.json));
-        Outputs::new([], [&self.report, &self.csv, &rig, &json].into_iter().flatten())
+        let rig = self.csv.as_deref().map(rig_of);
+        Outputs::new([], [&self.report, &self.csv, &rig, &self.json].into_iter().flatten())
     }
 }
 

@@ -2,20 +2,36 @@
 
 use super::{Failure, folder};
 use serde_json::{Map, Value};
+use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 /// The name that stands for the standard output.
-const TERMINAL: &str = "-";
+pub(super) const TERMINAL: &str = "-";
+/// What stands behind an option --json that goes to the standard output where nothing does.
+pub(super) const JSON_TO: &str = "FILE.json|-";
 
 /// Whether a name stands for the standard output.
 pub(super) fn is_terminal(path: &Path) -> bool {
     path == Path::new(TERMINAL)
 }
 
-/// The name of the standard output, where a result goes there.
-pub(super) fn terminal(is_asked_for: bool) -> Option<PathBuf> {
-    is_asked_for.then(|| PathBuf::from(TERMINAL))
+/// The command line with `--json FILE.json` and `--json -` as `--json=FILE.json` and `--json=-`: without a value the option leaves
+/// what follows, a line for a board or a file that is read, where it stands.
+pub(super) fn with_json_joined(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    let mut joined: Vec<OsString> = Vec::new();
+    for argument in arguments {
+        let path = Path::new(&argument);
+        let is_file = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("json"));
+        match joined.last_mut().filter(|last| *last == "--json" && (is_file || is_terminal(path))) {
+            Some(last) => {
+                last.push("=");
+                last.push(argument);
+            }
+            None => joined.push(argument),
+        }
+    }
+    joined
 }
 
 /// Where what a command has to say goes.
@@ -170,6 +186,19 @@ mod tests {
         for (ending, is_kept) in [("rig.toml", true), ("scenario.toml", true), ("model.toml", false)] {
             fs::write(beside(&table, ending), "").unwrap();
             assert_eq!(Outputs::new([&table], [&beside(&table, ending)]).is_err(), is_kept, "{ending}");
+        }
+    }
+
+    #[test]
+    fn what_json_goes_to_is_told_from_what_follows_it() {
+        let joined = |line: &str| {
+            let joined = with_json_joined(line.split(' ').map(OsString::from));
+            joined.iter().map(|argument| argument.to_string_lossy().into_owned()).collect::<Vec<_>>().join(" ")
+        };
+        assert_eq!(joined("connect --json - status"), "connect --json=- status");
+        assert_eq!(joined("stand t.csv --json a.json --map m.svg"), "stand t.csv --json=a.json --map m.svg");
+        for whole in ["connect --json status", "convert --json a.csv b.csv", "send - --json", "convert a.json b.csv"] {
+            assert_eq!(joined(whole), whole);
         }
     }
 

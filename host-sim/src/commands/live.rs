@@ -1,6 +1,6 @@
 //! `motorbench live`
 
-use super::{Failure, read_recording};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, read_recording, write_json};
 use crate::live::{Live, PLOTJUGGLER, TELEPLOT};
 use clap::Args;
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -28,8 +28,8 @@ pub struct Arguments {
     #[arg(long, default_value_t = 1.0, value_parser = rate, allow_negative_numbers = true)]
     speed: f64,
     /// Prints what was sent as JSON.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
 }
 
 /// Runs it.
@@ -37,6 +37,7 @@ pub struct Arguments {
 /// # Errors
 /// [`Failure`] for a recording without time and for an address that is none.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let outputs = Outputs::new([&arguments.recording], &arguments.json)?;
     let recording = read_recording(&arguments.recording, &[])?;
     let Some(time_s) = recording.time_s() else {
         return Err(Failure::input(format!(
@@ -54,12 +55,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         std::thread::sleep(due.saturating_duration_since(Instant::now()));
         live.send(&recording, index).map_err(Failure::machine)?;
     }
-    if arguments.json {
-        println!("{}", serde_json::json!({ "samples": recording.len(), "udp": udp, "teleplot": arguments.teleplot }));
-    } else {
-        let to: Vec<String> = udp.iter().chain(&arguments.teleplot).map(SocketAddr::to_string).collect();
-        println!("{} samples sent to {}", recording.len(), to.join(" and "));
+    if let Some(path) = &arguments.json {
+        let sent = serde_json::json!({ "samples": recording.len(), "udp": udp, "teleplot": arguments.teleplot });
+        write_json(path, &sent)?;
     }
+    let to: Vec<String> = udp.iter().chain(&arguments.teleplot).map(SocketAddr::to_string).collect();
+    outputs.say(&format!("{} samples sent to {}\n", recording.len(), to.join(" and ")));
     Ok(())
 }
 

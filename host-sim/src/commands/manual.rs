@@ -1,8 +1,9 @@
 //! `motorbench man`, `motorbench completions`: the command line itself, for readers, shells and programs.
 
-use super::{EXIT_CODES, Failure, command};
+use super::{EXIT_CODES, Failure, JSON_TO, Outputs, TERMINAL, command, write_json};
 use clap::{Arg, Args, Command};
 use serde_json::{Value, json};
+use std::path::PathBuf;
 
 /// Prints a completion script for a shell.
 #[derive(Args)]
@@ -13,20 +14,24 @@ pub struct CompletionsArguments {
     /// Which shell.
     shell: clap_complete::Shell,
     /// Prints shell and script as JSON.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
 }
 
 /// Runs `completions`.
-pub fn completions(arguments: &CompletionsArguments) {
+///
+/// # Errors
+/// When the file for JSON cannot be written.
+pub fn completions(arguments: &CompletionsArguments) -> Result<(), Failure> {
+    let outputs = Outputs::new([], &arguments.json)?;
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut command(), "motorbench", &mut script);
     let script = String::from_utf8_lossy(&script);
-    if arguments.json {
-        println!("{}", json!({ "shell": arguments.shell.to_string(), "script": script }));
-    } else {
-        print!("{script}");
+    if let Some(path) = &arguments.json {
+        write_json(path, &json!({ "shell": arguments.shell.to_string(), "script": script }))?;
     }
+    outputs.say(&script);
+    Ok(())
 }
 
 /// Prints the manual page, of the program or of a command.
@@ -40,8 +45,8 @@ pub struct ManArguments {
     #[arg(value_parser = named)]
     command: Option<Box<Command>>,
     /// Prints commands, arguments, values and defaults as JSON instead of the page.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
 }
 
 /// The program, with the options' defaults and the whole usage of each command.
@@ -58,14 +63,14 @@ fn named(name: &str) -> Result<Box<Command>, &'static str> {
 /// Runs `man`.
 ///
 /// # Errors
-/// When a page cannot be made.
+/// When a page cannot be made, or the file for JSON not written.
 pub fn man(arguments: ManArguments) -> Result<(), Failure> {
+    let outputs = Outputs::new([], &arguments.json)?;
     let of = arguments.command.map_or_else(built, |command| *command);
-    if arguments.json {
-        println!("{:#}", described(&of));
-        return Ok(());
+    if let Some(path) = &arguments.json {
+        write_json(path, &described(&of))?;
     }
-    print!("{}", page(of)?);
+    outputs.say(&page(of)?);
     Ok(())
 }
 

@@ -32,11 +32,12 @@ use crate::scenario::Scenario;
 use crate::terminal_text::narrow;
 use crate::text_file;
 use clap::{CommandFactory, FromArgMatches as _, Parser, Subcommand};
-use files::{Outputs, beside, is_terminal, terminal};
+use files::{JSON_TO, Outputs, TERMINAL, beside, is_terminal, with_json_joined};
 use indicatif::{ProgressBar, ProgressStyle};
 use ratatui::crossterm::terminal::window_size;
 use serde::Serialize;
 use std::any::Any;
+use std::env::args_os;
 use std::fmt::Display;
 use std::fs;
 use std::io::{self, ErrorKind, IsTerminal as _, Write as _};
@@ -144,7 +145,8 @@ pub fn main() -> ExitCode {
             usual(information);
         }
     }));
-    let parsed = || Program::from_arg_matches(&command_on(columns()).try_get_matches()?);
+    let parsed =
+        || Program::from_arg_matches(&command_on(columns()).try_get_matches_from(with_json_joined(args_os()))?);
     let result = panic::catch_unwind(|| match parsed() {
         Ok(program) => run(program).map(|()| ExitCode::SUCCESS),
         Err(error) => {
@@ -200,10 +202,7 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Send(arguments) => board::run_send(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Tune(arguments) => tune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Autotune(arguments) => autotune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
-        Command::Completions(arguments) => {
-            manual::completions(&arguments);
-            Ok(())
-        }
+        Command::Completions(arguments) => manual::completions(&arguments),
         Command::Man(arguments) => manual::man(arguments),
     }
 }

@@ -3,7 +3,7 @@
 #[cfg(all(feature = "chip", unix))]
 mod surroundings;
 
-use super::Failure;
+use super::{Failure, TERMINAL};
 use crate::link::port::USUAL_LINK;
 use clap::Args;
 use std::path::PathBuf;
@@ -61,8 +61,8 @@ pub struct Arguments {
     #[arg(long, value_name = "S", value_parser = seconds)]
     seconds: Option<f64>,
     /// Prints one line of JSON when the board is ready, and one for each line from the terminal.
-    #[arg(long)]
-    json: bool,
+    #[arg(long, value_name = TERMINAL, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL, value_parser = [TERMINAL])]
+    json: Option<String>,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -187,7 +187,7 @@ mod with_chip {
         })?;
         for line in &arguments.tell {
             board.order(&from_here(line)).map_err(Failure::input)?;
-            if arguments.json {
+            if arguments.json.is_some() {
                 println!("{}", serde_json::json!({ "line": line, "error": null }));
             }
         }
@@ -331,7 +331,7 @@ mod with_chip {
         let greeting = bench.run_until_line(GREETS_WITHIN_S).map_err(Failure::machine)?;
         // It has been read here; who opens the port shall find it as well.
         greeting.iter().for_each(|said| line.send(format!("{said}\r\n").as_bytes()));
-        if arguments.json {
+        if arguments.json.is_some() {
             println!("{}", ready(&named, &name, &control, greeting.as_deref(), &surroundings));
         } else {
             println!("virtual board at {} ({name}); lines change it:\n{ORDERS}", named.0.display());
@@ -344,13 +344,13 @@ mod with_chip {
         {
             for order in orders.try_iter() {
                 if order.line.trim() == QUIT {
-                    order.answer(Ok(()), arguments.json);
+                    order.answer(Ok(()), arguments.json.is_some());
                     return Ok(());
                 }
                 match surroundings.obey(bench, &order.line) {
-                    Ok(Until::Now) => order.answer(Ok(()), arguments.json),
+                    Ok(Until::Now) => order.answer(Ok(()), arguments.json.is_some()),
                     Ok(later) => under_way.push((order, later)),
-                    Err(why) => order.answer(Err(why), arguments.json),
+                    Err(why) => order.answer(Err(why), arguments.json.is_some()),
                 }
             }
             line.exchange(bench).map_err(Failure::machine)?;
@@ -359,7 +359,7 @@ mod with_chip {
             }
             surroundings.push(bench);
             let done = under_way.extract_if(.., |(_, until)| surroundings.is_over(bench, *until));
-            done.for_each(|(order, _)| order.answer(Ok(()), arguments.json));
+            done.for_each(|(order, _)| order.answer(Ok(()), arguments.json.is_some()));
             bench.run_s(SLICE_S).map_err(Failure::machine)?;
             if let Some(eeprom) = eeprom {
                 eeprom.watch(bench)?;
