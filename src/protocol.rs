@@ -269,6 +269,12 @@ mod tests {
         frame[..length].to_vec()
     }
 
+    fn hear(decoder: &mut StreamDecoder, stream: &[u8]) {
+        for &byte in stream {
+            decoder.push(byte);
+        }
+    }
+
     #[test]
     fn the_columns_are_the_sample() {
         let bytes: usize = SAMPLE_COLUMNS.iter().map(|&(_, bytes, _)| bytes as usize).sum();
@@ -283,7 +289,7 @@ mod tests {
         let mut stream = encode(&mut framer, SAMPLE, pack(&sample(1)));
         (0..150).for_each(|_| stream.extend(encode(&mut framer, TEXT, b"# speed_kp 0.05")));
         stream.extend(encode(&mut framer, SAMPLE, pack(&sample(391))));
-        stream.iter().for_each(|&byte| drop(decoder.push(byte)));
+        hear(&mut decoder, &stream);
         assert_eq!((decoder.lost, decoder.damaged), (0, 0));
     }
 
@@ -344,15 +350,19 @@ mod tests {
             };
             let mut lost = 0;
             for (samples, texts, pieces) in gaps {
-                sample(&mut framer).iter().for_each(|&byte| drop(decoder.push(byte)));
-                (0..samples).for_each(|_| drop(sample(&mut framer)));
-                (0..texts).for_each(|_| drop(encode(&mut framer, TEXT, b"ok")));
+                hear(&mut decoder, &sample(&mut framer));
+                for _ in 0..samples {
+                    sample(&mut framer);
+                }
+                for _ in 0..texts {
+                    encode(&mut framer, TEXT, b"ok");
+                }
                 let missing = samples + texts as u32;
                 prop_assume!(pieces > 0 || missing == 0 || !missing.is_multiple_of(NUMBERS));
                 lost += missing;
-                (0..pieces).for_each(|_| [7, 1, 2, 0].iter().for_each(|&byte| drop(decoder.push(byte))));
+                (0..pieces).for_each(|_| hear(&mut decoder, &[7, 1, 2, 0]));
             }
-            sample(&mut framer).iter().for_each(|&byte| drop(decoder.push(byte)));
+            hear(&mut decoder, &sample(&mut framer));
             prop_assert_eq!(decoder.lost, lost);
             prop_assert!(decoder.damaged <= lost);
         }

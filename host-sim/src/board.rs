@@ -68,7 +68,9 @@ pub enum BoardError {
 pub fn cause(trip: Trip) -> &'static str {
     match trip {
         Trip::None => "nothing is wrong",
-        Trip::OverCurrentPeak => "the current exceeded `trip_peak`: too low for this amplitude or `slew_limit`, or is the shaft held?",
+        Trip::OverCurrentPeak => {
+            "the current exceeded `trip_peak`: too low for this amplitude or `slew_limit`, or is the shaft held?"
+        }
         Trip::OverCurrentThermal => "is the shaft held, or `trip_continuous` too low?",
         Trip::Stall => "is the shaft held, or the load too great? `trip_stall` 0 lets it stand",
         Trip::EncoderSilent => {

@@ -183,7 +183,7 @@ pub fn read(
     let failed = |fault| ConvertError::new(name, fault);
     let whole = |(columns, ignored)| (columns, ignored, None);
     let (columns, ignored, cut) = match format {
-        Format::Wpilog => wpilog::read(bytes, names),
+        Format::Wpilog => wpilog::read(bytes, names).map(|log| (log.columns, log.ignored, log.cut)),
         Format::Csv if plotjuggler::is_one(bytes) => plotjuggler::read(bytes, names).map(whole),
         Format::Csv => csv::read(bytes, names, dialect).map(whole),
         Format::Plotjuggler => plotjuggler::read(bytes, names).map(whole),

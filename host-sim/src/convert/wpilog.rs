@@ -78,9 +78,18 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Entries of numbers that are channels, the names of the others, and what is said of a log that ends within a record: one whose
-/// robot was switched off.
-pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>, Option<String>), Fault> {
+/// What a log holds.
+pub struct Log {
+    /// Entries of numbers that are channels.
+    pub columns: Vec<Column>,
+    /// The names of the others.
+    pub ignored: Vec<String>,
+    /// What is said of one that ends within a record: its robot was switched off.
+    pub cut: Option<String>,
+}
+
+/// Takes a log apart.
+pub fn read(bytes: &[u8], names: &Names) -> Result<Log, Fault> {
     let mut cursor = Cursor { bytes, at: 0 };
     if cursor.take(MAGIC.len()).ok() != Some(MAGIC) {
         return Err(Fault::at_byte(0, "it does not begin with WPILOG: not a WPILib data log"));
@@ -125,7 +134,7 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>, Op
         }
     }
     let (columns, ignored) = joined(found, names)?;
-    Ok((columns, ignored, cut))
+    Ok(Log { columns, ignored, cut })
 }
 
 /// Gives what a `SysIdRoutineLog` logged of its only motor the names and units of channels. Of several motors none is meant

@@ -1,7 +1,8 @@
 //! What is said of how the recordings were made, where the rig file does not say it.
 
 use super::{
-    Contradiction, Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, held_rotor, row_order,
+    Contradiction, Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, held_rotor,
+    row_order,
 };
 use crate::recording::Channel;
 use crate::terminal_text::short;
