@@ -41,9 +41,10 @@ pub const OTHER_READER: &str = "another program may be reading the port (`lsof P
 const TRIES: u32 = 3;
 /// The same over a line that loses frames, as long as some come whole.
 const LOSSY_TRIES: u32 = 10;
-/// An answer that was damaged on its way is waited for so long by both clocks after what came of it last.
-const DAMAGED_ANSWER: Duration = Duration::from_millis(300);
-const DAMAGED_ANSWER_TICKS: u32 = 300;
+/// An answer that was damaged on its way is waited for so long by both clocks after what came of it last. With [`LATE`] that is
+/// well within [`LOST_AFTER_MS`](crate::board::LOST_AFTER_MS): the board shall not miss its host for it.
+const DAMAGED_ANSWER: Duration = Duration::from_millis(120);
+const DAMAGED_ANSWER_TICKS: u32 = 120;
 /// Stands in a reply where frames were lost within a line.
 const GAP: char = char::REPLACEMENT_CHARACTER;
 /// A late answer to a line that was given up is not waited for longer than this by both clocks.
