@@ -90,6 +90,9 @@ pub enum Effect {
     /// The speed is read through a filter of 3 to 15 ms.
     /// First order, `time_constant_s`; the tachogenerator's own, or of two in five the program's, of the readings.
     SpeedLag,
+    /// The bridge gives 3 to 20 % less backwards.
+    /// u (1 + `backward_share`) where u < 0.
+    BridgeAsymmetry,
     /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
     OutsideShaker,
     /// Not in the catalogue: the torque constant falls with the current, by 25 to 50 % at the peak.
@@ -134,8 +137,8 @@ impl Effect {
         Self::MissedCounts,
         Self::TachoRipple,
     ];
-    /// Those it knows of a tachogenerator alone: drawn where they are asked for.
-    pub const OF_A_TACHOGENERATOR: [Self; 1] = [Self::SpeedLag];
+    /// Those it knows besides, one of a tachogenerator alone: drawn where they are asked for.
+    pub const ASKED_FOR: [Self; 2] = [Self::SpeedLag, Self::BridgeAsymmetry];
     /// Those it does not.
     pub const OUTSIDE: [Self; 8] = [
         Self::OutsideShaker,
@@ -174,6 +177,7 @@ impl Effect {
             Self::MissedCounts => "missed_counts",
             Self::TachoRipple => "tacho_ripple",
             Self::SpeedLag => "speed_lag",
+            Self::BridgeAsymmetry => "bridge_asymmetry",
             Self::OutsideShaker => "outside_shaker",
             Self::OutsideSaturation => "outside_saturation",
             Self::OutsideDropouts => "outside_dropouts",

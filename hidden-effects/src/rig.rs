@@ -72,6 +72,8 @@ pub struct Hidden {
     shaker_nm: f64,
     shaker_hz: f64,
     saturation: f64,
+    /// By what share the bridge gives less backward.
+    weaker_backward: f64,
     dropouts: bool,
     dropout_s: f64,
     /// The counter stands now and then, and for how long.
@@ -384,6 +386,10 @@ impl Bench {
                 hidden.ripples = f64::from(random.random_range(11_u8..=31));
                 vec![("ripples_per_rev", hidden.ripples)]
             }
+            Effect::BridgeAsymmetry => {
+                hidden.weaker_backward = between(0.03, 0.2);
+                vec![("backward_share", -hidden.weaker_backward)]
+            }
             Effect::OutsideShaker => {
                 hidden.shaker_nm = between(0.06, 0.15) * stall_nm;
                 hidden.shaker_hz = random.random_range(4.0..9.0);
@@ -498,7 +504,10 @@ impl Bench {
     pub(crate) fn switched_step(&mut self, switch: Switch, dt: f64) {
         let (source_v, drop_v) = match switch {
             Switch::Forward => (self.supply_v - self.hidden.sag_ohm * self.drawn_a, self.hidden.drop_v),
-            Switch::Reverse => (self.hidden.sag_ohm * self.drawn_a - self.supply_v, self.hidden.drop_v),
+            Switch::Reverse => {
+                let source_v = self.hidden.sag_ohm * self.drawn_a - self.supply_v;
+                ((1.0 - self.hidden.weaker_backward) * source_v, self.hidden.drop_v)
+            }
             Switch::Short => (0.0, self.hidden.drop_v),
             Switch::Off => (0.0, self.supply_v + 2.0 * DIODE_V),
         };
@@ -522,7 +531,12 @@ impl Bench {
     /// Supply voltage while it drives with this duty.
     fn supply_under(&self, duty: f64) -> f64 {
         let drawn = if self.hidden.sags_in_pulses { duty.signum() } else { duty };
-        if self.dropped_out() { 0.0 } else { self.supply_v - self.hidden.sag_ohm * drawn * self.current_a }
+        let passed_on = if duty < 0.0 { 1.0 - self.hidden.weaker_backward } else { 1.0 };
+        if self.dropped_out() {
+            0.0
+        } else {
+            passed_on * (self.supply_v - self.hidden.sag_ohm * drawn * self.current_a)
+        }
     }
 
     fn armature(&mut self, source_v: f64, drop_v: f64, dt: f64) {

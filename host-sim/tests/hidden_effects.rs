@@ -46,6 +46,18 @@ fn every_effect_is_found_alone() {
     }
 }
 
+/// The same torque, friction or offset would fit one speed, not all of them.
+#[test]
+fn a_bridge_may_give_less_one_way() {
+    for (seed, channels) in [(1, Channels::Full), (2, Channels::VoltageSpeed), (3, Channels::DutyCountsCurrent)] {
+        let recipe = Recipe { channels, ..Recipe::of(&[Effect::BridgeAsymmetry]).on_real_rig() };
+        let outcome = assert_found(seed, &recipe.with_random_strengths(seed)).outcome;
+        let cause = outcome.causes.iter().find(|cause| cause.effect == "bridge_asymmetry").expect("it is named");
+        let ends = cause.parameters["backward_share"].ci95.expect("an interval");
+        assert!(ends[1] < 0.0, "seed {seed}: {cause:?}");
+    }
+}
+
 #[test]
 fn constants_are_found_to_a_few_percent() {
     let trial = draw(5, &Recipe::of(&[]).on_real_rig());

@@ -13,6 +13,7 @@
 
 mod actuation_delay;
 mod backlash;
+mod bridge_asymmetry;
 mod coast_decay;
 mod cogging;
 mod coulomb_friction;
@@ -43,7 +44,7 @@ use crate::motor::MotorParameters;
 use std::ops::Range;
 
 /// Every effect the diagnosis knows, in the order in which those on the sensors act on a reading.
-pub static CATALOGUE: [&dyn Effect; 23] = [
+pub static CATALOGUE: [&dyn Effect; 24] = [
     &coulomb_friction::CoulombFriction,
     &stribeck_friction::StribeckFriction,
     &friction_asymmetry::FrictionAsymmetry,
@@ -56,6 +57,7 @@ pub static CATALOGUE: [&dyn Effect; 23] = [
     &backlash::Backlash,
     &shaft_compliance::ShaftCompliance,
     &voltage_drop::VoltageDrop,
+    &bridge_asymmetry::BridgeAsymmetry,
     &supply_sag::SupplySag,
     &winding_heating::WindingHeating,
     &coast_decay::CoastDecay,

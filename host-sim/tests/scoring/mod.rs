@@ -63,7 +63,7 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         }
         "after" => Recipe { written_after: true, ..single() },
         id => {
-            let all = Effect::CATALOGUE.into_iter().chain(Effect::OF_A_TACHOGENERATOR).chain(Effect::OUTSIDE);
+            let all = Effect::CATALOGUE.into_iter().chain(Effect::ASKED_FOR).chain(Effect::OUTSIDE);
             Recipe::of(&[all.into_iter().find(|effect| effect.id() == id).expect("KIND is known")])
         }
     };

@@ -1,0 +1,43 @@
+//! Bridge asymmetry: of the two ways through a bridge one gives less, by a transistor that no longer saturates, a bad joint or a
+//! pulse that is lengthened one way and shortened the other.
+
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// See the module.
+pub struct BridgeAsymmetry;
+
+static ABOUT: About = About {
+    id: "bridge_asymmetry",
+    title: "a bridge that gives less one way",
+    acts_on: ActsOn::Voltage,
+    parameters: &[Parameter::signed("backward_share")],
+    linear_in: 1,
+    law: "U = u forwards, (1 + backward_share) u backwards",
+    looks_like: "The missing voltage is in proportion to the voltage one way, and nothing the other; the motor is faster one way than the other, most at full duty",
+    confused_with: &["load_torque", "friction_asymmetry", "current_offset"],
+    experiment: "Measure the bridge's output with a meter at the same duty both ways, the motor unplugged and plugged in",
+    remedy: "The bridge's other channel, or another bridge; until then a command scaled up the weaker way",
+    source: "Texas Instruments, L293D data sheet (saturation voltages and propagation delays that differ between the two ways)",
+};
+
+impl Effect for BridgeAsymmetry {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![-0.1]]
+    }
+
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        at: &Instant,
+        _state: &mut [f64],
+        balance: &mut Balance,
+    ) {
+        balance.voltage_v += values[0] * at.voltage_v.min(0.0);
+    }
+}
