@@ -8,6 +8,9 @@ const MOST_OF_SPEED: f64 = 0.1;
 /// The Stribeck speed of an exponential over that of the bell that is down to half at the same speed.
 const EXPONENTIAL_OVER_BELL: f64 = 1.2;
 
+/// What sticks now and then has no smooth cost: a fit stops within so much of the excess, or of the speed, of where it belongs.
+const ELSEWHERE: [f64; 2] = [0.7, 1.4];
+
 /// See the module.
 pub struct StribeckFriction;
 
@@ -45,6 +48,20 @@ impl Effect for StribeckFriction {
         let speed_rad_per_s =
             values[1] * if is_exponential { 1.0 / EXPONENTIAL_OVER_BELL } else { EXPONENTIAL_OVER_BELL };
         vec![vec![values[0], speed_rad_per_s, f64::from(!is_exponential)]]
+    }
+
+    /// Both laws, with another excess or another speed.
+    fn elsewhere(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
+        let laws = [vec![values.to_vec()], self.other_laws(values, scales)].concat();
+        let varied = |law: &Vec<f64>| {
+            let at = |constant: usize, factor: f64| {
+                let mut other = law.clone();
+                other[constant] *= factor;
+                other
+            };
+            [0, 1].into_iter().flat_map(|constant| ELSEWHERE.map(|factor| at(constant, factor))).collect::<Vec<_>>()
+        };
+        laws.iter().flat_map(varied).collect()
     }
 
     /// What it adds falls off to the Coulomb level; beside a wave over the angle the excess alone is what the wave leaves.

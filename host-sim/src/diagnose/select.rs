@@ -4,7 +4,7 @@
 use super::DATA_SHEET_TOLERANCE;
 use super::judge::{Gain, NOT_NOISE, above_floor, gain, sigmas_together};
 use crate::catalogue::{ActsOn, Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, Scales, USUAL, effect};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Measured};
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
 use crate::model::{Model, Term};
@@ -27,6 +27,8 @@ const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
 const ALONE_SIGMAS: f64 = 50.0;
 /// With at least this share of the error that is left.
 const LEAST_SHARE: f64 = 0.02;
+/// An effect that makes the error of a quantity so many times greater, beyond the noise, explains one at the cost of another.
+const SPOILT: f64 = 1.5;
 /// Two models closer than this cannot be told apart.
 const SAME_SIGMAS: f64 = 2.5;
 const SAME_SHARE: f64 = 0.02;
@@ -480,9 +482,18 @@ impl Chooser<'_> {
         let is_certain =
             || own.sigmas > NAMED_SIGMAS || self.sigmas_on_all(current, &without, &own) > NAMED_ON_ALL_SIGMAS;
         let is_named = stands
+            && !self.spoils(&own)
             && (keeps_the_motor || keeps_the_winding() || earns_its_place(&own) && is_certain())
             && self.owes_it_to_its_number(current, &without, id);
         Check { id, without, own, is_named }
+    }
+
+    /// Whether an effect explains one quantity at the cost of another.
+    fn spoils(&self, own: &Gain) -> bool {
+        let is_spoilt = |(&(before, after), measured): (&(f64, f64), &Measured)| {
+            after > SPOILT * before && after > NOT_NOISE * measured.least_error(measured.noise)
+        };
+        own.rmse.iter().zip(&self.data.measured).any(is_spoilt)
     }
 
     fn with_nominal_inductance(&self, found: &Fit) -> Fit {
