@@ -4,8 +4,10 @@
 mod common;
 
 use common::{Uno, figures};
+use host_sim::chip::Sample;
 use host_sim::chip::registers::vector;
-use motorbench_core::pins::SUPPLY_SENSE;
+use host_sim::rig::Timing;
+use motorbench_core::pins::{CPU_HZ, CURRENT_SENSE, SUPPLY_SENSE};
 
 #[test]
 fn controllers() {
@@ -79,4 +81,36 @@ fn it_fits_the_uno() {
         memory.flash, memory.static_ram, memory.stack_free
     );
     assert!(memory.flash <= 32_256 && memory.static_ram <= 1024 && memory.stack_free >= 200);
+}
+
+/// What rig files of recordings say: when a voltage follows the tick that records it, and of when its mean current is.
+#[test]
+fn a_recording_is_of_the_times_that_its_rig_file_says() {
+    let mut uno = Uno::start();
+    for order in ["arm", "mode open", "sequence levels 6 0 5 200 1"] {
+        uno.order(order);
+    }
+    uno.run_s(0.05);
+    uno.bench.chip_mut().measure(None);
+    uno.bench.record(16);
+    uno.run_s(0.8);
+    let rows = uno.bench.take_recording();
+    let meter = uno.bench.chip().meter();
+    let ticks: Vec<u64> = meter.handler_runs(vector::TIMER0_COMPA).iter().map(|run| run.entry_cycle).collect();
+    let changes = rows.windows(2).filter(|pair| pair[0].duty != pair[1].duty).map(|pair| pair[1].cycle);
+    let since_tick = |cycle: u64| ticks.iter().rfind(|tick| **tick < cycle).map(|tick| seconds(cycle - tick));
+    let delays_s: Vec<f64> = changes.filter_map(since_tick).collect();
+    let delay_s = delays_s.iter().sum::<f64>() / delays_s.len() as f64;
+    let [before, tick] = [ticks[ticks.len() - 2], ticks[ticks.len() - 1]];
+    let of_current = |sample: &&Sample| sample.channel == CURRENT_SENSE.bit && (before..tick).contains(&sample.cycle);
+    let ages_s: Vec<f64> =
+        meter.samples().iter().filter(of_current).map(|sample| seconds(tick - sample.cycle)).collect();
+    let late_s = ages_s.iter().sum::<f64>() / ages_s.len() as f64 - 0.5 * seconds(tick - before);
+    println!("{} voltages {delay_s} s after their ticks; {} currents {late_s} s late", delays_s.len(), ages_s.len());
+    assert!(delays_s.len() > 100 && (delay_s - Timing::FIRMWARE.command_delay_s.unwrap()).abs() < 5e-6, "{delay_s}");
+    assert!(ages_s.len() == 8 && (late_s - Timing::FIRMWARE.current_late_s.unwrap()).abs() < 2e-6, "{late_s}");
+}
+
+fn seconds(cycles: u64) -> f64 {
+    cycles as f64 / f64::from(CPU_HZ)
 }

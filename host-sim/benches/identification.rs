@@ -23,7 +23,7 @@ fn identification(criterion: &mut Criterion) {
     nominal.torque_constant_nm_per_a *= 1.1;
     nominal.inertia_kg_m2 *= 0.9;
     nominal.viscous_friction_nm_s *= 1.1;
-    let rig = telemetry::rig(&scenario.settings, NominalMotor::from(nominal));
+    let rig = telemetry::rig_of_core(&scenario.settings, NominalMotor::from(nominal));
     let data = Dataset::new(std::slice::from_ref(&recording), &rig).expect("a recording that can be used");
     let prior = Prior::new(&rig.motor, &data);
     let linear = Model::linear(nominal);

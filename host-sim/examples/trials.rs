@@ -157,6 +157,7 @@ fn constants(trial: &Trial, outcome: &Outcome) -> Vec<(String, f64, bool)> {
     if outcome.unexplained.is_none() {
         for (name, truth) in [
             ("resistance_ohm", motor.resistance_ohm),
+            ("inductance_H", motor.inductance_h),
             ("torque_constant_Nm_per_A", motor.torque_constant_nm_per_a),
             ("inertia_kg_m2", motor.inertia_kg_m2),
         ] {

@@ -6,6 +6,7 @@ use std::ops::Range;
 
 mod columns;
 mod contradictions;
+mod counted_edges;
 mod counter_stops;
 mod dead_current;
 mod edge_timing;
@@ -25,7 +26,7 @@ use columns::held;
 pub use columns::{NORMAL_MEDIAN, difference, greatest, median, noise, runs, spread};
 pub use contradictions::{Contradiction, contradictions};
 pub use counter_stops::CounterStop;
-pub use edge_timing::{BetweenEdges, EdgeTiming, Edges};
+pub use edge_timing::{BetweenEdges, EdgeTiming};
 pub use end_of_range::EndOfRange;
 pub use error::DatasetError;
 pub use held_rotor::HeldRotor;

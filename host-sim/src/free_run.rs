@@ -119,6 +119,12 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     if data.origin.current_window_s > 0.0 {
         motion.current_a = mean_current(model, &motion, data);
     }
+    if let Some(late_s) = data.origin.timing.current_late_s {
+        read_late(&mut motion.current_a, data, late_s);
+    }
+    if (data.origin.timing.readings, data.motion().output) == (rig::Readings::Mean, Output::Speed) {
+        motion.speed_rad_per_s = mean_since_row_before(&motion, data);
+    }
     let shaft_bulges = shaft_bulges(model, &motion, data);
     for term in model.in_turn(|effect| !effect.acts_on_motor()) {
         for stretch in &data.stretches {
@@ -167,6 +173,14 @@ fn mean_current(model: &Model, motion: &Motion, data: &Dataset) -> Vec<f64> {
     means
 }
 
+/// Readings as they were so long before, by what is between each two.
+fn read_late(readings: &mut [f64], data: &Dataset, late_s: f64) {
+    for row in data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1).rev()) {
+        let share = (late_s / (data.time_s[row] - data.time_s[row - 1])).min(1.0);
+        readings[row] += share * (readings[row - 1] - readings[row]);
+    }
+}
+
 /// Mean current over the last `window_s` of some rows and the one after them, or all of that where it is shorter.
 fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, window_s: f64, winding_s: f64) -> f64 {
     let (mut charge, mut length_s) = (0.0, 0.0);
@@ -186,6 +200,15 @@ fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, wind
     charge / length_s
 }
 
+fn mean_since_row_before(motion: &Motion, data: &Dataset) -> Vec<f64> {
+    let mut means = motion.speed_rad_per_s.clone();
+    for row in data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1)) {
+        let turned_rad = motion.angle_rad[row] - motion.angle_rad[row - 1];
+        means[row] = turned_rad / (data.time_s[row] - data.time_s[row - 1]);
+    }
+    means
+}
+
 fn mean_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     let mut speed = vec![f64::NAN; data.len()];
     for Stretch { rows, window, .. } in &data.stretches {
@@ -201,7 +224,7 @@ fn timed_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     let Some(timing) = &data.origin.edge_timing else { return speed };
     for Stretch { rows, .. } in &data.stretches {
         for row in rows.clone() {
-            let BetweenEdges { age_s, length_s } = timing.between()[row];
+            let BetweenEdges { age_s, length_s } = timing.between[row];
             let end_s = data.time_s[row] - age_s;
             let turned_rad = || {
                 let at = |time_s: f64| motion.angle_before(row, rows.start, &data.time_s, time_s);
@@ -397,7 +420,7 @@ impl LinearStep {
     pub fn take(&self, current_a: f64, speed: f64, voltage_v: f64, open: bool, terms: &Balance) -> Reached {
         if open {
             let free = self.open_speed_of[0] * speed + self.open_speed_of[1] * terms.torque_nm;
-            let speed_rad_per_s = oppose_motion(free, self.open_speed_of[1], terms);
+            let speed_rad_per_s = oppose_motion(speed, free, self.open_speed_of[1], terms);
             return Reached { current_a: 0.0, speed_rad_per_s, mean_a: 0.0 };
         }
         let inputs = [current_a, speed, voltage_v + terms.voltage_v, terms.torque_nm];
@@ -407,13 +430,17 @@ impl LinearStep {
         let dry_a = gain * terms.ripple.mean_drop_v(terms.drops_v());
         let flowing_a = match terms.drops_with_the_mean() {
             true => eased_a(free_a, dry_a, terms.knee_a),
-            false => terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms)),
+            false => {
+                let left_a =
+                    terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms));
+                turned(current_a, left_a, free_a, [dry_a; 2])
+            }
         };
         // Quotients as products: they do not wait for what they scale.
         let left_a = flowing_a * (1.0 / (1.0 + gain * terms.resistance_ohm));
         let lost_v = (free_a - left_a) * self.inverse_gains[0];
         let free = dot(&self.speed_of) - self.speed_of[2] * lost_v;
-        let speed_rad_per_s = oppose_motion(free, self.speed_of[3], terms);
+        let speed_rad_per_s = oppose_motion(speed, free, self.speed_of[3], terms);
         let lost_nm = (free - speed_rad_per_s) * self.inverse_gains[1];
         let reached_a = left_a - self.current_of[3] * lost_nm;
         // What the resistance takes on the average is what emf and inductance leave of the voltage.
@@ -440,13 +467,31 @@ fn eased_a(free_a: f64, dry_a: f64, knee_a: f64) -> f64 {
     flowing.copysign(free_a)
 }
 
-/// What friction leaves of a speed; `gain`: speed gained of a torque over the step.
+/// What friction leaves of a speed that was `before`; `gain`: speed gained of a torque over the step.
 #[inline]
-pub(crate) fn oppose_motion(free: f64, gain: f64, terms: &Balance) -> f64 {
+pub(crate) fn oppose_motion(before: f64, free: f64, gain: f64, terms: &Balance) -> f64 {
     let forward = gain * terms.dry_forward_nm.max(0.0);
     let backward = gain * terms.dry_backward_nm.max(0.0);
     let moving = if free > forward { free - forward } else { (free + backward).min(0.0) };
-    moving * (1.0 / (1.0 + gain * terms.viscous_nm_s))
+    turned(before, moving, free, [forward, backward]) * (1.0 / (1.0 + gain * terms.viscous_nm_s))
+}
+
+/// What a dry loss leaves of something that has turned round in a step: until it did, the loss acted the other way. `left`:
+/// with the loss against where it goes all the time, `free` without; `dry`: what the loss takes going forward and backward.
+#[inline]
+fn turned(before: f64, left: f64, free: f64, dry: [f64; 2]) -> f64 {
+    if before * left >= 0.0 {
+        return left;
+    }
+    let [before_dry, after_dry] = if before > 0.0 { dry } else { [dry[1], dry[0]] };
+    let sense = before.signum();
+    // One that stopped on its way, or hangs on what pulses leave, has no time of its own.
+    if left != free + sense * after_dry {
+        return left;
+    }
+    let as_before = sense * free - before_dry;
+    let share_before = sense * before / (sense * before - as_before);
+    left - sense * share_before * (before_dry + after_dry)
 }
 
 fn first(values: &[f64]) -> f64 {
@@ -492,14 +537,16 @@ struct Run<'a> {
     lost_rad: f64,
     /// What the model says is wrong with that angle.
     angle_sensor: Vec<&'a Term>,
-    /// Means of current and speed since the sample before.
-    means: (f64, f64),
+    /// Mean of the current since the sample before.
+    mean_a: f64,
     /// By how much the mean of the current since the sample before is above the middle between the two.
     bulge_a: f64,
     /// By how much the current where it is sampled differs from its mean over the PWM period.
     ripple_a: f64,
     /// The PWM without a duty.
     undriven: Ripple,
+    /// What the step before was under.
+    before: Option<(Instant, Balance)>,
     /// Whether the bridge is ever open.
     opens: bool,
     /// Whether neither current nor motion shows that the first command acted before its row.
@@ -538,10 +585,11 @@ impl<'a> Run<'a> {
             angle_rad: 0.0,
             lost_rad: 0.0,
             angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == ActsOn::AngleSensor).collect(),
-            means: (0.0, 0.0),
+            mean_a: 0.0,
             bulge_a: 0.0,
             ripple_a: 0.0,
             undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.origin.pwm_hz),
+            before: None,
             from_rest: still && data.current().is_none_or(|measured| current_a.abs() < 5.0 * measured.noise),
             opens: data.open[range.clone()].contains(&true),
             range,
@@ -551,13 +599,10 @@ impl<'a> Run<'a> {
     fn whole(mut self, motion: &mut Motion) {
         let means = self.data.origin.timing.readings == rig::Readings::Mean;
         for index in self.range.clone() {
-            let (current_a, speed_rad_per_s) = match index > self.range.start && means {
-                true => self.means,
-                false => (self.current_a, self.speed_rad_per_s),
-            };
+            let current_a = if index > self.range.start && means { self.mean_a } else { self.current_a };
             motion.current_a.push(current_a + self.ripple_a);
             motion.bulge_a.push(if means { 0.0 } else { self.bulge_a });
-            motion.speed_rad_per_s.push(speed_rad_per_s);
+            motion.speed_rad_per_s.push(self.speed_rad_per_s);
             motion.angle_rad.push(self.angle_rad);
             motion.shaft_rad.push(self.shaft_rad(self.data.angle_rad[index]));
             if index + 1 < self.range.end {
@@ -580,7 +625,7 @@ impl<'a> Run<'a> {
         let interval_s = data.time_s[next] - data.time_s[index];
         let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
-        let (mut charge, angle_before_rad, first_a) = (0.0, self.angle_rad, self.current_a);
+        let (mut charge, first_a) = (0.0, self.current_a);
         let course = Course::new(data, self.range.clone(), index);
         for part in 0..steps as usize {
             for (since_s, length_s) in self.pieces(index, part as f64 * step_s, step_s) {
@@ -592,6 +637,7 @@ impl<'a> Run<'a> {
                 let share = (since_s + 0.5 * length_s) / interval_s;
                 let half = 0.5 * length_s / interval_s;
                 let (voltage_v, duty) = self.command(index, since_s - self.delay_s, length_s);
+                self.change_duty(voltage_v, duty);
                 let mut at = Instant {
                     time_s: data.time_s[index] + share * interval_s,
                     voltage_v,
@@ -606,6 +652,7 @@ impl<'a> Run<'a> {
                     step_s: length_s,
                 };
                 let (terms, mean_a) = self.advance(&mut at, data.load_nm[index]);
+                self.before = data.origin.timing.current_sampled_at.map(|_| (at, terms));
                 if let (Some(sampled_at), true) = (data.origin.timing.current_sampled_at, part + 1 == steps as usize) {
                     self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
                 }
@@ -615,8 +662,8 @@ impl<'a> Run<'a> {
         for term in &self.angle_sensor {
             self.lost_rad += term.effect.lost_rad_per_s(&term.values, self.speed_rad_per_s) * interval_s;
         }
-        self.means = (charge / interval_s, (self.angle_rad - angle_before_rad) / interval_s);
-        self.bulge_a = self.means.0 - 0.5 * (first_a + self.current_a);
+        self.mean_a = charge / interval_s;
+        self.bulge_a = self.mean_a - 0.5 * (first_a + self.current_a);
     }
 
     /// One step; its terms, and the mean of the current on the way.
@@ -640,6 +687,17 @@ impl<'a> Run<'a> {
             }
         }
         (terms, reached.mean_a)
+    }
+
+    /// Another duty comes with a new period, at whose begin the current is what it was: it is the mean that leaps, by what the
+    /// ripple has above it there. Of one way and the other that is the whole ripple, and fades with the winding, as though
+    /// that were of less inductance.
+    fn change_duty(&mut self, voltage_v: f64, duty: f64) {
+        let Some((at, terms)) = self.before.filter(|(at, _)| at.duty != duty && !at.open) else { return };
+        let begun = self.above_mean_a(&at, &terms, 0.0);
+        let at = Instant { voltage_v, duty, ..at };
+        let terms = Balance { ripple: self.undriven.with_duty(duty), ..terms };
+        self.current_a += begun - self.above_mean_a(&at, &terms, 0.0);
     }
 
     /// By how much the current, where in the period it is sampled, is above its mean.

@@ -17,8 +17,9 @@
 //! ripples_per_rev = 22
 //! feedback = true           # a loop has its speed from it even where there is an encoder
 //! [recording]               # how the program that recorded works; left out: readings of the very moment
-//! command_delay_s = 0.0002  # from a sample to the voltage it records
+//! command_delay_s = 0.00012 # from a sample to the voltage it records
 //! readings = "mean"         # speed and current are means since the sample before
+//! current_late_s = 0.000033 # that of the current is of so long before
 //! current_window_s = 0.001  # current is a mean over so long before the row; left out: found where it shows
 //! speed_window_s = 0.008    # the speed is a difference of counts over so long; 0: of the moment; left out: found
 //! speed_ahead_s = 0.004     # so much of that after the row; left out: none or half, as fits
@@ -163,6 +164,9 @@ pub struct Timing {
     /// the mean.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub current_sampled_at: Option<f64>,
+    /// By how much the mean of the current is of an earlier time than since the sample before.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub current_late_s: Option<f64>,
     /// Over how long before its row the program averages the current; 0: not at all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub current_window_s: Option<f64>,
@@ -175,16 +179,21 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Of this project's firmware: the bridge follows a fifth of a tick after the sample; speed and current are means
-    /// over the tick before it, that of the current of readings at the end of the off phase.
+    /// Of this project's firmware on its board: the bridge follows with the third PWM period after the sample; speed and current
+    /// are means over the tick before it, that of the current of eight of ten conversions, at the end of the off phase. The
+    /// simulated chip shows both.
     pub const FIRMWARE: Self = Self {
-        command_delay_s: Some(0.2e-3),
+        command_delay_s: Some(0.12e-3),
+        current_late_s: Some(0.033e-3),
         readings: Readings::Mean,
         current_sampled_at: Some(CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64),
         current_window_s: None,
         speed_window_s: None,
         speed_ahead_s: None,
     };
+
+    /// Of its control core on the host, which has a tick's longest delay and conversions all over the tick.
+    pub const CORE_ON_HOST: Self = Self { command_delay_s: Some(0.2e-3), current_late_s: None, ..Self::FIRMWARE };
 }
 
 /// What a reading is.
@@ -351,6 +360,7 @@ impl Rig {
             "current_sensor.resolution_A",
             "tachogenerator.ripple",
             "recording.command_delay_s",
+            "recording.current_late_s",
             "recording.speed_ahead_s",
             "recording.current_window_s",
         ];
@@ -377,7 +387,7 @@ impl Rig {
         }
     }
 
-    fn numbers(&self) -> [(&'static str, Option<f64>); 17] {
+    fn numbers(&self) -> [(&'static str, Option<f64>); 18] {
         [
             ("supply.voltage_V", self.supply.voltage_v),
             ("bridge.drop_V", self.bridge.drop_v),
@@ -388,6 +398,7 @@ impl Rig {
             ("tachogenerator.ripple", self.tachogenerator.ripple),
             ("tachogenerator.ripples_per_rev", self.tachogenerator.ripples_per_rev),
             ("recording.command_delay_s", self.recording.command_delay_s),
+            ("recording.current_late_s", self.recording.current_late_s),
             ("recording.current_window_s", self.recording.current_window_s),
             ("recording.speed_window_s", self.recording.speed_window_s),
             ("recording.speed_ahead_s", self.recording.speed_ahead_s),

@@ -65,7 +65,12 @@ pub fn recording_of(name: &str, samples: &[Sample], settings: &Settings, mode: M
     recording
 }
 
-/// What the settings say of the rig, with nominal constants of the motor.
+/// The same of a rig whose control core ran on the host.
+pub fn rig_of_core(settings: &Settings, motor: NominalMotor) -> Rig {
+    Rig { recording: Timing::CORE_ON_HOST, ..rig(settings, motor) }
+}
+
+/// What the settings say of the rig of a board, with nominal constants of the motor.
 pub fn rig(settings: &Settings, motor: NominalMotor) -> Rig {
     let tachogenerator = match settings.get(Param::SpeedSensor) {
         0.0 => Tachogenerator::default(),

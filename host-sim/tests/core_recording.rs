@@ -50,7 +50,7 @@ fn friction_and_bridge_are_found_in_what_the_core_records() {
     let csv = telemetry::recording("core", &samples, &settings).to_csv();
     let recording = Recording::parse("core.csv", csv.as_bytes(), &[]).unwrap();
     let nominal = MotorParameters { resistance_ohm: 1.1 * linear.resistance_ohm, ..linear };
-    let rig = telemetry::rig(&settings, NominalMotor::from(nominal));
+    let rig = telemetry::rig_of_core(&settings, NominalMotor::from(nominal));
     let diagnosis = diagnose(&[recording], &rig, &|_| ()).unwrap();
     println!("{}", host_sim::diagnose::page::page(&diagnosis));
     let mut named: Vec<_> = diagnosis.outcome.causes.iter().map(|cause| cause.effect.as_str()).collect();

@@ -35,11 +35,11 @@ fn outcome(recipe: &Recipe, verdict: Verdict) -> Value {
 
 #[test]
 fn results_of_every_kind_keep_to_it() {
-    let cogging = Recipe::of(&[Effect::Cogging]).on_real_rig();
+    let on_rig = |effect: Effect| Recipe::of(&[effect]).on_real_rig();
     for (recipe, verdict) in [
         (Recipe::of(&[]), Verdict::Sufficient),
-        (cogging.clone(), Verdict::Explained),
-        (Recipe { channels: Channels::VoltageSpeed, ..cogging }, Verdict::Explained),
+        (on_rig(Effect::Cogging), Verdict::Explained),
+        (Recipe { channels: Channels::VoltageSpeed, ..on_rig(Effect::LoadTorque) }, Verdict::Explained),
         (Recipe::of(&[Effect::OutsideShaker]), Verdict::Unexplained),
     ] {
         let outcome = outcome(&recipe, verdict);

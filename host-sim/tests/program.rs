@@ -44,7 +44,7 @@ fn bench() -> &'static Bench {
         std::fs::write(at("model.toml"), PIVT6_TOML).unwrap();
         let scenario = Scenario::read(&at("scenario.toml")).unwrap();
         std::fs::write(at("run.csv"), scenario.run().unwrap().recording.to_csv()).unwrap();
-        let rig = telemetry::rig(&scenario.settings, host_sim::rig::NominalMotor::default());
+        let rig = telemetry::rig_of_core(&scenario.settings, host_sim::rig::NominalMotor::default());
         std::fs::write(at("rig.toml"), toml::to_string(&rig).unwrap()).unwrap();
         Bench { run: at("run.csv"), rig: at("rig.toml"), model: at("model.toml"), _directory: directory }
     })

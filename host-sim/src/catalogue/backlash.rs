@@ -150,7 +150,7 @@ impl Sides {
         for _ in 0..parts as usize {
             let contact_nm = reduced_kg_m2 * self.parting_per_s2();
             let free_rad_per_s = self.motor_rad_per_s + gain * (drive_nm - contact_nm);
-            self.motor_rad_per_s = oppose_motion(free_rad_per_s, gain, terms);
+            self.motor_rad_per_s = oppose_motion(self.motor_rad_per_s, free_rad_per_s, gain, terms);
             self.load_rad_per_s += part_s * contact_nm / self.load_kg_m2;
             self.twist_rad += part_s * self.slip_rad_per_s();
         }

@@ -16,7 +16,7 @@ use crate::model::Model;
 use crate::motor::MotorParameters;
 #[cfg(feature = "chip")]
 use crate::plant::ModelPlant;
-use crate::rig::NominalMotor;
+use crate::rig::{NominalMotor, Rig};
 use crate::telemetry;
 use crate::terminal_text::{short, wrapped};
 use crate::web_page::escaped;
@@ -102,7 +102,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let drawn = wrapped(&format!("A motor with something hidden in it (seed {seed}): {}.", recorded.words()), "", "");
     outputs.say(&drawn);
     let recording = telemetry::recording("demo", &recorded.samples, &settings);
-    let rig = telemetry::rig(&settings, NominalMotor::from(nominal));
+    let rig = (recorded.rig)(&settings, NominalMotor::from(nominal));
     if let Some(path) = &arguments.csv {
         super::write(path, &recording.to_csv())?;
         super::write(&rig_of(path), &toml::to_string(&rig).map_err(Failure::machine)?)?;
@@ -289,6 +289,8 @@ fn recording_settings() -> Settings {
 struct Recorded {
     samples: Vec<Sample>,
     by: String,
+    /// What the rig file says of it.
+    rig: fn(&Settings, NominalMotor) -> Rig,
 }
 
 impl Recorded {
@@ -305,7 +307,11 @@ fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
     match super::firmware() {
         Ok(elf) => {
             let samples = working(RECORDING, |_| record_on_chip(&elf, truth, &settings))?;
-            Ok(Recorded { samples, by: "the firmware on a simulated ATmega328P, over its serial port".into() })
+            Ok(Recorded {
+                samples,
+                by: "the firmware on a simulated ATmega328P, over its serial port".into(),
+                rig: telemetry::rig,
+            })
         }
         Err(error) => record_on_host(truth, settings, &format!("no firmware for the simulated chip: {error}")),
     }
@@ -353,7 +359,11 @@ fn record_on_host(truth: &Model, settings: Settings, why: &str) -> Result<Record
         }
     });
     match trial.sample().trip {
-        Trip::None => Ok(Recorded { samples, by: format!("the firmware's control core on this computer ({why})") }),
+        Trip::None => Ok(Recorded {
+            samples,
+            by: format!("the firmware's control core on this computer ({why})"),
+            rig: telemetry::rig_of_core,
+        }),
         trip => Err(Failure::input(format!("the drive switched off while recording: {}", words(trip)))),
     }
 }

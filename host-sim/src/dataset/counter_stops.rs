@@ -150,7 +150,7 @@ impl Dataset {
 
     /// No model says when a counter stands: rows in whose window it did are missing, and the angle goes on.
     pub fn leave_out(&mut self, stops: Vec<CounterStop>) {
-        let is_recorded = self.motion().output == Output::Speed;
+        let is_recorded = matches!(self.motion().output, Output::Speed | Output::TimedSpeed);
         for stop in stops {
             let stretch = self.stretches.iter().find(|stretch| stretch.rows.contains(&stop.rows.start));
             let Some(Stretch { rows, interval_s, window }) = stretch.cloned() else { continue };

@@ -42,8 +42,8 @@ pub struct BetweenEdges {
 }
 
 /// Which edges a program takes the time between.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Edges {
+#[derive(Clone, Copy)]
+enum Edges {
     /// The last two.
     LastTwo,
     /// The last one, and the last one that a row before had seen.
@@ -55,33 +55,39 @@ pub enum Edges {
 pub struct EdgeTiming {
     /// Angle between two edges.
     pub step_rad: f64,
-    /// By which.
-    pub edges: Edges,
-    /// Where the mean of each row lies, by either.
-    last_two: Vec<BetweenEdges>,
-    since_row_before: Vec<BetweenEdges>,
+    /// Where the mean of each row lies.
+    pub between: Vec<BetweenEdges>,
+    /// Where it lies if it is since the last edge that a row before had seen; none where the counts say between which.
+    since_row_before: Option<Vec<BetweenEdges>>,
 }
 
 impl EdgeTiming {
-    /// Where the mean of each row lies.
-    pub fn between(&self) -> &[BetweenEdges] {
-        match self.edges {
-            Edges::LastTwo => &self.last_two,
-            Edges::SinceRowBefore => &self.since_row_before,
-        }
+    /// Of edges that are counted.
+    pub(super) fn of_counts(step_rad: f64, between: Vec<BetweenEdges>) -> Self {
+        Self { step_rad, between, since_row_before: None }
     }
 
-    /// What is said of a speed that was found to be timed.
-    pub(super) fn note(&self) -> String {
-        format!(
+    /// The same since the last edge that a row before had seen; none where nothing leaves that open.
+    pub(super) fn since_row_before(mut self) -> Option<Self> {
+        self.between = self.since_row_before.take()?;
+        Some(self)
+    }
+
+    /// What is said of a speed that was found to be timed; nothing where the counts are there as well.
+    pub(super) fn note(&self) -> Option<String> {
+        self.since_row_before.as_ref()?;
+        Some(format!(
             "The speed is timed by the edges of an encoder, {:.0} of them a revolution, and is compared as a mean between two of them where there was a new one: record the counts as well, they say more. [recording] speed_window_s = 0 in the rig file says that it is of the moment.",
             TAU / self.step_rad
-        )
+        ))
     }
 
     pub(super) fn append(&mut self, other: Self) {
-        self.last_two.extend(other.last_two);
-        self.since_row_before.extend(other.since_row_before);
+        self.between.extend(other.between);
+        match (&mut self.since_row_before, other.since_row_before) {
+            (Some(mine), Some(theirs)) => mine.extend(theirs),
+            (mine, _) => *mine = None,
+        }
     }
 }
 
@@ -144,9 +150,8 @@ impl<'a> Timed<'a> {
     pub(super) fn timing(self) -> EdgeTiming {
         EdgeTiming {
             step_rad: self.step_rad,
-            edges: Edges::LastTwo,
-            last_two: self.between(Edges::LastTwo),
-            since_row_before: self.between(Edges::SinceRowBefore),
+            between: self.between(Edges::LastTwo),
+            since_row_before: Some(self.between(Edges::SinceRowBefore)),
         }
     }
 
@@ -203,13 +208,8 @@ impl<'a> Timed<'a> {
 
     /// What it makes of a speed that an edge may be anywhere in its row.
     pub(super) fn noise(self) -> f64 {
-        let squares = (1..self.speed.len() - 1).filter(|row| self.is_news(*row)).map(|row| {
-            let within_s = self.step_s(row).min(self.interval_s(row));
-            let change = (self.speed[row + 1] - self.speed[row - 1]) / (self.time_s[row + 1] - self.time_s[row - 1]);
-            within_s.powi(2) * change.powi(2) / 12.0
-        });
-        let (sum, count) = squares.filter(|s| s.is_finite()).fold((0.0, 0.0), |(sum, count), s| (sum + s, count + 1.0));
-        f64::sqrt(sum / f64::max(count, 1.0))
+        let within_s = |row: usize| self.step_s(row).min(self.interval_s(row));
+        noise_of_ages(self.speed, self.time_s, |row| if self.is_news(row) { within_s(row) } else { f64::NAN })
     }
 
     fn step_s(self, row: usize) -> f64 {
@@ -251,6 +251,16 @@ impl<'a> Timed<'a> {
             readings[row] = f64::NAN;
         }
     }
+}
+
+/// What it makes of a speed that the last edge of a row may be anywhere within so long; NaN: nothing is read there.
+pub(super) fn noise_of_ages(speed: &[f64], time_s: &[f64], within_s: impl Fn(usize) -> f64) -> f64 {
+    let squares = (1..speed.len() - 1).map(|row| {
+        let change = (speed[row + 1] - speed[row - 1]) / (time_s[row + 1] - time_s[row - 1]);
+        within_s(row).powi(2) * change.powi(2) / 12.0
+    });
+    let (sum, count) = squares.filter(|s| s.is_finite()).fold((0.0, 0.0), |(sum, count), s| (sum + s, count + 1.0));
+    f64::sqrt(sum / f64::max(count, 1.0))
 }
 
 /// A step of the encoder, and how many times from edge to edge agree with it.

@@ -40,7 +40,7 @@ impl Dataset {
         if self.origin.angle_by_ripple {
             notes.push(BY_RIPPLE.into());
         }
-        notes.extend(self.origin.edge_timing.as_ref().map(EdgeTiming::note));
+        notes.extend(self.origin.edge_timing.as_ref().and_then(EdgeTiming::note));
         if let Some(first) = self.origin.counter_stops.first() {
             notes.push(format!(
                 "In {} places the counter stood while the motor was driven on (the first at {:.3} s, for {:.3} s): those rows are not compared. What holds the program up there, an interrupt or a serial line?",

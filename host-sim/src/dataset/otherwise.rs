@@ -1,6 +1,6 @@
 //! The same recordings taken otherwise: in another scale, another reading of what the rig file leaves open.
 
-use super::{Dataset, Edges, KEPT_BACK, KEPT_BACK_EVERY, Output, Stretch, Window, row_order};
+use super::{Dataset, KEPT_BACK, KEPT_BACK_EVERY, Output, Stretch, Window, row_order};
 use crate::rig::Readings;
 
 impl Dataset {
@@ -88,7 +88,7 @@ impl Dataset {
         }
         let mut other = self.clone();
         match (&mut other.origin.edge_timing, self.motion().output) {
-            (Some(timing), _) => timing.edges = Edges::SinceRowBefore,
+            (timing @ Some(_), _) => *timing = Some(timing.take()?.since_row_before()?),
             (None, Output::Speed) => other.take_speed_as_mean_of_its_row(),
             _ => return None,
         }

@@ -1,6 +1,7 @@
 //! Recordings into a data set: what drove the motor, what moved, and over what each reading is a mean.
 
 use super::columns::{correlation, greatest, held, integrated, median};
+use super::counted_edges::Counted;
 use super::edge_timing::Timed;
 use super::speed_window::{self, Found, Window};
 use super::turns::{self, Ambiguous};
@@ -162,7 +163,7 @@ impl Dataset {
             (Some(speed), Some(angle)) if speed_window::is_made_of(&speed, &angle, self.interval_s) => {
                 self.add_difference(&angle, time_s)
             }
-            (Some(speed), _) => self.add_speed(speed, rig, time_s, told),
+            (Some(speed), angle) => self.add_speed(speed, angle.as_deref(), rig, time_s, told),
             (None, Some(angle)) => self.add_difference(&angle, time_s),
             (None, None) => unreachable!("one of them was there a line ago"),
         })
@@ -175,7 +176,14 @@ impl Dataset {
     }
 
     /// A speed, and over which window it was taken where it is a difference of counts.
-    fn add_speed(&mut self, mut speed: Vec<f64>, rig: &Rig, time_s: &[f64], told: Option<SpeedReading>) -> Window {
+    fn add_speed(
+        &mut self,
+        mut speed: Vec<f64>,
+        angle: Option<&[f64]>,
+        rig: &Rig,
+        time_s: &[f64],
+        told: Option<SpeedReading>,
+    ) -> Window {
         self.origin.impossible = mistakes::take_out_impossible(&mut speed);
         let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
         let given = match (rig.recording.speed_window_s, told) {
@@ -187,6 +195,8 @@ impl Dataset {
         let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
         let Some(Found { span, ahead }) = given.or_else(found).filter(|found| found.span > 0) else {
             match given {
+                None if rig.tachogenerator.feedback != Some(true)
+                    && self.add_counted_speed(&speed, angle, time_s, told) => {}
                 None => self.add_timed_speed(speed, time_s, rig, told),
                 Some(_) => self.add_speed_of_the_moment(speed),
             }
@@ -197,6 +207,24 @@ impl Dataset {
         self.count_rad = rig.encoder.counts_per_rev.map_or(0.0, |per_rev| TAU / per_rev);
         self.add(Output::MeanSpeed, speed);
         Window { span, ahead: ahead.unwrap_or(0).min(span) }
+    }
+
+    /// A speed of this project's firmware, if the counts beside it lead from edge to edge; whether it is one.
+    fn add_counted_speed(
+        &mut self,
+        speed: &[f64],
+        angle_rad: Option<&[f64]>,
+        time_s: &[f64],
+        told: Option<SpeedReading>,
+    ) -> bool {
+        let Some(angle_rad) = angle_rad.filter(|_| self.origin.timing.readings == Readings::Mean) else { return false };
+        let counted = Counted::new(angle_rad, speed, time_s, self.count_rad, self.interval_s);
+        let Some(readings) = counted.readings(matches!(told, Some(SpeedReading::Timed { .. }))) else { return false };
+        self.origin.edge_timing = Some(readings.timing);
+        self.add(Output::TimedSpeed, readings.speed);
+        let index = self.motion_index();
+        self.measured[index].of_counting = readings.noise;
+        true
     }
 
     /// A speed that is timed by edges, or one of the moment.
@@ -211,7 +239,7 @@ impl Dataset {
             Some(timed) => {
                 let timing = timed.timing();
                 if self.count_rad <= 0.0 {
-                    self.angle_rad = timed.angle_rad(timing.between());
+                    self.angle_rad = timed.angle_rad(&timing.between);
                 }
                 self.origin.edge_timing = Some(timing);
                 self.add(Output::TimedSpeed, timed.readings());
