@@ -148,15 +148,13 @@ pub struct StreamDecoder {
 /// What came since the last sample.
 #[derive(Clone, Copy, Debug, Default)]
 struct Gap {
-    /// When that was; none before the first.
+    /// When that was, where it is one of a sequence: while one plays nothing holds samples up, which are then not numbered, as a
+    /// listing of the settings does for 390 ticks.
     tick: Option<u32>,
     lost: u32,
     damaged: u32,
-    texts: u32,
 }
 
-/// A text on the line makes so many samples wait at most, which then have no number: a listing of the settings, 2.6 a frame.
-const SAMPLES_HELD_UP: u32 = 4;
 /// Sequence numbers until they begin anew.
 const NUMBERS: u32 = 256;
 
@@ -164,12 +162,11 @@ impl Gap {
     /// Frames that the sequence numbers do not show, when a sample of this tick ends it: rounds of them, as near to the ticks
     /// as can be. Without another sign of a loss the ticks between are those of a divider.
     fn hidden(&self, tick: u32) -> u32 {
-        if (self.lost, self.damaged) == (0, 0) {
-            return 0;
-        }
         let missing = self.tick.and_then(|last| tick.checked_sub(last)).map_or(0, |ticks| ticks.saturating_sub(1));
-        let missing = missing.saturating_sub(SAMPLES_HELD_UP * self.texts);
-        (missing.saturating_sub(self.lost) + NUMBERS / 2) / NUMBERS * NUMBERS
+        match (self.lost, self.damaged) {
+            (0, 0) => 0,
+            (lost, _) => (missing.saturating_sub(lost) + NUMBERS / 2) / NUMBERS * NUMBERS,
+        }
     }
 }
 
@@ -196,8 +193,8 @@ impl StreamDecoder {
         let frame = self.decode(length);
         match frame {
             None => self.piece(),
-            Some(Frame::Text(..)) => self.gap.texts += 1,
-            Some(Frame::Sample(sample)) => self.close(sample.tick),
+            Some(Frame::Text(..)) => {}
+            Some(Frame::Sample(sample)) => self.close(&sample),
         }
         frame
     }
@@ -213,10 +210,11 @@ impl StreamDecoder {
     }
 
     /// A sample ends a gap: what was lost in it is known.
-    fn close(&mut self, tick: u32) {
-        self.lose(self.gap.hidden(tick));
+    fn close(&mut self, sample: &Sample) {
+        let tick = sample.state.has(State::PLAYING).then_some(sample.tick);
+        self.lose(tick.map_or(0, |tick| self.gap.hidden(tick)));
         self.damaged = self.damaged.saturating_sub(self.gap.damaged.saturating_sub(self.gap.lost));
-        self.gap = Gap { tick: Some(tick), ..Gap::default() };
+        self.gap = Gap { tick, ..Gap::default() };
     }
 
     fn decode(&mut self, length: usize) -> Option<Frame> {
@@ -281,16 +279,17 @@ mod tests {
         assert_eq!(bytes, SAMPLE_BYTES);
     }
 
-    /// While the board lists its settings it sends no samples, and loses none.
+    /// While the board lists its settings it sends no samples, and loses none but those that are damaged.
     #[test]
     fn what_was_not_sent_is_not_lost() {
         let (mut framer, mut decoder) = (Framer::default(), StreamDecoder::default());
         let sample = |tick| Sample { tick, ..Sample::default() };
         let mut stream = encode(&mut framer, SAMPLE, pack(&sample(1)));
-        (0..150).for_each(|_| stream.extend(encode(&mut framer, TEXT, b"# speed_kp 0.05")));
+        encode(&mut framer, SAMPLE, pack(&sample(2)));
+        stream.extend([7, 0]);
         stream.extend(encode(&mut framer, SAMPLE, pack(&sample(391))));
         hear(&mut decoder, &stream);
-        assert_eq!((decoder.lost, decoder.damaged), (0, 0));
+        assert_eq!((decoder.lost, decoder.damaged), (1, 1));
     }
 
     proptest! {
@@ -346,7 +345,7 @@ mod tests {
             let mut tick = 0;
             let mut sample = |framer: &mut Framer| {
                 tick += 1;
-                encode(framer, SAMPLE, pack(&Sample { tick, ..Sample::default() }))
+                encode(framer, SAMPLE, pack(&Sample { tick, state: State(State::PLAYING), ..Sample::default() }))
             };
             let mut lost = 0;
             for (samples, texts, pieces) in gaps {
