@@ -476,9 +476,19 @@ impl<L: Line> Link<L> {
         Ok(shown)
     }
 
-    /// Whether samples of a sequence have come that nobody has fetched.
-    fn plays(&self) -> bool {
-        self.samples.iter().any(|sample| sample.state.has(State::PLAYING))
+    /// Whether samples of a sequence come that nobody has fetched: a busy computer may be behind.
+    fn comes_to_play(&mut self) -> Result<bool, BoardError> {
+        let begun = Instant::now();
+        loop {
+            if self.samples.iter().any(|sample| sample.state.has(State::PLAYING)) {
+                return Ok(true);
+            }
+            if begun.elapsed() > LATE {
+                return Ok(false);
+            }
+            self.stay_alive()?;
+            self.poll()?;
+        }
     }
 
     /// Begins a sequence, once: whose answer is lost and which plays is not begun anew.
@@ -490,7 +500,7 @@ impl<L: Line> Link<L> {
             let (asked, is_lossy) = self.ask_noting_losses(order);
             match asked {
                 Ok(_) => return Ok(()),
-                Err(_) if self.plays() => return Ok(()),
+                Err(_) if is_lossy && self.comes_to_play()? => return Ok(()),
                 Err(_) if is_lossy && tried < LOSSY_TRIES => {}
                 Err(BoardError::Refused { .. }) if tried < TRIES => {}
                 Err(error) => return Err(error),
