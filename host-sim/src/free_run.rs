@@ -22,6 +22,8 @@ const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
 
 /// Recorded times are rounded: steps that differ by less are of one length.
 const SAME_LENGTH_S: f64 = 1e-9;
+/// A change of the voltage is a leap from this share of the supply on.
+const LEAP: f64 = 0.1;
 /// Whatever torque acts on it, a rotor that is held stays where it is, as one of this inertia does.
 const HELD_KG_M2: f64 = 1e9;
 /// Steps of Newton's method for a drop with a knee, and how close it comes, as a share of the knee.
@@ -547,8 +549,8 @@ struct Run<'a> {
     undriven: Ripple,
     /// What the step before was under.
     before: Option<(Instant, Balance)>,
-    /// Whether the bridge is ever open.
-    opens: bool,
+    /// Whether a command may begin to act within a step.
+    acts_within: bool,
     /// Whether neither current nor motion shows that the first command acted before its row.
     from_rest: bool,
 }
@@ -567,6 +569,7 @@ impl<'a> Run<'a> {
             Steps::AtMost(step_s) => step_s.min(usual_step_s),
         };
         let still = speed_rad_per_s.abs() < 5.0 * motion.noise;
+        let delay_s = model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0);
         let acting = model.in_turn(|effect| effect.acts_on_motor()).into_iter().map(|term| Acting {
             effect: term.effect,
             values: &term.values,
@@ -575,7 +578,7 @@ impl<'a> Run<'a> {
         Self {
             model,
             data,
-            delay_s: model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0),
+            delay_s,
             longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
             step: LinearStep::default(),
@@ -591,7 +594,7 @@ impl<'a> Run<'a> {
             undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.origin.pwm_hz),
             before: None,
             from_rest: still && data.current().is_none_or(|measured| current_a.abs() < 5.0 * measured.noise),
-            opens: data.open[range.clone()].contains(&true),
+            acts_within: delay_s > 0.0 || data.has_moments(),
             range,
         }
     }
@@ -709,18 +712,20 @@ impl<'a> Run<'a> {
         terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }
 
-    /// When after sample `index` the parts of a step begin, and how long they are: the bridge opens and closes between two.
+    /// When after sample `index` the parts of a step begin, and how long they are: between two the bridge opens or closes, or the
+    /// voltage leaps. Its mean over the step would turn a current round too early, and a drop with it.
     fn pieces(&self, index: usize, since_s: f64, length_s: f64) -> [(f64, f64); 2] {
         let whole = [(since_s, length_s), (since_s + length_s, 0.0)];
-        if !self.opens {
+        if !self.acts_within {
             return whole;
         }
         let data = self.data;
         let before = self.acting_at(index, since_s - self.delay_s);
         let after = self.acting_at(index, since_s + length_s - self.delay_s);
-        let Some(switched) = (before + 1..=after).find(|row| data.open[*row] != data.open[before]) else {
-            return whole;
-        };
+        let leap_v = LEAP * data.supply_v[before];
+        let leaps = |row: usize| (data.voltage_v[row] - data.voltage_v[before]).abs() > leap_v;
+        let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row);
+        let Some(switched) = (before + 1..=after).find(switches) else { return whole };
         let first_s = data.acts_from_s(switched) + self.delay_s - data.time_s[index] - since_s;
         match (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(&first_s) {
             true => [(since_s, first_s), (since_s + first_s, length_s - first_s)],
@@ -731,7 +736,7 @@ impl<'a> Run<'a> {
     /// The sample whose command acts so long after sample `index`.
     fn acting_at(&self, index: usize, offset_s: f64) -> usize {
         let data = self.data;
-        if !self.opens {
+        if !self.acts_within {
             return index;
         }
         let at_s = data.time_s[index] + offset_s;
