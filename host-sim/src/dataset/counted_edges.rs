@@ -14,9 +14,10 @@ const FEWEST_TIMES: usize = 100;
 const OLDEST_STEPS: f64 = 3.0;
 /// What a program's quotient is off, as a share.
 const QUOTIENT: f64 = 2e-4;
-/// A shaft is at rest where no edge comes for so long, but for this share at either end, when it comes to rest and breaks away
-/// within an edge.
+/// A shaft is at rest where no edge comes for so long, and for as long as one that creeps at the second takes from edge to edge;
+/// but for this share at either end, when it comes to rest and breaks away within an edge.
 const STILL_S: f64 = 0.02;
+const CREEP_RAD_PER_S: f64 = 0.16;
 const STILL_ENDS: f64 = 0.25;
 /// A row after a longer pause than this many intervals has edges that its reading knows nothing of.
 const PAUSE_INTERVALS: f64 = 1.5;
@@ -124,16 +125,17 @@ impl<'a> Counted<'a> {
     }
 
     /// Rows in long times without an edge, their ends left out.
-    fn still_rows(&self, news: &[News]) -> impl Iterator<Item = usize> {
+    fn still_rows(&self, news: &[News]) -> Vec<usize> {
         let last = self.time_s.len() - 1;
         let ends: Vec<usize> = [0].into_iter().chain(news.iter().map(|news| news.row)).chain([last]).collect();
-        let still = move |pair: &[usize]| {
+        let still = |pair: &[usize]| {
             let [from_s, to_s] = [pair[0], pair[1]].map(|row| self.time_s[row]);
+            let is_still = to_s - from_s > STILL_S.max(self.step_rad / CREEP_RAD_PER_S);
             let end_s = STILL_ENDS * (to_s - from_s);
             let is_inside = move |row: &usize| (from_s + end_s..to_s - end_s).contains(&self.time_s[*row]);
-            (pair[0]..pair[1]).filter(move |row| to_s - from_s > STILL_S && is_inside(row))
+            (pair[0]..pair[1]).filter(move |row| is_still && is_inside(row))
         };
-        ends.windows(2).flat_map(still).collect::<Vec<_>>().into_iter()
+        ends.windows(2).flat_map(still).collect()
     }
 }
 

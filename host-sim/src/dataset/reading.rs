@@ -195,8 +195,7 @@ impl Dataset {
         let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
         let Some(Found { span, ahead }) = given.or_else(found).filter(|found| found.span > 0) else {
             match given {
-                None if rig.tachogenerator.feedback != Some(true)
-                    && self.add_counted_speed(&speed, angle, time_s, told) => {}
+                None if self.add_counted_speed(&speed, angle, rig, time_s, told) => {}
                 None => self.add_timed_speed(speed, time_s, rig, told),
                 Some(_) => self.add_speed_of_the_moment(speed),
             }
@@ -214,10 +213,12 @@ impl Dataset {
         &mut self,
         speed: &[f64],
         angle_rad: Option<&[f64]>,
+        rig: &Rig,
         time_s: &[f64],
         told: Option<SpeedReading>,
     ) -> bool {
-        let Some(angle_rad) = angle_rad.filter(|_| self.origin.timing.readings == Readings::Mean) else { return false };
+        let is_of_counts = self.origin.timing.readings == Readings::Mean && rig.tachogenerator.feedback != Some(true);
+        let Some(angle_rad) = angle_rad.filter(|_| is_of_counts) else { return false };
         let counted = Counted::new(angle_rad, speed, time_s, self.count_rad, self.interval_s);
         let Some(readings) = counted.readings(matches!(told, Some(SpeedReading::Timed { .. }))) else { return false };
         self.origin.edge_timing = Some(readings.timing);
