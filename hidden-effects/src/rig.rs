@@ -505,8 +505,7 @@ impl Bench {
         let (source_v, drop_v) = match switch {
             Switch::Forward => (self.supply_v - self.hidden.sag_ohm * self.drawn_a, self.hidden.drop_v),
             Switch::Reverse => {
-                let source_v = self.hidden.sag_ohm * self.drawn_a - self.supply_v;
-                ((1.0 - self.hidden.weaker_backward) * source_v, self.hidden.drop_v)
+                (self.passed_on(-1.0) * (self.hidden.sag_ohm * self.drawn_a - self.supply_v), self.hidden.drop_v)
             }
             Switch::Short => (0.0, self.hidden.drop_v),
             Switch::Off => (0.0, self.supply_v + 2.0 * DIODE_V),
@@ -531,12 +530,13 @@ impl Bench {
     /// Supply voltage while it drives with this duty.
     fn supply_under(&self, duty: f64) -> f64 {
         let drawn = if self.hidden.sags_in_pulses { duty.signum() } else { duty };
-        let passed_on = if duty < 0.0 { 1.0 - self.hidden.weaker_backward } else { 1.0 };
-        if self.dropped_out() {
-            0.0
-        } else {
-            passed_on * (self.supply_v - self.hidden.sag_ohm * drawn * self.current_a)
-        }
+        let given_v = self.supply_v - self.hidden.sag_ohm * drawn * self.current_a;
+        if self.dropped_out() { 0.0 } else { self.passed_on(duty) * given_v }
+    }
+
+    /// Share of the supply that the bridge passes on in the sense of a duty.
+    fn passed_on(&self, duty: f64) -> f64 {
+        if duty < 0.0 { 1.0 - self.hidden.weaker_backward } else { 1.0 }
     }
 
     fn armature(&mut self, source_v: f64, drop_v: f64, dt: f64) {
