@@ -93,6 +93,9 @@ pub enum Effect {
     /// The bridge gives 3 to 20 % less backwards.
     /// u (1 + `backward_share`) where u < 0.
     BridgeAsymmetry,
+    /// The winding's resistance is 15 to 60 % greater at full speed.
+    /// R + `growth_ohm_s` |w|: a commutator that sparks.
+    ResistanceGrowingWithSpeed,
     /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
     OutsideShaker,
     /// Not in the catalogue: the torque constant falls with the current, by 25 to 50 % at the peak.
@@ -109,6 +112,8 @@ pub enum Effect {
     OutsideGrip,
     /// Not in the catalogue: a soft spring between shaft and frame, wound up within 20 to 60 rad of where the shaft began, 0.5 to 6 %.
     OutsideSpring,
+    /// Not in the catalogue: drag in proportion to the cube of the speed, 6 to 25 % at full speed.
+    OutsideCube,
 }
 
 impl Effect {
@@ -138,9 +143,9 @@ impl Effect {
         Self::TachoRipple,
     ];
     /// Those it knows besides, one of a tachogenerator alone: drawn where they are asked for.
-    pub const ASKED_FOR: [Self; 2] = [Self::SpeedLag, Self::BridgeAsymmetry];
+    pub const ASKED_FOR: [Self; 3] = [Self::SpeedLag, Self::BridgeAsymmetry, Self::ResistanceGrowingWithSpeed];
     /// Those it does not.
-    pub const OUTSIDE: [Self; 8] = [
+    pub const OUTSIDE: [Self; 9] = [
         Self::OutsideShaker,
         Self::OutsideSaturation,
         Self::OutsideDropouts,
@@ -149,6 +154,7 @@ impl Effect {
         Self::OutsideSpindle,
         Self::OutsideGrip,
         Self::OutsideSpring,
+        Self::OutsideCube,
     ];
 
     /// Name in the catalogue's contract.
@@ -178,6 +184,7 @@ impl Effect {
             Self::TachoRipple => "tacho_ripple",
             Self::SpeedLag => "speed_lag",
             Self::BridgeAsymmetry => "bridge_asymmetry",
+            Self::ResistanceGrowingWithSpeed => "resistance_growing_with_speed",
             Self::OutsideShaker => "outside_shaker",
             Self::OutsideSaturation => "outside_saturation",
             Self::OutsideDropouts => "outside_dropouts",
@@ -186,6 +193,7 @@ impl Effect {
             Self::OutsideSpindle => "outside_spindle",
             Self::OutsideGrip => "outside_grip",
             Self::OutsideSpring => "outside_spring",
+            Self::OutsideCube => "outside_cube",
         }
     }
 

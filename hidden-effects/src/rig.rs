@@ -74,6 +74,10 @@ pub struct Hidden {
     saturation: f64,
     /// By what share the bridge gives less backward.
     weaker_backward: f64,
+    /// By what the winding's resistance is greater at a speed.
+    growth_ohm_s: f64,
+    /// Drag by the cube of the speed.
+    cube: f64,
     dropouts: bool,
     dropout_s: f64,
     /// The counter stands now and then, and for how long.
@@ -390,6 +394,14 @@ impl Bench {
                 hidden.weaker_backward = between(0.03, 0.2);
                 vec![("backward_share", -hidden.weaker_backward)]
             }
+            Effect::ResistanceGrowingWithSpeed => {
+                hidden.growth_ohm_s = between(0.15, 0.6) * self.motor.resistance_ohm / self.top_speed;
+                vec![("growth_ohm_s", hidden.growth_ohm_s)]
+            }
+            Effect::OutsideCube => {
+                hidden.cube = between(0.06, 0.25) * stall_nm / self.top_speed.powi(3);
+                Vec::new()
+            }
             Effect::OutsideShaker => {
                 hidden.shaker_nm = between(0.06, 0.15) * stall_nm;
                 hidden.shaker_hz = random.random_range(4.0..9.0);
@@ -540,14 +552,15 @@ impl Bench {
     }
 
     fn armature(&mut self, source_v: f64, drop_v: f64, dt: f64) {
-        let resistance_ohm = self.motor.resistance_ohm * (1.0 + COPPER_PER_K * self.heat_k);
+        let winding_ohm = self.motor.resistance_ohm * (1.0 + COPPER_PER_K * self.heat_k);
+        let resistance_ohm = winding_ohm + self.hidden.growth_ohm_s * self.speed.abs();
         let emf_v = self.torque_constant() * self.speed;
         let free_a =
             self.current_a + dt / self.motor.inductance_h * (source_v - resistance_ohm * self.current_a - emf_v);
         // The drop works against the current and cannot turn it round.
         let lost_a = dt / self.motor.inductance_h * drop_v;
         self.current_a = free_a.signum() * (free_a.abs() - lost_a).max(0.0);
-        let power_w = resistance_ohm * self.current_a * self.current_a;
+        let power_w = winding_ohm * self.current_a * self.current_a;
         if self.hidden.heating_s > 0.0 {
             self.heat_k += dt / self.hidden.heating_s * (self.hidden.heating_k_per_w * power_w - self.heat_k);
         }
@@ -628,6 +641,7 @@ impl Bench {
     fn outer_torque(&self) -> f64 {
         let hidden = &self.hidden;
         let mut torque = hidden.load_nm + hidden.drag * self.speed * self.speed.abs();
+        torque += hidden.cube * self.speed.powi(3);
         if self.time_s >= hidden.step_s {
             torque += hidden.step_nm;
         }

@@ -58,6 +58,27 @@ fn a_bridge_may_give_less_one_way() {
     }
 }
 
+/// A sagging supply takes voltage at great duties, this one at great speeds; steady points alone would not tell them apart.
+#[test]
+fn a_resistance_may_grow_with_the_speed() {
+    for (seed, channels) in [(1, Channels::Full), (2, Channels::VoltageSpeed), (3, Channels::DutyCountsCurrent)] {
+        let recipe = Recipe { channels, ..Recipe::of(&[Effect::ResistanceGrowingWithSpeed]).on_real_rig() };
+        let outcome = assert_found(seed, &recipe.with_random_strengths(seed)).outcome;
+        let cause =
+            outcome.causes.iter().find(|cause| cause.effect == "resistance_growing_with_speed").expect("it is named");
+        assert_eq!(cause.not_separable_from, [""; 0], "seed {seed}");
+    }
+}
+
+/// Nine milliseconds, of which a speed alone tells: a lag would round it off.
+#[test]
+fn a_delay_is_no_lag_of_the_speed() {
+    for seed in 1..=3 {
+        let recipe = Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[]).on_real_rig() };
+        assert_found(seed, &Recipe { effects: vec![(Effect::ActuationDelay, 0.85)], ..recipe });
+    }
+}
+
 #[test]
 fn constants_are_found_to_a_few_percent() {
     let trial = draw(5, &Recipe::of(&[]).on_real_rig());

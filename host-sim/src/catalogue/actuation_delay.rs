@@ -13,7 +13,7 @@ static ABOUT: About = About {
     linear_in: 0,
     law: "u(t - delay_s)",
     looks_like: "After each step of the command both current and speed wait",
-    confused_with: &["current_lag"],
+    confused_with: &["current_lag", "speed_lag"],
     experiment: "Steps with the current measured: a delay shifts the response, an inductance or a filter rounds it",
     remedy: "Bandwidth below 0.3 / delay; a Smith predictor or the delay's states in the LQR",
     source: "Astrom and Hagglund, Advanced PID Control (2006)",
@@ -28,10 +28,10 @@ impl Effect for ActuationDelay {
         vec![vec![2.0 * scales.interval_s.min(0.005)]]
     }
 
-    /// By a speed a winding and a wait can hardly be told apart.
+    /// By a speed a winding, a lag and a wait can hardly be told apart.
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
         // Of a lag, its time constant.
-        [INDUCTANCE, "current_lag"].contains(&rival).then(|| vec![values[0]])
+        [INDUCTANCE, "current_lag", "speed_lag"].contains(&rival).then(|| vec![values[0]])
     }
 
     /// Moments that are sought are as late as a delay would make them.

@@ -29,6 +29,7 @@ mod load_torque;
 mod low_pass;
 mod missed_counts;
 mod quadratic_drag;
+mod resistance_growing_with_speed;
 mod shaft_compliance;
 mod speed_lag;
 mod stribeck_friction;
@@ -44,7 +45,7 @@ use crate::motor::MotorParameters;
 use std::ops::Range;
 
 /// Every effect the diagnosis knows, in the order in which those on the sensors act on a reading.
-pub static CATALOGUE: [&dyn Effect; 24] = [
+pub static CATALOGUE: [&dyn Effect; 25] = [
     &coulomb_friction::CoulombFriction,
     &stribeck_friction::StribeckFriction,
     &friction_asymmetry::FrictionAsymmetry,
@@ -59,6 +60,7 @@ pub static CATALOGUE: [&dyn Effect; 24] = [
     &voltage_drop::VoltageDrop,
     &bridge_asymmetry::BridgeAsymmetry,
     &supply_sag::SupplySag,
+    &resistance_growing_with_speed::ResistanceGrowingWithSpeed,
     &winding_heating::WindingHeating,
     &coast_decay::CoastDecay,
     &actuation_delay::ActuationDelay,
@@ -465,6 +467,12 @@ pub trait Effect: Sync {
 
     /// The same with its other laws, where it has a choice.
     fn other_laws(&self, _values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
+    /// Laws that look like its own and are none of the catalogue's, where they look most like it with these values: it is named
+    /// only where none of them explains more.
+    fn not_its_own(&self, _values: &[f64], _scales: &Scales) -> Vec<(&'static dyn Effect, Vec<f64>)> {
         Vec::new()
     }
 

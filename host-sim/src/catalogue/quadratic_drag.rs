@@ -20,9 +20,25 @@ static ABOUT: About = About {
     source: "Hoerner, Fluid-Dynamic Drag (1965)",
 };
 
+/// Drag that grows with the cube of the speed: no fan's, and no effect of the catalogue.
+struct CubicDrag;
+
+static ABOUT_CUBIC: About = About {
+    id: "cubic_drag",
+    title: "drag that grows with the cube of the speed",
+    parameters: &[Parameter::positive("drag_Nm_s3")],
+    law: "T = drag_Nm_s3 w^3",
+    ..ABOUT
+};
+
 impl Effect for QuadraticDrag {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    /// With as much at the greatest speed.
+    fn not_its_own(&self, values: &[f64], scales: &Scales) -> Vec<(&'static dyn Effect, Vec<f64>)> {
+        vec![(&CubicDrag, vec![values[0] / scales.speed_rad_per_s])]
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
@@ -38,5 +54,26 @@ impl Effect for QuadraticDrag {
         balance: &mut Balance,
     ) {
         balance.viscous_nm_s += values[0] * at.speed_rad_per_s.abs();
+    }
+}
+
+impl Effect for CubicDrag {
+    fn about(&self) -> &'static About {
+        &ABOUT_CUBIC
+    }
+
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.05 * scales.stall_torque_nm() / scales.speed_rad_per_s.powi(3)]]
+    }
+
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        at: &Instant,
+        _state: &mut [f64],
+        balance: &mut Balance,
+    ) {
+        balance.viscous_nm_s += values[0] * at.speed_rad_per_s.powi(2);
     }
 }

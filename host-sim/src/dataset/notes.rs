@@ -85,7 +85,7 @@ impl Dataset {
         }
         if !self.origin.pwm_is_known && self.origin.pwm_hz != PWM_HZ {
             notes.push(format!(
-                "The model explains most with a PWM of {:.0} Hz, which may stand for something else in the current. [bridge] pwm_Hz in the rig file says what it is.",
+                "The PWM is taken for one of {:.0} Hz: the model explains more with it, or as much by an inductance nearer to the nominal one. It may stand for something else in the current. [bridge] pwm_Hz in the rig file says what it is.",
                 self.origin.pwm_hz
             ));
         }

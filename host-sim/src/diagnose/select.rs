@@ -484,7 +484,8 @@ impl Chooser<'_> {
         let is_named = stands
             && !self.spoils(&own)
             && (keeps_the_motor || keeps_the_winding() || earns_its_place(&own) && is_certain())
-            && self.owes_it_to_its_number(current, &without, id);
+            && self.owes_it_to_its_number(current, &without, id)
+            && self.owes_it_to_its_law(current, &without, id);
         Check { id, without, own, is_named }
     }
 
@@ -533,6 +534,16 @@ impl Chooser<'_> {
         2 * as_good <= looked_at.len()
     }
 
+    /// Whether no law that only looks like its own, and has no name, would do better.
+    fn owes_it_to_its_law(&self, current: &Fit, without: &Fit, id: &str) -> bool {
+        let term = current.model.term(id).expect("one of its own terms");
+        let others = term.effect.not_its_own(&term.values, &scales(&current.model.motor, self.data));
+        others.into_iter().all(|(other, values)| {
+            let other = fit(&without.model.with(other, values), self.data, self.prior, Effort::CHECK);
+            !is_beyond_doubt(&self.gain(current, &other))
+        })
+    }
+
     /// Whether a rival is to take the place of `id`: it explains more, or as much with fewer constants or more plausibly.
     fn is_better(&self, current: &Fit, id: &str, (rival_id, rival): &(&'static str, Fit)) -> bool {
         if self.is_strange(rival) && !self.is_strange(current) {
@@ -571,7 +582,11 @@ impl Chooser<'_> {
             false => (rival, found),
         };
         let is_there = |(rival, found): &(&str, Fit)| found.model.term(rival).is_some_and(Term::is_there);
-        rivals.into_par_iter().map(at_its_best).filter(is_there).collect()
+        // Friction that is there one way alone and a load against it make up for a friction that is missing both ways.
+        let makes_sense = |(_, found): &(&str, Fit)| {
+            found.model.terms.iter().all(|term| found.model.alone(term.effect) != Some(Alone::Never))
+        };
+        rivals.into_par_iter().map(at_its_best).filter(is_there).filter(makes_sense).collect()
     }
 
     /// Fits from where another effect looks most like `id`.
@@ -648,6 +663,11 @@ fn looks_like_inductance(id: &str) -> bool {
 /// Whether a model is no better than the other.
 fn is_same(gain: &Gain) -> bool {
     gain.sigmas < SAME_SIGMAS || gain.share < SAME_SHARE
+}
+
+/// Whether a model is better without doubt.
+fn is_beyond_doubt(gain: &Gain) -> bool {
+    gain.sigmas > NAMED_SIGMAS && gain.share > LEAST_SHARE
 }
 
 fn earns_its_place(gain: &Gain) -> bool {

@@ -23,7 +23,7 @@ pub(super) fn is_unknown(data: &Dataset) -> bool {
 fn exponent(name: &str) -> f64 {
     let torque = name.contains("_Nm") && !name.contains("_per_A") || name.ends_with("_kg_m2");
     let current = name.ends_with("_A") && !name.ends_with("_per_A");
-    let per_power_or_current = ["_ohm", "_H", "_per_W"].iter().any(|unit| name.ends_with(unit));
+    let per_power_or_current = ["_ohm", "_ohm_s", "_H", "_per_W"].iter().any(|unit| name.ends_with(unit));
     f64::from(i8::from(torque || current) - i8::from(per_power_or_current))
 }
 

@@ -49,9 +49,9 @@ pub(super) const TERMS: [Term; 4] = [
         is_resistance: false,
     },
 ];
-/// What the published study of the PIVT-6 takes for its cause is no law of a motor: it is named only where the constants of
-/// one do not hold.
-const NO_LAW: usize = 3;
+/// What the published study of the PIVT-6 takes for its cause is rare in a motor: it is named only where the constants of one
+/// do not hold.
+const RARE: usize = 3;
 /// More terms than this say nothing of a table.
 const MOST_TERMS: usize = 3;
 /// An explanation from which a term is missing by this many standard errors comes after one of as many terms from which none
@@ -91,7 +91,7 @@ impl Explanation {
 
     /// What comes first is named.
     fn place(&self) -> (bool, bool, usize, bool) {
-        let lawless = self.terms.contains(&TERMS[NO_LAW].effect);
+        let lawless = self.terms.contains(&TERMS[RARE].effect);
         (!self.holds(), lawless, self.terms.len(), self.lacks_sigmas > DOUBTED_SIGMAS)
     }
 
