@@ -8,7 +8,8 @@
 mod scoring;
 
 use hidden_effects::{Effect, Recipe, Trial, draw};
-use host_sim::diagnose::outcome::{Cause, Outcome};
+use host_sim::catalogue::effect;
+use host_sim::diagnose::outcome::{Cause, Estimate, Outcome};
 use rayon::prelude::*;
 use scoring::{diagnosed, hidden, named, recipe};
 use serde::{Deserialize, Serialize};
@@ -105,7 +106,7 @@ struct Result {
     /// What was named, with its confidence.
     named: Vec<(String, f64)>,
     /// Of each constant its relative error and whether its interval held the truth.
-    constants: Vec<(String, f64, bool)>,
+    constants: Vec<Constant>,
     /// Greatest error over noise floor.
     excess: f64,
 }
@@ -147,35 +148,50 @@ impl Result {
     }
 }
 
+/// A constant, its relative error, and whether its interval held the truth.
+type Constant = (String, f64, bool);
+
 /// Errors of the constants of what was named, and of the motor's where nothing remains unexplained.
-fn constants(trial: &Trial, outcome: &Outcome) -> Vec<(String, f64, bool)> {
+fn constants(trial: &Trial, outcome: &Outcome) -> Vec<Constant> {
     let motor = trial.truth.motor;
-    let mut constants = Vec::new();
-    let mut check = |name: String, truth: f64, value: f64, ci95: [f64; 2]| {
-        constants.push((name, (value / truth - 1.0).abs(), (ci95[0]..=ci95[1]).contains(&truth)));
+    let of_motor = [
+        ("resistance_ohm", motor.resistance_ohm),
+        ("inductance_H", motor.inductance_h),
+        ("torque_constant_Nm_per_A", motor.torque_constant_nm_per_a),
+        ("inertia_kg_m2", motor.inertia_kg_m2),
+    ];
+    let is_known = outcome.unexplained.is_none();
+    let of_motor = of_motor.into_iter().filter(|_| is_known).map(|(name, truth)| {
+        let found = outcome.parameters[name];
+        compared(format!("motor {name}"), truth, found.value, found.ci95)
+    });
+    let of_effects = trial.truth.effects.iter().flat_map(|(effect, truths)| {
+        let cause = outcome.causes.iter().find(|cause| cause.effect == effect.id());
+        cause.map(|cause| constants_of(cause, truths)).unwrap_or_default()
+    });
+    of_motor.chain(of_effects).collect()
+}
+
+fn compared(name: String, truth: f64, value: f64, ci95: [f64; 2]) -> Constant {
+    (name, (value / truth - 1.0).abs(), (ci95[0]..=ci95[1]).contains(&truth))
+}
+
+/// Those of an effect. Which of its laws it follows is right or wrong, and the constants of another law are others.
+fn constants_of(cause: &Cause, truths: &[(&'static str, f64)]) -> Vec<Constant> {
+    let parameters = effect(&cause.effect).expect("it is in the catalogue").about().parameters;
+    let is_choice = |name: &str| parameters.iter().any(|parameter| parameter.name == name && parameter.is_choice());
+    let found = |name: &str| cause.parameters.get(name);
+    let is_right = |(name, law): &(&str, f64)| found(name).map_or(0.0, |found| found.value) == *law;
+    let (laws, values): (Vec<_>, Vec<_>) = truths.iter().copied().partition(|(name, _)| is_choice(name));
+    let right = |law: &(&str, f64)| {
+        (format!("{} by its law, {}", cause.effect, law.0), f64::from(u8::from(!is_right(law))), is_right(law))
     };
-    if outcome.unexplained.is_none() {
-        for (name, truth) in [
-            ("resistance_ohm", motor.resistance_ohm),
-            ("inductance_H", motor.inductance_h),
-            ("torque_constant_Nm_per_A", motor.torque_constant_nm_per_a),
-            ("inertia_kg_m2", motor.inertia_kg_m2),
-        ] {
-            let found = outcome.parameters[name];
-            check(format!("motor {name}"), truth, found.value, found.ci95);
-        }
-    }
-    for (effect, truths) in &trial.truth.effects {
-        let Some(cause) = outcome.causes.iter().find(|cause| cause.effect == effect.id()) else { continue };
-        for (name, truth) in truths {
-            // Another law of the effect may have other constants.
-            let Some(found) = cause.parameters.get(*name) else { continue };
-            if let Some(ci95) = found.ci95 {
-                check(format!("{} {name}", effect.id()), *truth, found.value, ci95);
-            }
-        }
-    }
-    constants
+    let comparable = values.iter().filter(|_| laws.iter().all(is_right));
+    let with_interval = comparable.filter_map(|(name, truth)| {
+        let Estimate { value, ci95 } = *found(name)?;
+        Some(compared(format!("{} {name}", cause.effect), *truth, value, ci95?))
+    });
+    laws.iter().map(right).chain(with_interval).collect()
 }
 
 /// Trials that this very program has done before: a report that was cut off goes on where it was.

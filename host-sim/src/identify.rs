@@ -56,7 +56,7 @@ const LEAST_OF_START: f64 = 0.01;
 /// A process that takes longer than so many recordings cannot be told from what is always there.
 const SLOWEST: f64 = 5.0;
 /// Steps that locate the moment of an event.
-const LOCATING: usize = 12;
+const LOCATING: usize = 16;
 /// Electromechanical and electromagnetic time constant of a small motor, for a start without nominal values.
 const USUAL_TIME_CONSTANTS_S: (f64, f64) = (0.05, 0.001);
 
@@ -388,14 +388,18 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
         parameters
             .map(|(index, parameter)| {
                 let (min, max) = bounds(term, index, &scales);
-                let size = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
+                // A moment was located on all data: those that the fit sees may say nothing of it.
+                let moment = term.effect.spacing(&scales).filter(|(place, _)| *place == index);
+                let magnitude = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
+                let size = moment.map_or(magnitude, |(_, spacing)| spacing);
+                let known = moment.map(|_| (term.values[index], data.interval_s)).or(parameter.known);
                 Unknown {
                     place: Place::Term(term_index, index),
                     logarithmic: false,
                     size,
                     min,
                     max,
-                    prior: parameter.known.map(|(mean, spread)| (mean / size, spread / size)),
+                    prior: known.map(|(mean, spread)| (mean / size, spread / size)),
                 }
             })
             .collect::<Vec<_>>()

@@ -49,9 +49,8 @@ impl Term {
 
     /// Whether it is more than nothing.
     pub fn is_there(&self) -> bool {
-        let mut strengths = self.effect.strengths();
-        strengths.is_empty()
-            || strengths.any(|index| self.values[index] != self.effect.about().parameters[index].nothing())
+        let is_something = |index: usize| self.values[index] != self.effect.about().parameters[index].nothing();
+        self.effect.strengths().into_iter().all(|mut group| group.any(is_something))
     }
 
     /// Whether it follows another of its laws than the usual one.

@@ -260,8 +260,9 @@ impl Effect for Backlash {
         1.0 - values[1]
     }
 
-    fn strengths(&self) -> Range<usize> {
-        0..1
+    /// A gap before nothing is none either.
+    fn strengths(&self) -> Vec<Range<usize>> {
+        [0, 1].map(|constant| constant..constant + 1).to_vec()
     }
 
     fn has_events(&self) -> bool {

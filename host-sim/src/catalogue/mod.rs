@@ -229,6 +229,11 @@ impl Parameter {
         !self.fitted && self.unsaid.is_none()
     }
 
+    /// Whether it is a choice between two laws.
+    pub fn is_choice(&self) -> bool {
+        !self.fitted && self.unsaid.is_some()
+    }
+
     /// Whether a fit moves it from this value: none changes the law.
     pub fn moves(&self, value: f64) -> bool {
         self.fitted && self.unsaid != Some(value)
@@ -486,9 +491,10 @@ pub trait Effect: Sync {
         false
     }
 
-    /// Which of its constants say how strong it is: with all of them at their least it does nothing that would be its own.
-    fn strengths(&self) -> Range<usize> {
-        0..self.about().linear_in
+    /// Which of its constants say how strong it is: with all of one group at their least it does nothing that would be its own.
+    fn strengths(&self) -> Vec<Range<usize>> {
+        let linear_in = self.about().linear_in;
+        if linear_in > 0 { vec![Range { start: 0, end: linear_in }] } else { Vec::new() }
     }
 
     /// An effect that it comes with, and what it is without.

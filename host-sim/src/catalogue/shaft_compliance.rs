@@ -48,8 +48,8 @@ impl Effect for ShaftCompliance {
         [0.7, 0.85, 1.2, 1.4].map(|factor| vec![factor * values[0], values[1], values[2]]).to_vec()
     }
 
-    fn strengths(&self) -> Range<usize> {
-        1..2
+    fn strengths(&self) -> Vec<Range<usize>> {
+        [1].map(|constant| constant..constant + 1).to_vec()
     }
 
     fn states(&self) -> usize {

@@ -1,6 +1,6 @@
 //! Stribeck friction: it takes more to break loose than to keep moving; the excess falls off with speed.
 
-use super::{About, ActsOn, Alone, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Alone, Balance, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// An excess that reaches farther up would be Coulomb friction, or drag.
@@ -62,6 +62,11 @@ impl Effect for StribeckFriction {
             [0, 1].into_iter().flat_map(|constant| ELSEWHERE.map(|factor| at(constant, factor))).collect::<Vec<_>>()
         };
         laws.iter().flat_map(varied).collect()
+    }
+
+    /// Bristles that bend before they slip smooth what here breaks loose at once.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 0.024, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     /// What it adds falls off to the Coulomb level; beside a wave over the angle the excess alone is what the wave leaves.

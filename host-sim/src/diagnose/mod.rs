@@ -41,6 +41,7 @@ use scale::Scale;
 use select::{Selection, Standing, select};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// A model that explains less than this of the motion, with nothing but noise left, has had nothing to explain.
 const LEAST_FIT_PERCENT: f64 = 20.0;
@@ -380,18 +381,19 @@ impl Rest {
 fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) -> bool {
     let Some(index) = model.terms.iter().position(|term| term.id() == standing.id) else { return false };
     let effect = model.terms[index].effect;
-    let strong = effect.strengths();
     let parameters = effect.about().parameters;
-    let holds_nothing = |interval: &Interval| match interval.place {
-        Place::Term(term, constant) if term == index && strong.contains(&constant) => {
+    let holds_nothing = |interval: &Interval, group: &Range<usize>| match interval.place {
+        Place::Term(term, constant) if term == index && group.contains(&constant) => {
             Some((interval.ci95[0]..=interval.ci95[1]).contains(&parameters[constant].nothing()))
         }
         _ => None,
     };
-    let mut strengths = intervals.iter().filter_map(holds_nothing).peekable();
+    let may_be_nothing = |group: Range<usize>| {
+        let mut known = intervals.iter().filter_map(|interval| holds_nothing(interval, &group)).peekable();
+        known.peek().is_some() && known.all(|holds_nothing| holds_nothing)
+    };
     !(is_of_a_scale(standing.id) && standing.gain.sigmas > BEYOND_DOUBT_SIGMAS)
-        && strengths.peek().is_some()
-        && strengths.all(|holds_nothing| holds_nothing)
+        && effect.strengths().into_iter().any(may_be_nothing)
 }
 
 /// Whether an effect's strength is a factor of what it does.
