@@ -271,7 +271,11 @@ impl Bench {
                 hidden.excess_nm = between(0.4, 1.2) * hidden.coulomb_nm;
                 hidden.stribeck_speed = random.random_range(0.015..0.05) * self.top_speed;
                 hidden.stribeck_power = if phase < TUSTIN_SHARE * TAU { 1 } else { 2 };
-                vec![("excess_torque_Nm", hidden.excess_nm), ("stribeck_speed_rad_per_s", hidden.stribeck_speed), ("exponential", f64::from(u8::from(hidden.stribeck_power == 1)))]
+                vec![
+                    ("excess_torque_Nm", hidden.excess_nm),
+                    ("stribeck_speed_rad_per_s", hidden.stribeck_speed),
+                    ("exponential", f64::from(u8::from(hidden.stribeck_power == 1))),
+                ]
             }
             Effect::FrictionAsymmetry => {
                 hidden.asymmetry_nm = sign * between(0.15, 0.45) * hidden.coulomb_nm;

@@ -70,6 +70,23 @@ fn a_resistance_may_grow_with_the_speed() {
     }
 }
 
+/// At a moment that is kept back no fit sees it; the time of the step was moved there, and a gap before nothing made up for it.
+#[test]
+fn a_load_may_come_where_the_data_are_kept_back() {
+    let diagnosis = assert_found(3019, &recipe("load_step", 3019));
+    let [reached, floor] = ["extended", "noise_floor"].map(|fit| diagnosis.outcome.fit[fit]["omega_rad_per_s"].rmse);
+    assert!(reached < 1.1 * floor, "{reached} {floor}");
+}
+
+/// What hardly any bench is without is certain beside something unknown as well.
+#[test]
+fn friction_and_drop_are_named_beside_something_unknown() {
+    for (seed, effect) in [(1, Effect::OutsideDrift), (2, Effect::OutsideShaker), (3, Effect::OutsideSaturation)] {
+        let diagnosis = assert_found(seed, &Recipe::of(&[effect]).on_real_rig());
+        assert_eq!(diagnosis.outcome.verdict, Verdict::PartlyExplained, "seed {seed}");
+    }
+}
+
 /// Nine milliseconds, of which a speed alone tells: a lag would round it off.
 #[test]
 fn a_delay_is_no_lag_of_the_speed() {

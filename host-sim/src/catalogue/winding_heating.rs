@@ -1,6 +1,6 @@
 //! Winding heating: copper gains 0.39 % of resistance a kelvin.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -28,6 +28,11 @@ impl Effect for WindingHeating {
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         let power_w = 0.3 * scales.motor.resistance_ohm * scales.current_a.powi(2);
         [0.1, 0.5].map(|share| vec![0.2 / power_w.max(1e-9), share * scales.duration_s]).to_vec()
+    }
+
+    /// The ripple of the current heats as well, and is not in its mean.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 0.01, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     fn is_slow_resistance(&self) -> bool {

@@ -27,6 +27,8 @@ const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
 const ALONE_SIGMAS: f64 = 50.0;
 /// With at least this share of the error that is left.
 const LEAST_SHARE: f64 = 0.02;
+/// A law that looks like an effect's and is none is the better one with this significance, however little it gains.
+const OTHER_LAW_SIGMAS: f64 = 4.0;
 /// An effect that makes the error of a quantity so many times greater, beyond the noise, explains one at the cost of another.
 const SPOILT: f64 = 1.5;
 /// Two models closer than this cannot be told apart.
@@ -540,7 +542,7 @@ impl Chooser<'_> {
         let others = term.effect.not_its_own(&term.values, &scales(&current.model.motor, self.data));
         others.into_iter().all(|(other, values)| {
             let other = fit(&without.model.with(other, values), self.data, self.prior, Effort::CHECK);
-            !is_beyond_doubt(&self.gain(current, &other))
+            self.gain(current, &other).sigmas < OTHER_LAW_SIGMAS
         })
     }
 
@@ -663,11 +665,6 @@ fn looks_like_inductance(id: &str) -> bool {
 /// Whether a model is no better than the other.
 fn is_same(gain: &Gain) -> bool {
     gain.sigmas < SAME_SIGMAS || gain.share < SAME_SHARE
-}
-
-/// Whether a model is better without doubt.
-fn is_beyond_doubt(gain: &Gain) -> bool {
-    gain.sigmas > NAMED_SIGMAS && gain.share > LEAST_SHARE
 }
 
 fn earns_its_place(gain: &Gain) -> bool {

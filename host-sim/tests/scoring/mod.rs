@@ -22,6 +22,7 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
         "real" => real(),
         "pairs" => Recipe::of(&random_effects(seed, 2, false)),
         "triples" => Recipe::of(&random_effects(seed, 3, false)),
+        "further" => Recipe::of(&[turn(&Effect::ASKED_FOR)]).on_real_rig(),
         "outside" => Recipe::of(&[turn(&Effect::OUTSIDE)]),
         "outside-real" => Recipe::of(&[turn(&Effect::OUTSIDE)]).on_real_rig(),
         "voltage-speed" => Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[turn(&without_current)]) },
