@@ -431,11 +431,18 @@ impl LinearStep {
         let gain = self.current_of[2];
         let dry_a = gain * terms.ripple.mean_drop_v(terms.drops_v());
         let flowing_a = match terms.drops_with_the_mean() {
-            true => eased_a(free_a, dry_a, terms.knee_a),
+            true => {
+                let left_a = eased_a(free_a, dry_a, terms.knee_a);
+                turned(current_a, left_a, free_a, || {
+                    [dry_a * (current_a.abs() / terms.knee_a).tanh(), (free_a - left_a).abs()]
+                })
+            }
             false => {
                 let left_a =
                     terms.ripple.against_drops(free_a, dry_a, || self.volts(current_a, speed, voltage_v, terms));
-                turned(current_a, left_a, free_a, [dry_a; 2])
+                // One that hangs on what pulses leave has no time of its own.
+                let is_whole = left_a == free_a - dry_a || left_a == free_a + dry_a;
+                if is_whole { turned(current_a, left_a, free_a, || [dry_a; 2]) } else { left_a }
             }
         };
         // Quotients as products: they do not wait for what they scale.
@@ -475,22 +482,19 @@ pub(crate) fn oppose_motion(before: f64, free: f64, gain: f64, terms: &Balance) 
     let forward = gain * terms.dry_forward_nm.max(0.0);
     let backward = gain * terms.dry_backward_nm.max(0.0);
     let moving = if free > forward { free - forward } else { (free + backward).min(0.0) };
-    turned(before, moving, free, [forward, backward]) * (1.0 / (1.0 + gain * terms.viscous_nm_s))
+    let turned = turned(before, moving, free, || if before > 0.0 { [forward, backward] } else { [backward, forward] });
+    turned * (1.0 / (1.0 + gain * terms.viscous_nm_s))
 }
 
 /// What a dry loss leaves of something that has turned round in a step: until it did, the loss acted the other way. `left`:
-/// with the loss against where it goes all the time, `free` without; `dry`: what the loss takes going forward and backward.
+/// with the loss against where it goes all the time, `free` without; `dry`: what the loss takes before and after.
 #[inline]
-fn turned(before: f64, left: f64, free: f64, dry: [f64; 2]) -> f64 {
+fn turned(before: f64, left: f64, free: f64, dry: impl FnOnce() -> [f64; 2]) -> f64 {
     if before * left >= 0.0 {
         return left;
     }
-    let [before_dry, after_dry] = if before > 0.0 { dry } else { [dry[1], dry[0]] };
+    let [before_dry, after_dry] = dry();
     let sense = before.signum();
-    // One that stopped on its way, or hangs on what pulses leave, has no time of its own.
-    if left != free + sense * after_dry {
-        return left;
-    }
     let as_before = sense * free - before_dry;
     let share_before = sense * before / (sense * before - as_before);
     left - sense * share_before * (before_dry + after_dry)

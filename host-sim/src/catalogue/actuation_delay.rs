@@ -1,6 +1,6 @@
 //! Actuation delay: the voltage comes later than the recording says.
 
-use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Parameter, Scales};
+use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Parameter, Scales, Simplification};
 
 /// See the module.
 pub struct ActuationDelay;
@@ -37,6 +37,11 @@ impl Effect for ActuationDelay {
     /// Moments that are sought are as late as a delay would make them.
     fn shows_in(&self, channels: &Channels) -> bool {
         !channels.moments
+    }
+
+    /// A duty is taken over when the next period of the PWM begins.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 5e-3, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     fn delay_s(&self, values: &[f64]) -> f64 {

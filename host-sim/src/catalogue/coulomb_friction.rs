@@ -27,7 +27,7 @@ impl Effect for CoulombFriction {
 
     /// Real contacts bend by some milliradians before they slip, and spring back when they stop.
     fn simplification(&self) -> Simplification {
-        Simplification { own: 1.5e-3, inertia: 2.2e-3, viscous_friction: 5e-3 }
+        Simplification { own: 3.5e-3, inertia: 2.2e-3, viscous_friction: 5e-3 }
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {

@@ -1,6 +1,6 @@
 //! Quadratic drag: a fan, a propeller or a rotor in air or oil.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -34,6 +34,11 @@ static ABOUT_CUBIC: About = About {
 impl Effect for QuadraticDrag {
     fn about(&self) -> &'static About {
         &ABOUT
+    }
+
+    /// Friction that bends before it slips leaves a part of a weak one open.
+    fn simplification(&self) -> Simplification {
+        Simplification { own: 0.01, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     /// With as much at the greatest speed.
