@@ -803,6 +803,25 @@ mod tests {
         Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
     }
 
+    /// Until the current has turned round, its drop works the other way.
+    #[test]
+    fn a_drop_turns_round_with_the_current_within_a_step() {
+        let motor = MotorParameters::PIVT6;
+        let after = |steps: i32, terms: &Balance| {
+            let step = LinearStep::new(&motor, motor.inertia_kg_m2, 2e-4 / f64::from(steps));
+            (0..steps).fold((0.15, 0.0), |(current_a, speed), _| {
+                let reached = step.take(current_a, speed, -12.0, false, terms);
+                (reached.current_a, reached.speed_rad_per_s)
+            })
+        };
+        for knee_a in [0.0, 1e-6, 1e-3] {
+            let terms = Balance { dry_drop_v: 2.0, knee_a, ..Balance::default() };
+            let (coarse, fine) = (after(1, &terms), after(1000, &terms));
+            assert!(fine.0 < -0.05, "it reverses: {fine:?}");
+            assert!((coarse.0 - fine.0).abs() < 0.01 * (0.15 - fine.0), "knee {knee_a}: {coarse:?} {fine:?}");
+        }
+    }
+
     /// Of sensors as well as of the motor: the one that was found first is not the one that acts first.
     #[test]
     fn the_order_in_which_effects_were_found_means_nothing() {
