@@ -540,13 +540,13 @@ fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
     data.origin.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
 }
 
-/// Whether a wrong value is an inductance that the frequency of the PWM, the window of the current or the moments of the commands
-/// may have made: where the rig file does not give them, only both together are certain.
+/// Whether a wrong value is an inductance that the frequency of the PWM, the windows of current and speed or the moments of the
+/// commands may have made: where the rig file does not give them, only both together are certain.
 fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
     let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage);
     let of_pwm = || !data.origin.pwm_is_known && shows_pwm();
     let of_window = || data.origin.timing.current_window_s.is_none() && data.origin.current_window_s > 0.0;
-    cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments())
+    cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments() || data.origin.taken_over_its_row)
 }
 
 /// In words.

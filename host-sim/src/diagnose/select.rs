@@ -48,6 +48,8 @@ const VISCOUS_SPREAD: f64 = 0.5;
 /// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains:
 /// as many for each that has one.
 const STRANGE_EACH: f64 = 8.0;
+/// As many more than with an effect speak for it as well: it is rather there than such a motor.
+const STRANGER: f64 = 18.0;
 /// Another law of an effect, or a rival, is fitted further if as it stands it costs no more than this many times what there is.
 const NEAR: f64 = 10.0;
 /// An inductance this many times the nominal one may be an effect.
@@ -375,15 +377,19 @@ impl Chooser<'_> {
         Some((best, step))
     }
 
-    /// What was found, beside the nominal motor and with an effect that changes everything in place of those of the voltage:
-    /// a great drop and a motor of half the size make up for a bridge that coasts.
+    /// What was found, beside the nominal motor and with an effect that changes everything in place of those of the voltage,
+    /// a usual drop or none besides: a great drop and a motor of half the size make up for a bridge that coasts.
     fn beside_nominal(&self, found: &Fit) -> Option<Fit> {
         let scales = scales(&self.prior.motor, self.data);
         let mut nominal = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
         nominal.terms.retain(|term| term.effect.about().acts_on != ActsOn::Voltage);
-        let changed = self.with_what_changes_everything(&nominal, &scales).into_iter();
-        let fits = changed.map(|model| fit(&model, self.data, self.prior, Effort::FULL));
-        fits.min_by(|a, b| a.cost.total_cmp(&b.cost))
+        let changed = self.with_what_changes_everything(&nominal, &scales);
+        let of_the_bridge = self.usual().filter(|effect| effect.about().acts_on == ActsOn::Voltage);
+        let besides: Vec<Model> = of_the_bridge
+            .flat_map(|effect| changed.iter().map(move |model| model.with_start(effect, &scales)))
+            .collect();
+        let fits = changed.into_iter().chain(besides).collect::<Vec<_>>().into_par_iter();
+        fits.map(|model| fit(&model, self.data, self.prior, Effort::FULL)).min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     fn forward(&self, mut current: Fit, mut steps: Vec<Step>, lead: Lead) -> Way {
@@ -465,7 +471,8 @@ impl Chooser<'_> {
         let without = fit(&current.model.without(id), self.data, self.prior, Effort::CHECK);
         let mut own = self.gain(&without, current);
         // Without it only another motor fits: then the data sheet speaks for it as well.
-        let keeps_the_motor = self.is_strange(&without) && !self.is_strange(current);
+        let stranger = strangeness(self.prior, &without) - strangeness(self.prior, current);
+        let keeps_the_motor = !self.is_strange(current) && (self.is_strange(&without) || stranger > STRANGER);
         if keeps_the_motor {
             own.sigmas = own.sigmas.max(0.0).hypot(strangeness(self.prior, &without).sqrt());
         }
