@@ -90,8 +90,8 @@ pub enum Effect {
     /// The speed is read through a filter of 3 to 15 ms.
     /// First order, `time_constant_s`; the tachogenerator's own, or of two in five the program's, of the readings.
     SpeedLag,
-    /// The bridge gives 3 to 20 % less backwards.
-    /// u (1 + `backward_share`) where u < 0.
+    /// The bridge gives 3 to 20 % less one way.
+    /// u (1 + `backward_share`) where u < 0, or that much less than backwards where u > 0.
     BridgeAsymmetry,
     /// The winding's resistance is 15 to 60 % greater at full speed.
     /// R + `growth_ohm_s` |w|: a commutator that sparks.

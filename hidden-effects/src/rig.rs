@@ -72,7 +72,7 @@ pub struct Hidden {
     shaker_nm: f64,
     shaker_hz: f64,
     saturation: f64,
-    /// By what share the bridge gives less backward.
+    /// By what share the bridge gives less backward, or, as a negative number, forward.
     weaker_backward: f64,
     /// By what the winding's resistance is greater at a speed.
     growth_ohm_s: f64,
@@ -395,8 +395,9 @@ impl Bench {
                 vec![("ripples_per_rev", hidden.ripples)]
             }
             Effect::BridgeAsymmetry => {
-                hidden.weaker_backward = between(0.03, 0.2);
-                vec![("backward_share", -hidden.weaker_backward)]
+                let less = between(0.03, 0.2);
+                hidden.weaker_backward = sign * less;
+                vec![("backward_share", if sign > 0.0 { -less } else { 1.0 / (1.0 - less) - 1.0 })]
             }
             Effect::ResistanceGrowingWithSpeed => {
                 hidden.growth_ohm_s = between(0.15, 0.6) * self.motor.resistance_ohm / self.top_speed;
@@ -552,7 +553,7 @@ impl Bench {
 
     /// Share of the supply that the bridge passes on in the sense of a duty.
     fn passed_on(&self, duty: f64) -> f64 {
-        if duty < 0.0 { 1.0 - self.hidden.weaker_backward } else { 1.0 }
+        1.0 - (-duty.signum() * self.hidden.weaker_backward).max(0.0)
     }
 
     fn armature(&mut self, source_v: f64, drop_v: f64, dt: f64) {

@@ -13,7 +13,7 @@ static ABOUT: About = About {
     acts_on: ActsOn::Voltage,
     parameters: &[Parameter::signed("backward_share")],
     linear_in: 1,
-    law: "U = u forwards, (1 + backward_share) u backwards",
+    law: "Backwards (1 + backward_share) times as much as forwards; the way that gives more gives u",
     looks_like: "The missing voltage is in proportion to the voltage one way, and nothing the other; the motor is faster one way than the other, most at full duty",
     confused_with: &["load_torque", "friction_asymmetry", "current_offset"],
     experiment: "Measure the bridge's output with a meter at the same duty both ways, the motor unplugged and plugged in",
@@ -27,7 +27,7 @@ impl Effect for BridgeAsymmetry {
     }
 
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![-0.1]]
+        [-0.1, 0.1].map(|share| vec![share]).to_vec()
     }
 
     fn contribute(
@@ -38,6 +38,10 @@ impl Effect for BridgeAsymmetry {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        balance.voltage_v += values[0] * at.voltage_v.min(0.0);
+        // No way through a bridge gives more than was asked for.
+        balance.voltage_v += match values[0] {
+            share if share < 0.0 => share * at.voltage_v.min(0.0),
+            share => -share / (1.0 + share) * at.voltage_v.max(0.0),
+        };
     }
 }
