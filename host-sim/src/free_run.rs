@@ -505,7 +505,7 @@ fn first(values: &[f64]) -> f64 {
 }
 
 /// Speed at the start of a stretch. Means over a window that begins there say it of its middle and not of its start: two, one
-/// after the other, lead back to that.
+/// after the other, lead back to that, but not through a stand: what begins to move within the second stood before.
 fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
     let values = &motion.values[stretch.rows.clone()];
     if matches!(motion.output, Output::Speed | Output::TimedSpeed) {
@@ -514,7 +514,10 @@ fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
     let Window { span, ahead } = stretch.window;
     let mean = |windows: usize| values.get(windows * span - ahead).copied();
     match (mean(1), mean(2)) {
-        (Some(one), Some(two)) if one.is_finite() && two.is_finite() => 1.5 * one - 0.5 * two,
+        (Some(one), Some(two)) if one.is_finite() && two.is_finite() => {
+            let first = 1.5 * one - 0.5 * two;
+            if first * one > 0.0 { first } else { 0.0 }
+        }
         _ => 0.0,
     }
 }
@@ -884,6 +887,20 @@ mod tests {
         // After the bridge has opened no current flows, and before that it does.
         let [before, after] = [51, 52].map(|row| between[0][row]);
         assert!(before > 0.1 && after == 0.0, "{before} {after}");
+    }
+
+    /// As a recording that begins with a step, before a delay has passed.
+    #[test]
+    fn what_begins_to_move_within_the_second_window_stood_before() {
+        let mut text = String::from("t_s,duty,counts\n");
+        for row in 0..200 {
+            let since_s = f64::max(0.0, f64::from(row) * 1e-3 - 4e-3);
+            let _ = writeln!(text, "{},0.8,{}", f64::from(row) * 1e-3, (2e6 * since_s * since_s).floor());
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        let rig = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 2000\n";
+        let data = Dataset::new(&[recording], &Rig::parse("rig.toml", rig).unwrap()).unwrap();
+        assert_eq!(first_speed(data.motion(), &data.stretches[0]), 0.0);
     }
 
     proptest! {

@@ -220,8 +220,14 @@ fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress)
     if (has_rest || corrected.data.has_moments()) && !scale.is_another_unit() {
         return (None, recorded);
     }
+    // Nothing but the nominal values tells of a scale: a motor that is farther from them speaks against it.
+    let off = |way: &Understood| select::strangeness(prior, &way.selection.last);
     let rank = |way: &Understood| (doubts(way), way.selection.last.cost);
-    if rank(&corrected) < rank(&recorded) { (Some(scale), corrected) } else { (None, recorded) }
+    if off(&corrected) < off(&recorded) && rank(&corrected) < rank(&recorded) {
+        (Some(scale), corrected)
+    } else {
+        (None, recorded)
+    }
 }
 
 /// The data as they are understood best by effects that are there without doubt. What turns out to be nothing is taken back;

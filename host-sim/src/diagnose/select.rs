@@ -653,7 +653,7 @@ pub(super) fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = (
 
 /// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says
 /// little; many times as much is another friction.
-fn strangeness(prior: &Prior, fit: &Fit) -> f64 {
+pub(super) fn strangeness(prior: &Prior, fit: &Fit) -> f64 {
     let values = |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
     let spread = [prior.spread[0], prior.spread[2], prior.spread[3]];
     let off = values(&fit.model.motor).into_iter().zip(values(&prior.motor)).zip(spread);
