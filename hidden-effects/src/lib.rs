@@ -96,6 +96,9 @@ pub enum Effect {
     /// The winding's resistance is 15 to 60 % greater at full speed.
     /// R + `growth_ohm_s` |w|: a commutator that sparks.
     ResistanceGrowingWithSpeed,
+    /// A bridge's drop, 15 to 40 % of it more one way and less the other.
+    /// `difference_V`: drop of a current forwards less that of one backwards.
+    DropAsymmetry,
     /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
     OutsideShaker,
     /// Not in the catalogue: the torque constant falls with the current, by 25 to 50 % at the peak.
@@ -143,7 +146,8 @@ impl Effect {
         Self::TachoRipple,
     ];
     /// Those it knows besides, one of a tachogenerator alone: drawn where they are asked for.
-    pub const ASKED_FOR: [Self; 3] = [Self::SpeedLag, Self::BridgeAsymmetry, Self::ResistanceGrowingWithSpeed];
+    pub const ASKED_FOR: [Self; 4] =
+        [Self::SpeedLag, Self::BridgeAsymmetry, Self::ResistanceGrowingWithSpeed, Self::DropAsymmetry];
     /// Those it does not.
     pub const OUTSIDE: [Self; 9] = [
         Self::OutsideShaker,
@@ -185,6 +189,7 @@ impl Effect {
             Self::SpeedLag => "speed_lag",
             Self::BridgeAsymmetry => "bridge_asymmetry",
             Self::ResistanceGrowingWithSpeed => "resistance_growing_with_speed",
+            Self::DropAsymmetry => "drop_asymmetry",
             Self::OutsideShaker => "outside_shaker",
             Self::OutsideSaturation => "outside_saturation",
             Self::OutsideDropouts => "outside_dropouts",

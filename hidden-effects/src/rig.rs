@@ -58,6 +58,8 @@ pub struct Hidden {
     spring_hz: f64,
     spring_damping: f64,
     drop_v: f64,
+    /// By what share of it the drop is greater forwards and smaller backwards.
+    drop_asymmetry: f64,
     /// The drop follows the mean current, as behind a filter or an amplifier, and comes up over a knee.
     drop_averaged: bool,
     drop_knee_a: f64,
@@ -399,6 +401,10 @@ impl Bench {
                 hidden.weaker_backward = sign * less;
                 vec![("backward_share", if sign > 0.0 { -less } else { 1.0 / (1.0 - less) - 1.0 })]
             }
+            Effect::DropAsymmetry => {
+                hidden.drop_asymmetry = sign * between(0.15, 0.4);
+                vec![("difference_V", 2.0 * hidden.drop_asymmetry * hidden.drop_v)]
+            }
             Effect::ResistanceGrowingWithSpeed => {
                 hidden.growth_ohm_s = between(0.15, 0.6) * self.motor.resistance_ohm / self.top_speed;
                 vec![("growth_ohm_s", hidden.growth_ohm_s)]
@@ -563,6 +569,7 @@ impl Bench {
         let free_a =
             self.current_a + dt / self.motor.inductance_h * (source_v - resistance_ohm * self.current_a - emf_v);
         // The drop works against the current and cannot turn it round.
+        let drop_v = drop_v * (1.0 + self.hidden.drop_asymmetry * free_a.signum());
         let lost_a = dt / self.motor.inductance_h * drop_v;
         self.current_a = free_a.signum() * (free_a.abs() - lost_a).max(0.0);
         let power_w = winding_ohm * self.current_a * self.current_a;

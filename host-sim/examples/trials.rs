@@ -32,7 +32,7 @@ const KINDS: [(&str, &str); 23] = [
     ("triples", "three effects"),
     (
         "further",
-        "a speed lag, a bridge that gives less one way or a resistance that grows with the speed, on the rig with friction and bridge drop",
+        "a speed lag, a bridge that gives less one way, a resistance that grows with the speed or a drop that differs between directions, on the rig with friction and bridge drop",
     ),
     ("outside", "a cause that the catalogue does not know"),
     ("outside-real", "the same on the rig with friction and bridge drop"),

@@ -576,11 +576,12 @@ impl<'a> Run<'a> {
             Steps::AtMost(step_s) => step_s.min(usual_step_s),
         };
         let still = speed_rad_per_s.abs() < 5.0 * motion.noise;
+        let speed_rad_per_s = if still { 0.0 } else { speed_rad_per_s };
         let delay_s = model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0);
         let acting = model.in_turn(|effect| effect.acts_on_motor()).into_iter().map(|term| Acting {
             effect: term.effect,
             values: &term.values,
-            state: vec![0.0; term.effect.states()],
+            state: term.effect.begins(speed_rad_per_s),
         });
         Self {
             model,
@@ -591,7 +592,7 @@ impl<'a> Run<'a> {
             step: LinearStep::default(),
             acting: acting.collect(),
             current_a: if still { 0.0 } else { current_a },
-            speed_rad_per_s: if still { 0.0 } else { speed_rad_per_s },
+            speed_rad_per_s,
             angle_rad: 0.0,
             lost_rad: 0.0,
             angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == ActsOn::AngleSensor).collect(),

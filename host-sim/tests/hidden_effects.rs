@@ -58,6 +58,33 @@ fn a_bridge_may_give_less_one_way() {
     }
 }
 
+/// A bridge that gives less takes more the more is asked for, a drop the same at any duty.
+#[test]
+fn a_drop_may_differ_between_directions() {
+    for (seed, channels) in [(1, Channels::Full), (2, Channels::VoltageSpeedCurrent), (3, Channels::DutyCountsCurrent)]
+    {
+        let recipe = Recipe { channels, ..Recipe::of(&[Effect::DropAsymmetry]).on_real_rig() };
+        let outcome = assert_found(seed, &recipe.with_random_strengths(seed)).outcome;
+        let cause = outcome.causes.iter().find(|cause| cause.effect == "drop_asymmetry").expect("it is named");
+        assert_eq!(cause.not_separable_from, [""; 0], "seed {seed}");
+    }
+}
+
+/// What is behind a gap or a spring turns as well where a recording begins in motion.
+#[test]
+fn a_recording_may_begin_in_motion() {
+    for (seed, effect) in [(1, Effect::ShaftCompliance), (2, Effect::Backlash)] {
+        let mut trial = draw(seed, &Recipe::of(&[effect]).on_real_rig());
+        let rows: Vec<&str> = trial.csv.lines().collect();
+        let turns =
+            |row: &&str| row.split(',').nth(4).is_some_and(|speed| speed.parse::<f64>().is_ok_and(|w| w > 60.0));
+        let begin = rows.iter().position(turns).expect("it turns");
+        trial.csv = [&rows[..1], &rows[begin..]].concat().join("\n");
+        let hidden = hidden(&trial);
+        assert_eq!(named(&diagnosed(&trial).outcome, &hidden), hidden, "seed {seed}");
+    }
+}
+
 /// A sagging supply takes voltage at great duties, this one at great speeds; steady points alone would not tell them apart.
 #[test]
 fn a_resistance_may_grow_with_the_speed() {

@@ -252,6 +252,13 @@ impl Effect for Backlash {
         7
     }
 
+    /// The load has the shaft's speed, wherever in the gap it is.
+    fn begins(&self, speed_rad_per_s: f64) -> Vec<f64> {
+        let mut states = vec![0.0; self.states()];
+        states[1] = speed_rad_per_s;
+        states
+    }
+
     fn longest_step_s(&self) -> f64 {
         LONGEST_STEP_S
     }

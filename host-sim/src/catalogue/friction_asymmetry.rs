@@ -3,6 +3,9 @@
 use super::{About, ActsOn, Alone, Balance, DryLosses, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
+/// In place of what has no torque in it, to begin with.
+const USUAL_NM: f64 = 1e-3;
+
 /// See the module.
 pub struct FrictionAsymmetry;
 
@@ -34,9 +37,13 @@ impl Effect for FrictionAsymmetry {
         vec![vec![0.02 * scales.stall_torque_nm()]]
     }
 
-    /// While the motor turns the two are the same.
+    /// While the motor turns it is the same as a load, and without a current as a drop.
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
-        (rival == "load_torque").then(|| vec![2.0 * values[0]])
+        match rival {
+            "load_torque" => Some(vec![2.0 * values[0]]),
+            "drop_asymmetry" => Some(vec![USUAL_NM]),
+            _ => None,
+        }
     }
 
     fn dry_losses(&self, values: &[f64]) -> DryLosses {

@@ -4,6 +4,9 @@ use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
 use crate::model::Term;
 use crate::motor::MotorParameters;
 
+/// In place of what has no torque in it, to begin with.
+const USUAL_NM: f64 = 1e-3;
+
 /// See the module.
 pub struct LoadTorque;
 
@@ -30,9 +33,13 @@ impl Effect for LoadTorque {
         vec![vec![0.02 * scales.stall_torque_nm()]]
     }
 
-    /// While the motor turns the two are the same.
+    /// While the motor turns it is the same as such a friction, and without a current as such a drop.
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
-        (rival == "friction_asymmetry").then(|| vec![0.5 * values[0]])
+        match rival {
+            "friction_asymmetry" => Some(vec![0.5 * values[0]]),
+            "drop_asymmetry" => Some(vec![USUAL_NM]),
+            _ => None,
+        }
     }
 
     /// Below half the Coulomb friction nothing turns by itself, and a bearing that rubs unequally is the usual reason.

@@ -20,6 +20,7 @@ mod coulomb_friction;
 mod current_clipping;
 mod current_lag;
 mod current_offset;
+mod drop_asymmetry;
 mod encoder_eccentricity;
 mod friction_asymmetry;
 mod friction_warmup;
@@ -45,7 +46,7 @@ use crate::motor::MotorParameters;
 use std::ops::Range;
 
 /// Every effect the diagnosis knows, in the order in which those on the sensors act on a reading.
-pub static CATALOGUE: [&dyn Effect; 25] = [
+pub static CATALOGUE: [&dyn Effect; 26] = [
     &coulomb_friction::CoulombFriction,
     &stribeck_friction::StribeckFriction,
     &friction_asymmetry::FrictionAsymmetry,
@@ -58,6 +59,7 @@ pub static CATALOGUE: [&dyn Effect; 25] = [
     &backlash::Backlash,
     &shaft_compliance::ShaftCompliance,
     &voltage_drop::VoltageDrop,
+    &drop_asymmetry::DropAsymmetry,
     &bridge_asymmetry::BridgeAsymmetry,
     &supply_sag::SupplySag,
     &resistance_growing_with_speed::ResistanceGrowingWithSpeed,
@@ -532,9 +534,14 @@ pub trait Effect: Sync {
         false
     }
 
-    /// Numbers of its own that it keeps from step to step, all zero at first.
+    /// Numbers of its own that it keeps from step to step.
     fn states(&self) -> usize {
         0
+    }
+
+    /// These at the beginning, when the shaft turns so fast.
+    fn begins(&self, _speed_rad_per_s: f64) -> Vec<f64> {
+        vec![0.0; self.states()]
     }
 
     /// Longest step that its own memory bears.

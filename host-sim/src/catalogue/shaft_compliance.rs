@@ -52,8 +52,13 @@ impl Effect for ShaftCompliance {
         [1].map(|constant| constant..constant + 1).to_vec()
     }
 
+    /// Twist, and speed of the load.
     fn states(&self) -> usize {
         2
+    }
+
+    fn begins(&self, speed_rad_per_s: f64) -> Vec<f64> {
+        vec![0.0, speed_rad_per_s]
     }
 
     fn motor_share(&self, values: &[f64]) -> f64 {

@@ -16,6 +16,8 @@ const CLOSER: [f64; 3] = [1.2, 1.1, 1.05];
 const LATEST_S: f64 = 1.25e-3;
 /// A window has to bring the cost down to this share of it where nothing is late.
 const LEAST_GAIN: f64 = 0.99;
+/// Where something remains that a window does not explain either, to this share: a part of anything is late.
+const LEAST_BESIDE: f64 = 0.6;
 /// An inductance this many times the nominal one may be a window.
 const EXCESSIVE_INDUCTANCE: f64 = 1.2;
 
@@ -43,7 +45,12 @@ fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
     let (window_s, best) = best_window(data, prior, &model)?;
     let explains = match (is_late, has_rest) {
         (true, _) => best.cost <= AS_GOOD * found.cost,
-        (false, true) => best.cost <= LEAST_GAIN * found.cost,
+        (false, true) => {
+            let mut windowed = data.clone();
+            windowed.origin.current_window_s = window_s;
+            let still_has_rest = above_floor(&windowed, &best) > NOT_NOISE;
+            best.cost <= if still_has_rest { LEAST_BESIDE } else { LEAST_GAIN } * found.cost
+        }
         (false, false) => best.cost <= found.cost && !is_excessive(prior, &best),
     };
     explains.then_some(window_s)

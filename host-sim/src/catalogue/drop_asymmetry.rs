@@ -1,0 +1,56 @@
+//! Drop asymmetry: the transistors of a bridge that carry a current one way drop more than those of the other, or a dead time
+//! takes more of its pulses.
+
+use super::{About, ActsOn, Alone, Balance, Effect, Instant, Parameter, Scales};
+use crate::motor::MotorParameters;
+
+/// A usual one, for a start.
+const USUAL_V: f64 = 0.3;
+
+/// See the module.
+pub struct DropAsymmetry;
+
+static ABOUT: About = About {
+    id: "drop_asymmetry",
+    title: "a voltage drop that differs between directions",
+    acts_on: ActsOn::Voltage,
+    parameters: &[Parameter::signed("difference_V")],
+    linear_in: 1,
+    law: "The drop is greater by difference_V / 2 while the current flows forwards and smaller by as much backwards",
+    looks_like: "The missing voltage is a step over the current that is higher on one side; the motor is faster one way than the other, by the same at every duty",
+    confused_with: &["bridge_asymmetry", "load_torque", "friction_asymmetry", "current_offset"],
+    experiment: "Hold the rotor and measure the voltage at the motor's terminals, the same duties both ways",
+    remedy: "Separate feed-forward of the drop for the two directions of the current; a MOSFET bridge",
+    source: "Texas Instruments, L293D data sheet (saturation voltages of source and sink transistors)",
+};
+
+impl Effect for DropAsymmetry {
+    fn about(&self) -> &'static About {
+        &ABOUT
+    }
+
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![USUAL_V]]
+    }
+
+    /// Without a current the torques that are the same both ways look the same.
+    fn instead_of(&self, rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
+        ["load_torque", "friction_asymmetry"].contains(&rival).then(|| vec![USUAL_V])
+    }
+
+    fn stands_on(&self) -> Option<(&'static str, Alone)> {
+        Some(("voltage_drop", Alone::Never))
+    }
+
+    /// A drop that is as much greater one way as it is smaller the other is a voltage in series, whatever flows.
+    fn contribute(
+        &self,
+        values: &[f64],
+        _motor: &MotorParameters,
+        _at: &Instant,
+        _state: &mut [f64],
+        balance: &mut Balance,
+    ) {
+        balance.voltage_v -= 0.5 * values[0];
+    }
+}
