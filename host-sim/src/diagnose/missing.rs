@@ -10,6 +10,7 @@ use crate::catalogue::ActsOn;
 use crate::dataset::{Dataset, Output, Stretch, Window, difference};
 use crate::motor::MotorParameters;
 use nalgebra::{Matrix4, Vector4};
+use std::cmp::Ordering;
 
 /// Tried standard deviations of the walk over a second, as shares of the lack's own size.
 const WALKS: [f64; 4] = [0.1, 1.0, 10.0, 100.0];
@@ -194,6 +195,12 @@ impl Filter {
     }
 }
 
+/// Names of two things it can depend on...
+const TIME: &str = "time";
+const WARMTH: &str = "warmth of the winding";
+/// ... of which the latter has to explain so many times as much.
+const MORE_THAN_TIME: f64 = 1.2;
+
 /// Something that a lack can depend on.
 #[derive(Clone, Debug)]
 pub struct Dependence {
@@ -218,14 +225,17 @@ pub fn dependences(data: &Dataset, values: &[f64]) -> Vec<Dependence> {
         dependence("direction", "", &direction, values, 2),
         dependence("angle", "rad", &angle, values, 24),
         dependence("duty", "", &data.duty, values, 24),
-        dependence("time", "s", &data.time_s, values, 24),
+        dependence(TIME, "s", &data.time_s, values, 24),
         dependence("acceleration", "rad/s2", &acceleration, values, 24),
     ];
     if let Some(current) = data.current() {
         found.push(dependence("current", "A", &current.values, values, 24));
-        found.push(dependence("warmth of the winding", "A2", &warmth(&current.values), values, 24));
+        found.push(dependence(WARMTH, "A2", &warmth(&current.values), values, 24));
     }
-    found.sort_by(|a, b| b.share.total_cmp(&a.share));
+    // Warmth has a course over time by itself: it has to say more than that.
+    let of_time = found.iter().find(|dependence| dependence.on == TIME).map_or(0.0, |time| time.share);
+    let comes_after = |dependence: &Dependence| dependence.on == WARMTH && dependence.share < MORE_THAN_TIME * of_time;
+    found.sort_by(|a, b| (comes_after(a), b.share).partial_cmp(&(comes_after(b), a.share)).unwrap_or(Ordering::Equal));
     found
 }
 
