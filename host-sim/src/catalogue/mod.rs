@@ -101,6 +101,13 @@ pub enum ActsOn {
     AngleSensor,
 }
 
+impl ActsOn {
+    /// Whether it is a reading that is falsified, and not the bench.
+    pub fn is_of_a_sensor(self) -> bool {
+        matches!(self, Self::CurrentSensor | Self::AngleSensor)
+    }
+}
+
 /// A sensor that an effect may be of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sensor {

@@ -69,6 +69,9 @@ const LEAST_SPREAD: f64 = 0.02;
 /// A value that is off by more than this factor is rather in another unit, or counted otherwise.
 const OTHER_UNIT: f64 = 2.5;
 
+/// By so much in the logarithm of its likelihood a sensor has to explain what remains better than the bench does to be blamed.
+const CLEARLY: f64 = 10.0;
+
 /// On what something depends that no curve explains.
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
 /// The constant that says when a current answers.
@@ -671,7 +674,9 @@ fn unexplained(data: &Dataset, selection: &Selection, fullest: &Fit) -> Option<U
         places.extend([ActsOn::Voltage, ActsOn::CurrentSensor]);
     }
     let lacks = places.into_iter().map(|place| missing::lack(data, &fullest.model.motor, &left, place));
-    let lack = lacks.max_by(|a, b| a.log_likelihood.total_cmp(&b.log_likelihood))?;
+    let likelihood =
+        |lack: &missing::Lack| lack.log_likelihood - if lack.acts_on.is_of_a_sensor() { CLEARLY } else { 0.0 };
+    let lack = lacks.max_by(|a, b| likelihood(a).total_cmp(&likelihood(b)))?;
     let dependence = missing::dependences(data, &lack.values).into_iter().next()?;
     let rest = |output: usize| {
         let after = judge::rmse(data, &selection.last.prediction, output);

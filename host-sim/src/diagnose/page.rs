@@ -95,7 +95,8 @@ fn cause_lines(number: usize, cause: &Cause, outcome: &Outcome) -> String {
         );
     }
     if let Some(runner_up) = &cause.runner_up {
-        let _ = writeln!(text, "   next best in its place: {}, {}", runner_up.effect, how_much_worse(runner_up));
+        let runner_up = format!("next best in its place: {}, {}", runner_up.effect, how_much_worse(runner_up));
+        text.push_str(&wrapped(&runner_up, "   ", "   "));
     }
     if !cause.not_separable_from.is_empty() {
         let others = cause.not_separable_from.join(", ");
