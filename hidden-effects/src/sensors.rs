@@ -9,6 +9,8 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
+/// Of a digital filter, as half an angle a row.
+const HIGHEST_CORNER: f64 = 1.5;
 /// Step of the oversampled current reading.
 pub const CURRENT_STEP_A: f64 = 0.0066;
 const CURRENT_NOISE_A: f64 = 0.010;
@@ -133,8 +135,8 @@ impl LowPass {
     fn next(&mut self, value: f64, lag: Lag, interval_s: f64) -> f64 {
         let rows = lag.time_constant_s / interval_s;
         self.filtered = if lag.is_butterworth {
-            // The analog corner, moved to where the bilinear transform puts it back.
-            let analog = 2.0 * (0.5 / rows).tan();
+            // The analog corner, moved to where the bilinear transform puts it back; none is above half the rate.
+            let analog = 2.0 * (0.5 / rows).min(HIGHEST_CORNER).tan();
             ((2.0 - analog) * self.filtered + analog * (value + self.last)) / (2.0 + analog)
         } else {
             let keep = (-1.0 / rows).exp();

@@ -68,7 +68,7 @@ const KINDS: [(&str, &str); 23] = [
     ("burst", "one effect on that rig, each current the mean of conversions that ended with its row"),
 ];
 /// In the report there are so many times as many of the first kinds, every column recorded and every cause in the catalogue.
-const OFTEN: u64 = 4;
+const OFTEN: u64 = 8;
 const FIRST_KINDS: usize = 5;
 /// Bounds of the bands of confidence.
 const CONFIDENCES: [f64; 6] = [0.0, 0.4, 0.6, 0.8, 0.95, 1.01];
