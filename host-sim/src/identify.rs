@@ -349,9 +349,14 @@ fn located(model: &Model, data: &Dataset, term: usize, index: usize, spacing: f6
     found
 }
 
+/// How far apart the starts have the moment of an event, where a constant is one.
+fn spacing_of(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<f64> {
+    effect.spacing(scales).filter(|(place, _)| *place == index).map(|(_, spacing)| spacing)
+}
+
 /// An event lies within the recording, not at its ends: there it would be none.
 fn event_bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<(f64, f64)> {
-    let (_, spacing) = effect.spacing(scales).filter(|(place, _)| *place == index)?;
+    let spacing = spacing_of(effect, index, scales)?;
     Some((0.6 * spacing, scales.duration_s - 0.6 * spacing))
 }
 
@@ -389,10 +394,10 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
             .map(|(index, parameter)| {
                 let (min, max) = bounds(term, index, &scales);
                 // A moment was located on all data: those that the fit sees may say nothing of it.
-                let moment = term.effect.spacing(&scales).filter(|(place, _)| *place == index);
+                let spacing = spacing_of(term.effect, index, &scales);
                 let magnitude = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
-                let size = moment.map_or(magnitude, |(_, spacing)| spacing);
-                let known = moment.map(|_| (term.values[index], data.interval_s)).or(parameter.known);
+                let size = spacing.unwrap_or(magnitude);
+                let known = spacing.map(|_| (term.values[index], data.interval_s)).or(parameter.known);
                 Unknown {
                     place: Place::Term(term_index, index),
                     logarithmic: false,

@@ -6,6 +6,8 @@ use crate::motor::MotorParameters;
 
 /// A usual one, for a start.
 const USUAL_V: f64 = 0.3;
+/// And a torque in its place.
+pub(super) const USUAL_TORQUE_NM: f64 = 1e-3;
 
 /// See the module.
 pub struct DropAsymmetry;

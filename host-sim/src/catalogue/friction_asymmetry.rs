@@ -1,10 +1,8 @@
 //! Friction asymmetry: brushes set at an angle and preloaded bearings rub more in one direction.
 
+use super::drop_asymmetry::USUAL_TORQUE_NM;
 use super::{About, ActsOn, Alone, Balance, DryLosses, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
-
-/// In place of what has no torque in it, to begin with.
-const USUAL_NM: f64 = 1e-3;
 
 /// See the module.
 pub struct FrictionAsymmetry;
@@ -41,7 +39,7 @@ impl Effect for FrictionAsymmetry {
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
         match rival {
             "load_torque" => Some(vec![2.0 * values[0]]),
-            "drop_asymmetry" => Some(vec![USUAL_NM]),
+            "drop_asymmetry" => Some(vec![USUAL_TORQUE_NM]),
             _ => None,
         }
     }

@@ -1,11 +1,9 @@
 //! Load torque: a weight on a drum or a spring under tension; it does not turn round with the motion.
 
+use super::drop_asymmetry::USUAL_TORQUE_NM;
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
 use crate::model::Term;
 use crate::motor::MotorParameters;
-
-/// In place of what has no torque in it, to begin with.
-const USUAL_NM: f64 = 1e-3;
 
 /// See the module.
 pub struct LoadTorque;
@@ -37,7 +35,7 @@ impl Effect for LoadTorque {
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
         match rival {
             "friction_asymmetry" => Some(vec![0.5 * values[0]]),
-            "drop_asymmetry" => Some(vec![USUAL_NM]),
+            "drop_asymmetry" => Some(vec![USUAL_TORQUE_NM]),
             _ => None,
         }
     }

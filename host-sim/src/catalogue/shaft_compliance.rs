@@ -49,7 +49,7 @@ impl Effect for ShaftCompliance {
     }
 
     fn strengths(&self) -> Vec<Range<usize>> {
-        [1].map(|constant| constant..constant + 1).to_vec()
+        vec![Range { start: 1, end: 2 }]
     }
 
     /// Twist, and speed of the load.

@@ -46,9 +46,7 @@ fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
     let explains = match (is_late, has_rest) {
         (true, _) => best.cost <= AS_GOOD * found.cost,
         (false, true) => {
-            let mut windowed = data.clone();
-            windowed.origin.current_window_s = window_s;
-            let still_has_rest = above_floor(&windowed, &best) > NOT_NOISE;
+            let still_has_rest = above_floor(data, &best) > NOT_NOISE;
             best.cost <= if still_has_rest { LEAST_BESIDE } else { LEAST_GAIN } * found.cost
         }
         (false, false) => best.cost <= found.cost && !is_excessive(prior, &best),

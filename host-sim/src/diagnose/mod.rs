@@ -38,7 +38,7 @@ use motorbench_core::pins::PWM_HZ;
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
 use scale::Scale;
-use select::{Selection, Standing, select};
+use select::{NAMED_SIGMAS, Selection, Standing, select};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -51,7 +51,6 @@ pub(crate) const LEAST_OF_REST: f64 = 3.0;
 /// The share of it that is enough for what hardly any bench is without, where it is certain by itself: in the place of
 /// something unknown it was found in none of eighteen benches without it.
 const LEAST_OF_USUAL: f64 = 0.5;
-const USUAL_SIGMAS: f64 = 6.0;
 /// The multiple for what any course over time has in it: right names had a hundred, wrong ones up to six.
 const LEAST_OF_ANY_COURSE: f64 = 20.0;
 /// The multiple for a fault of a sensor beside what is too little to be called missing: there the law of a torque may be another
@@ -344,7 +343,7 @@ fn is_of_any_course(id: &str) -> bool {
 
 /// Whether an effect is a sensor's.
 fn is_of_a_sensor(id: &str) -> bool {
-    effect(id).is_some_and(|effect| effect.sensor().is_some())
+    effect(id).is_some_and(|effect| effect.about().acts_on.is_of_a_sensor())
 }
 
 /// What a model leaves of each measured quantity beyond the noise.
@@ -381,7 +380,7 @@ impl Rest {
         let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
         let least = match self.is_missing {
             true if is_of_any_course(standing.id) => LEAST_OF_ANY_COURSE,
-            true if USUAL.contains(&standing.id) && standing.gain.sigmas > USUAL_SIGMAS => LEAST_OF_USUAL,
+            true if USUAL.contains(&standing.id) && standing.gain.sigmas > NAMED_SIGMAS => LEAST_OF_USUAL,
             true => LEAST_OF_REST,
             false if is_of_a_sensor(standing.id) => LEAST_OF_SMALL_REST,
             false => return false,

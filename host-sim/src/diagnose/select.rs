@@ -19,7 +19,7 @@ const MOST_EFFECTS: usize = 7;
 const LEAST_SIGMAS: f64 = 3.0;
 /// ... and is named with this one, everything else being there: many effects are tried, and residuals have long tails. On
 /// benches invented for the purpose right names have more than ten.
-const NAMED_SIGMAS: f64 = 6.0;
+pub(super) const NAMED_SIGMAS: f64 = 6.0;
 /// ... or, where the data kept back leave it open, with this one on all data. More is asked of three times as much: what a
 /// model does wrong everywhere repeats itself.
 const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
