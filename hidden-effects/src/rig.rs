@@ -602,12 +602,17 @@ impl Bench {
     /// Speed that is not counted.
     pub(crate) fn uncounted(&self) -> f64 {
         if self.hidden.counter_stops {
-            return if self.is_within(self.hidden.counter_stop_s) { self.speed } else { 0.0 };
+            return if self.counter_stands() { self.speed } else { 0.0 };
         }
         let excess = self.speed.abs() - self.lost_above();
         let onset = (excess / (self.hidden.lost_onset * self.lost_above()).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
         let lost_of = if self.hidden.lost_of_all { onset * self.speed.abs() } else { excess.max(0.0) };
         self.hidden.lost_share * lost_of * self.speed.signum()
+    }
+
+    /// No edge is counted.
+    pub(crate) fn counter_stands(&self) -> bool {
+        self.hidden.counter_stops && self.is_within(self.hidden.counter_stop_s)
     }
 
     /// Speed that the bench reaches at nine tenths of the supply, above which share of it counts are lost.

@@ -160,19 +160,22 @@ pub fn record(mut bench: Bench, recipe: &Recipe, random: &mut impl Rng) -> Strin
     let mut burst = recipe.burst.then(|| Burst::new(random));
     let mut edge_timer = (recipe.channels == Channels::VoltageTimedSpeedCurrent).then(|| EdgeTimer::new(random));
     let (mut low_passed_current, mut low_passed_speed) = (LowPass::default(), LowPass::default());
-    let mut lost_rad = 0.0;
+    let (mut lost_rad, mut shown_rad) = (0.0, bench.seen_rad());
     let mut edges = Edges { per_rad: bench.counts_per_rev / TAU, last: 0.0 };
     let mut rows = Vec::with_capacity(count);
     let speed_noise = SPEED_NOISE * bench.top_speed * if tacho { 2.0 } else { 1.0 };
     for index in 0..count {
         let hidden = &bench.hidden;
         let uncounted = bench.uncounted();
+        let passed_rad = bench.seen_rad() - std::mem::replace(&mut shown_rad, bench.seen_rad());
         lost_rad += match hidden.lost_at_random {
+            // All of them, to the last.
+            _ if bench.counter_stands() => passed_rad,
             true => edges.lost(bench.angle, uncounted / bench.speed, random) * TAU / bench.counts_per_rev,
             false => uncounted * interval_s,
         };
         let turn = bench.angle + hidden.eccentricity_phase;
-        let seen_rad = bench.seen_rad() - lost_rad;
+        let seen_rad = shown_rad - lost_rad;
         let mut seen_speed = bench.shown_rad_per_s() * (1.0 + hidden.eccentricity_rad * turn.cos()) - uncounted;
         seen_speed *= 1.0 + hidden.drift * (TAU * drift_hz * bench.time_s).sin();
         if seen_speed.abs() < hidden.dead_band {

@@ -435,6 +435,10 @@ fn counter_stands(seed: u64, seen: &Columns, clean: &Columns, stop_s: f64) {
     let ratio = |row: usize| seen.speed_rad_per_s[row] / clean.speed_rad_per_s[row];
     let rows: Vec<usize> = (0..seen.time_s.len()).filter(moving).collect();
     let stands: Vec<usize> = rows.iter().copied().filter(|row| ratio(*row).abs() < 0.3).collect();
+    let together = stands.windows(2).filter(|pair| pair[1] == pair[0] + 1);
+    for pair in together {
+        assert_eq!(seen.counts[pair[0]], seen.counts[pair[1]], "seed {seed}: counted in row {}", pair[1]);
+    }
     let share = stands.len() as f64 / rows.len() as f64;
     assert!(share > 0.3 * stop_s && share < 1.5 * stop_s, "seed {seed}: {share} of a second, {stop_s}");
     let lost = rows.iter().filter(|row| (0.3..0.9).contains(&ratio(**row))).count();

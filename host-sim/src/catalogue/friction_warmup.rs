@@ -12,7 +12,7 @@ static ABOUT: About = About {
     acts_on: ActsOn::Torque,
     parameters: &[
         Parameter::within("excess_share", 0.0, 20.0),
-        Parameter::slow("time_constant_s", 0.05, 1e4),
+        Parameter::slow("time_constant_s", 0.5, 1e4),
         Parameter::choice("dry_only"),
     ],
     linear_in: 1,

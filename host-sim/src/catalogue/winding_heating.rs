@@ -10,7 +10,7 @@ static ABOUT: About = About {
     id: "winding_heating",
     title: "a winding that heats up",
     acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::positive("rise_per_W"), Parameter::slow("time_constant_s", 0.2, 1e5)],
+    parameters: &[Parameter::positive("rise_per_W"), Parameter::slow("time_constant_s", 0.5, 1e5)],
     linear_in: 1,
     law: "R grows by the share rise_per_W times the dissipated power, low-passed with time_constant_s",
     looks_like: "The missing voltage in proportion to the current grows during the recording and falls in pauses",
