@@ -51,9 +51,16 @@ fn identification(criterion: &mut Criterion) {
             Ok::<_, host_sim::dataset::DatasetError>(report(&diagnosis, std::slice::from_ref(&recording.name)))
         })
     });
-    // It is to take time in proportion to the length.
-    for times in [2, 4] {
-        let several = vec![recording.clone(); times];
+    // It is to take time in proportion to the length. Each has noise of its own.
+    let mut noisy = scenario;
+    noisy.noise.current_a = 0.01;
+    for times in [1, 2, 4] {
+        let several: Vec<_> = (0..times)
+            .map(|seed| {
+                noisy.noise.seed = seed;
+                noisy.run().expect("runs").recording
+            })
+            .collect();
         group.bench_function(BenchmarkId::new("diagnosis_of_recordings", times), |b| {
             b.iter(|| diagnose(&several, &rig, &|_| ()).map(|diagnosis| diagnosis.outcome))
         });

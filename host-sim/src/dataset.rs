@@ -196,6 +196,11 @@ impl Dataset {
     /// # Errors
     /// [`DatasetError`], which says what to record or to write into the rig file.
     pub fn new(recordings: &[Recording], rig: &Rig) -> Result<Self, DatasetError> {
+        for (index, recording) in recordings.iter().enumerate() {
+            if let Some(same) = recordings[..index].iter().find(|earlier| earlier.has_the_rows_of(recording)) {
+                return Err(DatasetError::Twice(recording.name.clone(), same.name.clone()));
+            }
+        }
         let mut each = Self::each(recordings, rig)?;
         dead_current::leave_out(&mut each, rig.current_sensor.resolution_a);
         each.iter_mut().zip(recordings).for_each(|(one, recording)| one.recognise_held_rotor(&recording.name));

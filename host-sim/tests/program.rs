@@ -74,6 +74,20 @@ fn identify_finds_the_constants_that_made_the_recording() {
     assert!(found["fit"]["omega_rad_per_s"]["fit_percent"].as_f64() > Some(97.0), "{}", found["fit"]);
 }
 
+/// As a shell's `run*.csv` gives it beside a copy.
+#[test]
+fn one_recording_is_not_taken_for_two() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let copy = directory.path().join("copy.csv");
+    std::fs::copy(&bench.run, &copy).unwrap();
+    for command in ["identify", "diagnose"] {
+        let says = predicate::str::contains("copy.csv: the same rows as")
+            .and(predicate::str::contains("leave one of them out"));
+        motorbench(&[command, path(&bench.run), path(&copy), "--rig", path(&bench.rig)]).failure().stderr(says);
+    }
+}
+
 /// As `record` writes it; without it the rig is not known.
 #[test]
 fn the_rig_file_beside_a_recording_is_taken() {

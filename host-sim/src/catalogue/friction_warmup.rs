@@ -3,6 +3,9 @@
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
 
+/// No bearing warms up faster.
+const LEAST_S: f64 = 0.5;
+
 /// See the module.
 pub struct FrictionWarmup;
 
@@ -12,7 +15,7 @@ static ABOUT: About = About {
     acts_on: ActsOn::Torque,
     parameters: &[
         Parameter::within("excess_share", 0.0, 20.0),
-        Parameter::slow("time_constant_s", 0.5, 1e4),
+        Parameter::slow("time_constant_s", LEAST_S, 1e4),
         Parameter::choice("dry_only"),
     ],
     linear_in: 1,
@@ -30,7 +33,7 @@ impl Effect for FrictionWarmup {
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        [0.12, 0.35].map(|share| vec![0.4, share * scales.duration_s, 0.0]).to_vec()
+        [0.12, 0.35].map(|share| vec![0.4, (share * scales.duration_s).max(LEAST_S), 0.0]).to_vec()
     }
 
     /// Grease warms up as a whole, brushes and seals rub dry.

@@ -3,6 +3,9 @@
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
 use crate::motor::MotorParameters;
 
+/// No winding warms up faster.
+const LEAST_S: f64 = 0.5;
+
 /// See the module.
 pub struct WindingHeating;
 
@@ -10,7 +13,7 @@ static ABOUT: About = About {
     id: "winding_heating",
     title: "a winding that heats up",
     acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::positive("rise_per_W"), Parameter::slow("time_constant_s", 0.5, 1e5)],
+    parameters: &[Parameter::positive("rise_per_W"), Parameter::slow("time_constant_s", LEAST_S, 1e5)],
     linear_in: 1,
     law: "R grows by the share rise_per_W times the dissipated power, low-passed with time_constant_s",
     looks_like: "The missing voltage in proportion to the current grows during the recording and falls in pauses",
@@ -27,7 +30,7 @@ impl Effect for WindingHeating {
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         let power_w = 0.3 * scales.motor.resistance_ohm * scales.current_a.powi(2);
-        [0.1, 0.5].map(|share| vec![0.2 / power_w.max(1e-9), share * scales.duration_s]).to_vec()
+        [0.1, 0.5].map(|share| vec![0.2 / power_w.max(1e-9), (share * scales.duration_s).max(LEAST_S)]).to_vec()
     }
 
     /// The ripple of the current heats as well, and is not in its mean.

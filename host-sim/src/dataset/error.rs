@@ -11,6 +11,9 @@ pub enum DatasetError {
     /// The same, with a column that looks like it.
     #[error("{0}")]
     OtherTime(String),
+    /// One recording given as two.
+    #[error("{0}: the same rows as {1}, whose noise would count twice as evidence: leave one of them out")]
+    Twice(String, String),
     /// Nothing says what drove the motor.
     #[error("{0}: neither u_V nor duty: record what the bridge was asked for")]
     NoDrive(String),
