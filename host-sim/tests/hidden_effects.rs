@@ -105,6 +105,12 @@ fn a_load_may_come_where_the_data_are_kept_back() {
     assert!(reached < 1.1 * floor, "{reached} {floor}");
 }
 
+/// Behind a bridge that coasts, the waves of any number hold a shaft that stands; the right one leaves nothing else.
+#[test]
+fn a_wave_may_hold_a_shaft_that_coasts() {
+    assert_found(9007, &recipe("pairs", 9007));
+}
+
 /// What hardly any bench is without is certain beside something unknown as well.
 #[test]
 fn friction_and_drop_are_named_beside_something_unknown() {

@@ -59,9 +59,10 @@ pub(super) const OF_SIZE: [&str; 3] = ["resistance_ohm", "torque_constant_Nm_per
 /// Spread of the logarithm of an inductance that is held.
 const CERTAIN: f64 = 0.01;
 /// Of a wave, so many other numbers of periods are looked at; it is none if more than half of them gain this share of what
-/// it gains.
+/// it gains, and leave less than this many times what it leaves.
 const OTHER_NUMBERS: usize = 6;
 const GAINED_BY_ANY: f64 = 0.5;
+const LEFT_BY_ANY: f64 = 2.0;
 
 /// A step from one model to a larger one.
 #[derive(Clone, Debug)]
@@ -537,7 +538,8 @@ impl Chooser<'_> {
             let mut values = term.values.clone();
             values[index] = *other;
             let other = fit(&without.model.with(term.effect, values), self.data, self.prior, Effort::CHECK);
-            without.cost - other.cost > GAINED_BY_ANY * (without.cost - current.cost)
+            let gains_as_much = without.cost - other.cost > GAINED_BY_ANY * (without.cost - current.cost);
+            gains_as_much && other.cost < LEFT_BY_ANY * current.cost
         };
         let as_good = looked_at.par_iter().filter(|other| does_as_well(other)).count();
         2 * as_good <= looked_at.len()
