@@ -1,7 +1,7 @@
 //! Identification by output error: the constants with which the free-running model comes closest to what was measured.
 //!
-//! Every measured quantity is weighted by its noise; what is kept back ([`Dataset::kept_back`]) is not seen. Nominal
-//! values enter as what a data sheet is worth, [`NOMINAL_SPREAD`]; they decide only where the data are silent.
+//! Every measured quantity is weighted by its noise; what is kept back ([`Dataset::kept_back`]) is not seen, but when
+//! a load comes is read from all. Nominal values enter as what a data sheet is worth, [`NOMINAL_SPREAD`]; they decide only where the data are silent.
 //! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
 //! correlated within a block (sandwich; White, Econometrica 50 (1982)).
 

@@ -16,7 +16,7 @@ static ABOUT: About = About {
     looks_like: "The missing torque is a step at zero speed; the motor does not start below a voltage; speed stops within a finite time",
     confused_with: &["friction_asymmetry", "stribeck_friction", "voltage_drop"],
     experiment: "A slow ramp through zero both ways with the current measured: friction shows in the current, a voltage drop does not",
-    remedy: "Feed-forward of friction_Nm R / k volts in the direction of the reference, smooth around zero; integral action against what remains",
+    remedy: "Feed-forward of torque_Nm R / k volts in the direction of the reference, smooth around zero; integral action against what remains",
     source: "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994)",
 };
 

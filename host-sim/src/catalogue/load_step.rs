@@ -12,7 +12,7 @@ static ABOUT: About = About {
     acts_on: ActsOn::Torque,
     parameters: &[Parameter::signed("torque_Nm"), Parameter::positive("time_s")],
     linear_in: 1,
-    law: "T = torque_Nm from time_s on",
+    law: "T = torque_Nm from time_s on, a moment that is found in all data, those kept back included",
     looks_like: "The missing torque jumps at one moment and stays",
     confused_with: &["friction_warmup", "load_torque"],
     experiment: "Repeat the recording: a load that was applied comes at another time or not at all",

@@ -1,7 +1,8 @@
 //! The catalogue of effects: what a real bench does that the linear motor does not. One file each.
 //!
 //! An effect's file holds its physics, its parameters, its term in the model, what it looks like in data, what it can be
-//! confused with and what a controller can do about it. Adding an effect is writing its file and a line in [`CATALOGUE`].
+//! confused with and what a controller can do about it. Adding an effect is writing its file, its lines here (`mod`,
+//! [`CATALOGUE`]) and its name in `docs/diagnosis.schema.json`.
 //!
 //! The model that the terms extend, in SI units and in the motor's own sense:
 //! ```text
@@ -45,7 +46,7 @@ use crate::model::Term;
 use crate::motor::MotorParameters;
 use std::ops::Range;
 
-/// Every effect the diagnosis knows, in the order in which those on the sensors act on a reading.
+/// Every effect the diagnosis knows. In which order they act says [`Effect::turn`].
 pub static CATALOGUE: [&dyn Effect; 26] = [
     &coulomb_friction::CoulombFriction,
     &stribeck_friction::StribeckFriction,

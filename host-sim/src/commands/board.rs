@@ -42,7 +42,7 @@ impl From<BoardError> for Failure {
 #[derive(Args)]
 pub struct PortArguments {
     /// The board's port, for instance /dev/ttyACM0, COM3, or the link that `motorbench virtual` makes; without it the only
-    /// board that is plugged in.
+    /// board that is plugged in, or else the simulated one.
     #[arg(long)]
     port: Option<String>,
 }

@@ -1,7 +1,7 @@
 //! Given measured data: what the simulation gets wrong, by what cause, and what the model gains by it.
 //!
 //! 1. The linear motor is fitted in free run ([`identify`](crate::identify)) to two thirds of the data; the last third, in
-//!    blocks spread over the recording, only judges.
+//!    blocks spread over the recording, only judges; but when a load comes is read from all.
 //! 2. Effects of the catalogue are added while they earn their place on the data kept back, then checked backward and
 //!    against every rival ([`mod@select`]).
 //! 3. What remains above the sensors' noise is located by the lack that makes it most likely ([`missing`]).
@@ -321,7 +321,7 @@ fn residuals(data: &Dataset, prediction: &Prediction) -> Vec<Vec<f64>> {
     data.measured.iter().zip(prediction).map(difference).collect()
 }
 
-/// Takes back names that explain less than what remains: where something big is unknown, small things are not known. Beside a
+/// Takes back names that explain too little beside what remains ([`Rest::outweighs`]): where something big is unknown, small things are not known. Beside a
 /// rest that is none to speak of a name stays that has made it so.
 fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     while let Some(rest) = Rest::of(data, &selection.last) {

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 pub struct Outcome {
     /// What came out.
     pub verdict: Verdict,
-    /// Effects and wrong values found, strongest first.
+    /// Of a recording the effects found, strongest first, then wrong values; of a table in the order of its balances.
     pub causes: Vec<Cause>,
     /// What remains without a name.
     pub unexplained: Option<Unexplained>,
@@ -85,7 +85,8 @@ pub struct RunnerUp {
 pub struct Estimate {
     /// Most plausible value.
     pub value: f64,
-    /// Interval that holds the true one in 95 of 100 recordings; `null` for whole numbers that were tried.
+    /// Interval that holds the true one in 95 of 100 recordings; `null` for what no fit has moved: whole
+    /// numbers and laws that were tried, constants that were held.
     pub ci95: Option<[f64; 2]>,
 }
 
