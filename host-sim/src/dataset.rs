@@ -2,6 +2,7 @@
 
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
+use motorbench_core::pins;
 use std::ops::Range;
 
 mod columns;
@@ -59,7 +60,9 @@ const ONE_MAGNITUDE_ROWS: f64 = 0.98;
 /// ... by more than this share of the most.
 const AT_REST: f64 = 0.05;
 /// PWM frequency of the firmware, where the rig file gives none.
-const PWM_HZ: f64 = 20_000.0;
+pub const PWM_HZ: f64 = pins::PWM_HZ as f64;
+/// A share of the supply is no more than all of it, but for its rounding.
+const GREATEST_DUTY: f64 = 1.05;
 
 /// A measured quantity that the simulation has to meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -222,6 +222,21 @@ mod tests {
         assert!(as_listed[0].iter().all(|current| current.abs() <= 0.8), "the range ends what the offset has moved");
     }
 
+    /// Not half a step earlier or later, wherever in a row that is.
+    #[test]
+    fn a_load_comes_when_it_says() {
+        let speed_after = |interval_s: f64, time_s: f64| {
+            let data = stepped(interval_s);
+            let model = Model::linear(MotorParameters::PIVT6).with(effect("load_step").unwrap(), vec![0.02, time_s]);
+            free_run(&model, &data)[1][(0.15 / interval_s).round() as usize]
+        };
+        for time_s in [0.1450, 0.1452, 0.1457] {
+            let (coarse, fine) = (speed_after(1e-3, time_s), speed_after(50e-6, time_s));
+            let by_a_step = 0.02 / MotorParameters::PIVT6.inertia_kg_m2 * 0.25e-3;
+            assert!((coarse - fine).abs() < 0.2 * by_a_step, "{time_s}: {coarse} {fine}, {by_a_step} by half a step");
+        }
+    }
+
     /// Whatever torque its current and the magnets exert: the winding alone says what flows.
     #[test]
     fn a_rotor_that_is_held_does_not_turn() {

@@ -360,14 +360,15 @@ fn event_bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<(f
     Some((0.6 * spacing, scales.duration_s - 0.6 * spacing))
 }
 
-/// Between what a fit may move a constant: what a recording of this length can tell of it, and so that its law stays one.
+/// Between what a fit may move a constant: what a recording of this length can tell of it, and so that its law stays one. One
+/// that is shorter than the least tells nothing of it.
 fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
     let Parameter { min, max, slow, unsaid, most_of_speed, .. } = term.effect.about().parameters[index];
     let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
     // 0 would be another law.
     let min = if unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
     let fastest = most_of_speed * scales.no_load_rad_per_s();
-    event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest).min(fastest)))
+    event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest).min(fastest).max(min)))
 }
 
 fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {

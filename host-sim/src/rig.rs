@@ -363,6 +363,7 @@ impl Rig {
             "recording.current_late_s",
             "recording.speed_ahead_s",
             "recording.current_window_s",
+            "recording.speed_window_s",
         ];
         for (key, value) in self.numbers() {
             let Some(value) = value else { continue };
@@ -491,6 +492,13 @@ mod tests {
         for value in ["0", "0.965", "1"] {
             assert!(Rig::parse("rig.toml", &sampled_at(value)).is_ok(), "{value}");
         }
+    }
+
+    /// As the notes on a recording advise where a speed is one of the moment.
+    #[test]
+    fn a_window_of_no_length_is_none() {
+        let rig = Rig::parse("rig.toml", "[recording]\nspeed_window_s = 0").unwrap();
+        assert_eq!(rig.recording.speed_window_s, Some(0.0));
     }
 
     /// A slip that would read as a missing constant is named with its line; every key of the example is one.

@@ -88,6 +88,17 @@ fn one_recording_is_not_taken_for_two() {
     }
 }
 
+/// Eight milliseconds in a rig file that asks for seconds.
+#[test]
+fn a_window_that_is_longer_than_the_recording_is_refused() {
+    let bench = bench();
+    let directory = TempDir::new().unwrap();
+    let rig = directory.path().join("rig.toml");
+    std::fs::write(&rig, "[supply]\nvoltage_V = 12\n[recording]\nspeed_window_s = 20\n").unwrap();
+    let says = predicate::str::contains("a mean over 20.000 s ([recording] speed_window_s, in seconds)");
+    motorbench(&["diagnose", path(&bench.run), "--rig", path(&rig)]).failure().stderr(says);
+}
+
 /// As `record` writes it; without it the rig is not known.
 #[test]
 fn the_rig_file_beside_a_recording_is_taken() {

@@ -13,7 +13,7 @@ const LONGEST_PART_S: f64 = 25e-6;
 /// Where the steps themselves are short, somebody wants it finer.
 const LEAST_PARTS: f64 = 4.0;
 /// Of the inertia, behind the gap.
-const MOST_SHARE: f64 = 0.95;
+pub(super) const MOST_SHARE: f64 = 0.95;
 /// The drive is held over a step.
 const LONGEST_STEP_S: f64 = 0.5e-3;
 

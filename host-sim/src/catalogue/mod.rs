@@ -313,7 +313,7 @@ impl Scales {
 /// The bench at one instant.
 #[derive(Clone, Copy, Debug)]
 pub struct Instant {
-    /// Time since the start of the recording.
+    /// When the step about to be taken begins, since the start of the recording.
     pub time_s: f64,
     /// Mean voltage that the bridge was asked for.
     pub voltage_v: f64,

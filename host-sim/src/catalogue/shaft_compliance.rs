@@ -1,12 +1,13 @@
 //! Shaft compliance: the load hangs on a springy shaft, belt or coupling; the sensor sees the motor.
 
+use super::backlash::MOST_SHARE;
 use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
 use crate::motor::MotorParameters;
 use std::ops::Range;
 
 /// Stiffness in Nm/rad and damping in Nm s/rad of the spring.
 fn spring(values: &[f64], motor: &MotorParameters) -> (f64, f64) {
-    let share = values[1].clamp(1e-3, 0.95);
+    let share = values[1].clamp(1e-3, MOST_SHARE);
     let reduced_kg_m2 = share * (1.0 - share) * motor.inertia_kg_m2;
     let rate = std::f64::consts::TAU * values[0];
     (reduced_kg_m2 * rate * rate, 2.0 * values[2] * reduced_kg_m2 * rate)
@@ -22,7 +23,7 @@ static ABOUT: About = About {
     parameters: &[
         // Above, a shaft counts as stiff; more damped, it does not ring.
         Parameter::within("resonance_Hz", 1.0, 120.0),
-        Parameter::within("load_inertia_share", 0.0, 0.95),
+        Parameter::within("load_inertia_share", 0.0, MOST_SHARE),
         Parameter::within("damping_ratio", 0.0, 0.3),
     ],
     linear_in: 0,

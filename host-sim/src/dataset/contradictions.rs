@@ -2,7 +2,7 @@
 //! revolution, and a duty beside a voltage what the supply was.
 
 use super::columns::{greatest, held, median};
-use super::{LONG_ROW, end_of_range, turns};
+use super::{GREATEST_DUTY, LONG_ROW, end_of_range, turns};
 use crate::recording::{Channel, Recording};
 use crate::rig::Rig;
 use crate::terminal_text::short;
@@ -24,8 +24,6 @@ const AGREE: f64 = 0.25;
 const SUBSTANTIAL_DUTY: f64 = 0.2;
 /// A supply that sags, or is raised by a motor that brakes, is off in many rows, and in this share of them it is not.
 const AS_IT_STANDS: f64 = 0.1;
-/// A share of the supply is no more than all of it.
-const GREATEST_DUTY: f64 = 1.05;
 const FEWEST_ROWS: usize = 50;
 
 /// A value of the rig file, and what a recording says in its place.

@@ -4,6 +4,7 @@
 //! Such a reading is late by half of that time and by the age of its last edge. Slower than an edge a tick that is more than a
 //! tick; the counts say how many edges lie between, so that both are known, and what the reading is a mean of.
 
+use super::LONG_ROW;
 use super::edge_timing::{BetweenEdges, EdgeTiming, noise_of_ages};
 use super::speed_window::count_rad;
 
@@ -19,8 +20,6 @@ const QUOTIENT: f64 = 2e-4;
 const STILL_S: f64 = 0.02;
 const CREEP_RAD_PER_S: f64 = 0.16;
 const STILL_ENDS: f64 = 0.25;
-/// A row after a longer pause than this many intervals has edges that its reading knows nothing of.
-const PAUSE_INTERVALS: f64 = 1.5;
 
 /// A recording's speed beside its counts.
 pub(super) struct Counted<'a> {
@@ -78,7 +77,8 @@ impl<'a> Counted<'a> {
         let mut news = Vec::new();
         for row in 1..self.counts.len() {
             let turned = self.counts[row] - self.counts[row - 1];
-            if self.time_s[row] - self.time_s[row - 1] > PAUSE_INTERVALS * self.interval_s || !turned.is_finite() {
+            // A reading knows nothing of the edges before a pause.
+            if self.time_s[row] - self.time_s[row - 1] > LONG_ROW * self.interval_s || !turned.is_finite() {
                 last_edge = None;
                 continue;
             }

@@ -73,6 +73,11 @@ pub enum DatasetError {
     /// Too short.
     #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
     TooShort(String, usize),
+    /// A mean over more than there is.
+    #[error(
+        "{0}: the speed is to be a mean over {1:.3} s ([recording] speed_window_s, in seconds), and no part of the recording is longer"
+    )]
+    LongWindow(String, f64),
     /// An angle or a counter that goes round too fast.
     #[error(
         "{name}: {column} begins anew after {span:.4}, and from row to row ({interval_s:.4} s) it often goes nearly half of that or more: how far and which way cannot be told; record at least twice as often, or let the program count on"

@@ -6,7 +6,7 @@ use super::edge_timing::Timed;
 use super::speed_window::{self, Found, Window};
 use super::turns::{self, Ambiguous};
 use super::{
-    DIFFERENCE_SPAN_S, Dataset, DatasetError, LONGEST_INTERVAL_S, Measured, Origin, Output, SHORTEST_S,
+    DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, Measured, Origin, Output, SHORTEST_S,
     SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
 };
 use crate::recording::{Channel, Recording};
@@ -20,8 +20,6 @@ const GAP_INTERVALS: f64 = 10.0;
 const LONGEST_HELD_S: f64 = 1.0;
 /// A command missing for longer than this means that the bridge was off.
 const OPEN_BRIDGE_S: f64 = 0.02;
-/// A share of the supply is no more than all of it, but for its rounding.
-const GREATEST_DUTY: f64 = 1.05;
 /// A motion that goes against its drive to this correlation is no motor's: that takes energy from what drives it.
 const BACKWARD: f64 = -0.2;
 
@@ -80,6 +78,9 @@ impl Dataset {
         data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
         let stretches = stretches(&time_s, interval_s, &data.voltage_v).into_iter();
         data.stretches = stretches.map(|rows| Stretch { rows, interval_s, window }).collect();
+        if data.stretches.iter().all(|stretch| stretch.rows.len() <= window.span) {
+            return Err(DatasetError::LongWindow(name(), window.span as f64 * interval_s));
+        }
         if data.motion().output == Output::MeanSpeed {
             data.integrate_mean_speed();
         }

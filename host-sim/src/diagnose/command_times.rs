@@ -107,10 +107,14 @@ fn moments(data: &Dataset, model: &Model, changes: &[usize]) -> Vec<f64> {
         let (mut normal, mut towards) = (known, known * (0.5 * row_s(row) - data.earlier_s[row]));
         for (output, measured) in data.measured.iter().enumerate() {
             let weight = measured.least_error(measured.noise).powi(-2);
-            for index in answer.clone().filter(|index| measured.values[*index].is_finite()) {
+            for index in answer.clone() {
                 let slope = (moved[output][index] - as_is[output][index]) / shift_s;
-                normal += weight * slope * slope;
-                towards += weight * slope * (measured.values[index] - as_is[output][index]);
+                let left = measured.values[index] - as_is[output][index];
+                // Neither a missing reading nor a mean over rows that are not there says anything.
+                if slope.is_finite() && left.is_finite() {
+                    normal += weight * slope * slope;
+                    towards += weight * slope * left;
+                }
             }
         }
         earlier_s[row] = (data.earlier_s[row] + towards / normal).clamp(0.0, row_s(row));
@@ -140,6 +144,23 @@ mod tests {
         }
         let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
         Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
+    }
+
+    /// The mean over a window that begins before the recording is in the readings and in no simulation.
+    #[test]
+    fn a_change_before_the_first_mean_has_a_moment() {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
+        for row in 0..400 {
+            let volts = if row % 100 < 2 { 2 } else { 9 };
+            let _ = writeln!(text, "{:.3},{volts},{}", f64::from(row) * 1e-2, row % 100);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        let rig = "[supply]\nvoltage_V = 12\n[recording]\nspeed_window_s = 0.05\n";
+        let data = Dataset::new(&[recording], &Rig::parse("rig.toml", rig).unwrap()).unwrap();
+        let changes = sought(&data, |_| true);
+        assert_eq!(changes.first(), Some(&2));
+        let found = moments(&data.with_commands_between(&changes), &Model::linear(MotorParameters::PIVT6), &changes);
+        assert!(found.iter().all(|earlier_s| earlier_s.is_finite()), "{:?}", &found[..5]);
     }
 
     proptest! {

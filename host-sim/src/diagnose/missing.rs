@@ -9,7 +9,7 @@
 use crate::catalogue::ActsOn;
 use crate::dataset::{Dataset, Output, Stretch, Window, difference};
 use crate::motor::MotorParameters;
-use nalgebra::{Matrix4, Vector4};
+use nalgebra::{Matrix3, Vector3};
 use std::cmp::Ordering;
 
 /// Tried standard deviations of the walk over a second, as shares of the lack's own size.
@@ -68,13 +68,13 @@ fn typical(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_
     }
 }
 
-/// States: errors of current and speed, the lack, unused.
+/// States: errors of current and speed, the lack.
 struct Filter {
     /// Of each stretch.
     steps: Vec<Step>,
     walk_per_s: f64,
     /// Row of each measured quantity: what it sees of the states.
-    rows: Vec<(Vector4<f64>, f64)>,
+    rows: Vec<(Vector3<f64>, f64)>,
     history: Vec<Moment>,
 }
 
@@ -82,12 +82,12 @@ struct Filter {
 struct Step {
     /// Where the stretch ends.
     end: usize,
-    of_state: Matrix4<f64>,
+    of_state: Matrix3<f64>,
     walk_variance: f64,
 }
 
 /// State and covariance before and after the sample was seen.
-type Moment = (Vector4<f64>, Matrix4<f64>, Vector4<f64>, Matrix4<f64>);
+type Moment = (Vector3<f64>, Matrix3<f64>, Vector3<f64>, Matrix3<f64>);
 
 impl Filter {
     fn new(data: &Dataset, motor: &MotorParameters, acts_on: ActsOn, walk_per_s: f64) -> Self {
@@ -95,17 +95,16 @@ impl Filter {
         let into_current = if acts_on == ActsOn::Voltage { 1.0 / l } else { 0.0 };
         let into_speed = if acts_on == ActsOn::Torque { 1.0 / j } else { 0.0 };
         #[rustfmt::skip]
-        let rates = Matrix4::new(
-            -motor.resistance_ohm / l, -k / l, into_current, 0.0,
-            k / j, -motor.viscous_friction_nm_s / j, into_speed, 0.0,
-            0.0, 0.0, 0.0, 0.0,
-            0.0, 0.0, 0.0, 0.0,
+        let rates = Matrix3::new(
+            -motor.resistance_ohm / l, -k / l, into_current,
+            k / j, -motor.viscous_friction_nm_s / j, into_speed,
+            0.0, 0.0, 0.0,
         );
         let rows = data.measured.iter().map(|measured| {
             let current = measured.output == Output::Current;
             let sensor = if current { ActsOn::CurrentSensor } else { ActsOn::AngleSensor };
             let bias = if acts_on == sensor { 1.0 } else { 0.0 };
-            let row = if current { Vector4::new(1.0, 0.0, bias, 0.0) } else { Vector4::new(0.0, 1.0, bias, 0.0) };
+            let row = if current { Vector3::new(1.0, 0.0, bias) } else { Vector3::new(0.0, 1.0, bias) };
             (row, measured.least_error(measured.noise).powi(2))
         });
         // Nothing changes the speed of a rotor that is held.
@@ -121,15 +120,15 @@ impl Filter {
 
     /// Filters forward; the logarithm of the likelihood of what was measured.
     fn run(&mut self, data: &Dataset, residual: &[Vec<f64>], keep: bool) -> f64 {
-        let mut state = Vector4::zeros();
-        let mut unknown = Matrix4::zeros();
+        let mut state = Vector3::zeros();
+        let mut unknown = Matrix3::zeros();
         unknown[(2, 2)] = self.walk_per_s * self.walk_per_s;
         let mut covariance = unknown;
         let mut log_likelihood = 0.0;
         for index in 0..data.len() {
             // The simulation begins anew with each stretch, and so does what it lacks.
             if self.begins(index) {
-                (state, covariance) = (Vector4::zeros(), unknown);
+                (state, covariance) = (Vector3::zeros(), unknown);
             }
             let (before, before_covariance) = (state, covariance);
             for ((row, noise), values) in self.rows.iter().zip(residual) {
@@ -177,9 +176,9 @@ impl Filter {
             }
             let (predicted, predicted_covariance, ..) = &self.history[index + 1];
             let (_, _, filtered, covariance) = &self.history[index];
-            // The unused fourth state would make the matrix singular, and the speed of a rotor that is held.
+            // The speed of a rotor that is held would make the matrix singular.
             let mut regular = *predicted_covariance;
-            for place in 0..4 {
+            for place in 0..3 {
                 let variance = regular[(place, place)];
                 regular[(place, place)] = if variance == 0.0 { 1.0 } else { variance * (1.0 + 1e-9) };
             }

@@ -34,7 +34,6 @@ use crate::rig::{NominalMotor, Rig};
 use crate::terminal_text::short;
 use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
-use motorbench_core::pins::PWM_HZ;
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
 use scale::Scale;
@@ -181,7 +180,9 @@ impl Taken {
 fn late_h(data: &Dataset, model: &Model) -> f64 {
     let is_open = data.current().is_some() && data.origin.timing.current_sampled_at.is_none();
     // Standard deviation of what is anywhere in it.
-    if is_open { model.motor.resistance_ohm / (12.0_f64.sqrt() * f64::from(PWM_HZ)) } else { 0.0 }
+    // Of rows that come faster each is elsewhere in it.
+    let anywhere_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
+    if is_open { model.motor.resistance_ohm * anywhere_s / 12.0_f64.sqrt() } else { 0.0 }
 }
 
 /// What is understood of data.
@@ -731,6 +732,25 @@ mod tests {
         let causes = wrong_values(&parameters);
         let fit = BTreeMap::new();
         Outcome { verdict: Verdict::Explained, causes, unexplained: None, parameters, fit, advice: Vec::new() }
+    }
+
+    /// An oscilloscope's capture is shorter than anything warms up in.
+    #[test]
+    fn what_warms_up_may_be_fitted_to_a_tenth_of_a_second() {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for row in 0..90 {
+            let speed = 100.0 * (1.0 - f64::exp(-f64::from(row) / 20.0));
+            text += &format!("{:.3},12,{speed:.3},{:.4}\n", f64::from(row) * 1e-3, 2.0 - 0.01 * speed);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap();
+        let data = Dataset::new(&[recording], &rig).unwrap();
+        let prior = Prior::new(&rig.motor, &data);
+        for id in ["winding_heating", "friction_warmup"] {
+            let model = Model::linear(prior.motor)
+                .with_start(effect(id).unwrap(), &crate::identify::scales(&prior.motor, &data));
+            assert!(fit(&model, &data, &prior, Effort::TRIAL).cost.is_finite());
+        }
     }
 
     #[test]

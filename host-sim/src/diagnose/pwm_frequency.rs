@@ -3,13 +3,13 @@
 
 use super::judge::AS_GOOD;
 use crate::catalogue::{USUAL, effect};
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, PWM_HZ};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use crate::model::Model;
 use rayon::prelude::*;
 
 /// Of an Uno's timers with the usual settings, and of this project's firmware.
-const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, 20_000.0];
+const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, PWM_HZ];
 /// Another frequency is fitted where it changes the cost by this share as it stands...
 const SHOWS: f64 = 1e-3;
 /// ... and of those that are as good as the best the inductance nearest to its nominal value decides, if it is nearer by this

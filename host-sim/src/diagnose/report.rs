@@ -1,10 +1,10 @@
 //! The result as one self-contained HTML file: measured and simulated before and after, what is missing, the gains, the
 //! intervals. Readable on a phone, printable, no external request.
 
+use super::Diagnosis;
 use super::missing::dependences;
 use super::outcome::Outcome;
 use super::page::{against_nominal, estimate, how_much_worse, title, verdict};
-use super::{Diagnosis, acts_on_words};
 use crate::catalogue::effect;
 use crate::dataset::Dataset;
 use crate::terminal_text::short;
@@ -67,10 +67,9 @@ fn causes(html: &mut String, outcome: &Outcome) {
     if let Some(unexplained) = &outcome.unexplained {
         let _ = write!(
             html,
-            "<h2>Without a name</h2><p>{:.0} % of the error that is left is not the sensors' noise. It acts on {} and depends on {}.</p>",
+            "<h2>Without a name</h2><p>{:.0} % of the error that is left is not the sensors' noise; {}.</p>",
             100.0 * unexplained.share,
-            acts_on_words(unexplained.acts_on),
-            unexplained.depends_on
+            unexplained.place()
         );
     }
 }

@@ -187,7 +187,7 @@ impl<'a> Run<'a> {
         let (voltage_v, duty) = self.command(index, since_s - self.delay_s, length_s);
         self.change_duty(voltage_v, duty);
         let mut at = Instant {
-            time_s: data.time_s[index] + share * interval_s,
+            time_s: data.time_s[index] + since_s,
             voltage_v,
             duty,
             mean_duty: duty,
