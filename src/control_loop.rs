@@ -19,7 +19,7 @@ use crate::pid::PidConfig;
 use crate::pins::PWM_STEPS;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
-use crate::tachogenerator::{TachoConfig, TachoState};
+use crate::tachogenerator::{NEAR_ZERO, TachoConfig, TachoState};
 use crate::trajectory::{PositionProfile, SpeedProfile, TrajectoryConfig};
 use crate::trips::{Observation, TripsConfig, TripsState};
 use crate::units::{FULL_RANGE, VOLT};
@@ -229,6 +229,12 @@ impl ControlLoop {
         &self.sample
     }
 
+    /// Whether the main loop hangs as of the last tick: also while another trip is the one that is latched.
+    #[inline(always)]
+    pub fn main_loop_hung(&self) -> bool {
+        self.trips.main_loop_hung(&self.config.trips)
+    }
+
     /// Illegal transitions of the encoder since reset.
     pub fn illegal_transitions(&self) -> u16 {
         self.motion.illegal
@@ -285,7 +291,7 @@ impl ControlLoop {
             false => self.motion.speed,
         };
         sample.speed = self.filter.step(&self.config.filter, speed);
-        let moved = if by_tacho { sample.speed != 0 } else { moved };
+        let moved = if by_tacho { inputs.tacho >= NEAR_ZERO } else { moved };
         let supply = self.config.supply_scale != 0;
         sample.supply = if supply {
             call_saturate_i16((mul_u16(inputs.supply, self.config.supply_scale) >> 8) as i32)
@@ -490,7 +496,8 @@ impl ControlLoop {
         let (speed, current) = (self.sample.speed, self.sample.current);
         let closed = self.mode != Mode::OpenLoop;
         let friction = if closed { config.compensation.friction(reference.speed) } else { 0 };
-        let room = config.limits.voltage - if closed { config.compensation.drop_voltage() } else { 0 };
+        // Without room the controller's voltage is zero: limits the wrong way round would throw it to and fro each tick.
+        let room = (config.limits.voltage - if closed { config.compensation.drop_voltage() } else { 0 }).max(0);
         let (low, high) = config.limits.around(
             self.voltage,
             current,

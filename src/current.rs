@@ -18,6 +18,8 @@ use crate::units::AMPERE;
 const SUMMED: u16 = 2 * BLOCK as u16;
 /// The sum in the middle of the range.
 const MIDDLE: u16 = SUMMED * converter::STEPS / 2;
+/// The largest sum.
+const LARGEST: u16 = SUMMED * (converter::STEPS - 1);
 /// Steps of the sum in a volt.
 const STEPS_PER_VOLT: f32 = SUMMED as f32 / converter::STEP_V;
 /// Farthest zero: 0.25 V.
@@ -90,7 +92,7 @@ impl CurrentState {
         // In quarters of a step: within 16 bits, because the zero is near the middle.
         let quarters = (sum << 2).wrapping_sub(self.zero) as i16;
         let current = saturate_i16(mul_i16(quarters, config.0) >> 10);
-        Reading { current, saturated: !(RAIL_MARGIN..=8184 - RAIL_MARGIN).contains(&sum) }
+        Reading { current, saturated: !(RAIL_MARGIN..=LARGEST - RAIL_MARGIN).contains(&sum) }
     }
 
     /// Begins a calibration; the current must be zero for the next 256 ticks.

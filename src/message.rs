@@ -124,6 +124,9 @@ pub enum Request {
     ZeroPosition,
 }
 
+/// Samples that may wait for the main loop: a power of two.
+pub const WAITING: u8 = 4;
+
 /// What happened in one tick. Its layout is that of the telemetry.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 #[repr(C)]

@@ -132,11 +132,10 @@ impl<'a> Quantiser<'a> {
         self.settings.get(param) != 0.0
     }
 
-    /// Whether the tick is the fast one of 2 kHz.
-    #[inline(never)]
-    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+    /// Whether the tick is the fast one.
+    #[inline(always)]
     pub fn is_fast(&self) -> bool {
-        self.settings.get(Param::TickRate) == 2000.0
+        self.settings.is_fast()
     }
 
     /// `param` breaks `rule`.

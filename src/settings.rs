@@ -172,6 +172,13 @@ impl Settings {
         self.values[param as usize]
     }
 
+    /// Whether the tick is the fast one of 2 kHz.
+    #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+    pub fn is_fast(&self) -> bool {
+        self.get(Param::TickRate) == 2000.0
+    }
+
     /// Sets one value.
     ///
     /// # Errors

@@ -107,7 +107,7 @@ pub struct Observation {
     pub speed: i16,
     /// Supply, where it is measured.
     pub supply: Option<i16>,
-    /// The position has changed in this tick (encoder), or the speed is not zero (tachogenerator).
+    /// The position has changed in this tick (encoder), or the signal is not near zero (tachogenerator).
     pub moved: bool,
     /// The current signal is at a rail.
     pub sensor_at_rail: bool,
@@ -135,6 +135,12 @@ pub struct TripsState {
 const RAIL_TICKS: u8 = 3;
 
 impl TripsState {
+    /// Whether the main loop has been silent for its time as of the last tick, whatever else has tripped.
+    #[inline(always)]
+    pub fn main_loop_hung(&self, config: &TripsConfig) -> bool {
+        self.hung >= config.hung_ticks
+    }
+
     /// One tick: the first condition that has held for its time, or [`Trip::None`].
     #[inline(always)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
@@ -154,11 +160,12 @@ impl TripsState {
     #[inline(always)]
     fn always(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
         self.heat_up(config, current);
-        if seen.flags & Inputs::EMERGENCY_STOP != 0 {
-            return Trip::EmergencyStop;
-        }
+        // Before all that may return: a hang must be noticed beside any other trip, or the watchdog is fed for ever.
         if for_ticks(&mut self.hung, seen.flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_ticks) {
             return Trip::MainLoopHung;
+        }
+        if seen.flags & Inputs::EMERGENCY_STOP != 0 {
+            return Trip::EmergencyStop;
         }
         if for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
             return Trip::OverCurrentPeak;
@@ -329,6 +336,26 @@ mod tests {
         let host = with(&[(Param::TripHost, 250.0)]);
         let lost = trips_after(&host, |_| Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
         check("host", (Trip::HostLost, 250), lost);
+    }
+
+    /// Whatever else has tripped, and armed or not: the watchdog must know of a hang.
+    #[test]
+    fn a_hang_is_noticed_beside_any_other_trip() {
+        let config = TripsConfig::build(&Settings::defaults()).unwrap();
+        for armed in [true, false] {
+            let mut state = TripsState::default();
+            let stopped = |flags| Observation { sensor_at_rail: true, flags, ..healthy() };
+            for tick in 0..300 {
+                assert!(!state.main_loop_hung(&config), "{tick}");
+                let flags = Inputs::EMERGENCY_STOP | Inputs::MAIN_LOOP_ALIVE;
+                assert_eq!(state.step(&config, &stopped(flags), armed), Trip::EmergencyStop);
+            }
+            let hung = (1..300).find(|_| {
+                state.step(&config, &stopped(Inputs::EMERGENCY_STOP), armed);
+                state.main_loop_hung(&config)
+            });
+            assert_eq!(hung, Some(100));
+        }
     }
 
     #[test]

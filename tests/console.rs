@@ -3,7 +3,7 @@
 use motorbench_core::console::{Console, Counters, Machine};
 use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig, duty_scale};
 use motorbench_core::encoder::Edges;
-use motorbench_core::message::{Request, Sample, State, Trip};
+use motorbench_core::message::{Request, Sample, State, Trip, WAITING};
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::storage::Eeprom;
 use proptest::prelude::*;
@@ -49,6 +49,8 @@ impl Machine for Host {
     type Memory = Memory;
 
     fn request(&mut self, request: Request) {
+        let (zeroing, _) = self.control.current_zero();
+        assert!(request != Request::Arm || !zeroing, "armed during the zero calibration of the current");
         self.requests.push(request);
         self.tick(Some(request));
     }
@@ -95,6 +97,38 @@ fn say(console: &mut Console, host: &mut Host, line: &str) -> String {
     String::from_utf8(host.sent.clone()).expect("text").replace('\r', "")
 }
 
+/// After a reset the current's zero is taken for 256 ticks: no drive may spoil it.
+#[test]
+fn arming_waits_for_the_zero_of_the_current() {
+    let (mut console, mut host) = board();
+    host.request(Request::ZeroCurrent);
+    host.tick(None);
+    assert!(host.control.current_zero().0);
+    assert_eq!(say(&mut console, &mut host, "arm"), "ok\n");
+    assert_eq!(host.control.current_zero(), (false, true));
+}
+
+/// As many samples as may wait are from before the sequence; they are left out, and none of the sequence is. Where none
+/// comes, the recording ends all the same.
+#[test]
+fn a_recording_leaves_out_what_was_before_the_sequence() {
+    for (before, playing) in (0..=WAITING).flat_map(|before| [(before, 5), (before, 0)]) {
+        let (mut console, mut host) = board();
+        say(&mut console, &mut host, "arm");
+        say(&mut console, &mut host, "mode open");
+        b"record steps 1 0 5 6\n".iter().for_each(|&byte| console.receive(byte, &mut host));
+        host.sent.clear();
+        let still = Sample { state: State(State::ARMED | 1), ..Sample::default() };
+        let plays = Sample { state: State(State::ARMED | State::PLAYING | 1), ..Sample::default() };
+        (0..before).for_each(|_| console.telemetry(&still, &mut host));
+        (0..playing).for_each(|_| console.telemetry(&plays, &mut host));
+        assert!(!host.sent.windows(5).any(|bytes| bytes == b"done:"), "{before} {playing}");
+        (0..=WAITING).for_each(|_| console.telemetry(&still, &mut host));
+        let sent = String::from_utf8_lossy(&host.sent).into_owned();
+        assert!(sent.contains(&format!("done: {playing} samples")), "{before} {playing}: {sent}");
+    }
+}
+
 #[test]
 fn a_session() {
     let (mut console, mut host) = board();
@@ -131,7 +165,7 @@ fn a_session() {
 fn a_trip_is_named_and_must_be_cleared() {
     let (mut console, mut host) = board();
     host.emergency_stop = true;
-    assert_eq!(say(&mut console, &mut host, "arm"), "error: a trip is latched: emergency stop; clear it first\n");
+    assert_eq!(say(&mut console, &mut host, "arm"), "error: trip latched: emergency stop; clear it first\n");
     host.emergency_stop = false;
     assert!(say(&mut console, &mut host, "status").contains("trip 8 emergency stop"));
     assert_eq!(say(&mut console, &mut host, "clear"), "ok\n");

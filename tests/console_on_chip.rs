@@ -4,6 +4,7 @@ mod common;
 
 use common::Uno;
 use motorbench_core::message::State;
+use motorbench_core::protocol::Frame;
 
 /// All settings as `show` lists them.
 fn settings(uno: &mut Uno) -> String {
@@ -107,6 +108,30 @@ fn malformed_commands_are_refused_and_change_nothing() {
     uno.refused(&"x".repeat(97));
     assert_eq!(settings(&mut uno), before);
     is_at_rest(&mut uno);
+}
+
+/// Samples from before the sequence may still wait when it begins; they do not end the recording.
+#[test]
+fn a_recording_is_of_the_whole_sequence() {
+    let mut uno = Uno::start();
+    uno.bench.serial().write("stream off\n");
+    uno.run_s(0.03);
+    uno.samples.clear();
+    // One line right after the other, and text again afterwards.
+    uno.bench.serial().write("arm\nmode open\nrecord steps 1 0 5 6\n");
+    uno.bench.run_s(0.4).expect("the chip runs");
+    let mut after = Vec::new();
+    for byte in uno.bench.serial().read() {
+        after.push(byte);
+        if let Some(Frame::Sample(sample)) = uno.decoder.push(byte) {
+            uno.samples.push(sample);
+        }
+    }
+    let after = String::from_utf8_lossy(&after);
+    assert!(after.contains("done: 120 samples, dropped 0"), "{after}");
+    assert_eq!(uno.samples.len(), 120);
+    assert!(uno.samples.iter().all(|sample| sample.state.has(State::PLAYING)));
+    assert!(uno.samples.windows(2).all(|pair| pair[1].tick == pair[0].tick + 1));
 }
 
 #[test]

@@ -177,6 +177,16 @@ fn divert_the_main_loop(uno: &mut Uno, target: u32) -> usize {
     }
     uno.run_s(0.5);
     assert!(uno.bench.now().duty > 0.1);
+    divert(uno, target);
+    let stopped = (0..300).find(|_| {
+        uno.run_s(0.001);
+        uno.bench.now().bridge == Bridge::Coast
+    });
+    stopped.expect("the bridge goes off")
+}
+
+/// Lets the next tick return to `target` instead of the main loop.
+fn divert(uno: &mut Uno, target: u32) {
     let handler = uno.bench.program().function("__vector_14").expect("the tick");
     let chip = uno.bench.chip_mut();
     assert!(chip.step_until(40_000, |chip| chip.program_counter() == handler).expect("the chip runs"));
@@ -185,11 +195,6 @@ fn divert_the_main_loop(uno: &mut Uno, target: u32) -> usize {
     let stack = chip.stack_pointer();
     chip.write(stack + 1, high);
     chip.write(stack + 2, low);
-    let stopped = (0..300).find(|_| {
-        uno.run_s(0.001);
-        uno.bench.now().bridge == Bridge::Coast
-    });
-    stopped.expect("the bridge goes off")
 }
 
 #[test]
@@ -203,6 +208,26 @@ fn a_hung_main_loop_stops_the_motor_and_is_reported() {
     uno.listen();
     assert!(uno.ask("version").contains("reset: main loop hung"), "{}", uno.replies);
     assert_eq!(uno.bench.now().bridge, Bridge::Coast);
+}
+
+/// The trip that is latched is another, and the one that is looked for first would be, too.
+#[test]
+fn a_main_loop_that_hangs_while_tripped_is_restarted() {
+    for pressed in [true, false] {
+        let mut uno = Uno::start();
+        let hang = uno.bench.program().function("__stop_program").expect("the end of the program");
+        uno.bench.press_emergency_stop(true);
+        uno.run_s(0.02);
+        assert_eq!(uno.last().trip, Trip::EmergencyStop);
+        uno.bench.press_emergency_stop(pressed);
+        divert(&mut uno, hang);
+        uno.run_s(0.3);
+        uno.bench.press_emergency_stop(false);
+        uno.listen();
+        assert!(uno.ask("version").contains("reset: main loop hung"), "{}", uno.replies);
+        uno.ask("clear");
+        uno.order("arm");
+    }
 }
 
 #[test]

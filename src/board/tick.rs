@@ -15,7 +15,7 @@ use avr_device::interrupt::CriticalSection;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{Ordering, compiler_fence};
 use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig};
-use motorbench_core::message::{Request, Sample, Trip};
+use motorbench_core::message::{Request, Sample, WAITING};
 use motorbench_core::pins;
 use motorbench_core::settings::{BuildError, Param, Settings};
 
@@ -38,9 +38,9 @@ static mut TICK_INPUTS: Inputs = Inputs {
 #[unsafe(no_mangle)]
 static mut TICK_REQUEST: Option<Request> = None;
 
-/// Samples on their way to the main loop: one writer, one reader, a power of two.
+/// Samples on their way to the main loop: one writer, one reader.
 static mut SAMPLES: [MaybeUninit<Sample>; RING] = [const { MaybeUninit::uninit() }; RING];
-const RING: usize = 4;
+const RING: usize = WAITING as usize;
 
 /// Bytes that tick and main loop share; one writer each.
 struct Shared {
@@ -203,7 +203,7 @@ pub fn mark_alive() {
 
 /// Tick rate and wiring.
 fn set_hardware(settings: &Settings) {
-    let period = if settings.get(Param::TickRate) > 1500.0 { 125 } else { 250 };
+    let period = if settings.is_fast() { 125 } else { 250 };
     let coasting = settings.get(Param::Wiring) != 0.0;
     avr_device::interrupt::free(|_| {
         shared!(period = period);
@@ -256,7 +256,7 @@ fn TIMER0_COMPA() {
     }
     bridge::apply(&p, &drive, shared!(coasting));
     put(control.sample());
-    guard(control.sample().trip);
+    guard(control.main_loop_hung());
     avr_device::interrupt::disable();
     enable(&p);
     shared!(ticks = shared!(ticks).wrapping_add(1));
@@ -297,8 +297,8 @@ fn copy(from: &Sample, to: *mut Sample) {
 
 /// Feeds the watchdog as long as the main loop lives; a hang is reported after the reset that follows.
 #[inline(always)]
-fn guard(trip: Trip) {
-    if trip == Trip::MainLoopHung && !shared!(hung) {
+fn guard(hung: bool) {
+    if hung {
         shared!(hung = true);
         watchdog::main_loop_hung();
     }

@@ -13,7 +13,7 @@ pub mod number;
 use crate::arith::whole;
 use crate::excitation::{Kind, Sequence};
 use crate::flash_text::{self, FlashText, Table};
-use crate::message::{Mode, Request, Sample, State, Trip};
+use crate::message::{Mode, Request, Sample, State, Trip, WAITING};
 use crate::pins::PWM_STEPS;
 use crate::protocol::{self, FRAME, Framer, TEXT_CHUNK};
 use crate::settings::{self, BuildError, Param, Settings};
@@ -145,7 +145,7 @@ commands! {
     Status "status" "" "state, measurements, counters";
     Show "show" "[NAME]" "settings: value, unit, range";
     Sequence "sequence" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "play as reference: unit of the mode, PERIOD in ms, numbers 0..65535";
-    Record "record" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "the same, with a binary stream around it";
+    Record "record" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "the same, in a binary stream";
     Stream "stream" "off|text|binary [DIVIDER]" "telemetry, every DIVIDERth tick, 1..255";
     Zero "zero" "current|position" "take the present value as zero; disarmed";
     Clear "clear" "" "forget a trip";
@@ -154,7 +154,7 @@ commands! {
     Defaults "defaults" "" "settings as built";
     Echo "echo" "off|on" "repeat what is typed";
     Version "version" "" "firmware and protocol";
-    Help "help" "" "this list; settings with units and ranges: show";
+    Help "help" "" "this list; settings: show";
 }
 
 macro_rules! texts {
@@ -173,10 +173,10 @@ texts! { Say SAYINGS:
     Ok "ok";
     Error "error: ";
     UnknownCommand "unknown command, see help";
-    LineRefused "line refused: too long or not plain ASCII";
+    LineRefused "line too long or not plain ASCII";
     Usage "expected %0 %1";
     NoSuchSetting "no such setting, see show";
-    TripLatched "a trip is latched: %t; clear it first";
+    TripLatched "trip latched: %t; clear it first";
     NotArmed "not armed: arm first";
     DisarmFirst "disarm first";
     SaveRunning "save still running";
@@ -361,8 +361,12 @@ impl Console {
         if self.stream == Stream::Off {
             return;
         }
-        if self.recording && !sample.state.has(State::PLAYING) && self.recorded > 0 {
-            return self.end_recording(machine);
+        if self.recording {
+            if sample.state.has(State::PLAYING) {
+                self.countdown = 0;
+            } else if self.countdown <= 1 {
+                return self.end_recording(machine);
+            }
         }
         if self.countdown > 1 {
             self.countdown -= 1;
@@ -481,6 +485,10 @@ impl Console {
 
     /// Arms, or says why not.
     fn arm(&mut self, machine: &mut impl Machine) -> Say {
+        // A drive that is armed would spoil the zero of the current: after a reset its calibration takes 256 ticks.
+        while self.counters.zeroing {
+            self.look(machine);
+        }
         machine.request(Request::Arm);
         self.look(machine);
         if self.armed() { Say::Ok } else { Say::TripLatched }
@@ -616,11 +624,12 @@ impl Console {
             }
         }
         let ([amplitude, offset], [period_ms, count, seed]) = (parts, numbers);
-        let ticks = if self.settings.get(Param::TickRate) > 1500.0 { period_ms.saturating_mul(2) } else { period_ms };
+        let ticks = if self.settings.is_fast() { period_ms.saturating_mul(2) } else { period_ms };
         let sequence = Sequence::new(kind, amplitude, offset, ticks, count, seed);
         machine.request(Request::Play(sequence));
         if self.command == Command::Record as u8 {
-            (self.stream, self.divider, self.countdown) = (Stream::Binary, 1, 0);
+            // As many samples may be from before the sequence.
+            (self.stream, self.divider, self.countdown) = (Stream::Binary, 1, WAITING + 1);
             (self.recording, self.recorded, self.dropped) = (true, 0, self.counters.dropped);
         }
         Say::Ok

@@ -63,7 +63,7 @@ impl SequenceOrder {
     }
 
     fn period_ticks(&self, settings: &Settings) -> u16 {
-        let per_ms = if settings.get(Param::TickRate) > 1500.0 { 2 } else { 1 };
+        let per_ms = if settings.is_fast() { 2 } else { 1 };
         self.period_ms.saturating_mul(per_ms)
     }
 
