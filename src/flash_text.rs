@@ -7,18 +7,18 @@
 use crate::{console, settings};
 use avr_progmem::progmem;
 
-/// The tables of texts.
+/// The tables of texts, each by where it begins.
 #[derive(Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
+#[repr(u16)]
 pub(crate) enum Table {
     /// Name, unit and help of each setting.
-    Settings = 0,
+    Settings = STARTS[0],
     /// Name, arguments and help of each command.
-    Commands = 1,
+    Commands = STARTS[1],
     /// What the console says.
-    Sayings = 2,
+    Sayings = STARTS[2],
     /// Words within it.
-    Words = 3,
+    Words = STARTS[3],
 }
 
 const TABLES: [&str; 4] = [settings::TEXT, console::COMMAND_TEXT, console::SAYINGS, console::WORDS];
@@ -168,13 +168,7 @@ impl FlashText {
     /// Text `index` of a table.
     #[inline(never)]
     pub(crate) fn of(table: Table, index: u8) -> Self {
-        let start = match table {
-            Table::Settings => STARTS[0],
-            Table::Commands => STARTS[1],
-            Table::Sayings => STARTS[2],
-            Table::Words => STARTS[3],
-        };
-        let mut text = Self { at: start, aside: [0; DEEPEST], depth: 0 };
+        let mut text = Self { at: table as u16, aside: [0; DEEPEST], depth: 0 };
         text.skip_texts(index);
         text
     }

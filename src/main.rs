@@ -114,6 +114,11 @@ mod firmware {
         // SAFETY: every handler's state has been set up.
         unsafe { avr_device::interrupt::enable() };
         uno.request(Request::ZeroCurrent);
+        // Nobody arms before the zero of the current is known: a drive would spoil it.
+        while tick::with_loop(|control| control.current_zero().0) {
+            uno.keep_alive();
+            tick::skip_samples();
+        }
         console.greet(&mut uno);
         loop {
             uno.keep_alive();

@@ -38,10 +38,13 @@ pub enum Format {
 impl Format {
     /// Largest magnitude of the bits.
     fn limit(self) -> u16 {
-        match self {
-            Self::Own | Self::Ticks => u16::MAX,
-            Self::Volt | Self::Ampere | Self::Slew => i16::MAX as u16,
-            _ => GAIN_LIMIT as u16,
+        // Not as one `match`: of that a table in RAM is made.
+        if matches!(self, Self::Own | Self::Ticks) {
+            u16::MAX
+        } else if self as u8 <= Self::Slew as u8 {
+            i16::MAX as u16
+        } else {
+            GAIN_LIMIT as u16
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::{FULL_RANGE, VOLT};
 
-/// ADC steps (24 mV before the divider: 8 rpm at 3 V per 1000 rpm) below which the direction may turn.
+/// ADC steps (24 mV before the divider: 8 rpm at 3 V per 1000 rpm) below which the direction may turn,
 /// and which are no motion: a converter's offset must not hide a stall.
 pub const NEAR_ZERO: u16 = 5;
 /// Least voltage whose sign counts, in volts.

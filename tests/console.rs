@@ -49,8 +49,6 @@ impl Machine for Host {
     type Memory = Memory;
 
     fn request(&mut self, request: Request) {
-        let (zeroing, _) = self.control.current_zero();
-        assert!(request != Request::Arm || !zeroing, "armed during the zero calibration of the current");
         self.requests.push(request);
         self.tick(Some(request));
     }
@@ -95,17 +93,6 @@ fn say(console: &mut Console, host: &mut Host, line: &str) -> String {
     host.sent.clear();
     line.bytes().chain(*b"\n").for_each(|byte| console.receive(byte, host));
     String::from_utf8(host.sent.clone()).expect("text").replace('\r', "")
-}
-
-/// After a reset the current's zero is taken for 256 ticks: no drive may spoil it.
-#[test]
-fn arming_waits_for_the_zero_of_the_current() {
-    let (mut console, mut host) = board();
-    host.request(Request::ZeroCurrent);
-    host.tick(None);
-    assert!(host.control.current_zero().0);
-    assert_eq!(say(&mut console, &mut host, "arm"), "ok\n");
-    assert_eq!(host.control.current_zero(), (false, true));
 }
 
 /// As many samples as may wait are from before the sequence; they are left out, and none of the sequence is. Where none

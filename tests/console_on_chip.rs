@@ -110,6 +110,21 @@ fn malformed_commands_are_refused_and_change_nothing() {
     is_at_rest(&mut uno);
 }
 
+/// After a reset the current's zero is taken for 256 ticks: a drive would spoil it. What was sent meanwhile is obeyed afterwards.
+#[test]
+fn nobody_arms_before_the_zero_of_the_current_is_known() {
+    let mut uno = Uno::power_on();
+    uno.bench.run_s(0.1).expect("the chip runs");
+    uno.bench.serial().write("arm\n");
+    uno.bench.run_s(0.15).expect("the chip runs");
+    assert!(uno.bench.serial().read().is_empty(), "the greeting waits");
+    uno.bench.run_s(0.05).expect("the chip runs");
+    let said = String::from_utf8_lossy(&uno.bench.serial().read()).into_owned();
+    assert!(said.contains("motorbench") && said.ends_with("ok\r\n"), "{said:?}");
+    uno.listen();
+    assert!(uno.ask("status").contains("armed 1"), "{}", uno.replies);
+}
+
 /// Samples from before the sequence may still wait when it begins; they do not end the recording.
 #[test]
 fn a_recording_is_of_the_whole_sequence() {

@@ -180,6 +180,11 @@ pub fn next_sample() -> Option<Sample> {
     Some(sample)
 }
 
+/// Leaves the samples that were not taken yet.
+pub fn skip_samples() {
+    shared!(read = shared!(written));
+}
+
 /// Samples lost because the main loop did not take them.
 pub fn dropped() -> u16 {
     avr_device::interrupt::free(|_| shared!(dropped))

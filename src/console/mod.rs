@@ -146,14 +146,14 @@ commands! {
     Show "show" "[NAME]" "settings: value, unit, range";
     Sequence "sequence" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "play as reference: unit of the mode, PERIOD in ms, numbers 0..65535";
     Record "record" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "the same, in a binary stream";
-    Stream "stream" "off|text|binary [DIVIDER]" "telemetry, every DIVIDERth tick, 1..255";
-    Zero "zero" "current|position" "take the present value as zero; disarmed";
+    Stream "stream" "off|text|binary [DIVIDER]" "every DIVIDERth tick, 1..255";
+    Zero "zero" "current|position" "present value is zero; disarmed";
     Clear "clear" "" "forget a trip";
     Save "save" "" "settings to EEPROM";
-    Load "load" "" "settings from EEPROM";
+    Load "load" "" "from EEPROM";
     Defaults "defaults" "" "settings as built";
-    Echo "echo" "off|on" "repeat what is typed";
-    Version "version" "" "firmware and protocol";
+    Echo "echo" "off|on" "repeat input";
+    Version "version" "" "firmware, settings";
     Help "help" "" "this list; settings: show";
 }
 
@@ -485,10 +485,6 @@ impl Console {
 
     /// Arms, or says why not.
     fn arm(&mut self, machine: &mut impl Machine) -> Say {
-        // A drive that is armed would spoil the zero of the current: after a reset its calibration takes 256 ticks.
-        while self.counters.zeroing {
-            self.look(machine);
-        }
         machine.request(Request::Arm);
         self.look(machine);
         if self.armed() { Say::Ok } else { Say::TripLatched }
