@@ -43,7 +43,7 @@ impl Kind {
 /// Kinds of trials.
 const KINDS: [Kind; 23] = [
     Kind::with_goal("clean", "nothing hidden", "false alarm at most 1 %"),
-    Kind::with_goal("single", "each effect alone", "98 % exact"),
+    Kind::with_goal("single", "each effect alone, but for those of `further`", "98 % exact"),
     Kind::with_goal("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway", "95 % exact"),
     Kind::with_goal("pairs", "two effects", "92 % exact"),
     Kind::with_goal("triples", "three effects", "85 % exact"),
