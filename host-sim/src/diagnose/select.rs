@@ -28,7 +28,7 @@ const ALONE_SIGMAS: f64 = 50.0;
 /// With at least this share of the error that is left.
 const LEAST_SHARE: f64 = 0.02;
 /// A law that looks like an effect's and is none is the better one with this significance, however little it gains.
-const OTHER_LAW_SIGMAS: f64 = 4.0;
+const OTHER_LAW_SIGMAS: f64 = 3.0;
 /// An effect that makes the error of a quantity so many times greater, beyond the noise, explains one at the cost of another.
 const SPOILT: f64 = 1.5;
 /// Two models closer than this cannot be told apart.
