@@ -435,10 +435,12 @@ impl<L: Line> Link<L> {
     /// [`BoardError`], also when it knows other settings than this program.
     pub fn settings(&mut self) -> Result<Settings, BoardError> {
         let mut known = [None; Param::COUNT];
-        for _ in 0..LOSSY_TRIES {
+        for tried in 1..=LOSSY_TRIES {
             let (lines, is_lossy) = match self.ask_noting_losses("show") {
                 (Ok(lines), is_lossy) => (lines, is_lossy),
                 (Err(_), true) => (self.whole_lines(), true),
+                // It may have been another line when it arrived.
+                (Err(BoardError::Refused { .. }), false) if tried < TRIES => continue,
                 (Err(error), false) => return Err(error),
             };
             take_settings(&lines, &mut known)?;
