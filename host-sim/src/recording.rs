@@ -218,9 +218,12 @@ impl Recording {
 
     /// Whether it is the same, whatever its file is called.
     pub fn has_the_rows_of(&self, other: &Self) -> bool {
-        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
-        let same = |channel: &Channel| self.columns.get(channel).map(|own| bits(own)) == other.get(*channel).map(bits);
-        self.len() == other.len() && self.columns.len() == other.columns.len() && self.columns.keys().all(same)
+        // By their bits: missing samples are the same as well.
+        let same = |(channel, own): (&Channel, &Vec<f64>)| {
+            let bits = |value: &f64| value.to_bits();
+            other.get(*channel).is_some_and(|others| own.iter().map(bits).eq(others.iter().map(bits)))
+        };
+        self.columns.len() == other.columns.len() && self.columns.iter().all(same)
     }
 
     /// The rows before a time that is counted from the first.

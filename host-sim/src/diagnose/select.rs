@@ -410,19 +410,23 @@ impl Chooser<'_> {
                 fits.extend(self.fresh(&current));
             }
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            let leads = |gain: &Gain| lead == Lead::Significance && earns_its_place(gain);
-            let is_led = fits.iter().any(|fit| leads(&self.gain(&current, fit)));
-            if let Some(best) = fits.first_mut().filter(|best| !is_led && best.cost < NOT_THERE_YET * current.cost) {
+            let gained = |fits: &[Fit], index: usize| (index, self.gain(&current, &fits[index]));
+            let leads = |(_, gain): &(usize, Gain)| lead == Lead::Significance && earns_its_place(gain);
+            let mut chosen = (0..fits.len()).map(|index| gained(&fits, index)).find(leads);
+            if chosen.is_none()
+                && let Some(best) = fits.first_mut().filter(|best| best.cost < NOT_THERE_YET * current.cost)
+            {
                 *best = fit(&best.model, self.data, self.prior, Effort::FULL);
+                chosen = Some(gained(&fits, 0)).filter(leads);
             }
-            let gained = |index: usize| (index, self.gain(&current, &fits[index]));
-            let chosen = match (0..fits.len()).map(gained).find(|(_, gain)| leads(gain)) {
-                None if (ahead < MOST_AHEAD || lead == Lead::Cost) && above_floor(self.data, &current) > NOT_NOISE => {
-                    ahead += 1;
-                    fits.iter().position(|fit| fit.cost < LEAST_AHEAD * current.cost).map(gained)
-                }
-                earning => earning,
-            };
+            if chosen.is_none()
+                && (ahead < MOST_AHEAD || lead == Lead::Cost)
+                && above_floor(self.data, &current) > NOT_NOISE
+            {
+                ahead += 1;
+                let best = fits.iter().position(|fit| fit.cost < LEAST_AHEAD * current.cost);
+                chosen = best.map(|index| gained(&fits, index));
+            }
             let Some((chosen, gain)) = chosen else { break };
             let best = fits.swap_remove(chosen);
             steps.push(Step::new(&current, &best, gain));
