@@ -111,6 +111,12 @@ fn a_wave_may_hold_a_shaft_that_coasts() {
     assert_found(9007, &recipe("pairs", 9007));
 }
 
+/// A load that comes early has something of a friction that warms up and something of one that differs between directions.
+#[test]
+fn two_frictions_are_no_load_that_comes() {
+    assert_found(31139, &recipe("triples", 31139));
+}
+
 /// What hardly any bench is without is certain beside something unknown as well.
 #[test]
 fn friction_and_drop_are_named_beside_something_unknown() {

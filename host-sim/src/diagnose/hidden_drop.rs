@@ -2,8 +2,8 @@
 //! same share of every pulse, and a motor of which resistance, torque constant, inertia and all torques are smaller by that share
 //! turns exactly as one without a drop. The readings say nothing of it; nominal values do, and what bridges usually take.
 
+use super::data_sheet::off_data_sheet;
 use super::scale::Quantity;
-use super::select::off_data_sheet;
 use crate::catalogue::effect;
 use crate::dataset::{Dataset, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};

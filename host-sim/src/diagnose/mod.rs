@@ -10,6 +10,7 @@
 mod command_times;
 mod counter_stops;
 mod current_window;
+mod data_sheet;
 mod hidden_drop;
 pub mod judge;
 pub mod missing;
@@ -210,7 +211,7 @@ impl Understood {
 
 /// The same in the scale that the nominal values say, where the data are better understood by that.
 fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress) -> (Option<Scale>, Understood) {
-    let doubts = |way: &Understood| select::doubts(&way.data, prior, &way.selection.last);
+    let doubts = |way: &Understood| data_sheet::doubts(&way.data, prior, &way.selection.last);
     let of = |fit: &Fit| Scale::of(&recorded.data, prior, fit);
     // In a scale that is far off the search may have gone astray.
     let has_gone_astray = doubts(&recorded).contains(&true);
@@ -224,7 +225,7 @@ fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress)
         return (None, recorded);
     }
     // Nothing but the nominal values tells of a scale: a motor that is farther from them speaks against it.
-    let off = |way: &Understood| select::strangeness(prior, &way.selection.last);
+    let off = |way: &Understood| data_sheet::strangeness(prior, &way.selection.last);
     let rank = |way: &Understood| (doubts(way), way.selection.last.cost);
     if off(&corrected) < off(&recorded) && rank(&corrected) < rank(&recorded) {
         (Some(scale), corrected)
@@ -268,7 +269,7 @@ fn best_understood(
     let ways = [Some(data), centred].into_iter().flatten().map(|data| understood(data, prior, not, progress));
     let rank = |(data, selection): &(Dataset, Selection)| {
         let last = &selection.last;
-        (select::doubts(data, prior, last), last.model.terms.len(), last.cost)
+        (data_sheet::doubts(data, prior, last), last.model.terms.len(), last.cost)
     };
     ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
 }

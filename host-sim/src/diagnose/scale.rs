@@ -2,8 +2,8 @@
 //! other volts. A motor in another scale is a motor as well, and moves the same; but all of its constants are off their
 //! nominal values by powers of one and the same factor, as those of no other motor are.
 
+use super::data_sheet::{OF_SIZE, off_data_sheet};
 use super::outcome::{Cause, Estimate};
-use super::select::{OF_SIZE, off_data_sheet};
 use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, hidden_drop, value_cause};
 use crate::dataset::{Dataset, Output, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
