@@ -117,6 +117,20 @@ fn two_frictions_are_no_load_that_comes() {
     assert_found(31139, &recipe("triples", 31139));
 }
 
+/// A wave that depends on the angle shows only where each stop of the counter is known, also those while it turned round or was
+/// slow, and how far the shaft went on meanwhile.
+#[test]
+fn a_counter_may_stand_beside_waves() {
+    assert_found(41055, &recipe("pairs", 41055));
+}
+
+/// A drop that differs between directions says the same as friction that does beside a current's offset, and is none without
+/// a drop.
+#[test]
+fn a_friction_may_look_like_a_drop() {
+    assert_found(41016, &recipe("pairs", 41016));
+}
+
 /// What hardly any bench is without is certain beside something unknown as well.
 #[test]
 fn friction_and_drop_are_named_beside_something_unknown() {

@@ -19,6 +19,11 @@ const STILL_DRIVEN: f64 = 0.7;
 /// Fewer may be anything that happened once.
 const FEWEST: usize = 3;
 
+/// Rows over which a change of speed is looked for: one shows the quickest, three are rounded less.
+const SPANS: [usize; 2] = [1, 3];
+/// A second difference of whole counts is off by so many.
+const ROUNDED: f64 = 2.0;
+
 /// A stop.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CounterStop {
@@ -45,13 +50,51 @@ impl CounterStop {
 
 /// The stops of a counter whose counts those are, missing ones as NaN. `drive` is what the bridge was asked for.
 pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
-    let stops: Vec<CounterStop> = stands(counts).filter_map(|stand| stand.stop(drive)).collect();
-    if stops.len() < FEWEST { Vec::new() } else { stops }
+    let mut stops: Vec<CounterStop> = stands(counts).filter_map(|stand| stand.stop(drive)).collect();
+    if stops.len() < FEWEST {
+        return Vec::new();
+    }
+    stops.extend(like(&stops, counts));
+    stops
+}
+
+/// Beside stops that are known, others of their length: they begin or end too abruptly for the shaft, though it gathered
+/// speed, braked or turned round meanwhile.
+fn like(known: &[CounterStop], counts: &[f64]) -> Vec<CounterStop> {
+    let length = |stop: &CounterStop| stop.rows.len();
+    let shortest = known.iter().map(length).min().unwrap_or(0) - 1;
+    let longest = known.iter().map(length).max().unwrap_or(0) + 1;
+    let as_long: Vec<Range<usize>> =
+        of_one_count(counts).filter(|rows| (shortest..=longest).contains(&rows.len())).collect();
+    let most_per_row = greatest_change(counts, &as_long);
+    let is_known = |rows: &Range<usize>| known.iter().any(|stop| stop.rows == *rows);
+    let others = as_long.into_iter().filter(|rows| !is_known(rows)).filter_map(|rows| Stand::between(counts, rows));
+    // One row is within the stop in part.
+    others.filter(|stand| stand.fastest() > 2.0 * most_per_row + ROUNDED).map(|stand| stand.lost()).collect()
+}
+
+/// By how much the counts of a row differ from those of the next at most, but for those rows and what adjoins them.
+fn greatest_change(counts: &[f64], but_for: &[Range<usize>]) -> f64 {
+    let mut is_left_out = vec![false; counts.len()];
+    for rows in but_for {
+        is_left_out[rows.start.saturating_sub(1)..(rows.end + 1).min(counts.len())].fill(true);
+    }
+    let of_span = |span: usize| {
+        let starts = (0..counts.len().saturating_sub(2 * span)).filter(|row| {
+            let looked_at = *row..=row + 2 * span;
+            !is_left_out[looked_at].contains(&true)
+        });
+        let changes = starts.map(|row| (counts[row + 2 * span] - 2.0 * counts[row + span] + counts[row]).abs());
+        changes.map(|change| (change - ROUNDED) / (span * span) as f64).fold(0.0, f64::max)
+    };
+    SPANS.into_iter().map(of_span).fold(0.0, f64::max)
 }
 
 /// Rows with the same count, and how fast it went right before and right after.
 struct Stand {
     rows: Range<usize>,
+    /// From the row before to the row after: that much of the first and the last interval the counter counted.
+    counted: f64,
     before: Rate,
     after: Rate,
 }
@@ -63,18 +106,28 @@ struct Rate {
     over: usize,
 }
 
+/// Rows one after the other with the same count.
+fn of_one_count(counts: &[f64]) -> impl Iterator<Item = Range<usize>> {
+    // Behind a stop counts are no whole ones.
+    let goes_on = |row: &usize| counts.get(*row).is_none_or(|count| !((count - counts[row - 1]).abs() < 0.5));
+    let ends = (1..=counts.len()).filter(goes_on);
+    ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end)).filter(|rows| rows.len() > 2)
+}
+
 fn stands(counts: &[f64]) -> impl Iterator<Item = Stand> {
-    let ends = (1..=counts.len()).filter(|row| counts.get(*row) != counts.get(row - 1));
-    let rows = ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end));
-    rows.filter(|rows| rows.len() > 2).filter_map(|rows| {
+    of_one_count(counts).filter_map(|rows| {
         // In the rows at the edges some of the counts are there.
         let earlier = |by: usize| Some(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + by)?]);
         let later = |by: usize| Some(counts.get(rows.end + by)? - counts.get(rows.end)?);
         // An angle that is read more seldom than it is written stands as long again before and after.
         let longest = rows.len() / 2;
         let (before, after) = (Rate::of(earlier, longest)?, Rate::of(later, longest)?);
-        Some(Stand { rows, before, after })
+        Some(Stand { counted: counted_around(counts, &rows)?, rows, before, after })
     })
+}
+
+fn counted_around(counts: &[f64], rows: &Range<usize>) -> Option<f64> {
+    Some(counts.get(rows.end)? - counts[rows.start.checked_sub(1)?])
 }
 
 impl Rate {
@@ -88,6 +141,20 @@ impl Rate {
 }
 
 impl Stand {
+    /// Whatever the rates are, of the rows right before and after.
+    fn between(counts: &[f64], rows: Range<usize>) -> Option<Self> {
+        const OVER: usize = 2;
+        let rate = |turned: f64| Rate { per_row: turned / OVER as f64, over: OVER };
+        let before = rate(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + OVER)?]);
+        let after = rate(counts.get(rows.end + OVER)? - counts.get(rows.end)?);
+        Some(Self { counted: counted_around(counts, &rows)?, rows, before, after })
+    }
+
+    /// Counts per row right before or right after.
+    fn fastest(&self) -> f64 {
+        self.before.per_row.abs().max(self.after.per_row.abs())
+    }
+
     /// The motor was driven on, in the same sense.
     fn stop(&self, drive: &[f64]) -> Option<CounterStop> {
         let Self { before, after, .. } = *self;
@@ -102,7 +169,7 @@ impl Stand {
     }
 
     fn lost(&self) -> CounterStop {
-        let intervals = self.whole_rows() + 1.0;
+        let intervals = self.rows.len() as f64 + 1.0;
         let rates = [self.before, self.after];
         let rounded = rates.map(|rate| 1.0 / rate.over as f64);
         let [before, after] = rates.map(|rate| rate.per_row);
@@ -110,7 +177,7 @@ impl Stand {
         let error_per_row = (before - after).hypot(rounded[0].hypot(rounded[1])) / 12_f64.sqrt();
         CounterStop {
             rows: self.rows.clone(),
-            lost_counts: 0.5 * (before + after) * intervals,
+            lost_counts: 0.5 * (before + after) * intervals - self.counted,
             error_counts: 1.0_f64.hypot(error_per_row * intervals),
         }
     }
@@ -164,6 +231,33 @@ impl Dataset {
             self.origin.counter_stops.push(stop);
         }
         self.origin.counter_stops.sort_by_key(|stop| stop.rows.start);
+    }
+
+    /// Rows in which nothing is counted for as long as in stops that are known, but for a row.
+    pub fn stands_as_long_as_stops(&self) -> Vec<Range<usize>> {
+        let lengths = || self.origin.counter_stops.iter().map(|stop| stop.rows.len());
+        let (Some(shortest), Some(longest)) = (lengths().min(), lengths().max()) else { return Vec::new() };
+        let is_as_long = |rows: &Range<usize>| (shortest - 1..=longest + 1).contains(&rows.len());
+        let of_stretch = |Stretch { rows, .. }: &Stretch| {
+            let since_first = |row: usize| (self.angle_rad[row] - self.angle_rad[rows.start]) / self.count_rad;
+            let counts: Vec<f64> = rows.clone().map(since_first).collect();
+            let stands = of_one_count(&counts).filter(is_as_long);
+            stands.map(|stand| rows.start + stand.start..rows.start + stand.end).collect::<Vec<_>>()
+        };
+        self.stretches.iter().flat_map(of_stretch).collect()
+    }
+
+    /// The same stop with as many counts lost.
+    pub fn set_lost_in_stop(&mut self, index: usize, lost_counts: f64, error_counts: f64) {
+        let stop = &mut self.origin.counter_stops[index];
+        let before = stop.clone();
+        (stop.lost_counts, stop.error_counts) = (lost_counts, error_counts);
+        let Some(stretch) = self.stretches.iter().find(|stretch| stretch.rows.contains(&before.rows.start)) else {
+            return;
+        };
+        for row in before.rows.start..stretch.rows.end {
+            self.angle_rad[row] += (stop.lost_before(row) - before.lost_before(row)) * self.count_rad;
+        }
     }
 
     fn leave_out_motion(&mut self, rows: Range<usize>) {
@@ -224,6 +318,20 @@ mod tests {
                 prop_assert!(off < 4.0 * found.error_counts.max(0.5 * top), "{found:?} {lost}");
             }
             prop_assert!(find(&counts(&drive, 25.0, top, &stops[1..]), &drive).is_empty(), "twice may be chance");
+        }
+
+        #[test]
+        fn others_as_long_are_found_while_the_motor_is_turned_round(top in 10.0_f64..30.0, length in 20_usize..40) {
+            let drive = drive(&[1.0, -1.0], 500);
+            let known = [200, 300, 400].map(|row| row..row + length);
+            // It comes to a stand in between, and is as fast the other way at the end.
+            let turned = 500 - length / 3..500 - length / 3 + length;
+            let all = [&known[..], &[turned.clone()]].concat();
+            let found = find(&counts(&drive, 6.0, top, &all), &drive);
+            prop_assert_eq!(found.len(), all.len());
+            prop_assert!(found[3].rows.start.abs_diff(turned.start) < 3, "{:?}", found[3]);
+            let motor_alone = find(&counts(&drive, 6.0, top, &known), &drive);
+            prop_assert_eq!(motor_alone.len(), known.len());
         }
 
         #[test]

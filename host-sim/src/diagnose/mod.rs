@@ -275,8 +275,11 @@ fn best_understood(
 }
 
 /// What the rig file leaves open, by what is understood so far; each says whether the data have changed by it.
-const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 7] = [
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 10] = [
     command_times::settle,
+    |data, _, found| counter_stops::settle(data, found),
+    |data, _, found| counter_stops::settle(data, found),
+    |data, _, found| counter_stops::settle(data, found),
     |data, _, found| unseen_losses::settle(data, found),
     |data, prior, found| pwm_frequency::settle(data, prior, std::slice::from_ref(found)),
     speed_reading::settle,
@@ -294,6 +297,7 @@ fn understood(
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), not].concat(), progress);
     let beginnings = pwm_frequency::beginnings(&data, prior);
     pwm_frequency::settle(&mut data, prior, &beginnings);
+    counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);
     for settle in SETTLED_IN_TURN {
         if settle(&mut data, prior, &selection.last) {

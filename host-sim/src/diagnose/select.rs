@@ -81,30 +81,18 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     progress("linear motor");
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
-    let doubts = |fit: &Fit| (doubts(data, prior, fit), has_wrong_values(prior, fit));
-    let key = |(fit, _): &Way| (doubts(fit), fit.cost);
-    let better = |way: Way, other: Way| if key(&other) < key(&way) { other } else { way };
-    let is_doubtful = |(fit, _): &Way| doubts(fit) != ([false; 2], false);
-    let mut way = chooser.forward(base.clone(), Vec::new(), Lead::Significance);
-    if is_doubtful(&way) {
-        way = better(way, chooser.forward(base.clone(), Vec::new(), Lead::Cost));
-    }
-    if is_doubtful(&way)
-        && let Some((anew, step)) = chooser.anew(&base)
-    {
-        way = better(way, chooser.forward(anew, vec![step], Lead::Significance));
-    }
+    let mut way = chooser.way(&base);
     if let Some(of_any_course) = chooser.of_any_course(&way.0) {
+        progress("without what follows any course");
         let without = [excluded, &[of_any_course]].concat();
-        let chooser = Chooser { excluded: &without, ..chooser };
-        way = better(way, chooser.forward(base.clone(), Vec::new(), Lead::Significance));
+        way = chooser.better(way, Chooser { excluded: &without, ..chooser }.way(&base));
     }
     if chooser.is_strange(&way.0)
         && let Some(other) = chooser.beside_nominal(&way.0)
     {
         let step = Step::new(&way.0, &other, chooser.gain(&way.0, &other));
         let steps = [&way.1[..], &[step]].concat();
-        way = better(way, (other, steps));
+        way = chooser.better(way, (other, steps));
     }
     let (mut last, steps) = way;
     progress("to the end");
@@ -121,6 +109,30 @@ struct Chooser<'a> {
 }
 
 impl Chooser<'_> {
+    /// From the linear fit by what is significant; where that leaves doubts, by other ways as well: the best.
+    fn way(&self, base: &Fit) -> Way {
+        let is_doubtful = |(fit, _): &Way| self.doubts(fit) != ([false; 2], false);
+        let mut way = self.forward(base.clone(), Vec::new(), Lead::Significance);
+        if is_doubtful(&way) {
+            way = self.better(way, self.forward(base.clone(), Vec::new(), Lead::Cost));
+        }
+        if is_doubtful(&way)
+            && let Some((anew, step)) = self.anew(base)
+        {
+            way = self.better(way, self.forward(anew, vec![step], Lead::Significance));
+        }
+        way
+    }
+
+    fn better(&self, way: Way, other: Way) -> Way {
+        let key = |(fit, _): &Way| (self.doubts(fit), fit.cost);
+        if key(&other) < key(&way) { other } else { way }
+    }
+
+    fn doubts(&self, fit: &Fit) -> ([bool; 2], bool) {
+        (doubts(self.data, self.prior, fit), has_wrong_values(self.prior, fit))
+    }
+
     /// What one fit gains over another. An effect whose term needs finer steps gains nothing by the steps themselves: the
     /// other one is simulated with the same.
     fn gain(&self, before: &Fit, after: &Fit) -> Gain {

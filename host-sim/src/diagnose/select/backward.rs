@@ -40,6 +40,8 @@ struct Check {
     without: Fit,
     /// What the effect gains over it.
     own: Gain,
+    /// Whether what it stands on is there.
+    stands: bool,
     is_named: bool,
 }
 
@@ -79,10 +81,24 @@ impl Chooser<'_> {
                 .filter(|index| !checks[*index].is_named)
                 .min_by(|a, b| checks[*a].own.sigmas.total_cmp(&checks[*b].own.sigmas));
             match weakest {
-                Some(weakest) => current = checks.swap_remove(weakest).without,
+                Some(weakest) => {
+                    let weakest = checks.swap_remove(weakest);
+                    current = self.in_its_place(&current, &weakest).unwrap_or(weakest.without);
+                }
                 None => return (current, checks),
             }
         }
+    }
+
+    /// What says as much as an effect whose ground has gone: a drop that differs between directions is none without a drop,
+    /// but a friction that does looks like it.
+    fn in_its_place(&self, current: &Fit, check: &Check) -> Option<Fit> {
+        if check.stands || !earns_its_place(&check.own) {
+            return None;
+        }
+        let rivals = self.rivals(current, &check.without, check.id).into_iter().map(|(_, rival)| rival);
+        let as_good = rivals.filter(|rival| is_same(&self.gain(rival, current)));
+        as_good.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     /// What the model would be without one of its effects.
@@ -114,7 +130,7 @@ impl Chooser<'_> {
             && (keeps_the_motor || keeps_the_winding() || earns_its_place(&own) && is_certain())
             && self.owes_it_to_its_number(current, &without, id)
             && self.owes_it_to_its_law(current, &without, id);
-        Check { id, without, own, is_named }
+        Check { id, without, own, stands, is_named }
     }
 
     /// Whether an effect explains one quantity at the cost of another.
