@@ -53,6 +53,9 @@ const KEPT_BACK: usize = 1;
 /// An error below this share of a quantity's spread is not worth a name: holding terms over half a millisecond, a friction
 /// that bends before it slips and reading a speed as a mean cost up to as much.
 pub const TOLERANCE: f64 = 0.01;
+/// Speeds from row to row share a count with the next: by their unrest they seem noisier by this factor than counting makes
+/// them, of which the root of 7/4 is for third differences of rounding and the rest for the whole numbers that these are.
+const SHARED_COUNTS: f64 = 1.7;
 /// A row whose command is this share of the greatest one has that magnitude...
 const SAME_MAGNITUDE: f64 = 0.97;
 /// ... and where nothing else happens so many rows have it, of those in which the motor is driven or turns...
@@ -118,6 +121,8 @@ pub struct Measured {
     pub noise: f64,
     /// What rounding to whole counts makes of it, or edges anywhere in their row; 0 of what is not counted.
     pub of_counting: f64,
+    /// Unrest up to this may be that of counting alone.
+    pub unrest_of_counting: f64,
     /// What no model of a bench is asked to know better: [`TOLERANCE`] of its spread, or the reading's own step.
     pub tolerance: f64,
 }
@@ -126,12 +131,13 @@ impl Measured {
     /// Standard deviation of the noise in what a model leaves of it. Where counts are few they go up so evenly that their
     /// unrest tells less than all of it.
     pub fn noise_in(&self, residual: &[f64]) -> f64 {
-        noise(residual).max(self.of_counting)
+        let unrest = noise(residual);
+        if unrest < self.unrest_of_counting { self.of_counting } else { unrest.max(self.of_counting) }
     }
 
     fn scale(&mut self, factor: f64) {
         self.values.iter_mut().for_each(|value| *value *= factor);
-        for scale in [&mut self.noise, &mut self.of_counting, &mut self.tolerance] {
+        for scale in [&mut self.noise, &mut self.of_counting, &mut self.unrest_of_counting, &mut self.tolerance] {
             *scale *= factor;
         }
     }
@@ -222,6 +228,8 @@ impl Dataset {
         for measured in &mut all.measured {
             if matches!(measured.output, Output::MeanSpeed | Output::AngleDifference) {
                 measured.of_counting = of_counting;
+                let is_from_row_to_row = all.stretches.iter().all(|stretch| stretch.window.span <= 1);
+                measured.unrest_of_counting = if is_from_row_to_row { SHARED_COUNTS * of_counting } else { 0.0 };
             }
             measured.noise = measured.noise_in(&measured.values);
             let resolution = if measured.output == Output::Current { rig.current_sensor.resolution_a } else { None };

@@ -64,7 +64,8 @@ impl Effect for FrictionAsymmetry {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        balance.dry_forward_nm += 0.5 * values[0];
-        balance.dry_backward_nm -= 0.5 * values[0];
+        // Where one is all there is, no friction is left the other way: none drives.
+        balance.dry_forward_nm = (balance.dry_forward_nm + 0.5 * values[0]).max(0.0);
+        balance.dry_backward_nm = (balance.dry_backward_nm - 0.5 * values[0]).max(0.0);
     }
 }

@@ -12,6 +12,9 @@ const EDGE: f64 = 0.01;
 /// The same where it comes up gradually, for a start.
 const GRADUAL: f64 = 0.5;
 
+/// Share of the greatest speed below which a threshold is none.
+const SLOWEST: f64 = 0.02;
+
 /// Thresholds at which all counts may suffer that seemed to suffer the more the faster, as multiples.
 const LATER: [f64; 3] = [1.0, 1.07, 1.15];
 
@@ -67,6 +70,11 @@ impl Effect for MissedCounts {
     fn elsewhere(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         let moved = |factor: f64| vec![values[0], factor * values[1], values[2], values[3]];
         if values[2] > 0.0 { [0.93, 1.07].map(moved).to_vec() } else { Vec::new() }
+    }
+
+    /// A share of the counts at all speeds is another encoder.
+    fn is_a_scale(&self, values: &[f64], scales: &Scales) -> bool {
+        values[1] < SLOWEST * scales.speed_rad_per_s
     }
 
     fn states(&self) -> usize {

@@ -532,6 +532,11 @@ pub trait Effect: Sync {
         0
     }
 
+    /// Whether with such values it is no more than another scale of a quantity, which other constants of the motor say as well.
+    fn is_a_scale(&self, _values: &[f64], _scales: &Scales) -> bool {
+        false
+    }
+
     /// Whether its events, such as blows, come at other moments with other constants, so that readings change by leaps.
     fn has_events(&self) -> bool {
         false

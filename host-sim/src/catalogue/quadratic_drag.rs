@@ -41,6 +41,12 @@ impl Effect for QuadraticDrag {
         Simplification { own: 0.01, inertia: 0.0, viscous_friction: 0.0 }
     }
 
+    /// Less friction from some speed on and more viscous friction bend as a drag does: as great, at ten times that speed, as a
+    /// fifth of what falls off.
+    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        (rival == "stribeck_friction").then(|| vec![0.2 * values[0] / (10.0 * values[1]).powi(2)])
+    }
+
     /// With as much at the greatest speed.
     fn not_its_own(&self, values: &[f64], scales: &Scales) -> Vec<(&'static dyn Effect, Vec<f64>)> {
         vec![(&CubicDrag, vec![values[0] / scales.speed_rad_per_s])]

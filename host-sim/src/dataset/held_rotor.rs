@@ -71,9 +71,13 @@ impl Dataset {
             _ => COUNTS * self.count_rad / self.stretches.first().map_or(f64::INFINITY, Stretch::window_s),
         };
         let still = of_counts.max(NOISES * noise(&motion.values));
-        let moving = driven.iter().filter(|row| motion.values[**row].abs() > still).count();
+        let moves = |row: &usize| motion.values[*row].abs() > still;
+        let moving = driven.iter().filter(|row| moves(row)).count();
+        // A position loop drives hard only to start and to stop.
+        let moving_at_all = (0..self.len()).filter(moves).count();
         driven_v > 0.0
             && moving as f64 <= GIVES_WAY * driven.len() as f64
+            && moving_at_all as f64 <= GIVES_WAY * self.len() as f64
             && greatest(&current.values) > NOISES * noise(&current.values)
             && self.share_of_the_command(&current.values) > ANSWERS
     }

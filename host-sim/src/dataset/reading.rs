@@ -259,7 +259,14 @@ impl Dataset {
     }
 
     pub(super) fn add(&mut self, output: Output, values: Vec<f64>) {
-        self.measured.push(Measured { output, values, noise: 0.0, of_counting: 0.0, tolerance: 0.0 });
+        self.measured.push(Measured {
+            output,
+            values,
+            noise: 0.0,
+            of_counting: 0.0,
+            unrest_of_counting: 0.0,
+            tolerance: 0.0,
+        });
     }
 
     pub(super) fn check(&self, name: &str) -> Result<(), DatasetError> {

@@ -30,6 +30,7 @@ use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Interval, Place, Prior, Z95, fit};
 use crate::model::Model;
+use crate::motor::MotorParameters;
 use crate::recording::Recording;
 use crate::rig::{NominalMotor, Rig};
 use crate::terminal_text::short;
@@ -73,6 +74,8 @@ const CLEARLY: f64 = 10.0;
 
 /// On what something depends that no curve explains.
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
+/// An inductance shows from an electrical time constant of this share of the time between rows on.
+const LEAST_ROWS: f64 = 0.3;
 /// The constant that says when a current answers.
 const INDUCTANCE_H: &str = "inductance_H";
 
@@ -281,7 +284,7 @@ const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 10] = [
     |data, _, found| counter_stops::settle(data, found),
     |data, _, found| counter_stops::settle(data, found),
     |data, _, found| unseen_losses::settle(data, found),
-    |data, prior, found| pwm_frequency::settle(data, prior, std::slice::from_ref(found)),
+    pwm_frequency::settle,
     speed_reading::settle,
     current_window::settle,
     ripple_phase::settle,
@@ -295,8 +298,7 @@ fn understood(
     progress: select::Progress,
 ) -> (Dataset, Selection) {
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), not].concat(), progress);
-    let beginnings = pwm_frequency::beginnings(&data, prior);
-    pwm_frequency::settle(&mut data, prior, &beginnings);
+    pwm_frequency::settle_at_first(&mut data, prior);
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);
     for settle in SETTLED_IN_TURN {
@@ -461,9 +463,10 @@ impl Outcome {
         let unexplained = unexplained(data, selection, fullest);
         if unexplained.is_none() {
             // While something is missing it falsifies the constants as well.
-            causes.extend(
-                wrong_values(&parameters).into_iter().filter(|cause| !is_of_the_reading(&cause.effect, data, model)),
-            );
+            let shows = |cause: &Cause| {
+                !is_of_the_reading(&cause.effect, data, model) && !is_between_rows(&cause.effect, data, &model.motor)
+            };
+            causes.extend(wrong_values(&parameters).into_iter().filter(shows));
         }
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Sufficient,
@@ -627,6 +630,12 @@ fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> 
             (name, Parameter { nominal: nominal[index], value, ci95 })
         })
         .collect()
+}
+
+/// Whether a cause is an inductance, of rows so far apart that a current is where it goes to whatever that is.
+fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParameters) -> bool {
+    let electrical_s = motor.inductance_h / motor.resistance_ohm;
+    effect == INDUCTANCE && electrical_s < LEAST_ROWS * data.interval_s
 }
 
 /// Nominal values that are further off than a data sheet's tolerance.

@@ -210,7 +210,7 @@ impl Chooser<'_> {
             let as_good = (0..fits.len()).filter(|law| is_same(&self.gain(&fits[*law], &fits[0])));
             let has_other_winding = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
             let simplest =
-                as_good.min_by_key(|law| (fits[*law].model.terms[index].moving(), has_other_winding(&fits[*law])));
+                as_good.min_by_key(|law| (has_other_winding(&fits[*law]), fits[*law].model.terms[index].moving()));
             found = fits.swap_remove(simplest.unwrap_or(0));
         }
         found

@@ -125,7 +125,9 @@ impl Chooser<'_> {
         };
         let is_certain =
             || own.sigmas > NAMED_SIGMAS || self.sigmas_on_all(current, &without, &own) > NAMED_ON_ALL_SIGMAS;
+        let term = current.model.term(id).expect("one of its own terms");
         let is_named = stands
+            && !term.effect.is_a_scale(&term.values, &scales(&current.model.motor, self.data))
             && !self.spoils(&own)
             && (keeps_the_motor || keeps_the_winding() || earns_its_place(&own) && is_certain())
             && self.owes_it_to_its_number(current, &without, id)

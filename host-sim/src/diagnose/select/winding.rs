@@ -29,10 +29,9 @@ impl Chooser<'_> {
         }
     }
 
-    /// Where such an effect is there already and has left the inductance what it had become without it: both from the nominal one.
+    /// Where an effect, or a search without one, has left the inductance what it had become: all anew from the nominal one.
     fn or_beside_nominal_inductance(&self, found: Fit) -> Fit {
-        let has_like_it = found.model.terms.iter().any(|term| looks_like_inductance(term.id()));
-        if !has_like_it || self.excessive_inductance_h(&found).is_none() {
+        if self.excessive_inductance_h(&found).is_none() {
             return found;
         }
         let held = self.with_nominal_inductance(&found);
