@@ -179,6 +179,16 @@ impl Settings {
         self.get(Param::TickRate) == 2000.0
     }
 
+    /// How many ticks so many milliseconds are.
+    pub fn ticks(&self, ms: u16) -> u32 {
+        (ms as u32) << self.is_fast() as u8
+    }
+
+    /// How many whole milliseconds so many ticks are.
+    pub fn whole_ms(&self, ticks: u16) -> u16 {
+        ticks >> self.is_fast() as u8
+    }
+
     /// Sets one value.
     ///
     /// # Errors

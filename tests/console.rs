@@ -95,6 +95,26 @@ fn say(console: &mut Console, host: &mut Host, line: &str) -> String {
     String::from_utf8(host.sent.clone()).expect("text").replace('\r', "")
 }
 
+/// At the tick of 2 kHz, and where a kind makes much of its numbers, less fits than 16 bits of milliseconds or counts.
+#[test]
+fn a_sequence_that_cannot_be_counted_is_refused() {
+    let (mut console, mut host) = board();
+    for line in ["set tick_rate 2000", "arm", "mode open", "sequence steps 1 0 32767"] {
+        assert_eq!(say(&mut console, &mut host, line), "ok\n", "{line}");
+    }
+    let requests = host.requests.len();
+    for (line, reply) in [
+        ("sequence steps 1 0 32768", "error: expected PERIOD 0..32767\n"),
+        ("record steps 1 0 65535", "error: expected PERIOD 0..32767\n"),
+        ("sequence identify 1 0 16384", "error: expected PERIOD 0..16383\n"),
+        ("sequence stairs 1 0 1 16384", "error: expected COUNT 0..16383\n"),
+        ("sequence coast 1 0 1 65535", "error: expected COUNT 0..8191\n"),
+    ] {
+        assert_eq!(say(&mut console, &mut host, line), reply, "{line}");
+    }
+    assert_eq!(host.requests.len(), requests);
+}
+
 /// As many samples as may wait are from before the sequence; they are left out, and none of the sequence is. Where none
 /// comes, the recording ends all the same.
 #[test]

@@ -11,7 +11,7 @@ mod line;
 pub mod number;
 
 use crate::arith::whole;
-use crate::excitation::{Kind, Sequence};
+use crate::excitation::{Excess, Kind, Sequence};
 use crate::flash_text::{self, FlashText, Table};
 use crate::message::{Mode, Request, Sample, State, Trip, WAITING};
 use crate::pins::PWM_STEPS;
@@ -183,6 +183,8 @@ texts! { Say SAYINGS:
     NothingSaved "nothing saved by this version";
     Range "%3 expected a number in %4 %l..%h";
     Limit "expected a number in -%L..%L";
+    PeriodLimit "expected PERIOD 0..%L";
+    CountLimit "expected COUNT 0..%L";
     Build "%3 %b";
     NoReference "mode is off: choose a mode";
     ZeroRefused "zero refused: a current flows";
@@ -620,8 +622,17 @@ impl Console {
             }
         }
         let ([amplitude, offset], [period_ms, count, seed]) = (parts, numbers);
-        let ticks = if self.settings.is_fast() { period_ms.saturating_mul(2) } else { period_ms };
-        let sequence = Sequence::new(kind, amplitude, offset, ticks, count, seed);
+        let sequence = match Sequence::new(kind, amplitude, offset, self.settings.ticks(period_ms), count, seed) {
+            Ok(sequence) => sequence,
+            Err(Excess::Period(ticks)) => {
+                self.limit = self.settings.whole_ms(ticks) as f32;
+                return Say::PeriodLimit;
+            }
+            Err(Excess::Count(most)) => {
+                self.limit = most as f32;
+                return Say::CountLimit;
+            }
+        };
         machine.request(Request::Play(sequence));
         if self.command == Command::Record as u8 {
             // As many samples may be from before the sequence.
