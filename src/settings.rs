@@ -36,6 +36,9 @@ macro_rules! settings {
         /// Name, unit and help of each.
         pub(crate) const TEXT: &str = concat!($($name, "\0", $unit, "\0", $help, "\0"),*);
 
+        /// What a stored number means by its place: name, unit and format of each.
+        pub(crate) const MEANING: &str = concat!($($name, "\0", $unit, "\0", stringify!($format), "\0"),*);
+
         progmem! {
             // Numbers stay in flash as well.
             static progmem NUMBERS: [[Short; 3]; Param::COUNT] =
