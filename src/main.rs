@@ -30,11 +30,13 @@ mod firmware {
     }
 
     impl Uno {
-        /// The next sample that has come.
-        fn take_sample(&mut self) -> Option<Sample> {
-            let sample = tick::next_sample()?;
-            self.supply = sample.supply;
-            Some(sample)
+        /// Takes the next sample that has come; false if there is none.
+        fn take_sample(&mut self, sample: &mut Sample) -> bool {
+            let taken = tick::take_sample(sample);
+            if taken {
+                self.supply = sample.supply;
+            }
+            taken
         }
 
         /// Shows the tick that the main loop goes round.
@@ -120,9 +122,10 @@ mod firmware {
             tick::skip_samples();
         }
         console.greet(&mut uno);
+        let mut sample = Sample::default();
         loop {
             uno.keep_alive();
-            if let Some(sample) = uno.take_sample() {
+            if uno.take_sample(&mut sample) {
                 console.telemetry(&sample, &mut uno);
             }
             while let Some(byte) = serial::read() {

@@ -108,6 +108,7 @@ impl Saver {
     }
 
     /// Writes the next byte when the memory is ready; true when with this all is written.
+    #[inline(never)]
     pub fn poll(&mut self, eeprom: &mut impl Eeprom, settings: &Settings) -> bool {
         if !self.busy || !eeprom.ready() {
             return false;

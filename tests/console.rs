@@ -115,6 +115,24 @@ fn a_sequence_that_cannot_be_counted_is_refused() {
     assert_eq!(host.requests.len(), requests);
 }
 
+/// To the last one, of which six digits would say 1234570.
+#[test]
+fn a_recording_says_how_many_samples_it_has() {
+    let (mut console, mut host) = board();
+    for line in ["arm", "mode open", "record steps 1 0 5 6"] {
+        line.bytes().chain(*b"\n").for_each(|byte| console.receive(byte, &mut host));
+    }
+    let plays = Sample { state: State(State::ARMED | State::PLAYING | 1), ..Sample::default() };
+    for _ in 0..1_234_567 {
+        console.telemetry(&plays, &mut host);
+        host.sent.clear();
+    }
+    let still = Sample { state: State(State::ARMED | 1), ..Sample::default() };
+    console.telemetry(&still, &mut host);
+    let sent = String::from_utf8_lossy(&host.sent).into_owned();
+    assert!(sent.contains("done: 1234567 samples"), "{sent}");
+}
+
 /// As many samples as may wait are from before the sequence; they are left out, and none of the sequence is. Where none
 /// comes, the recording ends all the same.
 #[test]

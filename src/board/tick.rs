@@ -166,18 +166,18 @@ pub fn request(request: Request) {
     shared!(pending = true);
 }
 
-/// The next sample that was not taken yet.
-pub fn next_sample() -> Option<Sample> {
+/// Copies the next sample that was not taken yet; false if there is none.
+pub fn take_sample(sample: &mut Sample) -> bool {
     let read = shared!(read);
     if read == shared!(written) {
-        return None;
+        return false;
     }
     // SAFETY: this place was written before `written` passed it, and is not written again before `read` does.
-    let sample = unsafe { (*(&raw const SAMPLES))[read as usize % RING].assume_init() };
+    *sample = unsafe { (*(&raw const SAMPLES))[read as usize % RING].assume_init() };
     // The tick takes the place at once: the copy must not come later.
     compiler_fence(Ordering::SeqCst);
     shared!(read = read.wrapping_add(1));
-    Some(sample)
+    true
 }
 
 /// Leaves the samples that were not taken yet.

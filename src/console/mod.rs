@@ -253,6 +253,7 @@ enum Stream {
 enum Field {
     Text(Table, u8),
     Number(f32),
+    Whole(u32),
 }
 
 /// The console's memory. All of it begins as zero, which the chip does in a loop.
@@ -381,7 +382,7 @@ impl Console {
             return self.end_line(machine);
         }
         self.recorded += 1;
-        self.frame(protocol::SAMPLE, protocol::pack(sample), machine);
+        send_frame(&mut self.framer, protocol::SAMPLE, protocol::pack(sample), machine);
     }
 
     /// The sequence is over: the count, and back to text.
@@ -480,9 +481,9 @@ impl Console {
     }
 
     fn status(&mut self, machine: &mut impl Machine) {
-        for say in [Say::State, Say::Measured, Say::Counted] {
-            self.info(say, machine);
-        }
+        self.info(Say::State, machine);
+        self.info(Say::Measured, machine);
+        self.info(Say::Counted, machine);
     }
 
     /// Arms, or says why not.
@@ -602,26 +603,19 @@ impl Console {
     /// Plays a sequence, in a recording with the binary stream around it.
     fn sequence(&mut self, choice: u8, machine: &mut impl Machine) -> Say {
         let kind = Kind::from_number(choice).unwrap_or_default();
-        let mut parts = [0i16; 2];
-        for part in &mut parts {
-            if self.editor.at_end() {
-                // The offset may be left out.
-                break;
-            }
-            match self.quantity(32767.0) {
-                Ok(bits) => *part = bits as i16,
-                Err(say) => return say,
-            }
-        }
-        let mut numbers = [500, 1, 1];
-        for number in &mut numbers {
-            let word = self.editor.next_word();
-            if !word.is_empty() {
-                let Some(given) = number::parse_u16(word) else { return Say::Usage };
-                *number = given;
-            }
-        }
-        let ([amplitude, offset], [period_ms, count, seed]) = (parts, numbers);
+        let amplitude = match self.quantity(32767.0) {
+            Ok(bits) => bits as i16,
+            Err(say) => return say,
+        };
+        // The offset and what follows it may be left out.
+        let offset = if self.editor.at_end() { Ok(0) } else { self.quantity(32767.0) };
+        let offset = match offset {
+            Ok(bits) => bits as i16,
+            Err(say) => return say,
+        };
+        let (Some(period_ms), Some(count), Some(seed)) = (self.number(500), self.number(1), self.number(1)) else {
+            return Say::Usage;
+        };
         let sequence = match Sequence::new(kind, amplitude, offset, self.settings.ticks(period_ms), count, seed) {
             Ok(sequence) => sequence,
             Err(Excess::Period(ticks)) => {
@@ -642,15 +636,20 @@ impl Console {
         Say::Ok
     }
 
+    /// The next word as a whole number; the usual one where there is no word.
+    #[inline(never)]
+    fn number(&mut self, usual: u16) -> Option<u16> {
+        let word = self.editor.next_word();
+        if word.is_empty() { Some(usual) } else { number::parse_u16(word) }
+    }
+
     fn stream(&mut self, choice: u8) -> Say {
         let (stream, usual) = match choice {
             0 => (Stream::Off, 1),
             1 => (Stream::Text, 20),
             _ => (Stream::Binary, 1),
         };
-        let word = self.editor.next_word();
-        let divider = if word.is_empty() { Some(usual) } else { number::parse_u16(word) };
-        let Some(divider @ 1..=255) = divider else { return Say::Usage };
+        let Some(divider @ 1..=255) = self.number(usual) else { return Say::Usage };
         self.divider = divider as u8;
         (self.stream, self.countdown, self.recording) = (stream, 0, false);
         Say::Ok
@@ -696,6 +695,7 @@ impl Console {
                     continue;
                 }
                 Field::Number(value) => Decimal::of(value),
+                Field::Whole(number) => Decimal::of_whole(number),
             };
             decimal.as_bytes().iter().for_each(|&byte| self.put(byte, machine));
         }
@@ -705,7 +705,7 @@ impl Console {
     #[inline(never)]
     fn field(&self, letter: u8) -> Field {
         let (param, sample, settings) = (self.param, &self.sample, &self.settings);
-        let (bits, unit) = match letter {
+        let (bits, per_unit) = match letter {
             b'0'..=b'2' => return Field::Text(Table::Commands, self.command * 3 + (letter - b'0')),
             b'3'..=b'5' => return Field::Text(Table::Settings, param as u8 * 3 + (letter - b'3')),
             b'b' => return Field::Text(Table::Words, Word::Rules as u8 + self.rule as u8),
@@ -713,26 +713,26 @@ impl Console {
             b'R' => return Field::Text(Table::Words, Word::ResetCauses as u8 + self.counters.reset_cause as u8),
             b'V' => return Field::Text(Table::Words, Word::Version as u8),
             b'm' => return Field::Text(Table::Words, Word::Modes as u8 + sample.state.mode() as u8),
-            b'T' => (sample.trip as i32, 1.0),
-            b'a' => (self.armed() as i32, 1.0),
-            b'S' => (storage::VERSION as i32, 1.0),
-            b'k' => (self.count as i32, 1.0),
-            b'i' => (self.counters.illegal_transitions as i32, 1.0),
-            b'o' => (self.counters.overruns as i32, 1.0),
-            b'D' => (self.counters.dropped as i32, 1.0),
-            b'K' => (self.counters.dropped.wrapping_sub(self.dropped) as i32, 1.0),
+            b'T' => (sample.trip as i32, WHOLE),
+            b'a' => (self.armed() as i32, WHOLE),
+            b'S' => (storage::VERSION as i32, WHOLE),
+            b'k' => (self.count as i32, WHOLE),
+            b'i' => (self.counters.illegal_transitions as i32, WHOLE),
+            b'o' => (self.counters.overruns as i32, WHOLE),
+            b'D' => (self.counters.dropped as i32, WHOLE),
+            b'K' => (self.counters.dropped.wrapping_sub(self.dropped) as i32, WHOLE),
             b'x' => return Field::Number(settings.get(param)),
             b'l' => return Field::Number(param.range().0),
             b'h' => return Field::Number(param.range().1),
             b'L' => return Field::Number(self.limit),
-            b'r' => (sample.reference, 1.0 / bits_per_unit(sample.state.mode(), settings)),
-            b'p' => (sample.counts, 1.0 / bits_per_unit(Mode::PositionPid, settings)),
-            b's' => (sample.speed as i32, 1.0 / bits_per_unit(Mode::SpeedPid, settings)),
-            b'c' => (sample.current as i32, 1.0 / AMPERE),
-            b'd' => (sample.duty as i32, 100.0 / PWM_STEPS as f32),
-            _ => (sample.supply as i32, 1.0 / VOLT),
+            b'r' => (sample.reference, bits_per_unit(sample.state.mode(), settings)),
+            b'p' => (sample.counts, bits_per_unit(Mode::PositionPid, settings)),
+            b's' => (sample.speed as i32, bits_per_unit(Mode::SpeedPid, settings)),
+            b'c' => (sample.current as i32, AMPERE),
+            b'd' => (sample.duty as i32, PWM_STEPS as f32 / 100.0),
+            _ => (sample.supply as i32, VOLT),
         };
-        Field::Number(bits as f32 * unit)
+        if per_unit == WHOLE { Field::Whole(bits as u32) } else { Field::Number(bits as f32 / per_unit) }
     }
 
     #[inline(never)]
@@ -752,19 +752,23 @@ impl Console {
             self.chunk_length += 1;
         }
         if byte == b'\n' || self.chunk_length as usize == TEXT_CHUNK {
-            let chunk = self.chunk;
             let length = core::mem::take(&mut self.chunk_length);
-            self.frame(protocol::TEXT, chunk.get(..length as usize).unwrap_or(&[]), machine);
+            let text = self.chunk.get(..length as usize).unwrap_or(&[]);
+            send_frame(&mut self.framer, protocol::TEXT, text, machine);
         }
     }
-
-    #[inline(never)]
-    fn frame(&mut self, kind: u8, payload: &[u8], machine: &mut impl Machine) {
-        let mut frame = [0; FRAME];
-        let length = self.framer.frame(kind, payload, &mut frame);
-        frame.iter().take(length).for_each(|&byte| machine.send(byte));
-    }
 }
+
+/// Sends one frame.
+#[inline(never)]
+fn send_frame(framer: &mut Framer, kind: u8, payload: &[u8], machine: &mut impl Machine) {
+    let mut frame = [0; FRAME];
+    let length = framer.frame(kind, payload, &mut frame);
+    frame.iter().take(length).for_each(|&byte| machine.send(byte));
+}
+
+/// In place of the bits per unit of what is printed as it is, to the last digit.
+const WHOLE: f32 = 0.0;
 
 /// Place of a command's second text.
 const ARGUMENTS: u8 = 1;
