@@ -24,6 +24,8 @@ mod firmware {
         supply: i16,
         reset_cause: ResetCause,
         host_spoke: bool,
+        /// [`serial::unread`] when it was last looked at.
+        unread: u8,
         /// The supply the scale was worked out for, and the scale: a division for each change, not for each round.
         scaled_supply: i16,
         duty_scale: u16,
@@ -88,6 +90,16 @@ mod firmware {
         fn host_spoke(&mut self) {
             self.host_spoke = true;
         }
+
+        fn listen(&mut self) {
+            let unread = serial::unread();
+            // Whatever comes meanwhile counts: what it says is known when the reply is over. Of a host that is gone
+            // nothing comes, and it is missed in time.
+            if unread > core::mem::replace(&mut self.unread, unread) {
+                self.host_spoke = true;
+            }
+            self.keep_alive();
+        }
     }
 
     #[avr_device::entry]
@@ -101,6 +113,7 @@ mod firmware {
             supply: 0,
             reset_cause,
             host_spoke: false,
+            unread: 0,
             scaled_supply: 0,
             duty_scale: u16::MAX,
         };

@@ -30,6 +30,7 @@ struct Host {
     sent: Vec<u8>,
     requests: Vec<Request>,
     emergency_stop: bool,
+    listened: usize,
 }
 
 impl Host {
@@ -74,6 +75,10 @@ impl Machine for Host {
     }
 
     fn host_spoke(&mut self) {}
+
+    fn listen(&mut self) {
+        self.listened += 1;
+    }
 }
 
 /// A console on a board just switched on.
@@ -81,7 +86,7 @@ fn board() -> (Console, Host) {
     let settings = Settings::defaults();
     let control = ControlLoop::new(LoopConfig::build(&settings).expect("defaults"), Edges::default());
     let memory = Memory([0xff; 1024]);
-    let mut host = Host { control, memory, sent: Vec::new(), requests: Vec::new(), emergency_stop: false };
+    let mut host = Host { control, memory, sent: Vec::new(), requests: Vec::new(), emergency_stop: false, listened: 0 };
     let mut console = Console::default();
     console.start(&mut host).expect("defaults");
     say(&mut console, &mut host, "echo off");
@@ -218,6 +223,8 @@ fn help_and_show_list_everything_and_end_with_ok() {
         let reply = say(&mut console, &mut host, line);
         let (last, information) = reply.trim_end().rsplit_once('\n').map(|(a, b)| (b, a)).expect("lines");
         assert_eq!(last, "ok", "{line}");
+        // Between the lines the host may show that it is there.
+        assert_eq!(std::mem::take(&mut host.listened), information.lines().count(), "{line}");
         assert!(information.lines().count() >= least && information.lines().all(|l| l.starts_with("# ")), "{reply}");
     }
 }

@@ -41,6 +41,9 @@ pub trait Machine {
     fn send(&mut self, byte: u8);
     /// The host has said something valid.
     fn host_spoke(&mut self);
+    /// Looks whether the host goes on talking, though nobody reads it: asked between the lines of a reply, which may last
+    /// for longer than the host may be silent.
+    fn listen(&mut self);
 }
 
 /// What `status` shows beside the sample.
@@ -674,6 +677,7 @@ impl Console {
     /// Prints an information line.
     #[inline(never)]
     fn info(&mut self, say: Say, machine: &mut impl Machine) {
+        machine.listen();
         self.put(b'#', machine);
         self.put(b' ', machine);
         self.print(say, machine);
