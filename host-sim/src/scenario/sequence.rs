@@ -78,6 +78,16 @@ impl SequenceOrder {
         })
     }
 
+    /// How many ticks the board plays it for, in any mode.
+    ///
+    /// # Errors
+    /// As [`SequenceOrder::of_core`], of period and count.
+    pub fn duration_ticks(&self, settings: &Settings) -> Result<u32, String> {
+        // The levels, whose bits are the mode's, do not make it longer.
+        let level = Self { amplitude: 0.0, offset: 0.0, ..*self };
+        level.of_core(Mode::OpenLoop, settings).map(|sequence| sequence.duration_ticks())
+    }
+
     /// The largest of its steps in a closed loop that was at zero, the longest of equal ones; ramps and sweeps have none,
     /// nor has one that the board would refuse.
     pub fn largest_jump(&self, mode: Mode, settings: &Settings) -> Option<Jump> {
@@ -133,8 +143,9 @@ mod tests {
         let mut fast = Settings::defaults();
         fast.set(Param::TickRate, 2000.0).unwrap();
         let made = |kind, period_ms, count, settings: &Settings| {
-            let order = SequenceOrder { kind, amplitude: 5.0, offset: 0.0, period_ms, count, seed: 7 };
-            order.of_core(Mode::OpenLoop, settings).map(|sequence| sequence.duration_ticks())
+            // More than a voltage may be, as a loop's speeds are.
+            let order = SequenceOrder { kind, amplitude: 60.0, offset: 0.0, period_ms, count, seed: 7 };
+            order.duration_ticks(settings)
         };
         let refused = |what: &str| Err(what.to_owned());
         let slow = Settings::defaults();
