@@ -2,7 +2,7 @@
 //!
 //! Every signal is `offset` plus a deviation within +-`amplitude`, in bits of the reference of the present mode (voltage,
 //! speed, or counts). `period` is in ticks. Periods and segments (holds, steps, stairs or bits) are counted in 16 bits: a
-//! sequence that needs more is refused, see [`Excess`].
+//! sequence that needs more is refused, and so is a chirp that would be faster than ticks can show, see [`Excess`].
 //!
 //! | kind | signal | length in ticks |
 //! |---|---|---|
@@ -55,11 +55,12 @@ impl Sequence {
         if period > longest as u32 {
             return Err(Excess::Period(longest));
         }
-        let most = u16::MAX >> kind.segments_log2();
+        let (period, count, seed) = ((period as u16).max(1), count.max(1), seed.max(1));
+        // A chirp ends with half a cycle a tick at most: what is faster looks slower.
+        let most = if kind == Kind::Chirp { (period >> 2).max(1) } else { u16::MAX >> kind.segments_log2() };
         if count > most {
             return Err(Excess::Count(most));
         }
-        let (period, count, seed) = ((period as u16).max(1), count.max(1), seed.max(1));
         let full = (amplitude as i32) << 16;
         let slope = match kind {
             Kind::Ramp | Kind::Identify => full / period as i32,
@@ -90,12 +91,12 @@ impl Sequence {
     }
 }
 
-/// What a sequence was asked for that 16 bits cannot count, and the most that they can.
+/// What a sequence was asked for that it cannot play, and the most that it can.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Excess {
-    /// The period, in ticks.
+    /// The period, in ticks: 16 bits hold it, and twice that of the composite.
     Period(u16),
-    /// The count, of which the kind makes several segments each.
+    /// The count: 16 bits hold the segments that the kind makes of it. A chirp has at most a cycle in four ticks.
     Count(u16),
 }
 
@@ -405,7 +406,10 @@ mod tests {
             kind in 0u8..Kind::COUNT, amplitude: i16, offset: i16, period in 0u32..60, count in 0u16..20, seed: u16,
         ) {
             let kind = Kind::from_number(kind).unwrap();
-            let sequence = sequence(kind, amplitude, offset, period, count, seed);
+            let Ok(sequence) = Sequence::new(kind, amplitude, offset, period, count, seed) else {
+                prop_assert!(kind == Kind::Chirp && count as u32 > period / 4);
+                return Ok(());
+            };
             let played = play(sequence);
             prop_assert_eq!(played.len() as u32, sequence.duration_ticks());
             for tick in played {
@@ -479,15 +483,18 @@ mod tests {
             let most = match kind {
                 Kind::Steps | Kind::Ramp | Kind::Stairs => 16_383,
                 Kind::Coast => 8191,
+                // Within the longest sweep.
+                Kind::Chirp => 16_383,
                 _ => 65_535,
             };
             for too_long in [longest + 1, 131_070] {
                 assert_eq!(made(too_long, 1), Err(Excess::Period(longest as u16)), "{kind:?}");
             }
             for too_many in (most..=65_535).skip(1).step_by(5461) {
-                assert_eq!(made(1, too_many), Err(Excess::Count(most)), "{kind:?}");
+                assert_eq!(made(longest, too_many), Err(Excess::Count(most)), "{kind:?}");
             }
-            for sequence in [made(longest, 1), made(1, most)].map(Result::unwrap) {
+            let shortest = if kind == Kind::Chirp { longest } else { 1 };
+            for sequence in [made(longest, 1), made(shortest, most)].map(Result::unwrap) {
                 let played = play(sequence);
                 assert_eq!(played.len() as u32, sequence.duration_ticks(), "{kind:?}");
                 assert!(kind != Kind::Stairs || played.last().unwrap().value.abs() <= 1, "{:?}", played.last());

@@ -114,6 +114,8 @@ fn a_sequence_that_cannot_be_counted_is_refused() {
         ("sequence identify 1 0 16384", "error: expected PERIOD 0..16383\n"),
         ("sequence stairs 1 0 1 16384", "error: expected COUNT 0..16383\n"),
         ("sequence coast 1 0 1 65535", "error: expected COUNT 0..8191\n"),
+        // 200 ticks.
+        ("sequence chirp 1 0 100 51", "error: expected COUNT 0..50\n"),
     ] {
         assert_eq!(say(&mut console, &mut host, line), reply, "{line}");
     }

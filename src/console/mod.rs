@@ -19,7 +19,7 @@ use crate::protocol::{self, FRAME, Framer, TEXT_CHUNK};
 use crate::settings::{self, BuildError, Param, Settings};
 use crate::storage::{self, Eeprom, Saver};
 use crate::units::{AMPERE, FULL_RANGE, Rule, VOLT};
-use line::{Edit, LONGEST, LineEditor};
+use line::{Edit, LineEditor};
 use number::Decimal;
 
 /// What the console can do to the machine: over interrupts on the Uno, over a plain control loop on the host.
@@ -102,16 +102,16 @@ macro_rules! commands {
     };
 }
 
-/// What arguments a command takes.
+/// What arguments a command takes, in one byte of flash: how many at least (0..=7), how many at most (0..=15), and in
+/// bit 7 whether the first is one of a choice of words.
 #[derive(Clone, Copy)]
-struct Form {
-    least: u8,
-    most: u8,
-    /// The first is one of a choice of words.
-    chooses: bool,
-}
+struct Form(u8);
 
 impl Form {
+    /// As many as the line holds.
+    const ANY: u8 = 15;
+    const CHOOSES: u8 = 0x80;
+
     /// As the text says that `help` shows.
     const fn of(arguments: &str) -> Self {
         let text = arguments.as_bytes();
@@ -120,7 +120,7 @@ impl Form {
             match text[i] {
                 b' ' => between = true,
                 b'[' => optional = true,
-                b'.' => most = LONGEST as u8,
+                b'.' => most = Self::ANY,
                 _ if between => {
                     between = false;
                     most += 1;
@@ -130,7 +130,18 @@ impl Form {
             }
             i += 1;
         }
-        Self { least, most, chooses: !text.is_empty() && text[0].is_ascii_lowercase() }
+        let chooses = !text.is_empty() && text[0].is_ascii_lowercase();
+        Self(if chooses { Self::CHOOSES } else { 0 } | least << 4 | if most > Self::ANY { Self::ANY } else { most })
+    }
+
+    fn chooses(self) -> bool {
+        self.0 & Self::CHOOSES != 0
+    }
+
+    /// Whether so many arguments are right.
+    fn takes(self, count: u8) -> bool {
+        let most = self.0 & Self::ANY;
+        count >= self.0 >> 4 & 7 && (count <= most || most == Self::ANY)
     }
 }
 
@@ -147,7 +158,7 @@ commands! {
     Set "set" "NAME VALUE [NAME VALUE ...]" "change settings, all or none, at one tick";
     Status "status" "" "state, measurements, counters";
     Show "show" "[NAME]" "settings: value, unit, range";
-    Sequence "sequence" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "play as reference: unit of the mode, PERIOD in ms, numbers 0..65535";
+    Sequence "sequence" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "play as reference: unit of the mode, PERIOD in ms; numbers 0..65535, less where a kind needs it";
     Record "record" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "the same, in a binary stream";
     Stream "stream" "off|text|binary [DIVIDER]" "every DIVIDERth tick, 1..255";
     Zero "zero" "current|position" "present value is zero; disarmed";
@@ -422,7 +433,7 @@ impl Console {
             return Say::Usage;
         }
         let mut choice = 0;
-        if form.chooses {
+        if form.chooses() {
             let mut arguments = FlashText::of(Table::Commands, command as u8 * 3 + ARGUMENTS);
             let Some(chosen) = arguments.choice(self.editor.next_word()) else { return Say::Usage };
             choice = chosen;
@@ -473,7 +484,7 @@ impl Console {
         }
         self.editor.rewind();
         self.editor.next_word();
-        count >= form.least && count <= form.most
+        form.takes(count)
     }
 
     fn help(&mut self, machine: &mut impl Machine) {
@@ -528,11 +539,11 @@ impl Console {
         }
         let bits_per_unit = bits_per_unit(mode, &self.settings);
         let bits = value * bits_per_unit;
-        if bits > limit || bits < -limit {
+        if bits.abs() > limit {
             self.limit = limit / bits_per_unit;
             return Err(Say::Limit);
         }
-        Ok(whole(if bits < 0.0 { bits - 0.5 } else { bits + 0.5 }))
+        Ok(whole(bits + 0.5f32.copysign(bits)))
     }
 
     fn show(&mut self, machine: &mut impl Machine) -> Say {
@@ -693,14 +704,14 @@ impl Console {
                 self.put(byte, machine);
                 continue;
             }
-            let decimal = match self.field(text.next().unwrap_or(0)) {
+            let mut decimal = Decimal::default();
+            match self.field(text.next().unwrap_or(0)) {
                 Field::Text(table, index) => {
                     FlashText::of(table, index).for_each(|byte| self.put(byte, machine));
-                    continue;
                 }
-                Field::Number(value) => Decimal::of(value),
-                Field::Whole(number) => Decimal::of_whole(number),
-            };
+                Field::Number(value) => decimal.write(value),
+                Field::Whole(number) => decimal.write_whole(number),
+            }
             decimal.as_bytes().iter().for_each(|&byte| self.put(byte, machine));
         }
     }

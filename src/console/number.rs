@@ -78,37 +78,40 @@ pub struct Decimal {
 }
 
 impl Decimal {
-    /// Six significant digits without trailing zeros; beyond 1e-4..1e7 with an exponent.
-    #[inline(never)]
+    /// A number as [`Decimal::write`] writes it.
     pub fn of(value: f32) -> Self {
         let mut text = Self::default();
-        if value < 0.0 {
-            text.push(b'-');
-        }
-        let (number, exponent) = scale(if value < 0.0 { -value } else { value });
-        let plain = (-4..7).contains(&exponent);
-        text.place(number, Some(if plain { exponent } else { 0 }));
-        if plain {
-            return text;
-        }
-        text.push(b'e');
-        if exponent < 0 {
-            text.push(b'-');
-        }
-        let (tens, ones) = (exponent.unsigned_abs() / 10, exponent.unsigned_abs() % 10);
-        if tens > 0 {
-            text.push(b'0' + tens);
-        }
-        text.push(b'0' + ones);
+        text.write(value);
         text
     }
 
-    /// A whole number, to the last digit.
+    /// Six significant digits without trailing zeros; beyond 1e-4..1e7 with an exponent.
     #[inline(never)]
-    pub fn of_whole(number: u32) -> Self {
-        let mut text = Self::default();
-        text.place(number, None);
-        text
+    pub fn write(&mut self, value: f32) {
+        let negative = value < 0.0;
+        if negative {
+            self.push(b'-');
+        }
+        let (number, exponent) = scale(value.abs());
+        let plain = (-4..7).contains(&exponent);
+        self.place(number, Some(if plain { exponent } else { 0 }));
+        if plain {
+            return;
+        }
+        self.push(b'e');
+        if exponent < 0 {
+            self.push(b'-');
+        }
+        let (tens, ones) = (exponent.unsigned_abs() / 10, exponent.unsigned_abs() % 10);
+        if tens > 0 {
+            self.push(b'0' + tens);
+        }
+        self.push(b'0' + ones);
+    }
+
+    /// A whole number, to the last digit.
+    pub fn write_whole(&mut self, number: u32) {
+        self.place(number, None);
     }
 
     /// The characters.
@@ -210,7 +213,9 @@ mod tests {
             assert_eq!(printed(whole as f32), whole.to_string());
         }
         for whole in [0, 9, 10, 65_536, 999_999, 1_234_567, 4_000_000_000, u32::MAX] {
-            assert_eq!(Decimal::of_whole(whole).as_bytes(), whole.to_string().as_bytes());
+            let mut decimal = Decimal::default();
+            decimal.write_whole(whole);
+            assert_eq!(decimal.as_bytes(), whole.to_string().as_bytes());
         }
         for text in ["", "-", ".", "1.2.3", "e5", "1e", "1e+", "1e123", "0x1", "1 ", "nan", "inf", "--1", "1e1.5"] {
             assert_eq!(parse(text.as_bytes()), None, "{text}");
