@@ -115,9 +115,19 @@ pub fn start(p: &Peripherals) {
     p.TC0.ocr0a().write(|w| unsafe { w.bits(p.TC0.tcnt0().read().bits().wrapping_add(250)) });
 }
 
-/// Lets the tick run, and with it the sampling: a round of conversions begins where a tick is due, so that each tick finds
-/// those of the millisecond before it, however long the start has taken.
+/// Counts of Timer0 from the beginning of a period of the PWM to a tick: periods, conversions and ticks stand to each
+/// other as a recording's rig file says.
+const PERIOD_AHEAD: u8 = 7;
+
+/// Lets the tick run, and with it PWM and sampling, however long the start has taken: the PWM begins a fixed time before a
+/// tick is due, a round of conversions when it is, so that each tick finds those of the millisecond before it.
 pub fn run(p: &Peripherals) {
+    let count = || p.TC0.tcnt0().read().bits();
+    let ahead = p.TC0.ocr0a().read().bits().wrapping_sub(PERIOD_AHEAD);
+    // From the beginning of that count.
+    while count() == ahead {}
+    while count() != ahead {}
+    bridge::run(p);
     // SAFETY: writing a one clears the flag; it comes within 256 counts.
     p.TC0.tifr0().write(|w| unsafe { w.bits(OCIE0A) });
     while p.TC0.tifr0().read().bits() & OCIE0A == 0 {}
