@@ -124,9 +124,11 @@ const PERIOD_AHEAD: u8 = 7;
 pub fn run(p: &Peripherals) {
     let count = || p.TC0.tcnt0().read().bits();
     let ahead = p.TC0.ocr0a().read().bits().wrapping_sub(PERIOD_AHEAD);
-    // From the beginning of that count.
+    // From the beginning of that count, and to the eighth of a count.
     while count() == ahead {}
     while count() != ahead {}
+    avr_device::asm::nop5();
+    avr_device::asm::nop3();
     bridge::run(p);
     // SAFETY: writing a one clears the flag; it comes within 256 counts.
     p.TC0.tifr0().write(|w| unsafe { w.bits(OCIE0A) });
