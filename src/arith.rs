@@ -356,8 +356,7 @@ pub fn saturate_i16(value: i32) -> i16 {
 #[inline(never)]
 #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
 pub fn whole(value: f32) -> i32 {
-    let magnitude = if value < 0.0 { -value } else { value };
-    if magnitude <= 1_073_741_824.0 {
+    if value.abs() <= 1_073_741_824.0 {
         // SAFETY: finite, and within 32 bits.
         return unsafe { value.to_int_unchecked() };
     }

@@ -8,9 +8,14 @@
 pub struct Crc16(u16);
 
 impl Crc16 {
+    /// One that begins with `value` instead of zero: of the same bytes, another begin makes another checksum.
+    pub const fn begun_with(value: u16) -> Self {
+        Self(value)
+    }
+
     /// Takes a byte.
     #[inline]
-    pub fn push(&mut self, byte: u8) {
+    pub const fn push(&mut self, byte: u8) {
         // The polynomial x^16 + x^12 + x^5 + 1 applied to eight bits at once.
         let mut x = (self.0 >> 8) as u8 ^ byte;
         x ^= x >> 4;
@@ -19,14 +24,17 @@ impl Crc16 {
     }
 
     /// The checksum of the bytes so far.
-    pub fn value(self) -> u16 {
+    pub const fn value(self) -> u16 {
         self.0
     }
 
     /// The checksum of `bytes`.
-    pub fn of(bytes: &[u8]) -> u16 {
-        let mut crc = Self::default();
-        bytes.iter().for_each(|&byte| crc.push(byte));
+    pub const fn of(bytes: &[u8]) -> u16 {
+        let (mut crc, mut i) = (Self(0), 0);
+        while i < bytes.len() {
+            crc.push(bytes[i]);
+            i += 1;
+        }
         crc.value()
     }
 }

@@ -1,7 +1,8 @@
 //! Excitation signals, played at the control rate with exact timing, repeatable from a seed.
 //!
 //! Every signal is `offset` plus a deviation within +-`amplitude`, in bits of the reference of the present mode (voltage,
-//! speed, or counts). `period` is in ticks.
+//! speed, or counts). `period` is in ticks. Periods and segments (holds, steps, stairs or bits) are counted in 16 bits: a
+//! sequence that needs more is refused, and so is a chirp that would be faster than ticks can show, see [`Excess`].
 //!
 //! | kind | signal | length in ticks |
 //! |---|---|---|
@@ -41,9 +42,25 @@ pub struct Sequence {
 }
 
 impl Sequence {
-    /// A sequence; zero `period`, `count` or `seed` are taken as one. Divides, so not for the tick.
-    pub fn new(kind: Kind, amplitude: i16, offset: i16, period: u16, count: u16, seed: u16) -> Self {
-        let (period, count, seed) = (period.max(1), count.max(1), seed.max(1));
+    /// A sequence; zero `period`, `count` or `seed` are taken as one. `period` is in ticks, see [`Settings::ticks`].
+    /// Divides, so not for the tick.
+    ///
+    /// # Errors
+    /// A period or a count that it could not play to the end.
+    ///
+    /// [`Settings::ticks`]: crate::settings::Settings::ticks
+    pub fn new(kind: Kind, amplitude: i16, offset: i16, period: u32, count: u16, seed: u16) -> Result<Self, Excess> {
+        // The composite plays a stage at twice the period.
+        let longest = if kind == Kind::Identify { u16::MAX >> 1 } else { u16::MAX };
+        if period > longest as u32 {
+            return Err(Excess::Period(longest));
+        }
+        let (period, count, seed) = ((period as u16).max(1), count.max(1), seed.max(1));
+        // A chirp ends with half a cycle a tick at most: what is faster looks slower.
+        let most = if kind == Kind::Chirp { (period >> 2).max(1) } else { u16::MAX >> kind.segments_log2() };
+        if count > most {
+            return Err(Excess::Count(most));
+        }
         let full = (amplitude as i32) << 16;
         let slope = match kind {
             Kind::Ramp | Kind::Identify => full / period as i32,
@@ -52,7 +69,16 @@ impl Sequence {
             Kind::Chirp => whole(count as f32 * 8_589_934_592.0 / (period as f32 * period as f32)),
             _ => 0,
         };
-        Self { kind, amplitude, offset, period, count, seed, slope }
+        Ok(Self { kind, amplitude, offset, period, count, seed, slope })
+    }
+
+    /// How many segments it plays; the composite's are those of its stages.
+    fn segments(&self) -> u16 {
+        match self.kind {
+            Kind::Identify => 0,
+            Kind::Chirp => 1,
+            kind => self.count << kind.segments_log2(),
+        }
     }
 
     /// Exactly how many ticks it plays.
@@ -60,12 +86,18 @@ impl Sequence {
         let period = self.period as u32;
         match self.kind {
             Kind::Identify => 28 * period + 48 * (period >> 2).max(1),
-            Kind::Chirp => period,
-            Kind::Prbs | Kind::Levels => period * self.count as u32,
-            Kind::Coast => (period * self.count as u32).saturating_mul(8),
-            Kind::Steps | Kind::Ramp | Kind::Stairs => (period * self.count as u32).saturating_mul(4),
+            _ => period * self.segments() as u32,
         }
     }
+}
+
+/// What a sequence was asked for that it cannot play, and the most that it can.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Excess {
+    /// The period, in ticks: 16 bits hold it, and twice that of the composite.
+    Period(u16),
+    /// The count: 16 bits hold the segments that the kind makes of it. A chirp has at most a cycle in four ticks.
+    Count(u16),
 }
 
 /// The signals.
@@ -108,6 +140,18 @@ impl Kind {
             7 => Self::Identify,
             _ => return None,
         })
+    }
+
+    /// Segments for each `count`, as a power of two.
+    const fn segments_log2(self) -> u8 {
+        // Not as one `match`: of that a table in RAM is made.
+        if matches!(self, Self::Coast) {
+            3
+        } else if self as u8 <= Self::Stairs as u8 {
+            2
+        } else {
+            0
+        }
     }
 }
 
@@ -187,7 +231,7 @@ pub struct Player {
     amplitude: i16,
     period: u16,
     /// Segments left, after this one.
-    segments: u32,
+    segments: u16,
     /// Segment number within its kind.
     segment: u16,
     stage: u8,
@@ -207,13 +251,7 @@ impl Player {
         *self = Self { sequence: *sequence, kind: sequence.kind, amplitude: sequence.amplitude, ..Self::default() };
         self.period = sequence.period;
         self.random = sequence.seed;
-        self.segments = match sequence.kind {
-            Kind::Identify => 0,
-            Kind::Chirp => 1,
-            Kind::Prbs | Kind::Levels => sequence.count as u32,
-            Kind::Coast => (sequence.count as u32) << 3,
-            Kind::Steps | Kind::Ramp | Kind::Stairs => (sequence.count as u32) << 2,
-        };
+        self.segments = sequence.segments();
     }
 
     /// One tick.
@@ -273,7 +311,7 @@ impl Player {
         self.amplitude = self.sequence.amplitude >> stage.halve_amplitude;
         let period = self.sequence.period;
         self.period = if stage.halve_period < 0 { period << 1 } else { (period >> stage.halve_period).max(1) };
-        (self.segments, self.segment, self.rate) = (stage.segments as u32, 0, 0);
+        (self.segments, self.segment, self.rate) = (stage.segments as u16, 0, 0);
         true
     }
 
@@ -289,7 +327,7 @@ impl Player {
     /// One stair up or down: up for a quarter of all, down for two, up for one.
     fn climb(&mut self) {
         let count = self.sequence.count;
-        let up = self.segment < count || self.segment >= count.saturating_mul(3);
+        let up = self.segment < count || self.segment >= 3 * count;
         let stair = if up { self.sequence.slope } else { -self.sequence.slope };
         self.value = self.value.wrapping_add(stair);
     }
@@ -347,6 +385,10 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    fn sequence(kind: Kind, amplitude: i16, offset: i16, period: u32, count: u16, seed: u16) -> Sequence {
+        Sequence::new(kind, amplitude, offset, period, count, seed).unwrap()
+    }
+
     fn play(sequence: Sequence) -> Vec<Play> {
         let mut player = Player::default();
         player.start(&sequence);
@@ -361,10 +403,13 @@ mod tests {
         /// The length is what it says, to the tick, and the signal stays within its amplitude.
         #[test]
         fn length_and_range(
-            kind in 0u8..Kind::COUNT, amplitude: i16, offset: i16, period in 0u16..60, count in 0u16..20, seed: u16,
+            kind in 0u8..Kind::COUNT, amplitude: i16, offset: i16, period in 0u32..60, count in 0u16..20, seed: u16,
         ) {
             let kind = Kind::from_number(kind).unwrap();
-            let sequence = Sequence::new(kind, amplitude, offset, period, count, seed);
+            let Ok(sequence) = Sequence::new(kind, amplitude, offset, period, count, seed) else {
+                prop_assert!(kind == Kind::Chirp && count as u32 > period / 4);
+                return Ok(());
+            };
             let played = play(sequence);
             prop_assert_eq!(played.len() as u32, sequence.duration_ticks());
             for tick in played {
@@ -380,8 +425,8 @@ mod tests {
         }
 
         #[test]
-        fn the_ramp_is_straight_and_goes_through_zero(amplitude in -30000i16..30000, period in 1u16..500) {
-            let played = values(Sequence::new(Kind::Ramp, amplitude, 0, period, 1, 1));
+        fn the_ramp_is_straight_and_goes_through_zero(amplitude in -30000i16..30000, period in 1u32..500) {
+            let played = values(sequence(Kind::Ramp, amplitude, 0, period, 1, 1));
             for (tick, value) in played.into_iter().enumerate() {
                 let t = tick as f64 / period as f64;
                 let shape = if t < 1.0 { t } else if t < 3.0 { 2.0 - t } else { t - 4.0 };
@@ -391,8 +436,8 @@ mod tests {
 
         /// The sweep's phase is `count (t / period)^2` turns; the slope's rounding may shift its end by a percent.
         #[test]
-        fn chirp_sweeps(period in 1000u16..20_000, count in 5u16..60) {
-            let played = values(Sequence::new(Kind::Chirp, 20_000, 0, period, count, 1));
+        fn chirp_sweeps(period in 1000u32..20_000, count in 5u16..60) {
+            let played = values(sequence(Kind::Chirp, 20_000, 0, period, count, 1));
             let crossings = played.windows(2).filter(|w| (w[0] < 0) != (w[1] < 0)).count() as f64;
             prop_assert!((crossings - 2.0 * count as f64).abs() <= 2.0 + 0.03 * count as f64, "{crossings} for {count}");
         }
@@ -400,18 +445,18 @@ mod tests {
 
     #[test]
     fn golden_values() {
-        assert_eq!(values(Sequence::new(Kind::Steps, 100, 5, 2, 1, 1)), [105, 105, 5, 5, -95, -95, 5, 5]);
-        assert_eq!(values(Sequence::new(Kind::Stairs, 100, 0, 1, 2, 1)), [50, 100, 50, 0, -50, -100, -50, 0]);
-        let bits: Vec<bool> = values(Sequence::new(Kind::Prbs, 1, 0, 1, 20, 0x1234)).iter().map(|&v| v > 0).collect();
-        let again: Vec<bool> = values(Sequence::new(Kind::Prbs, 1, 0, 1, 20, 0x1234)).iter().map(|&v| v > 0).collect();
+        assert_eq!(values(sequence(Kind::Steps, 100, 5, 2, 1, 1)), [105, 105, 5, 5, -95, -95, 5, 5]);
+        assert_eq!(values(sequence(Kind::Stairs, 100, 0, 1, 2, 1)), [50, 100, 50, 0, -50, -100, -50, 0]);
+        let bits: Vec<bool> = values(sequence(Kind::Prbs, 1, 0, 1, 20, 0x1234)).iter().map(|&v| v > 0).collect();
+        let again: Vec<bool> = values(sequence(Kind::Prbs, 1, 0, 1, 20, 0x1234)).iter().map(|&v| v > 0).collect();
         assert_eq!(bits, again);
         assert_eq!(bits.iter().map(|&b| if b { '1' } else { '0' }).collect::<String>(), "01110100110110010011");
-        assert_eq!(values(Sequence::new(Kind::Levels, 1000, 0, 1, 5, 7)), [-957, -222, 95, -698, 428]);
+        assert_eq!(values(sequence(Kind::Levels, 1000, 0, 1, 5, 7)), [-957, -222, 95, -698, 428]);
     }
 
     #[test]
     fn the_prbs_has_maximal_length_and_balance() {
-        let bits = values(Sequence::new(Kind::Prbs, 1, 0, 1, 65_535, 1));
+        let bits = values(sequence(Kind::Prbs, 1, 0, 1, 65_535, 1));
         assert_eq!(bits[..32_767].iter().filter(|&&v| v > 0).count(), 16_384);
         assert_eq!(bits[..32_768], bits[32_767..65_535]);
         // Autocorrelation of a maximal-length sequence: -1 at every shift.
@@ -423,19 +468,47 @@ mod tests {
 
     #[test]
     fn levels_are_uniform() {
-        let levels = values(Sequence::new(Kind::Levels, 32_767, 0, 1, 65_535, 1));
+        let levels = values(sequence(Kind::Levels, 32_767, 0, 1, 65_535, 1));
         let mean = levels.iter().map(|&v| v as f64).sum::<f64>() / 65_535.0;
         let variance = levels.iter().map(|&v| (v as f64).powi(2)).sum::<f64>() / 65_535.0;
         assert!(mean.abs() < 100.0 && (variance.sqrt() / 18_918.0 - 1.0).abs() < 0.01, "{mean} {variance}");
     }
 
+    /// What is beyond 16 bits is refused; what is just within plays to its end, where a staircase is back at its foot.
+    #[test]
+    fn what_16_bits_cannot_count_is_refused() {
+        for kind in (0..Kind::COUNT).filter_map(Kind::from_number) {
+            let made = |period, count| Sequence::new(kind, 1000, 0, period, count, 1);
+            let longest = if kind == Kind::Identify { 32_767 } else { 65_535 };
+            let most = match kind {
+                Kind::Steps | Kind::Ramp | Kind::Stairs => 16_383,
+                Kind::Coast => 8191,
+                // Within the longest sweep.
+                Kind::Chirp => 16_383,
+                _ => 65_535,
+            };
+            for too_long in [longest + 1, 131_070] {
+                assert_eq!(made(too_long, 1), Err(Excess::Period(longest as u16)), "{kind:?}");
+            }
+            for too_many in (most..=65_535).skip(1).step_by(5461) {
+                assert_eq!(made(longest, too_many), Err(Excess::Count(most)), "{kind:?}");
+            }
+            let shortest = if kind == Kind::Chirp { longest } else { 1 };
+            for sequence in [made(longest, 1), made(shortest, most)].map(Result::unwrap) {
+                let played = play(sequence);
+                assert_eq!(played.len() as u32, sequence.duration_ticks(), "{kind:?}");
+                assert!(kind != Kind::Stairs || played.last().unwrap().value.abs() <= 1, "{:?}", played.last());
+            }
+        }
+    }
+
     #[test]
     fn coasting_and_braking() {
         use Bridge::{Brake, Coast, Drive};
-        let bridges: Vec<Bridge> = play(Sequence::new(Kind::Coast, 9, 0, 1, 1, 1)).iter().map(|p| p.bridge).collect();
+        let bridges: Vec<Bridge> = play(sequence(Kind::Coast, 9, 0, 1, 1, 1)).iter().map(|p| p.bridge).collect();
         assert_eq!(bridges, [Drive, Coast, Drive, Brake, Drive, Coast, Drive, Brake]);
         // The composite has both, both ways, and every other ingredient.
-        let all = play(Sequence::new(Kind::Identify, 8000, 0, 500, 1, 3));
+        let all = play(sequence(Kind::Identify, 8000, 0, 500, 1, 3));
         assert_eq!(all.len(), 20_000);
         assert_eq!(all.iter().filter(|p| p.bridge == Coast).count(), 1000);
         assert_eq!(all.iter().filter(|p| p.bridge == Brake).count(), 1000);

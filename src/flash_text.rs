@@ -1,8 +1,9 @@
 //! Texts that stay in flash: the Uno would copy every string literal into its RAM, and the help alone would fill it.
 //!
-//! All texts of the program are one array of bytes, each ended by a zero, and packed when the program is compiled: as
-//! long as it saves something, the most frequent pair of bytes becomes one byte from 0x80 up, which stands for the pair
-//! (byte pair encoding). A text is found by counting zeros, which takes up to a millisecond and no RAM.
+//! All texts of the program are one array of bytes, each ended by a zero, and packed when the program is compiled: the
+//! printable characters move down to 1..=95, and as long as it saves something, the most frequent pair of bytes becomes
+//! one byte from 96 up, which stands for the pair (byte pair encoding). A text is found by counting zeros, which takes up
+//! to a millisecond and no RAM.
 
 use crate::{console, settings};
 use avr_progmem::progmem;
@@ -23,10 +24,12 @@ pub(crate) enum Table {
 
 const TABLES: [&str; 4] = [settings::TEXT, console::COMMAND_TEXT, console::SAYINGS, console::WORDS];
 const UNPACKED: usize = TABLES[0].len() + TABLES[1].len() + TABLES[2].len() + TABLES[3].len();
-/// The first byte that stands for a pair.
-const FIRST_PAIR: u8 = 0x80;
-/// How many there can be.
-const MOST_PAIRS: usize = 127;
+/// How far the characters move down: the space, the first that is printable, becomes 1.
+const DOWN: u8 = b' ' - 1;
+/// The first byte that stands for a pair: the one after the last printable character.
+const FIRST_PAIR: u8 = b'~' - DOWN + 1;
+/// How many there can be; 255 stands for none, so that [`most_frequent`] has as many bytes in either half.
+const MOST_PAIRS: usize = 255 - FIRST_PAIR as usize;
 /// Least number of times a pair must occur to be worth its two bytes in the list of pairs.
 const LEAST: u8 = 4;
 /// How deep a byte may stand for pairs of pairs.
@@ -70,7 +73,8 @@ const fn joined() -> [u8; UNPACKED] {
         let text = TABLES[table].as_bytes();
         let mut i = 0;
         while i < text.len() {
-            bytes[end] = text[i];
+            assert!(text[i] == 0 || text[i] >= b' ' && text[i] <= b'~', "a text is printable ASCII");
+            bytes[end] = text[i].saturating_sub(DOWN);
             (i, end) = (i + 1, end + 1);
         }
         table += 1;
@@ -94,18 +98,17 @@ const fn pack() -> Packed {
 /// The pair that occurs most often, and how often, those that would go too deep left out. Two arrays, because none may
 /// be larger than 32 KiB on the chip, and that holds while compiling as well.
 const fn most_frequent(packed: &Packed) -> ([u8; 2], u8) {
-    let mut letters = [0u8; 0x60 << 8];
-    let mut codes = [0u8; MOST_PAIRS << 8];
+    const HALF: usize = 127;
+    let mut low = [[0u8; 256]; HALF];
+    let mut high = [[0u8; 256]; HALF];
     let (mut best, mut most, mut i) = ([0; 2], 0, 1);
     while i < packed.length {
         let (left, right) = (packed.bytes[i - 1], packed.bytes[i]);
         let shallow = packed.depth[left as usize] as usize + 1 < DEEPEST;
         if left != 0 && right != 0 && shallow {
-            let count = if left < FIRST_PAIR {
-                &mut letters[((left - b' ') as usize) << 8 | right as usize]
-            } else {
-                &mut codes[((left - FIRST_PAIR) as usize) << 8 | right as usize]
-            };
+            let row = left as usize - 1;
+            let count = if row < HALF { &mut low[row] } else { &mut high[row - HALF] };
+            let count = &mut count[right as usize];
             *count = count.saturating_add(1);
             if *count > most {
                 (best, most) = ([left, right], *count);
@@ -257,7 +260,7 @@ impl Iterator for FlashText {
             self.depth += 1;
             byte = left;
         }
-        Some(byte)
+        Some(byte + DOWN)
     }
 }
 

@@ -24,17 +24,21 @@ mod firmware {
         supply: i16,
         reset_cause: ResetCause,
         host_spoke: bool,
+        /// [`serial::unread`] when it was last looked at.
+        unread: u8,
         /// The supply the scale was worked out for, and the scale: a division for each change, not for each round.
         scaled_supply: i16,
         duty_scale: u16,
     }
 
     impl Uno {
-        /// The next sample that has come.
-        fn take_sample(&mut self) -> Option<Sample> {
-            let sample = tick::next_sample()?;
-            self.supply = sample.supply;
-            Some(sample)
+        /// Takes the next sample that has come; false if there is none.
+        fn take_sample(&mut self, sample: &mut Sample) -> bool {
+            let taken = tick::take_sample(sample);
+            if taken {
+                self.supply = sample.supply;
+            }
+            taken
         }
 
         /// Shows the tick that the main loop goes round.
@@ -86,6 +90,16 @@ mod firmware {
         fn host_spoke(&mut self) {
             self.host_spoke = true;
         }
+
+        fn listen(&mut self) {
+            let unread = serial::unread();
+            // Whatever comes meanwhile counts: what it says is known when the reply is over. Of a host that is gone
+            // nothing comes, and it is missed in time.
+            if unread > core::mem::replace(&mut self.unread, unread) {
+                self.host_spoke = true;
+            }
+            self.keep_alive();
+        }
     }
 
     #[avr_device::entry]
@@ -99,6 +113,7 @@ mod firmware {
             supply: 0,
             reset_cause,
             host_spoke: false,
+            unread: 0,
             scaled_supply: 0,
             duty_scale: u16::MAX,
         };
@@ -120,9 +135,10 @@ mod firmware {
             tick::skip_samples();
         }
         console.greet(&mut uno);
+        let mut sample = Sample::default();
         loop {
             uno.keep_alive();
-            if let Some(sample) = uno.take_sample() {
+            if uno.take_sample(&mut sample) {
                 console.telemetry(&sample, &mut uno);
             }
             while let Some(byte) = serial::read() {

@@ -36,6 +36,9 @@ macro_rules! settings {
         /// Name, unit and help of each.
         pub(crate) const TEXT: &str = concat!($($name, "\0", $unit, "\0", $help, "\0"),*);
 
+        /// What a stored number means by its place: name, unit and format of each.
+        pub(crate) const MEANING: &str = concat!($($name, "\0", $unit, "\0", stringify!($format), "\0"),*);
+
         progmem! {
             // Numbers stay in flash as well.
             static progmem NUMBERS: [[Short; 3]; Param::COUNT] =
@@ -177,6 +180,16 @@ impl Settings {
     #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
     pub fn is_fast(&self) -> bool {
         self.get(Param::TickRate) == 2000.0
+    }
+
+    /// How many ticks so many milliseconds are.
+    pub fn ticks(&self, ms: u16) -> u32 {
+        (ms as u32) << self.is_fast() as u8
+    }
+
+    /// How many whole milliseconds so many ticks are.
+    pub fn whole_ms(&self, ticks: u16) -> u16 {
+        ticks >> self.is_fast() as u8
     }
 
     /// Sets one value.

@@ -6,16 +6,19 @@
 //!
 //! | bytes | content |
 //! |---|---|
-//! | 1 | [`VERSION`] of the list of settings; anything else is no slot |
+//! | 1 | low byte of [`VERSION`]; anything else is no slot |
 //! | 1 | number of the save, modulo 256; the newer of two is the one that is one more |
 //! | 4 n | the values, f32, in the order of the list |
-//! | 2 | CRC-16/XMODEM of all before |
+//! | 2 | CRC-16 of all before, as XMODEM's, but begun with [`VERSION`] |
 
 use crate::crc16::Crc16;
-use crate::settings::{Param, Settings};
+use crate::settings::{self, Param, Settings};
 
-/// Changes whenever the list of settings does: what was saved under another list is not taken for this one.
-pub const VERSION: u8 = 0x40 + (Param::COUNT as u8 & 0x3f);
+/// Changes with every name, unit and format in the list of settings, so that what was saved under another list is not
+/// taken for this one: a checksum of them. Another text of help, range or default leaves it as it is.
+pub const VERSION: u16 = Crc16::of(settings::MEANING.as_bytes());
+/// The first byte of a slot.
+const MARK: u8 = VERSION as u8;
 /// Bytes of a slot.
 const SLOT: u16 = 2 + VALUES + 2;
 const VALUES: u16 = 4 * Param::COUNT as u16;
@@ -45,10 +48,10 @@ fn newest(eeprom: &mut impl Eeprom) -> Option<(usize, u8)> {
 
 /// The number of the slot at `start`, if it is whole.
 fn number(eeprom: &mut impl Eeprom, start: u16) -> Option<u8> {
-    if eeprom.read(start) != VERSION {
+    if eeprom.read(start) != MARK {
         return None;
     }
-    let mut crc = Crc16::default();
+    let mut crc = Crc16::begun_with(VERSION);
     for offset in 0..SLOT - 2 {
         crc.push(eeprom.read(start + offset));
     }
@@ -93,8 +96,8 @@ impl Saver {
             Some((slot, number)) => (1 - slot, number.wrapping_add(1)),
             None => (0, 0),
         };
-        let mut crc = Crc16::default();
-        crc.push(VERSION);
+        let mut crc = Crc16::begun_with(VERSION);
+        crc.push(MARK);
         crc.push(number);
         *self = Self { busy: true, start: SLOTS[slot], number, offset: 0, crc };
     }
@@ -105,13 +108,14 @@ impl Saver {
     }
 
     /// Writes the next byte when the memory is ready; true when with this all is written.
+    #[inline(never)]
     pub fn poll(&mut self, eeprom: &mut impl Eeprom, settings: &Settings) -> bool {
         if !self.busy || !eeprom.ready() {
             return false;
         }
         let (offset, byte) = match self.offset {
             // Invalid until everything else stands.
-            0 => (0, !VERSION),
+            0 => (0, !MARK),
             1 => (1, self.number),
             offset if offset < 2 + VALUES => {
                 let index = offset - 2;
@@ -124,7 +128,7 @@ impl Saver {
                 let crc = self.crc.value().to_le_bytes();
                 (offset, crc[(offset - (SLOT - 2)) as usize & 1])
             }
-            SLOT => (0, VERSION),
+            SLOT => (0, MARK),
             _ => {
                 self.busy = false;
                 return true;
@@ -235,6 +239,20 @@ mod tests {
         memory.save(&numbered(1));
         // The mark twice, the number, the CRC.
         assert!(memory.writes <= 5, "{}", memory.writes);
+    }
+
+    /// The same bytes under a list of the same length are whole for that list only, whatever their mark.
+    #[test]
+    fn what_another_list_has_saved_is_not_loaded() {
+        let list = settings::MEANING;
+        for (of_this, of_other) in [("speed_kp", "speed_kq"), ("rad/s2", "rad/s"), ("Volt", "Own")] {
+            assert_ne!(Crc16::of(list.replacen(of_this, of_other, 1).as_bytes()), VERSION, "{of_other}");
+        }
+        let mut memory = Memory::blank();
+        memory.save(&numbered(1));
+        let whole = Crc16::of(&memory.bytes[..SLOT as usize - 2]);
+        memory.bytes[SLOT as usize - 2..SLOT as usize].copy_from_slice(&whole.to_le_bytes());
+        assert_eq!(loaded(&mut memory), None);
     }
 
     proptest! {

@@ -23,8 +23,8 @@ use crate::units::{FULL_RANGE, Rule};
 const SPEED_FRACTION: u32 = 14;
 /// Fractional bits of the position profile.
 const POSITION_FRACTION: u32 = 12;
-/// Longest way to stop: leaves room for sums within 32 bits.
-const LONGEST_STOP: f32 = 1e9;
+/// Longest way to stop, and longest way of the ticks that are averaged: leaves room for sums within 32 bits.
+const LONGEST_WAY: f32 = 1e9;
 
 /// Places in [`TrajectoryConfig`].
 const SPEED: usize = 0;
@@ -56,13 +56,17 @@ impl TrajectoryConfig {
         let cruise_ticks = q.of(1.0).times(Param::CruiseSpeed).over(Param::Acceleration).times(Param::TickRate).value();
         q.of(COUNTS).times(Param::CountsPerRev).times(Param::CruiseSpeed).over(Param::TickRate);
         self.ramps[POSITION].quantise(q, cruise_ticks, Param::CruiseSpeed, Param::Acceleration);
+        self.average = power_of_two(jerk_ticks);
+        // The way of all ticks that are averaged must fit, too.
+        if q.value() * (1u16 << self.average) as f32 >= LONGEST_WAY {
+            q.refuse(Param::JerkTime, Rule::TooLarge);
+        }
         q.of(core::f32::consts::TAU * FULL_RANGE).times(Param::TickRate).over(Param::CountsPerRev);
         let fine = q.over(Param::SpeedRange).value() < 255.0;
         if fine {
             q.of(q.value() * 256.0);
         }
         self.speed_scale = q.round(Param::SpeedRange, u16::MAX);
-        self.average = power_of_two(jerk_ticks);
         self.fine = fine;
     }
 
@@ -112,7 +116,7 @@ impl RampConfig {
         let limit = q.value();
         // A whole number of steps, so that the limit is reached exactly.
         let steps = round_up(if steps < 1.0 { 1.0 } else { steps });
-        if limit * steps as f32 >= LONGEST_STOP {
+        if limit * steps as f32 >= LONGEST_WAY {
             q.refuse(far, Rule::TooLarge);
             return;
         }
@@ -488,5 +492,25 @@ mod tests {
         assert_eq!(build(0.1, 0.0, 0.01), Err(Rule::RoundsToZero.of(Param::Acceleration)));
         assert_eq!(build(900_000.0, 255.0, 10.0), Err(Rule::TooLarge.of(Param::JerkTime)));
         assert_eq!(build(1.0, 0.0, 1000.0), Err(Rule::TooLarge.of(Param::CruiseSpeed)));
+    }
+    /// The fastest move of all that are accepted does not leave 32 bits, and what would is refused.
+    #[test]
+    fn the_gap_of_an_s_curve_fits() {
+        let mut settings = settings(29_000.0, 255.0, 500.0);
+        settings.set(Param::SpeedRange, 4096.0).unwrap();
+        settings.set(Param::CountsPerRev, 65_000.0).unwrap();
+        assert_eq!(TrajectoryConfig::build(&settings).map(|_| ()), Err(Rule::TooLarge.of(Param::JerkTime)));
+        // 953 counts a tick over 256 ticks.
+        settings.set(Param::CruiseSpeed, 92.0).unwrap();
+        let config = TrajectoryConfig::build(&settings).unwrap();
+        let mut profile = PositionProfile::start(0);
+        profile.retarget(2_000_000);
+        let mut before = 0;
+        while profile.moving() {
+            let (counts, speed) = profile.step(&config);
+            assert!(counts >= before && speed >= 0, "{counts} after {before}, {speed}");
+            before = counts;
+        }
+        assert_eq!(before, 2_000_000);
     }
 }

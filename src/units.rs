@@ -70,8 +70,8 @@ pub enum Rule {
 /// [`Rule::NotFinite`]; [`Rule::TooLarge`] beyond `limit` bits; [`Rule::RoundsToZero`] where something becomes nothing.
 pub fn quantise(value: f32, bits_per_unit: f32, limit: u16) -> Result<i32, Rule> {
     let bits = value * bits_per_unit;
-    let magnitude = if bits < 0.0 { -bits } else { bits };
-    if bits.is_nan() || magnitude == f32::INFINITY {
+    let magnitude = bits.abs();
+    if !magnitude.is_finite() {
         return Err(Rule::NotFinite);
     }
     if magnitude > limit as f32 + 0.5 {
@@ -83,7 +83,7 @@ pub fn quantise(value: f32, bits_per_unit: f32, limit: u16) -> Result<i32, Rule>
     } else if rounded == 0 && magnitude != 0.0 {
         Err(Rule::RoundsToZero)
     } else {
-        Ok(if bits < 0.0 { -rounded } else { rounded })
+        Ok(if bits.is_sign_negative() { -rounded } else { rounded })
     }
 }
 

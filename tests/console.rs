@@ -30,6 +30,7 @@ struct Host {
     sent: Vec<u8>,
     requests: Vec<Request>,
     emergency_stop: bool,
+    listened: usize,
 }
 
 impl Host {
@@ -74,6 +75,10 @@ impl Machine for Host {
     }
 
     fn host_spoke(&mut self) {}
+
+    fn listen(&mut self) {
+        self.listened += 1;
+    }
 }
 
 /// A console on a board just switched on.
@@ -81,7 +86,7 @@ fn board() -> (Console, Host) {
     let settings = Settings::defaults();
     let control = ControlLoop::new(LoopConfig::build(&settings).expect("defaults"), Edges::default());
     let memory = Memory([0xff; 1024]);
-    let mut host = Host { control, memory, sent: Vec::new(), requests: Vec::new(), emergency_stop: false };
+    let mut host = Host { control, memory, sent: Vec::new(), requests: Vec::new(), emergency_stop: false, listened: 0 };
     let mut console = Console::default();
     console.start(&mut host).expect("defaults");
     say(&mut console, &mut host, "echo off");
@@ -93,6 +98,46 @@ fn say(console: &mut Console, host: &mut Host, line: &str) -> String {
     host.sent.clear();
     line.bytes().chain(*b"\n").for_each(|byte| console.receive(byte, host));
     String::from_utf8(host.sent.clone()).expect("text").replace('\r', "")
+}
+
+/// At the tick of 2 kHz, and where a kind makes much of its numbers, less fits than 16 bits of milliseconds or counts.
+#[test]
+fn a_sequence_that_cannot_be_counted_is_refused() {
+    let (mut console, mut host) = board();
+    for line in ["set tick_rate 2000", "arm", "mode open", "sequence steps 1 0 32767"] {
+        assert_eq!(say(&mut console, &mut host, line), "ok\n", "{line}");
+    }
+    let requests = host.requests.len();
+    for (line, reply) in [
+        ("sequence steps 1 0 32768", "error: expected PERIOD 0..32767\n"),
+        ("record steps 1 0 65535", "error: expected PERIOD 0..32767\n"),
+        ("sequence identify 1 0 16384", "error: expected PERIOD 0..16383\n"),
+        ("sequence stairs 1 0 1 16384", "error: expected COUNT 0..16383\n"),
+        ("sequence coast 1 0 1 65535", "error: expected COUNT 0..8191\n"),
+        // 200 ticks.
+        ("sequence chirp 1 0 100 51", "error: expected COUNT 0..50\n"),
+    ] {
+        assert_eq!(say(&mut console, &mut host, line), reply, "{line}");
+    }
+    assert_eq!(host.requests.len(), requests);
+}
+
+/// To the last one, of which six digits would say 1234570.
+#[test]
+fn a_recording_says_how_many_samples_it_has() {
+    let (mut console, mut host) = board();
+    for line in ["arm", "mode open", "record steps 1 0 5 6"] {
+        line.bytes().chain(*b"\n").for_each(|byte| console.receive(byte, &mut host));
+    }
+    let plays = Sample { state: State(State::ARMED | State::PLAYING | 1), ..Sample::default() };
+    for _ in 0..1_234_567 {
+        console.telemetry(&plays, &mut host);
+        host.sent.clear();
+    }
+    let still = Sample { state: State(State::ARMED | 1), ..Sample::default() };
+    console.telemetry(&still, &mut host);
+    let sent = String::from_utf8_lossy(&host.sent).into_owned();
+    assert!(sent.contains("done: 1234567 samples"), "{sent}");
 }
 
 /// As many samples as may wait are from before the sequence; they are left out, and none of the sequence is. Where none
@@ -180,6 +225,8 @@ fn help_and_show_list_everything_and_end_with_ok() {
         let reply = say(&mut console, &mut host, line);
         let (last, information) = reply.trim_end().rsplit_once('\n').map(|(a, b)| (b, a)).expect("lines");
         assert_eq!(last, "ok", "{line}");
+        // Between the lines the host may show that it is there.
+        assert_eq!(std::mem::take(&mut host.listened), information.lines().count(), "{line}");
         assert!(information.lines().count() >= least && information.lines().all(|l| l.starts_with("# ")), "{reply}");
     }
 }

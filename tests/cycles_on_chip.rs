@@ -32,17 +32,7 @@ fn interrupts_are_short_and_come_on_time() {
 /// before each tick all the same.
 #[test]
 fn a_round_of_conversions_ends_with_each_tick() {
-    let mut uno = Uno::start();
-    uno.order("set cruise_speed 55");
-    uno.order("save");
-    uno.run_s(2.0);
-    let saved = uno.bench.chip().eeprom();
-    for eeprom in [None, Some(saved)] {
-        let mut uno = Uno::power_on();
-        if let Some(image) = &eeprom {
-            uno.bench.chip_mut().set_eeprom(image);
-        }
-        uno.listen();
+    for mut uno in started_from_defaults_and_from_saved_settings() {
         uno.bench.chip_mut().measure(None);
         uno.run_s(0.05);
         let meter = uno.bench.chip().meter();
@@ -51,6 +41,17 @@ fn a_round_of_conversions_ends_with_each_tick() {
         let channels: Vec<u8> = ticks.filter_map(|tick| before(tick.entry_cycle)).collect();
         assert!(channels.len() > 40 && channels.iter().all(|channel| *channel == SUPPLY_SENSE.bit), "{channels:?}");
     }
+}
+
+fn started_from_defaults_and_from_saved_settings() -> [Uno; 2] {
+    let mut uno = Uno::start();
+    uno.order("set cruise_speed 55");
+    uno.order("save");
+    uno.run_s(2.0);
+    let mut from_saved = Uno::power_on();
+    from_saved.bench.chip_mut().set_eeprom(&uno.bench.chip().eeprom());
+    from_saved.listen();
+    [Uno::start(), from_saved]
 }
 
 #[test]
@@ -83,32 +84,42 @@ fn it_fits_the_uno() {
     assert!(memory.flash <= 32_256 && memory.static_ram <= 1024 && memory.stack_free >= 200);
 }
 
-/// What rig files of recordings say: when a voltage follows the tick that records it, and of when its mean current is.
+/// What rig files of recordings say: when a voltage follows the tick that records it, and of when its mean current is,
+/// however long the start has taken.
 #[test]
 fn a_recording_is_of_the_times_that_its_rig_file_says() {
-    let mut uno = Uno::start();
-    for order in ["arm", "mode open", "sequence levels 6 0 5 200 1"] {
-        uno.order(order);
+    for mut uno in started_from_defaults_and_from_saved_settings() {
+        for order in ["arm", "mode open", "sequence levels 6 0 5 200 1"] {
+            uno.order(order);
+        }
+        uno.run_s(0.05);
+        uno.bench.chip_mut().measure(None);
+        uno.bench.record(16);
+        uno.run_s(0.8);
+        let rows = uno.bench.take_recording();
+        let meter = uno.bench.chip().meter();
+        let ticks: Vec<u64> = meter.handler_runs(vector::TIMER0_COMPA).iter().map(|run| run.entry_cycle).collect();
+        let changes = rows.windows(2).filter(|pair| pair[0].duty != pair[1].duty).map(|pair| pair[1].cycle);
+        let since_tick = |cycle: u64| ticks.iter().rfind(|tick| **tick < cycle).map(|tick| seconds(cycle - tick));
+        let delays_s: Vec<f64> = changes.filter_map(since_tick).collect();
+        let delay_s = delays_s.iter().sum::<f64>() / delays_s.len() as f64;
+        let [before, tick] = [ticks[ticks.len() - 2], ticks[ticks.len() - 1]];
+        let of_current =
+            |sample: &&Sample| sample.channel == CURRENT_SENSE.bit && (before..tick).contains(&sample.cycle);
+        let ages_s: Vec<f64> =
+            meter.samples().iter().filter(of_current).map(|sample| seconds(tick - sample.cycle)).collect();
+        let late_s = ages_s.iter().sum::<f64>() / ages_s.len() as f64 - 0.5 * seconds(tick - before);
+        println!(
+            "{} voltages {delay_s} s after their ticks; {} currents {late_s} s late",
+            delays_s.len(),
+            ages_s.len()
+        );
+        assert!(
+            delays_s.len() > 100 && (delay_s - Timing::FIRMWARE.command_delay_s.unwrap()).abs() < 5e-6,
+            "{delay_s}"
+        );
+        assert!(ages_s.len() == 8 && (late_s - Timing::FIRMWARE.current_late_s.unwrap()).abs() < 2e-6, "{late_s}");
     }
-    uno.run_s(0.05);
-    uno.bench.chip_mut().measure(None);
-    uno.bench.record(16);
-    uno.run_s(0.8);
-    let rows = uno.bench.take_recording();
-    let meter = uno.bench.chip().meter();
-    let ticks: Vec<u64> = meter.handler_runs(vector::TIMER0_COMPA).iter().map(|run| run.entry_cycle).collect();
-    let changes = rows.windows(2).filter(|pair| pair[0].duty != pair[1].duty).map(|pair| pair[1].cycle);
-    let since_tick = |cycle: u64| ticks.iter().rfind(|tick| **tick < cycle).map(|tick| seconds(cycle - tick));
-    let delays_s: Vec<f64> = changes.filter_map(since_tick).collect();
-    let delay_s = delays_s.iter().sum::<f64>() / delays_s.len() as f64;
-    let [before, tick] = [ticks[ticks.len() - 2], ticks[ticks.len() - 1]];
-    let of_current = |sample: &&Sample| sample.channel == CURRENT_SENSE.bit && (before..tick).contains(&sample.cycle);
-    let ages_s: Vec<f64> =
-        meter.samples().iter().filter(of_current).map(|sample| seconds(tick - sample.cycle)).collect();
-    let late_s = ages_s.iter().sum::<f64>() / ages_s.len() as f64 - 0.5 * seconds(tick - before);
-    println!("{} voltages {delay_s} s after their ticks; {} currents {late_s} s late", delays_s.len(), ages_s.len());
-    assert!(delays_s.len() > 100 && (delay_s - Timing::FIRMWARE.command_delay_s.unwrap()).abs() < 5e-6, "{delay_s}");
-    assert!(ages_s.len() == 8 && (late_s - Timing::FIRMWARE.current_late_s.unwrap()).abs() < 2e-6, "{late_s}");
 }
 
 fn seconds(cycles: u64) -> f64 {

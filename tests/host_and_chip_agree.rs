@@ -117,7 +117,9 @@ impl Observer {
             4 => Request::Reference(i32::from_le_bytes([b[1], b[2], b[3], b[4]])),
             5 => {
                 let kind = Kind::from_number(b[1])?;
-                Request::Play(Sequence::new(kind, word(2) as i16, word(4) as i16, word(6), word(8), word(10)))
+                let period = word(6).into();
+                let sequence = Sequence::new(kind, word(2) as i16, word(4) as i16, period, word(8), word(10));
+                Request::Play(sequence.expect("the chip plays it"))
             }
             6 => Request::ClearTrip,
             7 => Request::ZeroCurrent,

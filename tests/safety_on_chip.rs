@@ -169,6 +169,37 @@ fn a_lost_host_trips() {
     assert!(tripped.tick - before <= 260 && !tripped.state.has(State::ENABLED));
 }
 
+/// A listing of the settings takes longer than the host may be silent: what it says meanwhile counts when it comes, and
+/// a host that is gone is missed in time.
+#[test]
+fn a_host_is_heard_and_missed_while_a_reply_is_written() {
+    for goes_on in [true, false] {
+        let mut uno = Uno::start();
+        for order in ["set trip_host 100", "arm", "mode speed", "ref 40"] {
+            uno.order(order);
+        }
+        uno.replies.clear();
+        uno.bench.serial().write("show\n");
+        let off = (0..360).find(|ms| {
+            if goes_on && ms % 50 == 49 {
+                uno.bench.serial().write("alive\n");
+            }
+            uno.run_s(0.001);
+            uno.bench.now().bridge == Bridge::Coast
+        });
+        assert!(!uno.replies.is_empty() && !uno.replies.contains("ok\r\n"), "the reply is still written");
+        println!("goes on {goes_on}: off after {off:?} ms");
+        if goes_on {
+            assert_eq!(off, None);
+            continue;
+        }
+        assert!(off.is_some_and(|ms| (95..=110).contains(&ms)), "{off:?}");
+        // The reply comes first, then the samples again.
+        uno.run_s(0.4);
+        assert_eq!(uno.last().trip, Trip::HostLost);
+    }
+}
+
 /// Runs a speed loop, then lets the next tick return to `target` instead of the main loop. Returns after how many
 /// milliseconds the bridge was off.
 fn divert_the_main_loop(uno: &mut Uno, target: u32) -> usize {

@@ -32,7 +32,7 @@ fn record(motor: DcMotorParameters) -> (Vec<Sample>, Settings) {
     let settings = settings();
     let mut trial = Trial::new(DcMotor::new(motor), settings).unwrap();
     trial.enter(Mode::OpenLoop);
-    let sequence = Sequence::new(Kind::Identify, (10.0 * VOLT) as i16, 0, 500, 1, 7);
+    let sequence = Sequence::new(Kind::Identify, (10.0 * VOLT) as i16, 0, 500, 1, 7).unwrap();
     trial.tick(Some(Request::Play(sequence)));
     let samples = (0..sequence.duration_ticks()).map(|_| {
         trial.tick(None);

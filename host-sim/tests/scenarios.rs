@@ -173,6 +173,11 @@ fn a_wrong_scenario_says_where() {
         ("value = 0\n", "kind = \"points\"\npoints = [[1, 0], [1, 2]]\n", "the time goes from 1 to 1"),
         ("value = 0\n", "kind = \"points\"\npoints = []\n", "points is empty"),
         ("value = 0\n", "kind = \"sequence\"\nsequence = \"walk\"\namplitude = 1\n", "expected one of steps, ramp"),
+        (
+            "value = 0\n",
+            "kind = \"sequence\"\nsequence = \"identify\"\namplitude = 1\nperiod_ms = 40000\n",
+            "[[reference]] 2 (sequence): a period of 40000 ms: expected at most 32767",
+        ),
         ("time_s = 1.0", "time_s = 9.0", "[[reference]] 2: time_s = 9: expected 0 to duration_s = 2"),
         ("[motor]", "[[load]]\ntime_s = 0\ntorque_Nm = nan\n[motor]", "[[load]] 1: torque_Nm = NaN: expected a number"),
         (

@@ -14,22 +14,32 @@ const DISCONNECTED: u8 = 0b0000_0010;
 const HIGH_FOR_DUTY: u8 = 0b1000_0010;
 const LOW_FOR_DUTY: u8 = 0b1100_0010;
 
-/// Bridge off, timer running at duty zero.
+/// TCCR1B: mode 14, stopped; and the processor's clock.
+const STOPPED: u8 = 0b0001_1000;
+const CLOCK: u8 = 0b0000_0001;
+
+/// Bridge off at duty zero; the timer waits for [`run`].
 pub fn start(p: &Peripherals) {
     let enable = pins::BRIDGE_ENABLE.mask();
     let outputs = pins::BRIDGE_DIRECTION.mask() | pins::BRIDGE_PWM.mask();
-    // SAFETY: any value is valid for port and timer registers. ICR1, the top, is set before the mode that uses it.
+    // SAFETY: any value is valid for port and timer registers. OCR1B is set before the mode that would buffer it, ICR1, the
+    // top, in the mode that uses it.
     unsafe {
         p.PORTD.portd().modify(|r, w| w.bits(r.bits() & !enable));
         p.PORTD.ddrd().modify(|r, w| w.bits(r.bits() | enable));
         p.PORTB.portb().modify(|r, w| w.bits(r.bits() & !outputs));
         p.PORTB.ddrb().modify(|r, w| w.bits(r.bits() | outputs));
-        p.TC1.icr1().write(|w| w.bits(pins::PWM_STEPS - 1));
         p.TC1.ocr1b().write(|w| w.bits(super::adc::TRIGGER));
         p.TC1.tccr1a().write(|w| w.bits(DISCONNECTED));
-        // Mode 14, no prescaler.
-        p.TC1.tccr1b().write(|w| w.bits(0b0001_1001));
+        p.TC1.tccr1b().write(|w| w.bits(STOPPED));
+        p.TC1.icr1().write(|w| w.bits(pins::PWM_STEPS - 1));
     }
+}
+
+/// Begins the first period.
+pub fn run(p: &Peripherals) {
+    // SAFETY: the mode as it is, with the clock.
+    p.TC1.tccr1b().write(|w| unsafe { w.bits(STOPPED | CLOCK) });
 }
 
 /// Everything off at once: for the panic handler.

@@ -37,6 +37,12 @@ impl<const N: usize> Ring<N> {
         true
     }
 
+    /// How many bytes are in it.
+    #[inline(always)]
+    fn waiting(&self) -> u8 {
+        self.head.get().wrapping_sub(self.tail.get()) & (N as u8 - 1)
+    }
+
     /// Takes the oldest byte out.
     #[inline(always)]
     fn pop(&self) -> Option<u8> {
@@ -79,6 +85,12 @@ pub fn try_write(byte: u8) -> bool {
     // SAFETY: the constant and the transmit interrupt; only the main loop turns it on.
     super::registers().USART0.ucsr0b().write(|w| unsafe { w.bits(ENABLED | UDRIE) });
     queued
+}
+
+/// Received bytes that nobody has read, and those lost since reset, modulo 256: while nobody reads, more with each byte
+/// that comes.
+pub fn unread() -> u8 {
+    avr_device::interrupt::free(|cs| RECEIVED.borrow(cs).waiting().wrapping_add(OVERRUNS.borrow(cs).get()))
 }
 
 /// Bytes lost since reset; stays at 255.

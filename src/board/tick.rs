@@ -115,9 +115,21 @@ pub fn start(p: &Peripherals) {
     p.TC0.ocr0a().write(|w| unsafe { w.bits(p.TC0.tcnt0().read().bits().wrapping_add(250)) });
 }
 
-/// Lets the tick run, and with it the sampling: a round of conversions begins where a tick is due, so that each tick finds
-/// those of the millisecond before it, however long the start has taken.
+/// Counts of Timer0 from the beginning of a period of the PWM to a tick: periods, conversions and ticks stand to each
+/// other as a recording's rig file says.
+const PERIOD_AHEAD: u8 = 7;
+
+/// Lets the tick run, and with it PWM and sampling, however long the start has taken: the PWM begins a fixed time before a
+/// tick is due, a round of conversions when it is, so that each tick finds those of the millisecond before it.
 pub fn run(p: &Peripherals) {
+    let count = || p.TC0.tcnt0().read().bits();
+    let ahead = p.TC0.ocr0a().read().bits().wrapping_sub(PERIOD_AHEAD);
+    // From the beginning of that count, and to the eighth of a count.
+    while count() == ahead {}
+    while count() != ahead {}
+    avr_device::asm::nop5();
+    avr_device::asm::nop3();
+    bridge::run(p);
     // SAFETY: writing a one clears the flag; it comes within 256 counts.
     p.TC0.tifr0().write(|w| unsafe { w.bits(OCIE0A) });
     while p.TC0.tifr0().read().bits() & OCIE0A == 0 {}
@@ -166,18 +178,18 @@ pub fn request(request: Request) {
     shared!(pending = true);
 }
 
-/// The next sample that was not taken yet.
-pub fn next_sample() -> Option<Sample> {
+/// Copies the next sample that was not taken yet; false if there is none.
+pub fn take_sample(sample: &mut Sample) -> bool {
     let read = shared!(read);
     if read == shared!(written) {
-        return None;
+        return false;
     }
     // SAFETY: this place was written before `written` passed it, and is not written again before `read` does.
-    let sample = unsafe { (*(&raw const SAMPLES))[read as usize % RING].assume_init() };
+    *sample = unsafe { (*(&raw const SAMPLES))[read as usize % RING].assume_init() };
     // The tick takes the place at once: the copy must not come later.
     compiler_fence(Ordering::SeqCst);
     shared!(read = read.wrapping_add(1));
-    Some(sample)
+    true
 }
 
 /// Leaves the samples that were not taken yet.

@@ -1,7 +1,7 @@
 //! The line editor: what comes in becomes lines, or is refused whole.
 
 /// Longest line.
-pub const LONGEST: usize = 96;
+const LONGEST: usize = 96;
 
 /// A line under way.
 #[derive(Clone, Debug)]

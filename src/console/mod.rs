@@ -11,7 +11,7 @@ mod line;
 pub mod number;
 
 use crate::arith::whole;
-use crate::excitation::{Kind, Sequence};
+use crate::excitation::{Excess, Kind, Sequence};
 use crate::flash_text::{self, FlashText, Table};
 use crate::message::{Mode, Request, Sample, State, Trip, WAITING};
 use crate::pins::PWM_STEPS;
@@ -19,7 +19,7 @@ use crate::protocol::{self, FRAME, Framer, TEXT_CHUNK};
 use crate::settings::{self, BuildError, Param, Settings};
 use crate::storage::{self, Eeprom, Saver};
 use crate::units::{AMPERE, FULL_RANGE, Rule, VOLT};
-use line::{Edit, LONGEST, LineEditor};
+use line::{Edit, LineEditor};
 use number::Decimal;
 
 /// What the console can do to the machine: over interrupts on the Uno, over a plain control loop on the host.
@@ -41,6 +41,9 @@ pub trait Machine {
     fn send(&mut self, byte: u8);
     /// The host has said something valid.
     fn host_spoke(&mut self);
+    /// Looks whether the host goes on talking, though nobody reads it: asked between the lines of a reply, which may last
+    /// for longer than the host may be silent.
+    fn listen(&mut self);
 }
 
 /// What `status` shows beside the sample.
@@ -99,16 +102,16 @@ macro_rules! commands {
     };
 }
 
-/// What arguments a command takes.
+/// What arguments a command takes, in one byte of flash: how many at least (0..=7), how many at most (0..=15), and in
+/// bit 7 whether the first is one of a choice of words.
 #[derive(Clone, Copy)]
-struct Form {
-    least: u8,
-    most: u8,
-    /// The first is one of a choice of words.
-    chooses: bool,
-}
+struct Form(u8);
 
 impl Form {
+    /// As many as the line holds.
+    const ANY: u8 = 15;
+    const CHOOSES: u8 = 0x80;
+
     /// As the text says that `help` shows.
     const fn of(arguments: &str) -> Self {
         let text = arguments.as_bytes();
@@ -117,7 +120,7 @@ impl Form {
             match text[i] {
                 b' ' => between = true,
                 b'[' => optional = true,
-                b'.' => most = LONGEST as u8,
+                b'.' => most = Self::ANY,
                 _ if between => {
                     between = false;
                     most += 1;
@@ -127,7 +130,18 @@ impl Form {
             }
             i += 1;
         }
-        Self { least, most, chooses: !text.is_empty() && text[0].is_ascii_lowercase() }
+        let chooses = !text.is_empty() && text[0].is_ascii_lowercase();
+        Self(if chooses { Self::CHOOSES } else { 0 } | least << 4 | if most > Self::ANY { Self::ANY } else { most })
+    }
+
+    fn chooses(self) -> bool {
+        self.0 & Self::CHOOSES != 0
+    }
+
+    /// Whether so many arguments are right.
+    fn takes(self, count: u8) -> bool {
+        let most = self.0 & Self::ANY;
+        count >= self.0 >> 4 & 7 && (count <= most || most == Self::ANY)
     }
 }
 
@@ -144,7 +158,7 @@ commands! {
     Set "set" "NAME VALUE [NAME VALUE ...]" "change settings, all or none, at one tick";
     Status "status" "" "state, measurements, counters";
     Show "show" "[NAME]" "settings: value, unit, range";
-    Sequence "sequence" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "play as reference: unit of the mode, PERIOD in ms, numbers 0..65535";
+    Sequence "sequence" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "play as reference: unit of the mode, PERIOD in ms; numbers 0..65535, less where a kind needs it";
     Record "record" "steps|ramp|stairs|prbs|levels|chirp|coast|identify AMPLITUDE [OFFSET PERIOD COUNT SEED]" "the same, in a binary stream";
     Stream "stream" "off|text|binary [DIVIDER]" "every DIVIDERth tick, 1..255";
     Zero "zero" "current|position" "present value is zero; disarmed";
@@ -183,6 +197,8 @@ texts! { Say SAYINGS:
     NothingSaved "nothing saved by this version";
     Range "%3 expected a number in %4 %l..%h";
     Limit "expected a number in -%L..%L";
+    PeriodLimit "expected PERIOD 0..%L";
+    CountLimit "expected COUNT 0..%L";
     Build "%3 %b";
     NoReference "mode is off: choose a mode";
     ZeroRefused "zero refused: a current flows";
@@ -251,6 +267,7 @@ enum Stream {
 enum Field {
     Text(Table, u8),
     Number(f32),
+    Whole(u32),
 }
 
 /// The console's memory. All of it begins as zero, which the chip does in a loop.
@@ -379,7 +396,7 @@ impl Console {
             return self.end_line(machine);
         }
         self.recorded += 1;
-        self.frame(protocol::SAMPLE, protocol::pack(sample), machine);
+        send_frame(&mut self.framer, protocol::SAMPLE, protocol::pack(sample), machine);
     }
 
     /// The sequence is over: the count, and back to text.
@@ -416,7 +433,7 @@ impl Console {
             return Say::Usage;
         }
         let mut choice = 0;
-        if form.chooses {
+        if form.chooses() {
             let mut arguments = FlashText::of(Table::Commands, command as u8 * 3 + ARGUMENTS);
             let Some(chosen) = arguments.choice(self.editor.next_word()) else { return Say::Usage };
             choice = chosen;
@@ -467,7 +484,7 @@ impl Console {
         }
         self.editor.rewind();
         self.editor.next_word();
-        count >= form.least && count <= form.most
+        form.takes(count)
     }
 
     fn help(&mut self, machine: &mut impl Machine) {
@@ -478,9 +495,9 @@ impl Console {
     }
 
     fn status(&mut self, machine: &mut impl Machine) {
-        for say in [Say::State, Say::Measured, Say::Counted] {
-            self.info(say, machine);
-        }
+        self.info(Say::State, machine);
+        self.info(Say::Measured, machine);
+        self.info(Say::Counted, machine);
     }
 
     /// Arms, or says why not.
@@ -522,11 +539,11 @@ impl Console {
         }
         let bits_per_unit = bits_per_unit(mode, &self.settings);
         let bits = value * bits_per_unit;
-        if bits > limit || bits < -limit {
+        if bits.abs() > limit {
             self.limit = limit / bits_per_unit;
             return Err(Say::Limit);
         }
-        Ok(whole(if bits < 0.0 { bits - 0.5 } else { bits + 0.5 }))
+        Ok(whole(bits + 0.5f32.copysign(bits)))
     }
 
     fn show(&mut self, machine: &mut impl Machine) -> Say {
@@ -600,28 +617,30 @@ impl Console {
     /// Plays a sequence, in a recording with the binary stream around it.
     fn sequence(&mut self, choice: u8, machine: &mut impl Machine) -> Say {
         let kind = Kind::from_number(choice).unwrap_or_default();
-        let mut parts = [0i16; 2];
-        for part in &mut parts {
-            if self.editor.at_end() {
-                // The offset may be left out.
-                break;
+        let amplitude = match self.quantity(32767.0) {
+            Ok(bits) => bits as i16,
+            Err(say) => return say,
+        };
+        // The offset and what follows it may be left out.
+        let offset = if self.editor.at_end() { Ok(0) } else { self.quantity(32767.0) };
+        let offset = match offset {
+            Ok(bits) => bits as i16,
+            Err(say) => return say,
+        };
+        let (Some(period_ms), Some(count), Some(seed)) = (self.number(500), self.number(1), self.number(1)) else {
+            return Say::Usage;
+        };
+        let sequence = match Sequence::new(kind, amplitude, offset, self.settings.ticks(period_ms), count, seed) {
+            Ok(sequence) => sequence,
+            Err(Excess::Period(ticks)) => {
+                self.limit = self.settings.whole_ms(ticks) as f32;
+                return Say::PeriodLimit;
             }
-            match self.quantity(32767.0) {
-                Ok(bits) => *part = bits as i16,
-                Err(say) => return say,
+            Err(Excess::Count(most)) => {
+                self.limit = most as f32;
+                return Say::CountLimit;
             }
-        }
-        let mut numbers = [500, 1, 1];
-        for number in &mut numbers {
-            let word = self.editor.next_word();
-            if !word.is_empty() {
-                let Some(given) = number::parse_u16(word) else { return Say::Usage };
-                *number = given;
-            }
-        }
-        let ([amplitude, offset], [period_ms, count, seed]) = (parts, numbers);
-        let ticks = if self.settings.is_fast() { period_ms.saturating_mul(2) } else { period_ms };
-        let sequence = Sequence::new(kind, amplitude, offset, ticks, count, seed);
+        };
         machine.request(Request::Play(sequence));
         if self.command == Command::Record as u8 {
             // As many samples may be from before the sequence.
@@ -631,15 +650,20 @@ impl Console {
         Say::Ok
     }
 
+    /// The next word as a whole number; the usual one where there is no word.
+    #[inline(never)]
+    fn number(&mut self, usual: u16) -> Option<u16> {
+        let word = self.editor.next_word();
+        if word.is_empty() { Some(usual) } else { number::parse_u16(word) }
+    }
+
     fn stream(&mut self, choice: u8) -> Say {
         let (stream, usual) = match choice {
             0 => (Stream::Off, 1),
             1 => (Stream::Text, 20),
             _ => (Stream::Binary, 1),
         };
-        let word = self.editor.next_word();
-        let divider = if word.is_empty() { Some(usual) } else { number::parse_u16(word) };
-        let Some(divider @ 1..=255) = divider else { return Say::Usage };
+        let Some(divider @ 1..=255) = self.number(usual) else { return Say::Usage };
         self.divider = divider as u8;
         (self.stream, self.countdown, self.recording) = (stream, 0, false);
         Say::Ok
@@ -664,6 +688,7 @@ impl Console {
     /// Prints an information line.
     #[inline(never)]
     fn info(&mut self, say: Say, machine: &mut impl Machine) {
+        machine.listen();
         self.put(b'#', machine);
         self.put(b' ', machine);
         self.print(say, machine);
@@ -679,13 +704,14 @@ impl Console {
                 self.put(byte, machine);
                 continue;
             }
-            let decimal = match self.field(text.next().unwrap_or(0)) {
+            let mut decimal = Decimal::default();
+            match self.field(text.next().unwrap_or(0)) {
                 Field::Text(table, index) => {
                     FlashText::of(table, index).for_each(|byte| self.put(byte, machine));
-                    continue;
                 }
-                Field::Number(value) => Decimal::of(value),
-            };
+                Field::Number(value) => decimal.write(value),
+                Field::Whole(number) => decimal.write_whole(number),
+            }
             decimal.as_bytes().iter().for_each(|&byte| self.put(byte, machine));
         }
     }
@@ -694,7 +720,7 @@ impl Console {
     #[inline(never)]
     fn field(&self, letter: u8) -> Field {
         let (param, sample, settings) = (self.param, &self.sample, &self.settings);
-        let (bits, unit) = match letter {
+        let (bits, per_unit) = match letter {
             b'0'..=b'2' => return Field::Text(Table::Commands, self.command * 3 + (letter - b'0')),
             b'3'..=b'5' => return Field::Text(Table::Settings, param as u8 * 3 + (letter - b'3')),
             b'b' => return Field::Text(Table::Words, Word::Rules as u8 + self.rule as u8),
@@ -702,26 +728,26 @@ impl Console {
             b'R' => return Field::Text(Table::Words, Word::ResetCauses as u8 + self.counters.reset_cause as u8),
             b'V' => return Field::Text(Table::Words, Word::Version as u8),
             b'm' => return Field::Text(Table::Words, Word::Modes as u8 + sample.state.mode() as u8),
-            b'T' => (sample.trip as i32, 1.0),
-            b'a' => (self.armed() as i32, 1.0),
-            b'S' => (storage::VERSION as i32, 1.0),
-            b'k' => (self.count as i32, 1.0),
-            b'i' => (self.counters.illegal_transitions as i32, 1.0),
-            b'o' => (self.counters.overruns as i32, 1.0),
-            b'D' => (self.counters.dropped as i32, 1.0),
-            b'K' => (self.counters.dropped.wrapping_sub(self.dropped) as i32, 1.0),
+            b'T' => (sample.trip as i32, WHOLE),
+            b'a' => (self.armed() as i32, WHOLE),
+            b'S' => (storage::VERSION as i32, WHOLE),
+            b'k' => (self.count as i32, WHOLE),
+            b'i' => (self.counters.illegal_transitions as i32, WHOLE),
+            b'o' => (self.counters.overruns as i32, WHOLE),
+            b'D' => (self.counters.dropped as i32, WHOLE),
+            b'K' => (self.counters.dropped.wrapping_sub(self.dropped) as i32, WHOLE),
             b'x' => return Field::Number(settings.get(param)),
             b'l' => return Field::Number(param.range().0),
             b'h' => return Field::Number(param.range().1),
             b'L' => return Field::Number(self.limit),
-            b'r' => (sample.reference, 1.0 / bits_per_unit(sample.state.mode(), settings)),
-            b'p' => (sample.counts, 1.0 / bits_per_unit(Mode::PositionPid, settings)),
-            b's' => (sample.speed as i32, 1.0 / bits_per_unit(Mode::SpeedPid, settings)),
-            b'c' => (sample.current as i32, 1.0 / AMPERE),
-            b'd' => (sample.duty as i32, 100.0 / PWM_STEPS as f32),
-            _ => (sample.supply as i32, 1.0 / VOLT),
+            b'r' => (sample.reference, bits_per_unit(sample.state.mode(), settings)),
+            b'p' => (sample.counts, bits_per_unit(Mode::PositionPid, settings)),
+            b's' => (sample.speed as i32, bits_per_unit(Mode::SpeedPid, settings)),
+            b'c' => (sample.current as i32, AMPERE),
+            b'd' => (sample.duty as i32, PWM_STEPS as f32 / 100.0),
+            _ => (sample.supply as i32, VOLT),
         };
-        Field::Number(bits as f32 * unit)
+        if per_unit == WHOLE { Field::Whole(bits as u32) } else { Field::Number(bits as f32 / per_unit) }
     }
 
     #[inline(never)]
@@ -741,19 +767,23 @@ impl Console {
             self.chunk_length += 1;
         }
         if byte == b'\n' || self.chunk_length as usize == TEXT_CHUNK {
-            let chunk = self.chunk;
             let length = core::mem::take(&mut self.chunk_length);
-            self.frame(protocol::TEXT, chunk.get(..length as usize).unwrap_or(&[]), machine);
+            let text = self.chunk.get(..length as usize).unwrap_or(&[]);
+            send_frame(&mut self.framer, protocol::TEXT, text, machine);
         }
     }
-
-    #[inline(never)]
-    fn frame(&mut self, kind: u8, payload: &[u8], machine: &mut impl Machine) {
-        let mut frame = [0; FRAME];
-        let length = self.framer.frame(kind, payload, &mut frame);
-        frame.iter().take(length).for_each(|&byte| machine.send(byte));
-    }
 }
+
+/// Sends one frame.
+#[inline(never)]
+fn send_frame(framer: &mut Framer, kind: u8, payload: &[u8], machine: &mut impl Machine) {
+    let mut frame = [0; FRAME];
+    let length = framer.frame(kind, payload, &mut frame);
+    frame.iter().take(length).for_each(|&byte| machine.send(byte));
+}
+
+/// In place of the bits per unit of what is printed as it is, to the last digit.
+const WHOLE: f32 = 0.0;
 
 /// Place of a command's second text.
 const ARGUMENTS: u8 = 1;

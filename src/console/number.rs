@@ -78,29 +78,40 @@ pub struct Decimal {
 }
 
 impl Decimal {
-    /// Six significant digits without trailing zeros; beyond 1e-4..1e7 with an exponent.
-    #[inline(never)]
+    /// A number as [`Decimal::write`] writes it.
     pub fn of(value: f32) -> Self {
         let mut text = Self::default();
-        if value < 0.0 {
-            text.push(b'-');
+        text.write(value);
+        text
+    }
+
+    /// Six significant digits without trailing zeros; beyond 1e-4..1e7 with an exponent.
+    #[inline(never)]
+    pub fn write(&mut self, value: f32) {
+        let negative = value < 0.0;
+        if negative {
+            self.push(b'-');
         }
-        let (digits, exponent) = scale(if value < 0.0 { -value } else { value });
-        if (-4..7).contains(&exponent) {
-            text.place(digits, exponent);
-            return text;
+        let (number, exponent) = scale(value.abs());
+        let plain = (-4..7).contains(&exponent);
+        self.place(number, Some(if plain { exponent } else { 0 }));
+        if plain {
+            return;
         }
-        text.place(digits, 0);
-        text.push(b'e');
+        self.push(b'e');
         if exponent < 0 {
-            text.push(b'-');
+            self.push(b'-');
         }
         let (tens, ones) = (exponent.unsigned_abs() / 10, exponent.unsigned_abs() % 10);
         if tens > 0 {
-            text.push(b'0' + tens);
+            self.push(b'0' + tens);
         }
-        text.push(b'0' + ones);
-        text
+        self.push(b'0' + ones);
+    }
+
+    /// A whole number, to the last digit.
+    pub fn write_whole(&mut self, number: u32) {
+        self.place(number, None);
     }
 
     /// The characters.
@@ -116,33 +127,37 @@ impl Decimal {
         }
     }
 
-    /// The digits of a number, of which the first is worth 10^`exponent`, without trailing zeros, which say nothing.
+    /// The digits of a number, of which the first is worth 10^`exponent`, or the last one if there is none; without
+    /// trailing zeros behind a point, which say nothing.
     #[inline(never)]
-    fn place(&mut self, mut number: u32, exponent: i8) {
-        let mut digits = [b'0'; 6];
-        let mut count = 0u8;
-        for place in digits.iter_mut().rev() {
-            *place = b'0' + (number % 10) as u8;
+    fn place(&mut self, mut number: u32, exponent: Option<i8>) {
+        let (mut digits, mut count, mut zeros) = ([0; 10], 0, 0);
+        // The last digit first.
+        for place in &mut digits {
+            if number == 0 {
+                break;
+            }
+            *place = (number % 10) as u8;
             number /= 10;
-            count += (count > 0 || *place != b'0') as u8;
+            zeros += (zeros == count && *place == 0) as i8;
+            count += 1;
         }
-        let mut place = if exponent < 0 { exponent } else { 0 };
-        while place < 0 {
+        let mut worth = exponent.unwrap_or(if count == 0 { 0 } else { count - 1 });
+        let mut above = if worth < 0 { worth } else { 0 };
+        while above < 0 {
             self.push(b'0');
-            if place == exponent {
+            if above == worth {
                 self.push(b'.');
             }
-            place += 1;
+            above += 1;
         }
-        place = exponent;
-        let mut shown = digits.iter();
-        while count > 0 || place >= 0 {
-            self.push(shown.next().copied().unwrap_or(b'0'));
-            count = count.saturating_sub(1);
-            if place == 0 && count > 0 {
+        while count > zeros || worth >= 0 {
+            count -= 1;
+            self.push(b'0' + digits.get(count as usize).copied().unwrap_or(0));
+            if worth == 0 && count > zeros {
                 self.push(b'.');
             }
-            place -= 1;
+            worth -= 1;
         }
     }
 }
@@ -196,6 +211,11 @@ mod tests {
         }
         for whole in [0, 7, 10, 65_535, 999_999] {
             assert_eq!(printed(whole as f32), whole.to_string());
+        }
+        for whole in [0, 9, 10, 65_536, 999_999, 1_234_567, 4_000_000_000, u32::MAX] {
+            let mut decimal = Decimal::default();
+            decimal.write_whole(whole);
+            assert_eq!(decimal.as_bytes(), whole.to_string().as_bytes());
         }
         for text in ["", "-", ".", "1.2.3", "e5", "1e", "1e+", "1e123", "0x1", "1 ", "nan", "inf", "--1", "1e1.5"] {
             assert_eq!(parse(text.as_bytes()), None, "{text}");

@@ -19,7 +19,7 @@ use crate::text_file;
 use clap::{Args, ValueEnum};
 use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
-use motorbench_core::message::{Mode, Sample};
+use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings, find};
 use std::collections::BTreeMap;
 use std::io::{BufRead, IsTerminal, stdin};
@@ -339,7 +339,7 @@ fn play(
     stop: &dyn Fn() -> bool,
 ) -> Result<(Record, Played), Failure> {
     let (settings, played) = prepare(link, arguments, changed)?;
-    let ticks = played.order.of_core(Mode::OpenLoop, &settings).duration_ticks();
+    let ticks = played.order.duration_ticks(&settings).map_err(Failure::input)?;
     let mut side = side_file_of_running(&settings, &link.firmware, &played.order.line());
     side["file"] = out.display().to_string().into();
     let files = files_beside((arguments, out), &settings, nominal, &played, ticks.into(), &side)?;
@@ -485,7 +485,8 @@ impl Played {
     /// Whether a whole recording is of this.
     fn agrees(&self, done: &Record) -> bool {
         let Some(first) = done.samples.first().filter(|_| done.ended == Ended::Complete) else { return true };
-        is_played(&done.samples, &self.order.of_core(first.state.mode(), &done.settings))
+        let sequence = self.order.of_core(first.state.mode(), &done.settings);
+        sequence.is_ok_and(|sequence| is_played(&done.samples, &sequence))
     }
 
     /// The recording as a scenario, without a motor: mode, what the settings have of their own, and this as its reference.

@@ -50,7 +50,7 @@ const HIDDEN: [&str; 8] = [
 ];
 /// Level of the identifying sequence, and the length of its steps.
 const LEVEL_V: f64 = 10.0;
-const STEP_TICKS: u16 = 500;
+const STEP_TICKS: u32 = 500;
 const SUPPLY_V: f64 = 12.0;
 /// The sequence is over after so long; waited for is a little longer.
 const LASTS_S: f64 = 20.0;
@@ -349,7 +349,8 @@ fn record_on_host(truth: &Model, settings: Settings, why: &str) -> Result<Record
     let refused = |error| Failure::input(format!("the core refuses its settings: {error:?}"));
     let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
     trial.enter(Mode::OpenLoop);
-    let sequence = Sequence::new(Kind::Identify, (LEVEL_V * f64::from(VOLT)) as i16, 0, STEP_TICKS, 1, 1);
+    let sequence = Sequence::new(Kind::Identify, (LEVEL_V * f64::from(VOLT)) as i16, 0, STEP_TICKS, 1, 1)
+        .expect("a constant that is right");
     trial.tick(Some(Request::Play(sequence)));
     let mut samples = Vec::new();
     working(RECORDING, |_| {

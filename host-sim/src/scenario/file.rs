@@ -130,7 +130,8 @@ impl File {
         }
         let settings = settings(&self.settings, text)?;
         check_noise(&self.noise)?;
-        let within = Within { duration_s: self.duration_s, largest: largest(mode, &settings), mode };
+        let within =
+            Within { duration_s: self.duration_s, largest: largest(mode, &settings), mode, settings: &settings };
         let mut references = Vec::new();
         for (index, reference) in self.reference.iter().enumerate() {
             references.push(reference.checked(&within).map_err(|what| format!("[[reference]] {}{what}", index + 1))?);
@@ -170,14 +171,15 @@ impl File {
 }
 
 /// What times and values are checked against.
-struct Within {
+struct Within<'a> {
     duration_s: f64,
     /// Largest reference.
     largest: f64,
     mode: Mode,
+    settings: &'a Settings,
 }
 
-impl Within {
+impl Within<'_> {
     fn time(&self, time_s: f64) -> Result<f64, String> {
         let inside = (0.0..=self.duration_s).contains(&time_s);
         inside
@@ -243,14 +245,18 @@ impl FileReference {
                 Course::Sine { amplitude, offset, frequency_hz }
             }
             "points" => Course::Points(self.checked_points(within)?),
-            _ => Course::Sequence(SequenceOrder {
-                kind: kind_of_sequence(self.sequence.as_deref())?,
-                amplitude: level("amplitude", self.amplitude)?,
-                offset,
-                period_ms: self.period_ms.unwrap_or(500),
-                count: self.count.unwrap_or(1),
-                seed: self.seed.unwrap_or(1),
-            }),
+            _ => {
+                let order = SequenceOrder {
+                    kind: kind_of_sequence(self.sequence.as_deref())?,
+                    amplitude: level("amplitude", self.amplitude)?,
+                    offset,
+                    period_ms: self.period_ms.unwrap_or(500),
+                    count: self.count.unwrap_or(1),
+                    seed: self.seed.unwrap_or(1),
+                };
+                order.of_core(within.mode, within.settings)?;
+                Course::Sequence(order)
+            }
         })
     }
 

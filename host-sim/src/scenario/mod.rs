@@ -342,7 +342,9 @@ impl Asked {
         }
         let reference = &scenario.references[self.begun.checked_sub(1)?];
         if let Course::Sequence(order) = &reference.course {
-            return begins.then(|| Request::Play(order.of_core(scenario.mode, &scenario.settings)));
+            // What the core would refuse is refused when the scenario is read.
+            let sequence = order.of_core(scenario.mode, &scenario.settings).ok()?;
+            return begins.then_some(Request::Play(sequence));
         }
         let value = reference.course.value(now_s - reference.time_s, self.before)?;
         let changed = begins || value != self.last;

@@ -1,14 +1,14 @@
 //! A sequence that the core plays by itself, as a `sequence` line of the console or of a scenario asks for it.
 
 use crate::telemetry::reference_bit;
-use motorbench_core::excitation::{Bridge, Kind, Player, Sequence};
+use motorbench_core::excitation::{Bridge, Excess, Kind, Player, Sequence};
 use motorbench_core::message::Mode;
 use motorbench_core::settings::{Param, Settings};
 
 /// A jump is a step if it is more than this share of the amplitude...
 const LEAST_JUMP: f64 = 0.1;
 /// ... and what it leads to stands for at least one in so many periods: the levels of `identify` do.
-const PARTS_OF_A_PERIOD: u16 = 4;
+const PARTS_OF_A_PERIOD: u32 = 4;
 
 /// What to play, with the names of a scenario file.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
@@ -56,23 +56,45 @@ impl SequenceOrder {
     }
 
     /// As the board plays it in a mode.
-    pub fn of_core(&self, mode: Mode, settings: &Settings) -> Sequence {
-        let bits = |value: f64| (value / reference_bit(mode, settings)).round() as i16;
-        let Self { kind, amplitude, offset, count, seed, .. } = *self;
-        Sequence::new(kind, bits(amplitude), bits(offset), self.period_ticks(settings), count, seed)
+    ///
+    /// # Errors
+    /// Why the board would refuse it: a number too large for it.
+    pub fn of_core(&self, mode: Mode, settings: &Settings) -> Result<Sequence, String> {
+        let bit = reference_bit(mode, settings);
+        let largest = f64::from(i16::MAX);
+        let bits = |name: &str, value: f64| {
+            let bits = (value / bit).round();
+            let fits = bits.abs() <= largest;
+            fits.then_some(bits as i16).ok_or_else(|| format!("{name} {value}: expected at most {}", largest * bit))
+        };
+        let Self { kind, amplitude, offset, period_ms, count, seed } = *self;
+        let levels = (bits("an amplitude of", amplitude)?, bits("an offset of", offset)?);
+        let made = Sequence::new(kind, levels.0, levels.1, settings.ticks(period_ms), count, seed);
+        made.map_err(|excess| match excess {
+            Excess::Period(ticks) => {
+                format!("a period of {period_ms} ms: expected at most {}", settings.whole_ms(ticks))
+            }
+            Excess::Count(most) => format!("a count of {count}: expected at most {most}"),
+        })
     }
 
-    fn period_ticks(&self, settings: &Settings) -> u16 {
-        let per_ms = if settings.is_fast() { 2 } else { 1 };
-        self.period_ms.saturating_mul(per_ms)
+    /// How many ticks the board plays it for, in any mode.
+    ///
+    /// # Errors
+    /// As [`SequenceOrder::of_core`], of period and count.
+    pub fn duration_ticks(&self, settings: &Settings) -> Result<u32, String> {
+        // The levels, whose bits are the mode's, do not make it longer.
+        let level = Self { amplitude: 0.0, offset: 0.0, ..*self };
+        level.of_core(Mode::OpenLoop, settings).map(|sequence| sequence.duration_ticks())
     }
 
-    /// The largest of its steps in a closed loop that was at zero, the longest of equal ones; ramps and sweeps have none.
+    /// The largest of its steps in a closed loop that was at zero, the longest of equal ones; ramps and sweeps have none,
+    /// nor has one that the board would refuse.
     pub fn largest_jump(&self, mode: Mode, settings: &Settings) -> Option<Jump> {
         let rate_hz = f64::from(settings.get(Param::TickRate));
-        let least_ticks = usize::from((self.period_ticks(settings) / PARTS_OF_A_PERIOD).max(1));
+        let least_ticks = (settings.ticks(self.period_ms) / PARTS_OF_A_PERIOD).max(1) as usize;
         let mut player = Player::default();
-        player.start(&self.of_core(mode, settings));
+        player.start(&self.of_core(mode, settings).ok()?);
         let plays: Vec<_> = std::iter::from_fn(|| Some(player.step()).filter(|play| !play.done)).collect();
         let (mut before, mut start, mut largest) = (0, 0, None);
         for stands in plays.chunk_by(|a, b| a == b) {
@@ -114,5 +136,29 @@ mod tests {
         assert!(largest_jump(Kind::Levels, 20).unwrap().until_s > 0.2);
         assert!(near(largest_jump(Kind::Stairs, 5).unwrap().value.abs() % 10.0, 0.0));
         assert_eq!([largest_jump(Kind::Ramp, 1), largest_jump(Kind::Chirp, 1)], [None, None]);
+    }
+    /// At 2 kHz half the milliseconds; `identify` doubles its period; a count makes four or eight segments.
+    #[test]
+    fn what_the_board_cannot_count_is_refused_with_what_it_can() {
+        let mut fast = Settings::defaults();
+        fast.set(Param::TickRate, 2000.0).unwrap();
+        let made = |kind, period_ms, count, settings: &Settings| {
+            // More than a voltage may be, as a loop's speeds are.
+            let order = SequenceOrder { kind, amplitude: 60.0, offset: 0.0, period_ms, count, seed: 7 };
+            order.duration_ticks(settings)
+        };
+        let refused = |what: &str| Err(what.to_owned());
+        let slow = Settings::defaults();
+        assert_eq!(made(Kind::Steps, 65_535, 1, &slow), Ok(4 * 65_535));
+        assert_eq!(made(Kind::Steps, 32_767, 1, &fast), Ok(4 * 65_534));
+        assert_eq!(made(Kind::Steps, 32_768, 1, &fast), refused("a period of 32768 ms: expected at most 32767"));
+        assert_eq!(made(Kind::Identify, 32_768, 1, &slow), refused("a period of 32768 ms: expected at most 32767"));
+        assert_eq!(made(Kind::Identify, 16_384, 1, &fast), refused("a period of 16384 ms: expected at most 16383"));
+        assert_eq!(made(Kind::Stairs, 1, 16_384, &slow), refused("a count of 16384: expected at most 16383"));
+        assert_eq!(made(Kind::Coast, 1, 8192, &slow), refused("a count of 8192: expected at most 8191"));
+        assert_eq!(made(Kind::Prbs, 1, 65_535, &slow), Ok(65_535));
+        let far = SequenceOrder { kind: Kind::Steps, amplitude: 0.0, offset: -200.0, period_ms: 1, count: 1, seed: 1 };
+        let refused = far.of_core(Mode::PositionPid, &slow).unwrap_err();
+        assert!(refused.starts_with("an offset of -200: expected at most 102.9"), "{refused}");
     }
 }
