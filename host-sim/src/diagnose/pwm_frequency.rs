@@ -17,7 +17,7 @@ const SHOWS: f64 = 1e-3;
 const NEARER: f64 = 1.3;
 /// While something remains, and before anything is known, it has to bring the cost down to this share: what is missing makes
 /// some winding or other look better by little.
-const CLEARLY: f64 = 0.9;
+const CLEARLY: f64 = 0.6;
 
 /// Sets the one with which the nominal motor behind a bridge with a drop explains clearly more, be its off phase one that brakes
 /// or one that coasts.
