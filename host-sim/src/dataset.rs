@@ -377,6 +377,29 @@ mod tests {
         Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()
     }
 
+    /// Of the same counts, written at any rate: what a perfect model leaves is their rounding, and taken for that.
+    #[test]
+    fn rounding_is_as_much_noise_as_it_is() {
+        for interval_s in [1e-3, 4e-3, 1e-2] {
+            let time_s: Vec<f64> = (0..(8.0 / interval_s) as usize).map(|row| row as f64 * interval_s).collect();
+            let mut text = String::from("t_s,duty,counts\n");
+            for time_s in time_s {
+                let _ = writeln!(text, "{time_s:.4},{:.4},{}", 0.9 * (2.0 * time_s).sin(), counts(time_s));
+            }
+            let data = dataset(&[Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()]);
+            let turned_rad = |time_s: f64| 300.0 * (1.0 - (2.0 * time_s).cos()) - 40.0 * time_s;
+            let span_s = data.stretches[0].window_s();
+            let (motion, ahead_s) = (data.motion(), data.stretches[0].window.ahead as f64 * interval_s);
+            let exact = |end_s: f64| (turned_rad(end_s) - turned_rad(end_s - span_s)) / span_s;
+            let rows = motion.values.iter().zip(&data.time_s);
+            let left: Vec<f64> = rows.map(|(value, time_s)| value - exact(time_s + ahead_s)).collect();
+            let seen = || left.iter().filter(|value| value.is_finite());
+            let error = (seen().map(|value| value * value).sum::<f64>() / seen().count() as f64).sqrt();
+            let ratio = motion.noise_in(&left) / error;
+            assert!((0.85..1.2).contains(&ratio), "{interval_s} s, window {span_s} s: {ratio}");
+        }
+    }
+
     fn dataset(recordings: &[Recording]) -> Dataset {
         let rig = format!("[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = {COUNTS_PER_REV}\n");
         Dataset::new(recordings, &Rig::parse("rig.toml", &rig).unwrap()).unwrap()

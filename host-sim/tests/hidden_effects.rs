@@ -185,6 +185,19 @@ fn causes_with(falsify: impl Fn(&mut Rig)) -> Vec<String> {
     causes.into_iter().map(|cause| cause.effect).collect()
 }
 
+/// Of a rig file that does not say it: in a closed loop cogging made any frequency look likely.
+#[test]
+fn a_frequency_of_the_pwm_is_not_taken_from_what_is_missing() {
+    let trial = draw(71001, &recipe("closed-loop", 71001));
+    let without: Vec<&str> = trial.rig_toml.lines().filter(|line| !line.starts_with("pwm_Hz")).collect();
+    let rig = Rig::parse("rig.toml", &without.join("\n")).unwrap();
+    let recording = Recording::parse("recording.csv", trial.csv.as_bytes(), &[]).unwrap();
+    let outcome = diagnose(&[recording], &rig, &|_| ()).unwrap().outcome;
+    let of_pwm: Vec<&String> = outcome.advice.iter().filter(|advice| advice.contains("PWM is taken")).collect();
+    assert_eq!(of_pwm, [""; 0]);
+    assert_eq!(named(&outcome, &hidden(&trial)), hidden(&trial));
+}
+
 #[test]
 fn a_wrong_value_is_a_cause() {
     assert_eq!(causes_with(|_| ()), [""; 0]);

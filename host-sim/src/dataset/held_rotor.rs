@@ -172,6 +172,27 @@ mod tests {
         }
     }
 
+    /// A position loop drives hard to start from rest, and leaves the way to a voltage of which friction takes most.
+    #[test]
+    fn a_rotor_that_is_driven_hard_only_to_start_is_not_held() {
+        let mut text = String::from("t_s,u_V,i_A,counts\n");
+        let (mut angle_rad, mut speed) = (0.0, 0.0_f64);
+        for row in 0..8000 {
+            let volts = match row % 400 {
+                0..5 => 10.0,
+                5..200 => 2.0,
+                _ => 0.0,
+            };
+            let towards = if volts == 0.0 { 0.0 } else { 40.0 };
+            speed += 1e-3 / 0.03 * (towards - speed) * if volts == 10.0 { 0.1 } else { 1.0 };
+            let current_a = volts / RESISTANCE_OHM - 0.002 * speed + 0.01 * (f64::from(row) * 12.9).sin();
+            angle_rad += 1e-3 * speed;
+            let _ = writeln!(text, "{},{volts},{current_a},{}", f64::from(row) * 1e-3, (angle_rad * 300.0_f64).round());
+        }
+        let data = dataset(&[Recording::parse("moves.csv", text.as_bytes(), &[]).unwrap()]).unwrap();
+        assert!(data.origin.held_rotor.is_empty());
+    }
+
     #[test]
     fn a_sensor_that_is_unplugged_holds_no_rotor() {
         for column in ["omega_rad_per_s", "counts"] {

@@ -16,6 +16,9 @@ const ONE_IN: usize = 40;
 const HOPELESS_SHARE: f64 = 0.9;
 /// ... to this part of a count.
 const CLOSE: f64 = 0.1;
+/// A least step has at most so many parts, and the next greater ones are up to this many times it.
+const MOST_PARTS: u32 = 4;
+const NEXT_GREATER: f64 = 6.0;
 /// Two speeds of the same counts are closer to each other than this part of one; one timed by edges is not.
 const SAME: f64 = 0.25;
 /// Rows with fewer counts in the window say nothing.
@@ -76,10 +79,15 @@ pub(super) fn is_made_of(speed: &[f64], angle_rad: &[f64], interval_s: f64) -> b
     spans(interval_s).any(|span| (0..=span).any(|ahead| agrees(Window { span, ahead })))
 }
 
-/// The least step of an angle.
+/// The step of an angle: the least that was made, or the part of it of which the next greater ones are whole numbers as well.
+/// Rows that are far apart may show none of one count.
 pub(super) fn count_rad(angle_rad: &[f64]) -> Option<f64> {
-    let steps = angle_rad.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
-    Some(steps.fold(f64::INFINITY, f64::min)).filter(|least| least.is_finite())
+    let steps = || angle_rad.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
+    let least = Some(steps().fold(f64::INFINITY, f64::min)).filter(|least| least.is_finite())?;
+    let in_all = |part: f64| steps().filter(|step| *step < NEXT_GREATER * least).map(move |step| step / part);
+    let is_whole = |number: f64| (number - number.round()).abs() < CLOSE;
+    let parts = (1..=MOST_PARTS).map(|parts| least / f64::from(parts));
+    Some(parts.into_iter().find(|part| in_all(*part).all(is_whole)).unwrap_or(least))
 }
 
 /// What is found of the window of a speed.

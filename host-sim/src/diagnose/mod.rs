@@ -176,7 +176,7 @@ impl Taken {
         let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(constant));
         let of_reading = if constant == INDUCTANCE_H { self.late_h / value } else { 0.0 };
         let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_reading) * value;
-        [value - (value - ci95[0]).hypot(besides), value + (ci95[1] - value).hypot(besides)]
+        [(value - (value - ci95[0]).hypot(besides)).max(0.0), value + (ci95[1] - value).hypot(besides)]
     }
 }
 
