@@ -3,7 +3,8 @@
 //!
 //! When that happens is in no model of a motor. But it is seen in the counts themselves: a motor that stands goes slower
 //! before, and gathers speed after; a counter that stands has counted at full speed to the last edge, does so again from the
-//! first, and the bridge was asked for as much as before all the while.
+//! first, and the bridge was asked for as much as before all the while. Where some are known, a stand of the same length is one
+//! as well that begins or ends faster than the shaft ever changes its speed.
 
 use super::{DIFFERENCE_SPAN_S, Dataset, Output, Stretch};
 use std::ops::Range;
