@@ -110,8 +110,8 @@ struct Rate {
 /// Rows one after the other with the same count.
 fn of_one_count(counts: &[f64]) -> impl Iterator<Item = Range<usize>> {
     // Behind a stop counts are no whole ones.
-    let goes_on = |row: &usize| counts.get(*row).is_none_or(|count| !((count - counts[row - 1]).abs() < 0.5));
-    let ends = (1..=counts.len()).filter(goes_on);
+    let is_same = |row: usize| counts.get(row).is_some_and(|count| (count - counts[row - 1]).abs() < 0.5);
+    let ends = (1..=counts.len()).filter(move |row| !is_same(*row));
     ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end)).filter(|rows| rows.len() > 2)
 }
 
@@ -327,7 +327,7 @@ mod tests {
             let known = [200, 300, 400].map(|row| row..row + length);
             // It comes to a stand in between, and is as fast the other way at the end.
             let turned = 500 - length / 3..500 - length / 3 + length;
-            let all = [&known[..], &[turned.clone()]].concat();
+            let all = [&known[..], std::slice::from_ref(&turned)].concat();
             let found = find(&counts(&drive, 6.0, top, &all), &drive);
             prop_assert_eq!(found.len(), all.len());
             prop_assert!(found[3].rows.start.abs_diff(turned.start) < 3, "{:?}", found[3]);
