@@ -493,6 +493,7 @@ mod tests {
         assert_eq!(build(900_000.0, 255.0, 10.0), Err(Rule::TooLarge.of(Param::JerkTime)));
         assert_eq!(build(1.0, 0.0, 1000.0), Err(Rule::TooLarge.of(Param::CruiseSpeed)));
     }
+
     /// The fastest move of all that are accepted does not leave 32 bits, and what would is refused.
     #[test]
     fn the_gap_of_an_s_curve_fits() {

@@ -248,6 +248,11 @@ impl Dataset {
         Ok(all)
     }
 
+    /// The stretch that a row is in.
+    pub fn stretch_of(&self, row: usize) -> Option<&Stretch> {
+        self.stretches.iter().find(|stretch| stretch.rows.contains(&row))
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.time_s.len()
@@ -370,6 +375,15 @@ mod tests {
 
     /// Rows of time, duty and what `reading` says.
     fn recording(time_s: &[f64], column: &str, reading: impl Fn(f64) -> String) -> Recording {
+        driven_recording(time_s, duty, column, reading)
+    }
+
+    fn driven_recording(
+        time_s: &[f64],
+        duty: impl Fn(f64) -> f64,
+        column: &str,
+        reading: impl Fn(f64) -> String,
+    ) -> Recording {
         let mut text = format!("t_s,duty,{column}\n");
         for time_s in time_s {
             let _ = writeln!(text, "{time_s:.4},{:.4},{}", duty(*time_s), reading(*time_s));
@@ -382,11 +396,9 @@ mod tests {
     fn rounding_is_as_much_noise_as_it_is() {
         for interval_s in [1e-3, 4e-3, 1e-2] {
             let time_s: Vec<f64> = (0..(8.0 / interval_s) as usize).map(|row| row as f64 * interval_s).collect();
-            let mut text = String::from("t_s,duty,counts\n");
-            for time_s in time_s {
-                let _ = writeln!(text, "{time_s:.4},{:.4},{}", 0.9 * (2.0 * time_s).sin(), counts(time_s));
-            }
-            let data = dataset(&[Recording::parse("run.csv", text.as_bytes(), &[]).unwrap()]);
+            let with_the_motion = |time_s: f64| 0.9 * (2.0 * time_s).sin();
+            let reading = |time_s: f64| counts(time_s).to_string();
+            let data = dataset(&[driven_recording(&time_s, with_the_motion, "counts", reading)]);
             let turned_rad = |time_s: f64| 300.0 * (1.0 - (2.0 * time_s).cos()) - 40.0 * time_s;
             let span_s = data.stretches[0].window_s();
             let (motion, ahead_s) = (data.motion(), data.stretches[0].window.ahead as f64 * interval_s);

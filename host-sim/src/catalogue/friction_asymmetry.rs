@@ -64,7 +64,7 @@ impl Effect for FrictionAsymmetry {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        // Where one is all there is, no friction is left the other way: none drives.
+        // Of a difference of more than all friction none is left the other way: friction does not drive.
         balance.dry_forward_nm = (balance.dry_forward_nm + 0.5 * values[0]).max(0.0);
         balance.dry_backward_nm = (balance.dry_backward_nm - 0.5 * values[0]).max(0.0);
     }

@@ -7,7 +7,7 @@
 //! as well that begins or ends faster than the shaft ever changes its speed.
 
 use super::{DIFFERENCE_SPAN_S, Dataset, Output, Stretch};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// From so many counts lost on a stop is one, and so many on either side tell how fast the motor was.
 const FEWEST_COUNTS: f64 = 8.0;
@@ -62,16 +62,20 @@ pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
 /// Beside stops that are known, others of their length: they begin or end too abruptly for the shaft, though it gathered
 /// speed, braked or turned round meanwhile.
 fn like(known: &[CounterStop], counts: &[f64]) -> Vec<CounterStop> {
-    let length = |stop: &CounterStop| stop.rows.len();
-    let shortest = known.iter().map(length).min().unwrap_or(0) - 1;
-    let longest = known.iter().map(length).max().unwrap_or(0) + 1;
-    let as_long: Vec<Range<usize>> =
-        of_one_count(counts).filter(|rows| (shortest..=longest).contains(&rows.len())).collect();
+    let lengths = lengths_like(known);
+    let as_long: Vec<Range<usize>> = of_one_count(counts).filter(|rows| lengths.contains(&rows.len())).collect();
     let most_per_row = greatest_change(counts, &as_long);
     let is_known = |rows: &Range<usize>| known.iter().any(|stop| stop.rows == *rows);
     let others = as_long.into_iter().filter(|rows| !is_known(rows)).filter_map(|rows| Stand::between(counts, rows));
     // One row is within the stop in part.
     others.filter(|stand| stand.fastest() > 2.0 * most_per_row + ROUNDED).map(|stand| stand.lost()).collect()
+}
+
+/// Lengths in rows that the stops there are have, to a row.
+fn lengths_like(stops: &[CounterStop]) -> RangeInclusive<usize> {
+    let lengths = stops.iter().map(|stop| stop.rows.len());
+    let (shortest, longest) = (lengths.clone().min().unwrap_or(1), lengths.max().unwrap_or(0));
+    shortest - 1..=longest + 1
 }
 
 /// By how much the counts of a row differ from those of the next at most, but for those rows and what adjoins them.
@@ -117,14 +121,22 @@ fn of_one_count(counts: &[f64]) -> impl Iterator<Item = Range<usize>> {
 
 fn stands(counts: &[f64]) -> impl Iterator<Item = Stand> {
     of_one_count(counts).filter_map(|rows| {
-        // In the rows at the edges some of the counts are there.
-        let earlier = |by: usize| Some(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + by)?]);
-        let later = |by: usize| Some(counts.get(rows.end + by)? - counts.get(rows.end)?);
         // An angle that is read more seldom than it is written stands as long again before and after.
         let longest = rows.len() / 2;
-        let (before, after) = (Rate::of(earlier, longest)?, Rate::of(later, longest)?);
+        let before = Rate::of(|over| turned_before(counts, &rows, over), longest)?;
+        let after = Rate::of(|over| turned_after(counts, &rows, over), longest)?;
         Some(Stand { counted: counted_around(counts, &rows)?, rows, before, after })
     })
+}
+
+/// Counts of so many rows before: in the row at the edge some are there and some are lost.
+fn turned_before(counts: &[f64], rows: &Range<usize>, over: usize) -> Option<f64> {
+    Some(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + over)?])
+}
+
+/// The same of the rows after.
+fn turned_after(counts: &[f64], rows: &Range<usize>, over: usize) -> Option<f64> {
+    Some(counts.get(rows.end + over)? - counts.get(rows.end)?)
 }
 
 fn counted_around(counts: &[f64], rows: &Range<usize>) -> Option<f64> {
@@ -146,8 +158,8 @@ impl Stand {
     fn between(counts: &[f64], rows: Range<usize>) -> Option<Self> {
         const OVER: usize = 2;
         let rate = |turned: f64| Rate { per_row: turned / OVER as f64, over: OVER };
-        let before = rate(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + OVER)?]);
-        let after = rate(counts.get(rows.end + OVER)? - counts.get(rows.end)?);
+        let before = rate(turned_before(counts, &rows, OVER)?);
+        let after = rate(turned_after(counts, &rows, OVER)?);
         Some(Self { counted: counted_around(counts, &rows)?, rows, before, after })
     }
 
@@ -220,15 +232,13 @@ impl Dataset {
     pub fn leave_out(&mut self, stops: Vec<CounterStop>) {
         let is_recorded = matches!(self.motion().output, Output::Speed | Output::TimedSpeed);
         for stop in stops {
-            let stretch = self.stretches.iter().find(|stretch| stretch.rows.contains(&stop.rows.start));
-            let Some(Stretch { rows, interval_s, window }) = stretch.cloned() else { continue };
+            let stretch = self.stretch_of(stop.rows.start).cloned();
+            let Some(Stretch { rows, interval_s, window }) = stretch else { continue };
             // What a board made of a speed it had from elsewhere takes no longer than a difference of angles.
             let span = if is_recorded { (DIFFERENCE_SPAN_S / interval_s).ceil() as usize } else { window.span };
             let seen_from = stop.rows.start.saturating_sub(span).max(rows.start);
             self.leave_out_motion(seen_from..(stop.rows.end + span).min(rows.end));
-            for row in stop.rows.start..rows.end {
-                self.angle_rad[row] += stop.lost_before(row) * self.count_rad;
-            }
+            self.add_to_angle(&stop);
             self.origin.counter_stops.push(stop);
         }
         self.origin.counter_stops.sort_by_key(|stop| stop.rows.start);
@@ -236,13 +246,14 @@ impl Dataset {
 
     /// Rows in which nothing is counted for as long as in stops that are known, but for a row.
     pub fn stands_as_long_as_stops(&self) -> Vec<Range<usize>> {
-        let lengths = || self.origin.counter_stops.iter().map(|stop| stop.rows.len());
-        let (Some(shortest), Some(longest)) = (lengths().min(), lengths().max()) else { return Vec::new() };
-        let is_as_long = |rows: &Range<usize>| (shortest - 1..=longest + 1).contains(&rows.len());
+        if self.origin.counter_stops.is_empty() {
+            return Vec::new();
+        }
+        let lengths = lengths_like(&self.origin.counter_stops);
         let of_stretch = |Stretch { rows, .. }: &Stretch| {
             let since_first = |row: usize| (self.angle_rad[row] - self.angle_rad[rows.start]) / self.count_rad;
             let counts: Vec<f64> = rows.clone().map(since_first).collect();
-            let stands = of_one_count(&counts).filter(is_as_long);
+            let stands = of_one_count(&counts).filter(|rows| lengths.contains(&rows.len()));
             stands.map(|stand| rows.start + stand.start..rows.start + stand.end).collect::<Vec<_>>()
         };
         self.stretches.iter().flat_map(of_stretch).collect()
@@ -251,13 +262,16 @@ impl Dataset {
     /// The same stop with as many counts lost.
     pub fn set_lost_in_stop(&mut self, index: usize, lost_counts: f64, error_counts: f64) {
         let stop = &mut self.origin.counter_stops[index];
-        let before = stop.clone();
+        let more = CounterStop { lost_counts: lost_counts - stop.lost_counts, ..stop.clone() };
         (stop.lost_counts, stop.error_counts) = (lost_counts, error_counts);
-        let Some(stretch) = self.stretches.iter().find(|stretch| stretch.rows.contains(&before.rows.start)) else {
-            return;
-        };
-        for row in before.rows.start..stretch.rows.end {
-            self.angle_rad[row] += (stop.lost_before(row) - before.lost_before(row)) * self.count_rad;
+        self.add_to_angle(&more);
+    }
+
+    /// The angle goes on by what a stop has lost, to the end of its stretch.
+    fn add_to_angle(&mut self, stop: &CounterStop) {
+        let Some(end) = self.stretch_of(stop.rows.start).map(|stretch| stretch.rows.end) else { return };
+        for row in stop.rows.start..end {
+            self.angle_rad[row] += stop.lost_before(row) * self.count_rad;
         }
     }
 

@@ -86,8 +86,8 @@ pub(super) fn count_rad(angle_rad: &[f64]) -> Option<f64> {
     let least = Some(steps().fold(f64::INFINITY, f64::min)).filter(|least| least.is_finite())?;
     let in_all = |part: f64| steps().filter(|step| *step < NEXT_GREATER * least).map(move |step| step / part);
     let is_whole = |number: f64| (number - number.round()).abs() < CLOSE;
-    let parts = (1..=MOST_PARTS).map(|parts| least / f64::from(parts));
-    Some(parts.into_iter().find(|part| in_all(*part).all(is_whole)).unwrap_or(least))
+    let mut parts = (1..=MOST_PARTS).map(|parts| least / f64::from(parts));
+    Some(parts.find(|part| in_all(*part).all(is_whole)).unwrap_or(least))
 }
 
 /// What is found of the window of a speed.

@@ -67,24 +67,26 @@ fn others(data: &Dataset, predicted: &[f64]) -> Vec<CounterStop> {
 
 /// Counts lost, and the standard error of that.
 fn lost_by_model(data: &Dataset, predicted: &[f64], stop: &CounterStop) -> Option<[f64; 2]> {
-    let stretch = data.stretches.iter().find(|stretch| stretch.rows.contains(&stop.rows.start))?;
+    let stretch = data.stretch_of(stop.rows.start)?;
     let (before, after) = (stop.rows.start.checked_sub(1)?, stop.rows.end);
     if before < stretch.rows.start || after >= stretch.rows.end {
         return None;
     }
     let wrong = |row: usize| data.motion().values[row] - predicted[row];
-    let mean_wrong = |rows: &mut dyn Iterator<Item = usize>| {
-        let seen: Vec<f64> = rows.map(wrong).filter(|wrong| wrong.is_finite()).take(BESIDE).collect();
-        (!seen.is_empty()).then(|| seen.iter().sum::<f64>() / seen.len() as f64)
-    };
-    let wrong_before = mean_wrong(&mut (stretch.rows.start..=before).rev())?;
-    let wrong_after = mean_wrong(&mut (after..stretch.rows.end))?;
+    let wrong_before = mean_beside((stretch.rows.start..=before).rev().map(wrong))?;
+    let wrong_after = mean_beside((after..stretch.rows.end).map(wrong))?;
     let steps = (after - before) as f64;
     let by_model = predicted[before..=after].windows(2).map(|pair| 0.5 * (pair[0] + pair[1])).sum::<f64>();
     let turned_rad = (by_model + 0.5 * (wrong_before + wrong_after) * steps) * stretch.interval_s;
     let counted_rad = data.angle_rad[after] - data.angle_rad[before] - stop.lost_counts * data.count_rad;
     let uncertain_rad = (wrong_after - wrong_before) * steps * stretch.interval_s / 12.0_f64.sqrt();
     Some([(turned_rad - counted_rad) / data.count_rad, 1.0_f64.hypot(uncertain_rad / data.count_rad)])
+}
+
+/// Mean of the nearest that are there; nothing if none is.
+fn mean_beside(nearest_first: impl Iterator<Item = f64>) -> Option<f64> {
+    let seen: Vec<f64> = nearest_first.filter(|value| value.is_finite()).take(BESIDE).collect();
+    (!seen.is_empty()).then(|| seen.iter().sum::<f64>() / seen.len() as f64)
 }
 
 /// Whether the motor was neither braking to a stand before nor leaving one after.

@@ -1,7 +1,7 @@
 //! Judging models on data that no fit has seen.
 
 use super::random_losses;
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Measured};
 use crate::free_run::Prediction;
 use crate::identify::Fit;
 use rand::{RngExt, SeedableRng};
@@ -95,9 +95,19 @@ pub fn noise(data: &Dataset, residual: &[f64], output: usize) -> f64 {
 
 /// Error over noise floor of the worst channel.
 pub fn above_floor(data: &Dataset, fit: &Fit) -> f64 {
+    worst(data, fit, Measured::least_error)
+}
+
+/// Error over noise of the worst channel, be it more than a model is asked to know or not.
+pub fn above_noise(data: &Dataset, fit: &Fit) -> f64 {
+    worst(data, fit, |_, noise| noise)
+}
+
+/// Greatest error over what `floor` makes of a channel's noise.
+fn worst(data: &Dataset, fit: &Fit, floor: impl Fn(&Measured, f64) -> f64) -> f64 {
     let ratio = |output: usize| {
-        let floor = data.measured[output].least_error(noise(data, &fit.residual_of(data, output), output));
-        rmse(data, &fit.prediction, output) / floor
+        let noise = noise(data, &fit.residual_of(data, output), output);
+        rmse(data, &fit.prediction, output) / floor(&data.measured[output], noise)
     };
     (0..data.measured.len()).map(ratio).fold(0.0, f64::max)
 }

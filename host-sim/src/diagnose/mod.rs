@@ -29,6 +29,7 @@ use crate::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
 use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Interval, Place, Prior, Z95, fit};
+use crate::linear::motor_model::TimeConstants;
 use crate::model::Model;
 use crate::motor::MotorParameters;
 use crate::recording::Recording;
@@ -634,8 +635,7 @@ fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> 
 
 /// Whether a cause is an inductance, of rows so far apart that a current is where it goes to whatever that is.
 fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParameters) -> bool {
-    let electrical_s = motor.inductance_h / motor.resistance_ohm;
-    effect == INDUCTANCE && electrical_s < LEAST_ROWS * data.interval_s
+    effect == INDUCTANCE && TimeConstants::of(motor).electromagnetic_s < LEAST_ROWS * data.interval_s
 }
 
 /// Nominal values that are further off than a data sheet's tolerance.

@@ -61,11 +61,11 @@ fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit, least_gain: f64) -> O
     let fits: Vec<(f64, Fit)> = fits.collect();
     let off = |fit: &Fit| (fit.model.motor.inductance_h / prior.motor.inductance_h).ln().abs();
     let least = fits.iter().map(|(_, fit)| fit.cost).fold(found.cost, f64::min);
-    let is_as_good = |fit: &Fit| fit.cost <= AS_GOOD * least;
-    let (hz, best) = fits.iter().filter(|(_, fit)| is_as_good(fit)).min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)))?;
     if least > least_gain * found.cost {
         return None;
     }
+    let is_as_good = |fit: &Fit| fit.cost <= AS_GOOD * least;
+    let (hz, best) = fits.iter().filter(|(_, fit)| is_as_good(fit)).min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)))?;
     let better = !is_as_good(found) || off(best) + NEARER.ln() < off(found);
     better.then_some(*hz)
 }

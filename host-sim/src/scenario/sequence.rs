@@ -137,6 +137,7 @@ mod tests {
         assert!(near(largest_jump(Kind::Stairs, 5).unwrap().value.abs() % 10.0, 0.0));
         assert_eq!([largest_jump(Kind::Ramp, 1), largest_jump(Kind::Chirp, 1)], [None, None]);
     }
+
     /// At 2 kHz half the milliseconds; `identify` doubles its period; a count makes four or eight segments.
     #[test]
     fn what_the_board_cannot_count_is_refused_with_what_it_can() {

@@ -2,7 +2,7 @@
 
 use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, earns_its_place};
 use crate::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
-use crate::diagnose::judge::{NOT_NOISE, above_floor, noise, rmse};
+use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise};
 use crate::identify::{Effort, Fit, fit, scales};
 use crate::model::{Model, Term};
 use rayon::prelude::*;
@@ -150,11 +150,7 @@ impl Chooser<'_> {
     /// two others do together.
     pub(super) fn of_any_course(&self, fit: &Fit) -> Option<&'static str> {
         let id = fit.model.terms.iter().find(|term| term.effect.is_of_any_course())?.id();
-        let leaves = |output: usize| {
-            let noise = noise(self.data, &fit.residual_of(self.data, output), output);
-            rmse(self.data, &fit.prediction, output) > NOT_NOISE * noise
-        };
-        (0..self.data.measured.len()).any(leaves).then_some(id)
+        (above_noise(self.data, fit) > NOT_NOISE).then_some(id)
     }
 
     /// The effects that hardly any bench is without.
