@@ -127,8 +127,8 @@ pub fn firmware_elf() -> Result<PathBuf, ProgramError> {
 }
 
 /// What the firmware is made of, in the workspace.
-const SOURCES: [&str; 6] =
-    ["src", "avr-specs", "Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml"];
+const SOURCES: [&str; 7] =
+    ["core", "src", "avr-specs", "Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml"];
 
 /// The firmware for who wants to run it, not to change it: what was built before is taken where it is newer than all its
 /// sources, and where cargo cannot run, which leaves `note` a word of it.
@@ -259,10 +259,17 @@ mod tests {
             let file = File::options().append(true).create(true).open(path).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(age_s)).unwrap();
         };
-        for inner in [".cargo", "avr-specs", "src/deep"] {
+        for inner in [".cargo", "avr-specs", "core", "src/deep"] {
             fs::create_dir_all(root.join(inner)).unwrap();
         }
-        let others = ["Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml", "avr-specs/avr.json"];
+        let others = [
+            "core/Cargo.toml",
+            "Cargo.toml",
+            "Cargo.lock",
+            ".cargo/config.toml",
+            "rust-toolchain.toml",
+            "avr-specs/avr.json",
+        ];
         others.iter().for_each(|source| at(&root.join(source), 100));
         let source = root.join("src/deep/part.rs");
         at(&source, 100);
