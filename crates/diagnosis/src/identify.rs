@@ -12,7 +12,7 @@ use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, 
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
+use maybe_rayon::prelude::*;
 use search::Search;
 use sensitivities::Sensitivities;
 pub use speed_window::with_window_settled;

@@ -6,7 +6,7 @@ use crate::dataset::{Dataset, PWM_HZ};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
-use rayon::prelude::*;
+use maybe_rayon::prelude::*;
 
 /// Of an Uno's timers with the usual settings, and of this project's firmware.
 const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, PWM_HZ];

@@ -14,7 +14,7 @@ pub(super) use backward::NAMED_SIGMAS;
 use forward::Lead;
 use motorbench_model::catalogue::{CATALOGUE, Effect};
 use motorbench_model::{Model, Term};
-use rayon::prelude::*;
+use maybe_rayon::prelude::*;
 
 /// Effects at most.
 const MOST_EFFECTS: usize = 7;
@@ -160,10 +160,10 @@ impl Chooser<'_> {
 
     fn try_all(&self, from: &Model, promises: &[Promise], effort: Effort) -> Vec<(&'static str, Fit)> {
         promises
-            .par_iter()
+            .into_par_iter()
             .map(|promise| {
                 let effect = CATALOGUE[promise.effect];
-                let starts = promise.other_starts.par_iter().chain([&promise.start]);
+                let starts = (&promise.other_starts).into_par_iter().chain([&promise.start]);
                 let fits = starts.map(|start| fit(&from.with(effect, start.clone()), self.data, self.prior, effort));
                 let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one start at least");
                 (effect.about().id, best)

@@ -5,7 +5,7 @@ use crate::dataset::Dataset;
 use crate::free_run::Steps;
 use motorbench_model::Model;
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
+use maybe_rayon::prelude::*;
 
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;
@@ -30,7 +30,7 @@ impl Sensitivities {
         let has_events = model.terms.iter().any(|term| term.effect.has_events());
         let difference = if has_events { DIFFERENCE_OVER_EVENTS } else { DIFFERENCE };
         let mut columns: Vec<Vec<f64>> = unknowns
-            .par_iter()
+            .into_par_iter()
             .map(|unknown| {
                 let change = |coordinate: f64| {
                     let mut moved = model.clone();

@@ -12,7 +12,7 @@ const LEAST_SHARE: f64 = 0.97;
 /// The data with that settled by the better fit, where neither the columns nor the rig file say it.
 pub fn with_window_settled(data: Dataset, nominal: &NominalMotor) -> Dataset {
     let Some(centred) = data.with_window_centred() else { return data };
-    let (ended, middle) = rayon::join(|| cost(&data, nominal), || cost(&centred, nominal));
+    let (ended, middle) = maybe_rayon::join(|| cost(&data, nominal), || cost(&centred, nominal));
     if middle < LEAST_SHARE * ended { centred } else { data }
 }
 

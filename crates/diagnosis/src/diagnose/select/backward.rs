@@ -8,7 +8,7 @@ use crate::diagnose::judge::{NOT_NOISE, sigmas_together};
 use crate::identify::{Effort, Fit, fit, scales};
 use motorbench_model::catalogue::{Alone, CATALOGUE, INDUCTANCE, Parameter, effect};
 use motorbench_model::{Model, Term};
-use rayon::prelude::*;
+use maybe_rayon::prelude::*;
 
 /// An effect is named with this significance, everything else being there: many effects are tried, and residuals have long tails. On
 /// benches invented for the purpose right names have more than ten.
@@ -169,7 +169,7 @@ impl Chooser<'_> {
             let gains_as_much = without.cost - other.cost > GAINED_BY_ANY * (without.cost - current.cost);
             gains_as_much && other.cost < LEFT_BY_ANY * current.cost
         };
-        let as_good = looked_at.par_iter().filter(|other| does_as_well(other)).count();
+        let as_good = (&looked_at).into_par_iter().filter(|other| does_as_well(other)).count();
         2 * as_good <= looked_at.len()
     }
 

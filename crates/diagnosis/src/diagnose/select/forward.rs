@@ -5,7 +5,7 @@ use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise};
 use crate::identify::{Effort, Fit, fit, scales};
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::{Model, Term};
-use rayon::prelude::*;
+use maybe_rayon::prelude::*;
 
 /// Effects fitted at each step, of those that promise most.
 const TRIED: usize = 4;
