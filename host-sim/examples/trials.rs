@@ -2,7 +2,7 @@
 //! `cargo run --release -p host-sim --example trials -- KIND COUNT [FIRST_SEED]`
 //!
 //! KIND is one of [`KINDS`], the identifier of an effect, `power` (every effect from its greatest strength down to where it
-//! is no longer found) or `report`: all kinds with COUNT trials each, and the power curves, written to `docs/trials.md`.
+//! is no longer found) or `report`: all kinds with COUNT trials each, and the power curves, written to `docs/explanation/trials.md`.
 
 #[path = "../tests/scoring/mod.rs"]
 mod scoring;
@@ -96,7 +96,7 @@ const CONFIDENCES: [f64; 6] = [0.0, 0.4, 0.6, 0.8, 0.95, 1.01];
 const POWER_SHARE: u64 = 4;
 /// Strengths of the power curves: 0 to 1 is the range that matters on a bench, each unit below it a tenth.
 const STRENGTHS: [f64; 6] = [-1.5, -1.0, -0.5, -0.25, 0.0, 1.0];
-const REPORT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/trials.md");
+const REPORT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/explanation/trials.md");
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -327,7 +327,7 @@ fn interval(part: usize, whole: usize) -> (f64, f64) {
     (low, high)
 }
 
-/// Everything, into `docs/trials.md`.
+/// Everything, into `docs/explanation/trials.md`.
 fn report(done: &Done, count: u64, first: u64) {
     let mut scores = Vec::new();
     for (index, Kind { name, goal, .. }) in KINDS.iter().enumerate() {

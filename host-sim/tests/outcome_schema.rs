@@ -1,4 +1,4 @@
-//! `docs/diagnosis.schema.json` is what programs are promised: results of every kind keep to it, and it refuses others.
+//! `docs/reference/diagnosis.schema.json` is what programs are promised: results of every kind keep to it, and it refuses others.
 
 use hidden_effects::{Channels, Effect, Recipe, draw};
 use host_sim::catalogue::CATALOGUE;
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 fn schema() -> Value {
-    serde_json::from_str(include_str!("../../docs/diagnosis.schema.json")).unwrap()
+    serde_json::from_str(include_str!("../../docs/reference/diagnosis.schema.json")).unwrap()
 }
 
 fn validator() -> Validator {
