@@ -129,3 +129,17 @@ fn its_effects_are_those_of_the_catalogue() {
     assert_eq!(listed.len(), known.len());
     assert!(listed.iter().all(|id| known.contains(&id.as_str().unwrap())), "{listed:?}");
 }
+
+/// Every effect and each of its constants is on the catalogue's page, and no other effect is.
+#[test]
+fn the_page_of_effects_is_the_catalogue() {
+    let page = include_str!("../../docs/reference/effects.md");
+    for about in CATALOGUE.iter().map(|effect| effect.about()) {
+        let section = page.split("\n### ").find(|section| section.starts_with(&format!("`{}`\n", about.id)));
+        let section = section.unwrap_or_else(|| panic!("no section on {}", about.id));
+        for parameter in about.parameters {
+            assert!(section.contains(parameter.name), "{}: {} is not explained", about.id, parameter.name);
+        }
+    }
+    assert_eq!(page.matches("\n### `").count(), CATALOGUE.len());
+}
