@@ -1,8 +1,10 @@
 //! The README and the pages beside it say what the source says.
 
 use motorbench_core::pins::PIN_MAP;
+use std::path::{Path, PathBuf};
 
 const README: &str = include_str!("../README.md");
+const CONTRIBUTING: &str = include_str!("../CONTRIBUTING.md");
 const HARDWARE: &str = include_str!("../docs/how-to/hardware.md");
 
 #[test]
@@ -19,12 +21,96 @@ fn the_pin_table_is_the_pin_map() {
 }
 
 #[test]
-fn the_commands_and_scripts_it_names_exist() {
+fn the_commands_and_scripts_that_are_named_exist() {
     let aliases = include_str!("../.cargo/config.toml");
     for alias in ["firmware", "flash", "firmware-clippy"] {
-        assert!(README.contains(&format!("cargo {alias}")) && aliases.contains(&format!("\n{alias} = ")), "{alias}");
+        let named = CONTRIBUTING.contains(&format!("cargo {alias}"));
+        assert!(named && aliases.contains(&format!("\n{alias} = ")), "{alias}");
     }
-    for script in ["scripts/demo", "scripts/test", "scripts/firmware"] {
-        assert!(README.contains(script) && std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(script).exists());
+    for (page, script) in [(README, "scripts/demo"), (README, "scripts/test"), (CONTRIBUTING, "scripts/firmware")] {
+        assert!(page.contains(script) && root().join(script).exists(), "{script}");
+    }
+}
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Every page: those beside the README, and those in docs.
+fn pages() -> Vec<PathBuf> {
+    let mut folders = vec![root().join("docs")];
+    let mut pages: Vec<PathBuf> =
+        ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"].map(|name| root().join(name)).into();
+    while let Some(folder) = folders.pop() {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().is_some_and(|extension| extension == "md") {
+                pages.push(path);
+            }
+        }
+    }
+    pages
+}
+
+/// A page without what stands in fences.
+fn prose(page: &Path) -> String {
+    let text = std::fs::read_to_string(page).unwrap();
+    text.split("\n```").step_by(2).collect()
+}
+
+/// The name that a heading has in a link.
+fn anchor(heading: &str) -> String {
+    let kept = heading.trim().to_lowercase().chars().filter_map(|character| match character {
+        ' ' => Some('-'),
+        '-' | '_' => Some(character),
+        _ => character.is_alphanumeric().then_some(character),
+    });
+    kept.collect()
+}
+
+/// The targets of the links and pictures in a page.
+fn links(prose: &str) -> Vec<&str> {
+    prose.split("](").skip(1).filter_map(|rest| rest.split(')').next()).collect()
+}
+
+#[test]
+fn every_link_leads_somewhere() {
+    let (mut count, mut wrong) = (0, Vec::new());
+    for page in pages() {
+        let prose = prose(&page);
+        for link in links(&prose).into_iter().filter(|link| !link.contains("://")) {
+            let (file, heading) = link.split_once('#').unwrap_or((link, ""));
+            let target = if file.is_empty() { page.clone() } else { page.parent().unwrap().join(file) };
+            let mut found = target.exists();
+            if found && !heading.is_empty() {
+                let headings = self::prose(&target);
+                found = headings.lines().any(|line| line.starts_with('#') && anchor(line.trim_matches('#')) == heading);
+            }
+            if !found {
+                wrong.push(format!("{}: {link}", page.display()));
+            }
+            count += 1;
+        }
+    }
+    assert!(count > 50 && wrong.is_empty(), "{count} links, of them broken:\n{}", wrong.join("\n"));
+}
+
+/// A page that no other page leads to is not found by anybody.
+#[test]
+fn every_page_is_linked() {
+    let pages = pages();
+    let linked: Vec<PathBuf> = pages
+        .iter()
+        .flat_map(|page| {
+            let prose = prose(page);
+            let targets = links(&prose).into_iter().map(|link| link.split('#').next().unwrap_or(link));
+            targets.filter_map(|file| page.parent()?.join(file).canonicalize().ok()).collect::<Vec<_>>()
+        })
+        .collect();
+    let root_page = root().join("README.md");
+    for page in pages.iter().filter(|page| **page != root_page) {
+        assert!(linked.contains(&page.canonicalize().unwrap()), "no page leads to {}", page.display());
     }
 }

@@ -46,7 +46,7 @@ const RUN: &[(&str, &[&str])] = &[
     ("docs/how-to/wrong-model.md", &["examples/recording"]),
     ("docs/how-to/loop.md", &["examples/recording"]),
     ("docs/explanation/physics.md", &["examples/recording"]),
-    ("README.md", &["examples/recording"]),
+    ("docs/tutorials/ten-minutes.md", &["examples/recording"]),
     ("docs/how-to/stand.md", &["host-sim/tests/data/pivt6"]),
     // Recorded by the simulated chip; the core on this computer has another scatter.
     #[cfg(feature = "chip")]
@@ -264,6 +264,21 @@ fn run(
         }
     }
     (count, wrong)
+}
+
+/// What the README shows, the tutorial shows as well, where it is run.
+#[test]
+fn what_the_readme_shows_is_in_the_tutorial() {
+    let tutorial = shown(&page("docs/tutorials/ten-minutes.md"));
+    let readme = shown(&page("README.md"));
+    assert!(readme.len() > 3, "the README shows {} commands", readme.len());
+    for Shown { line, output } in readme {
+        let run = tutorial.iter().find(|run| run.line == line).unwrap_or_else(|| panic!("not in the tutorial: {line}"));
+        let mut rest = run.output.iter();
+        for shown in output.iter().filter(|shown| !shown.is_empty()) {
+            assert!(rest.any(|line| line == shown), "$ {line}\nthe tutorial does not show, in this order: {shown}");
+        }
+    }
 }
 
 fn needs_board(words: &[String]) -> bool {
