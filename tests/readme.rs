@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 const README: &str = include_str!("../README.md");
 const CONTRIBUTING: &str = include_str!("../CONTRIBUTING.md");
 const HARDWARE: &str = include_str!("../docs/how-to/hardware.md");
+const SETTINGS: &str = include_str!("../docs/reference/settings.md");
 
 #[test]
 fn the_pin_table_is_the_pin_map() {
@@ -18,6 +19,14 @@ fn the_pin_table_is_the_pin_map() {
         .filter(|line| line.starts_with("| D") || line.starts_with("| A") && line.contains("| PC"))
         .count();
     assert_eq!(rows, PIN_MAP.len());
+}
+
+/// The tables are those that `cargo run --bin firmware` prints.
+#[test]
+fn the_page_of_settings_is_what_the_firmware_says() {
+    for line in motorbench_core::console::reference().to_string().lines() {
+        assert!(SETTINGS.contains(line), "docs/reference/settings.md lacks: {line}");
+    }
 }
 
 #[test]
