@@ -338,10 +338,13 @@ fn report(done: &Done, count: u64, first: u64) {
     }
     let all: Vec<&Score> = scores.iter().collect();
     let mut text = format!(
-        "# Trials of the diagnosis\n\nWritten by `cargo run --release -p host-sim --example trials -- report {count} {first}`: {count} benches of each \
-         kind and {OFTEN} times as many of the first {FIRST_KINDS}, seeds from {first}, strengths at random in the range that matters on a bench. *Exact*: everything that was hidden is \
-         named and nothing else; for causes outside the catalogue: no name. A name counts when it is the hidden one, or when the \
-         report itself says that it cannot be told from it. Cut off, the command goes on where it was.\n\n{HEAD}"
+        "# Trials of the diagnosis\n\nThis page is written by a program; [how it was tried](how-it-was-tried.md) explains it.\n\n\
+         ```sh\ncargo run --release -p host-sim --example trials -- report {count} {first}\n```\n\n\
+         It draws {count} benches of each kind, and {OFTEN} times as many of the first {FIRST_KINDS}, with seeds from {first}. Strengths \
+         are at random in the range that matters on a bench. When it is cut off, the command goes on where it was.\n\n\
+         *Exact* means that everything that was hidden is named, and nothing else. For causes outside the catalogue it means that \
+         no name is given. A name counts when it is the hidden one, or when the report itself says that it cannot be told from \
+         it.\n\n{HEAD}"
     );
     for (Kind { name, what, goal }, score) in KINDS.iter().zip(&scores) {
         text += &score.line(&format!("{name}: {what}"), goal);
