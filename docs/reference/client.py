@@ -167,8 +167,17 @@ def main():
     print(f"samples {len(board.samples)} lost {board.lost} damaged {board.damaged} every {sorted(ticks)} ticks")
     print(f"time {tick / tick_rate:.3f} s")
     print(f"mode {MODES[state & 7]} armed {state >> 3 & 1} enabled {state >> 4 & 1} trip {trip}")
-    print(f"reference {reference / 1024:.3f} V" if state & 7 < 2 else f"reference {reference} in the unit of the mode")
-    print(f"angle {math.degrees(counts * 2 * math.pi / counts_per_rev):.2f} deg")
+    rad_per_count = 2 * math.pi / counts_per_rev
+    value, unit = {
+        0: (reference / 1024, "V"),
+        1: (reference / 1024, "V"),
+        2: (reference * speed_range / 32768, "rad/s"),
+        4: (reference * speed_range / 32768, "rad/s"),
+        3: (reference * rad_per_count, "rad"),
+        5: (reference * rad_per_count, "rad"),
+    }[state & 7]
+    print(f"reference {value:.3f} {unit}")
+    print(f"angle {counts * rad_per_count:.4f} rad")
     print(f"speed {speed * speed_range / 32768:.3f} rad/s")
     print(f"current {current / 4096:.3f} A")
     print(f"duty {duty / 800:.3f}")
