@@ -71,7 +71,8 @@ fn prose(page: &Path) -> String {
 
 /// The name that a heading has in a link.
 fn anchor(heading: &str) -> String {
-    let kept = heading.trim().to_lowercase().chars().filter_map(|character| match character {
+    let heading = heading.trim().to_lowercase();
+    let kept = heading.chars().filter_map(|character| match character {
         ' ' => Some('-'),
         '-' | '_' => Some(character),
         _ => character.is_alphanumeric().then_some(character),
@@ -122,4 +123,58 @@ fn every_page_is_linked() {
     for page in pages.iter().filter(|page| **page != root_page) {
         assert!(linked.contains(&page.canonicalize().unwrap()), "no page leads to {}", page.display());
     }
+}
+
+/// All folders of the sources, from the root.
+fn folders() -> Vec<PathBuf> {
+    let mut folders = vec![root().to_path_buf()];
+    let mut next = 0;
+    while let Some(folder) = folders.get(next).cloned() {
+        next += 1;
+        let inner = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_dir());
+        folders.extend(inner.filter(|path| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name != "target" && !name.starts_with('.')
+        }));
+    }
+    folders
+}
+
+/// What `cargo` in a page is to take, there is: packages, tests, examples and benches; and so are the files that it names.
+#[test]
+fn what_the_pages_name_of_the_sources_exists() {
+    let folders = folders();
+    let lock = include_str!("../Cargo.lock");
+    let file =
+        |kind: &str, name: &str| folders.iter().any(|folder| folder.join(kind).join(format!("{name}.rs")).exists());
+    let mut wrong = Vec::new();
+    for page in pages() {
+        let text = std::fs::read_to_string(&page).unwrap();
+        for line in text.lines().filter(|line| line.contains("cargo ")) {
+            let words: Vec<&str> = line.split(['`', ' ']).collect();
+            for pair in words.windows(2).filter(|pair| pair[1].chars().all(|c| c.is_alphanumeric() || "-_".contains(c)))
+            {
+                let [option, name] = [pair[0], pair[1]];
+                let exists = match option {
+                    "-p" if name != "PACKAGE" => lock.contains(&format!("\nname = \"{name}\"\n")),
+                    "--test" => file("tests", name),
+                    "--example" => file("examples", name),
+                    "--bench" => file("benches", name),
+                    _ => true,
+                };
+                if !exists {
+                    wrong.push(format!("{}: {option} {name}", page.display()));
+                }
+            }
+        }
+        const PLACES: [&str; 9] =
+            ["core/", "src/", "host-sim/", "crates/", "hidden-effects/", "tests/", "scripts/", "scenarios/", "docs/"];
+        for path in prose(&page).split('`').skip(1).step_by(2) {
+            let plain = path.chars().all(|c| c.is_alphanumeric() || "-_./".contains(c));
+            if plain && PLACES.iter().any(|place| path.starts_with(place)) && !root().join(path).exists() {
+                wrong.push(format!("{}: {path}", page.display()));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "there is no\n{}", wrong.join("\n"));
 }
