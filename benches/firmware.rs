@@ -5,7 +5,7 @@
 mod common;
 
 use common::figures;
-use host_sim::chip::Spread;
+use motorbench_chip::Spread;
 
 fn main() {
     println!("| what | measured | goal |\n|---|---|---|");

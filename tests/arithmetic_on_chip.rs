@@ -1,7 +1,7 @@
 //! The assembly of the control path computes on the chip what its Rust twins compute on the host.
 
-use host_sim::chip::{Bench, Rig, avr_elf};
 use host_sim::plant::DcMotor;
+use motorbench_chip::{Bench, Rig, avr_elf};
 use motorbench_core::arith::digests;
 
 #[test]

@@ -4,10 +4,10 @@
 mod common;
 
 use common::{Uno, figures};
-use host_sim::chip::Sample;
-use host_sim::chip::registers::vector;
-use host_sim::rig::Timing;
+use motorbench_chip::Sample;
+use motorbench_chip::registers::vector;
 use motorbench_core::pins::{CPU_HZ, CURRENT_SENSE, SUPPLY_SENSE};
+use motorbench_data::rig::Timing;
 
 #[test]
 fn controllers() {

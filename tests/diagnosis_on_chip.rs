@@ -5,15 +5,15 @@ mod common;
 
 use common::Uno;
 use hidden_effects::{Effect, LiveBench, Recipe, Switch, Truth};
-use host_sim::chip::Rig;
-use host_sim::diagnose::diagnose;
-use host_sim::diagnose::page::page;
-use host_sim::link::name;
 use host_sim::plant::{Bridge, Inputs, Plant};
-use host_sim::recording::Recording;
-use host_sim::rig::NominalMotor;
-use host_sim::telemetry;
+use motorbench_chip::Rig;
 use motorbench_core::settings::{Param, Settings};
+use motorbench_data::names::setting_name as name;
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::NominalMotor;
+use motorbench_data::telemetry;
+use motorbench_diagnosis::diagnose::diagnose;
+use motorbench_report::diagnosis_text::page;
 
 /// The ACS712 ends at 5 A: a reversal at full speed must not reach it.
 const LEAST_RESISTANCE_OHM: f64 = 6.0;

@@ -3,15 +3,15 @@
 //! Given a run of the firmware with a motor attached, its inputs and requests are read from the chip's memory tick by
 //! tick; the host's copy of the core gets them and must produce every sample the chip sent over its serial line.
 
-use host_sim::chip::{Bench, Rig, firmware_elf};
-use host_sim::link::name;
 use host_sim::plant::{DcMotor, DcMotorParameters};
+use motorbench_chip::{Bench, Rig, firmware_elf};
 use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig};
 use motorbench_core::encoder::Edges;
 use motorbench_core::excitation::{Kind, Sequence};
 use motorbench_core::message::{Mode, Request, Sample};
 use motorbench_core::protocol::{Frame, StreamDecoder};
 use motorbench_core::settings::{Param, Settings};
+use motorbench_data::names::setting_name as name;
 use std::collections::BTreeMap;
 
 /// One tick as the chip saw it.

@@ -3,8 +3,8 @@
 mod common;
 
 use common::Uno;
-use host_sim::chip::{EncoderFault, SensorFault, registers};
 use host_sim::plant::Bridge;
+use motorbench_chip::{EncoderFault, SensorFault, registers};
 use motorbench_core::message::{State, Trip};
 
 /// Runs a speed loop, provokes, and expects the trip within the limit; then that the drive is and stays off.

@@ -4,23 +4,23 @@
 mod common;
 
 use common::Uno;
-use host_sim::catalogue::effect;
-use host_sim::chip::{EncoderFault, Rig, Row, Tachogenerator as Sensor};
-use host_sim::design::law::ControlLaw;
-use host_sim::design::specification::{Specification, Speed};
-use host_sim::design::tachogenerator::Tachogenerator;
-use host_sim::design::trial::Point;
-use host_sim::design::{Bench, Design, design};
 use host_sim::figures::{Figures, step_figures};
-use host_sim::model::Model;
-use host_sim::motor::MotorParameters;
 use host_sim::plant::ModelPlant;
 use host_sim::scenario::reference::{Course, Reference};
 use host_sim::scenario::{Load, Noise, Scenario};
+use host_sim::trial::Point;
+use motorbench_chip::{EncoderFault, Rig, Row, Tachogenerator as Sensor};
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE};
+use motorbench_design::law::ControlLaw;
+use motorbench_design::specification::{Specification, Speed};
+use motorbench_design::tachogenerator::Tachogenerator;
+use motorbench_design::{Bench, Design, design};
+use motorbench_model::Model;
+use motorbench_model::catalogue::effect;
+use motorbench_model::motor::MotorParameters;
 
 const TACHO: Tachogenerator = Tachogenerator { gain_v_per_krpm: 3.0, ripple: 0.05, ripples_per_rev: 22.0 };
 const STRETCH_S: f64 = 0.8;

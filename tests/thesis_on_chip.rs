@@ -6,7 +6,7 @@
 mod set_up;
 
 use host_sim::plant::DcMotorParameters;
-use host_sim::thesis::Loop;
+use motorbench_stand::thesis::Loop;
 
 /// What the simulation said and what the firmware did.
 fn agrees(done: &Loop) {

@@ -2,18 +2,18 @@
 //! bridge that loses voltage, relay and step experiments over its serial line give gains that hold a speed, and refuse
 //! where friction is all that they would measure.
 
-use host_sim::board::Board;
-use host_sim::catalogue::effect;
-use host_sim::chip::{Bench, ChipBoard, Rig, firmware_elf};
-use host_sim::design::on_board::{self, TuningError};
-use host_sim::design::relay::{Relay, RelayError, tyreus_luyben};
-use host_sim::design::step_tuning::simc;
-use host_sim::linear::motor_model;
-use host_sim::model::Model;
-use host_sim::motor::MotorParameters;
 use host_sim::plant::ModelPlant;
+use motorbench_chip::{Bench, ChipBoard, Rig, firmware_elf};
 use motorbench_core::message::Trip;
 use motorbench_core::settings::Settings;
+use motorbench_design::relay::{Relay, RelayError, tyreus_luyben};
+use motorbench_design::step_tuning::simc;
+use motorbench_link::board::Board;
+use motorbench_model::Model;
+use motorbench_model::catalogue::effect;
+use motorbench_model::linear::motor_model;
+use motorbench_model::motor::MotorParameters;
+use motorbench_stand::on_board::{self, TuningError};
 
 /// A board with the paper's motor: Coulomb friction, half as much again to break away, and 2 V lost in the bridge.
 fn board() -> ChipBoard<ModelPlant> {

@@ -1,6 +1,6 @@
 //! Figures of merit: what a loop made of a step of the reference, or of any other course.
 
-use crate::design::trial::Point;
+use crate::trial::Point;
 use serde::Serialize;
 
 /// Band of the settling time, as a share of the step.

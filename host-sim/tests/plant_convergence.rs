@@ -4,10 +4,10 @@
 //! which a sign term lets go or takes hold by bisection, and shares nothing with the plant. Run with `--nocapture` for
 //! the tables.
 
-use host_sim::catalogue::effect;
-use host_sim::model::Model;
-use host_sim::motor::MotorParameters;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, PeriodEnd, Plant, Pwm};
+use motorbench_model::Model;
+use motorbench_model::catalogue::effect;
+use motorbench_model::motor::MotorParameters;
 
 const MOTOR: MotorParameters = MotorParameters::PIVT6;
 const PERIOD_S: f64 = 50e-6;

@@ -1,6 +1,5 @@
 //! The scenarios of the repository, and what is wrong with wrong ones.
 
-use host_sim::scenario::Scenario;
 use host_sim::scenario::reference::{Course, Reference};
 use motorbench_core::message::Trip;
 use std::path::{Path, PathBuf};
@@ -12,7 +11,7 @@ fn repository(name: &str) -> PathBuf {
 /// Run up, reversal, and a load that takes a twentieth of the stall torque.
 #[test]
 fn the_speed_loop_runs_up_reverses_and_takes_a_load() {
-    let outcome = Scenario::read(&repository("speed_step.toml")).unwrap().run().unwrap();
+    let outcome = motorbench_files::scenario(&repository("speed_step.toml"), None).unwrap().run().unwrap();
     assert_eq!(outcome.trip, Trip::None);
     let [up, reversal, load] = &outcome.figures[..] else { panic!("{:?}", outcome.figures) };
     println!("{up:?}\n{reversal:?}\n{load:?}");
@@ -25,14 +24,14 @@ fn the_speed_loop_runs_up_reverses_and_takes_a_load() {
     assert!((5.0..25.0).contains(&load.largest_error.unwrap()) && load.settling_s.unwrap() < 0.4, "{load:?}");
     assert!(load.steady_error.unwrap().abs() < 0.1, "{load:?}");
     // Reported, and true: a sign that is wrong in both would cancel in neither.
-    let reported = outcome.recording.get(host_sim::recording::Channel::Speed).unwrap();
+    let reported = outcome.recording.get(motorbench_data::recording::Channel::Speed).unwrap();
     let last = outcome.points.last().unwrap();
     assert!((reported[reported.len() - 1] - last.omega_rad_per_s).abs() < 0.5 && last.omega_rad_per_s < -59.0);
 }
 
 #[test]
 fn the_position_loop_moves_and_returns() {
-    let outcome = Scenario::read(&repository("position_lqr.toml")).unwrap().run().unwrap();
+    let outcome = motorbench_files::scenario(&repository("position_lqr.toml"), None).unwrap().run().unwrap();
     assert_eq!(outcome.trip, Trip::None);
     for figures in &outcome.figures {
         println!("{figures:?}");
@@ -48,7 +47,7 @@ fn the_position_loop_moves_and_returns() {
 /// Each course is followed, the load and the dip of the supply are taken, and the lost frames are a gap in the recording.
 #[test]
 fn every_course_is_followed() {
-    let outcome = Scenario::read(&repository("trajectories.toml")).unwrap().run().unwrap();
+    let outcome = motorbench_files::scenario(&repository("trajectories.toml"), None).unwrap().run().unwrap();
     assert_eq!((outcome.trip, outcome.trip_s), (Trip::None, None));
     for figures in &outcome.figures {
         println!("{figures:?}");
@@ -71,12 +70,12 @@ fn every_course_is_followed() {
 /// The same seed gives the same run, another seed another, and none is without noise.
 #[test]
 fn noise_is_repeatable() {
-    let mut scenario = Scenario::read(&repository("trajectories.toml")).unwrap();
+    let mut scenario = motorbench_files::scenario(&repository("trajectories.toml"), None).unwrap();
     scenario.duration_s = 0.5;
     let mut current = |seed: u64, current_a: f64| {
         scenario.noise.seed = seed;
         scenario.noise.current_a = current_a;
-        scenario.run().unwrap().recording.get(host_sim::recording::Channel::Current).unwrap().to_vec()
+        scenario.run().unwrap().recording.get(motorbench_data::recording::Channel::Current).unwrap().to_vec()
     };
     let (once, again, other, clean) = (current(1, 0.05), current(1, 0.05), current(2, 0.05), current(1, 0.0));
     assert_eq!(once, again);
@@ -88,7 +87,7 @@ fn noise_is_repeatable() {
 /// Every fault does what it says, and the core answers with the trip that is meant for it.
 #[test]
 fn faults_bring_their_trips() {
-    let outcome = Scenario::read(&repository("encoder_unplugged.toml")).unwrap().run().unwrap();
+    let outcome = motorbench_files::scenario(&repository("encoder_unplugged.toml"), None).unwrap().run().unwrap();
     assert_eq!(outcome.trip, Trip::EncoderSilent);
     assert!((1.0..1.1).contains(&outcome.trip_s.unwrap()), "{:?}", outcome.trip_s);
     let directory = std::env::temp_dir().join(format!("motorbench-faults-{}", std::process::id()));
@@ -104,7 +103,7 @@ fn faults_bring_their_trips() {
     ] {
         let path = directory.join("fault.toml");
         std::fs::write(&path, good.replace("kind = \"encoder_unplugged\"", fault) + settings).unwrap();
-        let outcome = Scenario::read(&path).unwrap().run().unwrap();
+        let outcome = motorbench_files::scenario(&path, None).unwrap().run().unwrap();
         println!("{fault}: {:?} at {:?} s", outcome.trip, outcome.trip_s);
         assert_eq!(outcome.trip, expected, "{fault}");
         assert!(outcome.trip_s.is_none_or(|trip_s| (0.8..1.4).contains(&trip_s)));
@@ -121,7 +120,7 @@ fn the_page_on_scenarios_is_true() {
     let path = directory.join("scenario.toml");
     let example = page.split("```toml\n").nth(1).unwrap().split("```").next().unwrap();
     std::fs::write(&path, example).unwrap();
-    let outcome = Scenario::read(&path).unwrap().run().unwrap();
+    let outcome = motorbench_files::scenario(&path, None).unwrap().run().unwrap();
     assert!(outcome.trip == Trip::None && outcome.figures.len() == 1, "{:?}", outcome.figures);
     // What the reader of the file says it knows, where it meets what it does not.
     for wrong in [
@@ -132,7 +131,7 @@ fn the_page_on_scenarios_is_true() {
         "[noise]\nno = 1\n",
     ] {
         std::fs::write(&path, format!("duration_s = 1.0\n{wrong}")).unwrap();
-        let message = Scenario::read(&path).unwrap_err().to_string();
+        let message = motorbench_files::scenario(&path, None).unwrap_err().to_string();
         let known = message.split("expected").nth(1).unwrap_or_else(|| panic!("{message}"));
         let keys: Vec<_> = known.split('`').skip(1).step_by(2).collect();
         assert!(keys.len() >= 2, "{message}");
@@ -151,7 +150,7 @@ fn a_wrong_scenario_says_where() {
     let message = |text: String| {
         let path = directory.join("wrong.toml");
         std::fs::write(&path, text).unwrap();
-        Scenario::read(&path).unwrap_err().to_string()
+        motorbench_files::scenario(&path, None).unwrap_err().to_string()
     };
     for (from, to, expected) in [
         ("mode = \"lqr_position\"", "mode = \"fast\"", "expected open, speed, position"),
@@ -219,7 +218,7 @@ fn a_wrong_scenario_says_where() {
 /// 0.05 + 0.802 is a little more than 0.852.
 #[test]
 fn what_is_due_at_a_tick_comes_at_that_tick() {
-    let mut scenario = Scenario::read(&repository("speed_step.toml")).unwrap();
+    let mut scenario = motorbench_files::scenario(&repository("speed_step.toml"), None).unwrap();
     (scenario.loads, scenario.duration_s) = (Vec::new(), 0.9);
     for after_s in [0.8, 0.801, 0.802, 0.803, 0.804] {
         scenario.references = vec![Reference { time_s: 0.05 + after_s, course: Course::Step { value: 20.0 } }];

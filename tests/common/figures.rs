@@ -2,9 +2,9 @@
 //! `cycles_on_chip`, printed as the table of docs/reference/benchmarks.md by `cargo bench --features chip --bench firmware`.
 
 use super::Uno;
-use host_sim::chip::registers::{self, vector};
-use host_sim::chip::{Bench, Rig, Spread, avr_elf};
 use host_sim::plant::DcMotor;
+use motorbench_chip::registers::{self, vector};
+use motorbench_chip::{Bench, Rig, Spread, avr_elf};
 
 /// The tick in one mode of use.
 pub struct Tick {

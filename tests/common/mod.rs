@@ -3,8 +3,8 @@
 
 pub mod figures;
 
-use host_sim::chip::{Bench, Rig, firmware_elf};
 use host_sim::plant::{DcMotor, DcMotorParameters, Plant};
+use motorbench_chip::{Bench, Rig, firmware_elf};
 use motorbench_core::message::Sample;
 use motorbench_core::protocol::{Frame, StreamDecoder};
 

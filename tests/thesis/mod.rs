@@ -1,11 +1,11 @@
 //! The thesis experiment's set-up, of which `docs/explanation/thesis.md` tells: shared by the test and the example that prints it.
 
-use host_sim::chip::{Bench, ChipBoard, Rig, firmware_elf};
-use host_sim::design::specification::{Specification, Speed};
-use host_sim::motor::MotorParameters;
 use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
-use host_sim::rig::NominalMotor;
-use host_sim::thesis::{Thesis, thesis};
+use motorbench_chip::{Bench, ChipBoard, Rig, firmware_elf};
+use motorbench_data::rig::NominalMotor;
+use motorbench_design::specification::{Specification, Speed};
+use motorbench_model::motor::MotorParameters;
+use motorbench_stand::thesis::{Thesis, thesis};
 use std::error::Error;
 
 /// Runs it on the simulated chip.

@@ -11,8 +11,8 @@
 //! PWM periods in which neither sign changes are steps of one linear map ([`Steady`]); only the others are searched for
 //! events.
 
-use super::closed_form::{Family, Matrix, Vector, apply, combine, dot, product, row_times};
 use super::{Bridge, Inputs, Motion, PeriodEnd, Plant, Pwm};
+use motorbench_model::closed_form::{Family, Matrix, Vector, apply, combine, dot, product, row_times};
 
 /// Longest stretch solved at once. Events inside it are found by the sign of what changed at its end, and within this
 /// time nothing on a real motor changes its sign twice.

@@ -4,7 +4,6 @@
 //! own sense: positive speed is what a positive voltage between IN1 and IN2 brings about, and positive current is what
 //! drives it.
 
-pub(crate) mod closed_form;
 mod dc_motor;
 mod model_plant;
 

@@ -2,10 +2,10 @@
 
 use super::dc_motor::Torques;
 use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, PeriodEnd, Plant, Pwm};
-use crate::catalogue::{ActsOn, Balance, DryLosses, Effect, Instant, Wave};
-use crate::free_run::LinearStep;
-use crate::model::{Model, Term};
-use crate::motor::MotorParameters;
+use motorbench_model::LinearStep;
+use motorbench_model::catalogue::{ActsOn, Balance, DryLosses, Effect, Instant, Wave};
+use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Model, Term};
 
 /// Longest step; shorter ones are taken as they come.
 const LONGEST_STEP_S: f64 = 50e-6;
@@ -546,7 +546,7 @@ impl Plant for ModelPlant {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalogue::effect;
+    use motorbench_model::catalogue::effect;
 
     /// Friction and bridge drop of the catalogue against the plant that finds every event exactly.
     #[test]

@@ -4,13 +4,13 @@ use super::reference::{Course, Reference};
 use super::refusal::refusal;
 use super::sequence::{self, SequenceOrder};
 use super::{Fault, FaultKind, Load, Noise, Scenario, ScenarioError};
-use crate::keys;
-use crate::link::name;
-use crate::model::Model;
 use motorbench_core::control_loop::LoopConfig;
 use motorbench_core::excitation::Kind;
 use motorbench_core::message::{Mode, Trip};
 use motorbench_core::settings::{Param, Settings, Text, text};
+use motorbench_data::names::setting_name as name;
+use motorbench_model::Model;
+use motorbench_text::keys;
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -71,16 +71,20 @@ struct FileFault {
     voltage_v: Option<f64>,
 }
 
-/// Reads a scenario, for another model than its own if there is one; its model file is looked for beside it.
-pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError> {
+/// See [`Scenario::parse`].
+pub fn parse(
+    path: &Path,
+    text: &str,
+    model: Option<Model>,
+    beside: impl Fn(&Path) -> Result<String, ScenarioError>,
+) -> Result<Scenario, ScenarioError> {
     let name = path.display().to_string();
-    let text = text_of(path)?;
-    let file: File = toml::from_str(&text).map_err(|error| {
-        let message = if is_another_file(&text) { ANOTHER_FILE.into() } else { keys::explained(&error) };
+    let file: File = toml::from_str(text).map_err(|error| {
+        let message = if is_another_file(text) { ANOTHER_FILE.into() } else { keys::explained(&error) };
         ScenarioError::Syntax { path: name.clone(), message }
     })?;
     let own = || {
-        Model::parse(&file.model_text(path, &text)?)
+        Model::parse(&file.model_text(path, text, &beside)?)
             .map_err(|source| ScenarioError::Model { path: name.clone(), source: Box::new(source) })
     };
     let named = || file.model.as_ref().map(|model| path.with_file_name(model));
@@ -88,7 +92,7 @@ pub fn read(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError
         Some(model) => (model, None),
         None => (own()?, named()),
     };
-    file.scenario((model, model_file), &text).map_err(|what| ScenarioError::Value { path: name, what })
+    file.scenario((model, model_file), text).map_err(|what| ScenarioError::Value { path: name, what })
 }
 
 /// Whether a text in TOML has nothing that could be the length of a scenario: a model or rig file.
@@ -100,20 +104,20 @@ fn is_another_file(text: &str) -> bool {
 /// What is wrong with it.
 const ANOTHER_FILE: &str = "this is no scenario: it has no duration_s (docs/reference/scenarios.md says what one has). A model file goes with --model, beside a scenario";
 
-fn text_of(path: &Path) -> Result<String, ScenarioError> {
-    crate::text_file::read(path, "a scenario or its model (TOML)")
-        .map_err(|source| ScenarioError::Read { path: path.display().to_string(), source })
-}
-
 impl File {
     /// The file of the model, or this one's own `text`.
-    fn model_text(&self, path: &Path, text: &str) -> Result<String, ScenarioError> {
+    fn model_text(
+        &self,
+        path: &Path,
+        text: &str,
+        beside: impl Fn(&Path) -> Result<String, ScenarioError>,
+    ) -> Result<String, ScenarioError> {
         if let Some(model) = &self.model {
             if self.motor.is_some() || self.effects.is_some() {
                 let what = "model and [motor] or [effects]: give the one or the others".into();
                 return Err(ScenarioError::Value { path: path.display().to_string(), what });
             }
-            return text_of(&path.with_file_name(model));
+            return beside(Path::new(model));
         }
         if self.motor.is_none() {
             let what =

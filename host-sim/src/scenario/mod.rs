@@ -22,16 +22,16 @@ pub mod reference;
 mod refusal;
 pub mod sequence;
 
-use crate::design::trial::{Point, Surroundings, Trial};
 use crate::figures::{Figures, JUMP, disturbance_figures, step_figures, tracking_figures};
-use crate::model::{Model, ModelError};
 use crate::plant::ModelPlant;
-use crate::recording::Recording;
-use crate::telemetry;
+use crate::trial::{Point, Surroundings, Trial};
 use motorbench_core::message::{Mode, Request, Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
+use motorbench_data::recording::Recording;
+use motorbench_data::telemetry;
+use motorbench_model::{Model, ModelError};
 use reference::{Course, Reference};
-pub(crate) use refusal::refusal;
+pub use refusal::refusal;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
@@ -173,20 +173,18 @@ pub struct Outcome {
 }
 
 impl Scenario {
-    /// Reads a scenario; a model file is looked for beside it.
+    /// Reads the text of a scenario. `path` is for messages. `model` takes the place of its own, which it need not have;
+    /// `beside` reads the model file that the scenario names.
     ///
     /// # Errors
-    /// [`ScenarioError`], which says file, line or key, and what was expected.
-    pub fn read(path: &Path) -> Result<Self, ScenarioError> {
-        file::read(path, None)
-    }
-
-    /// Reads a scenario for another model than its own, which it need not have.
-    ///
-    /// # Errors
-    /// As [`read`](Self::read).
-    pub fn read_for(path: &Path, model: Model) -> Result<Self, ScenarioError> {
-        file::read(path, Some(model))
+    /// [`ScenarioError`], which says file, line or key, and what is expected.
+    pub fn parse(
+        path: &Path,
+        text: &str,
+        model: Option<Model>,
+        beside: impl Fn(&Path) -> Result<String, ScenarioError>,
+    ) -> Result<Self, ScenarioError> {
+        file::parse(path, text, model, beside)
     }
 
     /// Runs it.

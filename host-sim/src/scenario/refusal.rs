@@ -1,15 +1,15 @@
 //! What the core has against a set of settings, and up to which value it would take the one that it names.
 
-use crate::link::name;
 use motorbench_core::control_loop::LoopConfig;
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::units::Rule;
+use motorbench_data::names::setting_name as name;
 
 /// Halvings that find where the core's formats end, to more digits than a setting has.
 const HALVINGS: u32 = 40;
 
 /// The setting, its value, what is wrong with it, and what it could be.
-pub(crate) fn refusal(settings: &Settings, error: BuildError) -> String {
+pub fn refusal(settings: &Settings, error: BuildError) -> String {
     let (param, value) = (error.param, settings.get(error.param));
     let why = match error.rule {
         Rule::TooLarge | Rule::TooSmall | Rule::RoundsToZero => bound(settings, param).map_or_else(

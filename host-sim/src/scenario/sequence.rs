@@ -1,9 +1,9 @@
 //! A sequence that the core plays by itself, as a `sequence` line of the console or of a scenario asks for it.
 
-use crate::telemetry::reference_bit;
 use motorbench_core::excitation::{Bridge, Excess, Kind, Player, Sequence};
 use motorbench_core::message::Mode;
 use motorbench_core::settings::{Param, Settings};
+use motorbench_data::telemetry::reference_bit;
 
 /// A jump is a step if it is more than this share of the amplitude...
 const LEAST_JUMP: f64 = 0.1;

@@ -1,0 +1,296 @@
+//! `motorbench compare`
+
+use super::{
+    Failure, Outputs, mapping, plot_file, read_model, read_recording, rig_file, rig_for, write_json, write_plot,
+};
+use clap::Args;
+use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
+use motorbench_diagnosis::compare::{Comparison, Difference, compare};
+use motorbench_diagnosis::dataset::Dataset;
+use motorbench_diagnosis::diagnose::judge;
+use motorbench_diagnosis::free_run::free_run;
+use motorbench_diagnosis::identify::Z95;
+use motorbench_files::text_file;
+use motorbench_model::Model;
+use motorbench_model::linear::motor_model::speed;
+use motorbench_report::panels::{Panel, panels};
+use motorbench_text::terminal_text::{fixed, short};
+use nalgebra::Complex;
+use serde_json::{Value, json};
+use std::f64::consts::TAU;
+use std::path::{Path, PathBuf};
+
+/// Compares two recordings, two models, or a recording with a model.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench compare monday.csv friday.csv --plot both.svg
+  motorbench compare linear.toml extended.toml --voltage 12
+  motorbench compare run.csv model.toml --rig rig.toml
+  motorbench compare before.json after.json
+
+The last are results of identify or diagnose --json: differences in sigmas.")]
+pub struct Arguments {
+    /// Recording (.csv), model (.toml), or constants with intervals (.json of identify or diagnose).
+    first: PathBuf,
+    /// The same.
+    second: PathBuf,
+    /// What is known of the rig (TOML), for a recording with a model; without it the rig file beside the recording, where
+    /// there is one.
+    #[arg(long)]
+    rig: Option<PathBuf>,
+    /// A column that has another name: FILE_NAME=PROJECT_NAME.
+    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
+    columns: Vec<(String, String)>,
+    /// By how much the second recording is later; left out: it is found.
+    #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
+    delay: Option<f64>,
+    /// Voltage of the step that two models answer.
+    #[arg(long, default_value_t = 6.0, value_name = "VOLTS", allow_negative_numbers = true)]
+    voltage: f64,
+    /// Draws both: over time; of models the step and the frequency response.
+    #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
+    plot: Option<PathBuf>,
+    /// Writes the result as JSON into a file, - for the terminal.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Recording,
+    Model,
+    Constants,
+}
+
+fn kind(path: &Path) -> Result<Kind, Failure> {
+    match path.extension().and_then(|ending| ending.to_str()) {
+        Some("csv") => Ok(Kind::Recording),
+        Some("toml") => Ok(Kind::Model),
+        Some("json") => Ok(Kind::Constants),
+        _ => Err(Failure::input(format!(
+            "{}: expected .csv (recording), .toml (model) or .json (constants)",
+            path.display()
+        ))),
+    }
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] with file and what to do.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let (first, second) = (&arguments.first, &arguments.second);
+    arguments.outputs()?;
+    match (kind(first)?, kind(second)?) {
+        (Kind::Recording, Kind::Recording) => recordings(arguments),
+        (Kind::Recording, Kind::Model) => with_model(arguments, first, second),
+        (Kind::Model, Kind::Recording) => with_model(arguments, second, first),
+        (Kind::Model, Kind::Model) => models(arguments),
+        (Kind::Constants, Kind::Constants) => constants(arguments),
+        _ => Err(Failure::input("constants with intervals (.json) are compared with others of their kind")),
+    }
+}
+
+fn finish(arguments: &Arguments, result: &Value, text: &str, plot: impl FnOnce() -> String) -> Result<(), Failure> {
+    if let Some(path) = &arguments.plot {
+        write_plot(path, &plot())?;
+    }
+    if let Some(path) = &arguments.json {
+        write_json(path, result)?;
+    }
+    arguments.outputs()?.say(text);
+    Ok(())
+}
+
+impl Arguments {
+    fn outputs(&self) -> Result<Outputs, Failure> {
+        let inputs = [&self.first, &self.second];
+        let rigs: Vec<PathBuf> = inputs.iter().filter_map(|path| rig_file(self.rig.as_deref(), Some(path))).collect();
+        Outputs::new(inputs.into_iter().chain(&rigs), self.plot.iter().chain(&self.json))
+    }
+}
+
+fn recordings(arguments: &Arguments) -> Result<(), Failure> {
+    let read = |path: &Path| read_recording(path, &arguments.columns);
+    let compared =
+        compare(&read(&arguments.first)?, &read(&arguments.second)?, arguments.delay).map_err(Failure::input)?;
+    let result = serde_json::to_value(&compared).map_err(Failure::machine)?;
+    finish(arguments, &result, &table(&compared), || plot(&compared, ["first", "second"]))
+}
+
+/// Delay, and difference of each channel.
+pub fn table(compared: &Comparison) -> String {
+    let (delay, duration) = (short(1e3 * compared.delay_s), short(compared.duration_s));
+    let mut text = format!("The second is {delay} ms later; compared over {duration} s\n");
+    text += "  channel            rms difference        fit\n";
+    for channel in &compared.channels {
+        let fit = channel.fit_percent.map_or("-".into(), |fit| format!("{fit:.1} %"));
+        text += &format!("  {:<18} {:>14} {fit:>10}\n", channel.channel, short(channel.rms));
+    }
+    text
+}
+
+/// Both over time, a panel for each channel, and below it one for what they differ by.
+pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
+    let of_channel = |channel: &Difference| {
+        let both =
+            Panel::new(channel.title()).line(names[0], channel.first.clone()).line(names[1], channel.second.clone());
+        let title = channel.title_of_difference(names);
+        let apart = channel.differs().then(|| Panel::new(&title).line(names[1], channel.second_less_first()));
+        [both].into_iter().chain(apart)
+    };
+    panels(compared.interval_s, &compared.channels.iter().flat_map(of_channel).collect::<Vec<_>>())
+}
+
+/// A free run of the model over the recording, against everything that was measured.
+fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(), Failure> {
+    let rig = rig_for(arguments.rig.as_deref(), Some(recording))?;
+    let recording = read_recording(recording, &arguments.columns)?;
+    let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
+    let model = read_model(model)?;
+    // The model was not fitted here: all of it is new to it.
+    data.kept_back.fill(true);
+    let prediction = free_run(&model, &data);
+    let mut text = String::from("Free-running simulation of the model against the whole recording\n");
+    let (mut channels, mut drawn) = (Vec::new(), Vec::new());
+    for (output, measured) in data.measured.iter().enumerate() {
+        let (channel, unit) = (measured.output.channel(), measured.output.unit());
+        let (rmse, fit) = (judge::rmse(&data, &prediction, output), judge::fit_percent(&data, &prediction, output));
+        text += &format!("  {channel:<18} {:>10} {unit} rms, fit {fit:.1} %\n", short(rmse));
+        channels.push(json!({ "channel": channel, "rms": rmse, "fit_percent": fit }));
+        let simulated = prediction[output].clone();
+        drawn.push(
+            Panel::new(measured.output.title()).line("measured", measured.values.clone()).line("model", simulated),
+        );
+    }
+    finish(arguments, &json!({ "channels": channels }), &text, || panels(data.interval_s, &drawn))
+}
+
+/// Length of the step that models answer, in electromechanical time constants, and its samples.
+const STEP_LENGTH: f64 = 8.0;
+const STEP_SAMPLES: usize = 400;
+/// Frequencies of the magnitudes, around the motor's own.
+const RELATIVE_FREQUENCIES: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
+/// Points of the frequency responses that are drawn, and decades to either side of the motor's own frequency.
+const BODE_POINTS: usize = 120;
+const BODE_DECADES: f64 = 2.0;
+
+fn models(arguments: &Arguments) -> Result<(), Failure> {
+    let models = [read_model(&arguments.first)?, read_model(&arguments.second)?];
+    let mut text = format!("  {:<42} {:>10} {:>10} {:>10}\n", "constant", "first", "second", "change");
+    let mut parameters = Vec::new();
+    let mut row = |name: &str, a: Option<f64>, b: Option<f64>| {
+        let change = a.zip(b).filter(|(a, _)| *a != 0.0).map(|(a, b)| 100.0 * (b / a - 1.0));
+        let or_dash = |value: Option<f64>| value.map_or("-".into(), short);
+        let percent = change.map_or("-".into(), |change| format!("{} %", short(change)));
+        text += &format!("  {name:<42} {:>10} {:>10} {percent:>10}\n", or_dash(a), or_dash(b));
+        parameters.push(json!({ "name": name, "first": a, "second": b, "change_percent": change }));
+    };
+    for ((name, a), (_, b)) in models[0].motor.named().into_iter().zip(models[1].motor.named()) {
+        row(name, Some(a), Some(b));
+    }
+    for effect in motorbench_model::catalogue::CATALOGUE {
+        let about = effect.about();
+        let of = |model: &Model, index: usize| model.term(about.id).map(|term| term.values[index]);
+        for (index, parameter) in about.parameters.iter().enumerate() {
+            let (a, b) = (of(&models[0], index), of(&models[1], index));
+            if [a, b].into_iter().flatten().any(|value| Some(value) != parameter.unsaid) {
+                row(&format!("{}.{}", about.id, parameter.name), a, b);
+            }
+        }
+    }
+    let corner_rad_per_s = corner_rad_per_s(&models[0]);
+    text += "\n  magnitude of speed over voltage (linear part), dB re 1 rad/s/V\n";
+    let mut magnitudes = Vec::new();
+    for relative in RELATIVE_FREQUENCIES {
+        let omega = relative * corner_rad_per_s;
+        let [a, b] = [0, 1].map(|index| 20.0 * speed(&models[index].motor).at(Complex::new(0.0, omega)).norm().log10());
+        text += &format!("  {:>10} Hz {a:>29.2} {b:>12.2} {:>7} dB\n", short(omega / TAU), fixed(b - a, 2));
+        magnitudes.push(json!({ "frequency_Hz": omega / TAU, "first_dB": a, "second_dB": b }));
+    }
+    let interval_s = STEP_LENGTH / corner_rad_per_s / STEP_SAMPLES as f64;
+    let steps = models.each_ref().map(|model| step(model.clone(), arguments.voltage, interval_s));
+    let end = |step: &[f64]| step.last().copied().unwrap_or(0.0);
+    let (a, b) = (end(&steps[0]), end(&steps[1]));
+    text += &format!(
+        "\n  speed after a step of {} V, with all effects: {} and {} rad/s\n",
+        short(arguments.voltage),
+        short(a),
+        short(b)
+    );
+    let result = json!({
+        "parameters": parameters, "magnitudes": magnitudes,
+        "step": { "voltage_V": arguments.voltage, "first_rad_per_s": a, "second_rad_per_s": b },
+    });
+    let [a, b] = steps;
+    let step = Panel::new("speed after the step, rad/s").line("first", a).line("second", b);
+    let [gain, phase] = bode(&models, corner_rad_per_s);
+    finish(arguments, &result, &text, || panels(interval_s, &[step, gain, phase]))
+}
+
+/// Gain and phase of the linear parts, around the motor's own frequency.
+fn bode(models: &[Model; 2], corner_rad_per_s: f64) -> [Panel; 2] {
+    let omegas: Vec<f64> = (0..=BODE_POINTS)
+        .map(|point| corner_rad_per_s * 10f64.powf(BODE_DECADES * (2.0 * point as f64 / BODE_POINTS as f64 - 1.0)))
+        .collect();
+    let frequencies_hz: Vec<f64> = omegas.iter().map(|omega| omega / TAU).collect();
+    let panel = |title: &str, of: fn(Complex<f64>) -> f64| {
+        let line =
+            |model: &Model| omegas.iter().map(|omega| of(speed(&model.motor).at(Complex::new(0.0, *omega)))).collect();
+        Panel::over_frequencies(title, frequencies_hz.clone())
+            .line("first", line(&models[0]))
+            .line("second", line(&models[1]))
+    };
+    [
+        panel("gain, dB re 1 rad/s/V", |response| 20.0 * response.norm().log10()),
+        panel("phase, degrees", |response| response.arg().to_degrees()),
+    ]
+}
+
+/// k^2 / (J R): the electromechanical corner.
+fn corner_rad_per_s(model: &Model) -> f64 {
+    let motor = &model.motor;
+    motor.torque_constant_nm_per_a.powi(2) / (motor.inertia_kg_m2 * motor.resistance_ohm)
+}
+
+fn step(model: Model, voltage_v: f64, interval_s: f64) -> Vec<f64> {
+    let mut plant = ModelPlant::new(model);
+    let inputs = Inputs { bridge: Bridge::Forward, supply_v: voltage_v, ..Inputs::default() };
+    (0..STEP_SAMPLES)
+        .map(|_| {
+            plant.advance(interval_s, &inputs);
+            plant.speed_rad_per_s()
+        })
+        .collect()
+}
+
+/// Constants with intervals: how many standard deviations they are apart.
+fn constants(arguments: &Arguments) -> Result<(), Failure> {
+    if let Some(path) = &arguments.plot {
+        let path = path.display();
+        return Err(Failure::input(format!(
+            "{path}: constants have no plot; compare recordings or models, or leave --plot out"
+        )));
+    }
+    let read = |path: &Path| -> Result<Value, Failure> {
+        let failed = |error: &dyn std::fmt::Display| Failure::input(format!("{}: {error}", path.display()));
+        let text = text_file::read(path, "JSON of identify or diagnose").map_err(|error| failed(&error))?;
+        let value: Value = serde_json::from_str(&text).map_err(|error| failed(&error))?;
+        let parameters = value["parameters"].as_object().filter(|parameters| !parameters.is_empty());
+        parameters.cloned().map(Value::Object).ok_or_else(|| {
+            failed(&"no \"parameters\": expected what motorbench identify or diagnose writes with --json")
+        })
+    };
+    let (first, second) = (read(&arguments.first)?, read(&arguments.second)?);
+    let mut text = format!("  {:<28} {:>12} {:>12} {:>8}\n", "constant", "first", "second", "sigmas");
+    let mut rows = Vec::new();
+    for (name, a) in first.as_object().into_iter().flatten() {
+        let end = |of: &Value, side: usize| of["ci95"][side].as_f64();
+        let known = |of: &Value| Some((of["value"].as_f64()?, 0.5 * (end(of, 1)? - end(of, 0)?) / Z95));
+        let Some(((a, a_error), (b, b_error))) = known(a).zip(known(&second[name])) else { continue };
+        let sigmas = (b - a) / a_error.hypot(b_error).max(f64::MIN_POSITIVE);
+        text += &format!("  {name:<28} {:>12} {:>12} {sigmas:>8.1}\n", short(a), short(b));
+        rows.push(json!({ "name": name, "first": a, "second": b, "sigmas": sigmas }));
+    }
+    finish(arguments, &json!({ "parameters": rows }), &text, String::new)
+}

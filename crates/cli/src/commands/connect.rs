@@ -1,0 +1,255 @@
+//! `motorbench connect`: a board's console, at which no drive outlives the program.
+
+use super::board::{PortArguments, lifted_protections, on_interrupt, typed_lines};
+use super::{Failure, TERMINAL, tell};
+use clap::Args;
+use motorbench_core::message::Trip;
+use motorbench_data::names::trip_words;
+use motorbench_link::board::{Board as _, BoardError, LOST_AFTER_MS, cause, clear};
+use motorbench_link::port::Port;
+use motorbench_link::{self, Link, VERSION};
+use motorbench_text::terminal_text::narrow;
+use std::io::{IsTerminal as _, Write as _, stderr, stdin, stdout};
+use std::slice;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::TryRecvError;
+
+/// How closely the board is looked at while a person thinks.
+const LOOK_S: f64 = 0.02;
+/// Commands that would take from this program what it hears the board by, and why it does not pass them on.
+const OF_THE_STREAM: [&str; 2] = ["stream", "record"];
+const NOT_HERE: &str = "is for other terminals (screen, tio, a serial plotter): connect has the binary stream for itself; `sequence` plays the same, motorbench tune shows it, motorbench record keeps it";
+/// Commands that show, change or keep settings.
+const OF_SETTINGS: [&str; 5] = ["set", "show", "save", "load", "defaults"];
+
+/// Talks to a board's console: what is given, or line by line from the terminal.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench connect
+  motorbench connect --port /dev/ttyACM0 status 'show speed_kp'
+
+Without lines it takes them from the terminal or a pipe, of which a refused line
+makes exit code 1 in the end; an empty line stops the motor, Ctrl-D and Ctrl-C
+end. The drive is off in the end; without this program an armed one stops by
+itself after half a second.")]
+pub struct Arguments {
+    #[command(flatten)]
+    pub(super) port: PortArguments,
+    /// Lines of the console.
+    lines: Vec<String>,
+    /// One line of JSON for each line of the console, for programs.
+    #[arg(long, value_name = TERMINAL, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL, value_parser = [TERMINAL])]
+    json: Option<String>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] when the board does not answer or refuses.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let stopped = on_interrupt()?;
+    let (mut link, name) = arguments.port.open()?;
+    // What a damaged line does not let through is no reason to go without a console.
+    if let Some(lifted) = link.settings().ok().as_ref().and_then(lifted_protections) {
+        tell(&format!("{lifted}; `load` takes what is saved, `defaults` what is usual"));
+    }
+    let mut console =
+        Console { link, json: arguments.json.is_some(), armed: false, watch: Watch::Unknown, refused: None };
+    if !arguments.lines.is_empty() {
+        return console.carry_out(&arguments.lines, &stopped);
+    }
+    if arguments.json.is_none() {
+        let firmware = &console.link.firmware;
+        let greeting =
+            format!("{firmware} at {name}, program {VERSION}; help lists the commands, an empty line stops the motor");
+        println!("{}", if stdout().is_terminal() { narrow(&greeting) } else { greeting });
+    }
+    console.converse(&stopped)
+}
+
+/// What becomes of an armed drive when this program dies.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Watch {
+    /// What the board's `trip_host` says, which may be nothing.
+    Unknown,
+    /// It stops: `trip_host` was off and is set from here.
+    Set,
+    /// What a person wants.
+    Own,
+}
+
+/// A board's console.
+struct Console {
+    link: Link<Port>,
+    json: bool,
+    /// The drive has been armed from here.
+    armed: bool,
+    watch: Watch,
+    /// The first line that was typed and not done.
+    refused: Option<Failure>,
+}
+
+impl Console {
+    /// The lines that were given.
+    fn carry_out(&mut self, lines: &[String], stopped: &AtomicBool) -> Result<(), Failure> {
+        for line in lines.iter().flat_map(|text| single_lines(text)) {
+            if stopped.load(Ordering::Relaxed) {
+                return Err(BoardError::Interrupted.into());
+            }
+            if let Some(why) = not_here(line) {
+                return Err(Failure::input(why));
+            }
+            let asked = self.ask(line);
+            if let (Err(BoardError::Refused { reply, .. }), true) = (&asked, self.json) {
+                self.say(line, slice::from_ref(reply));
+            }
+            self.say(line, &asked?);
+        }
+        Ok(())
+    }
+
+    /// Line by line from the terminal. Meanwhile the board hears of its host, and the person of a trip or of a board that is gone.
+    fn converse(&mut self, stopped: &AtomicBool) -> Result<(), Failure> {
+        let lines = typed_lines();
+        let mut trip = Trip::None;
+        while !stopped.load(Ordering::Relaxed) {
+            match lines.try_recv() {
+                Ok(line) => self.answer(&line)?,
+                // A script goes by the exit code; a person has read it.
+                Err(TryRecvError::Disconnected) => {
+                    return self.refused.take().filter(|_| !stdin().is_terminal()).map_or(Ok(()), Err);
+                }
+                Err(TryRecvError::Empty) => self.look(&mut trip)?,
+            }
+        }
+        Err(BoardError::Interrupted.into())
+    }
+
+    /// What is said to a line that was typed; one that the board refuses ends nothing.
+    fn answer(&mut self, line: &str) -> Result<(), BoardError> {
+        let asked = not_here(line)
+            .map_or_else(|| self.ask(line), |reply| Err(BoardError::Refused { line: line.into(), reply }));
+        let replies = match asked {
+            Err(BoardError::Refused { line, reply }) => {
+                let refused = || BoardError::Refused { line, reply: reply.clone() }.into();
+                self.refused.get_or_insert_with(refused);
+                vec![reply]
+            }
+            // Its cause is still there.
+            Err(tripped @ BoardError::Tripped(_)) => {
+                let reply = format!("error: {tripped}");
+                self.refused.get_or_insert(tripped.into());
+                vec![reply]
+            }
+            answer => answer?,
+        };
+        self.say(line, &replies);
+        Ok(())
+    }
+
+    /// Passes a line on, with the drive watched from `arm` on. The board says nothing to an empty one: it stops the motor.
+    fn ask(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
+        let line = if line.trim().is_empty() { "stop" } else { line };
+        let words: Vec<&str> = line.split_whitespace().collect();
+        let command = words.first().copied().unwrap_or_default();
+        // What is shown and kept are a person's own settings: they have nothing of the watch.
+        if OF_SETTINGS.contains(&command) || command == "disarm" {
+            self.unwatch()?;
+        }
+        let replies = match command {
+            // Its word that all is saved must not come behind the answer to the next line.
+            "save" if words.len() == 1 => self.link.save().map(|()| Vec::new())?,
+            "clear" if words.len() == 1 => clear(&mut self.link).map(|()| Vec::new())?,
+            _ => self.link.ask(line)?,
+        };
+        match command {
+            "arm" => self.armed = true,
+            "disarm" => self.armed = false,
+            "set" if words.contains(&"trip_host") => self.watch = Watch::Own,
+            _ => {}
+        }
+        self.watch()?;
+        Ok(replies)
+    }
+
+    /// A glance at the board between two lines.
+    fn look(&mut self, trip: &mut Trip) -> Result<(), BoardError> {
+        self.watch()?;
+        self.link.stay_alive()?;
+        for sample in self.link.samples(LOOK_S)? {
+            if sample.trip != *trip && sample.trip != Trip::None {
+                tell(&format!("the drive tripped ({}): {}; then `clear`", trip_words(sample.trip), cause(sample.trip)));
+            }
+            *trip = sample.trip;
+        }
+        Ok(())
+    }
+
+    /// Has an armed drive stop by itself when this program dies, where the board's own `trip_host` is off.
+    fn watch(&mut self) -> Result<(), BoardError> {
+        if !self.armed || self.watch != Watch::Unknown {
+            return Ok(());
+        }
+        if self.link.shows("trip_host")? == Some(0.0) {
+            match self.link.command(&format!("set trip_host {LOST_AFTER_MS}")) {
+                Ok(()) => self.watch = Watch::Set,
+                // Settings are being saved: later.
+                Err(BoardError::Refused { .. }) => {}
+                Err(error) => return Err(error),
+            }
+        } else {
+            self.watch = Watch::Own;
+        }
+        Ok(())
+    }
+
+    /// The board's own `trip_host` again.
+    fn unwatch(&mut self) -> Result<(), BoardError> {
+        if self.watch == Watch::Set {
+            self.link.command("set trip_host 0")?;
+            self.watch = Watch::Unknown;
+        }
+        Ok(())
+    }
+
+    fn say(&self, line: &str, replies: &[String]) {
+        if self.json {
+            println!("{}", serde_json::json!({ "line": line, "reply": replies }));
+        } else {
+            replies.iter().for_each(|reply| println!("{reply}"));
+        }
+    }
+
+    /// The drive off, and the settings as a person left them.
+    fn leave(&mut self) -> Result<(), BoardError> {
+        self.link.command("disarm")?;
+        self.unwatch()
+    }
+}
+
+impl Drop for Console {
+    /// However it ended: a reader that has had enough, as `head` has, included.
+    fn drop(&mut self) {
+        if !self.armed || self.link.is_gone() {
+            return;
+        }
+        let said = match self.leave() {
+            Ok(()) => "the drive was armed; it is off now".to_string(),
+            Err(error) => format!("motorbench: {error}; look whether the motor stands"),
+        };
+        // A terminal that was closed shall not keep the link from telling the board as well.
+        let _ = writeln!(stderr(), "{said}");
+    }
+}
+
+/// The lines of an argument, which may be a file's text; an empty one, which stops the motor, only where there is no other.
+fn single_lines(text: &str) -> impl Iterator<Item = &str> {
+    let is_empty = text.trim().is_empty();
+    motorbench_link::lines(text).filter(move |line| is_empty || !line.trim().is_empty())
+}
+
+/// Why a line is not passed on.
+fn not_here(line: &str) -> Option<String> {
+    let command = line.split_whitespace().next().filter(|command| OF_THE_STREAM.contains(command))?;
+    Some(format!("{command} {NOT_HERE}"))
+}

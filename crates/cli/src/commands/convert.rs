@@ -1,0 +1,154 @@
+//! `motorbench convert`
+
+use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write, write_json};
+use clap::{Args, ValueEnum};
+use motorbench_data::convert::{self, Dialect, Format, Mapping, Names};
+use motorbench_data::recording::Channel;
+use motorbench_files::text_file;
+use std::path::{Path, PathBuf};
+
+/// Converts recordings from and to CSV of other kinds, PlotJuggler, WPILib SysId and WPILOG, MATLAB and NumPy.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench convert log.wpilog run.csv --map velocity=omega_rad_per_s*6.2832 \\
+    --map volts=u_V
+  motorbench convert scope.csv run.csv --decimal-comma --map Zeit=t_s \\
+    --map Drehzahl=rpm
+  motorbench convert run.csv run.mat
+  motorbench convert run.csv jug.csv --to plotjuggler
+  motorbench convert sysid.json run.csv
+
+docs/reference/formats.md says what each format holds.")]
+pub struct Arguments {
+    /// What is there; its ending says the format.
+    source: PathBuf,
+    /// What is to be written; its ending says the format. - for the terminal, as CSV unless --to says another format.
+    target: PathBuf,
+    /// Format of the source, whatever its ending says.
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<FileFormat>,
+    /// Format of the target, whatever its ending says.
+    #[arg(long, value_name = "FORMAT")]
+    to: Option<FileFormat>,
+    /// A name of the source and what it is, with a factor for other units: velocity=omega_rad_per_s*6.2832.
+    #[arg(long = "map", value_name = "NAME=CHANNEL")]
+    names: Vec<Mapping>,
+    /// Another name in the target: omega_rad_per_s=speed.
+    #[arg(long = "rename", value_name = "CHANNEL=NAME", value_parser = renaming)]
+    renamed: Vec<(Channel, String)>,
+    /// What stands between the values of a CSV source; left out: what its header has most of.
+    #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
+    delimiter: Option<u8>,
+    /// The CSV source writes 1,5 for 1.5; one between semicolons may do so without this.
+    #[arg(long)]
+    decimal_comma: bool,
+    /// What stands between the values of a CSV target.
+    #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
+    to_delimiter: Option<u8>,
+    /// The CSV target writes 1,5 for 1.5, with semicolons between values.
+    #[arg(long)]
+    to_decimal_comma: bool,
+    /// Prints what was converted as JSON.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
+}
+
+/// [`Format`], as the command line has it.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+enum FileFormat {
+    /// A table with a header line (.csv, .tsv, .txt).
+    Csv,
+    /// `PlotJuggler`'s CSV: times in `__time`, cells may be empty.
+    Plotjuggler,
+    /// Legacy JSON of `WPILib` `SysId`: four tests, rotations (.json).
+    Sysid,
+    /// `WPILib` data log 1.0 (.wpilog).
+    Wpilog,
+    /// MATLAB level 5, one vector for each channel (.mat).
+    Mat,
+    /// `NumPy`, one structured array (.npy).
+    Npy,
+    /// `NumPy`, one array for each channel (.npz).
+    Npz,
+}
+
+impl From<FileFormat> for Format {
+    fn from(format: FileFormat) -> Self {
+        match format {
+            FileFormat::Csv => Self::Csv,
+            FileFormat::Plotjuggler => Self::Plotjuggler,
+            FileFormat::Sysid => Self::Sysid,
+            FileFormat::Wpilog => Self::Wpilog,
+            FileFormat::Mat => Self::Mat,
+            FileFormat::Npy => Self::Npy,
+            FileFormat::Npz => Self::Npz,
+        }
+    }
+}
+
+fn renaming(text: &str) -> Result<(Channel, String), String> {
+    let (column, name) = text.split_once('=').ok_or("expected CHANNEL=NAME, for instance omega_rad_per_s=speed")?;
+    let channel = Channel::of_column(column).ok_or_else(|| {
+        format!("no channel is called \"{column}\"; there are {}", Channel::ALL.map(Channel::column).join(", "))
+    })?;
+    Ok((channel, name.into()))
+}
+
+fn delimiter(text: &str) -> Result<u8, String> {
+    match text.as_bytes() {
+        _ if text == "tab" || text == "\\t" => Ok(b'\t'),
+        [byte] if byte.is_ascii() => Ok(*byte),
+        _ => Err("expected one character, or tab".into()),
+    }
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] with file, place and what to do.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let format =
+        |said: Option<Format>, path: &Path| said.map_or_else(|| Format::of_path(path), Ok).map_err(Failure::input);
+    // Without a file there is no ending.
+    let wanted = arguments.to.map(Format::from).or_else(|| is_terminal(&arguments.target).then_some(Format::Csv));
+    let (from, to) = (format(arguments.from.map(Format::from), &arguments.source)?, format(wanted, &arguments.target)?);
+    let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&arguments.json))?;
+    let name = arguments.source.display().to_string();
+    let bytes = std::fs::read(&arguments.source)
+        .map_err(|error| Failure::input(format!("{name}: {}", text_file::explained(&arguments.source, error))))?;
+    let dialect = Dialect { delimiter: arguments.delimiter, decimal_comma: arguments.decimal_comma };
+    let converted =
+        convert::read(&name, &bytes, from, &Names(arguments.names.clone()), dialect).map_err(Failure::input)?;
+    let dialect = Dialect { delimiter: arguments.to_delimiter, decimal_comma: arguments.to_decimal_comma };
+    let recording = &converted.recording;
+    let written = convert::write(recording, to, &arguments.renamed, dialect).map_err(Failure::input)?;
+    let target = &arguments.target;
+    write(target, &written)?;
+    // It has a place for four tests only.
+    let tests = (to == Format::Sysid)
+        .then(|| convert::read(&name, &written, to, &Names::default(), Dialect::default()))
+        .transpose()
+        .map_err(Failure::input)?;
+    let kept = tests.as_ref().map_or(recording, |tests| &tests.recording);
+    let channels: Vec<&str> = kept.channels().map(Channel::column).collect();
+    if let Some(path) = &arguments.json {
+        let summary = serde_json::json!({
+            "samples": kept.len(), "channels": channels, "ignored": converted.ignored, "cut": converted.cut
+        });
+        write_json(path, &summary)?;
+    }
+    let (count, channels) = (kept.len(), channels.join(", "));
+    outputs.say(&format!("{}: {count} samples of {channels}\n", target.display()));
+    if let Some(cut) = &converted.cut {
+        outputs.say(&format!("{name}: {cut}\n"));
+    }
+    if kept.len() < recording.len() {
+        let whole = recording.len();
+        outputs.say(&format!("of {whole}: SysId takes the longest ramp and the longest step of each direction\n"));
+    }
+    if !converted.ignored.is_empty() {
+        let ignored = converted.ignored.join(", ");
+        outputs.say(&format!("not used, for they are no channel (--map NAME=CHANNEL): {ignored}\n"));
+    }
+    Ok(())
+}

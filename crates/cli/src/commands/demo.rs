@@ -1,0 +1,428 @@
+//! `motorbench demo`
+
+mod loops;
+mod revealed;
+
+use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write_json};
+use clap::Args;
+#[cfg(feature = "chip")]
+use host_sim::plant::ModelPlant;
+use host_sim::trial::Trial;
+use indicatif::ProgressBar;
+use loops::Loops;
+use motorbench_core::excitation::{Kind, Sequence};
+#[cfg(feature = "chip")]
+use motorbench_core::message::State;
+use motorbench_core::message::{Mode, Request, Sample, Trip};
+use motorbench_core::settings::{Param, Settings};
+use motorbench_core::units::VOLT;
+use motorbench_data::names::trip_words;
+use motorbench_data::rig::{NominalMotor, Rig};
+use motorbench_data::telemetry;
+use motorbench_diagnosis::diagnose::outcome::Outcome;
+use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
+#[cfg(feature = "chip")]
+use motorbench_link::board::{Board, BoardError, untripped};
+use motorbench_link::record::missing_ticks;
+use motorbench_model::Model;
+use motorbench_model::catalogue::{Effect, Scales, effect};
+use motorbench_model::motor::MotorParameters;
+use motorbench_report::web_page::escaped;
+use motorbench_report::{diagnosis_page as report, diagnosis_text as page};
+use motorbench_text::terminal_text::{short, wrapped};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use revealed::Revealed;
+use std::fs::File;
+use std::io::{ErrorKind, Write as _};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Effects of a motor and its load that the demonstration hides, beside friction and the bridge's drop.
+const HIDDEN: [&str; 8] = [
+    "stribeck_friction",
+    "quadratic_drag",
+    "cogging",
+    "gravity_unbalance",
+    "supply_sag",
+    "winding_heating",
+    "load_step",
+    "shaft_compliance",
+];
+/// Level of the identifying sequence, and the length of its steps.
+const LEVEL_V: f64 = 10.0;
+const STEP_TICKS: u32 = 500;
+const SUPPLY_V: f64 = 12.0;
+/// The sequence is over after so long; waited for is a little longer.
+const LASTS_S: f64 = 20.0;
+#[cfg(feature = "chip")]
+const DURATION_S: f64 = LASTS_S + 0.1;
+/// While it is recorded.
+const RECORDING: &str = "20 s of the sequence `identify` are recorded";
+/// Of the page, beside those of diagnoses.
+const TITLE: &str = "motorbench demo";
+/// The constant of an effect that is a time.
+const TIME: &str = "time_s";
+
+/// Without any hardware: a motor with an effect drawn at random is recorded by the firmware, understood, and controlled.
+#[derive(Args)]
+#[command(after_help = "Example:
+  motorbench demo --report demo.html")]
+pub struct Arguments {
+    /// Draws the same motor again.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Where to write all of it as a page with plots; without it motorbench-demo-SEED.html, unless there is one or --json
+    /// is asked for.
+    #[arg(long, value_name = "FILE.html", overrides_with = "report")]
+    report: Option<PathBuf>,
+    /// Prints the result as JSON instead of text.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
+    json: Option<PathBuf>,
+    /// Writes the recording for the other commands, and what a data sheet would say beside it (.rig.toml).
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+}
+
+/// Lines of a terminal, without that which says where the page is and the prompt's.
+const SCREENFUL: u16 = 22;
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`], when a file cannot be written or the loop cannot be designed.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let clock = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
+    let seed = arguments.seed.unwrap_or(clock);
+    let outputs = arguments.outputs()?;
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let truth = draw(&mut random);
+    let nominal = wrong(&truth.motor, &mut random);
+    let settings = recording_settings();
+    let recorded = record(&truth, settings)?;
+    let drawn = wrapped(&format!("A motor with something hidden in it (seed {seed}): {}.", recorded.words()), "", "");
+    outputs.say(&drawn);
+    let recording = telemetry::recording("demo", &recorded.samples, &settings);
+    let rig = (recorded.rig)(&settings, NominalMotor::from(nominal));
+    if let Some(path) = &arguments.csv {
+        super::write(path, &recording.to_csv())?;
+        super::write(&rig_of(path), &toml::to_string(&rig).map_err(Failure::machine)?)?;
+    }
+    let diagnosis = working("diagnosis", |bar| diagnose(&[recording], &rig, &|text| bar.set_message(text.to_string())))
+        .map_err(Failure::input)?;
+    let hidden = on_clock_of(&recorded.samples, &truth, &settings);
+    let revealed = Revealed::of(&hidden, &diagnosis.model);
+    let found = format!("\n{}\n{}{}\n", page::verdict(&diagnosis.outcome), errors(&diagnosis.outcome), revealed.text());
+    outputs.say(&found);
+    let loops = working("three loops are designed and tried", |_| Loops::compared(&truth, &nominal, &diagnosis))?;
+    let taken = drawn.lines().chain(found.lines()).count();
+    outputs.say(&loops.picture(SCREENFUL.saturating_sub(taken as u16)));
+    let whole = Whole { seed, recorded, hidden, diagnosis, loops, revealed };
+    match &arguments.report {
+        Some(path) => {
+            super::write(path, &whole.html())?;
+            outputs.say(&page_is_at(path));
+        }
+        None if arguments.json.is_some() => {}
+        None => outputs.say(&unasked(&PathBuf::from(format!("motorbench-demo-{seed}.html")), &whole.html())),
+    }
+    if let Some(path) = &arguments.json {
+        write_json(path, &whole.json())?;
+    }
+    Ok(())
+}
+
+/// Everything that came of it.
+struct Whole {
+    seed: u64,
+    recorded: Recorded,
+    hidden: Model,
+    diagnosis: Diagnosis,
+    loops: Loops,
+    revealed: Revealed,
+}
+
+impl Whole {
+    /// The page: the diagnosis with its plots, the loops, what was hidden, and the diagnosis once more in words.
+    fn html(&self) -> String {
+        let words = escaped(&page::page(&self.diagnosis));
+        let words = format!("<h2>In the words of <code>diagnose</code></h2><pre>{words}</pre>\n");
+        let names = [format!("demo --seed {}", self.seed), self.recorded.words()];
+        let section = self.loops.section() + &self.revealed.html() + &words;
+        report::report_with(TITLE, &self.diagnosis, &names, &section)
+    }
+
+    fn json(&self) -> serde_json::Value {
+        serde_json::json!({
+            "seed": self.seed,
+            "recorded_by": self.recorded.by,
+            "samples": self.recorded.samples.len(),
+            "missing": missing_ticks(&self.recorded.samples),
+            "diagnosis": self.diagnosis.outcome,
+            "loops": self.loops.json(),
+            "commands": self.loops.commands,
+            "hidden": self.hidden.effects(),
+            "motor": self.hidden.motor,
+        })
+    }
+}
+
+fn page_is_at(path: &Path) -> String {
+    format!("All of it, with plots: {}\n", path.display())
+}
+
+/// Writes a page that nobody has named, never over a file that is there, and says where it is. Nothing fails without it.
+fn unasked(path: &Path, html: &str) -> String {
+    let error = match File::create_new(path).and_then(|mut file| file.write_all(html.as_bytes())) {
+        Ok(()) => return page_is_at(path),
+        Err(error) => error,
+    };
+    let why = match error.kind() {
+        ErrorKind::AlreadyExists => format!("{} is there and is left as it is", path.display()),
+        _ => super::cannot_write(path, &error).message,
+    };
+    wrapped(&format!("No page with plots: {why}; --report FILE.html writes it elsewhere"), "", "")
+}
+
+/// What the linear motor gets wrong and what knowing the causes brings.
+fn errors(outcome: &Outcome) -> String {
+    let mut text = row("rms error on data that no fit has seen", ["linear", "extended", "noise"]);
+    for channel in outcome.fit["base"].keys() {
+        let of = ["base", "extended", "noise_floor"].map(|which| short(outcome.fit[which][channel].rmse));
+        text += &row(&format!("  {channel}"), of.each_ref().map(String::as_str));
+    }
+    text
+}
+
+/// A line of a table: what, and numbers.
+fn row<const COUNT: usize>(what: &str, numbers: [&str; COUNT]) -> String {
+    let numbers: String = numbers.iter().map(|number| format!(" {number:>10}")).collect();
+    format!("{what:44}{numbers}\n")
+}
+
+/// The rig file of a recording.
+fn rig_of(recording: &Path) -> PathBuf {
+    recording.with_extension("rig.toml")
+}
+
+impl Arguments {
+    fn outputs(&self) -> Result<Outputs, Failure> {
+        if self.csv.as_deref().is_some_and(is_terminal) {
+            return Err(Failure::input("--csv -: a rig file is written beside the recording: give it a name"));
+        }
+        let rig = self.csv.as_deref().map(rig_of);
+        Outputs::new([], [&self.report, &self.csv, &rig, &self.json].into_iter().flatten())
+    }
+}
+
+/// A bench that has friction and a bridge drop, and one thing more.
+fn draw(random: &mut ChaCha8Rng) -> Model {
+    let pivt6 = MotorParameters::PIVT6;
+    let mut about = |value: f64| value * random.random_range(0.85..1.15);
+    let motor = MotorParameters {
+        resistance_ohm: about(pivt6.resistance_ohm),
+        inductance_h: about(pivt6.inductance_h),
+        torque_constant_nm_per_a: about(pivt6.torque_constant_nm_per_a),
+        inertia_kg_m2: about(2.0 * pivt6.inertia_kg_m2),
+        viscous_friction_nm_s: about(pivt6.viscous_friction_nm_s),
+    };
+    let scales = Scales {
+        motor,
+        voltage_v: SUPPLY_V,
+        speed_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,
+        supply_v: SUPPLY_V,
+        current_a: SUPPLY_V / motor.resistance_ohm,
+        duration_s: LASTS_S,
+        interval_s: 1e-3,
+        pwm_hz: 20_000.0,
+    };
+    let known = |id: &str| effect(id).expect("an effect of the catalogue");
+    let hidden = known(HIDDEN[random.random_range(0..HIDDEN.len())]);
+    Model::linear(motor)
+        .with(known("coulomb_friction"), vec![random.random_range(0.03..0.06) * scales.stall_torque_nm()])
+        .with(known("voltage_drop"), vec![random.random_range(1.0..2.2)])
+        .with(hidden, values(hidden, &scales, random))
+}
+
+/// One of the effect's usual values, its size up to three times as much.
+fn values(effect: &dyn Effect, scales: &Scales, random: &mut ChaCha8Rng) -> Vec<f64> {
+    let mut starts = effect.starts(scales);
+    let mut values = starts.swap_remove(random.random_range(0..starts.len()));
+    let factor = random.random_range(1.0..3.0);
+    for value in values.iter_mut().take(effect.about().linear_in) {
+        *value *= factor;
+    }
+    values
+}
+
+/// What a data sheet would say: off by up to 15 %.
+fn wrong(motor: &MotorParameters, random: &mut ChaCha8Rng) -> MotorParameters {
+    let mut off = |value: f64| value * random.random_range(0.85..1.15);
+    MotorParameters {
+        resistance_ohm: off(motor.resistance_ohm),
+        inductance_h: off(motor.inductance_h),
+        torque_constant_nm_per_a: off(motor.torque_constant_nm_per_a),
+        inertia_kg_m2: off(motor.inertia_kg_m2),
+        viscous_friction_nm_s: off(motor.viscous_friction_nm_s),
+    }
+}
+
+/// Identification needs the whole voltage: nothing limits it, and trips are as wide as they go.
+fn recording_settings() -> Settings {
+    let mut settings = Settings::defaults();
+    let wide = [
+        (Param::SupplyVoltage, SUPPLY_V as f32),
+        (Param::VoltageLimit, SUPPLY_V as f32),
+        (Param::SlewLimit, 30_000.0),
+        (Param::CurrentLimit, 0.0),
+        (Param::TripPeak, 5.0),
+        (Param::TripContinuous, 3.0),
+        (Param::TripStall, 0.0),
+        (Param::TripEncoder, 0.0),
+    ];
+    for (param, value) in wide {
+        settings.set(param, value).expect("within the settings' ranges");
+    }
+    settings
+}
+
+/// What was recorded, and by whom.
+struct Recorded {
+    samples: Vec<Sample>,
+    by: String,
+    /// What the rig file says of it.
+    rig: fn(&Settings, NominalMotor) -> Rig,
+}
+
+impl Recorded {
+    /// Part of a sentence.
+    fn words(&self) -> String {
+        let missing = missing_ticks(&self.samples);
+        format!("{} samples in {LASTS_S} s, {missing} missing, recorded by {}", self.samples.len(), self.by)
+    }
+}
+
+/// By the firmware on the simulated chip; where that cannot be, by its control core on this computer.
+#[cfg(feature = "chip")]
+fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
+    match super::firmware() {
+        Ok(elf) => {
+            let samples = working(RECORDING, |_| record_on_chip(&elf, truth, &settings))?;
+            Ok(Recorded {
+                samples,
+                by: "the firmware on a simulated ATmega328P, over its serial port".into(),
+                rig: telemetry::rig,
+            })
+        }
+        Err(error) => record_on_host(truth, settings, &format!("no firmware for the simulated chip: {error}")),
+    }
+}
+
+/// By the firmware's control core on this computer.
+#[cfg(not(feature = "chip"))]
+fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
+    let why = "built without the simulated chip: `scripts/setup chip` installs what it needs";
+    record_on_host(truth, settings, why)
+}
+
+#[cfg(feature = "chip")]
+fn record_on_chip(elf: &std::path::Path, truth: &Model, settings: &Settings) -> Result<Vec<Sample>, BoardError> {
+    let failed = |error: &dyn std::fmt::Display| BoardError::Failed(error.to_string());
+    let circuit = motorbench_chip::Rig { supply_v: SUPPLY_V, ..motorbench_chip::Rig::default() };
+    let plant = ModelPlant::new(truth.clone());
+    let bench = motorbench_chip::Bench::new(elf, circuit, plant).map_err(|error| failed(&error))?;
+    let mut board = motorbench_chip::ChipBoard::start(bench)?;
+    let defaults = Settings::defaults();
+    for param in Param::ALL.iter().copied().filter(|param| settings.get(*param) != defaults.get(*param)) {
+        board.command(&format!("set {} {}", motorbench_data::names::setting_name(param), settings.get(param)))?;
+    }
+    board.command("arm")?;
+    board.command("mode open")?;
+    board.samples(0.0)?;
+    board.command(&format!("sequence identify {LEVEL_V} 0 {STEP_TICKS}"))?;
+    let mut samples = untripped(board.samples(DURATION_S)?)?;
+    board.command("disarm")?;
+    samples.retain(|sample| sample.state.has(State::PLAYING));
+    Ok(samples)
+}
+
+fn record_on_host(truth: &Model, settings: Settings, why: &str) -> Result<Recorded, Failure> {
+    let refused = |error| Failure::input(format!("the core refuses its settings: {error:?}"));
+    let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
+    trial.enter(Mode::OpenLoop);
+    let sequence = Sequence::new(Kind::Identify, (LEVEL_V * f64::from(VOLT)) as i16, 0, STEP_TICKS, 1, 1)
+        .expect("a constant that is right");
+    trial.tick(Some(Request::Play(sequence)));
+    let mut samples = Vec::new();
+    working(RECORDING, |_| {
+        for _ in 0..sequence.duration_ticks() {
+            trial.tick(None);
+            samples.push(*trial.sample());
+        }
+    });
+    match trial.sample().trip {
+        Trip::None => Ok(Recorded {
+            samples,
+            by: format!("the firmware's control core on this computer ({why})"),
+            rig: telemetry::rig_of_core,
+        }),
+        trip => Err(Failure::input(format!("the drive switched off while recording: {}", trip_words(trip)))),
+    }
+}
+
+/// Does what takes a while, and shows that on a terminal.
+fn working<T>(what: &'static str, work: impl FnOnce(&ProgressBar) -> T) -> T {
+    let bar = super::spinner();
+    bar.set_message(what);
+    let done = work(&bar);
+    bar.finish_and_clear();
+    done
+}
+
+/// What was drawn, by the clock of the recording, which began some time after the motor had its supply.
+fn on_clock_of(samples: &[Sample], truth: &Model, settings: &Settings) -> Model {
+    let first = samples.first().map_or(0, |sample| sample.tick);
+    let before_s = f64::from(first) / f64::from(settings.get(Param::TickRate));
+    let mut model = truth.clone();
+    for term in &mut model.terms {
+        let constants = term.effect.about().parameters.iter().zip(&mut term.values);
+        constants.filter(|(constant, _)| constant.name == TIME).for_each(|(_, value)| *value -= before_s);
+    }
+    model
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_hidden_can_be_hidden() {
+        for id in HIDDEN {
+            let hidden = effect(id).expect("of the catalogue");
+            assert!(hidden.acts_on_motor(), "{id} is not the motor's");
+        }
+    }
+
+    #[test]
+    fn a_page_that_nobody_asked_for_is_written_over_nothing() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("page.html");
+        assert!(unasked(&path, "first").ends_with("page.html\n"));
+        assert!(unasked(&path, "second").contains("left as it is"));
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "first");
+        let said = unasked(&directory.path().join("none/page.html"), "third");
+        assert!(
+            said.starts_with("No page") && said.contains("make its folder first") && said.contains("--report"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn hidden_times_are_by_the_clock_of_the_recording() {
+        let load = effect("load_step").expect("of the catalogue");
+        let truth = Model::linear(MotorParameters::PIVT6).with(load, vec![0.004, 12.0]);
+        let samples = [Sample { tick: 500, ..Sample::default() }];
+        let hidden = on_clock_of(&samples, &truth, &Settings::defaults());
+        assert_eq!(hidden.terms[0].values, [0.004, 11.5]);
+    }
+}

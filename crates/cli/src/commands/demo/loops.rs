@@ -1,0 +1,146 @@
+//! The speed loop on the motor that was drawn: designed before the diagnosis, and after it.
+
+use crate::commands::Failure;
+use crate::terminal_plot::{chart, range, side_by_side};
+use host_sim::trial::{Point, Trial};
+use motorbench_core::message::Mode;
+use motorbench_core::settings::Settings;
+use motorbench_design::compensation::compensation;
+use motorbench_design::law::ControlLaw;
+use motorbench_design::specification::{Specification, Speed};
+use motorbench_design::{Bench, Design, design};
+use motorbench_diagnosis::diagnose::Diagnosis;
+use motorbench_model::Model;
+use motorbench_model::motor::MotorParameters;
+use motorbench_report::panels::{Panel, panels_in_page};
+use motorbench_report::web_page::{escaped, table};
+use motorbench_text::terminal_text::short;
+use std::ops::RangeInclusive;
+
+/// Speed loop that is asked for, and the references it is tried with, each for so long.
+const BANDWIDTH_HZ: f64 = 5.0;
+const REFERENCES_RAD_PER_S: [f64; 6] = [5.0, -5.0, 5.0, 60.0, -60.0, 0.0];
+const HOLD_S: f64 = 0.8;
+/// The first of them are slow.
+const SLOW: usize = 3;
+/// Rows of the picture below its title, where a terminal has room for them; in fewer nothing is seen.
+const PICTURE_ROWS: RangeInclusive<u16> = 4..=8;
+
+/// A loop and how it followed.
+struct Attempt {
+    name: &'static str,
+    /// Root mean square errors of the true speed: of the slow references, and of all.
+    slow_rms: f64,
+    all_rms: f64,
+    points: Vec<Point>,
+}
+
+impl Attempt {
+    fn slow_points(&self) -> &[Point] {
+        &self.points[..self.points.len() * SLOW / REFERENCES_RAD_PER_S.len()]
+    }
+
+    /// Reference and speed of these, over time.
+    fn slow_courses(&self) -> [Vec<(f64, f64)>; 2] {
+        let course =
+            |value: fn(&Point) -> f64| self.slow_points().iter().map(|point| (point.t_s, value(point))).collect();
+        [course(|point| point.reference), course(|point| point.omega_rad_per_s)]
+    }
+
+    fn json(&self) -> serde_json::Value {
+        let Self { name, slow_rms, all_rms, .. } = self;
+        serde_json::json!({
+            "design": name, "standstill_rms_rad_per_s": slow_rms, "all_rms_rad_per_s": all_rms
+        })
+    }
+}
+
+/// Loops on the motor as it is, and what the board's console takes of the last.
+pub(super) struct Loops {
+    /// The first before the diagnosis, the last after it.
+    attempts: [Attempt; 3],
+    pub(super) commands: Vec<String>,
+}
+
+impl Loops {
+    /// Designed from the data sheet, from the linear motor found, and with the friction and the drop made up for.
+    pub(super) fn compared(truth: &Model, nominal: &MotorParameters, diagnosis: &Diagnosis) -> Result<Self, Failure> {
+        let found = &diagnosis.model;
+        let before = designed(nominal)?.settings.all;
+        let mut list = designed(&found.motor)?.settings;
+        let without = list.all;
+        let motor = &found.motor;
+        let losses = compensation(&found.dry_losses(), motor.resistance_ohm, motor.torque_constant_nm_per_a);
+        for setting in losses.map_err(Failure::input)? {
+            list.set(setting.param, setting.value).map_err(Failure::input)?;
+        }
+        let attempts =
+            [("designed from the data sheet", before), ("from what was found", without), ("and compensated", list.all)];
+        let [before, without, after] = attempts.map(|(name, settings)| tracking(name, truth, settings));
+        Ok(Self { attempts: [before?, without?, after?], commands: list.commands() })
+    }
+
+    /// In so many lines of a terminal, about standstill: the first beside the last.
+    pub(super) fn picture(&self, lines: u16) -> String {
+        let [before, _, after] = &self.attempts;
+        let courses = [before, after].map(Attempt::slow_courses);
+        let (end_s, speeds) = (SLOW as f64 * HOLD_S, range(courses.iter().flatten().map(Vec::as_slice)));
+        let plot = |title: &str, attempt: &Attempt, courses| {
+            (format!("{title}: {} rad/s", short(attempt.slow_rms)), chart(courses, [0.0, end_s], speeds))
+        };
+        let [first, last] = courses.each_ref().map(|courses| courses.each_ref().map(Vec::as_slice));
+        let plots = [plot("before, by the data sheet", before, first), plot("after, by what was found", after, last)];
+        format!("Its speed loop of {BANDWIDTH_HZ} Hz, {end_s:.1} s about standstill (dots: reference), rms error:\n")
+            + &side_by_side(plots, lines.saturating_sub(1).clamp(*PICTURE_ROWS.start(), *PICTURE_ROWS.end()))
+    }
+
+    /// For a program.
+    pub(super) fn json(&self) -> Vec<serde_json::Value> {
+        self.attempts.iter().map(Attempt::json).collect()
+    }
+
+    /// For the page: all speeds on one plot, the slow part larger, the table, and the gains.
+    pub(super) fn section(&self) -> String {
+        let panel = |title: &str, of: fn(&Attempt) -> &[Point]| {
+            let first = of(&self.attempts[0]).iter();
+            let reference = Panel::new(title).line("reference", first.map(|point| point.reference).collect());
+            self.attempts.iter().fold(reference, |panel, attempt| {
+                let speeds = of(attempt).iter().map(|point| point.omega_rad_per_s);
+                panel.line(attempt.name, speeds.collect())
+            })
+        };
+        let interval_s = HOLD_S * REFERENCES_RAD_PER_S.len() as f64 / self.attempts[0].points.len() as f64;
+        let plots =
+            [panel("speed, rad/s", |of| &of.points), panel("speed about standstill, rad/s", Attempt::slow_points)]
+                .map(|panel| panels_in_page(interval_s, &[panel]));
+        let rows = self.attempts.iter().map(|Attempt { name, slow_rms, all_rms, .. }| {
+            let [slow_rms, all_rms] = [slow_rms, all_rms].map(|rms| format!("{} rad/s", short(*rms)));
+            [(*name).into(), slow_rms, all_rms]
+        });
+        format!(
+            "<h2>The speed loop before and after</h2><p>{BANDWIDTH_HZ} Hz, on the motor as it is.</p>{}{}\
+             <h2>For the board's console</h2><pre>{}</pre>\n",
+            plots.concat(),
+            table(&["speed error, rms", "about standstill", "in all"], rows),
+            escaped(&self.commands.join("\n"))
+        )
+    }
+}
+
+fn designed(motor: &MotorParameters) -> Result<Design, Failure> {
+    let specification =
+        Specification { speed: Speed::BandwidthHz(BANDWIDTH_HZ), overshoot_percent: 10.0, current_limit_a: 1.5 };
+    design(motor, &Bench::default(), ControlLaw::SpeedPid, &specification).map_err(Failure::input)
+}
+
+fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Attempt, Failure> {
+    let refused = |error| Failure::input(format!("the core refuses the designed settings: {error:?}"));
+    let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
+    trial.enter(Mode::SpeedPid);
+    let points: Vec<Vec<Point>> = REFERENCES_RAD_PER_S.iter().map(|speed| trial.follow(*speed, HOLD_S)).collect();
+    let rms = |points: &[Vec<Point>]| {
+        let squares = points.iter().flatten().map(|point| (point.omega_rad_per_s - point.reference).powi(2));
+        (squares.sum::<f64>() / points.iter().flatten().count() as f64).sqrt()
+    };
+    Ok(Attempt { name, slow_rms: rms(&points[..SLOW]), all_rms: rms(&points), points: points.concat() })
+}

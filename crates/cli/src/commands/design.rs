@@ -1,0 +1,571 @@
+//! `motorbench design`: gains for a specification or for weights.
+
+use super::analyse::motor_of;
+use super::{Failure, Outputs, read_model, read_rig, spinner, write, write_json};
+use clap::{ArgGroup, Args};
+use host_sim::scenario::refusal;
+use motorbench_core::settings::Settings;
+use motorbench_data::rig::Rig;
+use motorbench_design::compensation::{CompensationSetting, Standstill, compensation, model_of, near_standstill};
+use motorbench_design::fixed_point::SettingList;
+use motorbench_design::law::ControlLaw;
+use motorbench_design::specification::{Specification, Speed};
+use motorbench_design::tachogenerator::Tachogenerator;
+use motorbench_design::weights::{BadWeight, Weights};
+use motorbench_design::{Bench, Design, DesignError, TrialWithEffects, design, trial_with_effects};
+use motorbench_model::Model;
+use motorbench_model::catalogue::DryLosses;
+use motorbench_model::motor::MotorParameters;
+use motorbench_report::design as report;
+use motorbench_text::terminal_text::wrapped;
+use std::path::PathBuf;
+
+/// Designs PID and LQR for a motor, by a specification or by weights.
+#[derive(Args)]
+#[command(group(ArgGroup::new("quantity").required(true)), group(ArgGroup::new("how_fast").required(true)))]
+#[command(group(ArgGroup::new("motor").required(true).multiple(true)))]
+#[command(group(ArgGroup::new("largest_voltage")))]
+#[command(override_usage = "motorbench design --speed|--position
+       --bandwidth-Hz HZ|--settling-s S|--q Q --r R|--largest X --largest-V V
+       --rig RIG.toml [--model MODEL.toml] [OPTIONS]")]
+#[command(after_help = "Examples:
+  motorbench design --rig rig.toml --speed --bandwidth-Hz 10
+  motorbench design --rig rig.toml --model model.toml --position --pid \\
+    --settling-s 0.3 --report design.html
+  motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --compensate \\
+    --coulomb-Nm 0.01
+  motorbench design --rig rig.toml --speed --lqr --largest 10,1,0.2 \\
+    --largest-V 3
+  motorbench design --rig rig.toml --position --lqr --q 100,0.2,0,1000 --r 1")]
+pub struct Arguments {
+    /// Rig file: supply, encoder or tachogenerator, and the motor unless a model gives it.
+    #[arg(long, group = "motor", value_name = "RIG.toml")]
+    rig: Option<PathBuf>,
+    /// Model file with the table [motor]. Without a rig file, supply and encoder are taken from it as well.
+    #[arg(long, group = "motor", value_name = "MODEL.toml")]
+    model: Option<PathBuf>,
+    /// Control the speed.
+    #[arg(long, group = "quantity")]
+    speed: bool,
+    /// Control the position.
+    #[arg(long, group = "quantity")]
+    position: bool,
+    /// Only the PID.
+    #[arg(long, conflicts_with = "lqr")]
+    pid: bool,
+    /// Only the LQR.
+    #[arg(long)]
+    lqr: bool,
+    /// Bandwidth from reference to output, at least.
+    #[arg(long = "bandwidth-Hz", group = "how_fast", value_name = "HZ", allow_negative_numbers = true)]
+    bandwidth_hz: Option<f64>,
+    /// Time to settle within 2 % after a step, at most.
+    #[arg(long = "settling-s", group = "how_fast", value_name = "S", allow_negative_numbers = true)]
+    settling_s: Option<f64>,
+    /// LQ weights (diagonal of Q): speed, current, integral of a speed loop; angle, speed, current, integral of a position
+    /// loop, in 1/(rad/s)^2, 1/A^2 and so on. Instead of a bandwidth; the PID's gains are those that cost least as well.
+    #[arg(
+        long,
+        group = "how_fast",
+        requires = "r",
+        value_name = "Q1,Q2,...",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    q: Vec<f64>,
+    /// LQ weight of the voltage (R), in 1/V^2; with --q.
+    #[arg(long, requires = "q", value_name = "R", allow_negative_numbers = true)]
+    r: Option<f64>,
+    /// Weights by Bryson's rule: the largest acceptable deviation of each state, in the order of --q and in its unit
+    /// (rad/s, A, rad; rad, rad/s, A, rad s); inf where any is acceptable.
+    #[arg(
+        long,
+        group = "how_fast",
+        requires = "largest_voltage",
+        value_name = "X1,X2,...",
+        value_delimiter = ',',
+        allow_hyphen_values = true
+    )]
+    largest: Vec<f64>,
+    /// Largest acceptable voltage for these deviations; with --largest.
+    #[arg(
+        long = "largest-V",
+        group = "largest_voltage",
+        requires = "largest",
+        value_name = "V",
+        allow_negative_numbers = true
+    )]
+    largest_v: Option<f64>,
+    /// The same as a part of the supply.
+    #[arg(long, group = "largest_voltage", requires = "largest", value_name = "DUTY", allow_negative_numbers = true)]
+    largest_duty: Option<f64>,
+    /// Overshoot after a step, at most.
+    #[arg(long = "overshoot-percent", default_value_t = 10.0, value_name = "PERCENT", allow_negative_numbers = true)]
+    overshoot_percent: f64,
+    /// Current limit.
+    #[arg(long = "current-limit-A", default_value_t = 1.0, value_name = "A", allow_negative_numbers = true)]
+    current_limit_a: f64,
+    /// The rig has no current sensor, as with current_sensor.present = false in its file: the LQR has the current from the
+    /// firmware's observer, and what that costs against a sensor is told.
+    #[arg(long)]
+    no_current_sensor: bool,
+    /// Compensate voltage drop and friction: from the effects of the model file; without one from bridge.drop_V of the
+    /// rig file and --coulomb-Nm.
+    #[arg(long)]
+    compensate: bool,
+    /// Coulomb friction to compensate, the same in both directions.
+    #[arg(
+        long = "coulomb-Nm",
+        default_value_t = 0.0,
+        value_name = "NM",
+        requires = "compensate",
+        conflicts_with = "model",
+        allow_negative_numbers = true,
+        value_parser = friction
+    )]
+    coulomb_nm: f64,
+    /// Writes the designs as JSON into a file, - for the terminal instead of the text.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+    /// Writes the lines for the board's console, for `motorbench send`.
+    #[arg(long, value_name = "FILE.txt")]
+    console: Option<PathBuf>,
+    /// Writes a page with step responses, margins and roots.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+}
+
+fn friction(text: &str) -> Result<f64, String> {
+    let is_one = |torque: &f64| torque.is_finite() && *torque >= 0.0;
+    text.parse().ok().filter(is_one).ok_or("expected 0 or more: friction brakes in both directions".into())
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let files = [&arguments.json, &arguments.console, &arguments.report].into_iter().flatten();
+    let outputs = Outputs::new(arguments.rig.iter().chain(&arguments.model), files)?;
+    let (motor, bench, rig, model) = arguments.problem()?;
+    let specification = arguments.specification(&bench)?;
+    let compensation = arguments.compensation(&motor, &rig, model.as_ref())?;
+    let extended = model.filter(|model| !model.terms.is_empty());
+    let busy = spinner();
+    let (mut designs, mut refused, mut trials) = (Vec::new(), Vec::new(), Vec::new());
+    for law in arguments.laws() {
+        busy.set_message(format!("{}: weights, margins, 30 % off in everything, on the core", law.title()));
+        let offered = design(&motor, &bench, law, &specification).and_then(|design| {
+            let settings = compensation.added_to(&design.settings)?;
+            let trial = extended.as_ref().map(|model| trial_with_effects(model, &design, &settings.all)).transpose()?;
+            Ok((design, trial))
+        });
+        match offered {
+            Ok((design, trial)) => {
+                designs.push(design);
+                trials.extend(trial);
+            }
+            Err(error) => refused.push(Refused { law, why: error.to_string() }),
+        }
+    }
+    busy.finish_and_clear();
+    if designs.is_empty() {
+        let mut whys: Vec<String> = refused.into_iter().map(|refused| refused.why).collect();
+        whys.dedup();
+        return Err(Failure::input(whys.join("\n")));
+    }
+    let mut settings = SettingList::default();
+    designs.iter().for_each(|design| settings.merge(&design.settings));
+    let settings = compensation.added_to(&settings).map_err(Failure::input)?;
+    let standstill = compensation.near_standstill(&designs, &settings.all)?;
+    let commands = settings.commands();
+    outputs.say(&page(&designs, &refused, &trials, &standstill, &commands));
+    if arguments.compensate && compensation.model.is_none() {
+        outputs.say(&format!("\n{}", wrapped(NOTHING_TO_COMPENSATE, "", "  ")));
+    }
+    if let Some(path) = &arguments.json {
+        let result = serde_json::json!({
+            "motor": motor, "designs": designs, "refused": refused, "with_effects": trials.iter().map(written).collect::<Vec<_>>(),
+            "near_standstill": standstill, "commands": commands
+        });
+        write_json(path, &result)?;
+    }
+    if let Some(path) = &arguments.console {
+        write(path, &(commands.join("\n") + "\n"))?;
+    }
+    if let Some(path) = &arguments.report {
+        write(path, &report::html(&motor, &designs, &trials, &standstill, &commands))?;
+    }
+    Ok(())
+}
+
+const NOTHING_TO_COMPENSATE: &str = "nothing to compensate: of friction and drop neither the model ([effects.coulomb_friction], [effects.voltage_drop]) says anything, nor without one bridge.drop_V of the rig file or --coulomb-Nm";
+
+/// What the core is to make up for.
+struct Compensation {
+    settings: Vec<CompensationSetting>,
+    /// What it is tried with, if anything is made up for: the whole model, or a motor that has these losses alone.
+    model: Option<Model>,
+}
+
+impl Compensation {
+    fn added_to(&self, settings: &SettingList) -> Result<SettingList, DesignError> {
+        let mut settings = settings.clone();
+        for setting in &self.settings {
+            settings.set(setting.param, setting.value)?;
+        }
+        Ok(settings)
+    }
+
+    /// What it brings to each design.
+    fn near_standstill(&self, designs: &[Design], settings: &Settings) -> Result<Vec<Standstill>, Failure> {
+        let Some(model) = &self.model else { return Ok(Vec::new()) };
+        let found =
+            designs.iter().map(|design| near_standstill(model, settings, design.law, design.tachogenerator.as_ref()));
+        found.collect::<Result<_, _>>().map_err(|error| Failure::input(refusal(settings, error)))
+    }
+}
+
+impl Arguments {
+    fn compensation(&self, motor: &MotorParameters, rig: &Rig, model: Option<&Model>) -> Result<Compensation, Failure> {
+        if !self.compensate {
+            return Ok(Compensation { settings: Vec::new(), model: None });
+        }
+        let losses = model.map_or_else(|| self.losses(rig), Model::dry_losses);
+        let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
+        // The settings are sent all the same: the board may have others from another motor.
+        let model =
+            (losses != DryLosses::default()).then(|| model.cloned().unwrap_or_else(|| model_of(&losses, motor)));
+        Ok(Compensation { settings: settings.map_err(Failure::input)?, model })
+    }
+
+    fn laws(&self) -> Vec<ControlLaw> {
+        let (pid, lqr) = if self.position {
+            (ControlLaw::PositionPid, ControlLaw::PositionLqr)
+        } else {
+            (ControlLaw::SpeedPid, ControlLaw::SpeedLqr)
+        };
+        [(pid, !self.lqr), (lqr, !self.pid)].into_iter().filter(|(_, wanted)| *wanted).map(|(law, _)| law).collect()
+    }
+
+    /// What rig file and command line say of them.
+    fn losses(&self, rig: &Rig) -> DryLosses {
+        DryLosses {
+            friction_forward_nm: self.coulomb_nm,
+            friction_reverse_nm: self.coulomb_nm,
+            bridge_drop_v: rig.bridge.drop_v.unwrap_or(0.0),
+        }
+    }
+
+    fn specification(&self, bench: &Bench) -> Result<Specification, Failure> {
+        let speed = match (self.bandwidth_hz, self.settling_s) {
+            (Some(hz), _) => Speed::BandwidthHz(hz),
+            (None, Some(settling_s)) => Speed::SettlingS(settling_s),
+            (None, None) => Speed::Weights(self.weights(bench).map_err(Failure::input)?),
+        };
+        Ok(Specification { speed, overshoot_percent: self.overshoot_percent, current_limit_a: self.current_limit_a })
+    }
+
+    fn weights(&self, bench: &Bench) -> Result<Weights, BadWeight> {
+        if let Some(r) = self.r {
+            return Weights::new(self.position, &self.q, r);
+        }
+        let largest_v = match self.largest_duty {
+            Some(duty) if duty > 0.0 && duty <= 1.0 => duty * bench.supply_v,
+            Some(value) => {
+                let rule = "above 0 and at most 1, the whole supply";
+                return Err(BadWeight::LargestVoltage { option: "--largest-duty", value, rule });
+            }
+            None => self.largest_v.unwrap_or(f64::NAN),
+        };
+        Weights::bryson(self.position, &self.largest, largest_v)
+    }
+
+    /// The motor of the model, or else of the rig; what surrounds it of the rig, or else of the model; the model, if one is given.
+    fn problem(&self) -> Result<(MotorParameters, Bench, Rig, Option<Model>), Failure> {
+        let (motor_file, surroundings) = match (&self.model, &self.rig) {
+            (Some(model), Some(rig)) => (model, rig),
+            (Some(one), None) | (None, Some(one)) => (one, one),
+            (None, None) => return Err(Failure::input("give --rig or --model")),
+        };
+        let (motor, _) = motor_of(motor_file)?;
+        let rig = read_rig(surroundings)?;
+        let missing = |key: &str| {
+            let name = surroundings.display();
+            Failure::input(format!("{name}: {key} is missing: the design needs it, add it"))
+        };
+        let tachogenerator = match tachogenerator(&rig) {
+            Some(gain) => Some(gain.ok_or_else(|| missing("tachogenerator.gain_V_per_krpm"))?),
+            None => None,
+        };
+        if rig.encoder.counts_per_rev.is_none() && tachogenerator.is_none() {
+            let name = surroundings.display();
+            return Err(Failure::input(format!(
+                "{name}: encoder.counts_per_rev is missing: the design needs it, add it; or, for a speed, tachogenerator.gain_V_per_krpm"
+            )));
+        }
+        let model = self.model.as_deref().map(read_model).transpose()?;
+        let bench = Bench {
+            supply_v: rig.supply.voltage_v.ok_or_else(|| missing("supply.voltage_V"))?,
+            counts_per_rev: rig.encoder.counts_per_rev,
+            tachogenerator,
+            current_measured: !self.no_current_sensor && rig.current_sensor.present != Some(false),
+            delay_s: model.as_ref().map_or(0.0, |model| late_s(model, tachogenerator.is_some())),
+            ..Bench::default()
+        };
+        Ok((motor, bench, rig, model))
+    }
+}
+
+/// A law that is not offered beside one that is.
+#[derive(serde::Serialize)]
+struct Refused {
+    law: ControlLaw,
+    why: String,
+}
+
+/// By how much a model's loop is late, a tachogenerator's lag with it where the speed comes from there.
+fn late_s(model: &Model, by_tachogenerator: bool) -> f64 {
+    model.delay_s() + if by_tachogenerator { model.tachogenerator_lag_s() } else { 0.0 }
+}
+
+/// What measures the speed in place of an encoder: of a rig that says so or has no encoder. Inside: `None` without a gain.
+fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
+    let given = &rig.tachogenerator;
+    let takes_its_place = rig.encoder.counts_per_rev.is_none() && given.gain_v_per_krpm.is_some();
+    if !given.feedback.unwrap_or(takes_its_place) {
+        return None;
+    }
+    Some(given.gain_v_per_krpm.map(|gain_v_per_krpm| {
+        let usual = Tachogenerator::new(gain_v_per_krpm);
+        Tachogenerator {
+            ripple: given.ripple.unwrap_or(usual.ripple),
+            ripples_per_rev: given.ripples_per_rev.unwrap_or(usual.ripples_per_rev),
+            ..usual
+        }
+    }))
+}
+
+fn written((law, figures, _): &TrialWithEffects) -> serde_json::Value {
+    serde_json::json!({ "law": law, "trial": figures })
+}
+
+/// Half a page.
+fn page(
+    designs: &[Design],
+    refused: &[Refused],
+    trials: &[TrialWithEffects],
+    standstill: &[Standstill],
+    commands: &[String],
+) -> String {
+    let mut text: String = designs.iter().map(report::summary).collect();
+    text.extend(refused.iter().map(|Refused { why, .. }| wrapped(&format!("not offered: {why}"), "", "  ")));
+    text += &report::beyond_linear(trials, standstill);
+    text += "\npaste into the console, then `save`:\n";
+    for command in commands {
+        text += &format!("  {command}\n");
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RIG: &str = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 1024\n[motor]\nresistance_ohm = 5.84\n\
+        inductance_H = 11.68e-3\ntorque_constant_Nm_per_A = 0.072\ninertia_kg_m2 = 2.22e-5\nviscous_friction_Nm_s = 5e-6\n";
+
+    fn arguments(rig: &std::path::Path) -> Arguments {
+        Arguments {
+            rig: Some(rig.into()),
+            model: None,
+            speed: true,
+            position: false,
+            pid: true,
+            lqr: false,
+            bandwidth_hz: Some(10.0),
+            settling_s: None,
+            q: Vec::new(),
+            r: None,
+            largest: Vec::new(),
+            largest_v: None,
+            largest_duty: None,
+            overshoot_percent: 10.0,
+            current_limit_a: 1.0,
+            no_current_sensor: false,
+            compensate: false,
+            coulomb_nm: 0.0,
+            json: None,
+            console: None,
+            report: None,
+        }
+    }
+
+    /// A motor that the supply cannot even turn against its friction: the linear design holds, the loop would not.
+    #[test]
+    fn what_trips_with_the_models_effects_is_not_offered() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, model, console] = ["rig.toml", "model.toml", "gains.txt"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG).unwrap();
+        std::fs::write(&model, format!("{RIG}[effects.coulomb_friction]\ntorque_Nm = 0.5\n")).unwrap();
+        let extended = Arguments { model: Some(model), console: Some(console.clone()), ..arguments(&rig) };
+        let failure = run(&extended).unwrap_err();
+        assert!(
+            failure.message.contains("with the effects of the model the speed PID does not work"),
+            "{}",
+            failure.message
+        );
+        assert!(failure.code == 1 && !console.exists());
+    }
+
+    #[test]
+    fn nothing_to_compensate_is_not_compared() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, json] = ["rig.toml", "design.json"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG).unwrap();
+        let standstill = |coulomb_nm: f64| {
+            run(&Arguments { compensate: true, coulomb_nm, json: Some(json.clone()), ..arguments(&rig) }).unwrap();
+            let text = std::fs::read_to_string(&json).unwrap();
+            let result: serde_json::Value = serde_json::from_str(&text).unwrap();
+            assert!(text.contains("comp_drop 0"), "{text}");
+            result["near_standstill"].as_array().unwrap().len()
+        };
+        assert_eq!((standstill(0.0), standstill(0.005)), (0, 1));
+    }
+
+    /// What is not made up for is there all the same: the comparison has every effect of the model.
+    #[test]
+    fn near_standstill_the_motor_has_all_of_its_effects() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, model, json] = ["rig.toml", "model.toml", "design.json"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG).unwrap();
+        let motor = &RIG[RIG.find("[motor]").unwrap()..];
+        let standstill = |more: &str| {
+            let friction = "[effects.coulomb_friction]\ntorque_Nm = 0.005\n";
+            std::fs::write(&model, format!("{motor}{friction}{more}")).unwrap();
+            let (model, json_file) = (Some(model.clone()), Some(json.clone()));
+            run(&Arguments { model, json: json_file, compensate: true, ..arguments(&rig) }).unwrap();
+            let result: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
+            let found = &result["near_standstill"][0];
+            [&found["without"], &found["with"]].map(|error| error.as_f64().unwrap())
+        };
+        let [friction_without, friction_with] = standstill("");
+        let cogging = "[effects.cogging]\ncosine_Nm = 0.003\nsine_Nm = 0\nperiods_per_rev = 8\n";
+        let [cogging_without, cogging_with] = standstill(cogging);
+        assert!((cogging_without / friction_without - 1.0).abs() > 0.01, "{cogging_without} {friction_without}");
+        assert!(cogging_with > 1.1 * friction_with, "{cogging_with} {friction_with}");
+    }
+
+    #[test]
+    fn from_a_rig_file_to_a_file_and_a_page() {
+        let directory = std::env::temp_dir().join(format!("motorbench-design-{}", std::process::id()));
+        std::fs::create_dir_all(&directory).unwrap();
+        let (rig, json, html) =
+            (directory.join("rig.toml"), directory.join("design.json"), directory.join("design.html"));
+        std::fs::write(&rig, RIG).unwrap();
+        run(&Arguments { json: Some(json.clone()), report: Some(html.clone()), ..arguments(&rig) }).unwrap();
+        let text = std::fs::read_to_string(json).unwrap();
+        let result: serde_json::Value = serde_json::from_str(&text).unwrap();
+        assert_eq!(result["designs"][0]["law"], "speed_pid");
+        assert_eq!(result["designs"][0]["gains"][0]["name"], "speed_kp");
+        assert!(result["commands"][0].as_str().unwrap().starts_with("set "));
+        let page = std::fs::read_to_string(html).unwrap();
+        assert!(page.matches("<svg").count() >= 4 && !page.contains("http://www.w3.org/1999/xlink"));
+
+        for (missing, expected) in [
+            ("inertia_kg_m2 = 2.22e-5\n", "motor.inertia_kg_m2 is missing"),
+            ("voltage_V = 12\n", "supply.voltage_V is missing"),
+            ("counts_per_rev = 1024\n", "encoder.counts_per_rev is missing"),
+        ] {
+            std::fs::write(&rig, RIG.replace(missing, "")).unwrap();
+            let failure = run(&arguments(&rig)).unwrap_err();
+            assert!(failure.code == 1 && failure.message.contains(expected), "{}", failure.message);
+        }
+        std::fs::remove_dir_all(directory).unwrap();
+    }
+
+    /// Of a motor with a winding of 10 ms, a position PID at 10 Hz overshoots, whatever its gains; the LQR has the current.
+    #[test]
+    fn a_law_that_is_refused_takes_none_with_it() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, json, console] = ["rig.toml", "design.json", "gains.txt"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG.replace("11.68e-3", "58.4e-3")).unwrap();
+        let position = |pid: bool, lqr: bool| Arguments {
+            position: true,
+            speed: false,
+            pid,
+            lqr,
+            json: Some(json.clone()),
+            console: Some(console.clone()),
+            ..arguments(&rig)
+        };
+        run(&position(false, false)).unwrap();
+        let result: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(&json).unwrap()).unwrap();
+        assert_eq!(result["designs"].as_array().unwrap().len(), 1);
+        assert_eq!(result["designs"][0]["law"], "position_lqr");
+        assert_eq!(result["refused"][0]["law"], "position_pid");
+        assert!(result["refused"][0]["why"].as_str().unwrap().contains("the position PID overshoots by"));
+        assert!(!std::fs::read_to_string(&console).unwrap().contains(" position_kp"));
+        // Asked for by name it is a failure.
+        let failure = run(&position(true, false)).unwrap_err();
+        assert!(failure.code == 1 && failure.message.contains("the position PID overshoots by"), "{}", failure.message);
+    }
+
+    /// The page has what the terminal has of the model's effects, as text and as lines; without effects neither.
+    #[test]
+    fn the_page_shows_the_trial_with_the_effects_of_the_model() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, model, html] = ["rig.toml", "model.toml", "design.html"].map(|name| directory.path().join(name));
+        std::fs::write(&rig, RIG).unwrap();
+        let motor = &RIG[RIG.find("[motor]").unwrap()..];
+        let page = |effects: &str, compensate: bool| {
+            std::fs::write(&model, format!("{motor}{effects}")).unwrap();
+            let (model, report) = (Some(model.clone()), Some(html.clone()));
+            run(&Arguments { model, report, compensate, ..arguments(&rig) }).unwrap();
+            std::fs::read_to_string(&html).unwrap()
+        };
+        let linear = page("", false);
+        assert!(!linear.contains("effects of the model") && !linear.contains("\nwith effects\n"));
+        let friction = page("[effects.coulomb_friction]\ntorque_Nm = 0.01\n", true);
+        for shown in ["The same steps with the effects of the model, simulated.", "without compensation"] {
+            assert!(friction.contains(shown), "{shown}");
+        }
+        // Of speed, voltage and current.
+        assert!(friction.matches("\nwith effects\n").count() >= 3, "{friction}");
+    }
+
+    #[test]
+    fn a_tachogenerator_is_the_sensor_where_there_is_no_encoder_or_where_the_rig_says_so() {
+        let of = |text: &str| tachogenerator(&Rig::parse("rig.toml", text).unwrap());
+        let (encoder, tacho) = ("[encoder]\ncounts_per_rev = 1024\n", "[tachogenerator]\ngain_V_per_krpm = 3\n");
+        assert_eq!(of(encoder), None);
+        assert_eq!(of(tacho), Some(Some(Tachogenerator::new(3.0))));
+        assert_eq!(of(&format!("{encoder}{tacho}")), None);
+        let both = of(&format!("{encoder}{tacho}feedback = true\nripple = 0.01\nripples_per_rev = 11\n"));
+        let expected = Tachogenerator { gain_v_per_krpm: 3.0, ripple: 0.01, ripples_per_rev: 11.0 };
+        assert_eq!(both, Some(Some(expected)));
+        assert_eq!(of("[tachogenerator]\nfeedback = true\n"), Some(None));
+    }
+
+    /// From the stand's rig file to the console's lines, and each refusal.
+    #[test]
+    fn a_rig_with_a_tachogenerator_alone() {
+        let directory = tempfile::tempdir().unwrap();
+        let [rig, console, html] = ["rig.toml", "gains.txt", "design.html"].map(|name| directory.path().join(name));
+        let stand = RIG.replace("[encoder]\ncounts_per_rev = 1024\n", "[tachogenerator]\ngain_V_per_krpm = 3\n");
+        std::fs::write(&rig, &stand).unwrap();
+        run(&Arguments { console: Some(console.clone()), report: Some(html.clone()), ..arguments(&rig) }).unwrap();
+        let lines = std::fs::read_to_string(console).unwrap();
+        assert!(lines.contains("speed_sensor 1 tacho_gain 3") && !lines.contains("counts_per_rev"), "{lines}");
+        assert!(std::fs::read_to_string(html).unwrap().contains("steps of 0.341 rad/s, low-pass 3.2 ms"));
+        let refused = |text: &str, position: bool| {
+            std::fs::write(&rig, text).unwrap();
+            let failure = run(&Arguments { position, speed: !position, ..arguments(&rig) }).unwrap_err();
+            assert_eq!(failure.code, 1);
+            failure.message
+        };
+        let message = refused(&stand, true);
+        assert!(message.contains("the position PID needs an encoder"), "{message}");
+        let message = refused(&stand.replace("gain_V_per_krpm = 3", "feedback = true"), false);
+        assert!(message.contains("tachogenerator.gain_V_per_krpm is missing"), "{message}");
+        let message = refused(&stand.replace("voltage_V = 12", "voltage_V = 30"), false);
+        assert!(message.contains("the converter ends at 332 rad/s"), "{message}");
+    }
+}

@@ -1,0 +1,132 @@
+//! `motorbench identify`
+
+use super::recordings::RecordingArguments;
+use super::{Failure, Outputs, may_hold_model, spinner, write_json, write_model};
+use clap::Args;
+use motorbench_data::rig::NominalMotor;
+use motorbench_diagnosis::dataset::Dataset;
+use motorbench_diagnosis::diagnose::judge;
+use motorbench_diagnosis::free_run::free_run;
+use motorbench_diagnosis::identify::{Effort, Place, Prior, fit, with_window_settled};
+use motorbench_model::Model;
+use motorbench_model::motor::MotorParameters;
+use motorbench_text::terminal_text::{short, wrapped};
+use serde::Serialize;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::PathBuf;
+
+/// Finds the five constants of the linear motor, with their uncertainty and with the fit on data that no fit has seen.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench identify run.csv --rig rig.toml --model motor.toml
+  motorbench identify a.csv b.csv --json -
+What the linear motor lacks is said by motorbench diagnose.")]
+pub struct Arguments {
+    #[command(flatten)]
+    recordings: RecordingArguments,
+    /// Writes the motor as a model file; one that a person has written is not replaced.
+    #[arg(long, value_name = "OUT.toml")]
+    model: Option<PathBuf>,
+    /// Writes the result as JSON into a file, - for the terminal.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+/// What was found. Units are in the names or beside the values.
+#[derive(Serialize)]
+struct Identified {
+    parameters: BTreeMap<&'static str, Constant>,
+    fit: BTreeMap<&'static str, Fitted>,
+    /// Then the intervals are those of a model that does not hold.
+    leaves_more_than_noise: bool,
+    /// What was noticed of the recording.
+    notes: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct Constant {
+    value: f64,
+    ci95: [f64; 2],
+}
+
+/// A free-running simulation against data kept back from the fit.
+#[derive(Serialize)]
+struct Fitted {
+    rmse: f64,
+    unit: &'static str,
+    fit_percent: f64,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] with what is wrong with the input, and where.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let outputs = Outputs::new(&arguments.recordings.files(), arguments.model.iter().chain(&arguments.json))?;
+    may_hold_model(arguments.model.as_deref())?;
+    let (rig, recordings) = (arguments.recordings.rig()?, arguments.recordings.read()?);
+    let data = with_window_settled(Dataset::new(&recordings, &rig).map_err(Failure::input)?, &rig.motor);
+    let bar = spinner();
+    let (model, identified) = identify(&data, &rig.motor, &|text| bar.set_message(text.to_string()));
+    bar.finish_and_clear();
+    if let Some(path) = &arguments.model {
+        write_model(path, &model)?;
+    }
+    if let Some(path) = &arguments.json {
+        write_json(path, &identified)?;
+    }
+    outputs.say(&page(&identified));
+    Ok(())
+}
+
+/// Fits without the data kept back, measures on it, and fits again to everything for the constants.
+fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> (Model, Identified) {
+    let prior = Prior::new(nominal, data);
+    progress("fit to two thirds of the data");
+    let seen = fit(&Model::linear(prior.motor), data, &prior, Effort::FULL);
+    let prediction = free_run(&seen.model, data);
+    let quality = data.measured.iter().enumerate().map(|(output, measured)| {
+        let rmse = judge::rmse(data, &prediction, output);
+        let fit_percent = judge::fit_percent(data, &prediction, output);
+        (measured.output.channel(), Fitted { rmse, unit: measured.output.unit(), fit_percent })
+    });
+    let quality: BTreeMap<_, _> = quality.collect();
+    let reached: Vec<String> =
+        quality.iter().map(|(channel, fitted)| format!("{channel} {:.1} %", fitted.fit_percent)).collect();
+    progress(&format!("fit on the rest: {}; now to all of it", reached.join(", ")));
+    let mut everything = data.clone();
+    everything.kept_back.fill(false);
+    let last = fit(&seen.model, &everything, &prior, Effort::FULL);
+    let intervals = last.intervals(&everything);
+    let constant = |(index, (name, value)): (usize, (&'static str, f64))| {
+        let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
+        (name, Constant { value, ci95: interval.map_or([value, value], |interval| interval.ci95) })
+    };
+    let parameters = last.model.motor.named().into_iter().enumerate().map(constant).collect();
+    let leaves_more_than_noise = judge::above_floor(data, &seen) > judge::NOT_NOISE;
+    (last.model, Identified { parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
+}
+
+/// What a reader of the intervals has to know.
+const LEAVES_MORE: &str = "The linear motor leaves more than noise: its constants make up for what it lacks, and their intervals do not know of that. motorbench diagnose says what it is.";
+
+fn page(identified: &Identified) -> String {
+    let mut text = String::from("The linear motor, with 95 % intervals\n");
+    for (name, _) in MotorParameters::PIVT6.named() {
+        let Constant { value, ci95: [low, high] } = identified.parameters[name];
+        let _ = writeln!(text, "  {name:<26} {:>10}  [{}, {}]", short(value), short(low), short(high));
+    }
+    text += "Free-running simulation against data that no fit has seen\n";
+    for (channel, fitted) in &identified.fit {
+        let Fitted { rmse, unit, fit_percent } = fitted;
+        let _ = writeln!(text, "  {channel:<26} {:>10} {unit} rms, fit {fit_percent:.1} %", short(*rmse));
+    }
+    if identified.leaves_more_than_noise {
+        text += &wrapped(LEAVES_MORE, "", "");
+    }
+    for note in &identified.notes {
+        text += &wrapped(note, "", "");
+    }
+    text
+}

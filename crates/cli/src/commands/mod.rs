@@ -1,0 +1,472 @@
+//! The commands of the program `motorbench`, one file each.
+//!
+//! Exit codes: `EXIT_CODES`, which the manual pages show.
+
+mod analyse;
+mod autotune;
+mod board;
+mod compare;
+mod connect;
+mod convert;
+mod demo;
+mod design;
+mod diagnose;
+mod files;
+mod identify;
+mod live;
+mod manual;
+mod recordings;
+mod simulate;
+mod stand;
+mod tune;
+mod validate;
+mod virtual_board;
+
+use clap::{CommandFactory, FromArgMatches as _, Parser, Subcommand};
+use files::{JSON_TO, Outputs, TERMINAL, beside, is_terminal, with_json_joined};
+use host_sim::scenario::Scenario;
+use indicatif::{ProgressBar, ProgressStyle};
+#[cfg(feature = "chip")]
+use motorbench_chip::{ProgramError, firmware_at_hand};
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::Rig;
+use motorbench_files::text_file;
+use motorbench_model::Model;
+use motorbench_report::picture::{self, Format};
+use motorbench_text::terminal_text::narrow;
+use ratatui::crossterm::terminal::window_size;
+use serde::Serialize;
+use std::any::Any;
+use std::env::args_os;
+use std::fmt::Display;
+use std::fs;
+use std::io::{self, ErrorKind, IsTerminal as _, Write as _};
+use std::panic;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// How often a progress bar moves.
+const TICK: Duration = Duration::from_millis(100);
+
+/// Identify, understand and control a DC motor on an Arduino Uno.
+#[derive(Parser)]
+#[command(name = "motorbench", version, max_term_width = motorbench_text::terminal_text::COLUMNS, arg_required_else_help = true)]
+struct Program {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    Demo(demo::Arguments),
+    Analyse(analyse::Arguments),
+    Compare(compare::Arguments),
+    Convert(convert::Arguments),
+    Design(design::Arguments),
+    Diagnose(diagnose::Arguments),
+    Identify(identify::Arguments),
+    Live(live::Arguments),
+    Simulate(simulate::Arguments),
+    Stand(stand::Arguments),
+    Validate(validate::Arguments),
+    Virtual(virtual_board::Arguments),
+    Ports(board::PortsArguments),
+    Connect(connect::Arguments),
+    Record(board::RecordArguments),
+    Send(board::SendArguments),
+    Tune(tune::Arguments),
+    Autotune(autotune::Arguments),
+    Completions(manual::CompletionsArguments),
+    Man(manual::ManArguments),
+}
+
+/// What a script may go by, in the words of docs/reference/commands.md.
+const EXIT_CODES: [(u8, &str); 4] = [
+    (0, "done"),
+    (1, "the input or the result is not usable: the message says which file, where in it and what to do"),
+    (2, "the command line is wrong"),
+    (
+        3,
+        "something is missing or not permitted on this machine: a file or an output that cannot be written, a port, a library",
+    ),
+];
+
+/// Why a command ended without its result.
+#[derive(Debug)]
+pub struct Failure {
+    /// What happened, where, and what to do.
+    pub message: String,
+    /// Exit code, one of `EXIT_CODES`.
+    pub code: u8,
+}
+
+impl Failure {
+    /// The input or the result is not usable.
+    pub fn input(message: impl Display) -> Self {
+        Self { message: message.to_string(), code: 1 }
+    }
+
+    /// The command line is wrong, which only shows when it is carried out.
+    #[cfg(all(feature = "chip", unix))]
+    fn command_line(message: impl Display) -> Self {
+        Self { message: message.to_string(), code: 2 }
+    }
+
+    /// Something is missing on this machine.
+    pub fn machine(message: impl Display) -> Self {
+        Self { message: message.to_string(), code: 3 }
+    }
+}
+
+/// The command line: every command with its options and examples.
+pub fn command() -> clap::Command {
+    Program::command()
+}
+
+/// Columns that the help takes to stand beside the options.
+const BESIDE_OPTIONS: u16 = 60;
+
+/// The command line on a terminal of so many columns: on a narrow one the help stands below the options.
+fn command_on(columns: u16) -> clap::Command {
+    command().next_line_help(columns < BESIDE_OPTIONS)
+}
+
+/// Those of the terminal; where it does not tell them, or is none, enough.
+fn columns() -> u16 {
+    window_size().map(|window| window.columns).ok().filter(|columns| *columns > 0).unwrap_or(u16::MAX)
+}
+
+/// Runs the program with the arguments of this process.
+pub fn main() -> ExitCode {
+    let usual = panic::take_hook();
+    panic::set_hook(Box::new(move |information| {
+        if why_not_printed(information.payload()).is_none() {
+            usual(information);
+        }
+    }));
+    let parsed =
+        || Program::from_arg_matches(&command_on(columns()).try_get_matches_from(with_json_joined(args_os()))?);
+    let result = panic::catch_unwind(|| match parsed() {
+        Ok(program) => run(program).map(|()| ExitCode::SUCCESS),
+        Err(error) => {
+            error.print().or_else(|error| cannot_print(&error))?;
+            Ok(ExitCode::from(error.exit_code() as u8))
+        }
+    });
+    let failure = match result {
+        Ok(Ok(code)) => return code,
+        Ok(Err(failure)) => failure,
+        Err(payload) => match why_not_printed(&*payload) {
+            Some(why) if why.contains("Broken pipe") => return ExitCode::SUCCESS,
+            Some(why) => not_printed(why),
+            None => panic::resume_unwind(payload),
+        },
+    };
+    tell(&format!("motorbench: {}", failure.message));
+    ExitCode::from(failure.code)
+}
+
+/// Says something beside the result; on a terminal in lines that fit it.
+fn tell(text: &str) {
+    let mut error = io::stderr();
+    let text = if error.is_terminal() { narrow(text) } else { text.into() };
+    // The exit code says what failed as well, to who has closed the terminal.
+    let _ = writeln!(error, "{text}");
+}
+
+/// What the system said when `println!` gave up: the reader has had enough, as `head` has, or a disk is full. Unwinding,
+/// unlike a signal or an exit in its place, stops a motor.
+fn why_not_printed(payload: &(dyn Any + Send)) -> Option<&str> {
+    let (_, after) = payload.downcast_ref::<String>()?.split_once("failed printing to std")?;
+    after.split_once(": ").map(|(_, why)| why)
+}
+
+fn run(program: Program) -> Result<(), Failure> {
+    match program.command {
+        Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
+        Command::Stand(arguments) => stand::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
+        Command::Live(arguments) => live::run(&arguments),
+        Command::Validate(arguments) => validate::run(&arguments),
+        Command::Convert(arguments) => convert::run(&arguments),
+        Command::Analyse(arguments) => analyse::run(&arguments),
+        Command::Design(arguments) => design::run(&arguments),
+        Command::Identify(arguments) => identify::run(&arguments),
+        Command::Diagnose(args) => diagnose::run(&args),
+        Command::Virtual(arguments) => virtual_board::run(&arguments),
+        Command::Ports(arguments) => board::list(&arguments),
+        Command::Connect(arguments) => connect::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Record(arguments) => board::run_record(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Send(arguments) => board::run_send(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Tune(arguments) => tune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Autotune(arguments) => autotune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Completions(arguments) => manual::completions(&arguments),
+        Command::Man(arguments) => manual::man(arguments),
+    }
+}
+
+/// A column of a file under another name: `speed=omega_rad_per_s`.
+fn mapping(text: &str) -> Result<(String, String), String> {
+    let (from, to) = text.split_once('=').ok_or("expected FROM=TO, for instance speed=omega_rad_per_s")?;
+    Ok((from.into(), to.into()))
+}
+
+/// A rig file; which of its keys mean nothing is said.
+fn read_rig(path: &Path) -> Result<Rig, Failure> {
+    let rig = motorbench_files::rig(path).map_err(Failure::input)?;
+    if rig.is_model {
+        let path = path.display();
+        tell(&format!(
+            "motorbench: {path} is a model: in the place of a rig file it gives nominal values of the motor, and its [effects] are ignored"
+        ));
+    }
+    for key in &rig.ignored {
+        tell(&format!("motorbench: {}: {key} has no meaning in a rig file and is ignored", path.display()));
+    }
+    Ok(rig)
+}
+
+/// A recording; which of its columns mean nothing is said.
+fn read_recording(path: &Path, names: &[(String, String)]) -> Result<Recording, Failure> {
+    let recording = motorbench_files::recording(path, names).map_err(Failure::input)?;
+    if !recording.ignored.is_empty() {
+        let (path, ignored) = (path.display(), recording.ignored.join(", "));
+        tell(&format!(
+            "motorbench: {path}: not used, for they are no channel (--column NAME=CHANNEL, or `motorbench convert` with --map): {ignored}"
+        ));
+    }
+    Ok(recording)
+}
+
+/// The rig file beside a recording, where there is one.
+fn rig_beside(recording: &Path) -> Option<PathBuf> {
+    // `.` has no name that another ending could follow.
+    Some(beside(recording, "rig.toml")).filter(|path| path.exists() && !path.is_dir())
+}
+
+/// The rig file that is named, else that beside a recording.
+fn rig_file(named: Option<&Path>, recording: Option<&Path>) -> Option<PathBuf> {
+    named.map(Path::to_path_buf).or_else(|| recording.and_then(rig_beside))
+}
+
+/// What [`rig_file`] says; nothing is known of the rig where there is none.
+fn rig_for(named: Option<&Path>, recording: Option<&Path>) -> Result<Rig, Failure> {
+    rig_file(named, recording).map_or_else(|| Ok(Rig::default()), |path| read_rig(&path))
+}
+
+/// The firmware for the simulated chip, which is built when it is not there, or no longer that of its sources.
+#[cfg(feature = "chip")]
+fn firmware() -> Result<PathBuf, ProgramError> {
+    let bar = spinner();
+    bar.set_message("the firmware is built; the first time takes a minute");
+    let elf = firmware_at_hand(|note| bar.suspend(|| tell(note)));
+    bar.finish_and_clear();
+    elf
+}
+
+/// A model file.
+fn read_model(path: &Path) -> Result<Model, Failure> {
+    let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", path.display()));
+    let text = text_file::read(path, "a model file (TOML)").map_err(|error| failed(&error))?;
+    Model::parse(&text).map_err(|error| failed(&error))
+}
+
+/// How a model file begins that this program has written: it may write over it.
+const WRITTEN: &str = "# Written by motorbench, which writes over it.\n";
+
+/// Whether a model that is found may go there, asked before it is looked for: what a person has written stays.
+fn may_hold_model(path: Option<&Path>) -> Result<(), Failure> {
+    let by_hand =
+        |path: &&Path| path.is_file() && !fs::read(path).is_ok_and(|text| text.starts_with(WRITTEN.as_bytes()));
+    path.filter(by_hand).map_or(Ok(()), |path| {
+        let path = path.display();
+        Err(Failure::input(format!(
+            "{path}: motorbench has not written this file and does not write over it: choose another name for the model that is found"
+        )))
+    })
+}
+
+/// Writes a model that was found.
+fn write_model(path: &Path, model: &Model) -> Result<(), Failure> {
+    write(path, &(WRITTEN.to_owned() + &model.to_toml()))
+}
+
+/// A scenario, with another model than its own if one is given.
+fn scenario(path: &Path, model: Option<&Path>) -> Result<Scenario, Failure> {
+    let Some(file) = model else { return motorbench_files::scenario(path, None).map_err(Failure::input) };
+    motorbench_files::scenario(path, Some(read_model(file)?)).map_err(Failure::input)
+}
+
+/// A file for a plot: another ending is refused before any work is done.
+fn plot_file(text: &str) -> Result<PathBuf, picture::WrongEnding> {
+    let path = PathBuf::from(text);
+    picture::Format::of(&path).map(|_| path)
+}
+
+/// Writes a plot, as SVG or PNG by the file's ending.
+fn write_plot(path: &Path, svg: &str) -> Result<(), Failure> {
+    match picture::Format::of(path).map_err(Failure::input)? {
+        Format::Svg => write(path, svg),
+        Format::Png => {
+            write(path, &picture::png(svg).map_err(|error| Failure::input(format!("{}: {error}", path.display())))?)
+        }
+    }
+}
+
+/// Writes a file whole or not at all, or to the standard output where it is called `-`.
+fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Failure> {
+    if is_terminal(path) {
+        let mut output = io::stdout();
+        return output.write_all(contents.as_ref()).and_then(|()| output.flush()).or_else(|error| cannot_print(&error));
+    }
+    write_whole(path, contents.as_ref()).map_err(|error| cannot_write(path, &error))
+}
+
+/// Writes beside the file and moves it into its place: on a full disk what was there stays, and no half of a file begins.
+fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
+    // What a link points to, not the link.
+    let path = path.canonicalize().unwrap_or_else(|_| path.into());
+    let there = fs::metadata(&path).ok();
+    if there.as_ref().is_some_and(|there| !there.is_file()) {
+        return fs::write(&path, contents);
+    }
+    if there.is_some() {
+        // One that must not be written to is not replaced either.
+        fs::OpenOptions::new().append(true).open(&path)?;
+    }
+    let beside = path.with_added_extension(format!("{}.part", std::process::id()));
+    let keep_mode = || there.as_ref().map_or(Ok(()), |there| fs::set_permissions(&beside, there.permissions()));
+    let written = fs::write(&beside, contents).and_then(|()| keep_mode()).and_then(|()| fs::rename(&beside, &path));
+    written.or_else(|error| {
+        let _ = fs::remove_file(&beside);
+        match (error.kind(), there) {
+            // Into a folder that takes no new file the old one is written in its place...
+            (ErrorKind::PermissionDenied, Some(_)) => fs::write(&path, contents),
+            // ... and on a full disk where it has the room already.
+            (ErrorKind::StorageFull | ErrorKind::QuotaExceeded, Some(there))
+                if there.len() >= contents.len() as u64 =>
+            {
+                write_within(&path, contents)
+            }
+            _ => Err(error),
+        }
+    })
+}
+
+/// Writes over the beginning of a longer file, and takes the rest away.
+fn write_within(path: &Path, contents: &[u8]) -> io::Result<()> {
+    let mut file = fs::OpenOptions::new().write(true).open(path)?;
+    file.write_all(contents)?;
+    file.set_len(contents.len() as u64)
+}
+
+/// Writes a result for a program.
+fn write_json(path: &Path, result: &impl Serialize) -> Result<(), Failure> {
+    write(path, &(serde_json::to_string_pretty(result).map_err(Failure::machine)? + "\n"))
+}
+
+/// A reader that has had enough, as `head` has, is no failure.
+fn cannot_print(error: &io::Error) -> Result<(), Failure> {
+    match error.kind() {
+        ErrorKind::BrokenPipe => Ok(()),
+        _ => Err(not_printed(error)),
+    }
+}
+
+/// Why the standard output cannot be written, and what to do.
+fn not_printed(why: impl Display) -> Failure {
+    Failure::machine(format!("the standard output cannot be written: {why}: make room there, or send it elsewhere"))
+}
+
+/// Where a file is or would be.
+fn folder(path: &Path) -> &Path {
+    path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
+}
+
+/// Why a file cannot be written, and what to do.
+fn cannot_write(path: &Path, error: &io::Error) -> Failure {
+    let remedy = match error.kind() {
+        ErrorKind::NotFound if !folder(path).is_dir() => ": make its folder first",
+        ErrorKind::NotFound | ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => ": choose another folder",
+        ErrorKind::StorageFull | ErrorKind::FileTooLarge | ErrorKind::QuotaExceeded => ": make room on the disk",
+        ErrorKind::IsADirectory => ": it is a folder, name a file in it",
+        _ => "",
+    };
+    Failure::machine(format!("{}: {error}{remedy}", path.display()))
+}
+
+/// What is being done and for how long; it shows itself on a terminal only.
+fn spinner() -> ProgressBar {
+    let bar = ProgressBar::new_spinner();
+    bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {msg}").expect("a constant that is right"));
+    bar.enable_steady_tick(TICK);
+    bar
+}
+
+/// How much of a known amount is done; it shows itself on a terminal only.
+fn bar(length: u64) -> ProgressBar {
+    let bar = ProgressBar::new(length);
+    bar.set_style(ProgressStyle::with_template("{bar:40} {percent} % {elapsed}").expect("a constant that is right"));
+    bar
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_replaced_whole_and_a_link_stays_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link] = ["run.json", "link.json"].map(|name| folder.path().join(name));
+        fs::write(&file, "a longer text of before").unwrap();
+        #[cfg(unix)]
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        write(if cfg!(unix) { &link } else { &file }, "new").unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+        assert_eq!(link.is_symlink(), cfg!(unix));
+        assert_eq!(folder.path().read_dir().unwrap().count(), if cfg!(unix) { 2 } else { 1 }, "nothing beside them");
+        write(Path::new("/dev/null"), "nothing").unwrap();
+        assert_eq!(write(&folder.path().join("none/run.json"), "new").unwrap_err().code, 3);
+    }
+
+    /// What is written beside the file finds no room.
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn on_a_full_disk_a_file_is_written_into_the_room_it_has() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("run.json");
+        let beside = file.with_added_extension(format!("{}.part", std::process::id()));
+        for (before, is_written) in [("running, and room", true), ("short", false)] {
+            fs::write(&file, before).unwrap();
+            std::os::unix::fs::symlink("/dev/full", &beside).unwrap();
+            assert_eq!(write(&file, "complete").is_ok(), is_written);
+            assert_eq!(fs::read_to_string(&file).unwrap(), if is_written { "complete" } else { before });
+        }
+    }
+
+    #[test]
+    fn a_model_by_hand_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("model.toml");
+        let model = Model::linear(motorbench_model::motor::MotorParameters::PIVT6);
+        for _ in 0..2 {
+            may_hold_model(Some(&file)).unwrap();
+            write_model(&file, &model).unwrap();
+            assert_eq!(read_model(&file).unwrap().motor, model.motor);
+        }
+        fs::write(&file, model.to_toml()).unwrap();
+        assert_eq!(may_hold_model(Some(&file)).unwrap_err().code, 1);
+        assert!(may_hold_model(Some(Path::new("-"))).is_ok() && may_hold_model(Some(Path::new("/dev/null"))).is_ok());
+    }
+
+    #[test]
+    fn help_fits_a_narrow_terminal() {
+        let asked = command_on(40).term_width(40).try_get_matches_from(["motorbench", "connect", "--help"]);
+        let help = asked.expect_err("help").to_string();
+        let options = help.split_once("Options:").expect("options").1.split_once("Examples:").expect("examples").0;
+        assert!(options.lines().all(|line| line.chars().count() <= 40), "{help}");
+        assert!(options.lines().count() < 25, "{help}");
+    }
+}

@@ -1,0 +1,42 @@
+//! What `diagnose` and `identify` take: recordings of one rig.
+
+use super::{Failure, mapping, read_recording, rig_file, rig_for};
+use clap::Args;
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::Rig;
+use std::path::PathBuf;
+
+/// Recordings, and what is known of their rig.
+#[derive(Args)]
+pub struct RecordingArguments {
+    /// Recordings of one rig: CSV with units in the column names (t_s with duty or u_V and omega_rad_per_s, rpm,
+    /// theta_rad or counts, and i_A), or for diagnose one table of steady states without t_s.
+    #[arg(required = true)]
+    pub recordings: Vec<PathBuf>,
+    /// What is known of the rig (TOML); without it the rig file beside the first recording (run.rig.toml for run.csv), where
+    /// there is one.
+    #[arg(long)]
+    pub rig: Option<PathBuf>,
+    /// A column of the file that has another name: FILE_NAME=PROJECT_NAME.
+    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
+    pub columns: Vec<(String, String)>,
+}
+
+impl RecordingArguments {
+    /// All recordings.
+    pub fn read(&self) -> Result<Vec<Recording>, Failure> {
+        let read = |path: &PathBuf| read_recording(path, &self.columns);
+        self.recordings.iter().map(read).collect()
+    }
+
+    /// Every file that is read.
+    pub fn files(&self) -> Vec<PathBuf> {
+        let rig = rig_file(self.rig.as_deref(), self.recordings.first().map(PathBuf::as_path));
+        self.recordings.iter().cloned().chain(rig).collect()
+    }
+
+    /// Their rig.
+    pub fn rig(&self) -> Result<Rig, Failure> {
+        rig_for(self.rig.as_deref(), self.recordings.first().map(PathBuf::as_path))
+    }
+}

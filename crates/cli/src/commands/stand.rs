@@ -1,0 +1,392 @@
+//! `motorbench stand`
+
+mod board;
+
+use super::{Failure, Outputs, mapping, plot_file, read_recording, read_rig, write_json, write_plot};
+use clap::Args;
+use motorbench_data::delimited::Delimited;
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::Rig;
+use motorbench_diagnosis::steady_state::Winding;
+use motorbench_files::text_file;
+use motorbench_report::diagnosis_text::estimate;
+use motorbench_report::web_page::axis_label;
+use motorbench_stand::derived::Slip;
+use motorbench_stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
+use motorbench_text::terminal_text::{fixed, rounded, short, wrapped};
+use plotters::coord::Shift;
+use plotters::prelude::*;
+use std::error::Error;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// A test stand: drives a board through voltages and loads, or reads a table; powers, efficiency, losses, condition, best
+/// operating points.
+#[derive(Args)]
+#[command(after_help = "Examples:
+  motorbench stand --rig rig.toml --both-directions --positions 6
+  motorbench stand --port /tmp/motorbench --rig rig.toml --voltages 6,8,10,12
+  motorbench stand --rig rig.toml --voltages 8,10,12 --load-Nm 0,0.01,0.02
+  motorbench stand no_load.csv --rig rig.toml --resistance positions.csv
+  motorbench stand no_load.csv --rig rig.toml --derived printed.csv
+  motorbench stand now.csv --earlier last_year.csv --rig rig.toml \\
+    --map efficiency.svg
+
+Without a table the motor on the board is driven. For each load you are asked to
+set the brake; that of motorbench virtual sets itself. Ctrl-C stops the motor
+and keeps what has come.")]
+pub struct Arguments {
+    /// Table with u_V, i_A and omega_rad_per_s or rpm, with a brake load_Nm; rows with the rotor held tell the winding's resistance.
+    table: Option<PathBuf>,
+    #[command(flatten)]
+    board: board::BoardArguments,
+    /// Nominal resistance_ohm and torque_constant_Nm_per_A under [motor] (TOML).
+    #[arg(long)]
+    rig: PathBuf,
+    /// A column of the table that has another name: FILE_NAME=PROJECT_NAME.
+    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
+    columns: Vec<(String, String)>,
+    /// Resistances by a meter at several rotor positions: a table with a column resistance_ohm.
+    #[arg(long, value_name = "POSITIONS.csv")]
+    resistance: Option<PathBuf>,
+    /// A table of the same motor from an earlier test.
+    #[arg(long, value_name = "TABLE.csv")]
+    earlier: Option<PathBuf>,
+    /// What a study derived from the table, as it prints it: cells that its own formulas or the readings contradict are listed.
+    #[arg(long, value_name = "TABLE.csv", requires = "table")]
+    derived: Option<PathBuf>,
+    /// Draws the efficiency over voltage and torque that the constants found foretell.
+    #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
+    map: Option<PathBuf>,
+    /// Writes the result as JSON into a file, - for the terminal.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] with file and what to do.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    let outputs = arguments.outputs()?;
+    let rig = read_rig(&arguments.rig)?;
+    let read = |path: &Path| table(path, &arguments.columns);
+    let earlier = arguments.earlier.as_deref().map(read).transpose()?;
+    let winding = arguments.resistance.as_deref().map(resistances).transpose()?;
+    match &arguments.table {
+        Some(path) => report(arguments, &outputs, &read(path)?, (earlier.as_ref(), winding), &rig),
+        None => {
+            let measured = arguments.board.run((&arguments.rig, &rig), |table, held| {
+                let winding = Some(held).filter(|held| !held.is_empty()).or(winding);
+                report(arguments, &outputs, table, (earlier.as_ref(), winding), &rig)
+            });
+            measured.map_err(|failure| arguments.board.port.failure(failure))
+        }
+    }
+}
+
+/// A table of steady states.
+fn table(path: &Path, columns: &[(String, String)]) -> Result<Recording, Failure> {
+    let table = read_recording(path, columns)?;
+    if table.time_s().is_some() {
+        return Err(Failure::input(format!(
+            "{}: a recording over time (t_s); a table of steady states is expected, a row a reading. Recordings are for motorbench diagnose",
+            path.display()
+        )));
+    }
+    Ok(table)
+}
+
+/// Evaluates a table and prints or writes what was asked for. `resistances_ohm`: of the winding, where measured apart.
+fn report(
+    arguments: &Arguments,
+    outputs: &Outputs,
+    table: &Recording,
+    (earlier, resistances_ohm): (Option<&Recording>, Option<Vec<f64>>),
+    rig: &Rig,
+) -> Result<(), Failure> {
+    let mut stand = evaluate(table, earlier, resistances_ohm, rig).map_err(Failure::input)?;
+    if let Some(path) = &arguments.derived {
+        let failed = |what: &dyn std::fmt::Display| Failure::input(format!("{}: {what}", path.display()));
+        let derived = text_file::read(path, "a table (CSV) of derived figures").map_err(|error| failed(&error))?;
+        stand.check(&derived, rig).map_err(|what| failed(&what))?;
+    }
+    if let Some(path) = &arguments.json {
+        write_json(path, &stand)?;
+    }
+    outputs.say(&page(&stand, rig.motor.resistance_ohm));
+    // Last: a table of which there is no map has its evaluation.
+    arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))
+}
+
+fn write_map(path: &Path, stand: &Stand) -> Result<(), Failure> {
+    let greatest_v = stand.study.levels.iter().map(|level| level.u_V).fold(0.0, f64::max);
+    let cells = stand.constants.map(greatest_v);
+    let best = cells.points.iter().max_by(|a, b| a.efficiency.total_cmp(&b.efficiency)).ok_or_else(|| {
+        let path = path.display();
+        Failure::input(format!(
+            "{path}: no map, by the constants found the motor turns at no voltage up to {greatest_v} V: look at the table for wrong units"
+        ))
+    })?;
+    write_plot(path, &map(&cells, best).map_err(Failure::machine)?)
+}
+
+impl Arguments {
+    fn outputs(&self) -> Result<Outputs, Failure> {
+        let measured = if self.table.is_none() { self.board.files() } else { Vec::new() };
+        let others = [&self.table, &self.resistance, &self.earlier, &self.derived].into_iter().flatten();
+        let written = self.map.iter().chain(&self.json).chain(&measured);
+        Outputs::new([&self.rig].into_iter().chain(others), written)
+    }
+}
+
+fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
+    let failed = |what: &dyn std::fmt::Display| Failure::input(format!("{}: {what}", path.display()));
+    let text = text_file::read(path, "a table (CSV) with a column resistance_ohm").map_err(|error| failed(&error))?;
+    match Delimited::new(&text).column("resistance_ohm").map_err(|what| failed(&what))? {
+        none if none.is_empty() => Err(failed(&"no resistance stands in it")),
+        resistances => Ok(resistances),
+    }
+}
+
+/// Head of the column that only a table with loads has.
+fn load_head(stand: &Stand) -> &'static str {
+    if stand.loaded.is_empty() { "" } else { "  load_Nm" }
+}
+
+/// A cell of it.
+fn load_cell(stand: &Stand, load_nm: f64) -> String {
+    if stand.loaded.is_empty() { String::new() } else { format!(" {load_nm:8.4}") }
+}
+
+fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
+    let loaded = !stand.loaded.is_empty();
+    let load = |load_nm| load_cell(stand, load_nm);
+    let head = load_head(stand);
+    let mut text = format!(
+        "Derived with the nominal constants, as stands do\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm\n",
+    );
+    for level in &stand.study.levels {
+        let _ = writeln!(
+            text,
+            "  {:6.2}{} {:6.2} {:7.1} {:6.2} {:7.2} {:5.2} {:9.4} {:6.2} {:9.2}",
+            level.u_V,
+            load(level.load_Nm),
+            level.emf_V,
+            level.rpm,
+            level.p_in_W,
+            level.p_out_W,
+            level.efficiency,
+            level.torque_Nm,
+            level.k_mot_rad_per_s_per_V,
+            level.dynamic_resistance_ohm
+        );
+    }
+    let shaft = if loaded { "    shaft" } else { "" };
+    let _ = writeln!(
+        text,
+        "\nWhere the power goes by the constants found, W\n     u_V{head}{shaft}  winding     drop  dry fr.  viscous     rest"
+    );
+    for losses in &stand.losses {
+        let _ = writeln!(
+            text,
+            "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:>8}",
+            losses.u_V,
+            load(losses.load_Nm),
+            if loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
+            losses.winding_W,
+            losses.drop_W,
+            losses.coulomb_W,
+            losses.viscous_W,
+            fixed(losses.rest_W, 3)
+        );
+    }
+    text += "\nCauses\n";
+    for cause in &stand.study.outcome.causes {
+        let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
+        text += &wrapped(&format!("{}: {}", cause.effect, constants.collect::<Vec<_>>().join(", ")), "  ", "    ");
+    }
+    if let Some(winding) = &stand.winding {
+        let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
+        let most = winding.resistances_ohm.iter().copied().fold(0.0, f64::max);
+        let line = format!(
+            "Winding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
+            winding.resistances_ohm.len(),
+            short(winding.mean_ohm),
+            short(winding.spread_ohm),
+            short(least),
+            short(most),
+            nominal_ohm.map_or("unknown".into(), |nominal| against_mean(nominal, winding))
+        );
+        text.push('\n');
+        text += &wrapped(&line, "", "  ");
+    }
+    slips(&mut text, &stand.slips);
+    directions(&mut text, stand);
+    condition(&mut text, stand);
+    loads(&mut text, stand);
+    text += match loaded {
+        true => "\nMost efficient load at each voltage, by the constants found\n",
+        false => "\nMost efficient load at each voltage, foretold: no point of the table was loaded\n",
+    };
+    text += "     u_V  torque_Nm     rpm    i_A    eff\n";
+    for point in &stand.most_efficient {
+        let OperatingPoint { u_V, torque_Nm, omega_rad_per_s, i_A, efficiency } = point;
+        let rpm = rpm(*omega_rad_per_s);
+        let _ = writeln!(text, "  {u_V:6.2} {torque_Nm:10.4} {rpm:7.0} {i_A:6.2} {efficiency:6.2}");
+    }
+    text
+}
+
+/// Efficiency over load at each voltage.
+fn loads(text: &mut String, stand: &Stand) {
+    let Some(best) = stand.loaded.iter().max_by(|a, b| a.shaft_efficiency.total_cmp(&b.shaft_efficiency)) else {
+        return;
+    };
+    text.push_str("\nEfficiency over load: by formulas, at the brake, by the constants found\n");
+    text.push_str("     u_V  load_Nm     rpm    i_A  formulas  brake  found\n");
+    for point in &stand.loaded {
+        let LoadedPoint { u_V, load_Nm, i_A, formula_efficiency, shaft_efficiency, .. } = point;
+        let _ = writeln!(
+            text,
+            "  {u_V:6.2} {load_Nm:8.4} {:7.0} {i_A:6.3} {formula_efficiency:9.3} {shaft_efficiency:6.3} {:>6}",
+            rpm(point.omega_rad_per_s),
+            point.model_efficiency.map_or("-".into(), |efficiency| format!("{efficiency:.3}"))
+        );
+    }
+    let _ = writeln!(
+        text,
+        "Best measured: {:.3} at {:.2} V and {} Nm, {:.0} rpm",
+        best.shaft_efficiency,
+        best.u_V,
+        short(best.load_Nm),
+        rpm(best.omega_rad_per_s)
+    );
+    if let Some(scale) = &stand.load_scale {
+        let _ = writeln!(text, "The currents speak of {} times the stated loads", estimate(scale));
+    }
+}
+
+/// Nominal resistance, and whether it is the mean of the positions, to the digits that it is given with.
+fn against_mean(nominal_ohm: f64, winding: &Winding) -> String {
+    let digits = nominal_ohm.to_string().split_once('.').map_or(0, |(_, decimals)| decimals.len());
+    let is_mean = format!("{:.digits$}", winding.mean_ohm) == format!("{nominal_ohm:.digits$}");
+    if is_mean { short(nominal_ohm) } else { format!("{}, not that mean", short(nominal_ohm)) }
+}
+
+/// Cells of a derived table that are wrong.
+fn slips(text: &mut String, slips: &[Slip]) {
+    if slips.is_empty() {
+        return;
+    }
+    text.push_str("\nSlips of the derived table: a cell, its formula of its own row, of the readings\n");
+    text.push_str("     u_V                 column  printed  own row  readings\n");
+    let cell = |value: Option<f64>| value.map_or("-".into(), |value| rounded(value, 5));
+    for Slip { u_V, column, printed, by_row, by_readings } in slips {
+        let (row, readings) = (cell(*by_row), cell(*by_readings));
+        let _ = writeln!(text, "  {u_V:6.2} {column:>22} {:>8} {row:>8} {readings:>9}", rounded(*printed, 5));
+    }
+}
+
+fn rpm(omega_rad_per_s: f64) -> f64 {
+    omega_rad_per_s * 60.0 / std::f64::consts::TAU
+}
+
+fn directions(text: &mut String, stand: &Stand) {
+    if stand.directions.is_empty() {
+        return;
+    }
+    let head = load_head(stand);
+    let _ = writeln!(text, "\nForwards and backwards\n     u_V{head}  i_A fwd  i_A rev  rpm fwd  rpm rev");
+    for Directions { u_V, load_Nm, forward_A, reverse_A, forward_rad_per_s, reverse_rad_per_s } in &stand.directions {
+        let load = load_cell(stand, *load_Nm);
+        let _ = writeln!(
+            text,
+            "  {u_V:6.2}{load} {forward_A:8.4} {reverse_A:8.4} {:8.1} {:8.1}",
+            rpm(*forward_rad_per_s),
+            rpm(*reverse_rad_per_s)
+        );
+    }
+}
+
+fn condition(text: &mut String, stand: &Stand) {
+    if stand.condition.is_empty() {
+        return;
+    }
+    text.push_str("\nAgainst the earlier test\n");
+    for condition in &stand.condition {
+        let (before, now) = (estimate(&condition.before), estimate(&condition.now));
+        text.push_str(&wrapped(&format!("{}: {}", condition.part, condition.verdict), "  ", "    "));
+        let _ = writeln!(text, "    {}, {:+.1} sigmas:\n    {before} -> {now}", condition.quantity, condition.sigmas);
+    }
+}
+
+/// Blue, the stronger the larger this share of the best efficiency.
+fn shade(share: f64) -> ShapeStyle {
+    RGBColor(0, 114, 178).mix(share.clamp(0.0, 1.0)).filled()
+}
+
+/// Shades of the map, from a quarter of the best efficiency on.
+const SHADES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
+/// Where they begin, how far they are apart, and how large they are.
+const SHADES_AT: (i32, i32) = (96, 36);
+const SHADES_APART: i32 = 100;
+const SHADE_SIZE: (i32, i32) = (24, 16);
+const MAP_LETTERS: (&str, i32) = ("sans-serif", 16);
+
+/// What the shades of the map mean, above it.
+fn shades(area: &DrawingArea<SVGBackend, Shift>, best: f64) -> Result<(), Box<dyn Error>> {
+    for (share, index) in SHADES.into_iter().zip(0..) {
+        let (left, top) = (SHADES_AT.0 + index * SHADES_APART, SHADES_AT.1);
+        let corners = [(left, top), (left + SHADE_SIZE.0, top + SHADE_SIZE.1)];
+        area.draw(&Rectangle::new(corners, shade(share)))?;
+        let percent = format!("{:.0} %", 100.0 * share * best);
+        area.draw(&Text::new(percent, (left + SHADE_SIZE.0 + 8, top), MAP_LETTERS))?;
+    }
+    Ok(())
+}
+
+/// Efficiency over voltage and torque: the darker the more, the point is the best.
+fn map(map: &EfficiencyMap, best: &OperatingPoint) -> Result<String, Box<dyn Error>> {
+    let EfficiencyMap { step_v, step_nm, points } = map;
+    let greatest_v = points.iter().map(|point| point.u_V).fold(0.0, f64::max) + 0.5 * step_v;
+    let greatest_nm = points.iter().map(|point| point.torque_Nm).fold(0.0, f64::max) + 0.5 * step_nm;
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, (760, 480)).into_drawing_area();
+        root.fill(&WHITE)?;
+        let caption = format!(
+            "efficiency at the shaft; best (point) {:.0} % at {} V and {} Nm",
+            100.0 * best.efficiency,
+            short(best.u_V),
+            short(best.torque_Nm)
+        );
+        root.draw(&Text::new(caption, (SHADES_AT.0, 8), ("sans-serif", 20)))?;
+        shades(&root, best.efficiency)?;
+        let mut chart = ChartBuilder::on(&root)
+            .margin(8)
+            .margin_top(SHADES_AT.1 + 2 * SHADE_SIZE.1)
+            .margin_right(24)
+            .x_label_area_size(48)
+            .y_label_area_size(84)
+            .build_cartesian_2d(0.0..greatest_v, 0.0..greatest_nm)?;
+        chart
+            .configure_mesh()
+            .disable_mesh()
+            .x_desc("voltage, V")
+            .y_desc("torque at the shaft, Nm")
+            .x_label_formatter(&axis_label)
+            .y_label_formatter(&axis_label)
+            .label_style(MAP_LETTERS)
+            .axis_desc_style(MAP_LETTERS)
+            .draw()?;
+        chart.draw_series(points.iter().map(|point| {
+            let (u, torque) = (point.u_V, point.torque_Nm);
+            let corners = [(u - 0.5 * step_v, torque - 0.5 * step_nm), (u + 0.5 * step_v, torque + 0.5 * step_nm)];
+            Rectangle::new(corners, shade(point.efficiency / best.efficiency))
+        }))?;
+        chart.draw_series([Circle::new((best.u_V, best.torque_Nm), 5, BLACK.filled())])?;
+        root.present()?;
+    }
+    Ok(svg)
+}

@@ -1,0 +1,274 @@
+//! A board as the test stand of `motorbench stand`.
+
+use crate::commands::board::{PortArguments, ended, on_interrupt, table_file, typed_lines};
+use crate::commands::files::{beside, free_name, with_beside};
+use crate::commands::{Failure, cannot_write, write};
+use clap::Args;
+use motorbench_core::settings::{Param, Settings};
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::Rig;
+use motorbench_diagnosis::steady_state::{FEWEST_LEVELS, StudyError};
+use motorbench_link::growing::GrowingFile;
+use motorbench_link::port::Port;
+use motorbench_link::record::by_name;
+#[cfg(unix)]
+use motorbench_link::virtual_control::VirtualControl;
+use motorbench_link::{Link, VERSION};
+use motorbench_stand::drive::{Findings, Found, HeldPosition, Person, Plan, drive, table};
+use std::fmt::Write as _;
+use std::io::{Write as _, stderr};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError};
+
+/// Levels unless others are given: eighths of the largest voltage, from where most motors turn.
+const LEVELS: std::ops::RangeInclusive<u8> = 3..=8;
+const PARTS: f64 = 8.0;
+/// Two statements of the encoder may differ by this share.
+const SAME_COUNTS: f64 = 1e-3;
+
+/// Ending of the table of positions.
+const POSITIONS: &str = "positions.csv";
+/// What stands beside the table.
+const BESIDE: [&str; 2] = [POSITIONS, "json"];
+
+/// How the board is driven.
+#[derive(Args)]
+pub(super) struct BoardArguments {
+    #[command(flatten)]
+    pub(super) port: PortArguments,
+    /// Voltages to go to; without it 3/8 to 8/8 of the board's voltage_limit.
+    #[arg(long, value_name = "V,V,...", value_delimiter = ',', allow_hyphen_values = true, conflicts_with = "table")]
+    voltages: Vec<f64>,
+    /// The same voltages backwards as well.
+    #[arg(long, conflicts_with = "table")]
+    both_directions: bool,
+    /// Torques of a brake at the shaft; at each, which you are asked to set, all voltages are gone to.
+    #[arg(long = "load-Nm", value_name = "NM,NM,...", value_delimiter = ',', conflicts_with = "table")]
+    loads_nm: Vec<f64>,
+    /// Averages at each voltage, each of 0.2 s or a whole revolution.
+    #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..), conflicts_with = "table")]
+    readings: u16,
+    /// Measures the winding at so many positions, at which you are asked to hold the rotor.
+    #[arg(long, value_name = "COUNT", default_value_t = 0, conflicts_with = "table")]
+    positions: u16,
+    /// Measures the winding in so many sectors of a turn while you let the rotor creep, a turn in some seconds.
+    #[arg(long, value_name = "SECTORS", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=360), conflicts_with = "table")]
+    slow_turn: u16,
+    /// Where the table goes; beside it the positions (.positions.csv) and firmware, settings and losses (.json). Without it:
+    /// stand.csv, or the first of stand-2.csv, ... that is free.
+    #[arg(long, value_name = "TABLE.csv", value_parser = table_file, conflicts_with = "table")]
+    save: Option<PathBuf>,
+}
+
+impl BoardArguments {
+    /// Every file that is written.
+    pub(super) fn files(&self) -> Vec<PathBuf> {
+        with_beside(&self.save(), &BESIDE)
+    }
+
+    fn save(&self) -> PathBuf {
+        self.save.clone().unwrap_or_else(|| free_name("stand", &BESIDE))
+    }
+
+    /// Drives the board, writes what came, and has the table and the held resistances evaluated.
+    pub(super) fn run(
+        &self,
+        (rig_file, rig): (&Path, &Rig),
+        evaluate: impl FnOnce(&Recording, Vec<f64>) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        // Before the motor turns: a file that says too little, a full disk or a wrong folder shall not cost a test.
+        if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
+            return Err(Failure::input(format!("{}: {}", rig_file.display(), StudyError::NoNominal)));
+        }
+        let save = &self.save();
+        let mut files = Files::new(save, !self.loads_nm.is_empty())?;
+        let stopped = on_interrupt()?;
+        let (mut link, port, settings) = self.port.open_to_drive()?;
+        let mut person = Terminal { stopped, lines: None, brake: brake(&port) };
+        same_encoder(rig, &settings)?;
+        let plan = self.plan(&settings)?;
+        if rig.motor.inductance_h.is_none() {
+            eprintln!(
+                "without inductance_H in the rig file the current is that at the end of the PWM period, a little less than its mean"
+            );
+        }
+        let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person, &mut |found| files.keep(found));
+        let table = table(&save.display().to_string(), &findings.readings, files.loaded);
+        // Beside nothing it would tell of nothing, or of an earlier table.
+        let is_empty = findings.readings.is_empty() && findings.positions.is_empty();
+        let saved = if is_empty { Ok(()) } else { write_side(save, &findings, &link, &settings) };
+        drop(link);
+        let held = findings.positions.iter().map(|position| position.resistance_ohm.value).collect();
+        let evaluated = as_written(table).and_then(|table| evaluate(&table, held));
+        ended(&findings.ended, findings.readings.len(), save)?;
+        evaluated.and(saved)?;
+        whole(&findings, save)
+    }
+
+    fn plan(&self, settings: &Settings) -> Result<Plan, Failure> {
+        let limit_v = f64::from(settings.get(Param::VoltageLimit));
+        let mut voltages_v = match &self.voltages[..] {
+            [] => LEVELS.map(|part| f64::from(part) / PARTS * limit_v).collect(),
+            given => given.to_vec(),
+        };
+        if let Some(wrong) = voltages_v.iter().find(|voltage| !(voltage.abs() <= limit_v && **voltage != 0.0)) {
+            return Err(Failure::input(format!(
+                "--voltages {wrong}: expected 0 to {limit_v} V, the board's voltage_limit; `motorbench connect 'set voltage_limit V'` changes it"
+            )));
+        }
+        let mut levels_v: Vec<f64> = voltages_v.iter().map(|voltage| voltage.abs()).collect();
+        levels_v.sort_by(f64::total_cmp);
+        levels_v.dedup();
+        let levels = levels_v.len() * self.loads_nm.len().max(1);
+        if levels < FEWEST_LEVELS {
+            return Err(Failure::input(StudyError::TooFew { name: "--voltages".into(), levels }));
+        }
+        if let Some(wrong) = self.loads_nm.iter().find(|load_nm| !(load_nm.is_finite() && **load_nm >= 0.0)) {
+            return Err(Failure::input(format!("--load-Nm {wrong}: expected torques of 0 or more")));
+        }
+        if self.both_directions {
+            voltages_v.extend(voltages_v.clone().iter().map(|voltage| -voltage));
+        }
+        Ok(Plan {
+            voltages_v,
+            loads_nm: self.loads_nm.clone(),
+            readings: self.readings.into(),
+            positions: self.positions.into(),
+            sectors: self.slow_turn.into(),
+        })
+    }
+}
+
+/// A script shall hear that something is lacking.
+fn whole(findings: &Findings, save: &Path) -> Result<(), Failure> {
+    if findings.left_out.is_empty() {
+        return Ok(());
+    }
+    Err(Failure::input(format!(
+        "nobody answered, so that {} are left out; {} has the rest. Run it where somebody can press Enter, or without --positions, --slow-turn and --load-Nm",
+        findings.left_out.join(" and "),
+        save.display()
+    )))
+}
+
+fn write_side(save: &Path, findings: &Findings, link: &Link<Port>, settings: &Settings) -> Result<(), Failure> {
+    let side = serde_json::json!({
+        "program": format!("motorbench {VERSION}"),
+        "firmware": link.firmware,
+        "ended": findings.ended,
+        "losses": link.losses(),
+        "positions": findings.positions,
+        "left_out": findings.left_out,
+        "settings": by_name(settings),
+    });
+    let side = serde_json::to_string_pretty(&side).map_err(Failure::machine)?;
+    write(&beside(save, "json"), &(side + "\n"))
+}
+
+/// What its file will say, so that a later evaluation says the same to the last digit.
+fn as_written(table: Recording) -> Result<Recording, Failure> {
+    if table.is_empty() {
+        return Ok(table);
+    }
+    Recording::parse(&table.name, table.to_csv().as_bytes(), &[]).map_err(Failure::input)
+}
+
+/// Speeds come from the board's count; the rig file's must not be another.
+fn same_encoder(rig: &Rig, settings: &Settings) -> Result<(), Failure> {
+    let board = f64::from(settings.get(Param::CountsPerRev));
+    match rig.encoder.counts_per_rev {
+        Some(rig) if (rig / board - 1.0).abs() > SAME_COUNTS => Err(Failure::input(format!(
+            "the rig file says {rig} counts a turn, the board {board}: mend the rig file, or `motorbench connect 'set counts_per_rev {rig}' save`"
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// Table and positions, which grow with what is measured: whatever becomes of the program costs nothing that had come.
+struct Files {
+    table: GrowingFile,
+    positions: GrowingFile,
+    /// The table has a column for the load.
+    loaded: bool,
+}
+
+impl Files {
+    fn new(save: &Path, loaded: bool) -> Result<Self, Failure> {
+        let new = |path: &Path| GrowingFile::new(path).map_err(|error| cannot_write(path, &error));
+        Ok(Self { table: new(save)?, positions: new(&beside(save, POSITIONS))?, loaded })
+    }
+
+    fn keep(&mut self, found: Found) -> Result<(), String> {
+        let (file, header, rows) = match found {
+            Found::Readings(readings) => {
+                let new = table("", readings, self.loaded);
+                (&mut self.table, new.csv_header(), new.csv_rows(0))
+            }
+            Found::Positions(new) => (&mut self.positions, "angle_deg,resistance_ohm,drop_V\n".into(), rows(new)),
+        };
+        let lines = if file.is_empty() { header + &rows } else { rows };
+        file.add(&lines).map_err(|error| cannot_write(file.path(), &error).message)
+    }
+}
+
+fn rows(positions: &[HeldPosition]) -> String {
+    let mut text = String::new();
+    for position in positions {
+        let _ = writeln!(text, "{:.1},{},{}", position.angle_deg, position.resistance_ohm.value, position.drop_V);
+    }
+    text
+}
+
+/// What sets a brake by itself.
+type Brake = Box<dyn FnMut(f64) -> Result<(), String>>;
+
+/// That of a virtual board.
+#[cfg(unix)]
+fn brake(port: &str) -> Option<Brake> {
+    let mut control = VirtualControl::of(Path::new(port))?;
+    Some(Box::new(move |torque_nm| control.order(&format!("brake {torque_nm}"))))
+}
+
+#[cfg(not(unix))]
+fn brake(_port: &str) -> Option<Brake> {
+    None
+}
+
+/// The person at this terminal.
+struct Terminal {
+    stopped: Arc<AtomicBool>,
+    /// Lines that are typed, once something was asked.
+    lines: Option<Receiver<String>>,
+    brake: Option<Brake>,
+}
+
+impl Person for Terminal {
+    fn stops(&mut self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    fn hears(&mut self, line: &str) {
+        // A terminal that was closed shall not cost the table.
+        let _ = writeln!(stderr(), "{line}");
+    }
+
+    fn is_asked(&mut self, request: &str) {
+        self.hears(request);
+        self.lines.get_or_insert_with(typed_lines);
+    }
+
+    fn answers(&mut self) -> Option<bool> {
+        match self.lines.as_ref()?.try_recv() {
+            Ok(_) => Some(true),
+            Err(TryRecvError::Empty) => None,
+            // Nobody is there.
+            Err(TryRecvError::Disconnected) => Some(false),
+        }
+    }
+
+    fn brakes(&mut self, torque_nm: f64) -> Result<bool, String> {
+        self.brake.as_mut().map_or(Ok(false), |brake| brake(torque_nm).map(|()| true))
+    }
+}

@@ -1,0 +1,207 @@
+//! `motorbench tune`: the tuning console, and a session of it without a person.
+
+use super::board::{
+    PortArguments, cannot_grow, finite, on_interrupt, rig_and_side, table_file, write_each, write_first,
+};
+use super::files::{beside, free_name, with_beside};
+use super::live::LiveArguments;
+use super::{Failure, Outputs, tell, write_json};
+use crate::tune::{Keeper, Kept, Key, REFERENCE, Session, screen};
+use clap::Args;
+use motorbench_core::message::Sample;
+use motorbench_core::settings::Settings;
+use motorbench_data::rig::NominalMotor;
+use motorbench_link::board::BoardError;
+use motorbench_link::growing::GrowingCsv;
+use motorbench_link::record::{Ended, Record, by_name, side_file_of_running};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
+#[derive(Args)]
+#[command(after_help = "Keys: a arm, space stop, s step test, up/down choose a gain, left/right 10 %
+less or more, -/+ reference, tab PID or LQR, u undo, w save on the board,
+r begin and end a recording (every sample at the board's time), q quit. Without
+this program the drive stops by itself after half a second.
+
+Examples:
+  motorbench tune --reference 60
+  motorbench tune --json session.json
+  motorbench tune --keys 'a s right s w' --json -
+
+--keys needs no terminal: each key is pressed when what the one before began is
+over; a step test takes two seconds with the way back to rest. Keys are written
+as above, and space, tab, up, down, left, right. It ends with exit code 1 at the
+first that is refused, and at a trip, and with 3 where r cannot write.")]
+pub struct Arguments {
+    #[command(flatten)]
+    pub(super) port: PortArguments,
+    /// Speed that a step test goes to, in rad/s.
+    #[arg(long, default_value_t = 40.0, allow_negative_numbers = true, value_parser = finite)]
+    reference: f64,
+    /// Where recordings go, a .csv, with rig and side file; those after the first get a number. Without it: tune.csv, or
+    /// the first of tune-2.csv, ... that is free.
+    #[arg(long, value_parser = table_file)]
+    out: Option<PathBuf>,
+    #[command(flatten)]
+    live: LiveArguments,
+    /// A session without a person: these keys one after another, separated by spaces.
+    #[arg(long, value_name = "KEYS", value_delimiter = ' ', allow_hyphen_values = true, value_parser = key)]
+    keys: Option<Vec<Key>>,
+    /// Writes the session as JSON into a file when it ends, - for the terminal: step tests with figures and gains, gains
+    /// before and after, whether they are saved, recordings.
+    #[arg(long, value_name = "FILE|-")]
+    json: Option<PathBuf>,
+}
+
+fn key(name: &str) -> Result<Key, String> {
+    screen::key_named(name)
+        .ok_or_else(|| "expected a s r u w - + space tab up down left right, as in --keys 'a s right s'".into())
+}
+
+/// What stands beside a recording.
+const BESIDE: [&str; 2] = ["rig.toml", "json"];
+
+/// Numbered recordings of a tuning session.
+struct Numbered {
+    /// Of the first, where a person has named it.
+    out: Option<PathBuf>,
+    kept: u32,
+    /// That under way, or the last.
+    path: PathBuf,
+    growing: Option<GrowingCsv>,
+    /// What stands beside it before its first row.
+    first: Vec<(PathBuf, String)>,
+}
+
+impl Numbered {
+    fn new(out: Option<PathBuf>) -> Self {
+        let mut new = Self { out, kept: 0, path: PathBuf::new(), growing: None, first: Vec::new() };
+        new.path = new.next();
+        new
+    }
+
+    /// Where the next recording goes.
+    fn next(&self) -> PathBuf {
+        match (&self.out, self.kept) {
+            (None, _) => free_name("tune", &BESIDE),
+            (Some(out), 0) => out.clone(),
+            (Some(out), kept) => beside(out, &format!("{}.csv", kept + 1)),
+        }
+    }
+}
+
+/// What was played, as the side file says it.
+const BY_HAND: &str = "by hand, in motorbench tune";
+
+/// Rig and side file, with the gains that the recording began with.
+fn files_beside(
+    out: &Path,
+    settings: &Settings,
+    before: &Settings,
+    mut side: serde_json::Value,
+) -> Result<Vec<(PathBuf, String)>, Failure> {
+    side["settings_before"] = by_name(before).into();
+    rig_and_side(out, settings, NominalMotor::default(), &side)
+}
+
+impl Keeper for Numbered {
+    fn begin(&mut self, settings: &Settings, firmware: &str) -> Result<(), String> {
+        self.path = self.next();
+        let growing = GrowingCsv::new(&self.path).map_err(|error| cannot_grow(&self.path, &error))?;
+        self.growing = Some(growing.of_mode(REFERENCE));
+        let side = side_file_of_running(settings, firmware, BY_HAND);
+        self.first = files_beside(&self.path, settings, settings, side).map_err(|failure| failure.message)?;
+        Ok(())
+    }
+
+    fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String> {
+        let Some(growing) = &mut self.growing else { return Ok(()) };
+        if growing.rows() == 0 && !samples.is_empty() {
+            write_first(&self.first)?;
+        }
+        growing.add(samples, settings).map_err(|error| cannot_grow(&self.path, &error))
+    }
+
+    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> Kept {
+        let out = self.path.clone();
+        self.growing = None;
+        if record.samples.is_empty() {
+            return Kept { text: "nothing had come".into(), file: None, is_whole: true };
+        }
+        self.kept += 1;
+        let text = format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks());
+        let files = files_beside(&out, &record.settings, before, record.side_file(firmware, BY_HAND));
+        let lacks = match files.map(|files| write_each(&files)) {
+            Ok(Ok(())) => None,
+            Ok(Err(unwritten)) => Some(unwritten.beside("")),
+            Err(failure) => Some(failure.message),
+        };
+        let is_whole = lacks.is_none();
+        let text = [Some(text), lacks].into_iter().flatten().collect::<Vec<_>>().join("; ");
+        Kept { text, file: Some(out), is_whole }
+    }
+}
+
+/// Runs it.
+///
+/// # Errors
+/// [`Failure`] when the board is gone, when there is no terminal for a person, or when keys did not do what they should.
+pub fn run(arguments: &Arguments) -> Result<(), Failure> {
+    if arguments.keys.is_none() && !std::io::stdout().is_terminal() {
+        return Err(Failure::machine(
+            "tune needs a terminal, or --keys for a session without a person; for programs also: `motorbench connect`, `send` and `record`",
+        ));
+    }
+    let keeper = Numbered::new(arguments.out.clone());
+    let recording = with_beside(&keeper.path, &BESIDE);
+    let outputs = Outputs::new([], recording.iter().chain(&arguments.json))?;
+    let stopped = on_interrupt()?;
+    let stop = || stopped.load(Ordering::Relaxed);
+    let live = arguments.live.open()?;
+    let (link, ..) = arguments.port.open_to_drive()?;
+    let mut session = Session::new(link, arguments.reference, live, Box::new(keeper))?;
+    let says = |text: &str| outputs.say(&format!("{text}\n"));
+    let mut ended = match &arguments.keys {
+        Some(keys) => {
+            session.play(keys, &stop, &|key, did| says(&format!("{:10} {did}", format!("{key:?}").to_lowercase())))
+        }
+        None => screen::run(&mut session, &stop).map_or_else(Ended::from, |()| Ended::Complete),
+    };
+    let failed = if let Ended::Failed(why) = &ended { Some(BoardError::Failed(why.clone())) } else { None };
+    if let Some(Kept { text, is_whole, .. }) = session.end_recording(failed.as_ref())
+        // What is not kept whole is the failure of a session that has no other.
+        && (is_whole || ended != Ended::Complete)
+    {
+        tell(&text);
+    }
+    // Also after a trip; a board that is gone has said so already.
+    let left = session.leave();
+    let is_off = left.is_ok();
+    if let (Err(error), Ended::Complete) = (left, &ended) {
+        ended = error.into();
+    }
+    let account = session.account(ended);
+    if arguments.keys.is_some() {
+        screen::figure_lines(&account.step_tests).iter().for_each(|line| says(line));
+    }
+    if is_off {
+        account.left().iter().for_each(|line| says(line));
+    }
+    if let Some(path) = &arguments.json {
+        write_json(path, &account)?;
+    }
+    outcome(account.ended)
+}
+
+/// The exit code says how it ended.
+fn outcome(ended: Ended) -> Result<(), Failure> {
+    match ended {
+        Ended::Complete => Ok(()),
+        Ended::Interrupted => Err(Failure::input("stopped by hand")),
+        Ended::Tripped(trip) => Err(BoardError::Tripped(trip).into()),
+        Ended::Refused(why) => Err(Failure::input(why)),
+        Ended::Failed(why) => Err(Failure::machine(why)),
+    }
+}

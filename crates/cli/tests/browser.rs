@@ -1,0 +1,389 @@
+//! Pages and plots as a person sees them: in Chromium without a window, over the DevTools protocol, on a phone, in print, and
+//! on a screen.
+
+#[path = "common/motor.rs"]
+mod motor;
+
+use assert_cmd::Command;
+use headless_chrome::protocol::cdp::types::Event;
+use headless_chrome::protocol::cdp::{Emulation, Log::LogEntryLevel, Network, Runtime};
+use headless_chrome::{Browser, LaunchOptions, Tab};
+use motor::PIVT6_TOML;
+use serde::Deserialize;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+use tempfile::TempDir;
+
+/// Of the narrowest phones that are common, and the paper of a page of A4 between margins of 15 mm, at 96 px an inch.
+const PHONE: (u32, u32) = (390, 844);
+const A4: (u32, u32) = (680, 1009);
+const SCREEN: (u32, u32) = (1280, 900);
+/// Letters that are lower than this are not read.
+const SMALLEST_LETTERS_PX: f64 = 9.0;
+/// A table of numbers with more columns scrolls in its frame on a phone; whatever else is read without.
+const PHONE_COLUMNS: usize = 6;
+/// A letter may stand out of its plot, and two texts into each other, by so much.
+const TOLERANCE_PX: f64 = 1.5;
+
+/// Finds the texts of all plots, what is too wide, and names that go on in the next line within a word.
+const LOOK: &str = r"JSON.stringify({
+    title: document.title,
+    width: document.documentElement.scrollWidth,
+    window: innerWidth,
+    texts: document.body ? document.body.innerText.length : 0,
+    cut: [...document.querySelectorAll('.wide, pre')].filter(box => box.scrollWidth > box.clientWidth + 1)
+        .map(box => ({ text: box.innerText.slice(0, 60), columns: box.querySelectorAll('tr:first-child > *').length })),
+    broken: [...document.querySelectorAll('code')].flatMap(code => [...code.childNodes]).filter(part => {
+        const range = document.createRange();
+        range.selectNodeContents(part);
+        return new Set([...range.getClientRects()].map(line => Math.round(line.top))).size > 1;
+    }).map(part => part.textContent),
+    parted: [...document.querySelectorAll('p:has(+svg)')].filter(caption => getComputedStyle(caption).breakAfter != 'avoid')
+        .map(caption => caption.innerText),
+    plots: [...document.querySelectorAll('svg')].map(svg => {
+        const box = svg.getBoundingClientRect();
+        const opaque = [...svg.querySelectorAll('rect')].filter(rect => getComputedStyle(rect).fillOpacity == 1
+            && getComputedStyle(rect).fill != 'none');
+        const isWithin = (point, {x, y, width, height}) =>
+            point.x > x + 1 && point.x < x + width - 1 && point.y > y + 1 && point.y < y + height - 1;
+        const covers = (rect, line) => line.compareDocumentPosition(rect) & Node.DOCUMENT_POSITION_FOLLOWING
+            && [...line.points].some(point => isWithin(point, rect.getBBox()));
+        return {
+            box: [box.left, box.top, box.right, box.bottom],
+            breaks: getComputedStyle(svg).breakInside,
+            covered: [...svg.querySelectorAll('polyline')].filter(line => opaque.some(rect => covers(rect, line))).length,
+            lines: svg.querySelectorAll('polyline, circle, rect, path').length,
+            texts: [...svg.querySelectorAll('text')].map(text => {
+                const matrix = text.getScreenCTM(), box = text.getBoundingClientRect();
+                const size = parseFloat(getComputedStyle(text).fontSize) * Math.hypot(matrix.a, matrix.b);
+                return { text: text.textContent.trim(), size, box: [box.left, box.top, box.right, box.bottom] };
+            }),
+        };
+    }),
+})";
+
+#[derive(Deserialize)]
+struct Seen {
+    title: String,
+    width: f64,
+    window: f64,
+    texts: usize,
+    cut: Vec<Cut>,
+    broken: Vec<String>,
+    /// Captions that may stand on another sheet than their plot.
+    parted: Vec<String>,
+    plots: Vec<Plot>,
+}
+
+/// What is wider than its frame: it scrolls on a screen, and is cut off in print.
+#[derive(Deserialize)]
+struct Cut {
+    text: String,
+    /// Of a table.
+    columns: usize,
+}
+
+#[derive(Deserialize)]
+struct Plot {
+    /// Left, top, right, bottom in px, as for texts.
+    #[serde(rename = "box")]
+    area: [f64; 4],
+    breaks: String,
+    /// Lines that something is drawn over.
+    covered: usize,
+    lines: usize,
+    texts: Vec<Text>,
+}
+
+#[derive(Deserialize)]
+struct Text {
+    text: String,
+    size: f64,
+    #[serde(rename = "box")]
+    area: [f64; 4],
+}
+
+/// By how much the smaller extent of the common part of two areas is positive.
+fn common([left, top, right, bottom]: [f64; 4], other: [f64; 4]) -> f64 {
+    (right.min(other[2]) - left.max(other[0])).min(bottom.min(other[3]) - top.max(other[1]))
+}
+
+impl Plot {
+    /// What makes it hard to read.
+    fn faults(&self) -> Vec<String> {
+        let mut faults = Vec::new();
+        let [left, top, right, bottom] = self.area;
+        if self.lines == 0 || self.texts.is_empty() {
+            faults.push("an empty plot".into());
+        }
+        if self.covered > 0 {
+            faults.push(format!("{} lines of a plot are covered", self.covered));
+        }
+        for (index, text) in self.texts.iter().enumerate() {
+            let [l, t, r, b] = text.area;
+            if text.size < SMALLEST_LETTERS_PX {
+                faults.push(format!("\"{}\" is {:.1} px high", text.text, text.size));
+            }
+            let outside = (left - l).max(top - t).max(r - right).max(b - bottom);
+            if outside > TOLERANCE_PX {
+                faults.push(format!("\"{}\" is cut off by {outside:.1} px", text.text));
+            }
+            for other in &self.texts[index + 1..] {
+                if common(text.area, other.area) > TOLERANCE_PX {
+                    faults.push(format!("\"{}\" and \"{}\" stand in each other", text.text, other.text));
+                }
+            }
+        }
+        faults
+    }
+}
+
+/// A page in the browser, and what the browser complained of.
+struct Page {
+    tab: Arc<Tab>,
+    heard: Arc<Mutex<Vec<String>>>,
+}
+
+impl Page {
+    /// Opens a file; whatever goes to the console, is thrown, or asked of anybody else is written down.
+    fn open(browser: &Browser, file: &Path) -> Self {
+        let url = format!("file://{}", file.display());
+        let (tab, heard) = (browser.new_tab().unwrap(), Arc::new(Mutex::new(Vec::new())));
+        tab.call_method(Network::Enable {
+            max_total_buffer_size: None,
+            max_resource_buffer_size: None,
+            max_post_data_size: None,
+            report_direct_socket_traffic: None,
+            enable_durable_messages: None,
+        })
+        .unwrap();
+        tab.enable_log().unwrap().enable_runtime().unwrap();
+        let (notes, own) = (Arc::clone(&heard), url.clone());
+        let note = move |event: &Event| {
+            let complaint = match event {
+                Event::RuntimeExceptionThrown(thrown) => Some(format!("{:?}", thrown.params.exception_details)),
+                Event::RuntimeConsoleAPICalled(called)
+                    if matches!(called.params.Type, Runtime::ConsoleAPICalledEventTypeOption::Error) =>
+                {
+                    Some(format!("{:?}", called.params.args))
+                }
+                Event::LogEntryAdded(added) if matches!(added.params.entry.level, LogEntryLevel::Error) => {
+                    Some(added.params.entry.text.clone())
+                }
+                Event::NetworkRequestWillBeSent(request) => {
+                    let asked = &request.params.request.url;
+                    (*asked != own && !asked.starts_with("data:")).then(|| format!("asks for {asked}"))
+                }
+                _ => None,
+            };
+            notes.lock().unwrap().extend(complaint);
+        };
+        tab.add_event_listener(Arc::new(note)).unwrap();
+        tab.navigate_to(&url).unwrap().wait_until_navigated().unwrap();
+        Self { tab, heard }
+    }
+
+    /// The page on a screen of a size in px, or on paper.
+    fn seen(&self, (width, height): (u32, u32), mobile: bool, media: &str) -> Seen {
+        self.tab
+            .call_method(Emulation::SetDeviceMetricsOverride {
+                width,
+                height,
+                device_scale_factor: 1.0,
+                mobile,
+                scale: None,
+                screen_width: None,
+                screen_height: None,
+                position_x: None,
+                position_y: None,
+                dont_set_visible_size: None,
+                screen_orientation: None,
+                viewport: None,
+                display_feature: None,
+                device_posture: None,
+            })
+            .unwrap();
+        self.tab.call_method(Emulation::SetEmulatedMedia { media: Some(media.into()), features: None }).unwrap();
+        let value = self.tab.evaluate(LOOK, false).unwrap().value.expect("a text");
+        serde_json::from_str(value.as_str().expect("a text")).expect("what LOOK says")
+    }
+
+    fn faults(&self) -> Vec<String> {
+        self.heard.lock().unwrap().clone()
+    }
+}
+
+/// A page with text and plots, on a phone and in print.
+fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String> {
+    let page = Page::open(browser, file);
+    let phone = page.seen(PHONE, true, "screen");
+    let mut faults = page.faults();
+    let width = f64::from(PHONE.0);
+    if phone.title.is_empty() || phone.texts < 200 || phone.plots.len() < least_plots {
+        faults.push(format!("\"{}\": {} letters, {} plots", phone.title, phone.texts, phone.plots.len()));
+    }
+    if phone.width > width || phone.window > width {
+        faults.push(format!("on a phone {} px wide", phone.width.max(phone.window)));
+    }
+    let scrolled = phone.cut.iter().filter(|cut| cut.columns <= PHONE_COLUMNS);
+    faults.extend(scrolled.map(|Cut { text, .. }| format!("on a phone to be scrolled sideways: {text}")));
+    faults.extend(phone.broken.iter().map(|name| format!("on a phone \"{name}\" is broken within a word")));
+    faults.extend(phone.plots.iter().flat_map(Plot::faults).map(|fault| format!("on a phone {fault}")));
+
+    let print = page.seen(A4, false, "print");
+    let paper = f64::from(A4.0);
+    if print.width > paper {
+        faults.push(format!("in print {} px wide", print.width));
+    }
+    faults.extend(print.cut.iter().map(|Cut { text, .. }| format!("in print cut off at the right: {text}")));
+    faults.extend(print.parted.iter().map(|caption| format!("in print \"{caption}\" may part from its plot")));
+    for plot in &print.plots {
+        let [left, top, right, bottom] = plot.area;
+        if left < 0.0 || right > paper || bottom - top > f64::from(A4.1) || plot.breaks != "avoid" {
+            faults.push(format!("in print a plot is cut: {:?}, break-inside {}", plot.area, plot.breaks));
+        }
+    }
+    faults.extend(print.plots.iter().flat_map(Plot::faults).map(|fault| format!("in print {fault}")));
+    if !page.tab.print_to_pdf(None).is_ok_and(|pdf| pdf.starts_with(b"%PDF")) {
+        faults.push("does not print".into());
+    }
+    faults
+}
+
+/// A plot that is a file of its own, on a screen.
+fn plot_faults(browser: &Browser, file: &Path) -> Vec<String> {
+    let page = Page::open(browser, file);
+    let screen = page.seen(SCREEN, false, "screen");
+    let mut faults = page.faults();
+    if screen.plots.len() != 1 {
+        faults.push("no plot".into());
+    }
+    faults.extend(screen.plots.iter().flat_map(Plot::faults));
+    faults
+}
+
+fn browser() -> Option<Browser> {
+    let Ok(path) = headless_chrome::browser::default_executable() else {
+        println!("skipped: no browser to look at the pages with; install the package chromium (scripts/setup browser)");
+        return None;
+    };
+    let arguments = ["--hide-scrollbars", "--allow-file-access-from-files"].map(OsStr::new);
+    let options = LaunchOptions {
+        path: Some(path),
+        // Chromium's sandbox refuses root, which containers run as; it is given this program's own pages only.
+        sandbox: false,
+        window_size: Some(SCREEN),
+        args: arguments.to_vec(),
+        idle_browser_timeout: Duration::from_secs(300),
+        ..LaunchOptions::default()
+    };
+    Some(Browser::new(options).expect("the browser starts"))
+}
+
+/// The files that the program writes for a browser.
+struct Files(TempDir);
+
+impl Files {
+    fn at(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn run(&self, arguments: &[&str]) {
+        Command::cargo_bin("motorbench").unwrap().current_dir(self.0.path()).args(arguments).assert().success();
+    }
+}
+
+const CIRCUIT: &str = "[supply]
+voltage_V = 12
+[encoder]
+counts_per_rev = 2000
+";
+const SCENARIO: &str = "duration_s = 4.0\nmode = \"speed\"\n[settings]\nspeed_kp = 0.07\nspeed_ki = 1.5\n\
+    [noise]\ncurrent_A = 0.01\n[[reference]]\ntime_s = 0.1\nvalue = 60\n[[reference]]\ntime_s = 1.1\nvalue = -40\n\
+    [[reference]]\ntime_s = 2.3\nvalue = 15\n";
+
+fn files() -> Files {
+    let files = Files(TempDir::new().unwrap());
+    let friction = format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n");
+    let (reference, other) = SCENARIO.split_once("[settings]").unwrap();
+    std::fs::write(files.at("rig.toml"), format!("{CIRCUIT}{PIVT6_TOML}")).unwrap();
+    std::fs::write(files.at("linear.toml"), PIVT6_TOML).unwrap();
+    std::fs::write(files.at("friction.toml"), &friction).unwrap();
+    std::fs::write(files.at("loop.toml"), format!("{reference}model = \"friction.toml\"\n[settings]{other}")).unwrap();
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/pivt6");
+    for name in ["table2_no_load.csv", "rig.toml"] {
+        std::fs::copy(data.join(name), files.at(&format!("pivt6_{name}"))).unwrap();
+    }
+    files
+}
+
+fn none(faults: &[(String, Vec<String>)]) {
+    let list: Vec<String> =
+        faults.iter().flat_map(|(name, faults)| faults.iter().map(move |fault| format!("{name}: {fault}"))).collect();
+    assert!(list.is_empty(), "{}", list.join("\n"));
+}
+
+#[test]
+fn pages_are_read_on_a_phone_and_on_paper() {
+    let Some(browser) = browser() else { return };
+    let files = files();
+    files.run(&["demo", "--seed", "3", "--report", "demo.html"]);
+    files.run(&["simulate", "loop.toml", "--csv", "loop.csv"]);
+    files.run(&["diagnose", "loop.csv", "--rig", "rig.toml", "--report", "diagnosis.html"]);
+    let table = ["pivt6_table2_no_load.csv", "--rig", "pivt6_rig.toml", "--report", "table.html"];
+    files.run(&[&["diagnose"], &table[..]].concat());
+    for (quantity, page) in [("--speed", "speed.html"), ("--position", "position.html")] {
+        files.run(&["design", "--rig", "rig.toml", quantity, "--bandwidth-Hz", "5", "--report", page]);
+    }
+    let pages = [("demo.html", 4), ("diagnosis.html", 3), ("table.html", 0), ("speed.html", 8), ("position.html", 8)];
+    none(&pages.map(|(name, plots)| (name.to_string(), page_faults(&browser, &files.at(name), plots))));
+}
+
+#[test]
+fn plots_are_read_on_a_screen() {
+    let Some(browser) = browser() else { return };
+    let files = files();
+    files.run(&["simulate", "loop.toml", "--csv", "loop.csv", "--plot", "simulate.svg"]);
+    let validate = ["loop.csv", "--scenario", "loop.toml", "--model", "linear.toml", "--rig", "rig.toml"];
+    files.run(&[&["validate"], &validate[..], &["--plot", "validate.svg"]].concat());
+    files.run(&["compare", "loop.csv", "linear.toml", "--rig", "rig.toml", "--plot", "compare.svg"]);
+    files.run(&["compare", "linear.toml", "friction.toml", "--plot", "models.svg"]);
+    files.run(&["stand", "pivt6_table2_no_load.csv", "--rig", "pivt6_rig.toml", "--map", "stand.svg"]);
+    let plots = ["simulate.svg", "validate.svg", "compare.svg", "models.svg", "stand.svg"];
+    none(&plots.map(|name| (name.to_string(), plot_faults(&browser, &files.at(name)))));
+}
+
+/// What the looks above would not see, they could not find.
+#[test]
+fn a_bad_page_is_found_bad() {
+    let Some(browser) = browser() else { return };
+    let files = files();
+    let bad = "<html><head><title>bad</title></head><body><script>console.error('a complaint'); throw new Error('thrown')\
+        </script><img src=\"http://127.0.0.1:9/picture.png\"><p>caption</p><svg width=\"900\" height=\"300\">\
+        <polyline points=\"90,90 120,110\"/><rect x=\"80\" y=\"80\" width=\"99\" height=\"99\" fill=\"white\"/>\
+        <text x=\"20\" y=\"40\" font-size=\"6\">small</text><text x=\"22\" y=\"40\" font-size=\"20\">over it</text>\
+        <text x=\"880\" y=\"90\">beyond the edge</text></svg>\
+        <p style=\"width:60px;overflow-wrap:anywhere\"><code>friction_asymmetry</code></p>\
+        <pre style=\"width:60px;overflow-x:auto\">a line that no phone has the room for, since it goes on and on without an end</pre></body></html>";
+    std::fs::write(files.at("bad.html"), bad).unwrap();
+    let faults = page_faults(&browser, &files.at("bad.html"), 1).join("\n");
+    let seen = [
+        "a complaint",
+        "thrown",
+        "picture.png",
+        "px wide",
+        "px high",
+        "in each other",
+        "cut off",
+        "is cut:",
+        "are covered",
+        "may part from its plot",
+        "within a word",
+        "scrolled sideways: a line",
+    ];
+    for expected in seen {
+        assert!(faults.contains(expected), "{expected} was not seen:\n{faults}");
+    }
+}

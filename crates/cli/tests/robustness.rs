@@ -1,0 +1,390 @@
+//! What goes wrong between a board and the program, with the real firmware: a line that damages, cuts and delays, a computer
+//! that is busy, a disk that is full, a board that runs something else. Nothing is lost silently, the motor stops, and the
+//! message says what to do. (Unplugged, reset, tripped, busy: `tests/virtual_board.rs`.)
+#![cfg(unix)]
+
+#[path = "common/board.rs"]
+mod board;
+
+use board::{Board, MOTORBENCH, rows, text};
+use motorbench_data::recording::Channel;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serialport::{SerialPort, TTYPort};
+use std::io::{Read, Write};
+use std::os::unix::fs::symlink;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+/// What a cable does to the bytes.
+#[derive(Default)]
+struct Cable {
+    /// Share of the bytes that become others, in both directions, in a thousandth.
+    flipped_permille: AtomicU32,
+    /// No more bytes than this at once; 0: as they come.
+    piece: AtomicU32,
+    cut: AtomicBool,
+}
+
+/// A port that is connected to a board by a cable.
+struct Port {
+    cable: Arc<Cable>,
+    name: PathBuf,
+    carries: Option<JoinHandle<()>>,
+}
+
+impl Port {
+    fn new(board: &Board, cable: Cable) -> Self {
+        let mut far = open(&board.port());
+        let (mut near, program) = TTYPort::pair().unwrap();
+        near.set_timeout(Duration::from_millis(1)).unwrap();
+        let name = board.folder.join("cable");
+        symlink(program.name().unwrap(), &name).unwrap();
+        // Kept open so that the line outlives the program, but not as a port, which would be this process's alone.
+        let open_end = std::fs::File::options().read(true).write(true).open(&name).unwrap();
+        drop(program);
+        let cable = Arc::new(cable);
+        let in_thread = Arc::clone(&cable);
+        let carries = std::thread::spawn(move || {
+            let _open_end = open_end;
+            let mut random = ChaCha8Rng::seed_from_u64(7);
+            while !in_thread.cut.load(Ordering::Relaxed) {
+                carry(&mut far, &mut near, &in_thread, &mut random);
+                carry(&mut near, &mut far, &in_thread, &mut random);
+            }
+        });
+        Self { cable, name, carries: Some(carries) }
+    }
+
+    fn flip(&self, permille: u32) {
+        self.cable.flipped_permille.store(permille, Ordering::Relaxed);
+    }
+
+    fn command(&self, board: &Board, name: &str, arguments: &[&str]) -> Command {
+        let mut command = Command::new(MOTORBENCH);
+        command.arg(name).arg("--port").arg(&self.name).args(arguments).current_dir(&board.folder);
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        command
+    }
+}
+
+impl Drop for Port {
+    fn drop(&mut self) {
+        self.cable.cut.store(true, Ordering::Relaxed);
+        self.carries.take().map(JoinHandle::join);
+    }
+}
+
+fn open(path: &Path) -> TTYPort {
+    let mut port = serialport::new(path.to_str().unwrap(), 500_000).open_native().unwrap();
+    port.set_timeout(Duration::from_millis(1)).unwrap();
+    port
+}
+
+fn carry(from: &mut TTYPort, to: &mut TTYPort, cable: &Cable, random: &mut ChaCha8Rng) {
+    let mut buffer = [0; 256];
+    let Ok(count) = from.read(&mut buffer) else { return };
+    let flipped = f64::from(cable.flipped_permille.load(Ordering::Relaxed)) / 1000.0;
+    for byte in &mut buffer[..count] {
+        if random.random_bool(flipped) {
+            *byte ^= random.random_range(1..=255_u8);
+        }
+    }
+    match cable.piece.load(Ordering::Relaxed) as usize {
+        0 => deliver(to, &buffer[..count], cable),
+        most => buffer[..count].chunks(random.random_range(1..=most)).for_each(|piece| {
+            deliver(to, piece, cable);
+            std::thread::yield_now();
+        }),
+    }
+}
+
+/// A cable loses nothing because the far end is busy.
+fn deliver(to: &mut TTYPort, mut bytes: &[u8], cable: &Cable) {
+    while !bytes.is_empty() && !cable.cut.load(Ordering::Relaxed) {
+        bytes = &bytes[to.write(bytes).unwrap_or(0)..];
+    }
+}
+
+/// Turns the motor for some seconds, both ways.
+const STEPS: [&str; 8] = ["--sequence", "steps", "--amplitude", "5", "--period", "500", "--count", "2"];
+const STEPS_TICKS: u64 = 4000;
+
+fn signal(process: &Child, signal: &str) {
+    assert!(Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap().success());
+}
+
+/// A recording that is well under way, whose computer then does nothing for seconds of the board's time.
+fn paused(board: &Board, recording: Child) -> Output {
+    board.has_recorded(300);
+    signal(&recording, "-STOP");
+    board.order("wait 3");
+    signal(&recording, "-CONT");
+    recording.wait_with_output().unwrap()
+}
+
+/// What the file has and what is said to be missing make up the whole sequence; whatever came is what was sent.
+fn whole_or_counted(board: &Board, done: &Output) {
+    let side = board.side_file();
+    let [samples, missing] = ["samples", "missing_ticks"].map(|name| side[name].as_u64().unwrap());
+    let path = board.folder.join("run.csv");
+    let recording = motorbench_files::recording(&path, &[]).unwrap();
+    let time_s = recording.time_s().unwrap();
+    assert_eq!((samples as usize, rows(&path)), (time_s.len(), time_s.len()));
+    let ticks = 1 + (1000.0 * time_s.last().unwrap()).round() as u64;
+    assert_eq!(ticks, samples + missing, "{side}");
+    // The first and the last samples may be among those that were lost.
+    assert!((STEPS_TICKS - 100..=STEPS_TICKS).contains(&ticks), "{ticks} of {STEPS_TICKS}");
+    assert!(text(&done.stdout).contains(&format!("{missing} missing")), "{}", text(&done.stdout));
+    let [volts, counts] = [Channel::Voltage, Channel::Counts].map(|channel| recording.get(channel).unwrap());
+    assert!(volts.iter().all(|volts| volts.is_nan() || volts.abs() < 5.1), "a voltage that was never there");
+    // At 5 V this motor makes less than 20 counts a tick.
+    for row in 1..time_s.len() {
+        let ticks = (1000.0 * (time_s[row] - time_s[row - 1])).round();
+        assert!((counts[row] - counts[row - 1]).abs() < 20.0 * ticks, "row {row}: {} counts", counts[row]);
+    }
+}
+
+#[test]
+fn half_frames_are_put_together() {
+    let board = Board::new("halves");
+    let port = Port::new(&board, Cable { piece: 7.into(), ..Cable::default() });
+    let done = port.command(&board, "record", &STEPS).output().unwrap();
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    whole_or_counted(&board, &done);
+    assert_eq!(board.side_file()["losses"], serde_json::json!({ "lost_frames": 0, "damaged_frames": 0 }));
+}
+
+/// One byte in a hundred, in both directions, while it records: what is damaged is missing and counted, and the drive that
+/// did not hear its order to stop is told again.
+#[test]
+fn flipped_bytes_are_missing_and_counted() {
+    let board = Board::new("flips");
+    let port = Port::new(&board, Cable::default());
+    let recording = port.command(&board, "record", &STEPS).spawn().unwrap();
+    board.has_recorded(300);
+    port.flip(10);
+    let done = recording.wait_with_output().unwrap();
+    port.flip(0);
+    assert_eq!(done.status.code(), Some(0), "{}{}", text(&done.stdout), text(&done.stderr));
+    whole_or_counted(&board, &done);
+    let side = board.side_file();
+    assert!(side["missing_ticks"].as_u64().unwrap() > 300, "{side}");
+    assert!(side["losses"]["damaged_frames"].as_u64().unwrap() > 300, "{side}");
+    assert!(text(&done.stdout).contains("damaged"), "{}", text(&done.stdout));
+    drop(port);
+    board.motor_is_off();
+}
+
+/// A line over which nothing comes any more: the board keeps what was changed, and the side file says so as well.
+#[test]
+fn settings_that_stay_changed_are_in_the_side_file() {
+    let board = Board::new("stays");
+    let port = Port::new(&board, Cable::default());
+    let changed = ["--set", "trip_peak=1.1"];
+    let recording = port.command(&board, "record", &[&STEPS[..], &changed].concat()).spawn().unwrap();
+    board.has_recorded(300);
+    port.flip(1000);
+    let done = recording.wait_with_output().unwrap();
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    let side = board.side_file();
+    let why = side["not_put_back"].as_str().unwrap_or_default();
+    assert!(why.contains("(trip_peak)") && text(&done.stderr).contains(why), "{side}{}", text(&done.stderr));
+}
+
+/// From the beginning one frame in fifteen is damaged, and as many answers: it is asked again for what did not come.
+#[test]
+fn a_line_that_damages_a_little_is_recorded_over() {
+    let board = Board::new("little-noise");
+    let port = Port::new(&board, Cable { flipped_permille: 2.into(), ..Cable::default() });
+    let done = port.command(&board, "record", &STEPS).output().unwrap();
+    assert_eq!(done.status.code(), Some(0), "{}{}", text(&done.stdout), text(&done.stderr));
+    whole_or_counted(&board, &done);
+    let side = board.side_file();
+    let [lost, damaged] = ["lost_frames", "damaged_frames"].map(|name| side["losses"][name].as_u64().unwrap());
+    assert!(lost >= damaged && damaged > 100, "{side}");
+    drop(port);
+    board.motor_is_off();
+}
+
+/// From the beginning not even the settings come whole: the motor does not turn, and the line is blamed, not the firmware.
+#[test]
+fn a_line_that_damages_from_the_beginning_is_named() {
+    let board = Board::new("noise");
+    let port = Port::new(&board, Cable { flipped_permille: 60.into(), ..Cable::default() });
+    let done = port.command(&board, "record", &STEPS).output().unwrap();
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("cable"), "{}", text(&done.stderr));
+    assert!(!board.folder.join("run.csv").exists(), "nothing was recorded");
+    drop(port);
+    board.motor_is_off();
+}
+
+/// What the line could not keep is missing, and counted.
+#[test]
+fn a_reader_that_pauses_counts_what_it_missed() {
+    let board = Board::with("pause", &["--wait-for-reader", "0.5"]);
+    let recording = board.command("record", &[&STEPS[..], &["--set", "trip_host=0"]].concat()).spawn().unwrap();
+    let done = paused(&board, recording);
+    assert_eq!(done.status.code(), Some(0), "{}", text(&done.stderr));
+    whole_or_counted(&board, &done);
+    let missing = board.side_file()["missing_ticks"].as_u64().unwrap();
+    assert!(missing > 500, "the line keeps less than the pause, but {missing} are missing");
+    board.motor_is_off();
+}
+
+/// Unless a person says so, the drive does not wait for such a computer.
+#[test]
+fn a_reader_that_pauses_for_too_long_is_taken_for_lost() {
+    let board = Board::with("lost", &["--wait-for-reader", "0.5"]);
+    let recording = board.command("record", &STEPS).spawn().unwrap();
+    let done = paused(&board, recording);
+    assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("host silent"), "{}", text(&done.stderr));
+    // The trip came over before the line was full: what was lost after it is none of the recording.
+    let side = board.side_file();
+    let undisturbed = serde_json::json!({ "lost_frames": 0, "damaged_frames": 0 });
+    assert!(side["missing_ticks"] != 0 || side["losses"] == undisturbed, "{side}");
+    assert_eq!(text(&done.stdout).contains("on the line"), side["losses"] != undisturbed, "{}", text(&done.stdout));
+    board.motor_is_off();
+}
+
+/// The disk is full in the middle: the motor stops at once, and what was written is whole lines.
+#[test]
+fn a_full_disk_stops_the_motor_and_keeps_what_was_written() {
+    let board = Board::new("full");
+    // Files may have 64 blocks of 512 bytes: a write beyond that fails as on a full disk.
+    let limited = format!(
+        "trap '' XFSZ; ulimit -f 64; exec '{MOTORBENCH}' record --port '{}' {}",
+        board.port().display(),
+        STEPS.join(" ")
+    );
+    let done = Command::new("sh").args(["-c", &limited]).current_dir(&board.folder).output().unwrap();
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    let message = text(&done.stderr);
+    assert!(message.contains("run.csv: ") && message.contains("make room on the disk"), "{message}");
+    assert!(message.contains("run.csv holds what had come"), "{message}");
+    board.motor_is_off();
+    let csv = std::fs::read_to_string(board.folder.join("run.csv")).unwrap();
+    assert!(csv.ends_with('\n') && csv.len() > 20_000 && csv.len() <= 64 * 512, "{} bytes", csv.len());
+    let recording = motorbench_files::recording(&board.folder.join("run.csv"), &[]).unwrap();
+    assert!(recording.len() > 300, "{} samples", recording.len());
+    assert_eq!(board.side_file()["samples"].as_u64().unwrap() as usize, recording.len());
+}
+
+/// The same of a recording out of the tuning console: it is there as far as it goes, and what stands beside it says so.
+#[test]
+fn a_full_disk_ends_a_recording_out_of_the_tuning_console() {
+    let board = Board::new("tune-full");
+    let limited = format!(
+        "trap '' XFSZ; ulimit -f 64; exec '{MOTORBENCH}' tune --port '{}' --keys 'a r s s s s' --json session.json",
+        board.port().display()
+    );
+    let done = Command::new("sh").args(["-c", &limited]).current_dir(&board.folder).output().unwrap();
+    let message = text(&done.stderr);
+    assert_eq!(done.status.code(), Some(3), "{message}");
+    let [csv, rig] = ["tune.csv", "tune.rig.toml"].map(|name| board.folder.join(name));
+    let recording = motorbench_files::recording(&csv, &[]).unwrap();
+    let kept = format!("make room on the disk; --out names another file; tune.csv: {} samples", recording.len());
+    assert!(recording.len() > 300 && message.contains(&kept), "{message}");
+    let json = |name: &str| -> serde_json::Value {
+        serde_json::from_slice(&std::fs::read(board.folder.join(name)).unwrap()).unwrap()
+    };
+    for file in ["tune.json", "session.json"] {
+        assert!(json(file)["ended"]["failed"].as_str().unwrap().contains("make room"), "{file}: {}", json(file));
+    }
+    assert_eq!(json("tune.json")["samples"].as_u64().unwrap() as usize, recording.len());
+    assert!(rig.exists());
+    board.motor_is_off();
+}
+
+#[test]
+fn a_device_without_room_is_named_at_once() {
+    let board = Board::new("devfull");
+    symlink("/dev/full", board.folder.join("run.csv")).unwrap();
+    let done = board.run("record", &STEPS);
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("No space left on device"), "{}", text(&done.stderr));
+    board.motor_is_off();
+}
+
+/// What could not be written beside a recording is named, each file, and the recording not begun.
+#[test]
+fn side_files_without_room_are_named() {
+    let board = Board::new("sidefull");
+    for full in ["run.rig.toml", "run.scenario.toml"] {
+        symlink("/dev/full", board.folder.join(full)).unwrap();
+    }
+    let done = board.run("record", &STEPS);
+    assert_eq!(done.status.code(), Some(3), "{}", text(&done.stderr));
+    let message = text(&done.stderr);
+    for what in ["run.scenario.toml, run.rig.toml: No space", "--out names another file", "nothing of it is kept"] {
+        assert!(message.contains(what), "{message}");
+    }
+    assert!(!message.contains("run.json:") && !board.folder.join("run.csv").exists(), "{message}");
+    board.motor_is_off();
+}
+
+/// What is killed leaves its recording as far as it had come.
+#[test]
+fn a_program_that_is_killed_leaves_its_recording() {
+    let board = Board::new("killed");
+    let mut recording = board.command("record", &[&STEPS[..], &["--set", "trip_host=500"]].concat()).spawn().unwrap();
+    board.has_recorded(500);
+    recording.kill().unwrap();
+    recording.wait().unwrap();
+    assert!(rows(&board.folder.join("run.csv")) >= 500);
+    board.trips_by_itself();
+}
+
+/// A port on which something answers every line in its own way.
+fn something_else(name: &str, answer: &'static str) -> (PathBuf, PathBuf) {
+    let folder = std::env::temp_dir().join(format!("motorbench-{name}-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let (mut board, program) = TTYPort::pair().unwrap();
+    board.set_timeout(Duration::from_millis(10)).unwrap();
+    let port = folder.join("port");
+    let _ = std::fs::remove_file(&port);
+    symlink(program.name().unwrap(), &port).unwrap();
+    let open_end = std::fs::File::options().read(true).write(true).open(&port).unwrap();
+    drop(program);
+    std::thread::spawn(move || {
+        let _open_end = open_end;
+        let mut buffer = [0; 256];
+        loop {
+            if board.read(&mut buffer).is_ok_and(|count| buffer[..count].contains(&b'\n')) {
+                let _ = board.write_all(answer.as_bytes());
+            }
+        }
+    });
+    (folder, port)
+}
+
+#[test]
+fn what_is_no_firmware_of_this_version_is_told_so() {
+    let cases = [
+        ("older", "# motorbench 0.0.7, settings 90\r\nok\r\n", &["the board runs motorbench 0.0.7", "cargo flash"][..]),
+        ("other", "Marlin 2.0 ready\r\n", &["no answer to `version`", "firmware"]),
+        ("silent", "", &["no answer to `version`", "baud"]),
+    ];
+    for (name, answer, expected) in cases {
+        let (folder, port) = something_else(name, answer);
+        for command in [&["record", "--out", "run.csv"][..], &["connect", "status"], &["autotune"]] {
+            let done = Command::new(MOTORBENCH)
+                .args([&command[..1], &["--port", port.to_str().unwrap()], &command[1..]].concat())
+                .current_dir(&folder)
+                .output()
+                .unwrap();
+            assert_eq!(done.status.code(), Some(3), "{name} {command:?}: {}", text(&done.stderr));
+            for part in expected {
+                assert!(text(&done.stderr).contains(part), "{name} {command:?}: {}", text(&done.stderr));
+            }
+        }
+        assert!(!folder.join("run.csv").exists(), "nothing was recorded");
+        std::fs::remove_dir_all(&folder).unwrap();
+    }
+}

@@ -1,0 +1,560 @@
+//! Recordings: the project's one format, CSV with units in the column names.
+//!
+//! A recording has a column `t_s`; a table of steady states has none. What was not measured has no column, a sample that
+//! is missing is empty or `nan`.
+
+use crate::delimited::{self, Delimited};
+use crate::text_encoding;
+use motorbench_text::terminal_text::quoted;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::io::Read;
+
+/// What a column holds. Name and unit of each stand here alone.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Channel {
+    /// Time since the start.
+    Time,
+    /// Duty of the bridge, -1 to 1.
+    Duty,
+    /// Mean voltage that was asked of the bridge, or applied.
+    Voltage,
+    /// Encoder counts.
+    Counts,
+    /// Angle of the shaft.
+    Angle,
+    /// Speed of the shaft.
+    Speed,
+    /// Speed of the shaft, in revolutions per minute.
+    Rpm,
+    /// Armature current.
+    Current,
+    /// Supply voltage at the bridge.
+    Supply,
+    /// Reference of a speed loop.
+    SpeedReference,
+    /// Reference of a position loop.
+    AngleReference,
+    /// Torque that a load is known to have exerted against positive rotation.
+    LoadTorque,
+}
+
+impl Channel {
+    /// Every channel, in the order of columns.
+    pub const ALL: [Self; 12] = [
+        Self::Time,
+        Self::Duty,
+        Self::Voltage,
+        Self::Counts,
+        Self::Angle,
+        Self::Speed,
+        Self::Rpm,
+        Self::Current,
+        Self::Supply,
+        Self::SpeedReference,
+        Self::AngleReference,
+        Self::LoadTorque,
+    ];
+
+    /// Column name.
+    pub fn column(self) -> &'static str {
+        match self {
+            Self::Time => "t_s",
+            Self::Duty => "duty",
+            Self::Voltage => "u_V",
+            Self::Counts => "counts",
+            Self::Angle => "theta_rad",
+            Self::Speed => "omega_rad_per_s",
+            Self::Rpm => "rpm",
+            Self::Current => "i_A",
+            Self::Supply => "supply_V",
+            Self::SpeedReference => "ref_rad_per_s",
+            Self::AngleReference => "ref_rad",
+            Self::LoadTorque => "load_Nm",
+        }
+    }
+
+    /// What it is, for a person: the title of an axis, with its unit.
+    pub fn title(self) -> &'static str {
+        match self {
+            Self::Time => "time, s",
+            Self::Duty => "duty",
+            Self::Voltage => "voltage, V",
+            Self::Counts => "encoder, counts",
+            Self::Angle => "angle, rad",
+            Self::Speed => "speed, rad/s",
+            Self::Rpm => "speed, rpm",
+            Self::Current => "current, A",
+            Self::Supply => "supply, V",
+            Self::SpeedReference => "reference of the speed, rad/s",
+            Self::AngleReference => "reference of the angle, rad",
+            Self::LoadTorque => "load, Nm",
+        }
+    }
+
+    /// Magnitude beyond which a value is a slip or a glitch, and no measurement: of no small motor's bench by far.
+    fn greatest(self) -> f64 {
+        match self {
+            // Nanoseconds since 1970 are still a time.
+            Self::Time => 1e19,
+            Self::Duty | Self::Voltage | Self::Current | Self::Supply | Self::LoadTorque => 1e6,
+            Self::Speed | Self::SpeedReference => 1e7,
+            Self::Rpm => 1e8,
+            Self::Angle | Self::AngleReference => 1e9,
+            Self::Counts => 1e12,
+        }
+    }
+
+    /// What is said against a value that nothing has measured.
+    fn refusal(self, value: f64) -> Option<String> {
+        let (column, greatest) = (self.column(), self.greatest());
+        (value.abs() > greatest).then(|| {
+            format!(
+                "column {column}: {value:e} is no measurement (more than {greatest:e}): leave the cell empty, as for a sample that is missing, or mend its unit"
+            )
+        })
+    }
+
+    /// The channel with this column name.
+    pub fn of_column(column: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|channel| channel.column() == column)
+    }
+}
+
+/// How the names of columns begin that most likely hold the time.
+const TIMES: [&str; 8] = ["time", "t_", "t(", "t [", "zeit", "milli", "micro", "second"];
+/// More rows without a time than this share are no garbled lines.
+const MOST_WITHOUT_TIME: f64 = 0.01;
+/// Rows of a table of steady states that may have a time of day beside it.
+const LONGEST_TABLE: usize = 80;
+
+/// Columns of equal length. See the module.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recording {
+    /// Where it came from, for messages.
+    pub name: String,
+    columns: BTreeMap<Channel, Vec<f64>>,
+    /// Column names that have no meaning here.
+    pub ignored: Vec<String>,
+    /// Columns in which there is no number: not recorded.
+    pub empty: Vec<Channel>,
+    /// Rows that were left out for want of a time.
+    pub without_time: usize,
+}
+
+/// Why a recording cannot be read.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The file cannot be read.
+    #[error("{name}: {source}")]
+    Read {
+        /// Which file.
+        name: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not a table of numbers.
+    #[error("{name}, line {line}: {message}")]
+    Line {
+        /// Which file.
+        name: String,
+        /// Line of the file, from 1.
+        line: u64,
+        /// What is wrong with it.
+        message: String,
+    },
+    /// The table as a whole is of no use.
+    #[error("{name}: {message}")]
+    Table {
+        /// Which file.
+        name: String,
+        /// What is wrong with it.
+        message: String,
+    },
+}
+
+impl Recording {
+    /// An empty recording.
+    pub fn new(name: impl Into<String>) -> Self {
+        Self { name: name.into(), ..Self::default() }
+    }
+
+    /// Adds or replaces a column.
+    ///
+    /// # Panics
+    /// If its length differs from that of the other columns.
+    pub fn set(&mut self, channel: Channel, values: Vec<f64>) {
+        if let Some(other) = self.columns.iter().find(|(name, _)| **name != channel) {
+            assert_eq!(other.1.len(), values.len(), "columns of one recording are equally long");
+        }
+        self.columns.insert(channel, values);
+    }
+
+    /// The values of a channel, missing ones as NaN.
+    pub fn get(&self, channel: Channel) -> Option<&[f64]> {
+        self.columns.get(&channel).map(Vec::as_slice)
+    }
+
+    /// Time of each sample; a table of steady states has none.
+    pub fn time_s(&self) -> Option<&[f64]> {
+        self.get(Channel::Time)
+    }
+
+    /// The channels it has.
+    pub fn channels(&self) -> impl Iterator<Item = Channel> {
+        self.columns.keys().copied()
+    }
+
+    /// Number of samples.
+    pub fn len(&self) -> usize {
+        self.columns.values().next().map_or(0, Vec::len)
+    }
+
+    /// Whether it has no samples.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether it is the same, whatever its file is called.
+    pub fn has_the_rows_of(&self, other: &Self) -> bool {
+        // By their bits: missing samples are the same as well.
+        let same = |(channel, own): (&Channel, &Vec<f64>)| {
+            let bits = |value: &f64| value.to_bits();
+            other.get(*channel).is_some_and(|others| own.iter().map(bits).eq(others.iter().map(bits)))
+        };
+        self.columns.len() == other.columns.len() && self.columns.iter().all(same)
+    }
+
+    /// The rows before a time that is counted from the first.
+    #[must_use]
+    pub fn before(&self, end_s: f64) -> Self {
+        let time_s = self.time_s().unwrap_or_default();
+        let count = time_s.iter().take_while(|t_s| **t_s - time_s[0] < end_s).count();
+        let mut cut = Self { columns: BTreeMap::new(), ..self.clone() };
+        self.columns.iter().for_each(|(channel, values)| cut.set(*channel, values[..count].to_vec()));
+        cut
+    }
+
+    /// Reads CSV text. `name` is for messages. `names` maps column names of the file to those of this project:
+    /// `("speed", "omega_rad_per_s")`.
+    ///
+    /// # Errors
+    /// [`RecordingError`], which names the line.
+    pub fn parse(name: &str, mut text: impl Read, names: &[(String, String)]) -> Result<Self, RecordingError> {
+        let mut bytes = Vec::new();
+        text.read_to_end(&mut bytes).map_err(|source| RecordingError::Read { name: name.into(), source })?;
+        let no_text = || {
+            let message = format!(
+                "this is no text; a CSV table is expected, and `motorbench convert {} NEW.csv` makes one of other formats",
+                quoted(name)
+            );
+            RecordingError::Table { name: name.into(), message }
+        };
+        let text = text_encoding::decoded(bytes).ok_or_else(no_text)?;
+        let table = Delimited::new(&text);
+        let line_error = |error: csv::Error| RecordingError::Line {
+            name: name.into(),
+            line: table.line(error.position()),
+            message: delimited::fault(&error),
+        };
+        let mut reader = table.reader();
+        let header = reader.headers().map_err(line_error)?.clone();
+        let mut recording = Self::new(name);
+        let channels = recording.read_header(&header, names)?;
+        let mut columns = vec![Vec::new(); channels.len()];
+        for row in reader.records() {
+            let row = row.map_err(line_error)?;
+            let line = table.line(row.position());
+            for ((column, values), text) in channels.iter().zip(&mut columns).zip(&row) {
+                let Some(channel) = column else { continue };
+                let wrong = |message| RecordingError::Line { name: name.into(), line, message };
+                let value = delimited::number(text, table.has_decimal_commas()).ok_or_else(|| {
+                    wrong(format!("column {}: expected a number, found \"{text}\"", channel.column()))
+                })?;
+                channel.refusal(value).map_or(Ok(()), |message| Err(wrong(message)))?;
+                values.push(value);
+            }
+        }
+        for (channel, values) in channels.into_iter().zip(columns) {
+            if let Some(channel) = channel {
+                recording.columns.insert(channel, values);
+            }
+        }
+        recording.leave_rows_without_time_out();
+        recording.check()?;
+        recording.leave_empty_out();
+        Ok(recording)
+    }
+
+    /// Single rows whose time is no number, as garbled lines make them.
+    fn leave_rows_without_time_out(&mut self) {
+        let has_time: Vec<bool> = self.time_s().unwrap_or_default().iter().map(|t_s| !t_s.is_nan()).collect();
+        let without = has_time.iter().filter(|has_time| !**has_time).count();
+        if without as f64 > MOST_WITHOUT_TIME * has_time.len() as f64 || without == 0 {
+            return;
+        }
+        for values in self.columns.values_mut() {
+            let mut has_time = has_time.iter();
+            values.retain(|_| *has_time.next().expect("columns are equally long"));
+        }
+        self.without_time = without;
+    }
+
+    /// Of columns without a number nothing is known; what is left has at least one.
+    fn leave_empty_out(&mut self) {
+        let is_empty = |values: &Vec<f64>| values.iter().all(|value| value.is_nan());
+        if !self.columns.values().all(is_empty) {
+            self.empty =
+                self.columns.extract_if(.., |_, values| is_empty(values)).map(|(channel, _)| channel).collect();
+        }
+    }
+
+    /// What is to be done where a column for the time has another name: `None` where there is one, where there is nothing that
+    /// looks like it, and of few rows, which a person has read.
+    pub fn advice_on_time(&self) -> Option<String> {
+        let looks_like_time = |name: &&String| TIMES.iter().any(|time| name.to_lowercase().starts_with(time));
+        if self.time_s().is_some() || self.len() < LONGEST_TABLE {
+            return None;
+        }
+        let found = self.ignored.iter().find(looks_like_time)?;
+        let (name, quoted, rows) = (&self.name, quoted(&self.name), self.len());
+        Some(format!(
+            "{name}: no column t_s, and {rows} rows are no table of steady states. Is {found} the time in seconds? Then --column {found}=t_s; in milliseconds `motorbench convert {quoted} NEW.csv --map {found}=t_s*0.001`"
+        ))
+    }
+
+    fn read_header(
+        &mut self,
+        header: &csv::StringRecord,
+        names: &[(String, String)],
+    ) -> Result<Vec<Option<Channel>>, RecordingError> {
+        let error = |message| RecordingError::Line { name: self.name.clone(), line: 1, message };
+        if let Some(delimiter) = header.get(0).filter(|_| header.len() == 1).and_then(other_delimiter) {
+            return Err(error(format!(
+                "its values stand between {delimiter} and not between commas: `motorbench convert {} NEW.csv` makes the project's CSV of it, with --decimal-comma where numbers are 1,5",
+                quoted(&self.name)
+            )));
+        }
+        let known = || Channel::ALL.map(Channel::column).join(", ");
+        for (from, to) in names {
+            if Channel::of_column(to).is_none() {
+                return Err(error(format!("no channel is called \"{to}\"; there are {}", known())));
+            }
+            if !header.iter().any(|column| column == from) {
+                let there = header.iter().collect::<Vec<_>>().join(", ");
+                return Err(error(format!("there is no column \"{from}\" to be read as {to}; there are {there}")));
+            }
+        }
+        if header.is_empty() {
+            return Err(error("the file is empty".into()));
+        }
+        let mut channels = Vec::new();
+        for column in header {
+            let renamed = names.iter().find(|(from, _)| from == column).map_or(column, |(_, to)| to);
+            let channel = Channel::of_column(renamed);
+            if channel.is_some() && channels.contains(&channel) {
+                return Err(error(format!("two columns are {renamed}")));
+            }
+            // A delimiter at the end of each line makes a column without a name.
+            if channel.is_none() && !column.is_empty() {
+                self.ignored.push(column.into());
+            }
+            channels.push(channel);
+        }
+        if channels.iter().all(Option::is_none) {
+            return Err(error(format!(
+                "no known column among {}; expected any of {}, or say which column is which (for instance --column {}=omega_rad_per_s)",
+                self.ignored.join(", "),
+                known(),
+                self.ignored.last().map_or("speed", String::as_str)
+            )));
+        }
+        Ok(channels)
+    }
+
+    pub(crate) fn check(&self) -> Result<(), RecordingError> {
+        let error = |message: String| RecordingError::Table { name: self.name.clone(), message };
+        if self.is_empty() {
+            return Err(error("no samples after the header line".into()));
+        }
+        for (channel, values) in &self.columns {
+            if let Some((row, what)) =
+                values.iter().enumerate().find_map(|(row, value)| Some((row, channel.refusal(*value)?)))
+            {
+                return Err(error(format!("sample {}, {what}", row + 1)));
+            }
+        }
+        let Some(time_s) = self.time_s() else { return Ok(()) };
+        let without = time_s.iter().filter(|t_s| t_s.is_nan()).count();
+        if without > 0 {
+            return Err(error(format!(
+                "t_s is no number in {without} of {} rows: a few lines that were garbled are left out, these are too many; which column is the time?",
+                time_s.len()
+            )));
+        }
+        for (row, pair) in time_s.windows(2).enumerate() {
+            if pair[1] <= pair[0] {
+                return Err(error(format!(
+                    "sample {}: t_s goes from {} to {}; time has to increase from sample to sample (times in whole milliseconds of faster rows? write t_s from micros())",
+                    row + 2,
+                    pair[0],
+                    pair[1]
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// The recording as CSV.
+    pub fn to_csv(&self) -> String {
+        self.csv_header() + &self.csv_rows(0)
+    }
+
+    /// The first line of the CSV.
+    pub fn csv_header(&self) -> String {
+        self.columns.keys().map(|channel| channel.column()).collect::<Vec<_>>().join(",") + "\n"
+    }
+
+    /// The CSV's lines from a row on.
+    pub fn csv_rows(&self, first: usize) -> String {
+        let mut text = String::new();
+        for row in first..self.len() {
+            for (index, values) in self.columns.values().enumerate() {
+                let comma = if index == 0 { "" } else { "," };
+                let value = values[row];
+                // Nine digits: more than any sensor has.
+                let digits = if value == 0.0 || !value.is_finite() {
+                    0
+                } else {
+                    (8 - value.abs().log10().floor() as i32).clamp(0, 12)
+                };
+                let rounded = format!("{value:.*}", digits as usize);
+                let short =
+                    if rounded.contains('.') { rounded.trim_end_matches('0').trim_end_matches('.') } else { &rounded };
+                let short = if value.is_nan() { "" } else { short };
+                let _ = write!(text, "{comma}{short}");
+            }
+            text.push('\n');
+        }
+        text
+    }
+}
+
+/// What stands between the names of a header line that is all one name.
+fn other_delimiter(header: &str) -> Option<&'static str> {
+    [(';', "semicolons"), ('|', "bars")].into_iter().find_map(|(sign, name)| header.contains(sign).then_some(name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Recording, RecordingError> {
+        Recording::parse("test.csv", text.as_bytes(), &[])
+    }
+
+    #[test]
+    fn csv_comes_back_as_it_was() {
+        let mut recording = Recording::new("test.csv");
+        recording.set(Channel::Time, vec![0.0, 0.001, 0.002]);
+        recording.set(Channel::Speed, vec![1.0 / 3.0, -1e-9, f64::NAN]);
+        recording.set(Channel::Counts, vec![0.0, 123_456_789.0, -5.0]);
+        let read = parse(&recording.to_csv()).unwrap();
+        assert_eq!(read.get(Channel::Counts), recording.get(Channel::Counts));
+        assert!((read.get(Channel::Speed).unwrap()[0] - 1.0 / 3.0).abs() < 1e-9);
+        assert!(read.get(Channel::Speed).unwrap()[2].is_nan());
+    }
+
+    #[test]
+    fn errors_say_where() {
+        let message = |text| parse(text).unwrap_err().to_string();
+        assert!(message("t_s,u_V\n0,1\n1,x\n").contains("line 3: column u_V: expected a number, found \"x\""));
+        assert!(message("t_s,u_V\r\n0,1\r\n1,x\r\n").contains("line 3: column u_V"));
+        assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3: 1 values, where the header line has 2"));
+        assert!(message("t_s,u_V\n0,1\n0,1\n").contains("time has to increase"));
+        assert!(message("a,b\n0,1\n").contains("no known column"));
+        let bars = message("t_s|u_V\n0|1\n");
+        assert!(bars.contains("`motorbench convert test.csv NEW.csv`"), "{bars}");
+        let german = message("# from a scope\nt_s;u_V\n0;1,5\n1;1.000,5\n");
+        assert!(german.contains("line 4: column u_V: expected a number, found \"1.000,5\""), "{german}");
+        // Between tabs a comma may as well stand between thousands.
+        assert!(message("t_s\tu_V\n0\t1,500\n").contains("line 2: column u_V"));
+        assert!(message("t_s,u_V\n").contains("no samples"));
+        for (column, value) in [("omega_rad_per_s", "1e300"), ("omega_rad_per_s", "-1e12"), ("i_A", "1e7")] {
+            let found = parse(&format!("t_s,{column}\n0,1\n1,{value}\n")).unwrap_err().to_string();
+            assert!(found.contains(&format!("line 3: column {column}: {value} is no measurement")), "{found}");
+        }
+        let unreadable = Recording::parse("test.npy", &b"\x93NUMPY\x01\0"[..], &[]).unwrap_err().to_string();
+        assert!(
+            unreadable.contains("no text; a CSV table is expected, and `motorbench convert test.npy"),
+            "{unreadable}"
+        );
+        let after_separator = message("sep=;\r\nt_s;u_V\r\n0;1,5\r\n1;x\r\n");
+        assert!(after_separator.contains("line 4: column u_V"), "{after_separator}");
+        // A counter of 32 bits, and a clock since 1970.
+        assert!(parse("t_s,counts\n1.7e9,4294967295\n1.8e9,nan\n").is_ok());
+    }
+
+    #[test]
+    fn semicolons_and_tabs_stand_between_values_as_well() {
+        let commas = parse("t_s,u_V,i_A\n0,-1.5,\n0.5,2,3e-3\n").unwrap();
+        for other in [
+            "t_s;u_V;i_A;\r\n0;-1,5;;\r\n0,5;2;3e-3;\r\n",
+            "# 12 V, 2 A\nt_s;u_V;i_A\n0;-1.5;\n0.5;2;0,003\n",
+            "t_s\tu_V\ti_A\n0\t-1.5\t\n0.5\t2\t3e-3\n",
+            "\u{feff}sep=;\r\nt_s;u_V;i_A\r\n0;-1,5;\r\n0,5;2;0,003\r\n",
+        ] {
+            let read = parse(other).unwrap();
+            assert_eq!((read.to_csv(), &read.ignored), (commas.to_csv(), &commas.ignored), "{other}");
+        }
+    }
+
+    #[test]
+    fn a_column_without_a_number_was_not_recorded() {
+        let read = parse("t_s,u_V,i_A\n0,1,nan\n1,2,\n").unwrap();
+        assert_eq!((read.get(Channel::Current), &read.empty[..]), (None, &[Channel::Current][..]));
+        // It is still a table of two rows.
+        assert_eq!(parse("u_V,i_A\nnan,\n,\n").unwrap().len(), 2);
+    }
+
+    #[test]
+    fn few_rows_without_a_time_are_left_out() {
+        let csv = |lost: usize| {
+            let time = |row: usize| if row % 100 < lost { "nan".into() } else { row.to_string() };
+            (0..1000).fold("t_s,u_V\n".to_string(), |csv, row| csv + &format!("{},{row}\n", time(row)))
+        };
+        let read = parse(&csv(1)).unwrap();
+        assert_eq!((read.len(), read.without_time), (990, 10));
+        assert!(read.time_s().unwrap().iter().eq(read.get(Channel::Voltage).unwrap()), "whole rows are");
+        let refused = parse(&csv(2)).unwrap_err().to_string();
+        assert!(refused.starts_with("test.csv: t_s is no number in 20 of 1000 rows: "), "{refused}");
+        assert!(!refused.contains("micros()"), "{refused}");
+        assert_eq!(parse(&csv(0)).unwrap().without_time, 0);
+    }
+
+    #[test]
+    fn a_time_of_another_name_is_recognised() {
+        let advice = |header: &str, rows: usize| {
+            let rows = (0..rows).map(|row| format!("{row},1\n")).collect::<String>();
+            parse(&format!("{header}\n{rows}")).unwrap().advice_on_time()
+        };
+        let long = advice("t_ms,u_V", 100).unwrap();
+        assert!(long.contains("--column t_ms=t_s;") && long.contains("--map t_ms=t_s*0.001`"), "{long}");
+        for (header, rows) in [("time,u_V", 20), ("t_s,u_V", 100), ("temperature_C,u_V", 100), ("load,u_V", 100)] {
+            assert_eq!(advice(header, rows), None, "{header}");
+        }
+    }
+
+    #[test]
+    fn other_names_are_mapped() {
+        let names = [("speed".to_string(), "omega_rad_per_s".to_string())];
+        let read = Recording::parse("x", "t_s,speed,foo\n0,1,2\n".as_bytes(), &names).unwrap();
+        assert_eq!(read.get(Channel::Speed), Some(&[1.0][..]));
+        assert_eq!(read.ignored, ["foo"]);
+        // As spreadsheets write it.
+        let read = Recording::parse("x", "\u{feff}speed,t_s\r\n1,0\r\n".as_bytes(), &names).unwrap();
+        assert_eq!(read.get(Channel::Speed), Some(&[1.0][..]));
+        let wrong = Recording::parse("x", "t_s,foo\n0,1\n".as_bytes(), &names).unwrap_err().to_string();
+        assert!(wrong.contains("there are t_s, foo"), "{wrong}");
+    }
+}

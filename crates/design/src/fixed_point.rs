@@ -1,0 +1,449 @@
+//! A design as the core holds it: settings, and the gains its fixed-point formats make of them.
+
+use super::law::{ControlLaw, Signal, setting_name, setting_unit};
+use super::observer::winding_time_ms;
+use super::sampled_loop::{Gains, Sampling, SpeedPath};
+use super::specification::Specification;
+use super::tachogenerator::is_speed_sensor;
+use super::{Bench, DesignError, observes_current};
+use motorbench_core::control_loop::LoopConfig;
+use motorbench_core::limits::{bits_per_unit, quantise_gain};
+use motorbench_core::settings::{BuildError, Param, Settings};
+use motorbench_core::units::{AMPERE, FULL_RANGE, Fraction, GAIN_LIMIT, Gain, IntegralGain, Rule, VOLT, quantise};
+use motorbench_model::linear::motor_model;
+use motorbench_model::motor::MotorParameters;
+use nalgebra::Complex;
+
+/// Largest speed over the motor's no-load speed that the speed's format has to hold.
+const SPEED_HEADROOM: f64 = 1.25;
+/// Edges the encoder's interrupt handler can take.
+const MAX_EDGES_PER_S: f64 = 100_000.0;
+/// Part of the current limit that a change of the reference takes at most. With inertia and torque constant 30 % off it
+/// is 0.6, which the thermal trip takes without end.
+pub const ACCELERATION_PART: f64 = 0.32;
+/// The thermal trip's and the peak trip's current over the current limit, as in the core's defaults.
+const TRIP_CONTINUOUS: f64 = 0.6;
+const TRIP_PEAK: f64 = 1.2;
+/// Volts of position error that the position's range has to hold, in supplies: beyond, the voltage is at its limit.
+const POSITION_SUPPLIES: f64 = 4.0;
+/// Ticks in which the voltage may rise to the supply: no limit to a loop's own motion, but to jumps.
+const SLEW_TICKS: f64 = 4.0;
+/// Widths of the friction compensation's fading in the range of speed: twice the narrowest the core holds.
+const WIDTHS_A_RANGE: f64 = 256.0;
+/// A tachogenerator that fits every range, where the speed comes from the encoder.
+const UNUSED_TACHO_GAIN: f32 = 100.0;
+/// Speed of the position's profile where no encoder tells a position: it fits with every acceleration.
+const UNUSED_CRUISE_RAD_PER_S: f64 = 1.0;
+/// Settings in a line for the console.
+const SETTINGS_A_LINE: usize = 3;
+/// Digits with which settings are given on the console.
+const DIGITS: i32 = 5;
+
+/// A number as it is given on the console.
+pub fn rounded(value: f64) -> f64 {
+    if value == 0.0 {
+        return 0.0;
+    }
+    let unit = 10_f64.powi(DIGITS - 1 - value.abs().log10().floor() as i32);
+    (value * unit).round() / unit
+}
+
+/// Settings, in the order in which they are given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SettingList {
+    /// Everything that is not at its default is in `changed`.
+    pub all: Settings,
+    /// What the design sets.
+    pub changed: Vec<Param>,
+}
+
+impl Default for SettingList {
+    fn default() -> Self {
+        Self { all: Settings::defaults(), changed: Vec::new() }
+    }
+}
+
+impl SettingList {
+    /// Sets a value, rounded to the console's digits.
+    ///
+    /// # Errors
+    /// [`DesignError::Setting`] outside the setting's range.
+    pub fn set(&mut self, param: Param, value: f64) -> Result<(), DesignError> {
+        let value = rounded(value);
+        self.all.set(param, value as f32).map_err(|rule| refusal(rule.of(param), value))?;
+        if !self.changed.contains(&param) {
+            self.changed.push(param);
+        }
+        Ok(())
+    }
+
+    /// Lowers the position PID's feed-forward to a part of itself; says whether there was any worth lowering.
+    ///
+    /// # Errors
+    /// [`DesignError::Setting`] below the setting's range.
+    pub fn feed_less_forward(&mut self, law: ControlLaw, part: f64) -> Result<bool, DesignError> {
+        let (feed_forward, derivative) = (self.all.get(Param::PositionKff), self.all.get(Param::PositionKd));
+        // Less than this does not even make up for the derivative, and is no cause of overshoot.
+        if law != ControlLaw::PositionPid || feed_forward <= 0.5 * derivative {
+            return Ok(false);
+        }
+        self.set(Param::PositionKff, part * f64::from(feed_forward))?;
+        Ok(true)
+    }
+
+    /// Slows the reference's profile down to a part of its acceleration.
+    ///
+    /// # Errors
+    /// [`DesignError::Setting`] below the setting's range.
+    pub fn slow_down(&mut self, part: f64) -> Result<(), DesignError> {
+        self.set(Param::Acceleration, part * f64::from(self.all.get(Param::Acceleration)))
+    }
+
+    /// Adds what another design on the same rig sets. A gain that one of them switches off gives way to the other's,
+    /// and of two accelerations the smaller is kept.
+    pub fn merge(&mut self, other: &Self) {
+        for &param in &other.changed {
+            let (own, others) = (self.all.get(param), other.all.get(param));
+            let gentler = param == Param::Acceleration && own < others;
+            if self.changed.contains(&param) && (others == 0.0 || gentler) {
+                continue;
+            }
+            self.all.values[param as usize] = others;
+            if !self.changed.contains(&param) {
+                self.changed.push(param);
+            }
+        }
+    }
+
+    /// Lines for the console, which takes each as a whole and refuses one that does not fit what it has: in an order that a
+    /// board with its defaults takes.
+    pub fn commands(&self) -> Vec<String> {
+        let (mut lines, mut taken) = (Vec::new(), Settings::defaults());
+        let mut waiting = self.changed.clone();
+        while !waiting.is_empty() {
+            let line = self.next_line(&taken, &waiting);
+            line.iter().for_each(|&param| taken.values[param as usize] = self.all.get(param));
+            waiting.retain(|param| !line.contains(param));
+            lines.push(self.line(&line));
+        }
+        lines
+    }
+
+    fn line(&self, params: &[Param]) -> String {
+        let pair = |param: &Param| format!("{} {}", setting_name(*param), self.all.get(*param));
+        format!("set {}", params.iter().map(pair).collect::<Vec<_>>().join(" "))
+    }
+
+    /// The next of the settings that wait. What does not fit them yet goes before where it can by itself, else with them.
+    fn next_line(&self, taken: &Settings, waiting: &[Param]) -> Vec<Param> {
+        let refused = |params: &[Param]| {
+            let mut settings = *taken;
+            params.iter().for_each(|&param| settings.values[param as usize] = self.all.get(param));
+            LoopConfig::build(&settings).err().map(|error| error.param)
+        };
+        let mut line = waiting[..waiting.len().min(SETTINGS_A_LINE)].to_vec();
+        while let Some(clashing) = refused(&line) {
+            let others = |param: &Param| !line.contains(param);
+            let Some(other) = Some(clashing)
+                .filter(|param| others(param) && waiting.contains(param))
+                .or_else(|| waiting.iter().copied().find(others))
+            else {
+                break;
+            };
+            if refused(&[other]).is_none() {
+                return vec![other];
+            }
+            line.push(other);
+        }
+        line
+    }
+}
+
+/// What the core says against a setting, with what to do about it.
+pub(super) fn refusal(error: BuildError, value: f64) -> DesignError {
+    let why = match error.rule {
+        Rule::TooLarge => "is larger than its format holds",
+        Rule::TooSmall => "is below its range",
+        Rule::RoundsToZero => "would become zero in its format",
+        Rule::NotPowerOfTwo => "is not a power of two",
+        Rule::NotAllowed => "is not allowed",
+        Rule::NotFinite => "is not a number",
+    };
+    DesignError::Setting {
+        name: setting_name(error.param),
+        value: rounded(value),
+        unit: setting_unit(error.param),
+        why,
+        advice: advice(error),
+    }
+}
+
+/// What to do about a setting that the core cannot hold: it depends on what the setting follows from.
+fn advice(error: BuildError) -> &'static str {
+    use Rule::{NotAllowed, NotFinite, NotPowerOfTwo, RoundsToZero, TooLarge, TooSmall};
+    match (error.param, error.rule) {
+        (_, NotPowerOfTwo | NotAllowed | NotFinite) => "check the model and the rig",
+        (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, TooLarge) => "lower current-limit-A",
+        (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, _) => "raise current-limit-A",
+        (Param::Acceleration, TooLarge) => "check the model's inertia and torque constant, or lower current-limit-A",
+        (Param::Acceleration, _) => {
+            "raise current-limit-A, of which the profile takes a third; or correct inertia and torque constant of the model, if the motor is not as heavy as that"
+        }
+        (Param::TachoGain | Param::SpeedFilter, _) => "check the tachogenerator's gain",
+        (
+            Param::SupplyVoltage
+            | Param::VoltageLimit
+            | Param::SlewLimit
+            | Param::Resistance
+            | Param::TorqueConstant
+            | Param::CountsPerRev
+            | Param::SpeedRange
+            | Param::CompFrictionWidth
+            | Param::CruiseSpeed,
+            _,
+        ) => "check supply and encoder of the rig, resistance and torque constant of the model",
+        (_, TooLarge) => "ask for a slower loop",
+        (_, TooSmall | RoundsToZero) => "ask for a faster loop",
+    }
+}
+
+/// The rig's settings: ranges, limits, trips, reference profile.
+///
+/// # Errors
+/// [`DesignError::Setting`] where the rig does not fit the core, [`DesignError::TooFast`] where the encoder does not,
+/// [`DesignError::Tachogenerator`] where that does not.
+pub fn rig_settings(
+    motor: &MotorParameters,
+    bench: &Bench,
+    specification: &Specification,
+) -> Result<SettingList, DesignError> {
+    let current_limit_a = specification.current_limit_a;
+    let no_load_rad_per_s = bench.supply_v * motor_model::speed(motor).dc_gain();
+    let edges_per_s = no_load_rad_per_s * bench.counts_per_rev.unwrap_or(0.0) / std::f64::consts::TAU;
+    if edges_per_s > MAX_EDGES_PER_S {
+        return Err(DesignError::TooFast { edges_per_s, limit_per_s: MAX_EDGES_PER_S });
+    }
+    let speed_range = power_of_two(SPEED_HEADROOM * no_load_rad_per_s).max(8.0);
+    let mut list = SettingList::default();
+    let drive_a = (ACCELERATION_PART * current_limit_a).min(ACCELERATION_PART * bench.supply_v / motor.resistance_ohm);
+    list.set(Param::TickRate, bench.tick_rate_hz)?;
+    if let Some(counts_per_rev) = bench.counts_per_rev {
+        list.set(Param::CountsPerRev, counts_per_rev)?;
+        list.set(Param::PositionRange, position_range(motor, bench, specification, counts_per_rev))?;
+    }
+    for (param, value) in [
+        (Param::SpeedRange, speed_range),
+        (Param::CompFrictionWidth, speed_range / WIDTHS_A_RANGE),
+        (Param::SupplyVoltage, bench.supply_v),
+        (Param::VoltageLimit, bench.supply_v),
+        (Param::Resistance, motor.resistance_ohm),
+        (Param::CurrentLimit, current_limit_a),
+        (Param::TripPeak, TRIP_PEAK * current_limit_a),
+        (Param::TripContinuous, TRIP_CONTINUOUS * current_limit_a),
+        (Param::SlewLimit, bench.supply_v * bench.tick_rate_hz / SLEW_TICKS),
+        (Param::Acceleration, drive_a * motor.torque_constant_nm_per_a / motor.inertia_kg_m2),
+        (Param::CruiseSpeed, bench.counts_per_rev.map_or(UNUSED_CRUISE_RAD_PER_S, |_| 0.5 * no_load_rad_per_s)),
+    ] {
+        list.set(param, value)?;
+    }
+    set_speed_sensor(&mut list, motor, bench, specification)?;
+    if observes_current(bench) {
+        list.set(Param::TorqueConstant, motor.torque_constant_nm_per_a)?;
+        list.set(Param::WindingTime, winding_time_ms(motor, 1.0 / bench.tick_rate_hz))?;
+    } else {
+        list.set(Param::WindingTime, 0.0)?;
+    }
+    Ok(list)
+}
+
+/// Where the speed comes from. Always said, so that a board on which another sensor was used comes back.
+fn set_speed_sensor(
+    list: &mut SettingList,
+    motor: &MotorParameters,
+    bench: &Bench,
+    specification: &Specification,
+) -> Result<(), DesignError> {
+    let Some(tachogenerator) = bench.tachogenerator else {
+        list.set(Param::SpeedSensor, 0.0)?;
+        return list.set(Param::SpeedFilter, 0.0);
+    };
+    tachogenerator.check(bench.supply_v * motor_model::speed(motor).dc_gain(), bench.tick_rate_hz)?;
+    let acceleration = f64::from(list.all.get(Param::Acceleration)).min(tachogenerator.largest_acceleration(motor));
+    list.set(Param::Acceleration, acceleration)?;
+    list.set(Param::SpeedSensor, 1.0)?;
+    list.set(Param::TachoGain, tachogenerator.gain_v_per_krpm)?;
+    list.set(Param::SpeedFilter, 1e3 * tachogenerator.filter_s(motor, specification, 1.0 / bench.tick_rate_hz))
+}
+
+/// Smallest power of two that is not below `value`.
+fn power_of_two(value: f64) -> f64 {
+    2_f64.powi(value.log2().ceil() as i32)
+}
+
+/// The settings of one law.
+///
+/// # Errors
+/// [`DesignError::Setting`] for a gain the core cannot hold.
+pub fn law_settings(
+    rig: &SettingList,
+    motor: &MotorParameters,
+    law: ControlLaw,
+    sampling: &Sampling,
+    gains: &Gains,
+) -> Result<SettingList, DesignError> {
+    let mut list = rig.clone();
+    for (&(param, _), &gain) in law.feedback().iter().zip(&gains.feedback) {
+        list.set(param, gain)?;
+    }
+    let (proportional, integral) = (gains.feedback[0], gains.feedback[gains.feedback.len() - 1]);
+    match law {
+        ControlLaw::SpeedPid => list.set(Param::SpeedB, gains.reference / proportional)?,
+        ControlLaw::SpeedLqr => list.set(Param::LqrSpeedKr, gains.reference)?,
+        // What the derivative takes away at a constant speed, and the back-EMF.
+        ControlLaw::PositionPid => {
+            list.set(Param::PositionKff, gains.feedback[1] + 1.0 / motor_model::speed(motor).dc_gain())?;
+        }
+        ControlLaw::PositionLqr => {}
+    }
+    if let Some(filter) = law.filter() {
+        list.set(filter, 1e3 * sampling.filter_s)?;
+    }
+    // The integral time: what was cut off is forgotten as fast as the integral builds up.
+    let tracking_ms = (1e3 * proportional / integral).clamp(5e3 * sampling.period_s, 5e3);
+    list.set(law.tracking(), tracking_ms)?;
+    fit(&mut list, law)?;
+    Ok(list)
+}
+
+/// Large enough for the errors that matter to a loop of the speed asked for, and fine enough to see a count. The same
+/// for every law, so that they can be changed on the fly.
+fn position_range(motor: &MotorParameters, bench: &Bench, specification: &Specification, counts_per_rev: f64) -> f64 {
+    let asked_rad_per_s = specification.speed.rad_per_s(motor, 1.0 / bench.tick_rate_hz);
+    let at = Complex::new(0.0, asked_rad_per_s);
+    let supply_rad = bench.supply_v * motor_model::angle(motor).at(at).norm();
+    let sees_a_count = f64::from(FULL_RANGE) * std::f64::consts::TAU / counts_per_rev;
+    let finest = power_of_two(sees_a_count) / 2.0;
+    power_of_two(POSITION_SUPPLIES * supply_rad).min(finest).clamp(1.0, 4096.0)
+}
+
+/// Whether a range is too fine for the few counts of an encoder: the core scales counts by a sixteen-bit number that a
+/// range divides, so that what is too large is the scale and not the range.
+fn is_too_fine(error: BuildError) -> bool {
+    error.rule == Rule::TooLarge && matches!(error.param, Param::SpeedRange | Param::PositionRange)
+}
+
+fn double_range(list: &mut SettingList, range: Param) -> Result<(), DesignError> {
+    let doubled = 2.0 * f64::from(list.all.get(range));
+    if range == Param::SpeedRange {
+        list.set(Param::CompFrictionWidth, doubled / WIDTHS_A_RANGE)?;
+    }
+    list.set(range, doubled)
+}
+
+/// Doubles ranges that are too fine for the encoder, switches off the gains of other laws that do not fit the ranges of
+/// this rig, and puts the unused tachogenerator's within its format, until all settings can be held.
+fn fit(list: &mut SettingList, law: ControlLaw) -> Result<(), DesignError> {
+    let others = |param: Param| {
+        let laws = ControlLaw::ALL.into_iter().filter(|other| *other != law);
+        laws.flat_map(ControlLaw::feedback).any(|(gain, _)| *gain == param)
+    };
+    loop {
+        match LoopConfig::build(&list.all) {
+            Ok(_) => return Ok(()),
+            Err(error) if is_too_fine(error) => double_range(list, error.param)?,
+            Err(error) if others(error.param) && list.all.get(error.param) != 0.0 => list.set(error.param, 0.0)?,
+            Err(error)
+                if error.param == Param::TachoGain
+                    && !is_speed_sensor(&list.all)
+                    && list.all.get(error.param) < UNUSED_TACHO_GAIN =>
+            {
+                list.set(error.param, UNUSED_TACHO_GAIN.into())?;
+            }
+            Err(error) => return Err(refusal(error, list.all.get(error.param).into())),
+        }
+    }
+}
+
+/// The gains as the core holds them, in engineering units, and the sampling with the filter as it holds it.
+///
+/// # Errors
+/// [`DesignError::Setting`] for a gain the core cannot hold.
+pub fn read_back(list: &SettingList, law: ControlLaw) -> Result<(Gains, Sampling), DesignError> {
+    let get = |param: Param| f64::from(list.all.get(param));
+    let period_s = 1.0 / get(Param::TickRate);
+    let filter_s = law.filter().map_or(0.0, |param| 1e-3 * get(param));
+    let mut sampling = Sampling { speed: speed_path(list)?, ..Sampling::new(period_s, filter_s) };
+    if let Some(param) = law.filter() {
+        sampling.filter_part = held_part(sampling.filter_part, param, filter_s)?;
+    }
+    let mut feedback = Vec::new();
+    for &(param, signal) in law.feedback() {
+        let held = held(list, law, param, signal, &sampling);
+        feedback.push(held.map_err(|rule| refusal(rule.of(param), get(param)))?);
+    }
+    let speed_scale = bits_per_unit(&list.all, Param::SpeedRange);
+    let (reference, param) = match law {
+        ControlLaw::SpeedPid => (get(Param::SpeedKp) * get(Param::SpeedB), Param::SpeedB),
+        ControlLaw::SpeedLqr => (get(Param::LqrSpeedKr), Param::LqrSpeedKr),
+        ControlLaw::PositionPid | ControlLaw::PositionLqr => {
+            let reference = feedback[0];
+            return Ok((Gains { feedback, reference }, sampling));
+        }
+    };
+    let reference = held_gain(reference, speed_scale).map_err(|rule| refusal(rule.of(param), reference))?;
+    Ok((Gains { feedback, reference }, sampling))
+}
+
+/// How the laws come by the speed with these settings.
+///
+/// # Errors
+/// [`DesignError::Setting`] for a low-pass the core cannot hold.
+pub fn speed_path(list: &SettingList) -> Result<SpeedPath, DesignError> {
+    if !is_speed_sensor(&list.all) {
+        return Ok(SpeedPath::Mean);
+    }
+    let filter_s = 1e-3 * f64::from(list.all.get(Param::SpeedFilter));
+    if filter_s == 0.0 {
+        return Ok(SpeedPath::Converted { filter_s, filter_part: 1.0 });
+    }
+    let part = 1.0 / (filter_s * f64::from(list.all.get(Param::TickRate)) + 1.0);
+    Ok(SpeedPath::Converted { filter_s, filter_part: held_part(part, Param::SpeedFilter, filter_s)? })
+}
+
+/// The part of its way that the core's low-pass goes in a tick.
+fn held_part(part: f64, param: Param, filter_s: f64) -> Result<f64, DesignError> {
+    let one = scale(Fraction::FRAC_NBITS);
+    let bits = quantise(part as f32, one, u16::MAX).map_err(|rule| refusal(rule.of(param), filter_s))?;
+    Ok(f64::from(bits) / f64::from(one))
+}
+
+/// Bits of one in a format with so many fractional bits.
+fn scale(fractional_bits: u32) -> f32 {
+    (1u32 << fractional_bits) as f32
+}
+
+fn held(list: &SettingList, law: ControlLaw, param: Param, signal: Signal, sampling: &Sampling) -> Result<f64, Rule> {
+    let value = f64::from(list.all.get(param));
+    let speed_scale = bits_per_unit(&list.all, Param::SpeedRange);
+    let position_scale = bits_per_unit(&list.all, Param::PositionRange);
+    match signal {
+        Signal::Position => held_gain(value, position_scale),
+        Signal::Speed | Signal::FilteredSpeed => held_gain(value, speed_scale),
+        Signal::Current => held_gain(value, AMPERE),
+        Signal::Derivative => {
+            let time_s = sampling.filter_s + sampling.period_s;
+            Ok(held_gain(value / time_s, speed_scale)? * time_s)
+        }
+        Signal::Integral => {
+            let input_scale = if law.is_position() { position_scale } else { speed_scale };
+            let one = scale(IntegralGain::FRAC_NBITS);
+            let bits_per_gain = VOLT * one / input_scale * sampling.period_s as f32;
+            Ok(f64::from(quantise(value as f32, bits_per_gain, GAIN_LIMIT as u16)?) / f64::from(bits_per_gain))
+        }
+    }
+}
+
+fn held_gain(value: f64, input_scale: f32) -> Result<f64, Rule> {
+    let bits_per_gain = VOLT * scale(Gain::FRAC_NBITS) / input_scale;
+    Ok(f64::from(quantise_gain(value as f32, input_scale)?) / f64::from(bits_per_gain))
+}

@@ -1,0 +1,176 @@
+//! Step-response tuning: a first-order model with dead time from a recorded step, and gains for a loop of a chosen time
+//! constant from it.
+
+use super::relay::speed_pi;
+use serde::Serialize;
+
+/// `K exp(-theta s) / (tau s + 1)`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct FirstOrder {
+    /// Gain `K`, rad/s per volt.
+    #[serde(rename = "gain_rad_per_s_per_V")]
+    pub gain_rad_per_s_per_v: f64,
+    /// Time constant `tau`.
+    pub time_constant_s: f64,
+    /// Dead time `theta`.
+    pub dead_time_s: f64,
+}
+
+/// Why a step cannot be used.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum StepError {
+    /// Too few samples.
+    #[error("the recording has {found} samples, at least {SHORTEST} with the step in it are needed")]
+    TooShort {
+        /// Samples found.
+        found: usize,
+    },
+    /// Time, voltage and speed are not of the same length.
+    #[error("time, voltage and speed have {time}, {voltage} and {speed} samples: they must be as many")]
+    Lengths {
+        /// Samples of the time.
+        time: usize,
+        /// Of the voltage.
+        voltage: usize,
+        /// Of the speed.
+        speed: usize,
+    },
+    /// The voltage does not change.
+    #[error("the voltage has no step: record from before the change of the voltage until the speed has settled")]
+    NoStep,
+    /// The speed does not follow the voltage.
+    #[error(
+        "the speed changes by {change_rad_per_s:.3} rad/s against the voltage's {change_v:.3} V: check the sign of the encoder, or take a larger step"
+    )]
+    NoResponse {
+        /// Of the speed.
+        change_rad_per_s: f64,
+        /// Of the voltage.
+        change_v: f64,
+    },
+    /// It still moves at the end.
+    #[error("the speed still changes at the end of the recording: record for longer")]
+    NotSettled,
+}
+
+/// Fewest samples.
+const SHORTEST: usize = 20;
+/// Part of the samples after the step whose mean is the final speed, and how far its halves may differ.
+const END_PART: usize = 5;
+const END_DRIFT: f64 = 0.03;
+/// Levels of the response from which time constant and dead time follow (Sundaresan and Krishnaswamy, 1978).
+const EARLY: f64 = 0.353;
+const LATE: f64 = 0.853;
+
+/// Fits a step of the voltage: `t_s`, `u_v` with one step, and the speed.
+///
+/// # Errors
+/// [`StepError`].
+pub fn fit(t_s: &[f64], u_v: &[f64], omega_rad_per_s: &[f64]) -> Result<FirstOrder, StepError> {
+    if t_s.len() != u_v.len() || t_s.len() != omega_rad_per_s.len() {
+        let (time, voltage, speed) = (t_s.len(), u_v.len(), omega_rad_per_s.len());
+        return Err(StepError::Lengths { time, voltage, speed });
+    }
+    if t_s.len() < SHORTEST {
+        return Err(StepError::TooShort { found: t_s.len() });
+    }
+    let change_v = u_v[u_v.len() - 1] - u_v[0];
+    let at = u_v.iter().position(|u| (u - u_v[0]).abs() > 0.5 * change_v.abs()).filter(|_| change_v != 0.0);
+    let at = at.ok_or(StepError::NoStep)?;
+    let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+    let start = mean(&omega_rad_per_s[..=at]);
+    let after = &omega_rad_per_s[at..];
+    let end = &after[after.len() - (after.len() / END_PART).max(2)..];
+    let final_rad_per_s = mean(end);
+    let change_rad_per_s = final_rad_per_s - start;
+    if change_rad_per_s * change_v <= 0.0 {
+        return Err(StepError::NoResponse { change_rad_per_s, change_v });
+    }
+    let (first, second) = end.split_at(end.len() / 2);
+    if (mean(second) - mean(first)).abs() > END_DRIFT * change_rad_per_s.abs() {
+        return Err(StepError::NotSettled);
+    }
+    let crossing = |level: f64| {
+        let part = |value: f64| (value - start) / change_rad_per_s;
+        let next = (1..after.len()).find(|&next| part(after[next]) >= level)?;
+        let (before, beyond) = (part(after[next - 1]), part(after[next]));
+        let fraction = (level - before) / (beyond - before);
+        let time = |index: usize| t_s[at + index] - t_s[at];
+        Some(time(next - 1) + fraction * (time(next) - time(next - 1)))
+    };
+    let (Some(early), Some(late)) = (crossing(EARLY), crossing(LATE)) else { return Err(StepError::NotSettled) };
+    let spread = ((1.0 - EARLY) / (1.0 - LATE)).ln();
+    let time_constant_s = (late - early) / spread;
+    Ok(FirstOrder {
+        gain_rad_per_s_per_v: change_rad_per_s / change_v,
+        time_constant_s,
+        dead_time_s: (early + time_constant_s * (1.0 - EARLY).ln()).max(0.0),
+    })
+}
+
+/// Gains of the speed PID for a closed loop of `closed_loop_s`, by the SIMC rule (Skogestad, "Simple analytic rules for
+/// model reduction and PID controller tuning", 2003): `Kp = tau / (K (tc + theta))`, `Ti = min(tau, 4 (tc + theta))`.
+/// With `closed_loop_s` equal to the dead time it is the tightest that is robust. Setting names and values.
+pub fn simc(model: &FirstOrder, closed_loop_s: f64) -> Vec<(String, f64)> {
+    let slow_s = closed_loop_s + model.dead_time_s;
+    speed_pi(proportional(model, slow_s), model.time_constant_s.min(4.0 * slow_s))
+}
+
+/// The same by lambda tuning: `Ti = tau`, whatever the load does.
+pub fn lambda(model: &FirstOrder, closed_loop_s: f64) -> Vec<(String, f64)> {
+    speed_pi(proportional(model, closed_loop_s + model.dead_time_s), model.time_constant_s)
+}
+
+fn proportional(model: &FirstOrder, slow_s: f64) -> f64 {
+    model.time_constant_s / (model.gain_rad_per_s_per_v * slow_s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::law::ControlLaw;
+    use crate::robustness;
+    use crate::sampled_loop::{Gains, Sampling};
+    use motorbench_model::linear::motor_model::{armature, speed};
+    use motorbench_model::motor::MotorParameters;
+
+    /// A 4 V step on the PIVT-6 at 100 ms.
+    fn recording() -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+        let response = armature(&MotorParameters::PIVT6).discretise(1e-3, 0.0).step_response(400);
+        let t_s: Vec<f64> = (0..500).map(|k| f64::from(k) * 1e-3).collect();
+        let u_v = t_s.iter().map(|&t| if t < 0.0995 { 2.0 } else { 6.0 }).collect();
+        let omega = (0..500_usize).map(|k| 27.0 + k.checked_sub(100).map_or(0.0, |k| 4.0 * response[(0, k)]));
+        (t_s, u_v, omega.collect())
+    }
+
+    #[test]
+    fn model_and_gains_from_a_step() {
+        let (t_s, u_v, omega) = recording();
+        let model = fit(&t_s, &u_v, &omega).unwrap();
+        let motor = MotorParameters::PIVT6;
+        assert!((model.gain_rad_per_s_per_v / speed(&motor).dc_gain() - 1.0).abs() < 0.01, "{model:?}");
+        // The slow pole, and about the fast one as dead time.
+        assert!((model.time_constant_s - 22.7e-3).abs() < 1.5e-3, "{model:?}");
+        assert!((model.dead_time_s - 2.2e-3).abs() < 1e-3, "{model:?}");
+        for (gains, closed_loop_s) in [(simc(&model, 5e-3), 5e-3), (lambda(&model, 10e-3), 10e-3)] {
+            let gains = Gains { feedback: vec![gains[0].1, 0.0, gains[1].1], reference: gains[0].1 };
+            let sampling = Sampling::new(1e-3, 2e-3);
+            let judged = robustness::check(&motor, ControlLaw::SpeedPid, &sampling, &gains).unwrap();
+            // The loop's crossover is the inverse of its time constant with the dead time added.
+            let expected_hz = 1.0 / (std::f64::consts::TAU * (closed_loop_s + model.dead_time_s));
+            assert!((judged.margins.crossover_hz / expected_hz - 1.0).abs() < 0.25, "{judged:?} {expected_hz}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_step_is_refused_with_its_reason() {
+        let (t_s, u_v, omega) = recording();
+        let message = |t: &[f64], u: &[f64], w: &[f64]| fit(t, u, w).unwrap_err().to_string();
+        assert!(message(&t_s[..10], &u_v[..10], &omega[..10]).contains("10 samples"));
+        assert!(message(&t_s, &u_v, &omega[..9]).contains("500, 500 and 9"));
+        assert!(message(&t_s, &vec![2.0; 500], &omega).contains("no step"));
+        let backward: Vec<f64> = omega.iter().map(|w| -w).collect();
+        assert!(message(&t_s, &u_v, &backward).contains("sign of the encoder"));
+        assert!(message(&t_s[..120], &u_v[..120], &omega[..120]).contains("record for longer"));
+    }
+}

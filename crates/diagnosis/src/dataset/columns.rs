@@ -1,0 +1,90 @@
+//! What can be told of a column of numbers, some of which may be missing, and what can be made of one.
+
+use super::Window;
+pub use motorbench_data::statistics::{greatest, median};
+use std::ops::Range;
+
+/// Median of the magnitude of a standard normal.
+pub const NORMAL_MEDIAN: f64 = 0.6745;
+
+/// From the least to the greatest of what is not missing.
+pub(super) fn width(values: &[f64]) -> f64 {
+    let finite = || values.iter().copied().filter(|value| value.is_finite());
+    finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min)
+}
+
+/// Of what is not missing; 0 of nothing.
+pub(super) fn mean(values: &[f64]) -> f64 {
+    let finite = || values.iter().filter(|value| value.is_finite());
+    finite().sum::<f64>() / finite().count().max(1) as f64
+}
+
+/// Standard deviation of what is not missing.
+pub fn spread(values: &[f64]) -> f64 {
+    let finite = || values.iter().filter(|value| value.is_finite());
+    let count = finite().count().max(1) as f64;
+    let mean = mean(values);
+    (finite().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
+}
+
+/// Of what is not missing, about zero.
+pub(super) fn correlation(a: &[f64], b: &[f64]) -> f64 {
+    let sum = |of: fn(f64, f64) -> f64| -> f64 {
+        a.iter().zip(b).map(|(a, b)| of(*a, *b)).filter(|product| product.is_finite()).sum()
+    };
+    sum(|a, b| a * b) / (sum(|a, _| a * a) * sum(|_, b| b * b)).sqrt().max(f64::MIN_POSITIVE)
+}
+
+/// Standard deviation of white noise on a smooth signal, from its third differences, which are nearly free of the signal.
+/// Robust against steps (median), and against a coarse rounding that leaves most differences at zero (trimmed mean square).
+pub fn noise(values: &[f64]) -> f64 {
+    let mut third: Vec<f64> =
+        values.windows(4).map(|w| (w[3] - 3.0 * w[2] + 3.0 * w[1] - w[0]).abs()).filter(|v| v.is_finite()).collect();
+    third.sort_unstable_by(f64::total_cmp);
+    let middle = third.get(third.len() / 2).copied().unwrap_or(0.0);
+    let kept = &third[..third.len() * 9 / 10];
+    let square = kept.iter().map(|value| value * value).sum::<f64>() / kept.len().max(1) as f64;
+    // 0.787: root mean square of a standard normal below its ninth decile;
+    // 20: sum of the squares of 1, 3, 3, 1.
+    let spread = (middle / NORMAL_MEDIAN).max(square.sqrt() / 0.787) / 20_f64.sqrt();
+    spread.max(1e-4 * greatest(values)).max(f64::MIN_POSITIVE)
+}
+
+/// Missing values take the last one that was there.
+pub(super) fn held(values: &[f64]) -> Vec<f64> {
+    let first = values.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
+    values
+        .iter()
+        .scan(first, |last, value| {
+            if value.is_finite() {
+                *last = *value;
+            }
+            Some(*last)
+        })
+        .collect()
+}
+
+pub(super) fn integrated(speed: &[f64], time_s: &[f64]) -> Vec<f64> {
+    let speed = held(speed);
+    let mut angle_rad = vec![0.0];
+    for index in 1..speed.len() {
+        let mean = 0.5 * (speed[index] + speed[index - 1]);
+        angle_rad.push(angle_rad[index - 1] + mean * (time_s[index] - time_s[index - 1]));
+    }
+    angle_rad
+}
+
+/// Mean speed over a window; missing where that is not whole.
+pub fn difference(angle_rad: &[f64], time_s: &[f64], window: Window) -> Vec<f64> {
+    let of = |index: usize| {
+        let (first, last) = window.rows(index, angle_rad.len())?;
+        Some((angle_rad[last] - angle_rad[first]) / (time_s[last] - time_s[first]))
+    };
+    (0..angle_rad.len()).map(|index| of(index).unwrap_or(f64::NAN)).collect()
+}
+
+/// Rows that follow one another, put together.
+pub fn runs(rows: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
+    let rows: Vec<usize> = rows.collect();
+    rows.chunk_by(|row, next| row + 1 == *next).map(|run| run[0]..run[run.len() - 1] + 1).collect()
+}

@@ -1,0 +1,117 @@
+//! The same recordings taken otherwise: in another scale, another reading of what the rig file leaves open.
+
+use super::{Dataset, KEPT_BACK, KEPT_BACK_EVERY, Output, Stretch, Window, row_order};
+use motorbench_data::rig::Readings;
+
+impl Dataset {
+    /// The same with each command in the row in which it was written; none where the rig file says when a command acts.
+    pub fn with_commands_as_written(&self) -> Option<Self> {
+        if self.origin.timing.command_delay_s.is_some() {
+            return None;
+        }
+        let mut other = self.clone();
+        if std::mem::take(&mut other.origin.written_after) {
+            row_order::move_commands(&mut other, row_order::Towards::After);
+        }
+        Some(other)
+    }
+
+    /// The same with commands that changed in the middle before these rows.
+    pub fn with_commands_between(&self, rows: &[usize]) -> Self {
+        let mut other = self.clone();
+        other.earlier_s = vec![0.0; self.len()];
+        for row in rows.iter().copied() {
+            other.earlier_s[row] = 0.5 * (self.time_s[row] - self.time_s[row - 1]);
+        }
+        other
+    }
+
+    /// The same with what had been counted without losses.
+    pub fn with_counts_lost(&self, lost_share: f64) -> Self {
+        let mut other = self.with_motion_times(1.0 / (1.0 - lost_share));
+        other.origin.lost_share = lost_share;
+        other
+    }
+
+    /// The same with every angle and speed so many times as great.
+    pub fn with_motion_times(&self, factor: f64) -> Self {
+        let mut all = self.clone();
+        all.count_rad *= factor;
+        all.angle_rad.iter_mut().for_each(|angle| *angle *= factor);
+        all.origin.edge_timing.iter_mut().for_each(|timing| timing.step_rad *= factor);
+        all.origin.read_in_stops.iter_mut().for_each(|(_, read)| *read *= factor);
+        all.measured[self.motion_index()].scale(factor);
+        all
+    }
+
+    /// The same with every current so many times as great.
+    pub fn with_current_times(&self, factor: f64) -> Self {
+        let mut all = self.clone();
+        let currents = all.measured.iter_mut().filter(|measured| measured.output == Output::Current);
+        currents.for_each(|current| current.scale(factor));
+        all
+    }
+
+    /// The same behind a bridge with a drop that they do not show.
+    pub fn behind_a_drop(&self, drop_v: f64) -> Self {
+        let mut all = self.clone();
+        all.origin.hidden_drop_v = drop_v;
+        all
+    }
+
+    /// The same with every voltage so many times as great.
+    pub fn with_voltage_times(&self, factor: f64) -> Self {
+        let mut all = self.clone();
+        all.voltage_v.iter_mut().chain(&mut all.supply_v).for_each(|voltage| *voltage *= factor);
+        all.origin.hidden_drop_v *= factor;
+        all
+    }
+
+    /// The same with the row in the middle of a mean speed's window and not at its end, where neither the columns nor the rig
+    /// file say which.
+    pub fn with_window_centred(&self) -> Option<Self> {
+        if self.motion().output != Output::MeanSpeed || self.origin.window_end_is_known {
+            return None;
+        }
+        let mut other = self.clone();
+        for Stretch { window, .. } in &mut other.stretches {
+            window.ahead = window.span / 2;
+        }
+        other.integrate_mean_speed();
+        Some(other)
+    }
+
+    /// The same with the speed timed the other way, or as a mean since the row before, where nothing says what it is.
+    pub fn with_other_speed_reading(&self) -> Option<Self> {
+        if self.origin.timing.readings == Readings::Mean || self.origin.timing.speed_window_s.is_some() {
+            return None;
+        }
+        let mut other = self.clone();
+        match (&mut other.origin.edge_timing, self.motion().output) {
+            (timing @ Some(_), _) => *timing = Some(timing.take()?.since_row_before()?),
+            (None, Output::Speed) => other.take_speed_as_mean_of_its_row(),
+            _ => return None,
+        }
+        Some(other)
+    }
+
+    fn take_speed_as_mean_of_its_row(&mut self) {
+        let index = self.motion_index();
+        self.measured[index].output = Output::MeanSpeed;
+        self.stretches.iter_mut().for_each(|stretch| stretch.window = Window::up_to_now(1));
+        (self.origin.window_end_is_known, self.origin.taken_over_its_row) = (true, true);
+        // Of a recorded angle there is nothing to be made.
+        if self.count_rad <= 0.0 {
+            self.integrate_mean_speed();
+        }
+    }
+
+    /// The same data with each of the other parts kept back in turn.
+    pub fn with_others_kept_back(&self) -> impl Iterator<Item = Self> {
+        (0..KEPT_BACK_EVERY).filter(|part| *part != KEPT_BACK).map(|part| {
+            let mut other = self.clone();
+            other.keep_back(part);
+            other
+        })
+    }
+}

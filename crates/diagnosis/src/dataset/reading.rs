@@ -1,0 +1,343 @@
+//! Recordings into a data set: what drove the motor, what moved, and over what each reading is a mean.
+
+use super::columns::{correlation, greatest, held, integrated, median};
+use super::counted_edges::Counted;
+use super::edge_timing::Timed;
+use super::speed_window::{self, Found, Window};
+use super::turns::{self, Ambiguous};
+use super::{
+    DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, Measured, Origin, Output, SHORTEST_S,
+    SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
+};
+use motorbench_data::recording::{Channel, Recording};
+use motorbench_data::rig::{Readings, Rig};
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// A pause of this many intervals begins a new stretch...
+const GAP_INTERVALS: f64 = 10.0;
+/// ... unless it is no longer than this and the command after it is the one before: then that was held.
+const LONGEST_HELD_S: f64 = 1.0;
+/// A command missing for longer than this means that the bridge was off.
+const OPEN_BRIDGE_S: f64 = 0.02;
+/// A motion that goes against its drive to this correlation is no motor's: that takes energy from what drives it.
+const BACKWARD: f64 = -0.2;
+
+/// What one recording tells of how the speeds of all are made.
+#[derive(Clone, Copy)]
+enum SpeedReading {
+    /// A difference of counts over so long.
+    Mean { window_s: f64 },
+    /// Timed by edges that are so far from each other.
+    Timed { step_rad: f64 },
+}
+
+impl Dataset {
+    /// Recordings one by one. How a speed was made in some, it was made in all of them: too little may move in the others.
+    pub(super) fn each(recordings: &[Recording], rig: &Rig) -> Result<Vec<Self>, DatasetError> {
+        let of = |recording| Self::of(recording, rig, None);
+        let mut each = recordings.iter().map(of).collect::<Result<Vec<_>, _>>()?;
+        let told = each.iter().find_map(Self::speed_reading);
+        for (recording, one) in recordings.iter().zip(&mut each).filter(|_| told.is_some()) {
+            if one.motion().output == Output::Speed {
+                *one = Self::of(recording, rig, told)?;
+            }
+        }
+        Ok(each)
+    }
+
+    fn speed_reading(&self) -> Option<SpeedReading> {
+        let window_s = |stretch: &Stretch| SpeedReading::Mean { window_s: stretch.window_s() };
+        match self.motion().output {
+            Output::MeanSpeed => self.stretches.first().map(window_s),
+            _ => self.origin.edge_timing.as_ref().map(|timing| SpeedReading::Timed { step_rad: timing.step_rad }),
+        }
+    }
+
+    /// `told`: by another recording.
+    fn of(recording: &Recording, rig: &Rig, told: Option<SpeedReading>) -> Result<Self, DatasetError> {
+        let name = || recording.name.clone();
+        let no_time =
+            || recording.advice_on_time().map_or_else(|| DatasetError::NoTime(name()), DatasetError::OtherTime);
+        let time_s = recording.time_s().ok_or_else(no_time)?.to_vec();
+        let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
+        if interval_s > LONGEST_INTERVAL_S {
+            return Err(DatasetError::too_slow(name(), interval_s));
+        }
+        if time_s.len() < 4 * SHORTEST_STRETCH {
+            return Err(DatasetError::TooShort(name(), time_s.len()));
+        }
+        let mut data = Self {
+            interval_s,
+            origin: Origin::of(recording, rig),
+            time_s: time_s.iter().map(|t_s| t_s - time_s[0]).collect(),
+            ..Self::default()
+        };
+        data.read_drive(recording, rig, &time_s)?;
+        let window = data.read_motion(recording, rig, &time_s, told)?;
+        data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
+        let stretches = stretches(&time_s, interval_s, &data.voltage_v).into_iter();
+        data.stretches = stretches.map(|rows| Stretch { rows, interval_s, window }).collect();
+        if data.stretches.iter().all(|stretch| stretch.rows.len() <= window.span) {
+            return Err(DatasetError::LongWindow(name(), window.span as f64 * interval_s));
+        }
+        if data.motion().output == Output::MeanSpeed {
+            data.integrate_mean_speed();
+        }
+        data.leave_out(data.find_counter_stops());
+        Ok(data)
+    }
+
+    fn read_drive(&mut self, recording: &Recording, rig: &Rig, time_s: &[f64]) -> Result<(), DatasetError> {
+        let duty = recording.get(Channel::Duty);
+        let voltage = recording.get(Channel::Voltage);
+        let command = voltage.or(duty).ok_or_else(|| DatasetError::NoDrive(recording.name.clone()))?;
+        self.open = open_bridge(command, time_s);
+        let nominal_v = rig.supply.voltage_v;
+        self.supply_v = match (recording.get(Channel::Supply), nominal_v, voltage) {
+            (Some(measured), _, _) => held(measured),
+            (None, Some(volts), _) => vec![volts; command.len()],
+            // The greatest voltage is at most the supply; it only sets the scale of the duty.
+            (None, None, Some(voltage)) => vec![greatest(voltage).max(1e-3); command.len()],
+            (None, None, None) => return Err(DatasetError::NoSupply(recording.name.clone())),
+        };
+        let duty = match (duty, voltage) {
+            (Some(duty), _) => held(duty),
+            (None, _) => held(command).iter().zip(&self.supply_v).map(|(u, supply)| u / supply).collect(),
+        };
+        self.voltage_v = match voltage {
+            Some(voltage) => held(voltage),
+            None => duty.iter().zip(&self.supply_v).map(|(duty, supply)| duty * supply).collect(),
+        };
+        if voltage.is_none() && greatest(&duty) > GREATEST_DUTY {
+            return Err(DatasetError::NoShare(recording.name.clone(), greatest(&duty)));
+        }
+        self.duty = duty;
+        Ok(())
+    }
+
+    /// Returns the window of a speed that is a mean.
+    fn read_motion(
+        &mut self,
+        recording: &Recording,
+        rig: &Rig,
+        time_s: &[f64],
+        told: Option<SpeedReading>,
+    ) -> Result<Window, DatasetError> {
+        if let Some(current) = recording.get(Channel::Current) {
+            self.add(Output::Current, current.to_vec());
+        }
+        let speed = recording
+            .get(Channel::Speed)
+            .map(<[f64]>::to_vec)
+            .or_else(|| recording.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect()));
+        let counts = recording.get(Channel::Counts);
+        let interval_s = self.interval_s;
+        let too_fast = |channel: Channel| {
+            move |Ambiguous { span }| {
+                let column = channel.column();
+                DatasetError::Aliased { name: recording.name.clone(), column, span, interval_s }
+            }
+        };
+        let angle = match (recording.get(Channel::Angle), counts, rig.encoder.counts_per_rev) {
+            (Some(angle), _, _) => Some(turns::angle_rad(time_s, angle).map_err(too_fast(Channel::Angle))?),
+            (None, Some(counts), Some(per_rev)) => {
+                let counts = turns::counts(time_s, counts, per_rev).map_err(too_fast(Channel::Counts))?;
+                Some(counts.iter().map(|count| count * TAU / per_rev).collect())
+            }
+            (None, Some(_), None) if speed.is_none() => {
+                return Err(DatasetError::NoCountsPerRev(recording.name.clone()));
+            }
+            _ => None,
+        };
+        self.origin.is_counted |= angle.is_some() || counts.is_some();
+        self.angle_rad = match (&angle, &speed) {
+            (Some(angle), _) => held(angle),
+            (None, Some(speed)) => integrated(speed, time_s),
+            (None, None) => return Err(DatasetError::NoMotion(recording.name.clone())),
+        };
+        if let Some(angle) = &angle {
+            self.count_rad = speed_window::count_rad(angle).unwrap_or(0.0);
+        }
+        Ok(match (speed, angle) {
+            // Then the angle says more.
+            (Some(speed), Some(angle)) if speed_window::is_made_of(&speed, &angle, self.interval_s) => {
+                self.add_difference(&angle, time_s)
+            }
+            (Some(speed), angle) => self.add_speed(speed, angle.as_deref(), rig, time_s, told),
+            (None, Some(angle)) => self.add_difference(&angle, time_s),
+            (None, None) => unreachable!("one of them was there a line ago"),
+        })
+    }
+
+    fn add_difference(&mut self, angle_rad: &[f64], time_s: &[f64]) -> Window {
+        let window = Window::up_to_now((DIFFERENCE_SPAN_S / self.interval_s).round().max(1.0) as usize);
+        self.add(Output::AngleDifference, difference(angle_rad, time_s, window));
+        window
+    }
+
+    /// A speed, and over which window it was taken where it is a difference of counts.
+    fn add_speed(
+        &mut self,
+        mut speed: Vec<f64>,
+        angle: Option<&[f64]>,
+        rig: &Rig,
+        time_s: &[f64],
+        told: Option<SpeedReading>,
+    ) -> Window {
+        self.origin.impossible = mistakes::take_out_impossible(&mut speed);
+        let rows = |length_s: f64| (length_s / self.interval_s).round() as usize;
+        let given = match (rig.recording.speed_window_s, told) {
+            (Some(window_s), _) | (None, Some(SpeedReading::Mean { window_s })) => {
+                Some(Found { span: rows(window_s), ahead: None })
+            }
+            (None, _) => None,
+        };
+        let found = || speed_window::of_counts(&speed, time_s, self.interval_s, rig.encoder.counts_per_rev?);
+        let Some(Found { span, ahead }) = given.or_else(found).filter(|found| found.span > 0) else {
+            match given {
+                None if self.add_counted_speed(&speed, angle, rig, time_s, told) => {}
+                None => self.add_timed_speed(speed, time_s, rig, told),
+                Some(_) => self.add_speed_of_the_moment(speed),
+            }
+            return Window::up_to_now(0);
+        };
+        let ahead = rig.recording.speed_ahead_s.map(rows).or(ahead);
+        self.origin.window_end_is_known = ahead.is_some();
+        self.count_rad = rig.encoder.counts_per_rev.map_or(0.0, |per_rev| TAU / per_rev);
+        self.add(Output::MeanSpeed, speed);
+        Window { span, ahead: ahead.unwrap_or(0).min(span) }
+    }
+
+    /// A speed of this project's firmware, if the counts beside it lead from edge to edge; whether it is one.
+    fn add_counted_speed(
+        &mut self,
+        speed: &[f64],
+        angle_rad: Option<&[f64]>,
+        rig: &Rig,
+        time_s: &[f64],
+        told: Option<SpeedReading>,
+    ) -> bool {
+        let is_of_counts = self.origin.timing.readings == Readings::Mean && rig.tachogenerator.feedback != Some(true);
+        let Some(angle_rad) = angle_rad.filter(|_| is_of_counts) else { return false };
+        let counted = Counted::new(angle_rad, speed, time_s, self.count_rad, self.interval_s);
+        let Some(readings) = counted.readings(matches!(told, Some(SpeedReading::Timed { .. }))) else { return false };
+        self.origin.edge_timing = Some(readings.timing);
+        self.add(Output::TimedSpeed, readings.speed);
+        let index = self.motion_index();
+        self.measured[index].of_counting = readings.noise;
+        true
+    }
+
+    /// A speed that is timed by edges, or one of the moment.
+    fn add_timed_speed(&mut self, speed: Vec<f64>, time_s: &[f64], rig: &Rig, told: Option<SpeedReading>) {
+        let timed = match told {
+            // The firmware says what its readings are.
+            _ if rig.recording.readings == Readings::Mean => None,
+            Some(SpeedReading::Timed { step_rad }) => Some(Timed::new(&speed, time_s, step_rad)),
+            _ => Timed::recognised(&speed, time_s, rig.encoder.counts_per_rev),
+        };
+        match timed {
+            Some(timed) => {
+                let timing = timed.timing();
+                if self.count_rad <= 0.0 {
+                    self.angle_rad = timed.angle_rad(&timing.between);
+                }
+                self.origin.edge_timing = Some(timing);
+                self.add(Output::TimedSpeed, timed.readings());
+                let index = self.motion_index();
+                self.measured[index].of_counting = timed.noise();
+            }
+            None => self.add_speed_of_the_moment(speed),
+        }
+    }
+
+    /// What polls an encoder at its fastest stands as well, and has a law; that is a speed of counts.
+    fn add_speed_of_the_moment(&mut self, mut speed: Vec<f64>) {
+        self.origin.end_of_range = end_of_range::leave_out(&mut speed);
+        self.add(Output::Speed, speed);
+    }
+
+    pub(super) fn add(&mut self, output: Output, values: Vec<f64>) {
+        self.measured.push(Measured {
+            output,
+            values,
+            noise: 0.0,
+            of_counting: 0.0,
+            unrest_of_counting: 0.0,
+            tolerance: 0.0,
+        });
+    }
+
+    pub(super) fn check(&self, name: &str) -> Result<(), DatasetError> {
+        let longest = self.stretches.iter().map(|stretch| stretch.rows.len()).max().unwrap_or(0);
+        if longest < 4 * SHORTEST_STRETCH {
+            return Err(DatasetError::TooShort(name.into(), longest));
+        }
+        let motion = self.motion();
+        let moves = greatest(&motion.values) > 5.0 * motion.noise.max(1e-9);
+        if greatest(&self.voltage_v) < 1e-6 || !moves {
+            return Err(DatasetError::Quiet(name.into()));
+        }
+        Ok(())
+    }
+
+    /// What a motor that nothing else drives never does: give energy back all the time.
+    pub(super) fn check_signs(&self, name: &str, recorded: &[Channel]) -> Result<(), DatasetError> {
+        // In a short piece it may just be turning round.
+        if self.load_nm.iter().any(|load| *load != 0.0) || self.span_s() < SHORTEST_S {
+            return Ok(());
+        }
+        let drive: Vec<f64> =
+            self.voltage_v.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
+        let against = |measured: &&Measured| correlation(&drive, &measured.values) < BACKWARD;
+        let column = |measured: &Measured| {
+            let made_of = match measured.output {
+                Output::Current => [Channel::Current; 2],
+                Output::AngleDifference => [Channel::Angle, Channel::Counts],
+                Output::Speed | Output::MeanSpeed | Output::TimedSpeed => [Channel::Speed, Channel::Rpm],
+            };
+            made_of.into_iter().find(|channel| recorded.contains(channel)).unwrap_or(made_of[0]).column()
+        };
+        if mistakes::has_no_sign(&drive, &self.motion().values) {
+            return Err(DatasetError::NoSign { name: name.into(), column: column(self.motion()) });
+        }
+        match self.measured.iter().find(against) {
+            Some(measured) => Err(DatasetError::Backward { name: name.into(), column: column(measured) }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Where the command is missing for longer than a lost sample.
+fn open_bridge(command: &[f64], time_s: &[f64]) -> Vec<bool> {
+    let mut open = vec![false; command.len()];
+    let mut start = 0;
+    while start < command.len() {
+        let end = (start..command.len()).find(|index| !command[*index].is_nan()).unwrap_or(command.len());
+        if end > start && time_s[end - 1] - time_s[start] >= OPEN_BRIDGE_S {
+            open[start..end].fill(true);
+        }
+        start = end + 1;
+    }
+    open
+}
+
+fn stretches(time_s: &[f64], interval_s: f64, voltage_v: &[f64]) -> Vec<Range<usize>> {
+    let mut found = Vec::new();
+    let mut start = 0;
+    let is_gap = |index: usize| {
+        let pause_s = time_s[index] - time_s[index - 1];
+        let is_held = pause_s < LONGEST_HELD_S && voltage_v[index] == voltage_v[index - 1];
+        pause_s > GAP_INTERVALS * interval_s && !is_held
+    };
+    for index in 1..=time_s.len() {
+        if index == time_s.len() || is_gap(index) {
+            if index - start >= SHORTEST_STRETCH {
+                found.push(start..index);
+            }
+            start = index;
+        }
+    }
+    found
+}

@@ -1,0 +1,77 @@
+//! Over how long a program has averaged the current before each row (a period of the PWM, a burst of conversions), where the
+//! rig file does not say it. Such a reading is late by half of that, which no sensor's filter need explain.
+
+use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
+use crate::dataset::Dataset;
+use crate::identify::{Effort, Fit, Prior, fit};
+use motorbench_data::rig::Readings;
+use motorbench_model::{Model, Term};
+use rayon::prelude::*;
+
+/// Windows looked at first; the longest is a period of the slowest PWM of an Uno's timers.
+const LOOKED_AT_S: [f64; 6] = [0.2e-3, 0.4e-3, 0.7e-3, 1.0e-3, 1.5e-3, 2.05e-3];
+/// Then closer and closer around the best.
+const CLOSER: [f64; 3] = [1.2, 1.1, 1.05];
+/// What makes the current late by no longer than the longest window does may be a window.
+const LATEST_S: f64 = 1.25e-3;
+/// A window has to bring the cost down to this share of it where nothing is late.
+const LEAST_GAIN: f64 = 0.99;
+/// Where something remains that a window does not explain either, to this share: a part of anything is late.
+const LEAST_BESIDE: f64 = 0.6;
+/// An inductance this many times the nominal one may be a window.
+const EXCESSIVE_INDUCTANCE: f64 = 1.2;
+
+/// Sets the window, if one explains what would be a lag, a rest, or too much inductance; whether it did.
+pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
+    let is_open = data.origin.timing.readings == Readings::Instant
+        && data.origin.timing.current_sampled_at.is_none()
+        && data.origin.timing.current_window_s.is_none()
+        && data.current().is_some();
+    let best = if is_open { likelier_s(data, prior, found) } else { None };
+    data.origin.current_window_s = best.unwrap_or(data.origin.current_window_s);
+    best.is_some()
+}
+
+fn likelier_s(data: &Dataset, prior: &Prior, found: &Fit) -> Option<f64> {
+    let is_short = |late_s: f64| late_s > 0.0 && late_s < LATEST_S;
+    let terms = found.model.terms.iter().filter(|term| is_short(term.effect.current_late_s(&term.values)));
+    let late: Vec<&str> = terms.map(Term::id).collect();
+    let is_late = !late.is_empty();
+    let has_rest = above_floor(data, found) > NOT_NOISE;
+    if !(is_late || has_rest || is_excessive(prior, found)) {
+        return None;
+    }
+    let model = late.iter().fold(found.model.clone(), |model, id| model.without(id));
+    let (window_s, best) = best_window(data, prior, &model)?;
+    let explains = match (is_late, has_rest) {
+        (true, _) => best.cost <= AS_GOOD * found.cost,
+        (false, true) => {
+            let still_has_rest = above_floor(data, &best) > NOT_NOISE;
+            best.cost <= if still_has_rest { LEAST_BESIDE } else { LEAST_GAIN } * found.cost
+        }
+        (false, false) => best.cost <= found.cost && !is_excessive(prior, &best),
+    };
+    explains.then_some(window_s)
+}
+
+fn best_window(data: &Dataset, prior: &Prior, model: &Model) -> Option<(f64, Fit)> {
+    let fitted = |window_s: f64, model: &Model| {
+        let mut other = data.clone();
+        other.origin.current_window_s = window_s;
+        (window_s, fit(model, &other, prior, Effort::TRIAL))
+    };
+    let least = |fits: Vec<(f64, Fit)>| fits.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    let mut best = least(LOOKED_AT_S.into_par_iter().map(|window_s| fitted(window_s, model)).collect())?;
+    let longest_s = LOOKED_AT_S[LOOKED_AT_S.len() - 1];
+    for factor in CLOSER {
+        let sides = [best.0 / factor, (best.0 * factor).min(longest_s)];
+        let mut fits: Vec<(f64, Fit)> = sides.into_par_iter().map(|window_s| fitted(window_s, &best.1.model)).collect();
+        fits.push(best);
+        best = least(fits)?;
+    }
+    Some(best)
+}
+
+fn is_excessive(prior: &Prior, fit: &Fit) -> bool {
+    prior.nominal.inductance_h.is_some_and(|nominal_h| fit.model.motor.inductance_h > EXCESSIVE_INDUCTANCE * nominal_h)
+}

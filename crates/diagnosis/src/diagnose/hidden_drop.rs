@@ -1,0 +1,84 @@
+//! A drop behind a command that has one magnitude, as random levels of plus and minus the same voltage have: it then takes the
+//! same share of every pulse, and a motor of which resistance, torque constant, inertia and all torques are smaller by that share
+//! turns exactly as one without a drop. The readings say nothing of it; nominal values do, and what bridges usually take.
+
+use super::data_sheet::off_data_sheet;
+use super::scale::Quantity;
+use crate::dataset::{Dataset, greatest};
+use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
+use motorbench_data::rig::Bridge;
+use motorbench_model::Model;
+use motorbench_model::catalogue::effect;
+use motorbench_text::terminal_text::short;
+
+/// What such a drop would be named.
+pub const ID: &str = "voltage_drop";
+/// What bridges take, and its standard deviation: nothing if of MOSFETs, two to three volts if of bipolar transistors.
+const USUAL_V: (f64, f64) = (1.6, 1.2);
+/// The same deviation of a drop that the rig file gives.
+const GIVEN_SPREAD_V: f64 = 0.3;
+/// A bridge leaves this share of the voltage at least.
+const LEAST_LEFT: f64 = 0.3;
+
+/// What is taken for the drop.
+#[derive(Clone, Copy, Debug)]
+pub struct HiddenDrop {
+    drop_v: f64,
+    /// Standard deviation of the logarithm of what the bridge leaves.
+    spread: f64,
+    /// Greatest that is as plausible.
+    most_v: f64,
+}
+
+impl HiddenDrop {
+    /// Of data that do not show it, by the constants that were found without one.
+    pub fn of(data: &Dataset, prior: &Prior, bridge: &Bridge, found: &Fit) -> Option<Self> {
+        if !data.has_one_magnitude() {
+            return None;
+        }
+        let asked_v = greatest(&data.voltage_v);
+        let (drop_v, spread_v) = bridge.drop_v.map_or(USUAL_V, |drop_v| (drop_v, GIVEN_SPREAD_V));
+        let left = (1.0 - drop_v / asked_v).max(LEAST_LEFT);
+        let known = (-left.ln(), spread_v / (left * asked_v));
+        let (mean, spread) = with_nominal_values(known, off_data_sheet(prior, found).map(|(_, off)| off));
+        let asked_over_left = mean.clamp(0.0, -LEAST_LEFT.ln());
+        let drop_v = |asked_over_left: f64| asked_v * (1.0 - (-asked_over_left).exp());
+        Some(Self { drop_v: drop_v(asked_over_left), spread, most_v: drop_v(asked_over_left + Z95 * spread) })
+    }
+
+    /// The data behind it.
+    pub fn before(&self, data: &Dataset) -> Dataset {
+        data.behind_a_drop(self.drop_v)
+    }
+
+    /// By how much a constant is uncertain by it, as by a supply: standard deviations of the logarithm.
+    pub fn uncertainty(&self, constant: &str) -> f64 {
+        Quantity::Voltage.power(constant).abs() * self.spread
+    }
+
+    /// What is said of it.
+    pub fn note(&self) -> String {
+        format!(
+            "The command has one magnitude: a voltage drop of the bridge ({ID}) only scales it then, and cannot be told from a motor whose resistance, torque constant, inertia and friction are all greater. {} V are taken for it here and in the model, by the nominal values and by what bridges usually lose; it may be up to {} V, and the intervals know that. Record with two magnitudes, or with zero in between: then it is found.",
+            short(self.drop_v),
+            short(self.most_v)
+        )
+    }
+}
+
+/// A model of such data, with the drop for whoever has other data.
+pub fn also_in(model: Model, data: &Dataset) -> Model {
+    match data.origin.hidden_drop_v {
+        0.0 => model,
+        drop_v => model.with(effect(ID).expect("an effect of the catalogue"), vec![drop_v]),
+    }
+}
+
+/// Mean and standard deviation of a logarithm that was known to so much, and is in each logarithm of found over nominal as well.
+fn with_nominal_values((mean, spread): (f64, f64), off: impl Iterator<Item = f64>) -> (f64, f64) {
+    let weight = |spread: f64| spread.powi(-2);
+    let known = (weight(spread) * mean, weight(spread));
+    let add = |(sum, weights), off| (sum + weight(NOMINAL_SPREAD) * off, weights + weight(NOMINAL_SPREAD));
+    let (sum, weights): (f64, f64) = off.fold(known, add);
+    (sum / weights, weights.sqrt().recip())
+}

@@ -1,0 +1,157 @@
+//! The result of a diagnosis: the contract for programs, as JSON.
+//!
+//! Every number has its unit in its name or beside it. `null` stands for what could not be computed.
+
+use super::acts_on_words;
+use motorbench_model::catalogue::ActsOn;
+use serde::{Serialize, Serializer};
+use std::collections::BTreeMap;
+
+/// A whole result.
+#[derive(Clone, Debug, Serialize)]
+pub struct Outcome {
+    /// What came out.
+    pub verdict: Verdict,
+    /// Of a recording the effects found, strongest first, then wrong values; of a table in the order of its balances.
+    pub causes: Vec<Cause>,
+    /// What remains without a name.
+    pub unexplained: Option<Unexplained>,
+    /// Constants of the linear motor.
+    pub parameters: BTreeMap<&'static str, Parameter>,
+    /// Errors on data kept back, of `base`, `extended` and `noise_floor`, per channel.
+    pub fit: BTreeMap<&'static str, BTreeMap<&'static str, Quality>>,
+    /// What to do next.
+    pub advice: Vec<String>,
+}
+
+/// What came out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// The linear motor with its found constants is as good as the sensors.
+    Sufficient,
+    /// With the causes named the model is as good as the sensors.
+    Explained,
+    /// The causes named hold, and something remains.
+    PartlyExplained,
+    /// Something is missing that has no name here.
+    Unexplained,
+}
+
+/// An effect, or a nominal value that is wrong.
+#[derive(Clone, Debug, Serialize)]
+pub struct Cause {
+    /// Identifier of the catalogue, or `parameter:NAME`.
+    pub effect: String,
+    /// 0 to 1.
+    pub confidence: f64,
+    /// Its constants.
+    pub parameters: BTreeMap<String, Estimate>,
+    /// Errors on data kept back without it and with it, everything else fitted in both, per channel.
+    pub gain: BTreeMap<&'static str, RmseGain>,
+    /// Effects, or a wrong value, that explain this data as well in its place.
+    pub not_separable_from: Vec<&'static str>,
+    /// What it gains in standard errors of the gain.
+    pub evidence_sigmas: f64,
+    /// The next best in its place, and by how many standard errors it is worse.
+    pub runner_up: Option<RunnerUp>,
+}
+
+impl Cause {
+    /// Whether it is a nominal value that is wrong.
+    pub fn is_value(&self) -> bool {
+        self.effect.starts_with("parameter:")
+    }
+}
+
+/// Confidence in what has this many standard errors.
+pub fn confidence(sigmas: f64) -> f64 {
+    1.0 - (-sigmas / 3.0).exp()
+}
+
+/// The next best.
+#[derive(Clone, Debug, Serialize)]
+pub struct RunnerUp {
+    /// Identifier of the catalogue.
+    pub effect: &'static str,
+    /// By how much it is worse, in standard errors.
+    pub worse_by_sigmas: f64,
+    /// By how much its mean square error is greater, as a share of what the cause leaves, of the channel that differs most.
+    pub worse_by_share: f64,
+}
+
+/// A value and its interval.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Estimate {
+    /// Most plausible value.
+    pub value: f64,
+    /// Interval that holds the true one in 95 of 100 recordings; `null` for what no fit has moved: whole
+    /// numbers and laws that were tried, constants that were held.
+    pub ci95: Option<[f64; 2]>,
+}
+
+/// Errors before and after.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[allow(missing_docs)]
+pub struct RmseGain {
+    pub rmse_before: f64,
+    pub rmse_after: f64,
+}
+
+/// What remains without a name.
+#[derive(Clone, Debug, Serialize)]
+pub struct Unexplained {
+    /// Where it acts.
+    pub acts_on: ActsOn,
+    /// What it depends on most; `nothing seen` when no curve explains a tenth of it, of a table half.
+    pub depends_on: String,
+    /// Share of the mean square error that remains, noise taken off, of the channel where it is greatest.
+    pub share: f64,
+}
+
+impl Unexplained {
+    /// In words: where it acts and what it depends on.
+    pub fn place(&self) -> String {
+        format!("it acts on {} and depends on {}", acts_on_words(self.acts_on), self.depends_on)
+    }
+}
+
+/// A constant of the linear motor.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Parameter {
+    /// From the rig file.
+    pub nominal: Option<f64>,
+    /// Found.
+    pub value: f64,
+    /// Interval that holds the true one in 95 of 100 recordings; without a width for a value that was held fixed.
+    #[serde(serialize_with = "interval_or_null")]
+    pub ci95: [f64; 2],
+}
+
+impl Parameter {
+    /// None where the value was held fixed.
+    pub fn interval(&self) -> Option<[f64; 2]> {
+        with_width(self.ci95)
+    }
+}
+
+fn with_width(ci95: [f64; 2]) -> Option<[f64; 2]> {
+    (ci95[0] != ci95[1]).then_some(ci95)
+}
+
+fn interval_or_null<S: Serializer>(ci95: &[f64; 2], serializer: S) -> Result<S::Ok, S::Error> {
+    with_width(*ci95).serialize(serializer)
+}
+
+/// Quality of a model on one channel.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Quality {
+    /// Root mean square error.
+    pub rmse: f64,
+    /// 95 % interval of it (block bootstrap); `null` for the noise floor.
+    pub ci95: Option<[f64; 2]>,
+    /// Its unit.
+    pub unit: &'static str,
+    /// 100 (1 - |y - prediction| / |y - mean y|).
+    pub fit_percent: f64,
+}

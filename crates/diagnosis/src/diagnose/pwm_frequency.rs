@@ -1,0 +1,71 @@
+//! The frequency of the PWM, where the rig file does not give it. It shows where a drop or diodes stop the current within each
+//! period; what it changes there, another inductance changes as well.
+
+use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
+use crate::dataset::{Dataset, PWM_HZ};
+use crate::identify::{Effort, Fit, Prior, fit, scales};
+use motorbench_model::Model;
+use motorbench_model::catalogue::{USUAL, effect};
+use rayon::prelude::*;
+
+/// Of an Uno's timers with the usual settings, and of this project's firmware.
+const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, PWM_HZ];
+/// Another frequency is fitted where it changes the cost by this share as it stands...
+const SHOWS: f64 = 1e-3;
+/// ... and of those that are as good as the best the inductance nearest to its nominal value decides, if it is nearer by this
+/// factor than the one there is.
+const NEARER: f64 = 1.3;
+/// While something remains, and before anything is known, it has to bring the cost down to this share: what is missing makes
+/// some winding or other look better by little.
+const CLEARLY: f64 = 0.6;
+
+/// Sets the one with which the nominal motor behind a bridge with a drop explains clearly more, be its off phase one that brakes
+/// or one that coasts.
+pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
+    if data.origin.pwm_is_known {
+        return;
+    }
+    let scales = scales(&prior.motor, data);
+    let usual = USUAL.iter().filter_map(|id| effect(id));
+    let slow = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
+    let coasting = effect("coast_decay").map(|effect| slow.with_start(effect, &scales));
+    let models: Vec<Model> = [Some(slow), coasting].into_iter().flatten().collect();
+    let fits = models.into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL));
+    let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least");
+    data.origin.pwm_hz = likelier_hz(data, prior, &best, CLEARLY).unwrap_or(data.origin.pwm_hz);
+}
+
+/// Sets the one with which a model explains more, or as much with a likelier winding; whether it is another one.
+pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
+    if data.origin.pwm_is_known {
+        return false;
+    }
+    let least_gain = if above_floor(data, found) < NOT_NOISE { f64::INFINITY } else { CLEARLY };
+    let other = likelier_hz(data, prior, found, least_gain);
+    data.origin.pwm_hz = other.unwrap_or(data.origin.pwm_hz);
+    other.is_some()
+}
+
+/// With one that brings the cost down to `least_gain` of what it is.
+fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit, least_gain: f64) -> Option<f64> {
+    let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.origin.pwm_hz).filter_map(|hz| {
+        let mut other = data.clone();
+        other.origin.pwm_hz = hz;
+        let as_it_stands = fit(&found.model, &other, prior, Effort::NONE);
+        let shows = (as_it_stands.cost / found.cost - 1.0).abs() > SHOWS;
+        let mut model = found.model.clone();
+        // A period's ripple stays what it is.
+        model.motor.inductance_h *= data.origin.pwm_hz / hz;
+        shows.then(|| (hz, fit(&model, &other, prior, Effort::TRIAL)))
+    });
+    let fits: Vec<(f64, Fit)> = fits.collect();
+    let off = |fit: &Fit| (fit.model.motor.inductance_h / prior.motor.inductance_h).ln().abs();
+    let least = fits.iter().map(|(_, fit)| fit.cost).fold(found.cost, f64::min);
+    if least > least_gain * found.cost {
+        return None;
+    }
+    let is_as_good = |fit: &Fit| fit.cost <= AS_GOOD * least;
+    let (hz, best) = fits.iter().filter(|(_, fit)| is_as_good(fit)).min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)))?;
+    let better = !is_as_good(found) || off(best) + NEARER.ln() < off(found);
+    better.then_some(*hz)
+}

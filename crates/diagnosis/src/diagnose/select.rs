@@ -1,0 +1,247 @@
+//! Which effects the data ask for: forward by what the derivatives promise, fitted in free run, judged on data kept back;
+//! then backward, and against every rival.
+
+mod backward;
+mod forward;
+mod winding;
+
+use super::data_sheet::{doubts, has_wrong_values, is_strange};
+use super::judge::{Gain, NOT_NOISE, above_floor, gain};
+use crate::dataset::Dataset;
+use crate::free_run::{Steps, drive, longest_step_s, read};
+use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
+pub(super) use backward::NAMED_SIGMAS;
+use forward::Lead;
+use motorbench_model::catalogue::{CATALOGUE, Effect};
+use motorbench_model::{Model, Term};
+use rayon::prelude::*;
+
+/// Effects at most.
+const MOST_EFFECTS: usize = 7;
+/// An effect is worth trying further with this significance.
+const LEAST_SIGMAS: f64 = 3.0;
+/// And with at least this share of the error that is left.
+const LEAST_SHARE: f64 = 0.02;
+/// Two models closer than this cannot be told apart.
+const SAME_SIGMAS: f64 = 2.5;
+const SAME_SHARE: f64 = 0.02;
+/// Another law of an effect, or a rival, is fitted further if as it stands it costs no more than this many times what there is.
+const NEAR: f64 = 10.0;
+
+/// A step from one model to a larger one.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// The effects that were added.
+    pub added: Vec<&'static str>,
+    /// What they gained on data kept back.
+    pub gain: Gain,
+}
+
+impl Step {
+    fn new(before: &Fit, after: &Fit, gain: Gain) -> Self {
+        let ids = after.model.terms.iter().map(Term::id);
+        Self { added: ids.filter(|id| !before.model.has(id)).collect(), gain }
+    }
+}
+
+/// What holds of one effect in the final model.
+#[derive(Clone, Debug)]
+pub struct Standing {
+    /// Which.
+    pub id: &'static str,
+    /// What the model gains by it, all others refitted without it.
+    pub gain: Gain,
+    /// The best rival in its place, and what the effect gains over it.
+    pub rival: Option<(&'static str, Gain)>,
+    /// Effects that serve as well in its place.
+    pub same: Vec<&'static str>,
+}
+
+/// The models from the linear one to the last.
+#[derive(Clone)]
+pub struct Selection {
+    /// The linear motor, fitted.
+    pub base: Fit,
+    /// What was added in turn.
+    pub steps: Vec<Step>,
+    /// The model with everything that earns its place.
+    pub last: Fit,
+    /// What holds of each of its effects.
+    pub standings: Vec<Standing>,
+}
+
+/// A model, and the steps that led to it.
+type Way = (Fit, Vec<Step>);
+
+/// Called with a sentence whenever the work goes on.
+pub type Progress<'a> = &'a (dyn Fn(&str) + Sync);
+
+/// Selects.
+pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progress) -> Selection {
+    progress("linear motor");
+    let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
+    let chooser = Chooser { data, prior, excluded, progress };
+    let mut way = chooser.way(&base);
+    if let Some(of_any_course) = chooser.of_any_course(&way.0) {
+        progress("without what follows any course");
+        let without = [excluded, &[of_any_course]].concat();
+        way = chooser.better(way, Chooser { excluded: &without, ..chooser }.way(&base));
+    }
+    if chooser.is_strange(&way.0)
+        && let Some(other) = chooser.beside_nominal(&way.0)
+    {
+        let step = Step::new(&way.0, &other, chooser.gain(&way.0, &other));
+        let steps = [&way.1[..], &[step]].concat();
+        way = chooser.better(way, (other, steps));
+    }
+    let (mut last, steps) = way;
+    progress("to the end");
+    last = chooser.or_instead_of_inductance(chooser.to_the_end(last));
+    let (last, standings) = chooser.backward(last);
+    Selection { base, steps, last, standings }
+}
+
+struct Chooser<'a> {
+    data: &'a Dataset,
+    prior: &'a Prior,
+    excluded: &'a [&'a str],
+    progress: Progress<'a>,
+}
+
+impl Chooser<'_> {
+    /// From the linear fit by what is significant; where that leaves doubts, by other ways as well: the best.
+    fn way(&self, base: &Fit) -> Way {
+        let is_doubtful = |(fit, _): &Way| self.doubts(fit) != ([false; 2], false);
+        let mut way = self.forward(base.clone(), Vec::new(), Lead::Significance);
+        if is_doubtful(&way) {
+            way = self.better(way, self.forward(base.clone(), Vec::new(), Lead::Cost));
+        }
+        if is_doubtful(&way)
+            && let Some((anew, step)) = self.anew(base)
+        {
+            way = self.better(way, self.forward(anew, vec![step], Lead::Significance));
+        }
+        way
+    }
+
+    fn better(&self, way: Way, other: Way) -> Way {
+        let key = |(fit, _): &Way| (self.doubts(fit), fit.cost);
+        if key(&other) < key(&way) { other } else { way }
+    }
+
+    fn doubts(&self, fit: &Fit) -> ([bool; 2], bool) {
+        (doubts(self.data, self.prior, fit), has_wrong_values(self.prior, fit))
+    }
+
+    /// What one fit gains over another. An effect whose term needs finer steps gains nothing by the steps themselves: the
+    /// other one is simulated with the same.
+    fn gain(&self, before: &Fit, after: &Fit) -> Gain {
+        let step_s = [longest_step_s(&before.model), longest_step_s(&after.model)];
+        let at = |fit: &Fit, own_s: f64| {
+            let least_s = step_s[0].min(step_s[1]);
+            (least_s < own_s).then(|| read(&fit.model, self.data, drive(&fit.model, self.data, Steps::AtMost(least_s))))
+        };
+        let finer = [at(before, step_s[0]), at(after, step_s[1])];
+        let prediction = |fit: usize, own| finer[fit].as_ref().unwrap_or(own);
+        gain(self.data, prediction(0, &before.prediction), prediction(1, &after.prediction))
+    }
+
+    /// Effects that these channels say something of.
+    fn possible(&self) -> impl Iterator<Item = &'static dyn Effect> {
+        CATALOGUE.iter().copied().filter(|effect| !self.excluded.contains(&effect.about().id))
+    }
+
+    fn promises(&self, from: &Fit) -> Vec<Promise> {
+        let scales = scales(&from.model.motor, self.data);
+        let mut promises = from.promises(self.data, &scales, self.excluded);
+        promises.retain(|promise| promise.gain > LEAST_PROMISE);
+        promises
+    }
+
+    fn try_all(&self, from: &Model, promises: &[Promise], effort: Effort) -> Vec<(&'static str, Fit)> {
+        promises
+            .par_iter()
+            .map(|promise| {
+                let effect = CATALOGUE[promise.effect];
+                let starts = promise.other_starts.par_iter().chain([&promise.start]);
+                let fits = starts.map(|start| fit(&from.with(effect, start.clone()), self.data, self.prior, effort));
+                let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one start at least");
+                (effect.about().id, best)
+            })
+            .filter(|(id, fitted)| fitted.model.term(id).is_some_and(Term::is_there))
+            .collect()
+    }
+
+    /// Fits until nothing is gained, also from where some effect may come to a better end.
+    fn to_the_end(&self, mut last: Fit) -> Fit {
+        last = self.or_other_laws(last, |_| true);
+        last = fit(&last.model, self.data, self.prior, Effort::FULL);
+        for index in 0..last.model.terms.len() {
+            let Term { effect, values } = &last.model.terms[index];
+            let others = effect
+                .elsewhere(values, &scales(&last.model.motor, self.data))
+                .into_par_iter()
+                .map(|values| fit(&last.model.with_values(index, values), self.data, self.prior, Effort::TRIAL));
+            let best = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            if let Some(better) = best.filter(|best| best.cost < last.cost) {
+                last = fit(&better.model, self.data, self.prior, Effort::FULL);
+            }
+        }
+        last
+    }
+
+    /// The effects that are chosen with another of their laws, where that comes to a better end, or to one as good with fewer
+    /// constants.
+    fn or_other_laws(&self, mut found: Fit, chosen: impl Fn(&Term) -> bool) -> Fit {
+        let scales = scales(&found.model.motor, self.data);
+        for index in 0..found.model.terms.len() {
+            let term = &found.model.terms[index];
+            let others = term.effect.other_laws(&term.values, &scales);
+            if !chosen(term) || others.is_empty() {
+                continue;
+            }
+            let laws = others
+                .into_par_iter()
+                .map(|values| fit(&found.model.with_values(index, values), self.data, self.prior, Effort::NONE));
+            let near = laws.filter(|fit| fit.cost < NEAR * found.cost);
+            let mut fits: Vec<Fit> = near.map(|near| fit(&near.model, self.data, self.prior, Effort::TRIAL)).collect();
+            fits.push(found);
+            fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let as_good = (0..fits.len()).filter(|law| is_same(&self.gain(&fits[*law], &fits[0])));
+            let has_other_winding = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
+            let simplest =
+                as_good.min_by_key(|law| (has_other_winding(&fits[*law]), fits[*law].model.terms[index].moving()));
+            found = fits.swap_remove(simplest.unwrap_or(0));
+        }
+        found
+    }
+
+    /// What was just added has been tried with one law and beside one motor; this is the best of all.
+    fn with_added_at_its_best(&self, found: Fit, added: impl Fn(&Term) -> bool) -> Fit {
+        self.or_from_nominal(self.or_other_laws(found, added))
+    }
+
+    /// While something remains: the same effects beside the nominal motor, if that comes to a better end. A motor that was
+    /// fitted while an effect was missing does not always come back.
+    fn or_from_nominal(&self, found: Fit) -> Fit {
+        if above_floor(self.data, &found) < NOT_NOISE {
+            return found;
+        }
+        let model = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
+        let other = fit(&model, self.data, self.prior, Effort::TRIAL);
+        if other.cost < found.cost { other } else { found }
+    }
+
+    fn is_strange(&self, fit: &Fit) -> bool {
+        is_strange(self.prior, fit)
+    }
+}
+
+/// Whether a model is no better than the other.
+fn is_same(gain: &Gain) -> bool {
+    gain.sigmas < SAME_SIGMAS || gain.share < SAME_SHARE
+}
+
+fn earns_its_place(gain: &Gain) -> bool {
+    gain.sigmas > LEAST_SIGMAS && gain.share > LEAST_SHARE
+}

@@ -1,0 +1,258 @@
+//! Backward: what no longer earns its place is dropped, and a rival takes the place of what is worse.
+
+use super::winding::looks_like_inductance;
+use super::{Chooser, Gain, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, earns_its_place, is_same};
+use crate::dataset::{Dataset, Measured};
+use crate::diagnose::data_sheet::strangeness;
+use crate::diagnose::judge::{NOT_NOISE, sigmas_together};
+use crate::identify::{Effort, Fit, fit, scales};
+use motorbench_model::catalogue::{Alone, CATALOGUE, INDUCTANCE, Parameter, effect};
+use motorbench_model::{Model, Term};
+use rayon::prelude::*;
+
+/// An effect is named with this significance, everything else being there: many effects are tried, and residuals have long tails. On
+/// benches invented for the purpose right names have more than ten.
+pub(in crate::diagnose) const NAMED_SIGMAS: f64 = 6.0;
+/// Or, where the data kept back leave it open, with this one on all data. More is asked of three times as much: what a
+/// model does wrong everywhere repeats itself.
+const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
+/// An effect that is rarely without the one that it stands on has at least this without; those that were wrong had ten.
+const ALONE_SIGMAS: f64 = 50.0;
+/// A law that looks like an effect's and is none is the better one with this significance, however little it gains.
+const OTHER_LAW_SIGMAS: f64 = 3.0;
+/// An effect that makes the error of a quantity so many times greater, beyond the noise, explains one at the cost of another.
+const SPOILT: f64 = 1.5;
+/// Rivals fitted in place of each effect found; beside the best only those that promise this share of what it gains.
+const RIVALS: usize = 3;
+const RIVAL_SHARE: f64 = 0.7;
+/// So many more squares of the deviations from the data sheet than with an effect speak for it as well: it is rather there
+/// than such a motor.
+const STRANGER: f64 = 18.0;
+/// Of a wave, so many other numbers of periods are looked at; it is none if more than half of them gain this share of what
+/// it gains, and leave less than this many times what it leaves.
+const OTHER_NUMBERS: usize = 6;
+const GAINED_BY_ANY: f64 = 0.5;
+const LEFT_BY_ANY: f64 = 2.0;
+
+/// A model without one of its effects.
+struct Check {
+    id: &'static str,
+    without: Fit,
+    /// What the effect gains over it.
+    own: Gain,
+    /// Whether what it stands on is there.
+    stands: bool,
+    is_named: bool,
+}
+
+impl Chooser<'_> {
+    /// Drops what no longer earns its place and puts a rival where it is better; says of the others what holds.
+    pub(super) fn backward(&self, mut current: Fit) -> (Fit, Vec<Standing>) {
+        let mut replacements = 0;
+        'again: loop {
+            let checks;
+            (current, checks) = self.pruned(current);
+            let mut standings = Vec::new();
+            for check in checks {
+                (self.progress)(&format!("rivals of {}", check.id));
+                let rivals = self.rivals(&current, &check.without, check.id);
+                if let Some((_, better)) = rivals.iter().find(|rival| self.is_better(&current, check.id, rival))
+                    && replacements < MOST_EFFECTS
+                {
+                    replacements += 1;
+                    current = better.clone();
+                    continue 'again;
+                }
+                standings.push(self.standing(check.id, check.own, &current, &rivals));
+            }
+            return (current, standings);
+        }
+    }
+
+    /// Drops what does not earn its name, the weakest first, until everything left does.
+    fn pruned(&self, mut current: Fit) -> (Fit, Vec<Check>) {
+        loop {
+            // Beside what has come and gone since, the usual law may do.
+            current = self.or_other_laws(current, Term::has_another_law);
+            (self.progress)(&format!("checking {} effects", current.model.terms.len()));
+            let ids: Vec<_> = current.model.terms.iter().map(|term| term.id()).collect();
+            let mut checks: Vec<Check> = ids.into_par_iter().map(|id| self.check(&current, id)).collect();
+            let weakest = (0..checks.len())
+                .filter(|index| !checks[*index].is_named)
+                .min_by(|a, b| checks[*a].own.sigmas.total_cmp(&checks[*b].own.sigmas));
+            match weakest {
+                Some(weakest) => {
+                    let weakest = checks.swap_remove(weakest);
+                    current = self.in_its_place(&current, &weakest).unwrap_or(weakest.without);
+                }
+                None => return (current, checks),
+            }
+        }
+    }
+
+    /// What says as much as an effect whose ground has gone: a drop that differs between directions is none without a drop,
+    /// but a friction that does looks like it.
+    fn in_its_place(&self, current: &Fit, check: &Check) -> Option<Fit> {
+        if check.stands || !earns_its_place(&check.own) {
+            return None;
+        }
+        let rivals = self.rivals(current, &check.without, check.id).into_iter().map(|(_, rival)| rival);
+        let as_good = rivals.filter(|rival| is_same(&self.gain(rival, current)));
+        as_good.min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    /// What the model would be without one of its effects.
+    fn check(&self, current: &Fit, id: &'static str) -> Check {
+        let without = fit(&current.model.without(id), self.data, self.prior, Effort::CHECK);
+        let mut own = self.gain(&without, current);
+        // Without it only another motor fits: then the data sheet speaks for it as well.
+        let stranger = strangeness(self.prior, &without) - strangeness(self.prior, current);
+        let keeps_the_motor = !self.is_strange(current) && (self.is_strange(&without) || stranger > STRANGER);
+        if keeps_the_motor {
+            own.sigmas = own.sigmas.max(0.0).hypot(strangeness(self.prior, &without).sqrt());
+        }
+        let stands = match effect(id).and_then(|effect| current.model.alone(effect)) {
+            None => true,
+            Some(Alone::Rarely) => own.sigmas > ALONE_SIGMAS,
+            Some(Alone::Never) => false,
+        };
+        let is_excessive = |fit: &Fit| self.excessive_inductance_h(fit).is_some();
+        let keeps_the_winding = || {
+            looks_like_inductance(id)
+                && is_excessive(&without)
+                && (!is_excessive(current) || is_same(&self.gain(&self.with_nominal_inductance(current), current)))
+                && !is_same(&self.gain(&self.with_nominal_inductance(&without), current))
+        };
+        let is_certain =
+            || own.sigmas > NAMED_SIGMAS || self.sigmas_on_all(current, &without, &own) > NAMED_ON_ALL_SIGMAS;
+        let term = current.model.term(id).expect("one of its own terms");
+        let is_named = stands
+            && !term.effect.is_a_scale(&term.values, &scales(&current.model.motor, self.data))
+            && !self.spoils(&own)
+            && (keeps_the_motor || keeps_the_winding() || earns_its_place(&own) && is_certain())
+            && self.owes_it_to_its_number(current, &without, id)
+            && self.owes_it_to_its_law(current, &without, id);
+        Check { id, without, own, stands, is_named }
+    }
+
+    /// Whether an effect explains one quantity at the cost of another.
+    fn spoils(&self, own: &Gain) -> bool {
+        let is_spoilt = |(&(before, after), measured): (&(f64, f64), &Measured)| {
+            after > SPOILT * before && after > NOT_NOISE * measured.least_error(measured.noise)
+        };
+        own.rmse.iter().zip(&self.data.measured).any(is_spoilt)
+    }
+
+    /// What an effect gains on all data, each part judged by fits that have not seen it.
+    fn sigmas_on_all(&self, current: &Fit, without: &Fit, on_kept_back: &Gain) -> f64 {
+        let on_other = |data: Dataset| {
+            let anew = |found: &Fit| fit(&found.model, &data, self.prior, Effort::AGAIN);
+            Chooser { data: &data, ..*self }.gain(&anew(without), &anew(current))
+        };
+        let mut parts: Vec<Gain> = self.data.with_others_kept_back().map(on_other).collect();
+        parts.push(on_kept_back.clone());
+        sigmas_together(&parts)
+    }
+
+    /// Whether another number of periods would do worse, where an effect has one: a wave of which any number does as well
+    /// only shakes a model loose that sticks too long.
+    fn owes_it_to_its_number(&self, current: &Fit, without: &Fit, id: &str) -> bool {
+        let term = current.model.term(id).expect("one of its own terms");
+        let Some(index) = term.effect.about().parameters.iter().position(Parameter::is_number) else { return true };
+        let starts = term.effect.starts(&scales(&without.model.motor, self.data)).into_iter();
+        let others: Vec<f64> = starts.map(|start| start[index]).filter(|other| *other != term.values[index]).collect();
+        let looked_at: Vec<f64> = others.iter().step_by(others.len().div_ceil(OTHER_NUMBERS).max(1)).copied().collect();
+        let does_as_well = |other: &f64| {
+            let mut values = term.values.clone();
+            values[index] = *other;
+            let other = fit(&without.model.with(term.effect, values), self.data, self.prior, Effort::CHECK);
+            let gains_as_much = without.cost - other.cost > GAINED_BY_ANY * (without.cost - current.cost);
+            gains_as_much && other.cost < LEFT_BY_ANY * current.cost
+        };
+        let as_good = looked_at.par_iter().filter(|other| does_as_well(other)).count();
+        2 * as_good <= looked_at.len()
+    }
+
+    /// Whether no law that only looks like its own, and has no name, would do better.
+    fn owes_it_to_its_law(&self, current: &Fit, without: &Fit, id: &str) -> bool {
+        let term = current.model.term(id).expect("one of its own terms");
+        let others = term.effect.not_its_own(&term.values, &scales(&current.model.motor, self.data));
+        others.into_iter().all(|(other, values)| {
+            let other = fit(&without.model.with(other, values), self.data, self.prior, Effort::CHECK);
+            self.gain(current, &other).sigmas < OTHER_LAW_SIGMAS
+        })
+    }
+
+    /// Whether a rival is to take the place of `id`: it explains more, or as much with fewer constants or more plausibly.
+    fn is_better(&self, current: &Fit, id: &str, (rival_id, rival): &(&'static str, Fit)) -> bool {
+        if self.is_strange(rival) && !self.is_strange(current) {
+            return false;
+        }
+        let over = self.gain(current, rival);
+        if rival.cost < current.cost && over.sigmas > SAME_SIGMAS && over.share > SAME_SHARE {
+            return true;
+        }
+        let under = self.gain(rival, current);
+        let term = current.model.term(id).expect("one of its own terms");
+        let rival_term = rival.model.terms.last().expect("it was added to the model");
+        is_same(&under)
+            && (rival_term.moving() < term.moving()
+                || term.effect.yields_to(&term.values, rival_id, &current.model.terms))
+    }
+
+    /// Fits with other effects in place of `id`: those that promise most without it, and those that can look like it.
+    fn rivals(&self, current: &Fit, without: &Fit, id: &str) -> Vec<(&'static str, Fit)> {
+        let gained = without.cost - current.cost;
+        let mut promises = self.promises(without);
+        promises.retain(|promise| CATALOGUE[promise.effect].about().id != id);
+        promises.truncate(RIVALS);
+        let best = promises.first().map_or(0.0, |promise| promise.gain);
+        promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
+        let mut rivals = self.try_all(&without.model, &promises, Effort::CHECK);
+        for (lookalike, fit) in self.lookalikes(&current.model, id) {
+            match rivals.iter_mut().find(|(rival, _)| *rival == lookalike) {
+                Some((_, other)) if other.cost > fit.cost => *other = fit,
+                Some(_) => {}
+                None => rivals.push((lookalike, fit)),
+            }
+        }
+        let at_its_best = |(rival, found): (&'static str, Fit)| match found.cost < NEAR * current.cost {
+            true => (rival, self.with_added_at_its_best(found, |term| term.id() == rival)),
+            false => (rival, found),
+        };
+        let is_there = |(rival, found): &(&str, Fit)| found.model.term(rival).is_some_and(Term::is_there);
+        // Friction that is there one way alone and a load against it make up for a friction that is missing both ways.
+        let makes_sense = |(_, found): &(&str, Fit)| {
+            found.model.terms.iter().all(|term| found.model.alone(term.effect) != Some(Alone::Never))
+        };
+        rivals.into_par_iter().map(at_its_best).filter(is_there).filter(makes_sense).collect()
+    }
+
+    /// Fits from where another effect looks most like `id`.
+    fn lookalikes(&self, model: &Model, id: &str) -> Vec<(&'static str, Fit)> {
+        let values = &model.term(id).expect("one of its own terms").values;
+        self.possible()
+            .filter(|effect| !model.has(effect.about().id))
+            .filter_map(|effect| {
+                let start = model.without(id).with(effect, effect.instead_of(id, values)?);
+                Some((effect.about().id, fit(&start, self.data, self.prior, Effort::CHECK)))
+            })
+            .collect()
+    }
+
+    fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {
+        let over = rivals.iter().map(|(rival, fit)| (*rival, fit, self.gain(fit, current)));
+        // What serves as well with a motor that is not the rig's does not serve.
+        let another_motor = |fit: &Fit| self.is_strange(fit) && !self.is_strange(current);
+        let mut over: Vec<_> = over
+            .filter(|(_, fit, gain)| !(is_same(gain) && another_motor(fit)))
+            .map(|(rival, _, gain)| (rival, gain))
+            .collect();
+        over.sort_by(|a, b| a.1.share.total_cmp(&b.1.share));
+        let mut same: Vec<_> = over.iter().filter(|(_, gain)| is_same(gain)).map(|(rival, _)| *rival).collect();
+        if looks_like_inductance(id) && is_same(&own) {
+            same.push(INDUCTANCE);
+        }
+        Standing { id, gain: own, rival: over.into_iter().next(), same }
+    }
+}

@@ -1,0 +1,62 @@
+//! An inductance far above the nominal one: more likely an effect that looks like it.
+
+use super::{Chooser, is_same};
+use crate::identify::{Effort, Fit, fit};
+use motorbench_model::catalogue::{INDUCTANCE, effect};
+
+/// An inductance this many times the nominal one may be an effect.
+const EXCESSIVE_INDUCTANCE: f64 = 1.35;
+/// Spread of the logarithm of an inductance that is held.
+const CERTAIN: f64 = 0.01;
+
+impl Chooser<'_> {
+    /// In place of an inductance that no data sheet has: an effect that looks like it, where that says as much.
+    pub(super) fn or_instead_of_inductance(&self, found: Fit) -> Fit {
+        let found = self.or_beside_nominal_inductance(found);
+        let Some(excess_h) = self.excessive_inductance_h(&found) else { return found };
+        let excess_s = excess_h / found.model.motor.resistance_ohm;
+        let others = self.possible().filter(|effect| !found.model.has(effect.about().id));
+        let like_it = others.filter_map(|effect| Some((effect, effect.instead_of(INDUCTANCE, &[excess_s])?)));
+        let fits = like_it.map(|(effect, values)| {
+            let mut model = found.model.with(effect, values);
+            model.motor.inductance_h -= excess_h;
+            self.or_other_laws(fit(&model, self.data, self.prior, Effort::FULL), |term| term.id() == effect.about().id)
+        });
+        let has_the_winding = fits.filter(|other| self.excessive_inductance_h(other).is_none());
+        match has_the_winding.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
+            Some(other) if is_same(&self.gain(&other, &found)) => other,
+            _ => found,
+        }
+    }
+
+    /// Where an effect, or a search without one, has left the inductance what it had become: all anew from the nominal one.
+    fn or_beside_nominal_inductance(&self, found: Fit) -> Fit {
+        if self.excessive_inductance_h(&found).is_none() {
+            return found;
+        }
+        let held = self.with_nominal_inductance(&found);
+        let other = fit(&held.model, self.data, self.prior, Effort::FULL);
+        let other = self.or_other_laws(other, |term| looks_like_inductance(term.id()));
+        if other.cost < found.cost { other } else { found }
+    }
+
+    /// By how much the inductance is above the nominal one, where that is much.
+    pub(super) fn excessive_inductance_h(&self, fit: &Fit) -> Option<f64> {
+        let nominal_h = self.prior.nominal.inductance_h?;
+        let found_h = fit.model.motor.inductance_h;
+        (found_h > EXCESSIVE_INDUCTANCE * nominal_h).then_some(found_h - nominal_h)
+    }
+
+    pub(super) fn with_nominal_inductance(&self, found: &Fit) -> Fit {
+        let mut prior = self.prior.clone();
+        prior.spread[1] = CERTAIN;
+        let mut model = found.model.clone();
+        model.motor.inductance_h = prior.motor.inductance_h;
+        fit(&model, self.data, &prior, Effort::CHECK)
+    }
+}
+
+/// Whether an effect can look like more inductance than the winding has.
+pub(super) fn looks_like_inductance(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.instead_of(INDUCTANCE, &[0.0]).is_some())
+}

@@ -1,0 +1,309 @@
+//! Free-running simulation: the model alone, driven by what drove the motor, over a whole recording.
+//!
+//! Within a step the linear part is solved exactly (matrix exponential); the effects' terms are constant over it, those
+//! that oppose a state (resistance, viscous and dry friction) implicitly: a dry term moves its state towards zero and never
+//! beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
+
+mod reading;
+mod run;
+
+pub use reading::read;
+
+use crate::dataset::{Dataset, Stretch};
+use motorbench_model::catalogue::{Balance, Instant};
+use motorbench_model::{LinearStep, Model, Reached};
+use run::Run;
+use std::ops::Range;
+
+/// What the model says of each measured quantity, in the order of [`Dataset::measured`].
+pub type Prediction = Vec<Vec<f64>>;
+
+/// How finely time is cut.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Steps {
+    /// For what is compared with the data.
+    Fine,
+    /// Twice as long: for differences between two simulations, in which the error of the steps cancels.
+    Coarse,
+    /// At most so many seconds.
+    AtMost(f64),
+}
+
+/// Longest step that the terms of a model bear.
+pub fn longest_step_s(model: &Model) -> f64 {
+    model.terms.iter().map(|term| term.effect.longest_step_s()).fold(f64::INFINITY, f64::min)
+}
+
+/// Simulates every stretch of the data.
+pub fn free_run(model: &Model, data: &Dataset) -> Prediction {
+    read(model, data, drive(model, data, Steps::Fine))
+}
+
+/// What the motor does, whatever its sensors say of it: one entry a sample of the data, NaN between stretches.
+#[derive(Clone, Debug)]
+pub struct Motion {
+    current_a: Vec<f64>,
+    speed_rad_per_s: Vec<f64>,
+    angle_rad: Vec<f64>,
+    /// Where on the revolution the shaft is, as measured and with what the model says was lost.
+    shaft_rad: Vec<f64>,
+    /// By how much the mean of the current since the sample before is above the middle between the two.
+    bulge_a: Vec<f64>,
+}
+
+impl Motion {
+    fn with_capacity(samples: usize) -> Self {
+        let column = || Vec::with_capacity(samples);
+        Self {
+            current_a: column(),
+            speed_rad_per_s: column(),
+            angle_rad: column(),
+            shaft_rad: column(),
+            bulge_a: column(),
+        }
+    }
+
+    /// The angle at some time before a row of a stretch, where that had begun: a cubic with the speeds of the rows around.
+    fn angle_before(&self, row: usize, first: usize, rows_s: &[f64], time_s: f64) -> Option<f64> {
+        let from = (first..=row).rev().find(|row| rows_s[*row] <= time_s)?;
+        if from == row {
+            return Some(self.angle_rad[row]);
+        }
+        let interval_s = rows_s[from + 1] - rows_s[from];
+        let turned_rad = self.angle_rad[from + 1] - self.angle_rad[from];
+        let bent_rad = [from, from + 1].map(|at| self.speed_rad_per_s[at] * interval_s - turned_rad);
+        let course = Course { from_rad: self.angle_rad[from], turned_rad, bent_rad };
+        Some(course.angle_rad((time_s - rows_s[from]) / interval_s))
+    }
+
+    fn fill_up_to(&mut self, samples: usize) {
+        let columns = [
+            &mut self.current_a,
+            &mut self.speed_rad_per_s,
+            &mut self.angle_rad,
+            &mut self.shaft_rad,
+            &mut self.bulge_a,
+        ];
+        for values in columns {
+            values.resize(samples, f64::NAN);
+        }
+    }
+}
+
+/// Drives the motor of the model with what drove the real one.
+pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
+    let mut motion = Motion::with_capacity(data.len());
+    for stretch in &data.stretches {
+        motion.fill_up_to(stretch.rows.start);
+        Run::new(model, data, stretch, steps).whole(&mut motion);
+    }
+    motion.fill_up_to(data.len());
+    motion
+}
+
+/// A motion with what a small torque adds to it, to the first order: of the linear motor, which stays at rest where it was.
+pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn(&Instant) -> f64) -> Motion {
+    let mut nudged = motion.clone();
+    let inertia_kg_m2 = inertia_kg_m2(model);
+    let mut step = LinearStep::default();
+    for Stretch { rows: range, .. } in data.stretches.iter().filter(|stretch| !data.is_held(stretch)) {
+        let (mut current_a, mut speed_rad_per_s, mut angle_rad) = (0.0, 0.0, 0.0);
+        for index in range.start..range.end - 1 {
+            let next = index + 1;
+            let step_s = data.time_s[next] - data.time_s[index];
+            step.set_length(&model.motor, inertia_kg_m2, step_s);
+            let at = Instant {
+                time_s: data.time_s[index],
+                voltage_v: data.voltage_v[index],
+                duty: data.duty[index],
+                mean_duty: data.duty[index],
+                supply_v: data.supply_v[index],
+                open: data.open[index],
+                current_a: motion.current_a[index],
+                speed_rad_per_s: motion.speed_rad_per_s[index],
+                angle_rad: 0.5 * (motion.shaft_rad[index] + motion.shaft_rad[next]),
+                turned_rad: motion.shaft_rad[next] - motion.shaft_rad[index],
+                step_s,
+            };
+            let before = speed_rad_per_s;
+            let terms = Balance { torque_nm: torque_nm(&at), ..Balance::default() };
+            Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, 0.0, at.open, &terms);
+            if at.speed_rad_per_s == 0.0 && motion.speed_rad_per_s[next] == 0.0 {
+                speed_rad_per_s = 0.0;
+            }
+            angle_rad += 0.5 * (before + speed_rad_per_s) * step_s;
+            nudged.current_a[next] += current_a;
+            nudged.speed_rad_per_s[next] += speed_rad_per_s;
+            nudged.angle_rad[next] += angle_rad;
+        }
+    }
+    nudged
+}
+
+/// The angle between two samples: a cubic with the speeds at either. In 10 ms a shaft that gathers speed is elsewhere than on
+/// a straight line.
+struct Course {
+    from_rad: f64,
+    turned_rad: f64,
+    /// Slopes at the beginning and at the end, less that of the straight line.
+    bent_rad: [f64; 2],
+}
+
+impl Course {
+    /// As measured, with the speeds that the samples around say, as far as they are rows of the same stretch.
+    fn new(data: &Dataset, rows: Range<usize>, index: usize) -> Self {
+        let (angle, time) = (&data.angle_rad, &data.time_s);
+        let turned_rad = angle[index + 1] - angle[index];
+        let interval_s = time[index + 1] - time[index];
+        let slope = |from: usize, to: usize| (angle[to] - angle[from]) / (time[to] - time[from]) * interval_s;
+        let first = index.saturating_sub(1).max(rows.start);
+        let last = (index + 2).min(rows.end - 1);
+        let bent_rad = [slope(first, index + 1) - turned_rad, slope(index, last) - turned_rad];
+        Self { from_rad: angle[index], turned_rad, bent_rad }
+    }
+
+    /// `share`: of the time between the two.
+    fn angle_rad(&self, share: f64) -> f64 {
+        let rest = 1.0 - share;
+        self.from_rad + share * self.turned_rad + share * rest * (rest * self.bent_rad[0] - share * self.bent_rad[1])
+    }
+}
+
+/// Of the motor's own shaft; a fit may try to leave nothing of it.
+fn inertia_kg_m2(model: &Model) -> f64 {
+    model.motor.inertia_kg_m2 * model.motor_share().max(0.01)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::HeldRotor;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use motorbench_model::catalogue::effect;
+    use motorbench_model::motor::MotorParameters;
+    use proptest::prelude::*;
+    use std::fmt::Write as _;
+
+    /// Steps of the command, recorded every `interval_s`; nothing was measured that matters.
+    fn stepped(interval_s: f64) -> Dataset {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for row in 0..(0.4 / interval_s).round() as usize {
+            let time_s = row as f64 * interval_s;
+            let volts = if (time_s * 50.0 + 1e-6).floor() % 2.0 == 0.0 { 12.0 } else { -3.0 };
+            let (speed, current) = if row % 2 == 0 { (100, 0) } else { (101, 1) };
+            let _ = writeln!(text, "{time_s:.6},{volts},{speed},{current}");
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
+    }
+
+    /// Of sensors as well as of the motor: the one that was found first is not the one that acts first.
+    #[test]
+    fn the_order_in_which_effects_were_found_means_nothing() {
+        let effects: [(&str, &[f64]); 5] = [
+            ("current_lag", &[2e-3, 0.0, 0.0]),
+            ("current_offset", &[-0.3]),
+            ("current_clipping", &[0.8]),
+            ("encoder_eccentricity", &[0.02, 0.01]),
+            ("missed_counts", &[0.3, 50.0, 1.0, 0.0]),
+        ];
+        let with = |model: Model, (id, values): &(&str, &[f64])| model.with(effect(id).unwrap(), values.to_vec());
+        let linear = || Model::linear(MotorParameters::PIVT6);
+        let data = stepped(1e-3);
+        let as_listed = free_run(&effects.iter().fold(linear(), with), &data);
+        assert_eq!(free_run(&effects.iter().rev().fold(linear(), with), &data), as_listed);
+        assert!(as_listed[0].iter().all(|current| current.abs() <= 0.8), "the range ends what the offset has moved");
+    }
+
+    /// Not half a step earlier or later, wherever in a row that is.
+    #[test]
+    fn a_load_comes_when_it_says() {
+        let speed_after = |interval_s: f64, time_s: f64| {
+            let data = stepped(interval_s);
+            let model = Model::linear(MotorParameters::PIVT6).with(effect("load_step").unwrap(), vec![0.02, time_s]);
+            free_run(&model, &data)[1][(0.15 / interval_s).round() as usize]
+        };
+        for time_s in [0.1450, 0.1452, 0.1457] {
+            let (coarse, fine) = (speed_after(1e-3, time_s), speed_after(50e-6, time_s));
+            let by_a_step = 0.02 / MotorParameters::PIVT6.inertia_kg_m2 * 0.25e-3;
+            assert!((coarse - fine).abs() < 0.2 * by_a_step, "{time_s}: {coarse} {fine}, {by_a_step} by half a step");
+        }
+    }
+
+    /// Whatever torque its current and the magnets exert: the winding alone says what flows.
+    #[test]
+    fn a_rotor_that_is_held_does_not_turn() {
+        let mut data = stepped(1e-3);
+        data.origin.held_rotor = vec![HeldRotor { name: "run.csv".into(), rows: 0..data.len() }];
+        data.measured[1].values.fill(f64::NAN);
+        let motor = MotorParameters::PIVT6;
+        let model = Model::linear(motor).with(effect("coulomb_friction").unwrap(), vec![0.01]);
+        let model = model.with(effect("cogging").unwrap(), vec![0.02, 0.01, 12.0]);
+        let prediction = free_run(&model, &data);
+        assert!(prediction[1].iter().all(|speed| speed.abs() < 1e-9), "{:?}", prediction[1]);
+        // Each level lasts for many time constants of the winding.
+        let end_of_level = 19;
+        let settled_a = data.voltage_v[end_of_level - 1] / motor.resistance_ohm;
+        let share_left = (-18e-3 * motor.resistance_ohm / motor.inductance_h).exp();
+        let flows_a = prediction[0][end_of_level];
+        assert!((flows_a - settled_a).abs() < (1e-3 + 2.0 * share_left) * settled_a, "{flows_a} {settled_a}");
+    }
+
+    /// From a start at rest on, and where the bridge opens and closes within a step as well.
+    #[test]
+    fn late_commands_are_the_same_later() {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for row in 0..300 {
+            let volts = if row / 50 % 2 == 0 { "12" } else { "" };
+            let _ = writeln!(text, "{:.3},{volts},{},{}", f64::from(row) * 1e-3, row / 2 + row % 2, row % 2);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        let data = Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap();
+        assert!(data.open[75] && !data.open[25]);
+        let linear = Model::linear(MotorParameters::PIVT6);
+        let late = |delay_s: f64| free_run(&linear.with(effect("actuation_delay").unwrap(), vec![delay_s]), &data);
+        let [at_once, by_two_rows, between] = [0.0, 2e-3, 1.37e-3].map(late);
+        for channel in 0..2 {
+            let largest = at_once[channel].iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+            for row in 2..300 {
+                let (later, earlier) = (by_two_rows[channel][row], at_once[channel][row - 2]);
+                assert!((later - earlier).abs() < 1e-3 * largest, "channel {channel}, row {row}: {later} {earlier}");
+            }
+        }
+        assert_eq!(by_two_rows[0][..3], [0.0; 3], "nothing has acted yet");
+        // After the bridge has opened no current flows, and before that it does.
+        let [before, after] = [51, 52].map(|row| between[0][row]);
+        assert!(before > 0.1 && after == 0.0, "{before} {after}");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(64))]
+        /// Against the mean of a simulation with rows forty times as close.
+        #[test]
+        fn a_current_is_averaged_before_its_row(window_s in 0.2e-3_f64..3e-3, inductance_h in 0.5e-3_f64..12e-3) {
+            let model = Model::linear(MotorParameters { inductance_h, ..MotorParameters::PIVT6 });
+            let mut data = stepped(1e-3);
+            data.origin.current_window_s = window_s;
+            let means = &free_run(&model, &data)[0];
+            let fine = stepped(25e-6);
+            let currents = &free_run(&model, &fine)[0];
+            let mut charges = vec![0.0];
+            for pair in currents.windows(2) {
+                charges.push(charges[charges.len() - 1] + 25e-6 * 0.5 * (pair[0] + pair[1]));
+            }
+            let charge = |time_s: f64| {
+                let place = (time_s / 25e-6).max(0.0);
+                let (row, part) = (place.floor() as usize, place.fract());
+                charges[row] + part * (charges[row + 1] - charges[row])
+            };
+            let greatest = currents.iter().fold(0.0, |most: f64, current| most.max(current.abs()));
+            for (row, found) in means.iter().enumerate().skip(4).take(386) {
+                let time_s = row as f64 * 1e-3;
+                let mean = (charge(time_s) - charge(time_s - window_s)) / window_s;
+                prop_assert!((found - mean).abs() < 0.01 * greatest, "row {row}: {found} {mean}");
+            }
+        }
+
+    }
+}

@@ -1,0 +1,708 @@
+//! Identification by output error: the constants with which the free-running model comes closest to what was measured.
+//!
+//! Every measured quantity is weighted by its noise; what is kept back ([`Dataset::kept_back`]) is not seen, but when
+//! a load comes is read from all. Nominal values enter as what a data sheet is worth, [`NOMINAL_SPREAD`]; they decide only where the data are silent.
+//! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
+//! correlated within a block (sandwich; White, Econometrica 50 (1982)).
+
+use crate::dataset::{Dataset, greatest};
+use crate::free_run::{Motion, Prediction, Steps, drive, free_run, nudged, read};
+use motorbench_data::rig::NominalMotor;
+use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, Scales};
+use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Model, Term};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use search::Search;
+use sensitivities::Sensitivities;
+pub use speed_window::with_window_settled;
+use std::sync::OnceLock;
+
+mod search;
+mod sensitivities;
+mod speed_window;
+mod torque_scale;
+
+/// Standard deviation of the logarithm of a nominal value.
+pub const NOMINAL_SPREAD: f64 = 0.2;
+/// The same of a value guessed from the data's extremes alone.
+const GUESS_SPREAD: f64 = 1.5;
+/// And of the scale of all resistances, where no current was measured and no nominal value says it.
+const SCALE_SPREAD: f64 = 2.5;
+/// Nominal viscous friction is hardly more than an order of magnitude.
+const FRICTION_SPREAD: f64 = 1.0;
+/// Residuals further apart than this count as independent; of several the one counts that leaves a constant most uncertain:
+/// the longer, the more it tells of what a model does wrong in one manner of driving and not in another.
+const BLOCKS_S: [f64; 2] = [0.2, 2.0];
+/// Relative error (one standard deviation) of the motor's constants that comes from the model's own simplifications other
+/// than its steps (readings at an instant), measured on benches with known constants. Effects add
+/// theirs, see [`motorbench_model::catalogue::Simplification`].
+const SYSTEMATIC: f64 = 7e-4;
+/// The same of an effect's constants where the frequency of the PWM had to be guessed: from a list, and with a shaft that turns
+/// evenly within its period.
+const GUESSED_PWM: f64 = 3e-3;
+/// A promise below this, in units of noise, is not worth a fit.
+pub const LEAST_PROMISE: f64 = 20.0;
+/// Of this many effects that promise most, the start is refined, by so many halvings.
+const REFINED: usize = 8;
+const REFINEMENTS: u8 = 6;
+/// ... or, with this share of what the best promises, moved to a better neighbour at most so often.
+const WORTH_A_WALK: f64 = 0.1;
+const MOST_NEIGHBOURS: usize = 8;
+/// Of many starts of an effect that is a torque from outside, so many are simulated whole: the best by its linear response.
+const SCREENED: usize = 3;
+/// A constant that makes a law another one comes down to this share of its start at most.
+const LEAST_OF_START: f64 = 0.01;
+/// A process that takes longer than so many recordings cannot be told from what is always there.
+const SLOWEST: f64 = 5.0;
+/// Steps that locate the moment of an event.
+const LOCATING: usize = 16;
+/// Electromechanical and electromagnetic time constant of a small motor, for a start without nominal values.
+const USUAL_TIME_CONSTANTS_S: (f64, f64) = (0.05, 0.001);
+
+/// What is known of the motor before the recording.
+#[derive(Clone, Debug)]
+pub struct Prior {
+    /// Most plausible values.
+    pub motor: MotorParameters,
+    /// Standard deviations: of the logarithms of R, L, k and J, and of b in its own unit.
+    pub spread: [f64; 5],
+    /// What the rig file gave.
+    pub nominal: NominalMotor,
+}
+
+impl Prior {
+    /// From nominal values, and from the extremes of the data where there are none.
+    pub fn new(nominal: &NominalMotor, data: &Dataset) -> Self {
+        let voltage_v = greatest(&data.voltage_v);
+        let speed = greatest(&data.motion().values).max(1e-9);
+        let k = nominal.torque_constant_nm_per_a.unwrap_or(0.9 * voltage_v / speed);
+        let peak_a = data.current().map(|current| greatest(&current.values));
+        let r = nominal.resistance_ohm.unwrap_or_else(|| voltage_v / peak_a.unwrap_or(1.0).max(1e-6));
+        let (mechanical_s, electrical_s) = USUAL_TIME_CONSTANTS_S;
+        let motor = MotorParameters {
+            resistance_ohm: r,
+            inductance_h: nominal.inductance_h.unwrap_or(electrical_s * r),
+            torque_constant_nm_per_a: k,
+            inertia_kg_m2: nominal.inertia_kg_m2.unwrap_or(mechanical_s * k * k / r),
+            viscous_friction_nm_s: nominal.viscous_friction_nm_s.unwrap_or(0.02 * k * k / r),
+        };
+        let spread = |given: Option<f64>| if given.is_some() { NOMINAL_SPREAD } else { GUESS_SPREAD };
+        // Guessed from the resistance, which without a current is a guess by itself.
+        let is_scale_known = peak_a.is_some() || nominal.resistance_ohm.is_some();
+        let of_scale = if is_scale_known { 0.0 } else { SCALE_SPREAD };
+        let scaled = |given: Option<f64>| spread(given).hypot(if given.is_some() { 0.0 } else { of_scale });
+        let friction = if nominal.viscous_friction_nm_s.is_some() { FRICTION_SPREAD } else { 10.0 };
+        Self {
+            motor,
+            spread: [
+                scaled(nominal.resistance_ohm),
+                scaled(nominal.inductance_h),
+                spread(nominal.torque_constant_nm_per_a),
+                scaled(nominal.inertia_kg_m2),
+                friction * motor.viscous_friction_nm_s.max(0.005 * k * k / r),
+            ],
+            nominal: *nominal,
+        }
+    }
+}
+
+/// Sizes that effects take their starting values from.
+pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
+    let voltage_v = greatest(&data.voltage_v);
+    let speed_rad_per_s = greatest(&data.motion().values);
+    let computed_a = voltage_v / motor.resistance_ohm;
+    Scales {
+        motor: *motor,
+        voltage_v,
+        speed_rad_per_s,
+        supply_v: greatest(&data.supply_v),
+        current_a: data.current().map_or(computed_a, |current| greatest(&current.values)),
+        // Of the longest recording: each has its own time.
+        duration_s: greatest(&data.time_s),
+        interval_s: data.interval_s,
+        pwm_hz: data.origin.pwm_hz,
+    }
+}
+
+/// Half an interval of 95 % in standard errors.
+pub const Z95: f64 = 1.96;
+
+/// Places of [`motor_values`].
+const INERTIA: usize = 3;
+const VISCOUS_FRICTION: usize = 4;
+
+/// Where a fitted number lives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Constant of the linear motor: R, L, k, J, b.
+    Motor(usize),
+    /// Constant of an effect: term and position.
+    Term(usize, usize),
+}
+
+impl Place {
+    /// Whether the motor itself moves differently, and not only its readings.
+    fn changes_motion(self, model: &Model) -> bool {
+        match self {
+            Self::Motor(_) => true,
+            Self::Term(term, _) => model.terms[term].effect.changes_motion(),
+        }
+    }
+}
+
+/// A simulation that others are compared with.
+struct Base<'a> {
+    data: &'a Dataset,
+    steps: Steps,
+    motion: Motion,
+    residual: Vec<f64>,
+}
+
+impl<'a> Base<'a> {
+    fn new(model: &Model, data: &'a Dataset, steps: Steps) -> Self {
+        let motion = drive(model, data, steps);
+        let residual = weighted_residual(data, &read(model, data, motion.clone()));
+        Self { data, steps, motion, residual }
+    }
+
+    /// By how much the weighted residual of another model differs; `motion`: whether its motor moves differently.
+    fn change(&self, other: &Model, motion: bool) -> Vec<f64> {
+        let prediction = match motion {
+            true => read(other, self.data, drive(other, self.data, self.steps)),
+            false => read(other, self.data, self.motion.clone()),
+        };
+        self.change_to(&prediction)
+    }
+
+    /// The same by what a torque from outside adds to the motion of `model`, to the first order.
+    fn change_by_torque(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
+        let motion = nudged(model, self.data, &self.motion, |at| {
+            let mut terms = Balance::default();
+            effect.contribute(values, &model.motor, at, &mut [], &mut terms);
+            terms.torque_nm
+        });
+        self.change_to(&read(model, self.data, motion))
+    }
+
+    fn change_to(&self, prediction: &Prediction) -> Vec<f64> {
+        let mut change = weighted_residual(self.data, prediction);
+        change.iter_mut().zip(&self.residual).for_each(|(there, here)| *there -= here);
+        change
+    }
+}
+
+/// A number that a fit may move.
+#[derive(Clone, Debug)]
+struct Unknown {
+    place: Place,
+    /// Moved as its logarithm.
+    logarithmic: bool,
+    /// Size in which steps are measured (1 for logarithms).
+    size: f64,
+    min: f64,
+    max: f64,
+    /// Mean and standard deviation of its coordinate, as far as it was known before.
+    prior: Option<(f64, f64)>,
+}
+
+impl Unknown {
+    fn get(&self, model: &Model) -> f64 {
+        let value = match self.place {
+            Place::Motor(index) => motor_values(&model.motor)[index],
+            Place::Term(term, index) => model.terms[term].values[index],
+        };
+        if self.logarithmic { value.ln() } else { value / self.size }
+    }
+
+    fn set(&self, model: &mut Model, coordinate: f64) {
+        let value = if self.logarithmic { coordinate.exp() } else { coordinate * self.size };
+        let value = value.clamp(self.min, self.max);
+        match self.place {
+            Place::Motor(index) => *motor_value(&mut model.motor, index) = value,
+            Place::Term(term, index) => model.terms[term].values[index] = value,
+        }
+    }
+}
+
+fn motor_values(motor: &MotorParameters) -> [f64; 5] {
+    motor.named().map(|(_, value)| value)
+}
+
+fn motor_value(motor: &mut MotorParameters, index: usize) -> &mut f64 {
+    match index {
+        0 => &mut motor.resistance_ohm,
+        1 => &mut motor.inductance_h,
+        2 => &mut motor.torque_constant_nm_per_a,
+        3 => &mut motor.inertia_kg_m2,
+        _ => &mut motor.viscous_friction_nm_s,
+    }
+}
+
+/// A fitted constant and what is known of it.
+#[derive(Clone, Copy, Debug)]
+pub struct Interval {
+    /// Which.
+    pub place: Place,
+    /// Most plausible value.
+    pub value: f64,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
+
+/// How long a fit may take.
+#[derive(Clone, Copy, Debug)]
+pub struct Effort {
+    /// Steps at most.
+    pub steps: usize,
+    /// It ends when a step gains less than this share of the cost.
+    pub least_gain: f64,
+    /// How finely the sensitivities are simulated.
+    pub sensitivities: Steps,
+    /// Whether a step corrects the sensitivities by what it changed, where they are to be simulated anew otherwise: much
+    /// faster, and now and then it stops short.
+    pub corrects: bool,
+    /// It is given up when the steps left, each gaining what the better of the last two did, would not bring it below this
+    /// cost.
+    pub useless_above: f64,
+}
+
+impl Effort {
+    /// Where it starts, with its sensitivities.
+    pub const NONE: Self =
+        Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, corrects: false, useless_above: f64::INFINITY };
+    /// To see whether an effect is worth it.
+    pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, corrects: true, ..Self::NONE };
+    /// To judge another model by what it cannot do.
+    pub const CHECK: Self = Self { steps: 8, corrects: false, ..Self::TRIAL };
+    /// What was fitted to other parts of the same data.
+    pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
+    /// To the end.
+    pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ..Self::NONE };
+
+    /// The same for a fit that is of no use above a cost.
+    pub fn useless_above(self, cost: f64) -> Self {
+        Self { useless_above: cost, ..self }
+    }
+}
+
+/// A fitted model.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The model.
+    pub model: Model,
+    /// What it says of the data.
+    pub prediction: Prediction,
+    /// Sum of the squares of the weighted residuals that were seen, and of the prior.
+    pub cost: f64,
+    unknowns: Vec<Unknown>,
+    /// Weighted residuals, those not seen as zero.
+    residual: Vec<f64>,
+    /// How finely the sensitivities are simulated.
+    steps: Steps,
+    /// They and the inverse of their normal matrix, once somebody asks.
+    sensitivities: OnceLock<(Sensitivities, DMatrix<f64>)>,
+}
+
+/// Fits a model from its present constants.
+///
+/// The moment of an event (the only constants with a [`spacing`](motorbench_model::catalogue::Effect::spacing)) is read from all the
+/// data: one that lies in a stretch kept back cannot be known from the others.
+pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit {
+    let scales = scales(&start.motor, data);
+    let located = start.terms.iter().enumerate().find_map(|(term, Term { effect, .. })| {
+        let (index, spacing) = effect.spacing(&scales)?;
+        Some(located(start, data, term, index, spacing))
+    });
+    Search::new(located.as_ref().unwrap_or(start), data, prior).run(effort)
+}
+
+/// The model with one constant where the sum of all squares, those kept back included, is least within half a spacing.
+fn located(model: &Model, data: &Dataset, term: usize, index: usize, spacing: f64) -> Model {
+    let cost = |value: f64| {
+        let mut moved = model.clone();
+        moved.terms[term].values[index] = value;
+        let prediction = free_run(&moved, data);
+        let squares = data.measured.iter().zip(&prediction).flat_map(|(measured, predicted)| {
+            measured
+                .values
+                .iter()
+                .zip(predicted)
+                .map(move |(value, predicted)| ((value - predicted) / measured.least_error(measured.noise)).powi(2))
+        });
+        squares.filter(|square| square.is_finite()).sum::<f64>()
+    };
+    let mut best = model.terms[term].values[index];
+    let mut least = cost(best);
+    let mut distance = 0.5 * spacing;
+    for _ in 0..LOCATING {
+        for value in [best - distance, best + distance].into_iter().filter(|value| *value > 0.6 * spacing) {
+            let here = cost(value);
+            if here < least {
+                (best, least) = (value, here);
+            }
+        }
+        distance *= 0.6;
+    }
+    let mut found = model.clone();
+    found.terms[term].values[index] = best;
+    found
+}
+
+/// How far apart the starts have the moment of an event, where a constant is one.
+fn spacing_of(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<f64> {
+    effect.spacing(scales).filter(|(place, _)| *place == index).map(|(_, spacing)| spacing)
+}
+
+/// An event lies within the recording, not at its ends: there it would be none.
+fn event_bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<(f64, f64)> {
+    let spacing = spacing_of(effect, index, scales)?;
+    Some((0.6 * spacing, scales.duration_s - 0.6 * spacing))
+}
+
+/// Between what a fit may move a constant: what a recording of this length can tell of it, and so that its law stays one. One
+/// that is shorter than the least tells nothing of it.
+fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
+    let Parameter { min, max, slow, unsaid, most_of_speed, .. } = term.effect.about().parameters[index];
+    let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
+    // 0 would be another law.
+    let min = if unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
+    let fastest = most_of_speed * scales.no_load_rad_per_s();
+    event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest).min(fastest).max(min)))
+}
+
+fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
+    let expected = motor_values(&prior.motor);
+    let motor = (0..5).map(|index| {
+        let logarithmic = index < 4;
+        let mean = if logarithmic { expected[index].ln() } else { expected[index] / prior.spread[index] };
+        Unknown {
+            place: Place::Motor(index),
+            logarithmic,
+            size: if logarithmic { 1.0 } else { prior.spread[index] },
+            min: if logarithmic { f64::MIN_POSITIVE } else { 0.0 },
+            max: f64::INFINITY,
+            prior: Some((mean, if logarithmic { prior.spread[index] } else { 1.0 })),
+        }
+    });
+    let scales = scales(&model.motor, data);
+    let fitted = model.terms.iter().enumerate().filter(|(_, term)| !model.holds(term));
+    let terms = fitted.flat_map(|(term_index, term)| {
+        let typical = term.effect.starts(&scales).into_iter().next().unwrap_or_default();
+        let parameters = term.effect.about().parameters.iter().enumerate();
+        let parameters = parameters.filter(|(index, parameter)| parameter.moves(term.values[*index]));
+        parameters
+            .map(|(index, parameter)| {
+                let (min, max) = bounds(term, index, &scales);
+                // A moment was located on all data: those that the fit sees may say nothing of it.
+                let spacing = spacing_of(term.effect, index, &scales);
+                let magnitude = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
+                let size = spacing.unwrap_or(magnitude);
+                let known = spacing.map(|_| (term.values[index], data.interval_s)).or(parameter.known);
+                Unknown {
+                    place: Place::Term(term_index, index),
+                    logarithmic: false,
+                    size,
+                    min,
+                    max,
+                    prior: known.map(|(mean, spread)| (mean / size, spread / size)),
+                }
+            })
+            .collect::<Vec<_>>()
+    });
+    motor.chain(terms).collect()
+}
+
+fn prior_cost(model: &Model, unknowns: &[Unknown]) -> f64 {
+    let deviation = |unknown: &Unknown| unknown.prior.map(|(mean, spread)| (unknown.get(model) - mean) / spread);
+    unknowns.iter().filter_map(deviation).map(|deviation| deviation * deviation).sum()
+}
+
+/// Residuals over noise, measured minus simulated with the sign turned so that its derivative is the prediction's; zero
+/// where nothing was measured or where it is kept back.
+fn weighted_residual(data: &Dataset, prediction: &Prediction) -> Vec<f64> {
+    let mut residual = Vec::with_capacity(data.len() * data.measured.len());
+    for (measured, predicted) in data.measured.iter().zip(prediction) {
+        let weight = 1.0 / measured.least_error(measured.noise);
+        for ((value, predicted), kept_back) in measured.values.iter().zip(predicted).zip(&data.kept_back) {
+            let difference = (predicted - value) * weight;
+            residual.push(if *kept_back || difference.is_nan() { 0.0 } else { difference });
+        }
+    }
+    residual
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    // Four sums so that the additions need not wait for each other.
+    let mut sums = [0.0; 4];
+    let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(a, b)| a * b).sum();
+    for (a, b) in a4.zip(b4) {
+        for index in 0..4 {
+            sums[index] += a[index] * b[index];
+        }
+    }
+    sums.iter().sum::<f64>() + rest
+}
+
+fn square(values: &[f64]) -> f64 {
+    dot(values, values)
+}
+
+/// What adding an effect promises, from the first derivatives alone.
+#[derive(Clone, Debug)]
+pub struct Promise {
+    /// Index in [`CATALOGUE`].
+    pub effect: usize,
+    /// Values to begin the fit from.
+    pub start: Vec<f64>,
+    /// The next best, where the best by its promise may not be the nearest.
+    pub other_starts: Vec<Vec<f64>>,
+    /// Expected fall of the cost.
+    pub gain: f64,
+}
+
+impl Promise {
+    /// Its best start is that of another.
+    fn improve(&mut self, better: Self) {
+        (self.start, self.gain) = (better.start, better.gain);
+    }
+}
+
+/// What an effect changes in each direction in which its constants from `start` are looked at.
+fn lines(effect: &dyn Effect, start: &[f64], change: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<Vec<f64>> {
+    let without = |constant: usize| {
+        let mut values = start.to_vec();
+        values[constant] = 0.0;
+        values
+    };
+    match effect.about().linear_in {
+        2 => vec![change(without(1)), change(without(0))],
+        _ => vec![change(start.to_vec())],
+    }
+}
+
+impl Fit {
+    /// Weighted sensitivities of the seen residuals and the inverse of their normal matrix.
+    fn sensitivities(&self, data: &Dataset) -> &(Sensitivities, DMatrix<f64>) {
+        self.sensitivities.get_or_init(|| {
+            let found = Sensitivities::simulated(&self.model, data, &self.unknowns, self.steps);
+            let inverse = found.inverse();
+            (found, inverse)
+        })
+    }
+
+    /// What each effect that the model does not have promises (score test; Rao 1948), the best start of each, best first.
+    pub fn promises(&self, data: &Dataset, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
+        let base = Base::new(&self.model, data, Steps::Coarse);
+        // Here and not by the first that asks: it would wait for the others, and they for it.
+        self.sensitivities(data);
+        let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
+            .iter()
+            .enumerate()
+            .filter(|(_, effect)| !self.model.has(effect.about().id) && !excluded.contains(&effect.about().id))
+            .filter(|(_, effect)| self.model.alone(**effect) != Some(Alone::Never))
+            .flat_map(|(index, effect)| {
+                let starts = self.screened(&base, *effect, effect.starts(scales));
+                starts.into_iter().map(move |start| (index, start))
+            })
+            .collect();
+        let mut all: Vec<Promise> =
+            candidates.into_par_iter().map(|(effect, start)| self.promise(&base, effect, start)).collect();
+        all.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let mut best: Vec<Promise> = Vec::new();
+        for promise in all {
+            match best.iter_mut().find(|other| other.effect == promise.effect) {
+                None => best.push(promise),
+                Some(other) => {
+                    if 1 + other.other_starts.len() < CATALOGUE[other.effect].starts_fitted(scales) {
+                        other.other_starts.push(promise.start);
+                    }
+                }
+            }
+        }
+        best.truncate(REFINED);
+        let least = LEAST_PROMISE.max(WORTH_A_WALK * best.first().map_or(0.0, |promise| promise.gain));
+        let mut best: Vec<Promise> =
+            best.into_par_iter().map(|promise| self.refined(&base, scales, promise, least)).collect();
+        best.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        best
+    }
+
+    /// The starts of an effect that are worth a simulation.
+    fn screened(&self, base: &Base, effect: &dyn Effect, starts: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+        if !effect.is_outer_torque() || starts.len() <= SCREENED {
+            return starts;
+        }
+        let promised = starts.into_par_iter().map(|start| {
+            let change = |values: Vec<f64>| base.change_by_torque(&self.model, effect, &values);
+            let (gain, _) = self.least_squares(base.data, &lines(effect, &start, change));
+            (gain, start)
+        });
+        let mut promised: Vec<(f64, Vec<f64>)> = promised.collect();
+        promised.sort_by(|a, b| b.0.total_cmp(&a.0));
+        promised.into_iter().take(SCREENED).map(|(_, start)| start).collect()
+    }
+
+    /// A better start near the best of the catalogue's.
+    fn refined(&self, base: &Base, scales: &Scales, promise: Promise, worth_a_walk: f64) -> Promise {
+        match CATALOGUE[promise.effect].spacing(scales) {
+            Some((index, spacing)) => self.between(base, promise, index, spacing),
+            None if promise.gain > worth_a_walk => self.uphill(base, promise),
+            None => promise,
+        }
+    }
+
+    /// Halves the distance between the alternatives of a nonlinear constant again and again around the best.
+    fn between(&self, base: &Base, mut promise: Promise, index: usize, spacing: f64) -> Promise {
+        for round in 1..=REFINEMENTS {
+            let distance = spacing / f64::from(1 << round);
+            for side in [-distance, distance] {
+                let mut start = promise.start.clone();
+                start[index] += side;
+                let other = self.promise(base, promise.effect, start);
+                if other.gain > promise.gain {
+                    promise.improve(other);
+                }
+            }
+        }
+        promise
+    }
+
+    /// From neighbour to neighbour while each promises more.
+    fn uphill(&self, base: &Base, mut promise: Promise) -> Promise {
+        for _ in 0..MOST_NEIGHBOURS {
+            let neighbours = CATALOGUE[promise.effect].neighbours(&promise.start).into_par_iter();
+            let others = neighbours.map(|start| self.promise(base, promise.effect, start));
+            match others.max_by(|a, b| a.gain.total_cmp(&b.gain)) {
+                Some(better) if better.gain > promise.gain => promise.improve(better),
+                _ => break,
+            }
+        }
+        promise
+    }
+
+    fn promise(&self, base: &Base, index: usize, start: Vec<f64>) -> Promise {
+        let effect = CATALOGUE[index];
+        let about = effect.about();
+        let change = |values| base.change(&self.model.with(effect, values), effect.changes_motion());
+        let lines = lines(effect, &start, change);
+        let (gain, factors) = self.least_squares(base.data, &lines);
+        // The derivative at zero of an effect without a sign says nothing of negative values.
+        let signed = about.parameters[0].min < 0.0;
+        let possible = about.linear_in == 2 || factors[0] > 0.0 || signed && about.linear_in == 1;
+        let mut start = start;
+        for (value, factor) in start.iter_mut().zip(&factors).take(about.linear_in) {
+            let magnitude = factor.abs().clamp(0.05, 10.0);
+            *value *= magnitude * if signed { factor.signum() } else { 1.0 };
+        }
+        // Without linearity the whole step is what it promises, not the best multiple of it.
+        let gain = match about.linear_in {
+            0 => gain.min(self.gain_of_whole(&lines[0]).max(0.25 * gain)),
+            _ => gain,
+        };
+        Promise { effect: index, start, other_starts: Vec::new(), gain: if possible { gain } else { 0.0 } }
+    }
+
+    fn gain_of_whole(&self, line: &[f64]) -> f64 {
+        -2.0 * dot(line, &self.residual) - square(line)
+    }
+
+    /// Best combination of new columns beside the model's own: gain and factors.
+    fn least_squares(&self, data: &Dataset, lines: &[Vec<f64>]) -> (f64, Vec<f64>) {
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        let along =
+            |line: &[f64]| DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, line)));
+        let own: Vec<DVector<f64>> = lines.iter().map(|line| along(line)).collect();
+        let pull = along(&self.residual);
+        let size = lines.len();
+        let mut normal = DMatrix::zeros(size, size);
+        let mut gradient = DVector::zeros(size);
+        for row in 0..size {
+            for column in 0..size {
+                normal[(row, column)] =
+                    dot(&lines[row], &lines[column]) - (own[row].transpose() * inverse * &own[column])[0];
+            }
+            normal[(row, row)] += 1e-9 * square(&lines[row]) + f64::MIN_POSITIVE;
+            gradient[row] = dot(&lines[row], &self.residual) - (own[row].transpose() * inverse * &pull)[0];
+        }
+        let Some(factors) = normal.clone().cholesky().map(|cholesky| -cholesky.solve(&gradient)) else {
+            return (0.0, vec![0.0; size]);
+        };
+        (-gradient.dot(&factors), factors.iter().copied().collect())
+    }
+
+    /// Residuals of one measured quantity, measured minus simulated, missing ones as NaN.
+    pub fn residual_of(&self, data: &Dataset, output: usize) -> Vec<f64> {
+        data.measured[output].values.iter().zip(&self.prediction[output]).map(|(y, p)| y - p).collect()
+    }
+
+    /// Covariance of the coordinates that holds for residuals correlated within a block.
+    fn covariance(&self, data: &Dataset, block_s: f64) -> DMatrix<f64> {
+        let block = (block_s / data.interval_s).max(1.0) as usize;
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        let size = columns.len();
+        let mut middle = DMatrix::zeros(size, size);
+        let samples = data.len();
+        for start in (0..samples).step_by(block) {
+            let gradient = DVector::from_iterator(
+                size,
+                columns.iter().map(|column| {
+                    (0..data.measured.len())
+                        .map(|output| {
+                            let range = output * samples + start..output * samples + (start + block).min(samples);
+                            dot(&column[range.clone()], &self.residual[range])
+                        })
+                        .sum::<f64>()
+                }),
+            );
+            middle += &gradient * gradient.transpose();
+        }
+        for (index, unknown) in self.unknowns.iter().enumerate() {
+            middle[(index, index)] += unknown.prior.map_or(0.0, |(_, spread)| 1.0 / (spread * spread));
+        }
+        inverse * middle * inverse
+    }
+
+    /// By how much each coordinate would be found elsewhere with steps twice as long: that is the order of what the steps
+    /// themselves falsify.
+    fn shift_of_coarse_steps(&self, data: &Dataset) -> DVector<f64> {
+        let coarse = weighted_residual(data, &read(&self.model, data, drive(&self.model, data, Steps::Coarse)));
+        let change: Vec<f64> = coarse.iter().zip(&self.residual).map(|(coarse, fine)| coarse - fine).collect();
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        inverse * DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &change)))
+    }
+
+    /// Relative error of a constant that comes from what the model leaves out.
+    fn simplified(&self, place: Place, data: &Dataset) -> f64 {
+        let of_the_pwm = if data.origin.pwm_is_known { 0.0 } else { GUESSED_PWM };
+        let terms = self.model.terms.iter().map(|term| term.effect.simplification());
+        match place {
+            Place::Motor(INERTIA) => terms.map(|law| law.inertia).fold(SYSTEMATIC, f64::hypot),
+            Place::Motor(VISCOUS_FRICTION) => terms.map(|law| law.viscous_friction).fold(SYSTEMATIC, f64::hypot),
+            Place::Motor(_) => SYSTEMATIC,
+            Place::Term(term, _) => self.model.terms[term].effect.simplification().own.hypot(of_the_pwm),
+        }
+    }
+
+    /// Value, and 95 % interval, of every fitted constant: statistics, steps, and what else the model simplifies.
+    pub fn intervals(&self, data: &Dataset) -> Vec<Interval> {
+        let covariances = BLOCKS_S.map(|block_s| self.covariance(data, block_s));
+        let shift = self.shift_of_coarse_steps(data);
+        self.unknowns
+            .iter()
+            .enumerate()
+            .map(|(index, unknown)| {
+                let here = unknown.get(&self.model);
+                let systematic = self.simplified(unknown.place, data) * if unknown.logarithmic { 1.0 } else { here };
+                let variance = covariances.iter().map(|covariance| covariance[(index, index)]).fold(0.0, f64::max);
+                let half = Z95 * variance.sqrt().hypot(shift[index]).hypot(systematic);
+                let value =
+                    |coordinate: f64| if unknown.logarithmic { coordinate.exp() } else { coordinate * unknown.size };
+                // A constant cannot leave its range.
+                let bound = |coordinate: f64| value(coordinate).clamp(unknown.min, unknown.max);
+                Interval { place: unknown.place, value: value(here), ci95: [bound(here - half), bound(here + half)] }
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,187 @@
+//! The way down from a start: Levenberg and Marquardt's method. The sensitivities are simulated at each step or, where the
+//! effort says so and the step is short, corrected by what it changed (Broyden, Mathematics of Computation 19 (1965)).
+
+use super::sensitivities::Sensitivities;
+use super::{Effort, Fit, Prior, Unknown, prior_cost, square, torque_scale, unknowns, weighted_residual};
+use crate::dataset::Dataset;
+use crate::free_run::{Prediction, free_run};
+use motorbench_model::Model;
+use nalgebra::DVector;
+use std::sync::OnceLock;
+
+/// A step is tried with so many dampings...
+const TRIES: usize = 6;
+/// ... with sensitivities that were only corrected, with so many.
+const TRIES_CORRECTED: usize = 2;
+/// A step that gains more than this share of the cost leads to where the sensitivities are others.
+const FAR: f64 = 0.8;
+
+/// A fit on its way.
+pub(super) struct Search<'a> {
+    data: &'a Dataset,
+    unknowns: Vec<Unknown>,
+    at: Point,
+    damping: f64,
+}
+
+/// Where it is.
+struct Point {
+    model: Model,
+    prediction: Prediction,
+    residual: Vec<f64>,
+    cost: f64,
+}
+
+/// Sensitivities, and whether they are those of the place or corrected ones of another.
+struct Known {
+    sensitivities: Sensitivities,
+    is_simulated: bool,
+}
+
+impl Point {
+    fn new(model: Model, data: &Dataset, unknowns: &[Unknown]) -> Self {
+        let prediction = free_run(&model, data);
+        let residual = weighted_residual(data, &prediction);
+        let cost = square(&residual) + prior_cost(&model, unknowns);
+        Self { model, prediction, residual, cost }
+    }
+}
+
+impl<'a> Search<'a> {
+    pub fn new(start: &Model, data: &'a Dataset, prior: &Prior) -> Self {
+        let mut model = start.clone().with_the_known();
+        let unknowns = unknowns(&model, data, prior);
+        for unknown in &unknowns {
+            let coordinate = unknown.get(&model);
+            unknown.set(&mut model, coordinate);
+        }
+        Self { data, at: Point::new(model, data, &unknowns), unknowns, damping: 1e-3 }
+    }
+
+    pub fn run(mut self, effort: Effort) -> Fit {
+        self.settle();
+        let sensitivities = if effort.steps > 0 { self.descend(effort) } else { None };
+        let Point { model, prediction, residual, cost } = self.at;
+        Fit {
+            model,
+            prediction,
+            cost,
+            unknowns: self.unknowns,
+            residual,
+            steps: effort.sensitivities,
+            sensitivities: sensitivities.map_or_else(OnceLock::new, |found| {
+                let inverse = found.inverse();
+                OnceLock::from((found, inverse))
+            }),
+        }
+    }
+
+    /// Steps until none gains any more. Returns the sensitivities if those simulated last still hold.
+    fn descend(&mut self, effort: Effort) -> Option<Sensitivities> {
+        let simulated = |search: &Self| Known {
+            sensitivities: Sensitivities::simulated(
+                &search.at.model,
+                search.data,
+                &search.unknowns,
+                effort.sensitivities,
+            ),
+            is_simulated: true,
+        };
+        // Without a scale of the torques they leave out what a step changes along it.
+        let corrects = effort.corrects && !torque_scale::is_unknown(self.data);
+        let mut known = simulated(self);
+        let mut gained_before = f64::INFINITY;
+        let mut steps_left = effort.steps;
+        loop {
+            let left = self.step(&known);
+            self.settle();
+            let Some(before) = left else {
+                if known.is_simulated {
+                    return Some(known.sensitivities);
+                }
+                known = simulated(self);
+                continue;
+            };
+            let gained = before.cost - self.at.cost;
+            if gained < effort.least_gain * before.cost {
+                // So near the end they no longer change.
+                return known.is_simulated.then_some(known.sensitivities);
+            }
+            steps_left -= 1;
+            let pace = gained.max(std::mem::replace(&mut gained_before, gained));
+            let is_useless = self.at.cost - steps_left as f64 * pace > effort.useless_above;
+            if steps_left == 0 || is_useless {
+                return None;
+            }
+            if corrects && gained < FAR * before.cost {
+                known.correct(&self.moved(&before), &self.changed(&before));
+            } else {
+                known = simulated(self);
+            }
+        }
+    }
+
+    /// Goes to the most plausible scale of all torques, where the data say nothing of it.
+    fn settle(&mut self) {
+        if torque_scale::is_unknown(self.data) {
+            self.take_if_better(torque_scale::most_plausible(&self.at.model, &self.unknowns));
+        }
+    }
+
+    /// Goes to a model if it costs less than the present one; the point that it has left then.
+    fn take_if_better(&mut self, model: Model) -> Option<Point> {
+        let there = Point::new(model, self.data, &self.unknowns);
+        (there.cost < self.at.cost).then(|| std::mem::replace(&mut self.at, there))
+    }
+
+    /// One step; the point that it has left, `None` when no step is better.
+    fn step(&mut self, known: &Known) -> Option<Point> {
+        let normal = &known.sensitivities.normal;
+        let gradient = known.sensitivities.gradient(&self.at.model, &self.at.residual, &self.unknowns);
+        let before = self.damping;
+        for _ in 0..if known.is_simulated { TRIES } else { TRIES_CORRECTED } {
+            let mut damped = normal.clone();
+            for index in 0..damped.nrows() {
+                damped[(index, index)] += self.damping * normal[(index, index)].max(1e-9);
+            }
+            let Some(step) = damped.cholesky().map(|cholesky| cholesky.solve(&gradient)) else {
+                self.damping = (self.damping * 10.0).max(1e-6);
+                continue;
+            };
+            if let Some(left) = self.try_step(&step) {
+                self.damping = (self.damping * 0.2).max(1e-9);
+                return Some(left);
+            }
+            self.damping = (self.damping * 8.0).max(1e-4);
+        }
+        if !known.is_simulated {
+            self.damping = before;
+        }
+        None
+    }
+
+    fn try_step(&mut self, step: &DVector<f64>) -> Option<Point> {
+        let mut model = self.at.model.clone();
+        for (unknown, step) in self.unknowns.iter().zip(step.iter()) {
+            let limit = if unknown.logarithmic { 1.0 } else { 5.0 };
+            unknown.set(&mut model, unknown.get(&self.at.model) - step.clamp(-limit, limit));
+        }
+        self.take_if_better(model)
+    }
+
+    /// By how much each coordinate has moved.
+    fn moved(&self, before: &Point) -> Vec<f64> {
+        self.unknowns.iter().map(|unknown| unknown.get(&self.at.model) - unknown.get(&before.model)).collect()
+    }
+
+    fn changed(&self, before: &Point) -> Vec<f64> {
+        self.at.residual.iter().zip(&before.residual).map(|(after, before)| after - before).collect()
+    }
+}
+
+impl Known {
+    fn correct(&mut self, moved: &[f64], changed: &[f64]) {
+        self.sensitivities.correct(moved, changed);
+        self.is_simulated = false;
+    }
+}

@@ -1,0 +1,113 @@
+//! Sensitivities of the weighted residual to the numbers that a fit moves.
+
+use super::{Base, Unknown, dot, torque_scale};
+use crate::dataset::Dataset;
+use crate::free_run::Steps;
+use motorbench_model::Model;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Relative step of the finite differences.
+const DIFFERENCE: f64 = 2e-3;
+/// The same of a model whose events come sooner or later: as far as a few of them together, since each by itself leads astray.
+const DIFFERENCE_OVER_EVENTS: f64 = 4e-2;
+
+/// One column an unknown.
+#[derive(Clone, Debug)]
+pub(super) struct Sensitivities {
+    pub columns: Vec<Vec<f64>>,
+    /// Of the sum of squares and of what was known before, about half its second derivatives.
+    pub normal: DMatrix<f64>,
+}
+
+impl Sensitivities {
+    /// By finite differences, on all cores.
+    pub fn simulated(model: &Model, data: &Dataset, unknowns: &[Unknown], steps: Steps) -> Self {
+        let base = Base::new(model, data, steps);
+        // Without a current the data are nearly silent of some directions: there the error of a difference from one side
+        // would decide.
+        let both_sides = data.current().is_none();
+        let has_events = model.terms.iter().any(|term| term.effect.has_events());
+        let difference = if has_events { DIFFERENCE_OVER_EVENTS } else { DIFFERENCE };
+        let mut columns: Vec<Vec<f64>> = unknowns
+            .par_iter()
+            .map(|unknown| {
+                let change = |coordinate: f64| {
+                    let mut moved = model.clone();
+                    unknown.set(&mut moved, coordinate);
+                    base.change(&moved, unknown.place.changes_motion(model))
+                };
+                let here = unknown.get(model);
+                let [lowest, highest] = [unknown.min, unknown.max].map(|bound| bound / unknown.size);
+                let step = if here + difference > highest { -difference } else { difference };
+                let mut column = change(here + step);
+                if both_sides && (unknown.logarithmic || here - step > lowest) {
+                    column.iter_mut().zip(change(here - step)).for_each(|(there, back)| *there = 0.5 * (*there - back));
+                }
+                column.iter_mut().for_each(|change| *change /= step);
+                column
+            })
+            .collect();
+        if torque_scale::is_unknown(data) {
+            torque_scale::take_out(&mut columns, unknowns, model);
+        }
+        let normal = normal(&columns, unknowns);
+        Self { columns, normal }
+    }
+
+    /// Corrects them by a step that moved the unknowns by `moved` and the residuals by `changed`: they are to say just that
+    /// of it, and across it what they did (Broyden's rule). What was known before stays in the normal matrix.
+    pub fn correct(&mut self, moved: &[f64], changed: &[f64]) {
+        let length: f64 = moved.iter().map(|moved| moved * moved).sum();
+        if length == 0.0 {
+            return;
+        }
+        let mut missed = changed.to_vec();
+        for (column, moved) in self.columns.iter().zip(moved) {
+            missed.iter_mut().zip(column).for_each(|(missed, column)| *missed -= moved * column);
+        }
+        let shares = DVector::from_iterator(moved.len(), moved.iter().map(|moved| moved / length));
+        let along = DVector::from_iterator(moved.len(), self.columns.iter().map(|column| dot(column, &missed)));
+        let across = &along * shares.transpose();
+        self.normal += &across + across.transpose() + &shares * shares.transpose() * dot(&missed, &missed);
+        for (column, share) in self.columns.iter_mut().zip(shares.iter()) {
+            column.iter_mut().zip(&missed).for_each(|(column, missed)| *column += share * missed);
+        }
+    }
+
+    /// Half the gradient of the cost.
+    pub fn gradient(&self, model: &Model, residual: &[f64], unknowns: &[Unknown]) -> DVector<f64> {
+        let pulls = self.columns.iter().zip(unknowns).map(|(column, unknown)| {
+            let prior = unknown.prior.map_or(0.0, |(mean, spread)| (unknown.get(model) - mean) / (spread * spread));
+            dot(column, residual) + prior
+        });
+        DVector::from_iterator(self.columns.len(), pulls)
+    }
+
+    /// Inverse of the normal matrix; zeros where it has none.
+    pub fn inverse(&self) -> DMatrix<f64> {
+        let size = self.normal.nrows();
+        let least = 1e-9 * self.normal.trace().max(1e-12) / size as f64;
+        (&self.normal + DMatrix::identity(size, size) * least)
+            .try_inverse()
+            .unwrap_or_else(|| DMatrix::zeros(size, size))
+    }
+}
+
+fn normal(columns: &[Vec<f64>], unknowns: &[Unknown]) -> DMatrix<f64> {
+    let size = columns.len();
+    let mut normal = DMatrix::zeros(size, size);
+    for row in 0..size {
+        for column in 0..=row {
+            let value = dot(&columns[row], &columns[column]);
+            normal[(row, column)] = value;
+            normal[(column, row)] = value;
+        }
+    }
+    for (index, unknown) in unknowns.iter().enumerate() {
+        if let Some((_, spread)) = unknown.prior {
+            normal[(index, index)] += 1.0 / (spread * spread);
+        }
+    }
+    normal
+}

@@ -1,0 +1,125 @@
+//! What a table leaves without a name: in which of the two balances, and what it goes with.
+
+use super::line::{Errors, Line, rms};
+use super::{ALIKE_SHARE, Explanation, Friction, Level, NEEDED_SIGMAS};
+use crate::diagnose::outcome::{RmseGain, Unexplained};
+use crate::diagnose::{LEAST_OF_REST, NOTHING_SEEN};
+use motorbench_model::catalogue::ActsOn;
+
+/// A figure of a level.
+type Column = fn(&Level) -> f64;
+
+/// What a rest may go with, in words.
+const AXES: [(&str, Column); 4] = [
+    ("voltage", |level| level.u_V),
+    ("speed", |level| level.omega_rad_per_s),
+    ("current", |level| level.i_A),
+    ("load", |level| level.load_Nm),
+];
+/// Powers of the curve that is laid through it, and levels beyond its constants: few levels bear no more than a parabola.
+const MOST_POWERS: usize = 4;
+const LEVELS_TOO_MANY: usize = 3;
+/// Of few levels any curve explains something: half of a rest is seen to go with a column...
+const LEAST_SHARE: f64 = 0.5;
+/// ... and with another as well that explains it but for this share: without a load voltage, speed and current go together.
+const AS_WELL: f64 = 0.05;
+
+/// What one balance leaves.
+pub(super) struct Rest {
+    acts_on: ActsOn,
+    /// Errors at a level left out, that of the readings among them.
+    left: f64,
+    noise: f64,
+    /// Beside the greatest of what it is an error of.
+    of_greatest: f64,
+    depends_on: String,
+}
+
+impl Rest {
+    /// Of the voltages, by the explanation that is named; `fullest`: the one that was there before names were taken back.
+    pub fn of_voltage(levels: &[Level], named: &Explanation, fullest: &Explanation) -> Option<Self> {
+        let most_v = greatest(levels, |level| level.u_V);
+        let (left, noise) = (named.left_out_rmse_v, rms_of(levels, |level| level.voltage_error));
+        (!named.holds() || left >= ALIKE_SHARE * most_v).then(|| Self {
+            acts_on: ActsOn::Voltage,
+            left,
+            noise,
+            of_greatest: left / most_v,
+            depends_on: goes_with(levels, &fullest.left_v),
+        })
+    }
+
+    /// Of the torques, beside friction: more than the levels differ by, and a curve is in it.
+    pub fn of_torque(levels: &[Level], friction: &Friction) -> Option<Self> {
+        let most_a = greatest(levels, |level| level.i_A);
+        let (left, noise) = (friction.gain.rmse_after, rms_of(levels, |level| level.current_error));
+        (friction.lacks_sigmas >= NEEDED_SIGMAS && left >= ALIKE_SHARE * most_a).then(|| Self {
+            acts_on: ActsOn::Torque,
+            left,
+            noise,
+            of_greatest: left / most_a,
+            depends_on: goes_with(levels, &friction.left_nm),
+        })
+    }
+
+    /// Whether a name of the same balance explains too little beside it.
+    pub fn outweighs(&self, gain: &RmseGain) -> bool {
+        let explained = gain.rmse_before.powi(2) - gain.rmse_after.powi(2);
+        explained < LEAST_OF_REST * (self.left.powi(2) - self.noise.powi(2))
+    }
+
+    /// The greater of two.
+    pub fn greater(self, other: Self) -> Self {
+        if other.of_greatest > self.of_greatest { other } else { self }
+    }
+
+    /// In the words of every diagnosis.
+    pub fn told(self) -> Unexplained {
+        let share = 1.0 - (self.noise.min(self.left) / self.left).powi(2);
+        Unexplained { acts_on: self.acts_on, depends_on: self.depends_on, share }
+    }
+}
+
+fn greatest(levels: &[Level], of: Column) -> f64 {
+    levels.iter().map(of).fold(0.0, f64::max)
+}
+
+fn rms_of(levels: &[Level], of: Column) -> f64 {
+    rms(&levels.iter().map(of).collect::<Vec<_>>())
+}
+
+/// The column that a curve explains most by, and those that it explains as much by.
+fn goes_with(levels: &[Level], left: &[f64]) -> String {
+    let shares: Vec<(&str, f64)> = AXES.iter().map(|(name, of)| (*name, explained_share(levels, left, *of))).collect();
+    let most = shares.iter().map(|(_, share)| *share).fold(0.0, f64::max);
+    if most < LEAST_SHARE {
+        return NOTHING_SEEN.into();
+    }
+    let as_much = shares.iter().filter(|(_, share)| *share > most - AS_WELL).map(|(name, _)| *name);
+    as_much.collect::<Vec<_>>().join(" or ")
+}
+
+/// Share of the variance that a curve over a column explains, less what one through anything would.
+fn explained_share(levels: &[Level], left: &[f64], of: Column) -> f64 {
+    let most = greatest(levels, of).max(f64::MIN_POSITIVE);
+    let column = |power: usize| levels.iter().map(|level| (of(level) / most).powi(power as i32)).collect::<Vec<_>>();
+    let columns: Vec<Vec<f64>> =
+        (0..=MOST_POWERS.min(levels.len().saturating_sub(LEVELS_TOO_MANY))).map(column).collect();
+    let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
+    let alike = Errors::InProportion(vec![1.0; levels.len()]);
+    let variance = |powers: usize| Some(Line::new(&columns[..=powers], left, &alike)?.chi2_per_dof());
+    // A column of few values bears fewer powers.
+    let curve = (1..columns.len()).rev().find_map(variance);
+    curve.zip(variance(0)).filter(|(_, all)| *all > 0.0).map_or(0.0, |(curve, all)| 1.0 - curve / all)
+}
+
+/// How far from nothing a curve over speed or load is, beside the columns of a balance of torques.
+pub(super) fn curve_sigmas(levels: &[Level], columns: [&[f64]; 2], target_nm: &[f64], errors: &Errors) -> f64 {
+    let curves: [Column; 2] = [|level| level.omega_rad_per_s.powi(2), |level| level.load_Nm];
+    let sigmas = curves.into_iter().filter_map(|of| {
+        let curve: Vec<f64> = levels.iter().map(of).collect();
+        let line = Line::new(&[columns[0], columns[1], &curve], target_nm, errors)?;
+        Some(line.sigmas(2, line.noise()))
+    });
+    sigmas.fold(0.0, f64::max)
+}

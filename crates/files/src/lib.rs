@@ -1,0 +1,58 @@
+//! Opens the files that a person names. Where that fails it says what is expected and what may have been meant.
+
+pub mod text_file;
+
+use host_sim::scenario::{Scenario, ScenarioError};
+use motorbench_data::recording::{Recording, RecordingError};
+use motorbench_data::rig::{Rig, RigError};
+use motorbench_model::Model;
+use std::path::Path;
+
+/// Reads a recording, a CSV file. `names` maps column names of the file to those of this project:
+/// `("speed", "omega_rad_per_s")`.
+///
+/// # Errors
+/// [`RecordingError`], which names file and line.
+pub fn recording(path: &Path, names: &[(String, String)]) -> Result<Recording, RecordingError> {
+    let name = path.display().to_string();
+    if path.is_dir() {
+        let message =
+            "this is a folder; a recording (CSV) is expected, and diagnose takes all in a folder with --batch";
+        return Err(RecordingError::Table { name, message: message.into() });
+    }
+    let file = std::fs::File::open(path).map_err(|error| {
+        let source = text_file::explained(path, error);
+        RecordingError::Read { name: name.clone(), source }
+    })?;
+    if let Some(format) = text_file::other_format(path, "CSV") {
+        let message = format!(
+            "this is {format}; a recording (CSV) is expected, and `motorbench convert` makes one of other formats"
+        );
+        return Err(RecordingError::Table { name, message });
+    }
+    Recording::parse(&name, std::io::BufReader::new(file), names)
+}
+
+/// Reads a rig file.
+///
+/// # Errors
+/// [`RigError`], which names file, line or key.
+pub fn rig(path: &Path) -> Result<Rig, RigError> {
+    let name = path.display().to_string();
+    let text =
+        text_file::read(path, "a rig file (TOML)").map_err(|source| RigError::Read { path: name.clone(), source })?;
+    Rig::parse(&name, &text)
+}
+
+/// Reads a scenario; its model file is looked for beside it. With a `model` it runs that one in place of its own, which it
+/// need not have.
+///
+/// # Errors
+/// [`ScenarioError`], which says file, line or key, and what is expected.
+pub fn scenario(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError> {
+    let text = |path: &Path| {
+        text_file::read(path, "a scenario or its model (TOML)")
+            .map_err(|source| ScenarioError::Read { path: path.display().to_string(), source })
+    };
+    Scenario::parse(path, &text(path)?, model, |file| text(&path.with_file_name(file)))
+}

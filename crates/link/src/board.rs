@@ -1,0 +1,239 @@
+//! A board with the firmware, as far as an experiment needs it: real, or the simulated chip.
+
+use motorbench_core::message::{Sample, Trip};
+use motorbench_core::settings::{Param, Settings};
+use motorbench_data::names::trip_words;
+use std::time::{Duration, Instant};
+
+/// A board that trips without its host (`trip_host`) hears of it so often.
+pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
+/// The drive stops by itself when the program is silent for longer, whatever became of it. No round number: a board that has it
+/// has it of a program that was killed and could not take it back.
+pub const LOST_AFTER_MS: f32 = 501.0;
+
+/// Something that runs the firmware, with its binary stream on.
+pub trait Board {
+    /// Sends a line of the console and waits for its `ok`.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    fn command(&mut self, line: &str) -> Result<(), BoardError>;
+
+    /// Lets `duration_s` pass; the samples of the telemetry that have come since the last call, those that came while a
+    /// command was answered included.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError>;
+
+    /// Lets the board hear of its host, when the last such word is [`KEEP_ALIVE`] old.
+    ///
+    /// # Errors
+    /// [`BoardError`], when the line is gone.
+    fn stay_alive(&mut self) -> Result<(), BoardError>;
+}
+
+/// Why the board did not do what it was told.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BoardError {
+    /// The firmware refuses.
+    #[error("the board refuses `{line}`: {reply}{}", remedy(.reply))]
+    Refused {
+        /// What was sent.
+        line: String,
+        /// What came back.
+        reply: String,
+    },
+    /// No answer.
+    #[error("no answer to `{line}`: check port, baud rate, cable, and that the firmware runs")]
+    Silent {
+        /// What was sent.
+        line: String,
+    },
+    /// Commands may still get through.
+    #[error("the telemetry stopped: look at the cable and the supply of the board")]
+    NoTelemetry,
+    /// The drive switched itself off.
+    #[error("the drive tripped ({}): {}; then `motorbench connect clear`", trip_words(*.0), cause(*.0))]
+    Tripped(Trip),
+    /// The person stopped it.
+    #[error("stopped by hand")]
+    Interrupted,
+    /// The firmware or the connection failed.
+    #[error("{0}")]
+    Failed(String),
+}
+
+/// What to look for after a trip, with the settings that it goes by.
+pub fn cause(trip: Trip) -> &'static str {
+    match trip {
+        Trip::None => "nothing is wrong",
+        Trip::OverCurrentPeak => {
+            "the current exceeded `trip_peak`: too low for this amplitude or `slew_limit`, or is the shaft held?"
+        }
+        Trip::OverCurrentThermal => "is the shaft held, or `trip_continuous` too low?",
+        Trip::Stall => "is the shaft held, or the load too great? `trip_stall` 0 lets it stand",
+        Trip::EncoderSilent => {
+            "look at the encoder's cable; a motor that sticks looks the same, `trip_encoder` 0 lets it"
+        }
+        Trip::Runaway => "the feedback has the wrong sign: swap the encoder's A and B",
+        Trip::SensorRange => "look at the current sensor and its wires",
+        Trip::SupplyRange => "look at the motor's supply; `trip_supply_low` and `trip_supply_high` are its limits",
+        Trip::EmergencyStop => "release the emergency stop",
+        Trip::HostLost => "the program was silent for longer than `trip_host`",
+        Trip::MainLoopHung => "that is a fault of the firmware: please report it",
+    }
+}
+
+/// The limit that a trip goes by, where a setting is one.
+pub fn limit(trip: Trip) -> Option<&'static str> {
+    cause(trip).split('`').nth(1)
+}
+
+/// What a person does about a refusal that says what the console does about it.
+fn remedy(reply: &str) -> &'static str {
+    if reply.ends_with("clear it first") { " (`motorbench connect clear`)" } else { "" }
+}
+
+/// The board's own word on a trip comes within so much time.
+const LATCHED_S: f64 = 0.05;
+
+/// Allows the drive. A board that refuses for a trip it has latched says by that what to do about it.
+///
+/// # Errors
+/// [`BoardError`], [`BoardError::Tripped`] for such a trip.
+pub fn arm(board: &mut impl Board) -> Result<(), BoardError> {
+    match board.command("arm") {
+        Err(refused @ BoardError::Refused { .. }) => latched(board).and(Err(refused)),
+        done => done,
+    }
+}
+
+/// Forgets a trip. One whose cause is still there comes again at once.
+///
+/// # Errors
+/// [`BoardError`], [`BoardError::Tripped`] for such a trip.
+pub fn clear(board: &mut impl Board) -> Result<(), BoardError> {
+    board.command("clear")?;
+    latched(board)
+}
+
+/// Whether the board has no trip at present.
+fn latched(board: &mut impl Board) -> Result<(), BoardError> {
+    match board.samples(LATCHED_S)?.last() {
+        Some(Sample { trip, .. }) if *trip != Trip::None => Err(BoardError::Tripped(*trip)),
+        _ => Ok(()),
+    }
+}
+
+/// Has the drive stop by itself when this program dies, where the board's own `trip_host` is off; who calls this keeps the board
+/// alive. `settings` are those of the board.
+///
+/// # Errors
+/// [`BoardError`].
+pub fn watch_host(board: &mut impl Board, settings: &Settings) -> Result<(), BoardError> {
+    if settings.get(Param::TripHost) > 0.0 {
+        return Ok(());
+    }
+    board.command(&format!("set trip_host {LOST_AFTER_MS}"))
+}
+
+/// The drive off, and then the board's own `trip_host` again.
+///
+/// # Errors
+/// [`BoardError`].
+pub fn leave_host(board: &mut impl Board, settings: &Settings) -> Result<(), BoardError> {
+    board.command("disarm")?;
+    board.command(&format!("set trip_host {}", settings.get(Param::TripHost)))
+}
+
+/// The telemetry may pause this long, no longer.
+const PAUSE: Duration = Duration::from_secs(1);
+/// The program was held up when a look took longer than this: the line was not silent for all of it.
+const LOOK_AT_MOST: Duration = Duration::from_millis(200);
+
+/// How long nothing has come of the telemetry. Who drives a motor by its samples alone would drive it for ever without them:
+/// keeping the board alive does not ask for an answer.
+#[derive(Default)]
+pub struct Silence {
+    lasted: Duration,
+}
+
+impl Silence {
+    /// What came of a look that began then.
+    ///
+    /// # Errors
+    /// [`BoardError::NoTelemetry`], when it has lasted too long.
+    pub fn after(&mut self, look: Instant, came: &[Sample]) -> Result<(), BoardError> {
+        self.lasted = if came.is_empty() { self.lasted + look.elapsed().min(LOOK_AT_MOST) } else { Duration::ZERO };
+        if self.lasted > PAUSE { Err(BoardError::NoTelemetry) } else { Ok(()) }
+    }
+}
+
+/// How closely a board is looked at that is waited for.
+const LOOK_S: f64 = 0.1;
+/// A duration has passed when so much of it has.
+const PASSED: f64 = 0.98;
+
+/// The samples of a duration by the board's own clock, `rate_hz`: a busy computer that simulates it is slower than real time.
+/// The board hears of its host meanwhile.
+///
+/// # Errors
+/// [`BoardError`], [`BoardError::NoTelemetry`] when the duration does not pass.
+pub fn samples_of(board: &mut impl Board, duration_s: f64, rate_hz: f64) -> Result<Vec<Sample>, BoardError> {
+    let (mut samples, mut silence) = (Vec::new(), Silence::default());
+    let passed_s = |samples: &[Sample]| match (samples.first(), samples.last()) {
+        (Some(first), Some(last)) => f64::from(last.tick.wrapping_sub(first.tick) + 1) / rate_hz,
+        _ => 0.0,
+    };
+    while passed_s(&samples) < PASSED * duration_s {
+        board.stay_alive()?;
+        let look = Instant::now();
+        let came = board.samples(LOOK_S.min(duration_s))?;
+        silence.after(look, &came)?;
+        samples.extend(came);
+    }
+    Ok(samples)
+}
+
+/// The samples, if the drive did not switch itself off within them.
+///
+/// # Errors
+/// [`BoardError::Tripped`].
+pub fn untripped(samples: Vec<Sample>) -> Result<Vec<Sample>, BoardError> {
+    match samples.iter().map(|sample| sample.trip).find(|trip| *trip != Trip::None) {
+        Some(trip) => Err(BoardError::Tripped(trip)),
+        None => Ok(samples),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fake_board::FakeBoard as Fake;
+    use motorbench_core::settings::find;
+
+    #[test]
+    fn a_trip_that_stays_says_what_to_do() {
+        let mut board = Fake::that_sends(u32::MAX);
+        assert_eq!([arm(&mut board), clear(&mut board)], [Ok(()), Ok(())]);
+        board.trip = Trip::EmergencyStop;
+        let stays = BoardError::Tripped(Trip::EmergencyStop);
+        assert_eq!([arm(&mut board), clear(&mut board)], [Err(stays.clone()), Err(stays.clone())]);
+        assert!(stays.to_string().contains("release the emergency stop; then"));
+    }
+
+    #[test]
+    fn every_trip_says_what_to_look_for() {
+        for trip in (1..).map_while(Trip::from_number) {
+            let (cause, words) = (cause(trip), trip_words(trip));
+            assert!(words.contains(' ') && words.to_lowercase() == words, "{trip:?}: {words}");
+            for setting in cause.split('`').skip(1).step_by(2) {
+                assert!(find(setting.as_bytes()).is_some(), "{trip:?}: no setting {setting}");
+            }
+        }
+        assert_eq!([Trip::Runaway, Trip::EmergencyStop, Trip::Stall].map(limit), [None, None, Some("trip_stall")]);
+        let message = BoardError::Tripped(Trip::EncoderSilent).to_string();
+        assert!(message.contains("`trip_encoder` 0") && message.ends_with("`motorbench connect clear`"), "{message}");
+    }
+}

@@ -1,0 +1,683 @@
+//! The firmware over a serial line: a board on a USB port, or the simulated chip behind a pseudo-terminal.
+//!
+//! [`Link`] speaks the console's lines inside the binary stream of [`motorbench_core::protocol`]: telemetry goes on while a
+//! command is answered, and what is lost or damaged on the way is counted. When it is dropped it disarms the drive.
+
+use crate::board::{Board, BoardError, KEEP_ALIVE};
+use motorbench_core::message::{Sample, State};
+use motorbench_core::protocol::{Frame, StreamDecoder};
+use motorbench_core::settings::{Param, Settings, find};
+use std::io::{self, ErrorKind, Read, Write};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// After a reset the boot loader waits this long for a new program, at most.
+const START: Duration = Duration::from_secs(8);
+/// Between two calls to a board that starts.
+const CALL_AGAIN: Duration = Duration::from_millis(300);
+/// How long an answer may take; `show` is the longest.
+const ANSWER: Duration = Duration::from_secs(4);
+/// The same by the board's own clock, and by that on the wall whatever the board's says.
+const ANSWER_TICKS: u32 = 4000;
+const ANSWER_AT_MOST: Duration = Duration::from_secs(60);
+/// The same for who has pressed Ctrl-C.
+const LAST_ANSWER: Duration = Duration::from_secs(1);
+const LAST_ANSWER_TICKS: u32 = 1000;
+/// A line of the console has gone out within so much time, or the port takes nothing.
+const SENT: Duration = Duration::from_secs(2);
+/// A pause where what the port has cannot be read: another program's turn to read it.
+const NOT_OURS: Duration = Duration::from_millis(1);
+/// Why bytes vanish that no cable has lost; `PORT` stands for the port's name.
+pub const OTHER_READER: &str = "another program may be reading the port (`lsof PORT` names it)";
+/// How often a line is sent that may have been damaged on its way.
+const TRIES: u32 = 3;
+/// The same over a line that loses frames, as long as some come whole.
+const LOSSY_TRIES: u32 = 10;
+/// An answer that was damaged on its way is waited for so long by both clocks after what came of it last. With [`LATE`] that is
+/// well within [`LOST_AFTER_MS`](crate::board::LOST_AFTER_MS): the board shall not miss its host for it.
+const DAMAGED_ANSWER: Duration = Duration::from_millis(120);
+const DAMAGED_ANSWER_TICKS: u32 = 120;
+/// Stands in a reply where frames were lost within a line.
+const GAP: char = char::REPLACEMENT_CHARACTER;
+/// A late answer to a line that was given up is not waited for longer than this by both clocks.
+const LATE: Duration = Duration::from_millis(200);
+const LATE_TICKS: u32 = 200;
+/// [`KEEP_ALIVE`] in samples: by its own clock the board may be ahead of a program that the computer has let wait.
+const KEEP_ALIVE_TICKS: u32 = 100;
+/// The answer to a keep-alive is not waited for longer.
+const KEPT_ALIVE: Duration = Duration::from_millis(50);
+/// The greeting of a board that begins: two lines outside of any frame.
+const GREETING: &[u8] = b"# motorbench ";
+const GREETING_CAUSE: &[u8] = b"# reset: ";
+/// Ctrl-U: the console forgets the line so far.
+const FORGET: &str = "\x15";
+/// What the board says of its own, some time after the answer to `save`.
+const SAVED: &str = "# saved\n";
+/// Longer than the greeting, and than any frame.
+const OUTSIDE: usize = 256;
+/// Who takes leave of a board says three lines. From the second on, which ends the stream, its answers are no frames.
+const LEAVE: &[u8] = b"\ndisarm\nstream off\necho on\n";
+const LEAVE_LINES: usize = 3;
+/// Its answers are not waited for longer.
+const LEAVING: Duration = Duration::from_millis(500);
+/// Firmware and program understand each other within one version of the protocol.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");
+
+/// A serial line. A read that times out is no error: it returns 0 bytes.
+pub trait Line: Send {
+    /// Reads what has come, waiting a few milliseconds at most.
+    ///
+    /// # Errors
+    /// When the line is gone.
+    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize>;
+
+    /// Writes everything.
+    ///
+    /// # Errors
+    /// When the line is gone.
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
+}
+
+impl<T: Read + Write + Send + ?Sized> Line for Box<T> {
+    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        match self.read(buffer) {
+            // A pseudo-terminal whose other end is closed, and a USB port that was unplugged.
+            Ok(0) => Err(ErrorKind::BrokenPipe.into()),
+            Err(error) if is_pause(&error) => {
+                if error.kind() == ErrorKind::WouldBlock {
+                    std::thread::sleep(NOT_OURS);
+                }
+                Ok(0)
+            }
+            other => other,
+        }
+    }
+
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        let (begun, mut rest) = (Instant::now(), bytes);
+        while !rest.is_empty() {
+            match self.write(rest) {
+                Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                Ok(count) => rest = &rest[count..],
+                Err(error) if is_pause(&error) && begun.elapsed() < SENT => {}
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether a port can do nothing at present, but may later.
+fn is_pause(error: &io::Error) -> bool {
+    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock)
+}
+
+/// What was lost on the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Losses {
+    /// Frames that never came.
+    pub lost_frames: u32,
+    /// Of them those that came damaged.
+    pub damaged_frames: u32,
+}
+
+/// The firmware at the other end of a line.
+pub struct Link<L: Line> {
+    line: L,
+    decoder: StreamDecoder,
+    samples: Vec<Sample>,
+    reply: String,
+    /// When the last of it came, or was asked for, by both clocks.
+    replied: (Instant, u32),
+    /// What had been lost by then.
+    lost_before_reply: u32,
+    last_tick: Option<u32>,
+    /// What had been lost by the ticks at which more of it was noticed.
+    noticed: Vec<(u32, Losses)>,
+    /// When the last frame came.
+    heard: Instant,
+    /// What came since the end of the last frame: a board that begins anew greets there.
+    outside: Vec<u8>,
+    /// Lines whose answers are in `reply`, or may still come.
+    unanswered: u32,
+    /// When the board was last kept alive, by both clocks.
+    kept_alive: (Instant, u32),
+    gone: bool,
+    /// Set by Ctrl-C.
+    stopped: Arc<AtomicBool>,
+    /// What the firmware says of itself.
+    pub firmware: String,
+}
+
+impl<L: Line> Link<L> {
+    /// Waits for the firmware, checks its version and switches the binary stream on.
+    ///
+    /// # Errors
+    /// [`BoardError`]: nothing answers, or another version does.
+    pub fn start(line: L) -> Result<Self, BoardError> {
+        Self::start_unless(line, Arc::default())
+    }
+
+    /// The same for a person, whose Ctrl-C sets `stopped`: no answer is waited for any longer then, and for those to what is
+    /// said afterwards, that the drive be off, not for long.
+    ///
+    /// # Errors
+    /// As [`Link::start`], and [`BoardError::Interrupted`].
+    pub fn start_unless(line: L, stopped: Arc<AtomicBool>) -> Result<Self, BoardError> {
+        let mut link = Self {
+            line,
+            decoder: StreamDecoder::default(),
+            samples: Vec::new(),
+            reply: String::new(),
+            replied: (Instant::now(), 0),
+            lost_before_reply: 0,
+            last_tick: None,
+            noticed: Vec::new(),
+            heard: Instant::now(),
+            outside: Vec::new(),
+            unanswered: 0,
+            kept_alive: (Instant::now(), 0),
+            gone: false,
+            stopped,
+            firmware: String::new(),
+        };
+        link.firmware = link.call()?;
+        if version(&link.firmware) != VERSION {
+            // Text has no check sum: what is said twice was said.
+            link.firmware = link.call()?;
+        }
+        let version = version(&link.firmware);
+        if version != VERSION {
+            return Err(BoardError::Failed(format!(
+                "the board runs motorbench {version}, this program is {VERSION}: flash the firmware of this version (`cargo flash`), or use the program of that one"
+            )));
+        }
+        link.switch_over()?;
+        link.settle()?;
+        Ok(link)
+    }
+
+    /// From text to the binary stream, in which the answer comes.
+    fn switch_over(&mut self) -> Result<(), BoardError> {
+        for given_up in 0..TRIES {
+            match self.command("stream binary") {
+                Err(BoardError::Silent { .. } | BoardError::Failed(_) | BoardError::Refused { .. })
+                    if !self.gone && given_up + 1 < TRIES => {}
+                Err(error) => return Err(error),
+                Ok(()) => {
+                    // Perhaps to the line before; the stream then begins once more with the last.
+                    self.unanswered += given_up;
+                    return self.late_answers();
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Calls until the firmware says its version, as text. A board that was streaming is told to stop first.
+    fn call(&mut self) -> Result<String, BoardError> {
+        let end = Instant::now() + START;
+        while Instant::now() < end {
+            if self.is_stopped() {
+                return Err(BoardError::Interrupted);
+            }
+            // What a program that died has left of a line is not carried out.
+            self.write(format!("{FORGET}\nstream off\necho off\nversion\n").as_bytes())?;
+            let heard = self.hear(CALL_AGAIN)?;
+            let text = String::from_utf8_lossy(&heard).replace('\r', "");
+            let version = text.rfind("motorbench ").map(|at| text[at..].lines().next().unwrap_or_default().to_owned());
+            if let Some(version) = version.filter(|_| text.ends_with("ok\n")) {
+                return Ok(version);
+            }
+        }
+        Err(BoardError::Silent { line: "version".into() })
+    }
+
+    /// Everything that comes until nothing has come for some time, as it is.
+    fn hear(&mut self, duration: Duration) -> Result<Vec<u8>, BoardError> {
+        let (begun, mut last, mut heard, mut buffer) = (Instant::now(), Instant::now(), Vec::new(), [0; 1024]);
+        while last.elapsed() < duration && begun.elapsed() < START {
+            let count = self.line.receive(&mut buffer).map_err(|error| self.lost_line(&error))?;
+            heard.extend_from_slice(&buffer[..count]);
+            if count > 0 {
+                last = Instant::now();
+            }
+        }
+        Ok(heard)
+    }
+
+    /// Forgets what came before the stream was in step.
+    fn settle(&mut self) -> Result<(), BoardError> {
+        self.poll()?;
+        self.samples.clear();
+        self.outside.clear();
+        (self.decoder.lost, self.decoder.damaged) = (0, 0);
+        self.lost_before_reply = 0;
+        self.noticed.clear();
+        Ok(())
+    }
+
+    /// What was lost since the start.
+    pub fn losses(&self) -> Losses {
+        let StreamDecoder { lost, damaged, .. } = self.decoder;
+        // What came damaged since the last whole frame is lost as well.
+        Losses { lost_frames: lost.max(damaged), damaged_frames: damaged }
+    }
+
+    /// What of it was lost before a tick that came.
+    pub fn losses_before(&self, tick: u32) -> Losses {
+        let last = self.noticed.iter().rev().find(|(noticed, _)| *noticed <= tick);
+        last.map_or(Losses::default(), |(_, losses)| *losses)
+    }
+
+    /// The samples that have come and nobody has fetched: those before the line failed.
+    pub fn come(&mut self) -> Vec<Sample> {
+        std::mem::take(&mut self.samples)
+    }
+
+    /// Whether nothing more can be said to the firmware: the line is gone, or the board has begun anew.
+    pub fn is_gone(&self) -> bool {
+        self.gone
+    }
+
+    /// Sends a line of the console; the lines of its answer, without `# ` and without the closing `ok`.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn ask(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
+        if lines(line).nth(1).is_some() {
+            let reply = "error: more than one line, of which each has its own answer".into();
+            return Err(BoardError::Refused { line: line.into(), reply });
+        }
+        self.late_answers()?;
+        self.say(line)?;
+        let (begun, tick, is_last, before) = (Instant::now(), self.last_tick, self.is_stopped(), self.losses());
+        let (within, ticks) = if is_last { (LAST_ANSWER, LAST_ANSWER_TICKS) } else { (ANSWER, ANSWER_TICKS) };
+        while begun.elapsed() < within || self.is_slow(begun, tick, ticks) {
+            self.poll()?;
+            if let Some(answer) = self.answer(line) {
+                return answer;
+            }
+            // A board that is well has answered by then, and is told to stop the motor before it is left.
+            if !is_last && self.is_stopped() && begun.elapsed() > LAST_ANSWER {
+                return Err(BoardError::Interrupted);
+            }
+            if self.losses() != before && self.is_overdue() {
+                break;
+            }
+        }
+        Err(match self.losses() {
+            Losses { lost_frames: 0, damaged_frames: 0 } => BoardError::Silent { line: line.into() },
+            losses => damaged_line(losses, &format!("no answer to `{line}`")),
+        })
+    }
+
+    /// The same until an answer comes whole, as long as the line loses only some of them. A refused line had no effect: it is sent
+    /// again, as it may have been another when it arrived.
+    fn ask_again(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
+        for tried in 1.. {
+            let asked = self.ask_noting_losses(line);
+            let again = match &asked {
+                (Ok(lines), is_lossy) => *is_lossy && lines.iter().any(|line| line.contains(GAP)),
+                (Err(BoardError::Refused { .. }), is_lossy) => tried < TRIES || *is_lossy,
+                (Err(_), is_lossy) => *is_lossy,
+            };
+            if !again || tried >= LOSSY_TRIES {
+                return asked.0;
+            }
+        }
+        unreachable!("it has an end")
+    }
+
+    /// With whether frames were lost meanwhile, and others came, of a board that is there.
+    fn ask_noting_losses(&mut self, line: &str) -> (Result<Vec<String>, BoardError>, bool) {
+        let (begun, before) = (Instant::now(), self.losses());
+        let asked = self.ask(line);
+        let is_lossy = self.losses() != before && self.heard > begun && !self.gone && !self.is_stopped();
+        (asked, is_lossy)
+    }
+
+    /// Whether the board has had time enough for what was asked, and says other things.
+    fn is_overdue(&self) -> bool {
+        let (replied, tick) = self.replied;
+        let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick);
+        replied.elapsed() > DAMAGED_ANSWER && ticks > DAMAGED_ANSWER_TICKS
+    }
+
+    fn is_stopped(&self) -> bool {
+        self.stopped.load(Ordering::Relaxed)
+    }
+
+    /// Sends a line, whose answer then begins `reply`.
+    fn say(&mut self, line: &str) -> Result<(), BoardError> {
+        // Any line tells the board of its host.
+        self.kept_alive = (Instant::now(), self.last_tick.unwrap_or(0));
+        self.unanswered = self.unanswered.saturating_sub(self.answers()) + 1;
+        self.reply.clear();
+        (self.replied, self.lost_before_reply) = (self.kept_alive, self.decoder.lost);
+        // What a damaged line has left at the board ends before this one begins.
+        self.write(format!("\n{line}\n").as_bytes())
+    }
+
+    /// Lets the answers to lines that were given up come, so that they are not taken for that to the next one.
+    fn late_answers(&mut self) -> Result<(), BoardError> {
+        let (begun, tick) = (Instant::now(), self.last_tick);
+        while self.answers() < self.unanswered && (begun.elapsed() < LATE || self.is_slow(begun, tick, LATE_TICKS)) {
+            self.poll()?;
+        }
+        self.unanswered = 0;
+        Ok(())
+    }
+
+    /// Answers that `reply` has whole.
+    fn answers(&self) -> u32 {
+        let whole = self.reply.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        whole.filter(|line| *line == "ok\n" || line.starts_with("error: ")).count() as u32
+    }
+
+    /// Whether the board still sends, samples or a long answer that holds them up, and has not had so many ticks by its own
+    /// clock: a busy computer that simulates it, or carries what it says.
+    fn is_slow(&self, begun: Instant, tick: Option<u32>, within: u32) -> bool {
+        let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick.unwrap_or(0));
+        ticks < within && self.heard.elapsed() < ANSWER && begun.elapsed() < ANSWER_AT_MOST
+    }
+
+    /// The answer, once it is whole: it ends with the last line. An error before that belongs to what a damaged line had left at
+    /// the board, and what the board says of its own may follow.
+    fn answer(&self, line: &str) -> Option<Result<Vec<String>, BoardError>> {
+        let reply = self.reply.strip_suffix(SAVED).unwrap_or(&self.reply);
+        let last = reply.ends_with('\n').then(|| reply.lines().last())??;
+        if last == "ok" {
+            let lines = reply.lines().filter_map(|line| line.strip_prefix("# "));
+            return Some(Ok(lines.map(str::to_owned).collect()));
+        }
+        let refused = || Err(BoardError::Refused { line: line.into(), reply: last.into() });
+        last.starts_with("error: ").then(refused)
+    }
+
+    /// Lets the board hear of its host. A word that is damaged on its way is made good by the next.
+    fn keep_alive(&mut self) -> Result<(), BoardError> {
+        self.say("alive")?;
+        let end = Instant::now() + KEPT_ALIVE;
+        while self.answers() < self.unanswered && Instant::now() < end {
+            self.poll()?;
+        }
+        Ok(())
+    }
+
+    /// Saves the settings and waits until they are in the EEPROM, 3.4 ms a byte that differs.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn save(&mut self) -> Result<(), BoardError> {
+        self.command("save")?;
+        let end = Instant::now() + ANSWER;
+        while !self.reply.contains(SAVED) {
+            if Instant::now() > end {
+                return Err(BoardError::Failed("the board does not say that the settings are saved".into()));
+            }
+            self.poll()?;
+        }
+        Ok(())
+    }
+
+    /// The settings as the board has them: of a line that loses some of the list, what is whole of several.
+    ///
+    /// # Errors
+    /// [`BoardError`], also when it knows other settings than this program.
+    pub fn settings(&mut self) -> Result<Settings, BoardError> {
+        let mut known = [None; Param::COUNT];
+        for tried in 1..=LOSSY_TRIES {
+            let (lines, is_lossy) = match self.ask_noting_losses("show") {
+                (Ok(lines), is_lossy) => (lines, is_lossy),
+                (Err(_), true) => (self.whole_lines(), true),
+                // It may have been another line when it arrived.
+                (Err(BoardError::Refused { .. }), false) if tried < TRIES => continue,
+                (Err(error), false) => return Err(error),
+            };
+            take_settings(&lines, &mut known)?;
+            let unknown = known.iter().filter(|value| value.is_none()).count();
+            if unknown == 0 {
+                return Ok(Settings { values: known.map(Option::unwrap_or_default) });
+            }
+            if !is_lossy {
+                return Err(other_settings(lines.len(), Param::COUNT - unknown));
+            }
+        }
+        Err(damaged_line(self.losses(), "the settings do not come whole"))
+    }
+
+    /// What has come of an answer.
+    fn whole_lines(&self) -> Vec<String> {
+        let whole = self.reply.split_inclusive('\n').filter_map(|line| line.strip_prefix("# ")?.strip_suffix('\n'));
+        whole.map(str::to_owned).collect()
+    }
+
+    /// The value that the board shows of one setting.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn shows(&mut self, setting: &str) -> Result<Option<f32>, BoardError> {
+        let mut shown = None;
+        for _ in 0..LOSSY_TRIES {
+            let before = self.losses();
+            let lines = self.ask_again(&format!("show {setting}"))?;
+            shown = lines.first().and_then(|line| line.split(' ').nth(1)?.parse().ok());
+            if shown.is_some() || self.losses() == before {
+                break;
+            }
+        }
+        Ok(shown)
+    }
+
+    /// Whether samples of a sequence come that nobody has fetched: a busy computer may be behind.
+    fn comes_to_play(&mut self) -> Result<bool, BoardError> {
+        let begun = Instant::now();
+        loop {
+            if self.samples.iter().any(|sample| sample.state.has(State::PLAYING)) {
+                return Ok(true);
+            }
+            if begun.elapsed() > LATE {
+                return Ok(false);
+            }
+            self.stay_alive()?;
+            self.poll()?;
+        }
+    }
+
+    /// Begins a sequence, once: whose answer is lost and which plays is not begun anew.
+    ///
+    /// # Errors
+    /// [`BoardError`].
+    pub fn begin(&mut self, order: &str) -> Result<(), BoardError> {
+        for tried in 1.. {
+            let (asked, is_lossy) = self.ask_noting_losses(order);
+            match asked {
+                Ok(_) => return Ok(()),
+                Err(_) if is_lossy && self.comes_to_play()? => return Ok(()),
+                Err(_) if is_lossy && tried < LOSSY_TRIES => {}
+                Err(BoardError::Refused { .. }) if tried < TRIES => {}
+                Err(error) => return Err(error),
+            }
+        }
+        unreachable!("it has an end")
+    }
+
+    /// Takes what has come.
+    fn poll(&mut self) -> Result<(), BoardError> {
+        let mut buffer = [0; 4096];
+        let count = self.line.receive(&mut buffer).map_err(|error| self.lost_line(&error))?;
+        for &byte in &buffer[..count] {
+            let frame = self.decoder.push(byte);
+            if frame.is_some() {
+                self.heard = Instant::now();
+            }
+            match frame {
+                Some(Frame::Sample(sample)) => self.take(sample)?,
+                Some(Frame::Text(text, length)) => {
+                    self.note_gap();
+                    self.reply += &String::from_utf8_lossy(&text[..length]).replace('\r', "");
+                }
+                None => {}
+            }
+            if byte == 0 {
+                self.outside.clear();
+            } else if self.outside.len() < OUTSIDE {
+                self.outside.push(byte);
+            }
+        }
+        self.greeted()
+    }
+
+    /// Text comes: whether it goes on where the last ended.
+    fn note_gap(&mut self) {
+        let is_within = !self.reply.is_empty() && !self.reply.ends_with('\n');
+        if is_within && self.decoder.lost != self.lost_before_reply {
+            self.reply.push(GAP);
+        }
+        self.replied = (Instant::now(), self.last_tick.unwrap_or(0));
+        self.lost_before_reply = self.decoder.lost;
+    }
+
+    /// Takes what the board says until so many answers have come outside of frames: a line keeps what nobody has read for the
+    /// program that opens it next.
+    fn take_rest(&mut self, answers: usize) {
+        let (begun, mut said, mut buffer) = (Instant::now(), Vec::new(), [0; 1024]);
+        while begun.elapsed() < LEAVING {
+            let Ok(count) = self.line.receive(&mut buffer) else { return };
+            said.extend_from_slice(&buffer[..count]);
+            let text = said.rsplit(|byte| *byte == 0).next().unwrap_or_default();
+            if String::from_utf8_lossy(text).matches("ok\r\n").count() >= answers {
+                return;
+            }
+        }
+    }
+
+    /// A board that begins anew greets, and streams nothing.
+    fn greeted(&mut self) -> Result<(), BoardError> {
+        let after = |bytes: &[u8], what: &[u8]| {
+            let at = bytes.windows(what.len()).position(|window| window == what)?;
+            Some(bytes[at + what.len()..].to_vec())
+        };
+        let Some(rest) = after(&self.outside, GREETING).and_then(|rest| after(&rest, GREETING_CAUSE)) else {
+            return Ok(());
+        };
+        // A busy host finds the board's next lines behind that one.
+        let Some(end) = rest.iter().position(|byte| *byte == b'\n') else { return Ok(()) };
+        self.gone = true;
+        Err(reset(String::from_utf8_lossy(&rest[..end]).trim_end()))
+    }
+
+    /// Ticks count up from a reset: one that goes back means another.
+    fn take(&mut self, sample: Sample) -> Result<(), BoardError> {
+        if self.last_tick.is_some_and(|last| sample.tick < last) {
+            self.gone = true;
+            return Err(reset("unknown"));
+        }
+        self.last_tick = Some(sample.tick);
+        let losses = self.losses();
+        if losses != self.noticed.last().map_or(Losses::default(), |(_, noticed)| *noticed) {
+            self.noticed.push((sample.tick, losses));
+        }
+        self.samples.push(sample);
+        Ok(())
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<(), BoardError> {
+        self.line.send(bytes).map_err(|error| self.lost_line(&error))
+    }
+
+    fn lost_line(&mut self, error: &io::Error) -> BoardError {
+        self.gone = true;
+        BoardError::Failed(format!(
+            "the connection is gone ({error}): plug the board in again; the drive stops by itself where `trip_host` is set, as record, tune, stand and autotune set it"
+        ))
+    }
+}
+
+/// Takes the values of a list of settings; lines that are not whole say nothing.
+fn take_settings(lines: &[String], known: &mut [Option<f32>; Param::COUNT]) -> Result<(), BoardError> {
+    for line in lines.iter().filter(|line| !line.contains(GAP)) {
+        let mut words = line.split(' ');
+        let (name, value) = (words.next().unwrap_or_default(), words.next().and_then(|word| word.parse().ok()));
+        match (find(name.as_bytes()), value) {
+            (Some(param), Some(value)) => known[param as usize] = Some(value),
+            _ => return Err(other_settings(lines.len(), known.iter().flatten().count())),
+        }
+    }
+    Ok(())
+}
+
+fn other_settings(listed: usize, known: usize) -> BoardError {
+    let all = Param::COUNT;
+    BoardError::Failed(format!(
+        "the board lists {listed} settings, of which this program knows {known} of its {all}: flash the firmware of this version"
+    ))
+}
+
+/// A text taken apart where the console ends a line.
+pub fn lines(text: &str) -> impl Iterator<Item = &str> {
+    text.split(['\r', '\n'])
+}
+
+/// What the firmware says of its version.
+fn version(greeting: &str) -> &str {
+    greeting.trim_start_matches("motorbench ").split([',', ' ']).next().unwrap_or_default()
+}
+
+/// `cause`: in the firmware's words.
+fn reset(cause: &str) -> BoardError {
+    let remedy = match cause {
+        "external" => "was its button pressed, or its port opened by another program?",
+        "power on" | "brown-out" => "look at its supply and the USB cable; does the motor draw from the same?",
+        "watchdog" | "main loop hung" | "panic" => "that is a fault of the firmware: please report it",
+        _ => "`motorbench connect status` says the cause; look for a loose supply",
+    };
+    BoardError::Failed(format!("the board was reset ({cause}), its drive is off: {remedy}"))
+}
+
+fn damaged_line(losses: Losses, what: &str) -> BoardError {
+    let Losses { lost_frames, damaged_frames } = losses;
+    BoardError::Failed(format!(
+        "{what}: {lost_frames} frames were lost on the line so far, of them {damaged_frames} damaged. Use a shorter cable, another USB port, no hub; keep the motor's leads away from it; or {OTHER_READER}"
+    ))
+}
+
+impl<L: Line> Board for Link<L> {
+    fn command(&mut self, line: &str) -> Result<(), BoardError> {
+        self.ask_again(line).map(|_| ())
+    }
+
+    fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError> {
+        let end = Instant::now() + Duration::from_secs_f64(duration_s);
+        loop {
+            self.poll()?;
+            if Instant::now() >= end {
+                return Ok(std::mem::take(&mut self.samples));
+            }
+        }
+    }
+
+    fn stay_alive(&mut self) -> Result<(), BoardError> {
+        let (spoke, tick) = self.kept_alive;
+        let now = self.last_tick.unwrap_or(0);
+        if spoke.elapsed() > KEEP_ALIVE || now.saturating_sub(tick) > KEEP_ALIVE_TICKS {
+            self.keep_alive()?;
+        }
+        Ok(())
+    }
+}
+
+impl<L: Line> Drop for Link<L> {
+    /// Leaves the motor without drive and the console as a person expects it; twice over a line that damages.
+    fn drop(&mut self) {
+        let times = if self.decoder.damaged == 0 { 1 } else { TRIES };
+        for _ in 0..if self.gone { 0 } else { times } {
+            let _ = self.line.send(LEAVE);
+        }
+        if !self.gone {
+            self.take_rest(LEAVE_LINES * times as usize - 1);
+        }
+    }
+}

@@ -1,0 +1,268 @@
+//! Recording an excitation that the firmware plays: everything that came, whatever ended it.
+
+use super::coverage::{Coverage, Covered, Lack};
+use super::{Line, Link, Losses};
+use crate::board::{Board, BoardError, Silence};
+use motorbench_core::excitation::{Player, Sequence};
+use motorbench_core::message::{Sample, State, Trip};
+use motorbench_core::settings::{Param, Settings};
+use std::time::{Duration, Instant};
+
+/// How closely the telemetry is fetched.
+const SLICE_S: f64 = 0.02;
+/// A sequence that has not begun after this long does not begin.
+const BEGINNING: Duration = Duration::from_secs(2);
+/// How often the drive is told to be off until it says so.
+const TRIES: u32 = 3;
+/// Samples of the beginning that may be lost, and bits that two roundings may differ by, when it is looked at what was played.
+const LOST_AT_FIRST: usize = 100;
+const ROUNDING: i32 = 2;
+
+/// What a recording lacks that was broken off: what else it would have had is in that.
+const REST: Lack = Lack { what: "the rest of its sequence", remedy: "play it whole" };
+
+/// How a recording ended that has not.
+pub const RUNNING: &str = "running";
+
+/// How a recording ended.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Ended {
+    /// The sequence was played to its end.
+    Complete,
+    /// The person stopped it.
+    Interrupted,
+    /// The drive switched itself off.
+    Tripped(#[serde(serialize_with = "by_its_name")] Trip),
+    /// The board refused what it was told.
+    Refused(String),
+    /// The board or the line failed.
+    Failed(String),
+}
+
+/// A trip as files have it.
+fn by_its_name<S: serde::Serializer>(trip: &Trip, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(&format_args!("{trip:?}"))
+}
+
+impl From<BoardError> for Ended {
+    fn from(error: BoardError) -> Self {
+        match error {
+            BoardError::Tripped(trip) => Self::Tripped(trip),
+            BoardError::Interrupted => Self::Interrupted,
+            refused @ BoardError::Refused { .. } => Self::Refused(refused.to_string()),
+            error => Self::Failed(error.to_string()),
+        }
+    }
+}
+
+/// A recording and how it came about.
+#[derive(Clone, Debug)]
+pub struct Record {
+    /// The samples from the first to the last of the sequence.
+    pub samples: Vec<Sample>,
+    /// The settings it was made with.
+    pub settings: Settings,
+    /// How it ended.
+    pub ended: Ended,
+    /// What was lost on the line.
+    pub losses: Losses,
+}
+
+impl Record {
+    /// Ticks between the first and the last sample of which nothing came.
+    pub fn missing_ticks(&self) -> u32 {
+        missing_ticks(&self.samples)
+    }
+
+    /// What it has covered of what an identification needs.
+    pub fn coverage(&self) -> Covered {
+        let mut coverage = Coverage::new(&self.settings);
+        coverage.add(&self.samples);
+        let mut covered = coverage.covered();
+        if self.ended != Ended::Complete {
+            covered.lacks = vec![REST];
+        }
+        covered
+    }
+
+    /// What a recording's side file says.
+    pub fn side_file(&self, firmware: &str, sequence: &str) -> serde_json::Value {
+        let mut side = side_file_of_running(&self.settings, firmware, sequence);
+        side["samples"] = self.samples.len().into();
+        side["missing_ticks"] = self.missing_ticks().into();
+        side["losses"] = serde_json::json!(self.losses);
+        side["coverage"] = serde_json::json!(self.coverage());
+        side["ended"] = serde_json::json!(self.ended);
+        side
+    }
+}
+
+/// What the side file says while a recording grows, which a program that is killed leaves.
+pub fn side_file_of_running(settings: &Settings, firmware: &str, sequence: &str) -> serde_json::Value {
+    serde_json::json!({
+        "program": format!("motorbench {}", super::VERSION),
+        "firmware": firmware,
+        "sequence": sequence,
+        "rate_Hz": settings.get(Param::TickRate),
+        "ended": RUNNING,
+        "settings": by_name(settings),
+    })
+}
+
+/// Ticks between the first and the last of some samples of which nothing came.
+pub fn missing_ticks(samples: &[Sample]) -> u32 {
+    samples.windows(2).map(|pair| pair[1].tick.wrapping_sub(pair[0].tick).saturating_sub(1)).sum()
+}
+
+/// Settings by their names on the console, as short as they are there: 0.05 is not 0.05000000074505806.
+pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value> {
+    let decimal = |value: f32| value.to_string().parse::<f64>().unwrap_or_else(|_| value.into());
+    Param::ALL
+        .iter()
+        .map(|param| (motorbench_data::names::setting_name(*param), decimal(settings.get(*param)).into()))
+        .collect()
+}
+
+/// Plays `order`, a `sequence` line of the console, in the present mode of an armed drive, and records it; disarms at the
+/// end. `stop` is asked again and again whether the person wants to; `hears` gets the samples of the sequence as they come,
+/// and ends the recording when it cannot keep them.
+///
+/// What has come is never thrown away: whatever goes wrong is in [`Record::ended`].
+pub fn record<L: Line>(
+    link: &mut Link<L>,
+    settings: Settings,
+    order: &str,
+    stop: &dyn Fn() -> bool,
+    hears: Hears,
+) -> Record {
+    let mut samples = Vec::new();
+    let mut ended = play(link, order, &mut samples, stop, hears).unwrap_or_else(Ended::from);
+    if matches!(ended, Ended::Failed(_)) {
+        // What had come before the line failed, and was still on its way from the link to here.
+        let before = samples.len();
+        if let Err(error) = keep(&link.come(), &mut samples) {
+            ended = error.into();
+        }
+        let _ = hears(&samples[before..]);
+    }
+    let off = switched_off(link);
+    let ended = match (ended, off) {
+        (Ended::Complete, Err(error)) => Ended::Failed(error.to_string()),
+        (ended, _) => ended,
+    };
+    // What was lost after the last sample is none of a recording that was broken off: its samples are as many without it.
+    let losses = match (&ended, samples.last()) {
+        (Ended::Complete, _) | (_, None) => link.losses(),
+        (_, Some(last)) => link.losses_before(last.tick),
+    };
+    Record { samples, settings, ended, losses }
+}
+
+/// Who gets the samples while they come; what they could not be kept for is the error.
+pub type Hears<'a> = &'a mut dyn FnMut(&[Sample]) -> Result<(), String>;
+
+/// The drive is told until it has heard it, or until the line is gone.
+fn switched_off<L: Line>(link: &mut Link<L>) -> Result<(), BoardError> {
+    let mut off = link.command("disarm");
+    for _ in 1..TRIES {
+        if off.is_err() && !link.is_gone() {
+            off = link.command("disarm");
+        }
+    }
+    off
+}
+
+fn play<L: Line>(
+    link: &mut Link<L>,
+    order: &str,
+    samples: &mut Vec<Sample>,
+    stop: &dyn Fn() -> bool,
+    hears: Hears,
+) -> Result<Ended, BoardError> {
+    link.samples(0.0)?;
+    link.begin(order)?;
+    let mut silence = Silence::default();
+    let begun = Instant::now();
+    loop {
+        link.stay_alive()?;
+        let slice = Instant::now();
+        let came = link.samples(SLICE_S)?;
+        silence.after(slice, &came)?;
+        let before = samples.len();
+        let ended = keep(&came, samples);
+        hears(&samples[before..]).map_err(BoardError::Failed)?;
+        if let Some(ended) = ended? {
+            return Ok(ended);
+        }
+        if samples.is_empty() && begun.elapsed() > BEGINNING {
+            return Err(BoardError::Failed(
+                "the sequence does not begin: is the drive armed and in the right mode?".into(),
+            ));
+        }
+        if stop() {
+            link.command("stop")?;
+            return Ok(Ended::Interrupted);
+        }
+    }
+}
+
+/// Keeps the samples of the sequence, and says when it is over.
+fn keep(came: &[Sample], samples: &mut Vec<Sample>) -> Result<Option<Ended>, BoardError> {
+    for sample in came {
+        if sample.trip != Trip::None {
+            samples.push(*sample);
+            return Err(BoardError::Tripped(sample.trip));
+        }
+        if sample.state.has(State::PLAYING) {
+            samples.push(*sample);
+        } else if !samples.is_empty() {
+            return Ok(Some(Ended::Complete));
+        }
+    }
+    Ok(None)
+}
+
+/// Whether samples have the references of a sequence. What is told to the board has no check sum: a line that damages what it
+/// carries can make another sequence of it.
+pub fn is_played(samples: &[Sample], sequence: &Sequence) -> bool {
+    let playing: Vec<&Sample> = samples.iter().filter(|sample| sample.state.has(State::PLAYING)).collect();
+    let Some(first) = playing.first() else { return true };
+    // Positions are relative to where the sequence began.
+    let is_position = first.state.mode().is_position();
+    let lasted = playing[playing.len() - 1].tick.wrapping_sub(first.tick) as usize;
+    let mut player = Player::default();
+    player.start(sequence);
+    let mut plays: Vec<i32> = Vec::new();
+    while plays.len() <= lasted + LOST_AT_FIRST {
+        let play = player.step();
+        if play.done {
+            break;
+        }
+        plays.push(play.value.into());
+    }
+    (0..=LOST_AT_FIRST.min(plays.len())).any(|lost| {
+        let at = |sample: &Sample| plays.get(lost + sample.tick.wrapping_sub(first.tick) as usize).copied();
+        let origin = if is_position { first.reference - at(first).unwrap_or(0) } else { 0 };
+        playing.iter().all(|sample| at(sample).is_some_and(|play| (sample.reference - origin - play).abs() <= ROUNDING))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_end_is_written_as_programs_know_it() {
+        let written = |ended: Ended| serde_json::to_value(ended).unwrap();
+        assert_eq!(written(Ended::Complete), "complete");
+        assert_eq!(written(Ended::Tripped(Trip::OverCurrentPeak)), serde_json::json!({ "tripped": "OverCurrentPeak" }));
+    }
+
+    #[test]
+    fn settings_are_written_as_they_were_set() {
+        let mut settings = Settings::defaults();
+        settings.set(Param::SpeedKp, 0.055_108).unwrap();
+        assert_eq!(by_name(&settings)["speed_kp"].to_string(), "0.055108");
+    }
+}

@@ -1,0 +1,349 @@
+//! The extended model: the linear motor and the effects found, with their constants.
+//!
+//! As a file:
+//! ```toml
+//! [motor]
+//! resistance_ohm = 5.8
+//! # …
+//! [effects.coulomb_friction]
+//! torque_Nm = 0.004
+//! ```
+
+use crate::catalogue::{Alone, DryLosses, Effect, OffPhase, Scales, effect};
+use crate::motor::{MotorParameters, NonPhysical};
+use motorbench_text::keys;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use toml::de::DeTable;
+
+/// An effect with values for its constants.
+#[derive(Clone)]
+pub struct Term {
+    /// Which effect.
+    pub effect: &'static dyn Effect,
+    /// Its constants, in the order of [`About::parameters`](crate::catalogue::About::parameters).
+    pub values: Vec<f64>,
+}
+
+impl Term {
+    /// Identifier of its effect.
+    pub fn id(&self) -> &'static str {
+        self.effect.about().id
+    }
+
+    /// How many of its constants a fit moves.
+    pub fn moving(&self) -> usize {
+        let constants = self.effect.about().parameters.iter().zip(&self.values);
+        constants.filter(|(constant, value)| constant.moves(**value)).count()
+    }
+
+    /// See [`Effect::turn`].
+    pub fn turn(&self) -> i8 {
+        self.effect.turn(&self.values)
+    }
+
+    /// See [`Effect::dry_losses`].
+    pub fn dry_losses(&self) -> DryLosses {
+        self.effect.dry_losses(&self.values)
+    }
+
+    /// Whether it is more than nothing.
+    pub fn is_there(&self) -> bool {
+        let is_something = |index: usize| self.values[index] != self.effect.about().parameters[index].nothing();
+        self.effect.strengths().into_iter().all(|mut group| group.any(is_something))
+    }
+
+    /// Whether it follows another of its laws than the usual one.
+    pub fn has_another_law(&self) -> bool {
+        let mut constants = self.effect.about().parameters.iter().zip(&self.values);
+        constants.any(|(constant, value)| constant.unsaid.is_some_and(|usual| usual != *value))
+    }
+
+    /// Places, names and values of its constants, without those that go without saying.
+    pub fn said(&self) -> impl Iterator<Item = (usize, &'static str, f64)> {
+        let parameters = self.effect.about().parameters.iter().zip(&self.values).enumerate();
+        parameters
+            .filter(|(_, (parameter, value))| parameter.unsaid != Some(**value))
+            .map(|(index, (parameter, value))| (index, parameter.name, *value))
+    }
+}
+
+impl std::fmt::Debug for Term {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}{:?}", self.id(), self.said().map(|(_, name, value)| (name, value)).collect::<Vec<_>>())
+    }
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The linear motor.
+    pub motor: MotorParameters,
+    /// What it takes besides.
+    pub terms: Vec<Term>,
+}
+
+#[derive(Serialize, Deserialize)]
+struct ModelFile {
+    motor: MotorParameters,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    effects: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+/// Why a model file cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum ModelError {
+    /// It is not TOML, a constant of the motor is missing, or a value is not a number.
+    #[error("{0}")]
+    Syntax(String),
+    /// A table that is none, and looks like one.
+    #[error("line {line}: unknown table [{key}]; did you mean [{meant}]?")]
+    UnknownTable {
+        /// Where.
+        line: usize,
+        /// What stands there.
+        key: String,
+        /// What was meant.
+        meant: &'static str,
+    },
+    /// A constant that no motor has.
+    #[error("[motor] {0}")]
+    Motor(#[from] NonPhysical),
+    /// An effect that the catalogue does not have.
+    #[error("line {line}: [effects.{id}]: no such effect{meant}; there are {known}")]
+    UnknownEffect {
+        /// Where.
+        line: usize,
+        /// What was asked for.
+        id: String,
+        /// What was meant, as the message says it.
+        meant: String,
+        /// What there is.
+        known: String,
+    },
+    /// The constants of an effect are not those of the catalogue.
+    #[error("line {line}: [effects.{id}]: expected {expected}; {name} is {what}")]
+    EffectConstants {
+        /// Where: of the constant, or of the effect that lacks it.
+        line: usize,
+        /// Which effect.
+        id: String,
+        /// Its constants.
+        expected: String,
+        /// Which is wrong.
+        name: String,
+        /// How.
+        what: String,
+    },
+}
+
+impl Model {
+    /// A linear motor alone.
+    pub fn linear(motor: MotorParameters) -> Self {
+        Self { motor, terms: Vec::new() }
+    }
+
+    /// By how much the voltage comes later than it was asked for.
+    pub fn delay_s(&self) -> f64 {
+        self.terms.iter().map(|term| term.effect.delay_s(&term.values)).sum()
+    }
+
+    /// By how much a tachogenerator shows the speed later than it is.
+    pub fn tachogenerator_lag_s(&self) -> f64 {
+        self.terms.iter().map(|term| term.effect.tachogenerator_lag_s(&term.values)).sum()
+    }
+
+    /// The same with one effect more. Of its last constants those may be left out that go without saying.
+    pub fn with(&self, effect: &'static dyn Effect, mut values: Vec<f64>) -> Self {
+        let unsaid = effect.about().parameters[values.len()..].iter().map(|parameter| parameter.unsaid);
+        values.extend(unsaid.map(|value| value.expect("every constant that has to be said is given")));
+        let mut terms = self.terms.clone();
+        terms.push(Term { effect, values });
+        Self { motor: self.motor, terms }
+    }
+
+    /// The same with one effect more, at the first of its starts.
+    pub fn with_start(&self, effect: &'static dyn Effect, scales: &Scales) -> Self {
+        self.with(effect, effect.starts(scales).swap_remove(0))
+    }
+
+    /// The same with other values of one of its terms.
+    pub fn with_values(&self, term: usize, values: Vec<f64>) -> Self {
+        let mut model = self.clone();
+        model.terms[term].values = values;
+        model
+    }
+
+    /// The same without an effect.
+    pub fn without(&self, id: &str) -> Self {
+        let terms = self.terms.iter().filter(|term| term.id() != id).cloned().collect();
+        Self { motor: self.motor, terms }
+    }
+
+    /// Those of its terms that are chosen, in their turn.
+    pub fn in_turn(&self, chosen: impl Fn(&dyn Effect) -> bool) -> Vec<&Term> {
+        let mut terms: Vec<&Term> = self.terms.iter().filter(|term| chosen(term.effect)).collect();
+        terms.sort_by_key(|term| term.turn());
+        terms
+    }
+
+    /// Whether it has an effect.
+    pub fn has(&self, id: &str) -> bool {
+        self.term(id).is_some()
+    }
+
+    /// One of its effects.
+    pub fn term(&self, id: &str) -> Option<&Term> {
+        self.terms.iter().find(|term| term.id() == id)
+    }
+
+    /// The same with those constants at what is known of them that nothing else decides here.
+    pub fn with_the_known(mut self) -> Self {
+        for index in 0..self.terms.len() {
+            if self.holds(&self.terms[index]) {
+                let term = &mut self.terms[index];
+                for (value, constant) in term.values.iter_mut().zip(term.effect.about().parameters) {
+                    *value = constant.known.map_or(*value, |(mean, _)| mean);
+                }
+            }
+        }
+        self
+    }
+
+    /// Whether a term's constants are held at what is known of them.
+    pub fn holds(&self, term: &Term) -> bool {
+        term.effect.known_beside().is_some_and(|id| self.has(id))
+    }
+
+    /// What of the inertia turns with the motor's own shaft.
+    pub fn motor_share(&self) -> f64 {
+        self.terms.iter().map(|term| term.effect.motor_share(&term.values)).product()
+    }
+
+    /// What its effects take at any speed and current.
+    pub fn dry_losses(&self) -> DryLosses {
+        self.terms.iter().map(Term::dry_losses).sum()
+    }
+
+    /// What a bridge does between pulses for it.
+    pub fn off_phase(&self) -> OffPhase {
+        self.terms.iter().find_map(|term| term.effect.off_phase(&term.values)).unwrap_or(OffPhase::Brakes)
+    }
+
+    /// What an effect is in it that lacks the one that it stands on; nothing if it does not lack it.
+    pub fn alone(&self, effect: &dyn Effect) -> Option<Alone> {
+        effect.stands_on().filter(|(other, _)| !self.has(other)).map(|(_, alone)| alone)
+    }
+
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// [`ModelError`], which names line or key.
+    pub fn parse(text: &str) -> Result<Self, ModelError> {
+        let syntax = |error: toml::de::Error| ModelError::Syntax(keys::explained(&error));
+        // Other tables belong to the rig or the scenario in whose file the model stands.
+        for key in DeTable::parse(text).map_err(syntax)?.get_ref().keys().map(|key| key.get_ref()) {
+            let slip = |meant: &&str| *meant != key.as_ref();
+            if let Some(meant) = keys::nearest(key, ["motor", "effects"]).filter(slip) {
+                let line = keys::line(text, &[key]).unwrap_or(1);
+                return Err(ModelError::UnknownTable { line, key: key.to_string(), meant });
+            }
+        }
+        let file: ModelFile = toml::from_str(text).map_err(syntax)?;
+        file.motor.check()?;
+        let term = |(id, constants): (&String, _)| read_term(text, id, constants);
+        let terms = file.effects.iter().map(term).collect::<Result<_, _>>()?;
+        Ok(Self { motor: file.motor, terms })
+    }
+
+    /// Its effects by their identifiers, the constants of each by their names.
+    pub fn effects(&self) -> BTreeMap<String, BTreeMap<String, f64>> {
+        let constants = |term: &Term| term.said().map(|(_, name, value)| (name.into(), value)).collect();
+        self.terms.iter().map(|term| (term.id().into(), constants(term))).collect()
+    }
+
+    /// The model as a file.
+    pub fn to_toml(&self) -> String {
+        toml::to_string(&ModelFile { motor: self.motor, effects: self.effects() }).expect("numbers and names are TOML")
+    }
+}
+
+fn read_term(text: &str, id: &str, constants: &BTreeMap<String, f64>) -> Result<Term, ModelError> {
+    let at = keys::line(text, &["effects", id]).unwrap_or(1);
+    let Some(effect) = effect(id) else {
+        let known = crate::catalogue::CATALOGUE.map(|effect| effect.about().id);
+        let meant = keys::suggestion(keys::nearest(id, known));
+        return Err(ModelError::UnknownEffect { line: at, id: id.into(), meant, known: known.join(", ") });
+    };
+    let parameters = effect.about().parameters;
+    let error = |name: &str, what: String| ModelError::EffectConstants {
+        line: keys::line(text, &["effects", id, name]).unwrap_or(at),
+        id: id.into(),
+        expected: parameters.iter().map(|parameter| parameter.name).collect::<Vec<_>>().join(", "),
+        name: name.into(),
+        what,
+    };
+    if let Some(name) = constants.keys().find(|name| parameters.iter().all(|parameter| parameter.name != *name)) {
+        let meant = keys::nearest(name, parameters.iter().map(|parameter| parameter.name));
+        return Err(error(name, format!("unknown{}", keys::suggestion(meant))));
+    }
+    let mut values = Vec::new();
+    for parameter in parameters {
+        let given = constants.get(parameter.name).copied().or(parameter.unsaid);
+        let value = given.ok_or_else(|| error(parameter.name, "missing".into()))?;
+        if !(parameter.min..=parameter.max).contains(&value) || !value.is_finite() {
+            return Err(error(parameter.name, "out of range".into()));
+        }
+        values.push(value);
+    }
+    Ok(Term { effect, values })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_file_comes_back() {
+        let model = Model::linear(MotorParameters::PIVT6)
+            .with(effect("cogging").unwrap(), vec![1e-3, -2e-3, 7.0])
+            .with(effect("voltage_drop").unwrap(), vec![1.5]);
+        let read = Model::parse(&model.to_toml()).unwrap();
+        assert_eq!(read.motor, model.motor);
+        assert_eq!(format!("{:?}", read.terms), format!("{:?}", model.terms));
+    }
+
+    #[test]
+    fn errors_say_where() {
+        let motor = Model::linear(MotorParameters::PIVT6).to_toml();
+        let message = |more: &str| Model::parse(&format!("{motor}{more}")).unwrap_err().to_string();
+        assert!(
+            message("[effects.rust]\nx = 1").contains("[effects.rust]: no such effect; there are coulomb_friction")
+        );
+        assert!(message("[effects.coulomb_friction]\nx = 1").contains("expected torque_Nm; x is unknown"));
+        // The motor's table takes six lines, and the key stands in the second after it.
+        let slip = message("[effects.coulomb_friction]\ntorque_nm = 1");
+        assert!(
+            slip.starts_with("line 8: ") && slip.contains("torque_nm is unknown (did you mean torque_Nm?)"),
+            "{slip}"
+        );
+        let slip = message("[effects.coulomb_frition]\ntorque_Nm = 1");
+        assert!(slip.contains("line 7: ") && slip.contains("did you mean coulomb_friction?"), "{slip}");
+        assert_eq!(message("[efects.x]"), "line 7: unknown table [efects]; did you mean [effects]?");
+        let slip = Model::parse(&motor.replace("inductance_H", "inductance_h")).unwrap_err().to_string();
+        assert!(slip.contains("line 3") && slip.contains("did you mean `inductance_H`?"), "{slip}");
+        assert!(message("[effects.coulomb_friction]").contains("torque_Nm is missing"));
+        assert!(message("[effects.coulomb_friction]\ntorque_Nm = -1").contains("out of range"));
+        assert!(Model::parse("[motor]\nresistance_ohm = 1").unwrap_err().to_string().contains("missing field"));
+    }
+
+    #[test]
+    fn dry_losses_are_of_friction_its_asymmetry_and_the_bridge() {
+        let file = Model::linear(MotorParameters::PIVT6).to_toml()
+            + "[effects.coulomb_friction]\ntorque_Nm = 0.5\n[effects.friction_asymmetry]\ndifference_Nm = 0.25\n\
+               [effects.voltage_drop]\ndrop_V = 2.0\n";
+        let losses = Model::parse(&file).unwrap().dry_losses();
+        assert_eq!((losses.friction_forward_nm, losses.friction_reverse_nm), (0.625, 0.375));
+        assert_eq!(losses.bridge_drop_v, 2.0);
+    }
+}

@@ -1,0 +1,201 @@
+//! The result as a page that a person reads in half a minute.
+
+use motorbench_diagnosis::dataset::TOLERANCE;
+use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome, RunnerUp, Unexplained, Verdict};
+use motorbench_diagnosis::diagnose::{DATA_SHEET_TOLERANCE, Diagnosis};
+use motorbench_model::catalogue::effect;
+use motorbench_text::terminal_text::{rounded, short, wrapped};
+use std::fmt::Write as _;
+
+/// The page, at most 80 columns, without colour.
+pub fn page(diagnosis: &Diagnosis) -> String {
+    let outcome = &diagnosis.outcome;
+    let mut text = String::new();
+    let _ = writeln!(text, "{}\n", verdict(outcome));
+    for (number, cause) in outcome.causes.iter().enumerate() {
+        text.push_str(&cause_lines(number + 1, cause, outcome));
+    }
+    text.push_str(&errors(outcome));
+    text.push_str(&parameters(outcome));
+    if !outcome.advice.is_empty() {
+        text.push_str("\nWhat to do\n");
+        for advice in &outcome.advice {
+            text.push_str(&wrapped(advice, "  - ", "    "));
+        }
+    }
+    text
+}
+
+/// The verdict in a sentence.
+pub fn verdict(outcome: &Outcome) -> String {
+    let names: Vec<String> = outcome.causes.iter().map(|cause| title(&cause.effect)).collect();
+    let names = names.join(", ");
+    match outcome.verdict {
+        Verdict::Sufficient => format!(
+            "The linear motor is sufficient: it leaves the sensors' noise, or less than {} %.",
+            100.0 * TOLERANCE
+        ),
+        Verdict::Explained => {
+            wrapped(&format!("The linear motor is not enough. The cause: {names}."), "", "").trim_end().into()
+        }
+        Verdict::PartlyExplained => wrapped(
+            &format!("The linear motor is not enough. Part of the cause: {names}. Something else remains."),
+            "",
+            "",
+        )
+        .trim_end()
+        .into(),
+        Verdict::Unexplained => "The linear motor is not enough, and the cause is none that is known here.".into(),
+    }
+}
+
+/// An effect's name in sentences, or what is wrong with a value.
+pub fn title(id: &str) -> String {
+    match id.strip_prefix("parameter:") {
+        Some(name) => match name.strip_suffix("_scale") {
+            Some(quantity) => format!("a {quantity} in another scale"),
+            None => format!("a wrong value of the {}", name.replace('_', " ")),
+        },
+        None => effect(id).map_or(id, |effect| effect.about().title).into(),
+    }
+}
+
+/// A value with its interval.
+pub fn estimate(estimate: &Estimate) -> String {
+    match estimate.ci95 {
+        Some([low, high]) => {
+            // As many digits as the interval is narrow.
+            let narrowness = (estimate.value / (high - low)).abs().log10();
+            let digits = if narrowness.is_finite() { (narrowness.ceil() as i32 + 2).clamp(3, 6) } else { 3 };
+            format!("{} [{}, {}]", rounded(estimate.value, digits), rounded(low, digits), rounded(high, digits))
+        }
+        None => short(estimate.value),
+    }
+}
+
+fn cause_lines(number: usize, cause: &Cause, outcome: &Outcome) -> String {
+    let (title, confidence) = (title(&cause.effect), 100.0 * cause.confidence);
+    let head = format!("{number}. {title} ({}), confidence {confidence:.0} %", cause.effect);
+    let mut text = wrapped(&head, "", "   ");
+    if let Some(effect) = effect(&cause.effect) {
+        text.push_str(&wrapped(effect.about().law, "   ", "   "));
+    }
+    for (name, value) in &cause.parameters {
+        let _ = writeln!(text, "   {name} = {}", estimate(value));
+    }
+    if let Some(sentence) = against_nominal(cause, outcome) {
+        text.push_str(&wrapped(&sentence, "   ", "   "));
+    }
+    for (channel, gain) in &cause.gain {
+        let _ = writeln!(
+            text,
+            "   error of {channel}: {} without it, {} with it",
+            short(gain.rmse_before),
+            short(gain.rmse_after)
+        );
+    }
+    if let Some(runner_up) = &cause.runner_up {
+        let runner_up = format!("next best in its place: {}, {}", runner_up.effect, how_much_worse(runner_up));
+        text.push_str(&wrapped(&runner_up, "   ", "   "));
+    }
+    if !cause.not_separable_from.is_empty() {
+        let others = cause.not_separable_from.join(", ");
+        text.push_str(&wrapped(&format!("this data cannot tell it from: {others}"), "   ", "   "));
+    }
+    text.push('\n');
+    text
+}
+
+fn errors(outcome: &Outcome) -> String {
+    let mut text = String::from("Error on data that no fit has seen (rms, free-running simulation)\n");
+    // As wide as the longest name of a channel is.
+    let width = outcome.fit["base"].keys().map(|channel| channel.len()).max().unwrap_or(0).max(20);
+    let _ = writeln!(text, "  {:width$} {:>10} {:>10} {:>10}   fit", "", "linear", "extended", "noise");
+    for (channel, base) in &outcome.fit["base"] {
+        let (extended, floor) = (&outcome.fit["extended"][channel], &outcome.fit["noise_floor"][channel]);
+        let _ = writeln!(
+            text,
+            "  {channel:width$} {:>10} {:>10} {:>10}   {:.1} % -> {:.1} %",
+            short(base.rmse),
+            short(extended.rmse),
+            short(floor.rmse),
+            base.fit_percent,
+            extended.fit_percent
+        );
+    }
+    if let Some(unexplained) = &outcome.unexplained {
+        text.push_str(&wrapped(&without_a_name(unexplained), "  ", "  "));
+    }
+    text
+}
+
+/// What has no name, in a sentence.
+pub fn without_a_name(unexplained: &Unexplained) -> String {
+    format!("Without a name: {:.0} % of what is left; {}.", 100.0 * unexplained.share, unexplained.place())
+}
+
+fn parameters(outcome: &Outcome) -> String {
+    let mut text = String::from("\nMotor\n");
+    let _ = writeln!(text, "  {:28} {:>10}   found [95 % interval]", "", "nominal");
+    for (name, parameter) in &outcome.parameters {
+        let nominal = parameter.nominal.map_or("-".into(), short);
+        let interval = parameter
+            .interval()
+            .map_or("not fitted".into(), |[low, high]| format!("{} .. {}", short(low), short(high)));
+        let _ = writeln!(text, "  {name:28} {nominal:>10} {:>10}   {interval}", short(parameter.value));
+    }
+    text
+}
+
+/// Of a wrong value: what it was taken for, and by how much it is beyond what a data sheet may be wrong by.
+pub(crate) fn against_nominal(cause: &Cause, outcome: &Outcome) -> Option<String> {
+    let name = cause.parameters.keys().next()?;
+    let nominal = outcome.parameters.get(&**name)?.nominal.filter(|_| cause.is_value())?;
+    Some(format!(
+        "nominal {}: off by {} standard errors more than the {:.0} % of a data sheet",
+        short(nominal),
+        short(cause.evidence_sigmas),
+        100.0 * DATA_SHEET_TOLERANCE
+    ))
+}
+
+/// How the next best compares, in words.
+pub(crate) fn how_much_worse(runner_up: &RunnerUp) -> String {
+    if runner_up.worse_by_sigmas > 0.0 {
+        format!("{} standard errors worse", short(runner_up.worse_by_sigmas))
+    } else {
+        "no worse".into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_diagnosis::diagnose::outcome::Parameter;
+    use std::collections::BTreeMap;
+
+    #[test]
+    fn a_wrong_value_is_told_beside_the_nominal_one() {
+        let found = Parameter { nominal: Some(0.07), value: 0.112, ci95: [0.11, 0.114] };
+        let estimate = Estimate { value: found.value, ci95: Some(found.ci95) };
+        let cause = Cause {
+            effect: "parameter:torque_constant".into(),
+            confidence: 0.97,
+            parameters: BTreeMap::from([("torque_constant_Nm_per_A".into(), estimate)]),
+            gain: BTreeMap::new(),
+            not_separable_from: Vec::new(),
+            evidence_sigmas: 11.0,
+            runner_up: None,
+        };
+        let outcome = Outcome {
+            verdict: Verdict::Explained,
+            causes: vec![cause.clone()],
+            unexplained: None,
+            parameters: BTreeMap::from([("torque_constant_Nm_per_A", found)]),
+            fit: BTreeMap::new(),
+            advice: Vec::new(),
+        };
+        let said = against_nominal(&cause, &outcome).unwrap();
+        assert!(said.starts_with("nominal 0.0700: off by 11.0 standard errors"), "{said}");
+    }
+}

@@ -1,0 +1,144 @@
+//! What a table says, for a terminal and for a browser.
+
+mod plots;
+
+use crate::diagnosis_text::{estimate, verdict, without_a_name};
+use crate::web_page::{code, document, escaped, list, table};
+use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate};
+use motorbench_diagnosis::steady_state::{Explanation, Level, Study};
+use motorbench_text::terminal_text::wrapped;
+use std::fmt::Write as _;
+
+const COLUMNS: [&str; 10] =
+    ["u_V", "i_A", "rpm", "emf_V", "P_in_W", "P_out_W", "eff", "T_Nm", "R_dyn_ohm", "missing_V"];
+/// Of the columns, in letters, and the digits after the point.
+const WIDTHS: [usize; 10] = [6, 6, 7, 6, 6, 7, 5, 6, 9, 9];
+const DIGITS: [usize; 10] = [2, 4, 1, 2, 2, 2, 3, 4, 2, 2];
+const EXPLANATIONS: &str = "Explanations of the missing voltage, error at a voltage left out";
+
+fn values(level: &Level) -> [f64; 10] {
+    [
+        level.u_V,
+        level.i_A,
+        level.rpm,
+        level.emf_V,
+        level.p_in_W,
+        level.p_out_W,
+        level.efficiency,
+        level.torque_Nm,
+        level.dynamic_resistance_ohm,
+        level.missing_V,
+    ]
+}
+
+fn terms(explanation: &Explanation) -> String {
+    if explanation.terms.is_empty() { "nominal values".into() } else { explanation.terms.join(" + ") }
+}
+
+fn constants(explanation: &Explanation) -> String {
+    let constants = explanation.constants.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
+    constants.collect::<Vec<_>>().join(", ")
+}
+
+fn parameters(cause: &Cause) -> String {
+    let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
+    constants.collect::<Vec<_>>().join(", ")
+}
+
+/// Constants for a page, one a line.
+fn constants_html<'a>(constants: impl Iterator<Item = (&'a str, &'a Estimate)>) -> String {
+    constants.map(|(name, value)| format!("{} = {}", code([name]), estimate(value))).collect::<Vec<_>>().join("<br>")
+}
+
+/// Terms for a page.
+fn terms_html(explanation: &Explanation) -> String {
+    let terms: Vec<String> = explanation.terms.iter().map(|term| code([&**term])).collect();
+    if terms.is_empty() { "nominal values".into() } else { terms.join(" + ") }
+}
+
+/// Measured and simulated, with what the colours mean.
+fn drawings(study: &Study) -> String {
+    let named = terms_html(study.named());
+    let as_good = study.as_good().map_or(String::new(), |other| {
+        format!(" Green, broad: {}, which explains the table as well.", terms_html(other))
+    });
+    format!(
+        "<h2>Measured and simulated</h2><p>The speed that voltage and current leave. Black: measured. Orange: nominal values. Blue: {named}.{as_good}</p>{}<p>The current that friction takes. Black: measured. Orange: viscous friction alone. Blue: with dry friction.</p>{}\n",
+        plots::speed_plot(study),
+        plots::current_plot(study)
+    )
+}
+
+/// The page for the terminal, at most 80 columns.
+pub fn page(study: &Study) -> String {
+    let mut text = format!("{}\n\n ", verdict(&study.outcome));
+    for (name, width) in COLUMNS.iter().zip(WIDTHS) {
+        let _ = write!(text, " {name:>width$}");
+    }
+    for level in &study.levels {
+        text += "\n ";
+        for ((value, width), digits) in values(level).iter().zip(WIDTHS).zip(DIGITS) {
+            let _ = write!(text, " {value:width$.digits$}");
+        }
+    }
+    let _ = writeln!(text, "\n\n{EXPLANATIONS}");
+    for explanation in &study.explanations {
+        let _ = writeln!(text, "  {:.3} V  {}", explanation.left_out_rmse_v, terms(explanation));
+        let constants = constants(explanation);
+        if !constants.is_empty() {
+            text += &wrapped(&constants, "           ", "           ");
+        }
+    }
+    text += "\nCauses\n";
+    for cause in &study.outcome.causes {
+        text += &wrapped(&format!("{}: {}", cause.effect, parameters(cause)), "  ", "    ");
+        if !cause.not_separable_from.is_empty() {
+            let others = cause.not_separable_from.join(", ");
+            text += &wrapped(&format!("not to be told from: {others}"), "    ", "    ");
+        }
+    }
+    if let Some(unexplained) = &study.outcome.unexplained {
+        text += "\n";
+        text += &wrapped(&without_a_name(unexplained), "  ", "  ");
+    }
+    text += "\nWhat to do\n";
+    for advice in &study.outcome.advice {
+        text += &wrapped(advice, "  - ", "    ");
+    }
+    text
+}
+
+/// The page as an HTML file.
+pub fn html(study: &Study, name: &str) -> String {
+    let mut body = format!("<h1>{}</h1>\n<p>{}</p>\n", escaped(&verdict(&study.outcome)), escaped(name));
+    let level =
+        |level: &Level| values(level).into_iter().zip(DIGITS).map(|(value, digits)| format!("{value:.digits$}"));
+    body += &table(&COLUMNS, study.levels.iter().map(level));
+    body += &drawings(study);
+    body += "<h2>Causes</h2>\n";
+    body += &table(
+        &["cause", "constants", "not to be told from"],
+        study.outcome.causes.iter().map(|cause| {
+            let others = code(cause.not_separable_from.iter().map(|id| &**id));
+            [
+                code([&*cause.effect]),
+                constants_html(cause.parameters.iter().map(|(name, value)| (&**name, value))),
+                others,
+            ]
+        }),
+    );
+    if let Some(unexplained) = &study.outcome.unexplained {
+        let _ = writeln!(body, "<p>{}</p>", escaped(&without_a_name(unexplained)));
+    }
+    let _ = writeln!(body, "<h2>{EXPLANATIONS}</h2>");
+    body += &table(
+        &["error", "explanation", "constants"],
+        study.explanations.iter().map(|explanation| {
+            let constants = constants_html(explanation.constants.iter().map(|(name, value)| (*name, value)));
+            [format!("{:.3} V", explanation.left_out_rmse_v), terms_html(explanation), constants]
+        }),
+    );
+    body += "<h2>What to do</h2>\n";
+    body += &list(study.outcome.advice.iter().map(String::as_str));
+    document(&format!("motorbench: {name}"), &body)
+}

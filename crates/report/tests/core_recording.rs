@@ -1,0 +1,61 @@
+//! What the core itself records of a motor is diagnosed as it is: from excitation through sensors and fixed point to the
+//! name of the cause, and nothing that the core's own sampling could be mistaken for.
+
+use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
+use host_sim::trial::Trial;
+use motorbench_core::excitation::{Kind, Sequence};
+use motorbench_core::message::{Mode, Request, Sample};
+use motorbench_core::settings::{Param, Settings};
+use motorbench_core::units::VOLT;
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::NominalMotor;
+use motorbench_data::telemetry;
+use motorbench_diagnosis::diagnose::diagnose;
+use motorbench_model::motor::MotorParameters;
+
+fn settings() -> Settings {
+    let mut settings = Settings::defaults();
+    for (param, value) in [
+        (Param::CurrentLimit, 0.0),
+        (Param::TripPeak, 5.0),
+        (Param::TripContinuous, 3.0),
+        (Param::TripEncoder, 0.0),
+        (Param::TripStall, 0.0),
+        (Param::SlewLimit, 30_000.0),
+    ] {
+        settings.set(param, value).unwrap();
+    }
+    settings
+}
+
+fn record(motor: DcMotorParameters) -> (Vec<Sample>, Settings) {
+    let settings = settings();
+    let mut trial = Trial::new(DcMotor::new(motor), settings).unwrap();
+    trial.enter(Mode::OpenLoop);
+    let sequence = Sequence::new(Kind::Identify, (10.0 * VOLT) as i16, 0, 500, 1, 7).unwrap();
+    trial.tick(Some(Request::Play(sequence)));
+    let samples = (0..sequence.duration_ticks()).map(|_| {
+        trial.tick(None);
+        *trial.sample()
+    });
+    (samples.collect(), settings)
+}
+
+#[test]
+fn friction_and_bridge_are_found_in_what_the_core_records() {
+    let linear = MotorParameters::PIVT6;
+    let motor =
+        DcMotorParameters { coulomb_friction_nm: 0.012, bridge: BridgeLosses::L293D, ..DcMotorParameters::PIVT6 };
+    let (samples, settings) = record(motor);
+    let csv = telemetry::recording("core", &samples, &settings).to_csv();
+    let recording = Recording::parse("core.csv", csv.as_bytes(), &[]).unwrap();
+    let nominal = MotorParameters { resistance_ohm: 1.1 * linear.resistance_ohm, ..linear };
+    let rig = telemetry::rig_of_core(&settings, NominalMotor::from(nominal));
+    let diagnosis = diagnose(&[recording], &rig, &|_| ()).unwrap();
+    println!("{}", motorbench_report::diagnosis_text::page(&diagnosis));
+    let mut named: Vec<_> = diagnosis.outcome.causes.iter().map(|cause| cause.effect.as_str()).collect();
+    named.sort_unstable();
+    assert_eq!(named, ["coulomb_friction", "voltage_drop"]);
+    let friction = diagnosis.outcome.causes.iter().find(|cause| cause.effect == "coulomb_friction").unwrap();
+    assert!((friction.parameters["torque_Nm"].value / 0.012 - 1.0).abs() < 0.05, "{friction:?}");
+}

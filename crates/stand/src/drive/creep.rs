@@ -1,0 +1,123 @@
+//! The winding while the rotor creeps: a hand, or a brake, holds it back to a turn in some seconds while a current flows. Each
+//! of some currents is held for a whole turn; in each sector of the turn the voltage that the back-EMF leaves lies on a line
+//! over the current, whose slope is the resistance there. Commutation within a sector is averaged, as no held rotor does it.
+
+use super::{Driver, Findings, Person, Reading, Window};
+use motorbench_core::message::Sample;
+use motorbench_core::settings::Param;
+use motorbench_link::board::Board;
+use motorbench_link::record::Ended;
+
+/// Currents, as shares of the largest, each for a turn.
+const SHARES: [f64; 4] = [0.55, 0.7, 0.85, 1.0];
+/// The voltage rises in steps of this share of what the largest current needs, until the current flows.
+const STEP: f64 = 0.05;
+const STEP_WINDOW_S: f64 = 0.1;
+/// A rotor that has not made its turn after this long is not turned.
+const TURN_PATIENCE_S: f64 = 60.0;
+/// A back-EMF of a larger share of the voltage is no creeping.
+const MOST_EMF: f64 = 0.3;
+/// Shorter stretches within a sector do not count: its rim.
+const FEWEST_SAMPLES: usize = 20;
+
+impl<B: Board, P: Person> Driver<'_, B, P> {
+    /// One position a sector; none where the person does not want to, or the rotor does not creep.
+    pub(super) fn creep(&mut self, sectors: usize, findings: &mut Findings) -> Result<(), Ended> {
+        if !self.is_done("hold the rotor back so that it creeps, a turn in some seconds; press Enter")? {
+            self.leaves_out("the slow turns", findings);
+            return Ok(());
+        }
+        // A motor that hardly turns is what it looks for.
+        self.set(Param::TripStall, 0.0)?;
+        self.arm()?;
+        let turned = self.turns(sectors)?;
+        self.board.command("disarm")?;
+        self.set(Param::TripStall, self.settings.get(Param::TripStall))?;
+        let rev = self.settings.get(Param::CountsPerRev) as usize;
+        let middle = |sector: usize| ((2 * sector + 1) * rev / (2 * sectors)) as i32;
+        let fitted = turned.iter().enumerate().filter_map(|(sector, windows)| self.fitted(windows, middle(sector)));
+        let positions: Vec<_> = fitted.collect();
+        self.person.hears(&format!("{} of {sectors} sectors measured; let go", positions.len()));
+        self.keep_positions(positions, findings)
+    }
+
+    /// What was averaged in each sector, over all currents.
+    fn turns(&mut self, sectors: usize) -> Result<Vec<Vec<Window>>, Ended> {
+        let mut windows: Vec<Vec<Window>> = (0..sectors).map(|_| Vec::new()).collect();
+        let most_a = self.held_current_a();
+        let resistance = self.motor.resistance_ohm.unwrap_or(f64::from(self.settings.get(Param::Resistance)));
+        let limit_v = f64::from(self.settings.get(Param::VoltageLimit));
+        let mut voltage_v = 0.0;
+        for share in SHARES {
+            loop {
+                voltage_v += STEP * most_a * resistance;
+                if voltage_v > limit_v {
+                    self.person.hears("too little current flows for more: hold the rotor back more firmly");
+                    return Ok(windows);
+                }
+                self.board.command(&format!("ref {voltage_v:.3}"))?;
+                self.window(STEP_WINDOW_S, STEP_WINDOW_S)?;
+                if self.window(STEP_WINDOW_S, STEP_WINDOW_S)?.reading.i_A >= share * most_a {
+                    break;
+                }
+            }
+            if !self.turn(voltage_v, &mut windows)? {
+                return Ok(windows);
+            }
+        }
+        Ok(windows)
+    }
+
+    /// A whole turn at a voltage; false when it does not come about.
+    fn turn(&mut self, voltage_v: f64, windows: &mut [Vec<Window>]) -> Result<bool, Ended> {
+        let rev = self.settings.get(Param::CountsPerRev) as i32;
+        let rate_hz = f64::from(self.settings.get(Param::TickRate));
+        let sector = |sample: &Sample| (sample.counts.rem_euclid(rev) as usize * windows.len()) / rev as usize;
+        let (mut stretch, mut done): (Vec<Sample>, Vec<(usize, Window)>) = (Vec::new(), Vec::new());
+        let mut samples = std::mem::take(&mut self.waiting);
+        let mut begun: Option<Sample> = None;
+        loop {
+            for sample in samples.drain(..) {
+                let first = *begun.get_or_insert(sample);
+                if stretch.first().is_some_and(|start| sector(start) != sector(&sample)) {
+                    if stretch.len() >= FEWEST_SAMPLES {
+                        done.push((sector(&stretch[0]), self.averaged(&stretch)));
+                    }
+                    stretch.clear();
+                }
+                stretch.push(sample);
+                let lasted_s = f64::from(sample.tick.wrapping_sub(first.tick)) / rate_hz;
+                if sample.counts.wrapping_sub(first.counts).abs() > rev {
+                    return Ok(self.crept(voltage_v, lasted_s, done, windows));
+                }
+                if lasted_s > TURN_PATIENCE_S {
+                    self.person.hears(&format!("{voltage_v:6.2} V: no turn in {TURN_PATIENCE_S} s: turn it by hand"));
+                    return Ok(false);
+                }
+            }
+            samples = self.slice()?;
+        }
+    }
+
+    /// Keeps a turn that was slow enough, without the back-EMF.
+    fn crept(
+        &mut self,
+        voltage_v: f64,
+        lasted_s: f64,
+        done: Vec<(usize, Window)>,
+        windows: &mut [Vec<Window>],
+    ) -> bool {
+        let k = self.motor.torque_constant_nm_per_a.unwrap_or(0.0);
+        if done.iter().any(|(_, window)| (k * window.reading.omega_rad_per_s).abs() > MOST_EMF * voltage_v) {
+            self.person.hears(&format!("{voltage_v:6.2} V: a turn in {lasted_s:.1} s is no creeping: hold it back"));
+            return false;
+        }
+        self.person.hears(&format!("{voltage_v:6.2} V: a turn in {lasted_s:.1} s"));
+        for (sector, window) in done {
+            let Reading { u_V, omega_rad_per_s, .. } = window.reading;
+            let reading = Reading { u_V: u_V - k * omega_rad_per_s, ..window.reading };
+            windows[sector].push(Window { reading, ..window });
+        }
+        true
+    }
+}
