@@ -1,5 +1,5 @@
 //! What the firmware costs on the chip stays within its bounds: the goals, or where one proved out of reach, what was
-//! reached (the README says what binds). The figures themselves: `cargo bench --features chip --bench firmware`.
+//! reached (docs/reference/benchmarks.md says what takes the time). The figures themselves: `cargo bench --features chip --bench firmware`.
 
 mod common;
 

@@ -114,7 +114,7 @@ fn faults_bring_their_trips() {
 /// The page names every key that the file has, and its example runs.
 #[test]
 fn the_page_on_scenarios_is_true() {
-    let page = std::fs::read_to_string(repository("../docs/scenarios.md")).unwrap();
+    let page = std::fs::read_to_string(repository("../docs/reference/scenarios.md")).unwrap();
     let directory = std::env::temp_dir().join(format!("motorbench-page-{}", std::process::id()));
     std::fs::create_dir_all(&directory).unwrap();
     let path = directory.join("scenario.toml");
@@ -136,7 +136,7 @@ fn the_page_on_scenarios_is_true() {
         let keys: Vec<_> = known.split('`').skip(1).step_by(2).collect();
         assert!(keys.len() >= 2, "{message}");
         for key in keys {
-            assert!(page.contains(&format!("`{key}`")), "docs/scenarios.md does not name {key}");
+            assert!(page.contains(&format!("`{key}`")), "docs/reference/scenarios.md does not name {key}");
         }
     }
     std::fs::remove_dir_all(directory).unwrap();

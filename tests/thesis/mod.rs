@@ -1,4 +1,4 @@
-//! The thesis experiment's set-up, of which `docs/thesis.md` tells: shared by the test and the example that prints it.
+//! The thesis experiment's set-up, of which `docs/explanation/thesis.md` tells: shared by the test and the example that prints it.
 
 use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
 use motorbench_chip::{Bench, ChipBoard, Rig, firmware_elf};

@@ -1,4 +1,4 @@
-//! The thesis experiment on the simulated chip, `docs/thesis.md`:
+//! The thesis experiment on the simulated chip, `docs/explanation/thesis.md`:
 //!
 //! `cargo run --release -p motorbench --features chip --example thesis -- DIRECTORY`
 //!

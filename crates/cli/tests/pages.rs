@@ -43,14 +43,14 @@ const SAME_OF_LARGEST: f64 = 1e-4;
 
 /// Pages whose commands are run where they need no board, and what is copied into their folder.
 const RUN: &[(&str, &[&str])] = &[
-    ("docs/why.md", &["examples/recording"]),
-    ("docs/loop.md", &["examples/recording"]),
-    ("docs/physics.md", &["examples/recording"]),
-    ("README.md", &["examples/recording"]),
-    ("docs/stand.md", &["examples/pivt6"]),
+    ("docs/how-to/wrong-model.md", &["examples/recording"]),
+    ("docs/how-to/loop.md", &["examples/recording"]),
+    ("docs/explanation/physics.md", &["examples/recording"]),
+    ("docs/tutorials/ten-minutes.md", &["examples/recording"]),
+    ("docs/how-to/stand.md", &["examples/pivt6"]),
     // Recorded by the simulated chip; the core on this computer has another scatter.
     #[cfg(feature = "chip")]
-    ("docs/class.md", &[]),
+    ("docs/tutorials/class.md", &[]),
 ];
 /// What drives a board, or goes on until somebody ends it.
 const BOARD: [&str; 7] = ["virtual", "ports", "connect", "record", "send", "tune", "autotune"];
@@ -60,9 +60,13 @@ fn page(name: &str) -> String {
 }
 
 fn pages() -> Vec<String> {
-    let docs = std::fs::read_dir(Path::new(ROOT).join("docs")).unwrap();
-    let names = docs.map(|entry| format!("docs/{}", entry.unwrap().file_name().to_string_lossy()));
-    names.filter(|name| name.ends_with(".md")).chain(["README.md".to_string()]).collect()
+    let pages = |folder: &str| -> Vec<String> {
+        let entries = std::fs::read_dir(Path::new(ROOT).join(folder)).unwrap();
+        let names = entries.map(|entry| format!("{folder}/{}", entry.unwrap().file_name().to_string_lossy()));
+        names.filter(|name| name.ends_with(".md")).collect()
+    };
+    let folders = ["docs", "docs/tutorials", "docs/how-to", "docs/reference", "docs/explanation"];
+    folders.iter().flat_map(|folder| pages(folder)).chain(["README.md".to_string()]).collect()
 }
 
 /// A command in a page and what the page says comes out.
@@ -262,6 +266,21 @@ fn run(
     (count, wrong)
 }
 
+/// What the README shows, the tutorial shows as well, where it is run.
+#[test]
+fn what_the_readme_shows_is_in_the_tutorial() {
+    let tutorial = shown(&page("docs/tutorials/ten-minutes.md"));
+    let readme = shown(&page("README.md"));
+    assert!(readme.len() > 3, "the README shows {} commands", readme.len());
+    for Shown { line, output } in readme {
+        let run = tutorial.iter().find(|run| run.line == line).unwrap_or_else(|| panic!("not in the tutorial: {line}"));
+        let mut rest = run.output.iter();
+        for shown in output.iter().filter(|shown| !shown.is_empty()) {
+            assert!(rest.any(|line| line == shown), "$ {line}\nthe tutorial does not show, in this order: {shown}");
+        }
+    }
+}
+
 fn needs_board(words: &[String]) -> bool {
     BOARD.contains(&&*words[1]) || words.iter().any(|word| word == "--port")
 }
@@ -300,7 +319,7 @@ mod with_a_board {
     const PORT: &str = "/tmp/motorbench";
 
     /// Pages with the nominal motor that they speak of, in `rig.toml`.
-    const PAGES: [(&str, &str); 2] = [("docs/bench.md", ""), ("docs/stand.md", PIVT6_TOML)];
+    const PAGES: [(&str, &str); 2] = [("docs/how-to/board.md", ""), ("docs/how-to/stand.md", PIVT6_TOML)];
 
     #[test]
     fn what_the_pages_show_of_a_board_comes_out() {

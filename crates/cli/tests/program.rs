@@ -529,10 +529,11 @@ fn live_replays_with_the_times_of_the_recording() {
     assert_eq!(next()["timestamp"], 0.02);
 }
 
-/// Every command is in docs/commands.md with an example, and shows examples itself.
+/// Every command is in docs/reference/commands.md with an example, and shows examples itself.
 #[test]
 fn every_command_is_documented() {
-    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/commands.md")).unwrap();
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/commands.md"))
+        .unwrap();
     let help = String::from_utf8(motorbench(&["--help"]).success().get_output().stdout.clone()).unwrap();
     let commands: Vec<&str> = help
         .lines()
@@ -545,8 +546,11 @@ fn every_command_is_documented() {
         .collect();
     assert!(commands.len() > 10, "{help}");
     for command in commands {
-        assert!(page.contains(&format!("\n## {command}\n")), "docs/commands.md has no section {command}");
-        assert!(page.contains(&format!("motorbench {command}")), "docs/commands.md has no example of {command}");
+        assert!(page.contains(&format!("\n## {command}\n")), "docs/reference/commands.md has no section {command}");
+        assert!(
+            page.contains(&format!("motorbench {command}")),
+            "docs/reference/commands.md has no example of {command}"
+        );
         let help = String::from_utf8(motorbench(&[command, "--help"]).success().get_output().stdout.clone()).unwrap();
         assert!(help.contains(&format!("motorbench {command}")), "motorbench {command} --help has no example:\n{help}");
     }

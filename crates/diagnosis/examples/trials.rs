@@ -2,7 +2,7 @@
 //! `cargo run --release -p motorbench-diagnosis --example trials -- KIND COUNT [FIRST_SEED]`
 //!
 //! KIND is one of [`KINDS`], the identifier of an effect, `power` (every effect from its greatest strength down to where it
-//! is no longer found) or `report`: all kinds with COUNT trials each, and the power curves, written to `docs/trials.md`.
+//! is no longer found) or `report`: all kinds with COUNT trials each, and the power curves, written to `docs/explanation/trials.md`.
 
 #[path = "../tests/scoring/mod.rs"]
 mod scoring;
@@ -96,7 +96,7 @@ const CONFIDENCES: [f64; 6] = [0.0, 0.4, 0.6, 0.8, 0.95, 1.01];
 const POWER_SHARE: u64 = 4;
 /// Strengths of the power curves: 0 to 1 is the range that matters on a bench, each unit below it a tenth.
 const STRENGTHS: [f64; 6] = [-1.5, -1.0, -0.5, -0.25, 0.0, 1.0];
-const REPORT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/trials.md");
+const REPORT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/explanation/trials.md");
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -327,7 +327,7 @@ fn interval(part: usize, whole: usize) -> (f64, f64) {
     (low, high)
 }
 
-/// Everything, into `docs/trials.md`.
+/// Everything, into `docs/explanation/trials.md`.
 fn report(done: &Done, count: u64, first: u64) {
     let mut scores = Vec::new();
     for (index, Kind { name, goal, .. }) in KINDS.iter().enumerate() {
@@ -338,10 +338,13 @@ fn report(done: &Done, count: u64, first: u64) {
     }
     let all: Vec<&Score> = scores.iter().collect();
     let mut text = format!(
-        "# Trials of the diagnosis\n\nWritten by `cargo run --release -p motorbench-diagnosis --example trials -- report {count} {first}`: {count} benches of each \
-         kind and {OFTEN} times as many of the first {FIRST_KINDS}, seeds from {first}, strengths at random in the range that matters on a bench. *Exact*: everything that was hidden is \
-         named and nothing else; for causes outside the catalogue: no name. A name counts when it is the hidden one, or when the \
-         report itself says that it cannot be told from it. Cut off, the command goes on where it was.\n\n{HEAD}"
+        "# Trials of the diagnosis\n\nThis page is written by a program; [how it was tried](how-it-was-tried.md) explains it.\n\n\
+         ```sh\ncargo run --release -p motorbench-diagnosis --example trials -- report {count} {first}\n```\n\n\
+         It draws {count} benches of each kind, and {OFTEN} times as many of the first {FIRST_KINDS}, with seeds from {first}. Strengths \
+         are at random in the range that matters on a bench. When it is cut off, the command goes on where it was.\n\n\
+         *Exact* means that everything that was hidden is named, and nothing else. For causes outside the catalogue it means that \
+         no name is given. A name counts when it is the hidden one, or when the report itself says that it cannot be told from \
+         it.\n\n{HEAD}"
     );
     for (Kind { name, what, goal }, score) in KINDS.iter().zip(&scores) {
         text += &score.line(&format!("{name}: {what}"), goal);

@@ -524,7 +524,7 @@ fn a_speed_may_be_a_mean_since_the_row_before() {
     }
 }
 
-/// Fresh benches of these kinds. With the rates of docs/trials.md nineteen in twenty are right; fewer than `BOUND` then
+/// Fresh benches of these kinds. With the rates of docs/explanation/trials.md nineteen in twenty are right; fewer than `BOUND` then
 /// come less than once in ten thousand.
 #[test]
 fn a_fresh_draw_clears_the_bound() {

@@ -1,4 +1,4 @@
-//! `docs/diagnosis.schema.json` is what programs are promised: results of every kind keep to it, and it refuses others.
+//! `docs/reference/diagnosis.schema.json` is what programs are promised: results of every kind keep to it, and it refuses others.
 
 use hidden_effects::{Channels, Effect, Recipe, draw};
 use jsonschema::Validator;
@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 fn schema() -> Value {
-    serde_json::from_str(include_str!("../../../docs/diagnosis.schema.json")).unwrap()
+    serde_json::from_str(include_str!("../../../docs/reference/diagnosis.schema.json")).unwrap()
 }
 
 fn validator() -> Validator {
@@ -128,4 +128,18 @@ fn its_effects_are_those_of_the_catalogue() {
     let listed = schema.pointer("/$defs/effect/enum").unwrap().as_array().unwrap();
     assert_eq!(listed.len(), known.len());
     assert!(listed.iter().all(|id| known.contains(&id.as_str().unwrap())), "{listed:?}");
+}
+
+/// Every effect and each of its constants is on the catalogue's page, and no other effect is.
+#[test]
+fn the_page_of_effects_is_the_catalogue() {
+    let page = include_str!("../../../docs/reference/effects.md");
+    for about in CATALOGUE.iter().map(|effect| effect.about()) {
+        let section = page.split("\n### ").find(|section| section.starts_with(&format!("`{}`\n", about.id)));
+        let section = section.unwrap_or_else(|| panic!("no section on {}", about.id));
+        for parameter in about.parameters {
+            assert!(section.contains(parameter.name), "{}: {} is not explained", about.id, parameter.name);
+        }
+    }
+    assert_eq!(page.matches("\n### `").count(), CATALOGUE.len());
 }

@@ -1,5 +1,5 @@
 //! What others have measured, where their recordings are at hand beside this project: `../shared/recordings/`. What comes out
-//! is in docs/diagnosis.md.
+//! is in docs/explanation/how-it-was-tried.md.
 
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;

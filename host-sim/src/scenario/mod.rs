@@ -1,4 +1,4 @@
-//! Scenarios: the core in closed loop with a motor on this computer, as a file. The keys are in `docs/scenarios.md`.
+//! Scenarios: the core in closed loop with a motor on this computer, as a file. The keys are in `docs/reference/scenarios.md`.
 //!
 //! ```toml
 //! duration_s = 2.0

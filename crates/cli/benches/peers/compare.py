@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The benchmarks beside SciPy and Numba, one command, one run:
 
-    python3 host-sim/benches/peers/compare.py            # needs scipy and numba; prints a table for docs/benchmarks.md
+    python3 crates/cli/benches/peers/compare.py            # needs scipy and numba; prints a table for docs/reference/benchmarks.md
 
 Closed-loop second: the linear motor under the 20 kHz PWM (two phases a period), encoder and current read as on the chip,
 PI with ramp, slew limit and delay at 1 kHz. SciPy integrates each phase with solve_ivp; Numba runs the same equations

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
   motorbench convert run.csv jug.csv --to plotjuggler
   motorbench convert sysid.json run.csv
 
-docs/formats.md says what each format holds.")]
+docs/reference/formats.md says what each format holds.")]
 pub struct Arguments {
     /// What is there; its ending says the format.
     source: PathBuf,

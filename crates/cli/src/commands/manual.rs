@@ -131,7 +131,8 @@ mod tests {
 
     #[test]
     fn exit_codes_are_those_of_the_page() {
-        let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/commands.md")).unwrap();
+        let page =
+            std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/commands.md")).unwrap();
         let status = exit_status();
         for (code, meaning) in EXIT_CODES {
             assert!(page.contains(&format!("| {code} | {meaning} |")), "{code}");

@@ -81,7 +81,7 @@ enum Command {
     Man(manual::ManArguments),
 }
 
-/// What a script may go by, in the words of docs/commands.md.
+/// What a script may go by, in the words of docs/reference/commands.md.
 const EXIT_CODES: [(u8, &str); 4] = [
     (0, "done"),
     (1, "the input or the result is not usable: the message says which file, where in it and what to do"),

@@ -21,7 +21,7 @@ use std::slice;
   motorbench simulate scenarios/speed_step.toml --csv run.csv --plot run.svg
   motorbench simulate loop.toml --model found.toml --console gains.txt")]
 pub struct Arguments {
-    /// The scenario; its keys are in docs/scenarios.md.
+    /// The scenario; its keys are in docs/reference/scenarios.md.
     scenario: PathBuf,
     /// Writes the recording as the firmware would have sent it, - for the terminal instead of the table.
     #[arg(long, value_name = "FILE.csv")]

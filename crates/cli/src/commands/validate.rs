@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
   motorbench validate pid.csv lqr.csv --model found.toml --plot laws.svg
 
 A scenario has the references and settings that were recorded; motorbench record
-writes it beside the recording: docs/scenarios.md
+writes it beside the recording: docs/reference/scenarios.md
 
 Where the simulated drive switches itself off, both are compared up to then, and
 the exit code is 1, as that of simulate.")]

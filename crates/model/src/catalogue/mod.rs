@@ -2,7 +2,7 @@
 //!
 //! An effect's file holds its physics, its parameters, its term in the model, what it looks like in data, what it can be
 //! confused with and what a controller can do about it. Adding an effect is writing its file, its lines here (`mod`,
-//! [`CATALOGUE`]) and its name in `docs/diagnosis.schema.json`.
+//! [`CATALOGUE`]) and its name in `docs/reference/diagnosis.schema.json`.
 //!
 //! The model that the terms extend, in SI units and in the motor's own sense:
 //! ```text

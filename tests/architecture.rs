@@ -1,0 +1,80 @@
+//! `ARCHITECTURE.md` says which crates there are and what each depends on, and no arrow goes up.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+const PAGE: &str = include_str!("../ARCHITECTURE.md");
+
+/// The lines of the block that begins with this fence.
+fn block(kind: &str) -> Vec<&'static str> {
+    let rest = PAGE.split(&format!("```text {kind}\n")).nth(1).unwrap_or_else(|| panic!("no block {kind}"));
+    rest.split("```").next().unwrap().lines().collect()
+}
+
+/// `motorbench-model` is model; the program's package is cli.
+fn short(package: &str) -> String {
+    match package {
+        "motorbench" => "cli".into(),
+        _ => package.strip_prefix("motorbench-").unwrap_or(package).into(),
+    }
+}
+
+/// The crates of the workspace with the crates of the workspace that each depends on, but for tests.
+fn manifests() -> BTreeMap<String, Vec<String>> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut folders: Vec<_> = ["", "core", "host-sim", "hidden-effects"].map(|folder| root.join(folder)).into();
+    folders.extend(std::fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path()));
+    let read = |folder: &std::path::PathBuf| {
+        let text = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        let mut section = String::new();
+        let (mut name, mut dependencies) = (String::new(), Vec::new());
+        for line in text.lines() {
+            if line.starts_with('[') {
+                section = line.into();
+            } else if let Some(value) = line.strip_prefix("name = ").filter(|_| section == "[package]") {
+                name = short(value.trim_matches('"'));
+            } else if section == "[dependencies]" {
+                let package = line.split([' ', '.', '=']).next().unwrap_or_default();
+                if package.starts_with("motorbench-") || ["host-sim", "hidden-effects"].contains(&package) {
+                    dependencies.push(short(package));
+                }
+            }
+        }
+        dependencies.sort();
+        (name, dependencies)
+    };
+    folders.iter().map(read).collect()
+}
+
+#[test]
+fn the_arrows_are_those_of_the_manifests_and_go_down() {
+    let mut seen: Vec<&str> = Vec::new();
+    let manifests = manifests();
+    for line in block("arrows") {
+        let (name, dependencies) = line.split_once(':').unwrap_or_else(|| panic!("{line}: no crate"));
+        let drawn: Vec<&str> = dependencies.split(',').map(str::trim).filter(|name| !name.is_empty()).collect();
+        let real = manifests.get(name).unwrap_or_else(|| panic!("{name} is no crate"));
+        assert_eq!(&drawn, real, "{name}: in the page, in its manifest");
+        for dependency in drawn {
+            assert!(seen.contains(&dependency), "{name} depends on {dependency}, which stands below it");
+        }
+        seen.push(name);
+    }
+    for name in manifests.keys() {
+        assert!(seen.contains(&name.as_str()), "ARCHITECTURE.md does not name {name}");
+    }
+}
+
+#[test]
+fn the_tree_is_on_the_disk() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let lines = block("tree");
+    for line in &lines {
+        let folder = line.split_whitespace().next().unwrap();
+        assert!(root.join(folder).is_dir(), "{folder}");
+    }
+    for entry in std::fs::read_dir(root.join("crates")).unwrap() {
+        let folder = format!("crates/{}", entry.unwrap().file_name().to_string_lossy());
+        assert!(lines.iter().any(|line| line.starts_with(&folder)), "the tree lacks {folder}");
+    }
+}
