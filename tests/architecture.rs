@@ -78,3 +78,61 @@ fn the_tree_is_on_the_disk() {
         assert!(lines.iter().any(|line| line.starts_with(&folder)), "the tree lacks {folder}");
     }
 }
+
+/// Crates that also run in a browser, where there are no files, no threads and no terminal.
+const IN_A_BROWSER: [&str; 8] = [
+    "core",
+    "crates/text",
+    "crates/model",
+    "crates/data",
+    "host-sim",
+    "crates/diagnosis",
+    "crates/design",
+    "crates/report",
+];
+/// What they leave to those above them.
+const LEFT_TO_OTHERS: [&str; 8] =
+    ["std::fs", "File::", "std::thread", "std::net", "println!(", "eprintln!(", "SystemTime", "std::env::"];
+
+/// The sources of a folder, without what stands behind the first `#[cfg(test)]` and without files of tests.
+fn sources(folder: &Path, found: &mut Vec<(String, String)>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            sources(&path, found);
+        } else if path.extension().is_some_and(|ending| ending == "rs") && !path.ends_with("tests.rs") {
+            let text = std::fs::read_to_string(&path).unwrap();
+            let code = text.split("#[cfg(test)]").next().unwrap_or_default().to_owned();
+            found.push((path.display().to_string(), code));
+        }
+    }
+}
+
+#[test]
+fn what_runs_in_a_browser_opens_no_file_starts_no_thread_and_prints_nothing() {
+    for folder in IN_A_BROWSER {
+        let mut found = Vec::new();
+        sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join(folder).join("src"), &mut found);
+        assert!(!found.is_empty(), "{folder}: no sources");
+        for (path, code) in found {
+            for (line, number) in code.lines().zip(1..).filter(|(line, _)| !line.trim_start().starts_with("//")) {
+                let used = LEFT_TO_OTHERS.iter().find(|what| line.contains(**what));
+                assert_eq!(used, None, "{path}, line {number}: {line}");
+            }
+        }
+    }
+}
+
+#[test]
+fn only_the_program_knows_the_command_line_and_the_terminal() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for entry in std::fs::read_dir(root.join("crates")).unwrap() {
+        let folder = entry.unwrap().path();
+        let manifest = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();
+        let dependencies = manifest.split("[dev-dependencies]").next().unwrap_or_default();
+        for package in ["clap", "ratatui", "indicatif", "ctrlc"] {
+            let is_there = dependencies.lines().any(|line| line.starts_with(&format!("{package}.")));
+            assert_eq!(is_there, folder.ends_with("cli"), "{}: {package}", folder.display());
+        }
+    }
+}

@@ -1,4 +1,20 @@
 //! Recordings, rig files, formats of other tools and a board's telemetry: text and bytes in, tables out. Opens no file.
+//!
+//! ```
+//! use motorbench_data::recording::{Channel, Recording};
+//! use motorbench_data::rig::Rig;
+//!
+//! let text = "t_s,u_V,omega_rad_per_s\n0.000,0,0\n0.001,12,0.4\n0.002,12,1.1\n";
+//! let recording = Recording::parse("run.csv", text.as_bytes(), &[])?;
+//! assert_eq!(recording.get(Channel::Voltage), Some(&[0.0, 12.0, 12.0][..]));
+//!
+//! let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n[motor]\nresistance_ohm = 5.84\n")?;
+//! assert_eq!(rig.motor.resistance_ohm, Some(5.84));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! The three types to know: [`recording::Recording`] (columns with units), [`rig::Rig`] (what it was recorded on),
+//! [`convert::Format`] (what other tools write).
 
 pub mod convert;
 pub mod delimited;

@@ -4,6 +4,24 @@
 //! model + specification -> weights -> gains -> the core's formats -> margins, +-30 %, the core itself in closed loop
 //! ```
 //!
+//! ```
+//! use motorbench_design::law::ControlLaw;
+//! use motorbench_design::specification::{Specification, Speed};
+//! use motorbench_design::{Bench, design};
+//! use motorbench_model::motor::MotorParameters;
+//!
+//! let specification =
+//!     Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+//! let design = design(&MotorParameters::PIVT6, &Bench::default(), ControlLaw::SpeedPid, &specification)?;
+//! assert!(design.figures.bandwidth_hz > 9.9 && design.robustness.margins.modulus > 0.8);
+//! for gain in &design.gains {
+//!     println!("set {} {}", gain.name, gain.value);
+//! }
+//! # Ok::<(), motorbench_design::DesignError>(())
+//! ```
+//!
+//! The three types to know: [`specification::Specification`], [`Design`], [`DesignError`].
+//!
 //! | module | what it is |
 //! |---|---|
 //! | [`law`] | the core's four control laws and their settings |

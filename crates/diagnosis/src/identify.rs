@@ -7,12 +7,12 @@
 
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Motion, Prediction, Steps, drive, free_run, nudged, read};
+use maybe_rayon::prelude::*;
 use motorbench_data::rig::NominalMotor;
 use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, Scales};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
-use maybe_rayon::prelude::*;
 use search::Search;
 use sensitivities::Sensitivities;
 pub use speed_window::with_window_settled;

@@ -1,4 +1,9 @@
 //! Opens the files that a person names. Where that fails it says what is expected and what may have been meant.
+//!
+//! ```
+//! let error = motorbench_files::rig("no-such-rig.toml".as_ref()).unwrap_err().to_string();
+//! assert!(error.contains("there is no such file"), "{error}");
+//! ```
 
 pub mod text_file;
 

@@ -1,5 +1,24 @@
 //! The DC motor: its constants, the linear systems they make, the laws of the effects that a linear motor lacks, and the
 //! extended model with its one step.
+//!
+//! ```
+//! use motorbench_model::catalogue::effect;
+//! use motorbench_model::linear::motor_model::{TimeConstants, speed};
+//! use motorbench_model::motor::MotorParameters;
+//! use motorbench_model::Model;
+//!
+//! let motor = MotorParameters::PIVT6;
+//! // Steady speed per volt, in rad/s/V, and the two time constants.
+//! assert!((speed(&motor).dc_gain() - 13.8).abs() < 0.1);
+//! assert!(TimeConstants::of(&motor).electromagnetic_s < TimeConstants::of(&motor).electromechanical_s);
+//!
+//! // The same motor with Coulomb friction of 4 mNm, as a model file and back.
+//! let model = Model::linear(motor).with(effect("coulomb_friction").unwrap(), vec![0.004]);
+//! assert!(Model::parse(&model.to_toml()).unwrap().has("coulomb_friction"));
+//! ```
+//!
+//! The three types to know: [`motor::MotorParameters`] (the linear motor), [`catalogue::Effect`] (the law of one effect),
+//! [`Model`] (both together).
 
 pub mod between_rows;
 pub mod catalogue;

@@ -1,4 +1,15 @@
-//! Pages for a browser, plots and texts about a diagnosis, a design and a test stand.
+//! Pages for a browser, plots and texts about a diagnosis, a design and a test stand. Returns text; writes no file.
+//!
+//! ```
+//! use motorbench_report::panels::{Panel, panels};
+//!
+//! let speed = (0..100).map(|row| 60.0 * (1.0 - (-f64::from(row) / 20.0).exp())).collect();
+//! let svg = panels(1e-3, &[Panel::new("speed, rad/s").line("measured", speed)]);
+//! assert!(svg.starts_with("<svg"));
+//! ```
+//!
+//! The three modules to know: [`diagnosis_page`] (the report of a diagnosis), [`diagnosis_text`] (the same for a terminal),
+//! [`panels`] (plots over time).
 
 pub mod design;
 pub mod diagnosis_page;

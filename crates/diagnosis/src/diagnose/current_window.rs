@@ -4,9 +4,9 @@
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit};
+use maybe_rayon::prelude::*;
 use motorbench_data::rig::Readings;
 use motorbench_model::{Model, Term};
-use maybe_rayon::prelude::*;
 
 /// Windows looked at first; the longest is a period of the slowest PWM of an Uno's timers.
 const LOOKED_AT_S: [f64; 6] = [0.2e-3, 0.4e-3, 0.7e-3, 1.0e-3, 1.5e-3, 2.05e-3];

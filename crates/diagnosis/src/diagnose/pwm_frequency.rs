@@ -4,9 +4,9 @@
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::dataset::{Dataset, PWM_HZ};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
+use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
-use maybe_rayon::prelude::*;
 
 /// Of an Uno's timers with the usual settings, and of this project's firmware.
 const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, PWM_HZ];

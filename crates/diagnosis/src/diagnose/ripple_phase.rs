@@ -4,8 +4,8 @@
 
 use crate::dataset::{Dataset, Output, Stretch};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
-use motorbench_model::catalogue::{Effect, Parameter, effect};
 use maybe_rayon::prelude::*;
+use motorbench_model::catalogue::{Effect, Parameter, effect};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 

@@ -12,9 +12,9 @@ use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
 pub(super) use backward::NAMED_SIGMAS;
 use forward::Lead;
+use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{CATALOGUE, Effect};
 use motorbench_model::{Model, Term};
-use maybe_rayon::prelude::*;
 
 /// Effects at most.
 const MOST_EFFECTS: usize = 7;

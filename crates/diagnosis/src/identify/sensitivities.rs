@@ -3,9 +3,9 @@
 use super::{Base, Unknown, dot, torque_scale};
 use crate::dataset::Dataset;
 use crate::free_run::Steps;
+use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 use nalgebra::{DMatrix, DVector};
-use maybe_rayon::prelude::*;
 
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;

@@ -6,9 +6,9 @@ use crate::dataset::{Dataset, Measured};
 use crate::diagnose::data_sheet::strangeness;
 use crate::diagnose::judge::{NOT_NOISE, sigmas_together};
 use crate::identify::{Effort, Fit, fit, scales};
+use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Alone, CATALOGUE, INDUCTANCE, Parameter, effect};
 use motorbench_model::{Model, Term};
-use maybe_rayon::prelude::*;
 
 /// An effect is named with this significance, everything else being there: many effects are tried, and residuals have long tails. On
 /// benches invented for the purpose right names have more than ten.

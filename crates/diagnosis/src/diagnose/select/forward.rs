@@ -3,9 +3,9 @@
 use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, earns_its_place};
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise};
 use crate::identify::{Effort, Fit, fit, scales};
+use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::{Model, Term};
-use maybe_rayon::prelude::*;
 
 /// Effects fitted at each step, of those that promise most.
 const TRIED: usize = 4;
