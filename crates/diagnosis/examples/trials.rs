@@ -4,7 +4,7 @@
 //! KIND is one of [`KINDS`], the identifier of an effect, `power` (every effect from its greatest strength down to where it
 //! is no longer found) or `report`: all kinds with COUNT trials each, and the power curves, written to `docs/explanation/trials.md`.
 
-#[path = "../tests/scoring/mod.rs"]
+#[path = "../tests/all/scoring/mod.rs"]
 mod scoring;
 
 use hidden_effects::{Effect, Recipe, Trial, draw};

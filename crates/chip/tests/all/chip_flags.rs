@@ -1,9 +1,5 @@
 //! Interrupt flags: remembered while disabled, cleared one by one (data sheet sections 7.7, 13.2.3 and 16.11.9).
-#![cfg(feature = "chip")]
-
-mod common;
-
-use common::Agent;
+use crate::common::Agent;
 use motorbench_chip::registers::*;
 
 const PORTD: u16 = 0x2B;

@@ -1,10 +1,7 @@
 //! The program as a person runs it: simulated recordings through its commands.
 
-#[path = "common/motor.rs"]
-mod motor;
-
+use crate::motor::PIVT6_TOML;
 use assert_cmd::Command;
-use motor::PIVT6_TOML;
 use motorbench_data::recording::Channel;
 use motorbench_data::telemetry;
 use motorbench_model::motor::MotorParameters;

@@ -4,12 +4,7 @@
 //! follows is its output, and a line `...` stands for any lines. Numbers may differ in their last digits.
 
 #[cfg(feature = "chip")]
-#[path = "common/board.rs"]
-mod board;
 #[cfg(feature = "chip")]
-#[path = "common/motor.rs"]
-mod motor;
-
 use motorbench_cli::commands::command;
 use motorbench_data::recording::Channel;
 use std::path::{Path, PathBuf};
@@ -309,9 +304,9 @@ fn what_the_pages_show_comes_out() {
 /// The pages' board, with the hands that a page speaks of.
 #[cfg(feature = "chip")]
 mod with_a_board {
-    use super::board::{Board, MOTORBENCH};
-    use super::motor::PIVT6_TOML;
     use super::{BOARD, RUN, SAME_OF_A_BOARD, Said, needs_board, run, run_alone};
+    use crate::board::{Board, MOTORBENCH};
+    use crate::motor::PIVT6_TOML;
     use std::io::{BufRead, BufReader, Read, Write};
     use std::process::{Command, Stdio};
 

@@ -1,9 +1,5 @@
 //! Interrupt response, sleep, resets and crashes.
-#![cfg(feature = "chip")]
-
-mod common;
-
-use common::Agent;
+use crate::common::Agent;
 use motorbench_chip::registers::*;
 use motorbench_chip::{Crash, ResetCause, Spread};
 
@@ -30,7 +26,7 @@ fn a_handler_costs_response_jump_and_its_instructions() {
 
 #[test]
 fn sleep_ends_in_the_cycle_of_the_event_and_costs_four_more() {
-    let mut chip = common::chip("sleep");
+    let mut chip = crate::common::chip("sleep");
     chip.run_until(3000).unwrap();
     chip.measure(Some(GPIOR0));
     chip.world_mut().changes.clear();
@@ -48,8 +44,8 @@ fn sleep_ends_in_the_cycle_of_the_event_and_costs_four_more() {
 
 #[test]
 fn running_in_pieces_or_step_by_step_changes_nothing() {
-    let runs = |advance: fn(&mut motorbench_chip::Chip<common::Probe>)| {
-        let mut chip = common::chip("sleep");
+    let runs = |advance: fn(&mut motorbench_chip::Chip<crate::common::Probe>)| {
+        let mut chip = crate::common::chip("sleep");
         chip.measure(None);
         while chip.cycle() < 20_000 {
             advance(&mut chip);
@@ -122,13 +118,13 @@ fn inputs_keep_their_levels_through_a_reset() {
 
 #[test]
 fn sleeping_with_interrupts_off_is_reported() {
-    let mut chip = common::chip("dead");
+    let mut chip = crate::common::chip("dead");
     assert!(matches!(chip.run_until(10_000), Err(Crash::AsleepForEver { cycle }) if cycle < 1000));
 }
 
 #[test]
 fn invalid_instruction_is_reported_with_its_address() {
-    let mut chip = common::chip("invalid");
+    let mut chip = crate::common::chip("invalid");
     let crash = chip.run_until(10_000).unwrap_err();
     assert!(matches!(crash, Crash::InvalidOpcode { address: 0x6A, opcode: 0x940B, .. }), "{crash}");
 }

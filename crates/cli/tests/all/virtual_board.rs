@@ -1,12 +1,7 @@
 //! The commands for a board, as a person types them, against the real firmware behind `motorbench virtual`.
 
-#[path = "common/board.rs"]
-mod board;
-#[path = "common/motor.rs"]
-mod motor;
-
-use board::{Board, MOTORBENCH, rows, text, until};
-use motor::PIVT6_TOML;
+use crate::board::{Board, MOTORBENCH, rows, text, until};
+use crate::motor::PIVT6_TOML;
 use motorbench_data::recording::Channel;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, UdpSocket};

@@ -1,9 +1,5 @@
 //! The serial line: byte times, buffers and overruns (data sheet sections 20.6 to 20.8).
-#![cfg(feature = "chip")]
-
-mod common;
-
-use common::Agent;
+use crate::common::Agent;
 use motorbench_chip::SerialErrors;
 use motorbench_chip::registers::*;
 

@@ -1,12 +1,8 @@
 //! What goes wrong between a board and the program, with the real firmware: a line that damages, cuts and delays, a computer
 //! that is busy, a disk that is full, a board that runs something else. Nothing is lost silently, the motor stops, and the
 //! message says what to do. (Unplugged, reset, tripped, busy: `tests/virtual_board.rs`.)
-#![cfg(unix)]
 
-#[path = "common/board.rs"]
-mod board;
-
-use board::{Board, MOTORBENCH, rows, text};
+use crate::board::{Board, MOTORBENCH, rows, text};
 use motorbench_data::recording::Channel;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -1,9 +1,5 @@
 //! The converter's times, triggers and codes (data sheet sections 24.4, 24.7 and table 24-1).
-#![cfg(feature = "chip")]
-
-mod common;
-
-use common::Agent;
+use crate::common::Agent;
 use motorbench_chip::registers::*;
 use motorbench_core::pins::BRIDGE_PWM;
 

@@ -1,10 +1,6 @@
 //! `docs/reference/protocol.md` is enough to write a client: one in Python that uses nothing else talks to the firmware.
-#![cfg(all(unix, feature = "chip"))]
 
-#[path = "common/board.rs"]
-mod board;
-
-use board::{Board, text, until};
+use crate::board::{Board, text, until};
 use std::io::{Read, Write};
 use std::process::Command;
 use std::time::Duration;

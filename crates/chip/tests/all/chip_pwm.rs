@@ -1,9 +1,5 @@
 //! OC1A in mode 14 (data sheet section 16.9.3), where simavr differs from the chip.
-#![cfg(feature = "chip")]
-
-mod common;
-
-use common::Agent;
+use crate::common::Agent;
 use motorbench_chip::Outputs;
 use motorbench_chip::registers::*;
 use motorbench_core::pins::{BRIDGE_PWM, PWM_STEPS};

@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 fn schema() -> Value {
-    serde_json::from_str(include_str!("../../../docs/reference/diagnosis.schema.json")).unwrap()
+    serde_json::from_str(include_str!("../../../../docs/reference/diagnosis.schema.json")).unwrap()
 }
 
 fn validator() -> Validator {
@@ -133,7 +133,7 @@ fn its_effects_are_those_of_the_catalogue() {
 /// Every effect and each of its constants is on the catalogue's page, and no other effect is.
 #[test]
 fn the_page_of_effects_is_the_catalogue() {
-    let page = include_str!("../../../docs/reference/effects.md");
+    let page = include_str!("../../../../docs/reference/effects.md");
     for about in CATALOGUE.iter().map(|effect| effect.about()) {
         let section = page.split("\n### ").find(|section| section.starts_with(&format!("`{}`\n", about.id)));
         let section = section.unwrap_or_else(|| panic!("no section on {}", about.id));

@@ -1,14 +1,7 @@
 //! Every command as a person and as a program meet it: its help, its output on a terminal and in a pipe, its JSON, its exit
 //! codes. The list of commands is the program's own: one that is not in the table below fails.
-#![cfg(unix)]
-
 #[cfg(feature = "chip")]
-#[path = "common/board.rs"]
-mod board;
-#[path = "common/motor.rs"]
-mod motor;
-
-use motor::PIVT6_TOML;
+use crate::motor::PIVT6_TOML;
 use motorbench_data::rig::NominalMotor;
 use motorbench_data::telemetry;
 use motorbench_model::motor::MotorParameters;
@@ -427,7 +420,7 @@ fn files() -> TempDir {
         &format!("duration_s = 0.5\nmode = \"speed\"\n{PIVT6_TOML}[[reference]]\ntime_s = 0.1\nvalue = 40\n"),
     );
     // With numbers as long as they come.
-    put("position.toml", include_str!("../../../scenarios/position_lqr.toml"));
+    put("position.toml", include_str!("../../../../scenarios/position_lqr.toml"));
     put("model.toml", PIVT6_TOML);
     put("other.toml", &format!("{PIVT6_TOML}[effects.coulomb_friction]\ntorque_Nm = 0.01\n"));
     put("stand.toml", PIVT6_TOML);
@@ -771,7 +764,7 @@ fn output_json_and_exit_codes_are_those_of_the_page() {
 #[cfg(feature = "chip")]
 #[test]
 fn commands_for_boards_behave_as_the_others() {
-    let board = board::Board::new("terminal");
+    let board = crate::board::Board::new("terminal");
     let (folder, mut complaints) = (files(), Complaints::default());
     let port = board.port();
     let before = ["--port", port.to_str().unwrap()];

@@ -4,8 +4,7 @@
 //! recording and the rig file as texts. Committed seeds must all be right; a fresh draw must clear a bound that an honest
 //! run misses less than once in ten thousand.
 
-mod scoring;
-
+use crate::scoring::{diagnosed, hidden, named, recipe};
 use hidden_effects::{Channels, Effect, Excitation, Motor, Recipe, Trial, draw};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::{NominalMotor, Rig};
@@ -18,7 +17,6 @@ use motorbench_model::catalogue::{ActsOn, effect};
 use motorbench_model::motor::MotorParameters;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use scoring::{diagnosed, hidden, named, recipe};
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 use std::time::{SystemTime, UNIX_EPOCH};

@@ -1,9 +1,5 @@
 //! The EEPROM's times, its lock and what a power cut leaves (data sheet section 8.6).
-#![cfg(feature = "chip")]
-
-mod common;
-
-use common::Agent;
+use crate::common::Agent;
 use motorbench_chip::ResetCause;
 use motorbench_chip::registers::*;
 

@@ -1,11 +1,7 @@
 //! Chip and motor together: what the bench does between them.
-#![cfg(feature = "chip")]
-
-mod common;
-
 use std::f64::consts::TAU;
 
-use common::execute;
+use crate::common::execute;
 use host_sim::plant::{Bridge, DcMotor, Plant};
 use motorbench_chip::registers::*;
 use motorbench_chip::{Acs712, Bench, EncoderFault, Rig, SensorFault, Wiring};
@@ -13,13 +9,13 @@ use motorbench_core::pins::{CURRENT_SENSE, EMERGENCY_STOP, SUPPLY_SENSE, TACHOGE
 
 /// `drive`: half duty forward, one counter per encoder line.
 fn driving(rig: Rig) -> Bench<DcMotor> {
-    Bench::new(common::elf("drive"), rig, DcMotor::default()).unwrap()
+    Bench::new(crate::common::elf("drive"), rig, DcMotor::default()).unwrap()
 }
 
 /// `agent`: the motor stands, the registers are ours.
 fn standing() -> Bench<DcMotor> {
     let rig = Rig { current_sensor: Acs712 { noise_v: 0.0, ..Acs712::default() }, ..Rig::default() };
-    let mut bench = Bench::new(common::elf("agent"), rig, DcMotor::default()).unwrap();
+    let mut bench = Bench::new(crate::common::elf("agent"), rig, DcMotor::default()).unwrap();
     bench.run_s(1e-3).unwrap();
     bench
 }
@@ -234,7 +230,8 @@ fn recording_has_a_row_per_interval() {
 #[test]
 fn same_seed_same_run() {
     let codes = |seed| {
-        let mut bench = Bench::new(common::elf("agent"), Rig { seed, ..Rig::default() }, DcMotor::default()).unwrap();
+        let mut bench =
+            Bench::new(crate::common::elf("agent"), Rig { seed, ..Rig::default() }, DcMotor::default()).unwrap();
         bench.run_s(1e-3).unwrap();
         (0..40).map(|_| convert(&mut bench, CURRENT_SENSE.bit)).collect::<Vec<u16>>()
     };
@@ -270,7 +267,7 @@ fn plant_and_chip_share_one_time() {
 
 #[test]
 fn a_load_like_the_firmwares_keeps_its_times() {
-    let mut bench = Bench::new(common::elf("load"), Rig::default(), DcMotor::default()).unwrap();
+    let mut bench = Bench::new(crate::common::elf("load"), Rig::default(), DcMotor::default()).unwrap();
     bench.run_s(0.01).unwrap();
     bench.chip_mut().measure(None);
     bench.set_edge_train_per_s(Some(20_000.0));
