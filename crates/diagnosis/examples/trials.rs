@@ -1,5 +1,5 @@
 //! Trials of the diagnosis on benches with a hidden effect:
-//! `cargo run --release -p motorbench-diagnosis --example trials -- KIND COUNT [FIRST_SEED]`
+//! `scripts/trials KIND COUNT [FIRST_SEED]`
 //!
 //! KIND is one of [`KINDS`], the identifier of an effect, `power` (every effect from its greatest strength down to where it
 //! is no longer found) or `report`: all kinds with COUNT trials each, and the power curves, written to `docs/explanation/trials.md`.
@@ -21,6 +21,7 @@ use std::fs::File;
 use std::hash::{Hash, Hasher};
 use std::io::Write as _;
 use std::ops::Range;
+use std::path::Path;
 use std::sync::Mutex;
 
 /// What is hidden how, and what is to be reached with it.
@@ -101,8 +102,15 @@ const REPORT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/explanatio
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let number = |index: usize| arguments.get(index).and_then(|text| text.parse::<u64>().ok());
+    if let [command, kind, count, first, folder] = &arguments[..]
+        && command == "files"
+    {
+        let [count, first] = [count, first].map(|text| text.parse().expect("COUNT and SEED are numbers"));
+        return write_files(kind, first..first + count, Path::new(folder));
+    }
     let (Some(kind), Some(count)) = (arguments.first(), number(1)) else {
-        eprintln!("usage: trials KIND COUNT [FIRST_SEED]; KIND: an effect, power, report, or one of");
+        eprintln!("usage: trials KIND COUNT [FIRST_SEED], or trials files KIND COUNT FIRST_SEED FOLDER");
+        eprintln!("KIND: an effect, power, report, or one of");
         for Kind { name, what, .. } in KINDS {
             eprintln!("  {name:14} {what}");
         }
@@ -119,6 +127,18 @@ fn main() {
                 println!("- {failure}");
             }
             print!("{HEAD}{}\n{BELIEFS}{}\n{ERRORS}{}", score.line(kind, ""), beliefs(&[&score]), errors(&[&score]));
+        }
+    }
+}
+
+/// Writes the recording and the rig file of each bench into a folder of its own, `KIND-SEED`.
+fn write_files(kind: &str, seeds: Range<u64>, folder: &Path) {
+    for seed in seeds {
+        let trial = draw(seed, &recipe(kind, seed));
+        let own = folder.join(format!("{kind}-{seed}"));
+        std::fs::create_dir_all(&own).expect("the folder can be made");
+        for (name, text) in [("recording.csv", &trial.csv), ("rig.toml", &trial.rig_toml)] {
+            std::fs::write(own.join(name), text).expect("the disk has room");
         }
     }
 }
@@ -339,7 +359,7 @@ fn report(done: &Done, count: u64, first: u64) {
     let all: Vec<&Score> = scores.iter().collect();
     let mut text = format!(
         "# Trials of the diagnosis\n\nThis page is written by a program; [how it was tried](how-it-was-tried.md) explains it.\n\n\
-         ```sh\ncargo run --release -p motorbench-diagnosis --example trials -- report {count} {first}\n```\n\n\
+         ```sh\nscripts/trials report {count} {first}\n```\n\n\
          It draws {count} benches of each kind, and {OFTEN} times as many of the first {FIRST_KINDS}, with seeds from {first}. Strengths \
          are at random in the range that matters on a bench. When it is cut off, the command goes on where it was.\n\n\
          *Exact* means that everything that was hidden is named, and nothing else. For causes outside the catalogue it means that \
