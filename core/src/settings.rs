@@ -33,8 +33,11 @@ macro_rules! settings {
             pub const COUNT: usize = Self::ALL.len();
         }
 
-        /// Name, unit and help of each.
-        pub(crate) const TEXT: &str = concat!($($name, "\0", $unit, "\0", $help, "\0"),*);
+        /// Name and unit of each.
+        pub(crate) const TEXT: &str = concat!($($name, "\0", $unit, "\0"),*);
+
+        /// What each is, in one line. The chip does not carry these: the host program shows them.
+        const HELP: [&str; Param::COUNT] = [$($help),*];
 
         /// What a stored number means by its place: name, unit and format of each.
         pub(crate) const MEANING: &str = concat!($($name, "\0", $unit, "\0", stringify!($format), "\0"),*);
@@ -237,13 +240,19 @@ pub enum Text {
     Name = 0,
     /// The unit.
     Unit = 1,
-    /// One line of help.
-    Help = 2,
+}
+
+/// Texts of each setting.
+pub(crate) const TEXTS: u8 = 2;
+
+/// One line of help, which the host program has and the chip has not.
+pub fn help(param: Param) -> &'static str {
+    HELP[param as usize]
 }
 
 /// The characters of one text of one setting, read from flash.
 pub fn text(param: Param, which: Text) -> FlashText {
-    FlashText::of(Table::Settings, param as u8 * 3 + which as u8)
+    FlashText::of(Table::Settings, param as u8 * TEXTS + which as u8)
 }
 
 /// The setting of this name.
@@ -277,7 +286,8 @@ mod tests {
         let defaults = Settings::defaults();
         for (i, &param) in Param::ALL.iter().enumerate() {
             assert_eq!(param as usize, i);
-            for which in [Text::Name, Text::Unit, Text::Help] {
+            assert!(!help(param).is_empty(), "{param:?}");
+            for which in [Text::Name, Text::Unit] {
                 assert!(text(param, which).count() > 0, "{param:?} {which:?}");
             }
             let (min, max) = param.range();

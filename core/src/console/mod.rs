@@ -97,8 +97,10 @@ macro_rules! commands {
             static progmem FORMS: [Form; COMMANDS.len()] = [$(Form::of($arguments)),*];
         }
         const COMMAND_COUNT: u8 = COMMANDS.len() as u8;
-        /// Name, arguments and help of each.
-        pub(crate) const COMMAND_TEXT: &str = concat!($($name, "\0", $arguments, "\0", $help, "\0"),*);
+        /// Name and arguments of each.
+        pub(crate) const COMMAND_TEXT: &str = concat!($($name, "\0", $arguments, "\0"),*);
+        /// What each does, in one line. The chip does not carry these: the host program shows them.
+        const COMMAND_HELP: [&str; COMMANDS.len()] = [$($help),*];
     };
 }
 
@@ -202,8 +204,8 @@ texts! { Say SAYINGS:
     Build "%3 %b";
     NoReference "mode is off: choose a mode";
     ZeroRefused "zero refused: a current flows";
-    Command "%0 %1 - %2";
-    Setting "%3 %x %4 %l..%h, %5";
+    Command "%0 %1";
+    Setting "%3 %x %4 %l..%h";
     Version "motorbench %V, settings %S";
     ResetCause "reset: %R";
     State "mode %m armed %a trip %T %t";
@@ -434,7 +436,7 @@ impl Console {
         }
         let mut choice = 0;
         if form.chooses() {
-            let mut arguments = FlashText::of(Table::Commands, command as u8 * 3 + ARGUMENTS);
+            let mut arguments = FlashText::of(Table::Commands, command as u8 * COMMAND_TEXTS + ARGUMENTS);
             let Some(chosen) = arguments.choice(self.editor.next_word()) else { return Say::Usage };
             choice = chosen;
         }
@@ -721,8 +723,10 @@ impl Console {
     fn field(&self, letter: u8) -> Field {
         let (param, sample, settings) = (self.param, &self.sample, &self.settings);
         let (bits, per_unit) = match letter {
-            b'0'..=b'2' => return Field::Text(Table::Commands, self.command * 3 + (letter - b'0')),
-            b'3'..=b'5' => return Field::Text(Table::Settings, param as u8 * 3 + (letter - b'3')),
+            b'0'..=b'1' => return Field::Text(Table::Commands, self.command * COMMAND_TEXTS + (letter - b'0')),
+            b'3'..=b'4' => {
+                return Field::Text(Table::Settings, param as u8 * settings::TEXTS + (letter - b'3'));
+            }
             b'b' => return Field::Text(Table::Words, Word::Rules as u8 + self.rule as u8),
             b't' => return Field::Text(Table::Words, Word::Trips as u8 + sample.trip as u8),
             b'R' => return Field::Text(Table::Words, Word::ResetCauses as u8 + self.counters.reset_cause as u8),
@@ -785,7 +789,8 @@ fn send_frame(framer: &mut Framer, kind: u8, payload: &[u8], machine: &mut impl 
 /// In place of the bits per unit of what is printed as it is, to the last digit.
 const WHOLE: f32 = 0.0;
 
-/// Place of a command's second text.
+/// Texts of each command, and the place of the second.
+const COMMAND_TEXTS: u8 = 2;
 const ARGUMENTS: u8 = 1;
 
 /// Bits or counts of one unit of the mode's reference: of a volt where it is neither a speed nor a position.
@@ -809,6 +814,12 @@ pub fn reference() -> impl core::fmt::Display {
 #[cfg(not(target_arch = "avr"))]
 struct Reference;
 
+/// The bar would end a cell of the table.
+#[cfg(not(target_arch = "avr"))]
+fn within_a_cell(byte: u8) -> u8 {
+    if byte == b'|' { b'/' } else { byte }
+}
+
 #[cfg(not(target_arch = "avr"))]
 impl core::fmt::Display for Reference {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
@@ -818,14 +829,12 @@ impl core::fmt::Display for Reference {
         }
         writeln!(f, "| command | arguments | what it does |\n|---|---|---|")?;
         for index in 0..COMMAND_COUNT {
-            for part in 0..3 {
+            for part in 0..COMMAND_TEXTS {
                 write!(f, "| ")?;
-                put(
-                    f,
-                    FlashText::of(Table::Commands, index * 3 + part).map(|byte| if byte == b'|' { b'/' } else { byte }),
-                )?;
+                put(f, FlashText::of(Table::Commands, index * COMMAND_TEXTS + part).map(within_a_cell))?;
                 write!(f, " ")?;
             }
+            write!(f, "| {} ", COMMAND_HELP[index as usize])?;
             writeln!(f, "|")?;
         }
         writeln!(f, "\n| setting | unit | default | range | what it is |\n|---|---|---|---|---|")?;
@@ -835,10 +844,8 @@ impl core::fmt::Display for Reference {
             write!(f, "| ")?;
             put(f, settings::text(param, settings::Text::Name))?;
             write!(f, " | ")?;
-            put(f, settings::text(param, settings::Text::Unit).map(|byte| if byte == b'|' { b'/' } else { byte }))?;
-            write!(f, " | {} | {min}..{max} | ", defaults.get(param))?;
-            put(f, settings::text(param, settings::Text::Help))?;
-            writeln!(f, " |")?;
+            put(f, settings::text(param, settings::Text::Unit).map(within_a_cell))?;
+            writeln!(f, " | {} | {min}..{max} | {} |", defaults.get(param), settings::help(param))?;
         }
         Ok(())
     }
