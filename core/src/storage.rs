@@ -19,6 +19,8 @@ use crate::settings::{self, Param, Settings};
 pub const VERSION: u16 = Crc16::of(settings::MEANING.as_bytes());
 /// The first byte of a slot.
 const MARK: u8 = VERSION as u8;
+/// A byte that was never written.
+const ERASED: u8 = 0xff;
 /// Bytes of a slot.
 const SLOT: u16 = 2 + VALUES + 2;
 const VALUES: u16 = 4 * Param::COUNT as u16;
@@ -57,6 +59,11 @@ fn number(eeprom: &mut impl Eeprom, start: u16) -> Option<u8> {
     }
     let stored = [eeprom.read(start + SLOT - 2), eeprom.read(start + SLOT - 1)];
     (crc.value() == u16::from_le_bytes(stored)).then(|| eeprom.read(start + 1))
+}
+
+/// Whether something stands where settings are saved, of this version or another.
+pub fn holds_something(eeprom: &mut impl Eeprom) -> bool {
+    SLOTS.iter().any(|&start| eeprom.read(start) != ERASED)
 }
 
 /// Loads the saved settings, if there are any whole ones within their ranges; the content is of no use otherwise.

@@ -53,8 +53,14 @@ pub struct Counters {
     pub illegal_transitions: u16,
     /// Received bytes that were lost.
     pub overruns: u8,
+    /// Bytes that could not be sent.
+    pub unsent: u8,
     /// Samples the main loop could not take in time.
     pub dropped: u16,
+    /// Bytes of the stack that were never used.
+    pub stack_free: u16,
+    /// Ticks since the latched trip.
+    pub since_trip: u32,
     /// Why the chip was reset.
     pub reset_cause: ResetCause,
     /// A zero calibration of the current is running.
@@ -82,6 +88,8 @@ pub enum ResetCause {
     MainLoopHung = 5,
     /// The program panicked; it switched the drive off.
     Panic = 6,
+    /// The stack grew into the variables; the tick switched the drive off.
+    StackOverflow = 7,
 }
 
 macro_rules! commands {
@@ -100,6 +108,7 @@ macro_rules! commands {
         /// Name and arguments of each.
         pub(crate) const COMMAND_TEXT: &str = concat!($($name, "\0", $arguments, "\0"),*);
         /// What each does, in one line. The chip does not carry these: the host program shows them.
+        #[cfg(not(target_arch = "avr"))]
         const COMMAND_HELP: [&str; COMMANDS.len()] = [$($help),*];
     };
 }
@@ -192,7 +201,9 @@ texts! { Say SAYINGS:
     LineRefused "line too long or not plain ASCII";
     Usage "expected %0 %1";
     NoSuchSetting "no such setting, see show";
-    TripLatched "trip latched: %t; clear it first";
+    TripLatched "trip %T %t, %A s ago; clear it";
+    NotLoaded "saved settings are of another version: not loaded, defaults in force";
+    NotAnswered "saved settings not loaded: set, save, load or defaults first";
     NotArmed "not armed: arm first";
     DisarmFirst "disarm first";
     SaveRunning "save still running";
@@ -210,7 +221,7 @@ texts! { Say SAYINGS:
     ResetCause "reset: %R";
     State "mode %m armed %a trip %T %t";
     Measured "reference %r position %p rad, speed %s rad/s, current %c A, duty %d percent, supply %v V";
-    Counted "illegal transitions %i, serial overruns %o, dropped samples %D, reset: %R";
+    Counted "illegal transitions %i, serial overruns %o, unsent bytes %u, dropped samples %D, stack free %f, reset: %R";
     Done "done: %k samples, dropped %K";
     Saved "saved";
     Plot "reference:%r,position:%p,speed:%s,current:%c,duty:%d";
@@ -224,11 +235,15 @@ texts! { Word WORDS:
     Stall "stall: driven, not turning";
     EncoderSilent "encoder silent: driven, no counts";
     Runaway "runaway: wrong feedback sign";
-    SensorRange "current signal at a rail";
+    SensorRange "current sensor: a rail, or current when off";
     SupplyRange "supply out of range";
     EmergencyStop "emergency stop";
     HostLost "host silent";
     MainLoopHung "main loop hung";
+    EncoderTooFew "encoder counts too few for the voltage";
+    EncoderLines "encoder line open or shorted";
+    ConverterSilent "ADC silent";
+    StackOverflow "stack overflow";
     ResetCauses "unknown";
     PowerOn "power on";
     External "external";
@@ -236,6 +251,7 @@ texts! { Word WORDS:
     Watchdog "watchdog";
     ResetMainLoopHung "main loop hung";
     Panic "panic";
+    ResetStack "stack overflow";
     Rules "is too large for fixed point";
     TooSmall "is below its range";
     RoundsToZero "would round to zero in fixed point";
@@ -283,6 +299,8 @@ pub struct Console {
     quiet: bool,
     divider: u8,
     countdown: u8,
+    /// There are saved settings that could not be loaded, and nobody has said what shall be in force.
+    not_loaded: bool,
     /// A recording runs; samples sent so far, and the drop counter when it began.
     recording: bool,
     recorded: u32,
@@ -324,7 +342,8 @@ impl Console {
         if storage::load(machine.memory(), &mut self.settings) && machine.configure(&self.settings).is_ok() {
             return Ok(());
         }
-        self.settings = Settings::defaults();
+        self.not_loaded = storage::holds_something(machine.memory());
+        self.settings.set_defaults();
         machine.configure(&self.settings)
     }
 
@@ -333,11 +352,19 @@ impl Console {
         &self.settings
     }
 
-    /// Greets after a reset: version and reset cause.
+    /// Greets after a reset: version, reset cause, and whether the saved settings are not those in force.
     pub fn greet(&mut self, machine: &mut impl Machine) {
         self.look(machine);
         self.info(Say::Version, machine);
         self.info(Say::ResetCause, machine);
+        self.warn(machine);
+    }
+
+    /// Says that saved settings were not loaded, until that is answered.
+    fn warn(&mut self, machine: &mut impl Machine) {
+        if self.not_loaded {
+            self.info(Say::NotLoaded, machine);
+        }
     }
 
     /// Takes a received byte; carries out a line that it completes.
@@ -456,8 +483,7 @@ impl Console {
             Command::Sequence | Command::Record => return self.sequence(choice, machine),
             Command::Stream => return self.stream(choice),
             Command::Save => return self.save(machine),
-            Command::Load => return self.load(machine),
-            Command::Defaults => return self.replace(&Settings::defaults(), machine),
+            Command::Load | Command::Defaults => return self.load(command == Command::Defaults, machine),
             Command::Echo => self.quiet = choice == 0,
             Command::Version => self.greet(machine),
             Command::Alive => {}
@@ -500,10 +526,17 @@ impl Console {
         self.info(Say::State, machine);
         self.info(Say::Measured, machine);
         self.info(Say::Counted, machine);
+        if self.sample.trip != Trip::None {
+            self.info(Say::TripLatched, machine);
+        }
+        self.warn(machine);
     }
 
     /// Arms, or says why not.
     fn arm(&mut self, machine: &mut impl Machine) -> Say {
+        if self.not_loaded {
+            return Say::NotAnswered;
+        }
         machine.request(Request::Arm);
         self.look(machine);
         if self.armed() { Say::Ok } else { Say::TripLatched }
@@ -586,7 +619,14 @@ impl Console {
         if self.saver.is_busy() {
             return Say::SaveRunning;
         }
-        let rig = [Param::CountsPerRev, Param::SpeedRange, Param::SpeedSensor, Param::Wiring, Param::TickRate];
+        let rig = [
+            Param::CountsPerRev,
+            Param::SpeedRange,
+            Param::SpeedSensor,
+            Param::Wiring,
+            Param::TickRate,
+            Param::EmergencyStop,
+        ];
         let rig_changes = rig.iter().any(|&param| settings.get(param) != self.settings.get(param));
         if rig_changes && self.armed() {
             return Say::DisarmFirst;
@@ -596,6 +636,7 @@ impl Console {
             return Say::Build;
         }
         self.settings = *settings;
+        self.not_loaded = false;
         Say::Ok
     }
 
@@ -676,15 +717,19 @@ impl Console {
             return Say::SaveRunning;
         }
         self.saver.start(machine.memory());
+        self.not_loaded = false;
         Say::Ok
     }
 
-    fn load(&mut self, machine: &mut impl Machine) -> Say {
-        let mut settings = self.settings;
-        if storage::load(machine.memory(), &mut settings) {
-            return self.replace(&settings, machine);
+    /// The saved settings, or those as built.
+    fn load(&mut self, as_built: bool, machine: &mut impl Machine) -> Say {
+        let mut settings = Settings::default();
+        if as_built {
+            settings.set_defaults();
+        } else if !storage::load(machine.memory(), &mut settings) {
+            return Say::NothingSaved;
         }
-        Say::NothingSaved
+        self.replace(&settings, machine)
     }
 
     /// Prints an information line.
@@ -738,6 +783,9 @@ impl Console {
             b'k' => (self.count as i32, WHOLE),
             b'i' => (self.counters.illegal_transitions as i32, WHOLE),
             b'o' => (self.counters.overruns as i32, WHOLE),
+            b'u' => (self.counters.unsent as i32, WHOLE),
+            b'f' => (self.counters.stack_free as i32, WHOLE),
+            b'A' => (self.counters.since_trip as i32, settings.get(Param::TickRate)),
             b'D' => (self.counters.dropped as i32, WHOLE),
             b'K' => (self.counters.dropped.wrapping_sub(self.dropped) as i32, WHOLE),
             b'x' => return Field::Number(settings.get(param)),
