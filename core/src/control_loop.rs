@@ -444,12 +444,13 @@ impl ControlLoop {
             let bridge = if self.braking { Bridge::Brake } else { Bridge::Coast };
             return Drive { duty: 0, bridge };
         }
-        let (reference, bridge) = self.reference();
+        let (mut reference, bridge) = self.reference();
         if self.mode == Mode::Off {
             // The sequence has ended.
             return Drive { duty: 0, bridge: Bridge::Brake };
         }
         self.sample.reference = reference.value;
+        reference.error = self.position_error(reference.value);
         if bridge != Bridge::Drive {
             self.voltage = 0;
             self.align = true;
@@ -476,7 +477,7 @@ impl ControlLoop {
             }
             Profile::Position(profile) => profile.step(config),
         };
-        (Reference { value, speed, error: self.position_error(value) }, Bridge::Drive)
+        (Reference { value, speed, error: 0 }, Bridge::Drive)
     }
 
     /// The reference of the sequence; positions are relative to where it began.
@@ -489,7 +490,6 @@ impl ControlLoop {
         let mut reference = Reference { value: play.value as i32, speed: 0, error: 0 };
         if self.mode.is_position() {
             reference.value = reference.value.wrapping_add(self.origin_of_play);
-            reference.error = self.position_error(reference.value);
         } else if self.mode.is_speed() {
             reference.speed = play.value;
         }

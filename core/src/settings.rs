@@ -108,7 +108,7 @@ settings! {
     TripContinuous "trip_continuous" ["A"] Ampere = 0.6 in 0.05..=7.999, "over-current, thermal";
     TripThermalTime "trip_thermal_time" ["s"] Own = 2.0 in 0.3..=60.0, "time constant of the thermal trip";
     TripStall "trip_stall" ["ms"] Ticks = 500.0 in 0.0..=10000.0, "driven and not turning, 0 off";
-    TripEncoder "trip_encoder" ["ms"] Ticks = 30.0 in 0.0..=10000.0, "the voltage implies more speed than is measured, 0 off";
+    TripEncoder "trip_encoder" ["ms"] Ticks = 20.0 in 0.0..=10000.0, "the voltage implies more speed than is measured, 0 off";
     TripRunaway "trip_runaway" ["ms"] Ticks = 100.0 in 0.0..=10000.0, "turning against the drive, not slowing, 0 off";
     TripSupplyLow "trip_supply_low" ["V"] Own = 5.0 in 0.0..=40.0, "lowest supply, where measured";
     TripSupplyHigh "trip_supply_high" ["V"] Own = 36.0 in 0.0..=40.0, "highest supply, where measured";

@@ -10,7 +10,7 @@
 //! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
 //! | encoder silent | the voltage implies a speed, see below, for `trip_encoder`, and the encoder shows none |
 //! | encoder counts too few | the same, and the encoder shows too little |
-//! | encoder lines | edges that go to and fro by one count in most ticks of 64 ms; or more than 250 illegal transitions a second, after the first 50 |
+//! | encoder lines | edges that go to and fro by one count in most ticks of 64 ms; or illegal transitions in most ticks, 50 of them |
 //! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
 //! | sensor range | current signal at a rail for 3 ticks, or a current above `trip_peak` with the drive disarmed |
 //! | converter silent | no conversion for 2 ticks |
@@ -36,7 +36,7 @@
 //! the mean voltage is known near full duty only, so less does not count. Without a current sensor (`winding_time` not zero)
 //! the time is eight times as long, because a motor that breaks loose late looks the same.
 
-use crate::arith::{call_mul_i16, call_mul_i16_u16, mul_i16, mul_i16_u16, saturating_sub_i16};
+use crate::arith::{call_mul_i16, mul_i16, mul_i16_u16, saturate_shift_8, saturating_sub_i16};
 use crate::control_loop::Inputs;
 use crate::encoder::Motion;
 use crate::message::Trip;
@@ -176,7 +176,7 @@ pub struct TripsState {
     quiet: u8,
     /// Ticks with edges to and fro, less three for each other one.
     to_and_fro: u8,
-    /// Four for each illegal transition, less one for each tick.
+    /// Illegal transitions, less one for each tick without any.
     illegal: u8,
     converter: u8,
     odd: bool,
@@ -190,11 +190,10 @@ const CONVERTER_TICKS: u8 = 2;
 const LARGEST_DROP: i16 = 3 * VOLT as i16;
 /// The setting `emergency_stop` of a contact that opens when it is pressed.
 const NORMALLY_CLOSED: f32 = 2.0;
-/// An illegal transition weighs so much; a tick takes one away, and so much trips.
-const ILLEGAL_WEIGHT: u8 = 4;
-const ILLEGAL_MOST: u8 = 200;
-/// Less than two illegal transitions are no sign of a broken line.
-const ILLEGAL_SIGN: u8 = 2 * ILLEGAL_WEIGHT;
+/// So many illegal transitions trip; a tick without any takes one away.
+const ILLEGAL_MOST: u8 = 50;
+/// Fewer are no sign of a broken line.
+const ILLEGAL_SIGN: u8 = 2;
 /// A motor that turns and is measured moves by three counts within so many ticks, unless it creeps.
 const QUIET: u8 = 20;
 
@@ -298,22 +297,18 @@ impl TripsState {
     /// Edges without motion, or both lines at once.
     #[inline(always)]
     fn lines_broken(&mut self, config: &TripsConfig, seen: &Observation) -> bool {
+        self.quiet = self.quiet.saturating_add(1);
+        self.to_and_fro = if seen.motion == Motion::ToAndFro {
+            self.to_and_fro.saturating_add(1)
+        } else {
+            self.to_and_fro.saturating_sub(3)
+        };
         if seen.motion == Motion::Moved {
             self.quiet = 0;
             self.still = 0;
-        } else {
-            self.quiet = self.quiet.saturating_add(1);
         }
-        if seen.motion == Motion::ToAndFro {
-            self.to_and_fro = self.to_and_fro.saturating_add(1);
-        } else {
-            self.to_and_fro = self.to_and_fro.saturating_sub(3);
-        }
-        self.illegal = if seen.illegal != 0 {
-            self.illegal.saturating_add(seen.illegal.min(ILLEGAL_MOST / ILLEGAL_WEIGHT) * ILLEGAL_WEIGHT)
-        } else {
-            self.illegal.saturating_sub(1)
-        };
+        self.illegal =
+            if seen.illegal != 0 { self.illegal.saturating_add(seen.illegal) } else { self.illegal.saturating_sub(1) };
         self.to_and_fro >= config.lines_ticks || self.illegal >= ILLEGAL_MOST
     }
 
@@ -321,10 +316,9 @@ impl TripsState {
     #[inline(never)]
     fn plausible(&mut self, config: &TripsConfig, drive: i16, current: i16, along: i16) -> Trip {
         let known = config.back_emf != 0 || self.quiet >= QUIET || along < 0;
-        let missing = (drive - (drive >> 2)) as i32
-            - (call_mul_i16_u16(current, config.resistive) >> 8)
-            - (call_mul_i16_u16(along, config.back_emf) >> 8);
-        if !known || drive < config.known_from || missing <= config.turning as i32 {
+        let implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
+        let missing = saturating_sub_i16(implied, scaled(along, config.back_emf));
+        if !known || drive < config.known_from || missing <= config.turning {
             self.implausible = self.implausible.saturating_sub(1);
             return Trip::None;
         }
@@ -370,6 +364,12 @@ impl TripsState {
 /// Bits of speed (2^-8 of the range) by which a braked motor must have slowed down to count as slowing.
 const FALLING: i16 = 128;
 
+/// A product in bits of voltage, saturating.
+#[inline(never)]
+fn scaled(value: i16, factor: u16) -> i16 {
+    saturate_shift_8(mul_i16_u16(value, factor))
+}
+
 /// The magnitude; the one number that has none in 16 bits is taken as the largest that has.
 #[inline(always)]
 fn magnitude(value: i16) -> i16 {
@@ -399,7 +399,7 @@ mod tests {
             voltage: 6144,
             current: 400,
             speed: 6000,
-            moved: true,
+            motion: Motion::Moved,
             flags: Inputs::MAIN_LOOP_ALIVE | Inputs::HOST_SPOKE,
             ..Observation::default()
         }
@@ -436,24 +436,67 @@ mod tests {
         let one = |observation: Observation| trips_after(&defaults, move |_| observation);
         let peak = one(Observation { current: amps(-1.3), ..healthy() });
         check("peak", (Trip::OverCurrentPeak, 5), peak);
-        let stall = one(Observation { current: amps(0.7), speed: 0, moved: false, ..healthy() });
+        let stall = one(Observation { current: amps(0.7), speed: 0, motion: Motion::None, ..healthy() });
         check("stall", (Trip::Stall, 500), stall);
-        let silent = one(Observation { speed: 0, moved: false, current: amps(0.2), ..healthy() });
-        check("silent", (Trip::EncoderSilent, 200), silent);
-        let runaway = trips_after(&defaults, |tick| Observation { speed: -1000 - tick as i16, ..healthy() });
-        check("runaway", (Trip::Runaway, 100), runaway);
+        let silent = one(Observation { speed: 0, motion: Motion::None, current: amps(0.2), ..healthy() });
+        check("silent", (Trip::EncoderSilent, 19), silent);
+        // Too much current to say what speed the voltage implies; then little.
+        let against = |current| {
+            move |tick: u32| Observation { speed: -1000 - tick as i16, current: amps(current), ..healthy() }
+        };
+        check("runaway", (Trip::Runaway, 102), trips_after(&defaults, against(1.1)));
+        check("runaway, implied", (Trip::Runaway, 19), trips_after(&defaults, against(0.1)));
+        // 6 V, 0.1 A, and 8 rad/s instead of 70.
+        let too_few = one(Observation { speed: 500, current: amps(0.1), ..healthy() });
+        check("too few", (Trip::EncoderTooFew, 19), too_few);
+        // Without the back-EMF nobody knows; that it turns is enough.
+        let unknown = with(&[(Param::TorqueConstant, 0.0)]);
+        let slow = trips_after(&unknown, |_| Observation { speed: 500, current: amps(0.1), ..healthy() });
+        assert_eq!(slow, None);
+        let still = trips_after(&unknown, |_| Observation { speed: 0, motion: Motion::None, ..healthy() });
+        check("silent, back-EMF not known", (Trip::EncoderSilent, 39), still);
+        let to_and_fro = one(Observation { voltage: 500, speed: 0, motion: Motion::ToAndFro, ..healthy() });
+        check("to and fro", (Trip::EncoderLines, 64), to_and_fro);
+        check("illegal", (Trip::EncoderLines, 25), one(Observation { illegal: 2, ..healthy() }));
+        let dead = one(Observation { flags: healthy().flags | Inputs::NOT_CONVERTED, ..healthy() });
+        check("converter", (Trip::ConverterSilent, 2), dead);
+        let overflow = one(Observation { flags: healthy().flags | Inputs::STACK_OVERFLOW, ..healthy() });
+        check("stack", (Trip::StackOverflow, 1), overflow);
         check("sensor", (Trip::SensorRange, 3), one(Observation { sensor_at_rail: true, ..healthy() }));
         let supply = one(Observation { supply: Some((4.0 * VOLT) as i16), ..healthy() });
         check("supply", (Trip::SupplyRange, 10), supply);
         check(
             "stop",
             (Trip::EmergencyStop, 1),
-            one(Observation { flags: healthy().flags | Inputs::EMERGENCY_STOP, ..healthy() }),
+            one(Observation { flags: healthy().flags | Inputs::STOP_CLOSED, ..healthy() }),
         );
         check("hung", (Trip::MainLoopHung, 100), one(Observation { flags: Inputs::HOST_SPOKE, ..healthy() }));
         let host = with(&[(Param::TripHost, 250.0)]);
         let lost = trips_after(&host, |_| Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
         check("host", (Trip::HostLost, 250), lost);
+    }
+
+    /// With the drive disarmed no current flows: what shows one is the sensor.
+    #[test]
+    fn a_current_without_a_drive_is_the_sensors() {
+        let config = TripsConfig::build(&Settings::defaults()).unwrap();
+        let mut state = TripsState::default();
+        let seen = Observation { current: i16::MIN, voltage: 0, ..healthy() };
+        let trip = (0..10).map(|_| state.step(&config, &seen, false)).find(|trip| *trip != Trip::None);
+        assert_eq!(trip, Some(Trip::SensorRange));
+    }
+
+    /// A wire that breaks opens the contact: that stops where it is normally closed. Without a stop nothing is looked at.
+    #[test]
+    fn the_emergency_stop_is_of_the_kind_that_is_set() {
+        for (kind, closed, stops) in
+            [(0, false, false), (0, true, false), (1, false, false), (1, true, true), (2, false, true), (2, true, false)]
+        {
+            let settings = with(&[(Param::EmergencyStop, kind as f32)]);
+            let flags = healthy().flags | if closed { Inputs::STOP_CLOSED } else { 0 };
+            let found = trips_after(&settings, |_| Observation { flags, ..healthy() });
+            assert_eq!(found, stops.then_some((Trip::EmergencyStop, 1)), "{kind} {closed}");
+        }
     }
 
     /// Whatever else has tripped, and armed or not: the watchdog must know of a hang.
@@ -465,11 +508,11 @@ mod tests {
             let stopped = |flags| Observation { sensor_at_rail: true, flags, ..healthy() };
             for tick in 0..300 {
                 assert!(!state.main_loop_hung(&config), "{tick}");
-                let flags = Inputs::EMERGENCY_STOP | Inputs::MAIN_LOOP_ALIVE;
+                let flags = Inputs::STOP_CLOSED | Inputs::MAIN_LOOP_ALIVE;
                 assert_eq!(state.step(&config, &stopped(flags), armed), Trip::EmergencyStop);
             }
             let hung = (1..300).find(|_| {
-                state.step(&config, &stopped(Inputs::EMERGENCY_STOP), armed);
+                state.step(&config, &stopped(Inputs::STOP_CLOSED), armed);
                 state.main_loop_hung(&config)
             });
             assert_eq!(hung, Some(100));
@@ -483,15 +526,16 @@ mod tests {
             assert_eq!(trips_after(&Settings::defaults(), move |_| observation), None, "{observation:?}");
         };
         // Resting in its friction at 1 V; holding against a load with stall current below the continuous rating.
-        quiet(Observation { voltage: 1000, speed: 0, moved: false, current: amps(0.17), ..healthy() });
-        quiet(Observation { voltage: 3000, speed: 0, moved: false, current: amps(0.5), ..healthy() });
+        quiet(Observation { voltage: 1000, speed: 0, motion: Motion::None, current: amps(0.17), ..healthy() });
+        quiet(Observation { voltage: 3000, speed: 0, motion: Motion::None, current: amps(0.5), ..healthy() });
         // Nobody asked for a host.
         quiet(Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
-        // Braking by reverse voltage: 300 ms from full speed to rest, again and again.
-        let braking = |tick: u32| Observation {
-            voltage: if tick % 300 < 290 { -6144 } else { 6144 },
-            speed: 18000 - (tick % 300) as i16 * 60,
-            ..healthy()
+        // Braking by reverse voltage: 300 ms from 60 rad/s to rest, again and again; 2.6 V are the bridge's.
+        let braking = |tick: u32| {
+            let speed = 3840 - (tick % 300) as i16 * 12;
+            let back_emf_v = 0.072 * 512.0 * f32::from(speed) / FULL_RANGE;
+            let current = amps((-3.125 - back_emf_v + 2.6) / 5.84);
+            Observation { voltage: if tick % 300 < 290 { -3200 } else { 3200 }, speed, current, ..healthy() }
         };
         assert_eq!(trips_after(&Settings::defaults(), braking), None);
         // One tick at the rail, five milliseconds of peak less one tick.
@@ -501,6 +545,21 @@ mod tests {
             ..healthy()
         };
         assert_eq!(trips_after(&Settings::defaults(), spike), None);
+        // A count that dithers by one, 200 times a second, at any voltage that a held shaft may need.
+        let dither = |tick: u32| {
+            let motion = if tick % 5 == 0 { Motion::ToAndFro } else { Motion::None };
+            Observation { voltage: 5120, speed: 0, current: amps(0.43), motion, ..healthy() }
+        };
+        assert_eq!(trips_after(&Settings::defaults(), dither), None);
+        // Creeping at 1 rpm: three counts in 90 ms.
+        let creep = |tick: u32| {
+            let motion = if tick % 30 != 0 { Motion::None } else if tick % 90 == 0 { Motion::Moved } else { Motion::ToAndFro };
+            Observation { voltage: 5120, speed: 7, current: amps(0.43), motion, ..healthy() }
+        };
+        assert_eq!(trips_after(&Settings::defaults(), creep), None);
+        // Turned back by a load, against 6 V: the current is larger than that of a held shaft.
+        let driven_back = |_| Observation { speed: -300, current: amps(0.66), ..healthy() };
+        assert_eq!(trips_after(&with(&[(Param::TripRunaway, 0.0), (Param::TripContinuous, 1.0)]), driven_back), None);
     }
 
     proptest! {
@@ -528,8 +587,8 @@ mod tests {
             let mut state = TripsState::default();
             for (voltage, current, speed, flags) in values {
                 let supply = (flags & 1 != 0).then_some(voltage);
-                let moved = flags & 2 != 0;
-                state.step(&config, &Observation { voltage, current, speed, supply, moved, flags: Inputs::MAIN_LOOP_ALIVE,
+                let motion = if flags & 2 != 0 { Motion::Moved } else { Motion::ToAndFro };
+                state.step(&config, &Observation { voltage, current, speed, supply, motion, flags: Inputs::MAIN_LOOP_ALIVE,
                     ..Observation::default() }, flags & 4 != 0);
             }
         }

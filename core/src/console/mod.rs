@@ -179,7 +179,7 @@ commands! {
     Defaults "defaults" "" "settings as built";
     Echo "echo" "off|on" "repeat input";
     Version "version" "" "firmware, settings";
-    Help "help" "" "this list; settings: show";
+    Help "help" "" "the commands; settings: show";
 }
 
 macro_rules! texts {
@@ -202,8 +202,7 @@ texts! { Say SAYINGS:
     Usage "expected %0 %1";
     NoSuchSetting "no such setting, see show";
     TripLatched "trip %T %t, %A s ago; clear it";
-    NotLoaded "saved settings are of another version: not loaded, defaults in force";
-    NotAnswered "saved settings not loaded: set, save, load or defaults first";
+    NotLoaded "saved settings are of another version: not loaded, defaults in force; confirm: save, set, load or defaults";
     NotArmed "not armed: arm first";
     DisarmFirst "disarm first";
     SaveRunning "save still running";
@@ -242,7 +241,7 @@ texts! { Word WORDS:
     MainLoopHung "main loop hung";
     EncoderTooFew "encoder counts too few for the voltage";
     EncoderLines "encoder line open or shorted";
-    ConverterSilent "ADC silent";
+    ConverterSilent "converter silent";
     StackOverflow "stack overflow";
     ResetCauses "unknown";
     PowerOn "power on";
@@ -535,7 +534,7 @@ impl Console {
     /// Arms, or says why not.
     fn arm(&mut self, machine: &mut impl Machine) -> Say {
         if self.not_loaded {
-            return Say::NotAnswered;
+            return Say::NotLoaded;
         }
         machine.request(Request::Arm);
         self.look(machine);
@@ -785,7 +784,7 @@ impl Console {
             b'o' => (self.counters.overruns as i32, WHOLE),
             b'u' => (self.counters.unsent as i32, WHOLE),
             b'f' => (self.counters.stack_free as i32, WHOLE),
-            b'A' => (self.counters.since_trip as i32, settings.get(Param::TickRate)),
+            b'A' => ((self.counters.since_trip >> settings.is_fast() as u8) as i32 / 1000, WHOLE),
             b'D' => (self.counters.dropped as i32, WHOLE),
             b'K' => (self.counters.dropped.wrapping_sub(self.dropped) as i32, WHOLE),
             b'x' => return Field::Number(settings.get(param)),
@@ -851,6 +850,15 @@ fn bits_per_unit(mode: Mode, settings: &Settings) -> f32 {
     } else {
         VOLT
     }
+}
+
+/// What a line of `help` or `show` is about, in one line, by the word it begins with: the chip has no room for it.
+#[cfg(not(target_arch = "avr"))]
+pub fn explanation(word: &str) -> Option<&'static str> {
+    let command = flash_text::find(Table::Commands, COMMAND_COUNT, word.as_bytes());
+    command
+        .map(|index| COMMAND_HELP[index as usize])
+        .or_else(|| settings::find(word.as_bytes()).map(settings::help))
 }
 
 /// Commands and settings as one text, for the host.
