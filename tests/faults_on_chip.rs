@@ -134,7 +134,9 @@ fn run_all(cases: &[Case]) -> Vec<Outcome> {
     std::thread::scope(|scope| {
         for _ in 0..workers {
             scope.spawn(|| {
-                while let Some((index, case)) = Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|index| cases.get(index).map(|case| (index, case))) {
+                while let Some((index, case)) = Some(next.fetch_add(1, Ordering::Relaxed))
+                    .and_then(|index| cases.get(index).map(|case| (index, case)))
+                {
                     let outcome = run(case);
                     outcomes.lock().expect("no panic")[index] = Some(outcome);
                 }
@@ -181,8 +183,11 @@ fn check(cases: &[Case], outcomes: &[Outcome]) {
 
 #[test]
 fn a_draw_of_all_faults_switches_the_drive_off_in_time() {
-    let cases: Vec<Case> =
-        cases((0..FAULTS.len()).map(Some)).into_iter().step_by(5).chain(cases([None].into_iter()).into_iter().step_by(5)).collect();
+    let cases: Vec<Case> = cases((0..FAULTS.len()).map(Some))
+        .into_iter()
+        .step_by(5)
+        .chain(cases([None].into_iter()).into_iter().step_by(5))
+        .collect();
     let outcomes = run_all(&cases);
     check(&cases, &outcomes);
 }

@@ -441,9 +441,8 @@ mod tests {
         let silent = one(Observation { speed: 0, motion: Motion::None, current: amps(0.2), ..healthy() });
         check("silent", (Trip::EncoderSilent, 19), silent);
         // Too much current to say what speed the voltage implies; then little.
-        let against = |current| {
-            move |tick: u32| Observation { speed: -1000 - tick as i16, current: amps(current), ..healthy() }
-        };
+        let against =
+            |current| move |tick: u32| Observation { speed: -1000 - tick as i16, current: amps(current), ..healthy() };
         check("runaway", (Trip::Runaway, 102), trips_after(&defaults, against(1.1)));
         check("runaway, implied", (Trip::Runaway, 19), trips_after(&defaults, against(0.1)));
         // 6 V, 0.1 A, and 8 rad/s instead of 70.
@@ -489,9 +488,14 @@ mod tests {
     /// A wire that breaks opens the contact: that stops where it is normally closed. Without a stop nothing is looked at.
     #[test]
     fn the_emergency_stop_is_of_the_kind_that_is_set() {
-        for (kind, closed, stops) in
-            [(0, false, false), (0, true, false), (1, false, false), (1, true, true), (2, false, true), (2, true, false)]
-        {
+        for (kind, closed, stops) in [
+            (0, false, false),
+            (0, true, false),
+            (1, false, false),
+            (1, true, true),
+            (2, false, true),
+            (2, true, false),
+        ] {
             let settings = with(&[(Param::EmergencyStop, kind as f32)]);
             let flags = healthy().flags | if closed { Inputs::STOP_CLOSED } else { 0 };
             let found = trips_after(&settings, |_| Observation { flags, ..healthy() });
@@ -553,7 +557,13 @@ mod tests {
         assert_eq!(trips_after(&Settings::defaults(), dither), None);
         // Creeping at 1 rpm: three counts in 90 ms.
         let creep = |tick: u32| {
-            let motion = if tick % 30 != 0 { Motion::None } else if tick % 90 == 0 { Motion::Moved } else { Motion::ToAndFro };
+            let motion = if tick % 30 != 0 {
+                Motion::None
+            } else if tick % 90 == 0 {
+                Motion::Moved
+            } else {
+                Motion::ToAndFro
+            };
             Observation { voltage: 5120, speed: 7, current: amps(0.43), motion, ..healthy() }
         };
         assert_eq!(trips_after(&Settings::defaults(), creep), None);

@@ -87,8 +87,12 @@ pub fn cause(trip: Trip) -> &'static str {
         Trip::EncoderTooFew => {
             "the voltage implied more speed than the encoder showed for `trip_encoder`: the coupling slips, or `torque_constant`, `resistance` or `counts_per_rev` are another motor's; `torque_constant` 0 where it is not known"
         }
-        Trip::EncoderLines => "a wire of the encoder is open, touches the other or picks up noise: look at its cable and plug",
-        Trip::ConverterSilent => "the chip's analogue inputs give no values: look at AREF and A0 to A2, then replace the board",
+        Trip::EncoderLines => {
+            "a wire of the encoder is open, touches the other or picks up noise: look at its cable and plug"
+        }
+        Trip::ConverterSilent => {
+            "the chip's analogue inputs give no values: look at AREF and A0 to A2, then replace the board"
+        }
     }
 }
 
@@ -261,7 +265,10 @@ pub(crate) mod tests {
             match self.trip {
                 Trip::None => Ok(()),
                 _ if line != "arm" => Ok(()),
-                _ => Err(BoardError::Refused { line: line.into(), reply: "error: trip 8 emergency stop, 0 s ago; clear it".into() }),
+                _ => Err(BoardError::Refused {
+                    line: line.into(),
+                    reply: "error: trip 8 emergency stop, 0 s ago; clear it".into(),
+                }),
             }
         }
 

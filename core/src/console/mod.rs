@@ -856,9 +856,7 @@ fn bits_per_unit(mode: Mode, settings: &Settings) -> f32 {
 #[cfg(not(target_arch = "avr"))]
 pub fn explanation(word: &str) -> Option<&'static str> {
     let command = flash_text::find(Table::Commands, COMMAND_COUNT, word.as_bytes());
-    command
-        .map(|index| COMMAND_HELP[index as usize])
-        .or_else(|| settings::find(word.as_bytes()).map(settings::help))
+    command.map(|index| COMMAND_HELP[index as usize]).or_else(|| settings::find(word.as_bytes()).map(settings::help))
 }
 
 /// Commands and settings as one text, for the host.
