@@ -194,6 +194,8 @@ const NORMALLY_CLOSED: f32 = 2.0;
 const ILLEGAL_MOST: u8 = 50;
 /// Fewer are no sign of a broken line.
 const ILLEGAL_SIGN: u8 = 2;
+/// Edges to and fro in so many ticks are none of a motor that turns.
+const TO_AND_FRO_SIGN: u8 = 8;
 /// A motor that turns and is measured moves by three counts within so many ticks, unless it creeps.
 const QUIET: u8 = 20;
 
@@ -325,7 +327,7 @@ impl TripsState {
         self.implausible = self.implausible.saturating_add(1);
         if config.encoder_ticks == 0 || self.implausible < config.encoder_ticks {
             Trip::None
-        } else if self.illegal >= ILLEGAL_SIGN {
+        } else if self.illegal >= ILLEGAL_SIGN || self.to_and_fro >= TO_AND_FRO_SIGN {
             Trip::EncoderLines
         } else if self.quiet >= QUIET {
             Trip::EncoderSilent
