@@ -8,7 +8,7 @@ use crate::arith::{call_saturate_i16, mul_i16_u16, mul_u16, saturate_i16, satura
 use crate::compensation::CompensationConfig;
 use crate::converter::STEP_V;
 use crate::current::{CurrentConfig, CurrentState};
-use crate::encoder::{Edges, SpeedConfig, SpeedState};
+use crate::encoder::{Edges, Motion, SpeedConfig, SpeedState};
 use crate::excitation::{Bridge, Player};
 use crate::limits::{Integral, Limits, LimitsConfig};
 use crate::low_pass::{LowPassConfig, LowPassState};
@@ -40,17 +40,21 @@ pub struct Inputs {
     pub supply: u16,
     /// [`duty_scale`] of the supply, kept by the main loop.
     pub duty_scale: u16,
-    /// [`Inputs::EMERGENCY_STOP`] and the other bits.
+    /// [`Inputs::STOP_CLOSED`] and the other bits.
     pub flags: u8,
 }
 
 impl Inputs {
-    /// The emergency stop is pressed.
-    pub const EMERGENCY_STOP: u8 = 1;
+    /// The emergency stop's contact is closed.
+    pub const STOP_CLOSED: u8 = 1;
     /// The host has said something valid since the last tick.
     pub const HOST_SPOKE: u8 = 2;
     /// The main loop has gone round since the last tick.
     pub const MAIN_LOOP_ALIVE: u8 = 4;
+    /// No block of conversions has been completed since the last tick.
+    pub const NOT_CONVERTED: u8 = 8;
+    /// The stack has grown into the variables.
+    pub const STACK_OVERFLOW: u8 = 16;
 }
 
 /// What the bridge does until the next tick.
@@ -156,6 +160,8 @@ pub struct ControlLoop {
     integral: Integral,
     profile: Profile,
     player: Player,
+    /// Tick of the latched trip.
+    tripped_at: u32,
     /// Counts that are called zero.
     origin: i32,
     /// Reference asked for, in the unit of the mode.
@@ -235,6 +241,11 @@ impl ControlLoop {
         self.trips.main_loop_hung(&self.config.trips)
     }
 
+    /// Ticks since the latched trip.
+    pub fn since_trip(&self) -> u32 {
+        self.sample.tick.wrapping_sub(self.tripped_at)
+    }
+
     /// Illegal transitions of the encoder since reset.
     pub fn illegal_transitions(&self) -> u16 {
         self.motion.illegal
@@ -279,7 +290,8 @@ impl ControlLoop {
     /// Position, speed, current and supply.
     #[inline(always)]
     fn measure(&mut self, inputs: &Inputs) -> Observation {
-        let moved = self.motion.step(&self.config.speed, &inputs.edges, inputs.tick_coarse);
+        let illegal = self.motion.illegal_since(&inputs.edges);
+        let motion = self.motion.step(&self.config.speed, &inputs.edges, inputs.tick_coarse);
         let reading = self.current.step(&self.config.current, inputs.current_sum);
         let sample = &mut self.sample;
         sample.tick = sample.tick.wrapping_add(1);
@@ -291,7 +303,10 @@ impl ControlLoop {
             false => self.motion.speed,
         };
         sample.speed = self.filter.step(&self.config.filter, speed);
-        let moved = if by_tacho { inputs.tacho >= NEAR_ZERO } else { moved };
+        let (motion, illegal) = match by_tacho {
+            true => (if inputs.tacho >= NEAR_ZERO { Motion::Moved } else { Motion::None }, 0),
+            false => (motion, illegal),
+        };
         let supply = self.config.supply_scale != 0;
         sample.supply = if supply {
             call_saturate_i16((mul_u16(inputs.supply, self.config.supply_scale) >> 8) as i32)
@@ -302,9 +317,10 @@ impl ControlLoop {
         Observation {
             voltage: self.voltage,
             current: sample.current,
-            speed: sample.speed,
+            speed,
             supply: supply.then_some(sample.supply),
-            moved,
+            motion,
+            illegal,
             sensor_at_rail: reading.saturated,
             flags: inputs.flags,
         }
@@ -317,6 +333,7 @@ impl ControlLoop {
         if trip != Trip::None {
             if self.sample.trip == Trip::None {
                 self.sample.trip = trip;
+                self.tripped_at = self.sample.tick;
             }
             self.disarm();
         }
@@ -427,12 +444,13 @@ impl ControlLoop {
             let bridge = if self.braking { Bridge::Brake } else { Bridge::Coast };
             return Drive { duty: 0, bridge };
         }
-        let (reference, bridge) = self.reference();
+        let (mut reference, bridge) = self.reference();
         if self.mode == Mode::Off {
             // The sequence has ended.
             return Drive { duty: 0, bridge: Bridge::Brake };
         }
         self.sample.reference = reference.value;
+        reference.error = self.position_error(reference.value);
         if bridge != Bridge::Drive {
             self.voltage = 0;
             self.align = true;
@@ -459,7 +477,7 @@ impl ControlLoop {
             }
             Profile::Position(profile) => profile.step(config),
         };
-        (Reference { value, speed, error: self.position_error(value) }, Bridge::Drive)
+        (Reference { value, speed, error: 0 }, Bridge::Drive)
     }
 
     /// The reference of the sequence; positions are relative to where it began.
@@ -472,7 +490,6 @@ impl ControlLoop {
         let mut reference = Reference { value: play.value as i32, speed: 0, error: 0 };
         if self.mode.is_position() {
             reference.value = reference.value.wrapping_add(self.origin_of_play);
-            reference.error = self.position_error(reference.value);
         } else if self.mode.is_speed() {
             reference.speed = play.value;
         }

@@ -127,6 +127,22 @@ impl SpeedConfig {
     }
 }
 
+/// What the edges of a tick say of the shaft.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Motion {
+    /// No edge has come.
+    #[default]
+    None,
+    /// Edges have come, but the count is within two of where it was: a line alone goes to and fro by one count, whatever
+    /// the shaft does.
+    ToAndFro,
+    /// The count has left its place by more than two: only both lines together count so far.
+    Moved,
+}
+
+/// So far may the count go, in either direction, before it is a motion.
+const PLACE: i8 = 2;
+
 /// The measured motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct SpeedState {
@@ -138,6 +154,8 @@ pub struct SpeedState {
     pub illegal: u16,
     /// The last edges seen.
     edges: Edges,
+    /// Count at which the shaft was last seen to move.
+    place: u8,
     /// Cycles from the last edge to the present tick, and [`LATE`] more; saturates at [`LONGEST`].
     elapsed: Cycles,
 }
@@ -200,13 +218,20 @@ impl SpeedState {
     /// Stands still, with the lines as the handler found them.
     pub fn begin(&mut self, edges: Edges) {
         self.edges = edges;
+        self.place = edges.count;
         self.elapsed = LONGEST;
     }
 
-    /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick. Returns
-    /// whether the shaft has moved.
+    /// Illegal transitions since the last tick.
     #[inline(always)]
-    pub fn step(&mut self, config: &SpeedConfig, edges: &Edges, tick_coarse: u8) -> bool {
+    pub fn illegal_since(&self, edges: &Edges) -> u8 {
+        edges.illegal.wrapping_sub(self.edges.illegal)
+    }
+
+    /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick. Returns
+    /// what the edges prove of the shaft.
+    #[inline(always)]
+    pub fn step(&mut self, config: &SpeedConfig, edges: &Edges, tick_coarse: u8) -> Motion {
         let before = self.edges;
         let elapsed = self.elapsed.later(config.tick_cycles);
         self.elapsed = elapsed;
@@ -215,9 +240,10 @@ impl SpeedState {
             self.edges.illegal = edges.illegal;
         }
         let delta = edges.count.wrapping_sub(before.count) as i8;
-        let moved = delta != 0 || edges.coarse != before.coarse || edges.fine != before.fine;
-        let (half_counts, less) = if moved {
+        let mut motion = Motion::None;
+        let (half_counts, less) = if delta != 0 || edges.coarse != before.coarse || edges.fine != before.fine {
             self.edges = *edges;
+            motion = self.away(edges.count);
             self.counts = self.counts.wrapping_add(delta as i32);
             let age = age(tick_coarse, edges);
             self.elapsed = Cycles { low: age, high: 0 };
@@ -225,17 +251,28 @@ impl SpeedState {
             (2 * delta as i16 + (edges.step & BACKWARD) as i16 - (before.step & BACKWARD) as i16, age)
         } else if self.speed == 0 || elapsed == LONGEST {
             self.speed = 0;
-            return false;
+            return motion;
         } else {
             // The speed can be no more than one count over the time since the last edge.
             (if self.speed > 0 { 2 } else { -2 }, LATE)
         };
         let speed = speed(config, half_counts, elapsed.normalised_less(less));
         let falls = if self.speed > 0 { speed < self.speed } else { speed > self.speed };
-        if moved || falls {
+        if motion != Motion::None || falls {
             self.speed = speed;
         }
-        delta != 0
+        motion
+    }
+
+    /// Whether the count has left its place, which it then has anew.
+    #[inline(always)]
+    fn away(&mut self, count: u8) -> Motion {
+        let away = count.wrapping_sub(self.place) as i8;
+        if (-PLACE..=PLACE).contains(&away) {
+            return Motion::ToAndFro;
+        }
+        self.place = count;
+        Motion::Moved
     }
 }
 

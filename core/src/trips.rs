@@ -1,30 +1,48 @@
 //! Trips: what switches the drive off by itself.
 //!
 //! Checked once a tick, on what was measured in this tick and the voltage of the tick before. Times are counted in
-//! ticks, so a trip comes within one tick of its time.
+//! ticks, so a trip comes within two ticks of its time.
 //!
 //! | trip | condition |
 //! |---|---|
 //! | over-current, peak | current above `trip_peak` for 5 ms (the L293D's own non-repetitive limit) |
 //! | over-current, thermal | square of the current, low-passed with `trip_thermal_time`, above that of `trip_continuous` |
 //! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
-//! | encoder silent | driven, no motion, and a current that says the motor turns (back-EMF) or is not connected: below a quarter of voltage / `resistance`, for `trip_encoder` |
-//! | runaway | speed against the voltage and not falling, for `trip_runaway`: wrong feedback sign |
-//! | sensor range | current signal at a rail for 3 ticks |
+//! | encoder silent | the voltage implies a speed, see below, for `trip_encoder`, and the encoder shows none |
+//! | encoder counts too few | the same, and the encoder shows too little |
+//! | encoder lines | edges that go to and fro by one count in most ticks of 64 ms; or illegal transitions in most ticks, 50 of them |
+//! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
+//! | sensor range | current signal at a rail for 3 ticks, or a current above `trip_peak` with the drive disarmed |
+//! | converter silent | no conversion for 2 ticks |
 //! | supply range | measured supply outside its limits for 10 ms |
-//! | emergency stop | pressed |
+//! | emergency stop | pressed, or its wire broken where it is normally closed |
 //! | host lost | silent for `trip_host` while armed |
 //! | main loop hung | no sign of the main loop for 100 ms |
+//! | stack overflow | the byte below the stack has changed |
 //!
 //! "Driven" means a voltage above a quarter of the supply setting: below it a motor may rest in its friction, and the
 //! L293D's own drop (2.6 V) may leave nothing to brake with.
+//!
+//! ## What proves motion
+//! A line that is stuck leaves edges, but the count only goes to and fro by one: motion is a count that has left its place
+//! by more than two. And the motor is a sensor of its own: what the voltage has more than the resistance takes is back-EMF.
+//!
+//! ```text
+//! |u| - R |i| - k w  >  |u|/4 + max(supply/4, 3 V)        w: measured speed, positive along the voltage
+//! ```
+//! On the left stands the drop of the bridge if all is well; on the right what a bridge of bipolar transistors takes, and a
+//! quarter of the voltage for a winding that is 30 % warmer and a magnet that is 30 % stronger than the settings say. With
+//! `torque_constant` zero `k w` is not known: then the shaft must stand still or turn against the voltage. With PWM on EN
+//! the mean voltage is known near full duty only, so less does not count. Without a current sensor (`winding_time` not zero)
+//! the time is eight times as long, because a motor that breaks loose late looks the same.
 
-use crate::arith::{call_mul_i16, call_mul_i16_u16, mul_i16, mul_i16_u16, saturating_sub_i16};
+use crate::arith::{call_mul_i16, mul_i16, mul_i16_u16, saturate_shift_8, saturating_sub_i16};
 use crate::control_loop::Inputs;
+use crate::encoder::Motion;
 use crate::message::Trip;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
-use crate::units::VOLT;
+use crate::units::{AMPERE, FULL_RANGE, VOLT};
 
 /// Thresholds in bits, times in ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -34,45 +52,67 @@ pub struct TripsConfig {
     continuous: i16,
     /// `continuous` squared, in bits of current squared over 2^15.
     heat_limit: i16,
-    /// Tick over thermal time, times 2^24.
+    /// Tick over thermal time, times 2^24; every other tick counts.
     heat_rate: u16,
-    /// A quarter of the stall current at one bit of voltage, times 2^16: current bits per voltage bit.
-    turning: u16,
+    /// Bits of voltage a bit of current, times 2^8: the resistance.
+    resistive: u16,
+    /// Bits of voltage a bit of speed, times 2^8: the back-EMF; zero where it is not known.
+    back_emf: u16,
     /// Voltage from which the motor counts as driven.
     driven: i16,
+    /// Back-EMF, less a quarter of the voltage, from which the motor must be turning.
+    turning: i16,
+    /// Voltage below which none is implied.
+    known_from: i16,
     stall_ticks: u16,
+    /// Every other tick counts.
     encoder_ticks: u16,
+    /// Ticks of edges to and fro.
+    lines_ticks: u8,
     runaway_ticks: u16,
     supply_low: i16,
     supply_high: i16,
+    /// Every other tick counts.
     supply_ticks: u8,
+    /// What is looked at of [`Inputs::STOP_CLOSED`], and what then says that it is not pressed.
+    stop_mask: u8,
+    stop_released: u8,
     host_ticks: u16,
     hung_ticks: u8,
 }
 
 impl TripsConfig {
-    /// From the settings `trip_*`, `resistance` and `supply`.
+    /// From the settings `trip_*`, `resistance`, `torque_constant`, `supply` and `emergency_stop`.
     #[inline(always)]
     pub fn quantise(&mut self, q: &mut Quantiser) {
-        // 5, 10 and 100 ms.
-        let [peak_ticks, supply_ticks, hung_ticks] = if q.is_fast() { [10, 20, 200] } else { [5, 10, 100] };
+        // 5, 10 (of every other tick), 100 and 64 ms.
+        let [peak_ticks, supply_ticks, hung_ticks, lines_ticks] =
+            if q.is_fast() { [10, 10, 200, 128] } else { [5, 5, 100, 64] };
         let continuous = q.bits(Param::TripContinuous);
         self.peak = q.bits(Param::TripPeak);
         self.peak_ticks = peak_ticks;
         self.continuous = continuous;
         self.heat_limit = (call_mul_i16(continuous, continuous) << 1 >> 16) as i16;
         self.heat_rate = heat_rate(q);
-        // Current bits per voltage bit at stall is 4 / R; a quarter of it.
-        self.turning = q.of(1.0).times(Param::Resistance).one_over(Param::Resistance, 0.0);
-        self.driven = q.bits(Param::SupplyVoltage) >> 2;
+        self.resistive = q.of(256.0 * VOLT / AMPERE).times(Param::Resistance).saturate(Param::Resistance, u16::MAX);
+        q.of(256.0 * VOLT / FULL_RANGE).times(Param::SpeedRange).times(Param::TorqueConstant);
+        self.back_emf = q.saturate(Param::TorqueConstant, u16::MAX);
+        let supply = q.bits(Param::SupplyVoltage);
+        self.driven = supply >> 2;
+        self.turning = self.driven.max(LARGEST_DROP);
+        self.known_from = if q.is_on(Param::Wiring) { supply - (supply >> 3) } else { 0 };
         self.stall_ticks = q.bits(Param::TripStall) as u16;
-        self.encoder_ticks = q.bits(Param::TripEncoder) as u16;
+        let encoder_ticks = q.bits(Param::TripEncoder) as u16 >> 1;
+        self.encoder_ticks = if q.is_on(Param::WindingTime) { encoder_ticks << 3 } else { encoder_ticks };
+        self.lines_ticks = lines_ticks;
         self.runaway_ticks = q.bits(Param::TripRunaway) as u16;
         self.supply_low = supply_bits(q, Param::TripSupplyLow);
         self.supply_high = supply_bits(q, Param::TripSupplyHigh);
         self.supply_ticks = supply_ticks;
         self.host_ticks = q.bits(Param::TripHost) as u16;
         self.hung_ticks = hung_ticks;
+        self.stop_mask = if q.is_on(Param::EmergencyStop) { Inputs::STOP_CLOSED } else { 0 };
+        self.stop_released = if q.is(Param::EmergencyStop, NORMALLY_CLOSED) { Inputs::STOP_CLOSED } else { 0 };
     }
 
     /// The same, on its own.
@@ -103,12 +143,14 @@ pub struct Observation {
     pub voltage: i16,
     /// Measured current.
     pub current: i16,
-    /// Measured speed.
+    /// Measured speed, without the filter.
     pub speed: i16,
     /// Supply, where it is measured.
     pub supply: Option<i16>,
-    /// The position has changed in this tick (encoder), or the signal is not near zero (tachogenerator).
-    pub moved: bool,
+    /// What the encoder's edges prove; of the tachogenerator, whether its signal is not near zero.
+    pub motion: Motion,
+    /// Illegal transitions in this tick.
+    pub illegal: u8,
     /// The current signal is at a rail.
     pub sensor_at_rail: bool,
     /// As in [`Inputs::flags`].
@@ -121,7 +163,8 @@ pub struct TripsState {
     /// Low-passed square of the current, times 2^16.
     heat: i32,
     still: u16,
-    silent: u16,
+    /// Ticks in which the voltage implied a speed that was not measured, less those in which it did not.
+    implausible: u16,
     against: u16,
     against_speed: i16,
     host: u16,
@@ -129,10 +172,32 @@ pub struct TripsState {
     rail: u8,
     supply: u8,
     hung: u8,
+    /// Ticks without motion; stays at the largest.
+    quiet: u8,
+    /// Ticks with edges to and fro, less three for each other one.
+    to_and_fro: u8,
+    /// Illegal transitions, less one for each tick without any.
+    illegal: u8,
+    converter: u8,
+    odd: bool,
 }
 
 /// Ticks the current signal may touch a rail.
 const RAIL_TICKS: u8 = 3;
+/// Ticks in which the converter may be silent: one, of which a block of conversions may have come just too late.
+const CONVERTER_TICKS: u8 = 2;
+/// What a bridge of bipolar transistors may take, with some reserve: 3 V.
+const LARGEST_DROP: i16 = 3 * VOLT as i16;
+/// The setting `emergency_stop` of a contact that opens when it is pressed.
+const NORMALLY_CLOSED: f32 = 2.0;
+/// So many illegal transitions trip; a tick without any takes one away.
+const ILLEGAL_MOST: u8 = 50;
+/// Fewer are no sign of a broken line.
+const ILLEGAL_SIGN: u8 = 2;
+/// Edges to and fro in so many ticks are none of a motor that turns.
+const TO_AND_FRO_SIGN: u8 = 8;
+/// A motor that turns and is measured moves by three counts within so many ticks, unless it creeps.
+const QUIET: u8 = 20;
 
 impl TripsState {
     /// Whether the main loop has been silent for its time as of the last tick, whatever else has tripped.
@@ -145,36 +210,55 @@ impl TripsState {
     #[inline(always)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
         let current = magnitude(seen.current);
-        let always = self.always(config, seen, current);
+        self.odd = !self.odd;
+        let always = self.always(config, seen, current, armed);
         if !armed {
             self.host = 0;
-            self.still = 0;
-            self.silent = 0;
-            self.against = 0;
+            self.to_and_fro = 0;
+            self.illegal = 0;
+            self.idle();
             return always;
         }
         if always != Trip::None { always } else { self.while_armed(config, seen, current) }
     }
 
-    /// What is watched whether armed or not.
+    /// Nothing is driven.
     #[inline(always)]
-    fn always(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
-        self.heat_up(config, current);
+    fn idle(&mut self) {
+        self.still = 0;
+        self.implausible = 0;
+        self.against = 0;
+    }
+
+    /// What is watched whether armed or not. What may wait a tick is watched in every other one.
+    #[inline(always)]
+    fn always(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
         // Before all that may return: a hang must be noticed beside any other trip, or the watchdog is fed for ever.
         if for_ticks(&mut self.hung, seen.flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_ticks) {
             return Trip::MainLoopHung;
         }
-        if seen.flags & Inputs::EMERGENCY_STOP != 0 {
+        if seen.flags & Inputs::STACK_OVERFLOW != 0 {
+            return Trip::StackOverflow;
+        }
+        if seen.flags & config.stop_mask ^ config.stop_released != 0 {
             return Trip::EmergencyStop;
         }
-        if for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
-            return Trip::OverCurrentPeak;
+        if for_ticks(&mut self.converter, seen.flags & Inputs::NOT_CONVERTED != 0, CONVERTER_TICKS) {
+            return Trip::ConverterSilent;
         }
-        if (self.heat >> 16) as i16 > config.heat_limit {
-            return Trip::OverCurrentThermal;
+        if for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
+            // No current flows through a bridge that is off.
+            return if armed { Trip::OverCurrentPeak } else { Trip::SensorRange };
         }
         if for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_TICKS) {
             return Trip::SensorRange;
+        }
+        if self.odd {
+            return Trip::None;
+        }
+        self.heat_up(config, current);
+        if (self.heat >> 16) as i16 > config.heat_limit {
+            return Trip::OverCurrentThermal;
         }
         let outside = seen.supply.is_some_and(|supply| supply < config.supply_low || supply > config.supply_high);
         if for_ticks(&mut self.supply, outside, config.supply_ticks) { Trip::SupplyRange } else { Trip::None }
@@ -189,55 +273,85 @@ impl TripsState {
                 return Trip::HostLost;
             }
         }
+        if self.lines_broken(config, seen) {
+            return Trip::EncoderLines;
+        }
         let drive = magnitude(seen.voltage);
         if drive < config.driven {
-            self.still = 0;
-            self.silent = 0;
-            self.against = 0;
+            self.idle();
             return Trip::None;
         }
-        if seen.moved {
-            self.still = 0;
-            self.silent = 0;
-            self.runaway(config, seen)
-        } else {
-            self.motionless(config, drive, current)
+        let along = if seen.voltage < 0 { saturating_sub_i16(0, seen.speed) } else { seen.speed };
+        if self.odd {
+            return self.plausible(config, drive, current, along);
         }
+        if self.turns_against(config, along) {
+            return Trip::Runaway;
+        }
+        if current <= config.continuous {
+            return Trip::None;
+        }
+        // A blocked motor draws its stall current.
+        self.still = self.still.saturating_add(2);
+        if config.stall_ticks != 0 && self.still >= config.stall_ticks { Trip::Stall } else { Trip::None }
     }
 
-    /// Driven without motion: a blocked motor draws its stall current, a turning or disconnected one does not.
-    #[inline(never)]
-    fn motionless(&mut self, config: &TripsConfig, drive: i16, current: i16) -> Trip {
-        if current > config.continuous {
-            self.still = self.still.saturating_add(1);
-            if config.stall_ticks != 0 && self.still >= config.stall_ticks {
-                return Trip::Stall;
-            }
-        } else if (current as i32) < call_mul_i16_u16(drive, config.turning) >> 16 {
-            self.silent = self.silent.saturating_add(1);
-            if config.encoder_ticks != 0 && self.silent >= config.encoder_ticks {
-                return Trip::EncoderSilent;
-            }
+    /// Edges without motion, or both lines at once.
+    #[inline(always)]
+    fn lines_broken(&mut self, config: &TripsConfig, seen: &Observation) -> bool {
+        self.quiet = self.quiet.saturating_add(1);
+        self.to_and_fro = if seen.motion == Motion::ToAndFro {
+            self.to_and_fro.saturating_add(1)
+        } else {
+            self.to_and_fro.saturating_sub(3)
+        };
+        if seen.motion == Motion::Moved {
+            self.quiet = 0;
+            self.still = 0;
         }
-        Trip::None
+        self.illegal =
+            if seen.illegal != 0 { self.illegal.saturating_add(seen.illegal) } else { self.illegal.saturating_sub(1) };
+        self.to_and_fro >= config.lines_ticks || self.illegal >= ILLEGAL_MOST
+    }
+
+    /// Holds the speed `along` the voltage against what the voltage implies.
+    #[inline(never)]
+    fn plausible(&mut self, config: &TripsConfig, drive: i16, current: i16, along: i16) -> Trip {
+        let known = config.back_emf != 0 || self.quiet >= QUIET || along < 0;
+        let implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
+        let missing = saturating_sub_i16(implied, scaled(along, config.back_emf));
+        if !known || drive < config.known_from || missing <= config.turning {
+            self.implausible = self.implausible.saturating_sub(1);
+            return Trip::None;
+        }
+        self.implausible = self.implausible.saturating_add(1);
+        if config.encoder_ticks == 0 || self.implausible < config.encoder_ticks {
+            Trip::None
+        } else if self.illegal >= ILLEGAL_SIGN || self.to_and_fro >= TO_AND_FRO_SIGN {
+            Trip::EncoderLines
+        } else if self.quiet >= QUIET {
+            Trip::EncoderSilent
+        } else if along < 0 {
+            Trip::Runaway
+        } else {
+            Trip::EncoderTooFew
+        }
     }
 
     /// Speed against the voltage is braking as long as it falls; when it does not, the feedback has the wrong sign.
     #[inline(always)]
-    fn runaway(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
-        let speed = magnitude(seen.speed);
-        if (seen.voltage ^ seen.speed) >= 0 || seen.speed == 0 {
+    fn turns_against(&mut self, config: &TripsConfig, along: i16) -> bool {
+        let speed = saturating_sub_i16(0, along);
+        if along >= 0 {
             self.against = 0;
         } else if self.against == 0 || speed < saturating_sub_i16(self.against_speed, FALLING) {
             self.against = 1;
             self.against_speed = speed;
         } else {
-            self.against = self.against.saturating_add(1);
-            if config.runaway_ticks != 0 && self.against >= config.runaway_ticks {
-                return Trip::Runaway;
-            }
+            self.against = self.against.saturating_add(2);
+            return config.runaway_ticks != 0 && self.against >= config.runaway_ticks;
         }
-        Trip::None
+        false
     }
 
     /// Low-pass of the squared current. Both are below 2^15, so nothing here can leave 32 bits.
@@ -245,12 +359,18 @@ impl TripsState {
     fn heat_up(&mut self, config: &TripsConfig, current: i16) {
         let heat = (mul_i16(current, current) << 1 >> 16) as i16;
         let difference = heat - (self.heat >> 16) as i16;
-        self.heat += mul_i16_u16(difference, config.heat_rate) >> 8;
+        self.heat += mul_i16_u16(difference, config.heat_rate) >> 7;
     }
 }
 
 /// Bits of speed (2^-8 of the range) by which a braked motor must have slowed down to count as slowing.
 const FALLING: i16 = 128;
+
+/// A product in bits of voltage, saturating.
+#[inline(never)]
+fn scaled(value: i16, factor: u16) -> i16 {
+    saturate_shift_8(mul_i16_u16(value, factor))
+}
 
 /// The magnitude; the one number that has none in 16 bits is taken as the largest that has.
 #[inline(always)]
@@ -281,7 +401,7 @@ mod tests {
             voltage: 6144,
             current: 400,
             speed: 6000,
-            moved: true,
+            motion: Motion::Moved,
             flags: Inputs::MAIN_LOOP_ALIVE | Inputs::HOST_SPOKE,
             ..Observation::default()
         }
@@ -318,24 +438,71 @@ mod tests {
         let one = |observation: Observation| trips_after(&defaults, move |_| observation);
         let peak = one(Observation { current: amps(-1.3), ..healthy() });
         check("peak", (Trip::OverCurrentPeak, 5), peak);
-        let stall = one(Observation { current: amps(0.7), speed: 0, moved: false, ..healthy() });
+        let stall = one(Observation { current: amps(0.7), speed: 0, motion: Motion::None, ..healthy() });
         check("stall", (Trip::Stall, 500), stall);
-        let silent = one(Observation { speed: 0, moved: false, current: amps(0.2), ..healthy() });
-        check("silent", (Trip::EncoderSilent, 200), silent);
-        let runaway = trips_after(&defaults, |tick| Observation { speed: -1000 - tick as i16, ..healthy() });
-        check("runaway", (Trip::Runaway, 100), runaway);
+        let silent = one(Observation { speed: 0, motion: Motion::None, current: amps(0.2), ..healthy() });
+        check("silent", (Trip::EncoderSilent, 19), silent);
+        // Too much current to say what speed the voltage implies; then little.
+        let against =
+            |current| move |tick: u32| Observation { speed: -1000 - tick as i16, current: amps(current), ..healthy() };
+        check("runaway", (Trip::Runaway, 102), trips_after(&defaults, against(1.1)));
+        check("runaway, implied", (Trip::Runaway, 19), trips_after(&defaults, against(0.1)));
+        // 6 V, 0.1 A, and 8 rad/s instead of 70.
+        let too_few = one(Observation { speed: 500, current: amps(0.1), ..healthy() });
+        check("too few", (Trip::EncoderTooFew, 19), too_few);
+        // Without the back-EMF nobody knows; that it turns is enough.
+        let unknown = with(&[(Param::TorqueConstant, 0.0)]);
+        let slow = trips_after(&unknown, |_| Observation { speed: 500, current: amps(0.1), ..healthy() });
+        assert_eq!(slow, None);
+        let still = trips_after(&unknown, |_| Observation { speed: 0, motion: Motion::None, ..healthy() });
+        check("silent, back-EMF not known", (Trip::EncoderSilent, 39), still);
+        let to_and_fro = one(Observation { voltage: 500, speed: 0, motion: Motion::ToAndFro, ..healthy() });
+        check("to and fro", (Trip::EncoderLines, 64), to_and_fro);
+        check("illegal", (Trip::EncoderLines, 25), one(Observation { illegal: 2, ..healthy() }));
+        let dead = one(Observation { flags: healthy().flags | Inputs::NOT_CONVERTED, ..healthy() });
+        check("converter", (Trip::ConverterSilent, 2), dead);
+        let overflow = one(Observation { flags: healthy().flags | Inputs::STACK_OVERFLOW, ..healthy() });
+        check("stack", (Trip::StackOverflow, 1), overflow);
         check("sensor", (Trip::SensorRange, 3), one(Observation { sensor_at_rail: true, ..healthy() }));
         let supply = one(Observation { supply: Some((4.0 * VOLT) as i16), ..healthy() });
         check("supply", (Trip::SupplyRange, 10), supply);
         check(
             "stop",
             (Trip::EmergencyStop, 1),
-            one(Observation { flags: healthy().flags | Inputs::EMERGENCY_STOP, ..healthy() }),
+            one(Observation { flags: healthy().flags | Inputs::STOP_CLOSED, ..healthy() }),
         );
         check("hung", (Trip::MainLoopHung, 100), one(Observation { flags: Inputs::HOST_SPOKE, ..healthy() }));
         let host = with(&[(Param::TripHost, 250.0)]);
         let lost = trips_after(&host, |_| Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
         check("host", (Trip::HostLost, 250), lost);
+    }
+
+    /// With the drive disarmed no current flows: what shows one is the sensor.
+    #[test]
+    fn a_current_without_a_drive_is_the_sensors() {
+        let config = TripsConfig::build(&Settings::defaults()).unwrap();
+        let mut state = TripsState::default();
+        let seen = Observation { current: i16::MIN, voltage: 0, ..healthy() };
+        let trip = (0..10).map(|_| state.step(&config, &seen, false)).find(|trip| *trip != Trip::None);
+        assert_eq!(trip, Some(Trip::SensorRange));
+    }
+
+    /// A wire that breaks opens the contact: that stops where it is normally closed. Without a stop nothing is looked at.
+    #[test]
+    fn the_emergency_stop_is_of_the_kind_that_is_set() {
+        for (kind, closed, stops) in [
+            (0, false, false),
+            (0, true, false),
+            (1, false, false),
+            (1, true, true),
+            (2, false, true),
+            (2, true, false),
+        ] {
+            let settings = with(&[(Param::EmergencyStop, kind as f32)]);
+            let flags = healthy().flags | if closed { Inputs::STOP_CLOSED } else { 0 };
+            let found = trips_after(&settings, |_| Observation { flags, ..healthy() });
+            assert_eq!(found, stops.then_some((Trip::EmergencyStop, 1)), "{kind} {closed}");
+        }
     }
 
     /// Whatever else has tripped, and armed or not: the watchdog must know of a hang.
@@ -347,11 +514,11 @@ mod tests {
             let stopped = |flags| Observation { sensor_at_rail: true, flags, ..healthy() };
             for tick in 0..300 {
                 assert!(!state.main_loop_hung(&config), "{tick}");
-                let flags = Inputs::EMERGENCY_STOP | Inputs::MAIN_LOOP_ALIVE;
+                let flags = Inputs::STOP_CLOSED | Inputs::MAIN_LOOP_ALIVE;
                 assert_eq!(state.step(&config, &stopped(flags), armed), Trip::EmergencyStop);
             }
             let hung = (1..300).find(|_| {
-                state.step(&config, &stopped(Inputs::EMERGENCY_STOP), armed);
+                state.step(&config, &stopped(Inputs::STOP_CLOSED), armed);
                 state.main_loop_hung(&config)
             });
             assert_eq!(hung, Some(100));
@@ -365,15 +532,16 @@ mod tests {
             assert_eq!(trips_after(&Settings::defaults(), move |_| observation), None, "{observation:?}");
         };
         // Resting in its friction at 1 V; holding against a load with stall current below the continuous rating.
-        quiet(Observation { voltage: 1000, speed: 0, moved: false, current: amps(0.17), ..healthy() });
-        quiet(Observation { voltage: 3000, speed: 0, moved: false, current: amps(0.5), ..healthy() });
+        quiet(Observation { voltage: 1000, speed: 0, motion: Motion::None, current: amps(0.17), ..healthy() });
+        quiet(Observation { voltage: 3000, speed: 0, motion: Motion::None, current: amps(0.5), ..healthy() });
         // Nobody asked for a host.
         quiet(Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
-        // Braking by reverse voltage: 300 ms from full speed to rest, again and again.
-        let braking = |tick: u32| Observation {
-            voltage: if tick % 300 < 290 { -6144 } else { 6144 },
-            speed: 18000 - (tick % 300) as i16 * 60,
-            ..healthy()
+        // Braking by reverse voltage: 300 ms from 60 rad/s to rest, again and again; 2.6 V are the bridge's.
+        let braking = |tick: u32| {
+            let speed = 3840 - (tick % 300) as i16 * 12;
+            let back_emf_v = 0.072 * 512.0 * f32::from(speed) / FULL_RANGE;
+            let current = amps((-3.125 - back_emf_v + 2.6) / 5.84);
+            Observation { voltage: if tick % 300 < 290 { -3200 } else { 3200 }, speed, current, ..healthy() }
         };
         assert_eq!(trips_after(&Settings::defaults(), braking), None);
         // One tick at the rail, five milliseconds of peak less one tick.
@@ -383,6 +551,27 @@ mod tests {
             ..healthy()
         };
         assert_eq!(trips_after(&Settings::defaults(), spike), None);
+        // A count that dithers by one, 200 times a second, at any voltage that a held shaft may need.
+        let dither = |tick: u32| {
+            let motion = if tick % 5 == 0 { Motion::ToAndFro } else { Motion::None };
+            Observation { voltage: 5120, speed: 0, current: amps(0.43), motion, ..healthy() }
+        };
+        assert_eq!(trips_after(&Settings::defaults(), dither), None);
+        // Creeping at 1 rpm: three counts in 90 ms.
+        let creep = |tick: u32| {
+            let motion = if tick % 30 != 0 {
+                Motion::None
+            } else if tick % 90 == 0 {
+                Motion::Moved
+            } else {
+                Motion::ToAndFro
+            };
+            Observation { voltage: 5120, speed: 7, current: amps(0.43), motion, ..healthy() }
+        };
+        assert_eq!(trips_after(&Settings::defaults(), creep), None);
+        // Turned back by a load, against 6 V: the current is larger than that of a held shaft.
+        let driven_back = |_| Observation { speed: -300, current: amps(0.66), ..healthy() };
+        assert_eq!(trips_after(&with(&[(Param::TripRunaway, 0.0), (Param::TripContinuous, 1.0)]), driven_back), None);
     }
 
     proptest! {
@@ -410,8 +599,8 @@ mod tests {
             let mut state = TripsState::default();
             for (voltage, current, speed, flags) in values {
                 let supply = (flags & 1 != 0).then_some(voltage);
-                let moved = flags & 2 != 0;
-                state.step(&config, &Observation { voltage, current, speed, supply, moved, flags: Inputs::MAIN_LOOP_ALIVE,
+                let motion = if flags & 2 != 0 { Motion::Moved } else { Motion::ToAndFro };
+                state.step(&config, &Observation { voltage, current, speed, supply, motion, flags: Inputs::MAIN_LOOP_ALIVE,
                     ..Observation::default() }, flags & 4 != 0);
             }
         }

@@ -54,11 +54,16 @@ pub fn start(p: &Peripherals) {
     }
 }
 
-/// Sum of the last eight current samples, last tachogenerator, last supply.
+/// In place of a sum that has been taken.
+const TAKEN: u16 = u16::MAX;
+
+/// Sum of the last eight current samples if a block has been completed since the last call, last tachogenerator, last
+/// supply. There are one or two blocks in each tick: the handler need not count.
 #[inline(always)]
-pub fn latest(cs: CriticalSection) -> (u16, u16, u16) {
+pub fn latest(cs: CriticalSection) -> (Option<u16>, u16, u16) {
     let samples = SAMPLES.borrow(cs);
-    (samples.current_sum.get(), samples.tacho.get(), samples.supply.get())
+    let sum = samples.current_sum.replace(TAKEN);
+    ((sum != TAKEN).then_some(sum), samples.tacho.get(), samples.supply.get())
 }
 
 // Conversion complete.

@@ -12,6 +12,7 @@ pub mod bridge;
 pub mod eeprom;
 pub mod encoder;
 pub mod serial;
+pub mod stack;
 pub mod tick;
 pub mod watchdog;
 

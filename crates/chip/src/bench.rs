@@ -144,7 +144,11 @@ impl<P: Plant> Bench<P> {
 
     /// Lets the encoder fail, or repairs it.
     pub fn set_encoder_fault(&mut self, fault: Option<EncoderFault>) {
-        self.change(|world| world.encoder.set_fault(fault));
+        let cycle = self.cycle();
+        self.change(|world| {
+            let angle_rad = world.plant.angle_rad();
+            world.encoder.set_fault(cycle, angle_rad, fault);
+        });
     }
 
     /// Replaces the encoder's edges by a train at a fixed rate, backwards if negative; `None` ends it.
@@ -179,6 +183,24 @@ impl<P: Plant> Bench<P> {
     /// Lets the supply's divider fail, or repairs it.
     pub fn set_supply_divider_fault(&mut self, fault: Option<SensorFault>) {
         self.change(|world| world.supply_fault = fault);
+    }
+
+    /// The current sensor's output stays as it is now.
+    pub fn freeze_current_sensor(&mut self) {
+        self.change(|world| {
+            let frozen_v = world.rig.current_sensor.output_v(world.plant.current_a(), 0.0);
+            world.current_fault = Some(SensorFault::PinnedV(frozen_v));
+        });
+    }
+
+    /// Lets the converter start no conversion any more, or start them again.
+    pub fn set_converter_dead(&mut self, dead: bool) {
+        self.chip.set_converter_dead(dead);
+    }
+
+    /// Lets the transmitter of the serial line keep the byte that it has, or send again.
+    pub fn set_transmitter_stuck(&mut self, stuck: bool) {
+        self.chip.set_transmitter_stuck(stuck);
     }
 
     /// Records the truth every `interval_cycles` from now on: 800 for a row per PWM period, 16,000 for one per

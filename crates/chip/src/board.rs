@@ -41,7 +41,7 @@ pub(super) struct Board<W> {
     pub outputs: Outputs,
     pwm: Pwm,
     prescaler: Prescaler,
-    adc: Adc,
+    pub adc: Adc,
     /// Levels that the input pins have now.
     inputs: u8,
     wake_at: Option<u64>,
@@ -144,6 +144,11 @@ impl<W: World> Board<W> {
     pub fn start_sending(&mut self, cpu: &Cpu) {
         let next = self.usart.host_sends(cpu.now());
         self.schedule(cpu, timer::RECEIVE, next);
+    }
+
+    pub fn set_transmitter_stuck(&mut self, cpu: &Cpu, stuck: bool) {
+        let done = self.usart.set_stuck(cpu, stuck);
+        self.schedule(cpu, timer::SEND, done);
     }
 
     fn schedule(&self, cpu: &Cpu, timer: u8, at: Option<u64>) {

@@ -223,6 +223,16 @@ impl<W: World> Chip<W> {
         (board.eeprom.started, board.eeprom.completed)
     }
 
+    /// Lets the converter start no conversion any more, or start them again.
+    pub fn set_converter_dead(&mut self, dead: bool) {
+        self.core.device_mut().adc.dead = dead;
+    }
+
+    /// Lets the transmitter of the serial line keep the byte that it has, or send again.
+    pub fn set_transmitter_stuck(&mut self, stuck: bool) {
+        self.core.with_device(|board, cpu| board.set_transmitter_stuck(cpu, stuck));
+    }
+
     /// The serial line.
     pub fn serial(&mut self) -> Serial<'_, W> {
         Serial { chip: self }

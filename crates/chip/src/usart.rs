@@ -66,6 +66,8 @@ pub(super) struct Usart {
     pub to_host: Vec<TimedByte>,
     pub errors: SerialErrors,
     pub host_baud: u32,
+    /// A fault: what is in the transmitter stays there.
+    stuck: bool,
 }
 
 impl Usart {
@@ -81,6 +83,7 @@ impl Usart {
             to_host: Vec::new(),
             errors: SerialErrors::default(),
             host_baud: BAUD,
+            stuck: false,
         }
     }
 
@@ -177,8 +180,18 @@ impl Usart {
         done
     }
 
+    /// Lets the transmitter keep its byte, or go on. Returns when the byte that it had will have left.
+    pub fn set_stuck(&mut self, cpu: &Cpu, stuck: bool) -> Option<u64> {
+        let released = self.stuck && !stuck && self.sending.is_some();
+        self.stuck = stuck;
+        released.then(|| cpu.now() + frame_cycles(cpu))
+    }
+
     /// The byte in the transmit shift register has left at `when`. Returns when the next one will have.
     pub fn sent(&mut self, cpu: &Cpu, when: u64) -> Option<u64> {
+        if self.stuck {
+            return None;
+        }
         let byte = self.sending.take()?;
         if self.speeds_agree(cpu) {
             self.to_host.push(TimedByte { cycle: when, byte });
