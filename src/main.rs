@@ -2,7 +2,7 @@
 //!
 //! What runs where: the encoder's edges and the current's samples in short interrupt handlers, the control loop in the
 //! timer's (`board::tick`), and here, in the main loop, the talking: console, telemetry, settings. The wiring is in
-//! `motorbench_core::pins`, the commands are listed by `help` on the console (500,000 baud). Built for the host, this
+//! `motorbench_board::pins`, the commands are listed by `help` on the console (500,000 baud). Built for the host, this
 //! program prints the pin map, the commands and the settings.
 #![cfg_attr(target_arch = "avr", no_std, no_main, feature(abi_avr_interrupt, asm_experimental_arch))]
 
@@ -177,7 +177,7 @@ mod firmware {
 
 #[cfg(not(target_arch = "avr"))]
 fn main() {
-    use motorbench_core::pins::PIN_MAP;
+    use motorbench_board::pins::PIN_MAP;
     println!(
         "motorbench firmware {}: this is the host build; it prints what the Uno knows.",
         env!("CARGO_PKG_VERSION")

@@ -4,9 +4,10 @@
 mod common;
 
 use common::{Uno, figures};
+use motorbench_board::pins::{CURRENT_SENSE, SUPPLY_SENSE};
 use motorbench_chip::Sample;
 use motorbench_chip::registers::vector;
-use motorbench_core::pins::{CPU_HZ, CURRENT_SENSE, SUPPLY_SENSE};
+use motorbench_core::HARDWARE;
 use motorbench_data::rig::Timing;
 
 #[test]
@@ -123,5 +124,5 @@ fn a_recording_is_of_the_times_that_its_rig_file_says() {
 }
 
 fn seconds(cycles: u64) -> f64 {
-    cycles as f64 / f64::from(CPU_HZ)
+    cycles as f64 / f64::from(HARDWARE.clock_hz)
 }

@@ -4,6 +4,7 @@
 //! hardware only as [`Inputs`] and acts on it only through [`Drive`], so the same inputs give the same outputs, bit for
 //! bit, wherever it runs.
 
+use crate::HARDWARE;
 use crate::arith::{call_saturate_i16, mul_i16_u16, mul_u16, saturate_i16, saturating_add_i16, saturating_sub_i16};
 use crate::compensation::CompensationConfig;
 use crate::converter::STEP_V;
@@ -16,7 +17,6 @@ use crate::lqr::LqrConfig;
 use crate::message::{Mode, Request, Sample, State, Trip};
 use crate::observer::{ObserverConfig, ObserverState};
 use crate::pid::PidConfig;
-use crate::pins::PWM_STEPS;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::tachogenerator::{NEAR_ZERO, TachoConfig, TachoState};
@@ -68,7 +68,9 @@ pub struct Drive {
 
 /// PWM steps per bit of voltage, times 2^16, at a supply in bits of voltage: division, so not for the tick.
 pub fn duty_scale(supply: i16) -> u16 {
-    ((PWM_STEPS as u32) << 16).checked_div(supply.max(1) as u32).map_or(u16::MAX, |scale| scale.min(65535) as u16)
+    ((HARDWARE.pwm_steps as u32) << 16)
+        .checked_div(supply.max(1) as u32)
+        .map_or(u16::MAX, |scale| scale.min(65535) as u16)
 }
 
 /// Everything the tick needs to know, quantised.
@@ -563,7 +565,7 @@ impl ControlLoop {
     #[inline(always)]
     fn duty(&self, voltage: i16) -> i16 {
         let steps = ((mul_u16(voltage.unsigned_abs(), self.duty_scale) + 0x8000) >> 16) as u16;
-        let steps = steps.min(PWM_STEPS) as i16;
+        let steps = steps.min(HARDWARE.pwm_steps) as i16;
         if voltage < 0 { -steps } else { steps }
     }
 

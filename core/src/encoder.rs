@@ -95,7 +95,9 @@ pub struct SpeedConfig {
 }
 
 /// Cycles of the chip in a second.
-const CYCLES_PER_S: f32 = crate::pins::CPU_HZ as f32;
+const CYCLES_PER_S: f32 = crate::HARDWARE.clock_hz as f32;
+// The two bytes of a stamp overlap by this: see the module.
+const _: () = assert!(crate::HARDWARE.coarse_timer_shift == 6);
 
 impl SpeedConfig {
     /// From `counts_per_rev`, `speed_range` and `tick_rate` (1000 or 2000 Hz); a scale outside the format is blamed on

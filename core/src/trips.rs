@@ -553,15 +553,15 @@ mod tests {
         assert_eq!(trips_after(&Settings::defaults(), spike), None);
         // A count that dithers by one, 200 times a second, at any voltage that a held shaft may need.
         let dither = |tick: u32| {
-            let motion = if tick % 5 == 0 { Motion::ToAndFro } else { Motion::None };
+            let motion = if tick.is_multiple_of(5) { Motion::ToAndFro } else { Motion::None };
             Observation { voltage: 5120, speed: 0, current: amps(0.43), motion, ..healthy() }
         };
         assert_eq!(trips_after(&Settings::defaults(), dither), None);
         // Creeping at 1 rpm: three counts in 90 ms.
         let creep = |tick: u32| {
-            let motion = if tick % 30 != 0 {
+            let motion = if !tick.is_multiple_of(30) {
                 Motion::None
-            } else if tick % 90 == 0 {
+            } else if tick.is_multiple_of(90) {
                 Motion::Moved
             } else {
                 Motion::ToAndFro

@@ -14,9 +14,9 @@ use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{Ordering, compiler_fence};
+use motorbench_board::pins;
 use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig};
 use motorbench_core::message::{Request, Sample, WAITING};
-use motorbench_core::pins;
 use motorbench_core::settings::{BuildError, Param, Settings};
 
 /// The control loop; all zeros are a valid one.

@@ -10,11 +10,11 @@
 mod line;
 pub mod number;
 
+use crate::HARDWARE;
 use crate::arith::whole;
 use crate::excitation::{Excess, Kind, Sequence};
 use crate::flash_text::{self, FlashText, Table};
 use crate::message::{Mode, Request, Sample, State, Trip, WAITING};
-use crate::pins::PWM_STEPS;
 use crate::protocol::{self, FRAME, Framer, TEXT_CHUNK};
 use crate::settings::{self, BuildError, Param, Settings};
 use crate::storage::{self, Eeprom, Saver};
@@ -795,7 +795,7 @@ impl Console {
             b'p' => (sample.counts, bits_per_unit(Mode::PositionPid, settings)),
             b's' => (sample.speed as i32, bits_per_unit(Mode::SpeedPid, settings)),
             b'c' => (sample.current as i32, AMPERE),
-            b'd' => (sample.duty as i32, PWM_STEPS as f32 / 100.0),
+            b'd' => (sample.duty as i32, HARDWARE.pwm_steps as f32 / 100.0),
             _ => (sample.supply as i32, VOLT),
         };
         if per_unit == WHOLE { Field::Whole(bits as u32) } else { Field::Number(bits as f32 / per_unit) }

@@ -3,7 +3,8 @@
 use std::cell::Ref;
 use std::path::Path;
 
-use motorbench_core::pins::{CPU_HZ, ENCODER_A, ENCODER_B, PWM_STEPS};
+use motorbench_board::pins::{ENCODER_A, ENCODER_B};
+use motorbench_core::HARDWARE;
 
 use super::core::{Chip, Crash, ResetCause};
 use super::encoder::EncoderFault;
@@ -83,13 +84,13 @@ impl<P: Plant> Bench<P> {
     /// # Errors
     /// If the program crashes.
     pub fn run_until_line(&mut self, limit_s: f64) -> Result<Option<String>, Crash> {
-        let end = self.cycle() + (limit_s * f64::from(CPU_HZ)) as u64;
+        let end = self.cycle() + (limit_s * f64::from(HARDWARE.clock_hz)) as u64;
         loop {
             let line = self.serial().read_line();
             if line.is_some() || self.cycle() >= end {
                 return Ok(line);
             }
-            self.chip.run_until(self.cycle() + u64::from(PWM_STEPS))?;
+            self.chip.run_until(self.cycle() + u64::from(HARDWARE.pwm_steps))?;
         }
     }
 
@@ -232,7 +233,7 @@ impl<P: Plant> Bench<P> {
             if completed { ended } else { begun }
         };
         let wanted = writes(self) + n;
-        let end = self.cycle() + (limit_s * f64::from(CPU_HZ)) as u64;
+        let end = self.cycle() + (limit_s * f64::from(HARDWARE.clock_hz)) as u64;
         while writes(self) < wanted {
             if self.cycle() >= end {
                 return Ok(None);

@@ -1,6 +1,6 @@
 //! Puts the models together: which register, timer or interrupt goes to which of them.
 
-use motorbench_core::pins::{EMERGENCY_STOP, ENCODER_A, ENCODER_B};
+use motorbench_board::pins::{EMERGENCY_STOP, ENCODER_A, ENCODER_B};
 
 use super::adc::Adc;
 use super::eeprom::Eeprom;

@@ -3,7 +3,7 @@
 use std::cell::{Ref, RefMut};
 use std::fmt;
 
-use motorbench_core::pins::CPU_HZ;
+use motorbench_core::HARDWARE;
 
 use super::board::Board;
 use super::ffi::{Core, Progress};
@@ -120,7 +120,7 @@ impl<W: World> Chip<W> {
 
     /// Seconds since power-on.
     pub fn time_s(&self) -> f64 {
-        self.cycle() as f64 / f64::from(CPU_HZ)
+        self.cycle() as f64 / f64::from(HARDWARE.clock_hz)
     }
 
     /// Runs until `cycle` has been reached; the instruction then running is completed.
@@ -137,7 +137,7 @@ impl<W: World> Chip<W> {
     /// # Errors
     /// As [`Chip::run_until`].
     pub fn run_s(&mut self, duration_s: f64) -> Result<(), Crash> {
-        self.run_until(self.cycle() + (duration_s * f64::from(CPU_HZ)).round() as u64)
+        self.run_until(self.cycle() + (duration_s * f64::from(HARDWARE.clock_hz)).round() as u64)
     }
 
     /// Executes one instruction, or sleeps until the next event.

@@ -5,14 +5,15 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use motorbench_core::pins::{CPU_HZ, ENCODER_A, ENCODER_B};
+use motorbench_board::pins::{ENCODER_A, ENCODER_B};
+use motorbench_core::HARDWARE;
 
 use super::rig::Rig;
 use super::sensors::Noise;
 
 /// The lines pass no more edges of the motor than this, as those of an encoder do; it is more than the firmware is meant for.
 const MOST_EDGES_PER_S: u32 = 125_000;
-const EDGE_CYCLES: u64 = (CPU_HZ / MOST_EDGES_PER_S) as u64;
+const EDGE_CYCLES: u64 = (HARDWARE.clock_hz / MOST_EDGES_PER_S) as u64;
 /// So many counts the lines may be late, for instance after a blow; what is beyond that is lost, in whole rounds of their levels.
 const MOST_LATE: i64 = 64;
 const ROUND: i64 = 4;
@@ -110,13 +111,13 @@ impl Encoder {
 
     /// Cycles until a noisy line changes again: by chance, as raindrops fall.
     fn noise_gap(&mut self) -> u64 {
-        (-self.noise.uniform().ln() * f64::from(CPU_HZ) / NOISE_PER_S) as u64 + 1
+        (-self.noise.uniform().ln() * f64::from(HARDWARE.clock_hz) / NOISE_PER_S) as u64 + 1
     }
 
     /// Starts or ends a train of edges. After it the lines go on from where they are.
     pub fn set_train(&mut self, now: u64, edges_per_s: Option<f64>) {
         self.train = edges_per_s.filter(|rate| *rate != 0.0).map(|rate| {
-            let interval_cycles = f64::from(CPU_HZ) / rate.abs();
+            let interval_cycles = f64::from(HARDWARE.clock_hz) / rate.abs();
             Train { forward: rate > 0.0, interval_cycles, next_cycle: now as f64 + interval_cycles }
         });
     }
@@ -180,7 +181,7 @@ impl Encoder {
     /// Cycles until the position leaves the present count.
     fn next_crossing(&self, angle_rad: f64, speed_rad_per_s: f64) -> Option<u64> {
         let inside = self.position(angle_rad) - self.lost as f64 - self.count as f64;
-        let per_cycle = speed_rad_per_s * self.coupling * self.counts_per_rad / f64::from(CPU_HZ);
+        let per_cycle = speed_rad_per_s * self.coupling * self.counts_per_rad / f64::from(HARDWARE.clock_hz);
         let distance = if !(0.0..1.0).contains(&inside) {
             return Some(1);
         } else if per_cycle > 0.0 {
@@ -280,7 +281,7 @@ mod tests {
         let mut encoder = Encoder::new(&Rig::default());
         encoder.set_fault(0, 0.0, Some(EncoderFault::Noisy));
         let (mut cycle, mut changes) = (0, 0);
-        while cycle < u64::from(CPU_HZ / 10) {
+        while cycle < u64::from(HARDWARE.clock_hz / 10) {
             cycle = encoder.next_edge(cycle, 0.0, 0.0).expect("noise");
             encoder.update(cycle, 0.0);
             changes += 1;
@@ -302,8 +303,8 @@ mod tests {
         for fast in [1e4, -1e7, 1e300, -1e300, f64::INFINITY, f64::NAN] {
             let mut encoder = Encoder::new(&Rig::default());
             let mut edges = 0;
-            for cycle in 0..u64::from(CPU_HZ / 1000) {
-                let (before, angle_rad) = (encoder.count, fast * cycle as f64 / f64::from(CPU_HZ));
+            for cycle in 0..u64::from(HARDWARE.clock_hz / 1000) {
+                let (before, angle_rad) = (encoder.count, fast * cycle as f64 / f64::from(HARDWARE.clock_hz));
                 encoder.update(cycle, angle_rad);
                 edges += (encoder.count - before).abs();
                 assert!(encoder.next_edge(cycle, angle_rad, fast).is_none_or(|at| at > cycle));

@@ -8,7 +8,7 @@
 
 use std::collections::VecDeque;
 
-use motorbench_core::pins::{BAUD, CPU_HZ};
+use motorbench_core::HARDWARE;
 
 use super::ffi::Cpu;
 use super::registers::*;
@@ -82,7 +82,7 @@ impl Usart {
             on_line: None,
             to_host: Vec::new(),
             errors: SerialErrors::default(),
-            host_baud: BAUD,
+            host_baud: HARDWARE.baud,
             stuck: false,
         }
     }
@@ -105,7 +105,7 @@ impl Usart {
     }
 
     fn host_bit_cycles(&self) -> f64 {
-        f64::from(CPU_HZ) / f64::from(self.host_baud)
+        f64::from(HARDWARE.clock_hz) / f64::from(self.host_baud)
     }
 
     /// Start bit, eight data bits, stop bit.

@@ -4,7 +4,7 @@ use super::Failure;
 use crate::commands::read_model;
 use host_sim::plant::{BridgeLosses, ModelPlant};
 use motorbench_chip::{Bench, EncoderFault, ResetCause, SensorFault};
-use motorbench_core::pins::CPU_HZ;
+use motorbench_core::HARDWARE;
 use motorbench_data::rig::Rig;
 use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
@@ -138,11 +138,11 @@ impl Surroundings {
                 return Ok(Until::Turned);
             }
             ["wait", duration_s] => {
-                let cycles = within(duration_s, WAIT_S, "s")? * f64::from(CPU_HZ);
+                let cycles = within(duration_s, WAIT_S, "s")? * f64::from(HARDWARE.clock_hz);
                 return Ok(Until::Cycle(bench.cycle() + cycles as u64));
             }
             ["supply", "dip"] => {
-                let end = bench.cycle() + (DIP_S * f64::from(CPU_HZ)) as u64;
+                let end = bench.cycle() + (DIP_S * f64::from(HARDWARE.clock_hz)) as u64;
                 self.dips_until = Some(end);
                 bench.set_supply_v(DIP_V.min(self.supply_v));
                 return Ok(Until::Cycle(end));
