@@ -9,7 +9,7 @@ use crate::arith::{call_saturate_i16, mul_i16_u16, mul_u16, saturate_i16, satura
 use crate::compensation::CompensationConfig;
 use crate::converter::STEP_V;
 use crate::current::{CurrentConfig, CurrentState};
-use crate::encoder::{Edges, Motion, SpeedConfig, SpeedState};
+use crate::encoder::{Edges, Proof, SpeedConfig, SpeedState};
 use crate::excitation::{Bridge, Player};
 use crate::limits::{Integral, Limits, LimitsConfig};
 use crate::low_pass::{LowPassConfig, LowPassState};
@@ -292,8 +292,7 @@ impl ControlLoop {
     /// Position, speed, current and supply.
     #[inline(always)]
     fn measure(&mut self, inputs: &Inputs) -> Observation {
-        let illegal = self.motion.illegal_since(&inputs.edges);
-        let motion = self.motion.step(&self.config.speed, &inputs.edges, inputs.tick_coarse);
+        let came = self.motion.step(&self.config.speed, &inputs.edges, inputs.tick_coarse);
         let reading = self.current.step(&self.config.current, inputs.current_sum);
         let sample = &mut self.sample;
         sample.tick = sample.tick.wrapping_add(1);
@@ -305,9 +304,10 @@ impl ControlLoop {
             false => self.motion.speed,
         };
         sample.speed = self.filter.step(&self.config.filter, speed);
-        let (motion, illegal) = match by_tacho {
-            true => (if inputs.tacho >= NEAR_ZERO { Motion::Moved } else { Motion::None }, 0),
-            false => (motion, illegal),
+        let edges = match by_tacho {
+            // Its signal is a motion in each tick; its absence is none.
+            true => Proof { place: if inputs.tacho >= NEAR_ZERO { sample.tick as u8 } else { 0 }, ..Proof::default() },
+            false => self.motion.proof(came),
         };
         let supply = self.config.supply_scale != 0;
         sample.supply = if supply {
@@ -321,8 +321,7 @@ impl ControlLoop {
             current: sample.current,
             speed,
             supply: supply.then_some(sample.supply),
-            motion,
-            illegal,
+            edges,
             sensor_at_rail: reading.saturated,
             flags: inputs.flags,
         }

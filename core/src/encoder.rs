@@ -129,17 +129,16 @@ impl SpeedConfig {
     }
 }
 
-/// What the edges of a tick say of the shaft.
+/// What the edges say of the shaft.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum Motion {
-    /// No edge has come.
-    #[default]
-    None,
-    /// Edges have come, but the count is within two of where it was: a line alone goes to and fro by one count, whatever
-    /// the shaft does.
-    ToAndFro,
-    /// The count has left its place by more than two: only both lines together count so far.
-    Moved,
+pub struct Proof {
+    /// Edges have come in this tick.
+    pub came: bool,
+    /// Count, modulo 256, at which the shaft was last seen to move: by more than two counts, because a line alone goes to
+    /// and fro by one, whatever the shaft does.
+    pub place: u8,
+    /// Illegal transitions, modulo 256.
+    pub illegal: u8,
 }
 
 /// So far may the count go, in either direction, before it is a motion.
@@ -224,16 +223,16 @@ impl SpeedState {
         self.elapsed = LONGEST;
     }
 
-    /// Illegal transitions since the last tick.
+    /// What the edges so far prove.
     #[inline(always)]
-    pub fn illegal_since(&self, edges: &Edges) -> u8 {
-        edges.illegal.wrapping_sub(self.edges.illegal)
+    pub fn proof(&self, came: bool) -> Proof {
+        Proof { came, place: self.place, illegal: self.edges.illegal }
     }
 
     /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick. Returns
-    /// what the edges prove of the shaft.
+    /// whether edges have come.
     #[inline(always)]
-    pub fn step(&mut self, config: &SpeedConfig, edges: &Edges, tick_coarse: u8) -> Motion {
+    pub fn step(&mut self, config: &SpeedConfig, edges: &Edges, tick_coarse: u8) -> bool {
         let before = self.edges;
         let elapsed = self.elapsed.later(config.tick_cycles);
         self.elapsed = elapsed;
@@ -242,10 +241,13 @@ impl SpeedState {
             self.edges.illegal = edges.illegal;
         }
         let delta = edges.count.wrapping_sub(before.count) as i8;
-        let mut motion = Motion::None;
-        let (half_counts, less) = if delta != 0 || edges.coarse != before.coarse || edges.fine != before.fine {
+        let came = delta != 0 || edges.coarse != before.coarse || edges.fine != before.fine;
+        let (half_counts, less) = if came {
             self.edges = *edges;
-            motion = self.away(edges.count);
+            let away = edges.count.wrapping_sub(self.place) as i8;
+            if !(-PLACE..=PLACE).contains(&away) {
+                self.place = edges.count;
+            }
             self.counts = self.counts.wrapping_add(delta as i32);
             let age = age(tick_coarse, edges);
             self.elapsed = Cycles { low: age, high: 0 };
@@ -253,28 +255,17 @@ impl SpeedState {
             (2 * delta as i16 + (edges.step & BACKWARD) as i16 - (before.step & BACKWARD) as i16, age)
         } else if self.speed == 0 || elapsed == LONGEST {
             self.speed = 0;
-            return motion;
+            return false;
         } else {
             // The speed can be no more than one count over the time since the last edge.
             (if self.speed > 0 { 2 } else { -2 }, LATE)
         };
         let speed = speed(config, half_counts, elapsed.normalised_less(less));
         let falls = if self.speed > 0 { speed < self.speed } else { speed > self.speed };
-        if motion != Motion::None || falls {
+        if came || falls {
             self.speed = speed;
         }
-        motion
-    }
-
-    /// Whether the count has left its place, which it then has anew.
-    #[inline(always)]
-    fn away(&mut self, count: u8) -> Motion {
-        let away = count.wrapping_sub(self.place) as i8;
-        if (-PLACE..=PLACE).contains(&away) {
-            return Motion::ToAndFro;
-        }
-        self.place = count;
-        Motion::Moved
+        came
     }
 }
 

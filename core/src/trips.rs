@@ -12,8 +12,8 @@
 //! | encoder counts too few | the same, and the encoder shows too little |
 //! | encoder lines | edges that go to and fro by one count in most ticks of 64 ms; or illegal transitions in most ticks, 50 of them |
 //! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
-//! | sensor range | current signal at a rail for 3 ticks, or a current above `trip_peak` with the drive disarmed |
-//! | converter silent | no conversion for 2 ticks |
+//! | sensor range | current signal at a rail for 4 ticks, or a current above `trip_peak` with the drive disarmed |
+//! | converter silent | no block of conversions in a tick |
 //! | supply range | measured supply outside its limits for 10 ms |
 //! | emergency stop | pressed, or its wire broken where it is normally closed |
 //! | host lost | silent for `trip_host` while armed |
@@ -38,7 +38,7 @@
 
 use crate::arith::{call_mul_i16, mul_i16, mul_i16_u16, saturate_shift_8, saturating_sub_i16};
 use crate::control_loop::Inputs;
-use crate::encoder::Motion;
+use crate::encoder::Proof;
 use crate::message::Trip;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
@@ -64,15 +64,14 @@ pub struct TripsConfig {
     turning: i16,
     /// Voltage below which none is implied.
     known_from: i16,
+    // These count every other tick.
     stall_ticks: u16,
-    /// Every other tick counts.
     encoder_ticks: u16,
-    /// Ticks of edges to and fro.
+    /// Edges to and fro.
     lines_ticks: u8,
     runaway_ticks: u16,
     supply_low: i16,
     supply_high: i16,
-    /// Every other tick counts.
     supply_ticks: u8,
     /// What is looked at of [`Inputs::STOP_CLOSED`], and what then says that it is not pressed.
     stop_mask: u8,
@@ -85,9 +84,9 @@ impl TripsConfig {
     /// From the settings `trip_*`, `resistance`, `torque_constant`, `supply` and `emergency_stop`.
     #[inline(always)]
     pub fn quantise(&mut self, q: &mut Quantiser) {
-        // 5, 10 (of every other tick), 100 and 64 ms.
+        // 5 ms in ticks; 10, 100 and 64 ms in every other tick.
         let [peak_ticks, supply_ticks, hung_ticks, lines_ticks] =
-            if q.is_fast() { [10, 10, 200, 128] } else { [5, 5, 100, 64] };
+            if q.is_fast() { [10, 10, 100, 64] } else { [5, 5, 50, 32] };
         let continuous = q.bits(Param::TripContinuous);
         self.peak = q.bits(Param::TripPeak);
         self.peak_ticks = peak_ticks;
@@ -101,15 +100,15 @@ impl TripsConfig {
         self.driven = supply >> 2;
         self.turning = self.driven.max(LARGEST_DROP);
         self.known_from = if q.is_on(Param::Wiring) { supply - (supply >> 3) } else { 0 };
-        self.stall_ticks = q.bits(Param::TripStall) as u16;
-        let encoder_ticks = q.bits(Param::TripEncoder) as u16 >> 1;
+        self.stall_ticks = every_other(q, Param::TripStall);
+        let encoder_ticks = every_other(q, Param::TripEncoder);
         self.encoder_ticks = if q.is_on(Param::WindingTime) { encoder_ticks << 3 } else { encoder_ticks };
         self.lines_ticks = lines_ticks;
-        self.runaway_ticks = q.bits(Param::TripRunaway) as u16;
+        self.runaway_ticks = every_other(q, Param::TripRunaway);
         self.supply_low = supply_bits(q, Param::TripSupplyLow);
         self.supply_high = supply_bits(q, Param::TripSupplyHigh);
         self.supply_ticks = supply_ticks;
-        self.host_ticks = q.bits(Param::TripHost) as u16;
+        self.host_ticks = every_other(q, Param::TripHost);
         self.hung_ticks = hung_ticks;
         self.stop_mask = if q.is_on(Param::EmergencyStop) { Inputs::STOP_CLOSED } else { 0 };
         self.stop_released = if q.is(Param::EmergencyStop, NORMALLY_CLOSED) { Inputs::STOP_CLOSED } else { 0 };
@@ -127,6 +126,14 @@ impl TripsConfig {
 /// Tick over thermal time, times 2^24.
 fn heat_rate(q: &mut Quantiser) -> u16 {
     q.of(1.0 / 256.0).times(Param::TickRate).times(Param::TripThermalTime).one_over(Param::TripThermalTime, 0.0)
+}
+
+/// A time, in every other tick; the shortest is one.
+#[inline(never)]
+#[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+fn every_other(q: &mut Quantiser, param: Param) -> u16 {
+    let ticks = q.bits(param) as u16;
+    (ticks >> 1) + (ticks & 1)
 }
 
 /// A limit of the supply; one beyond the format is never reached.
@@ -147,10 +154,8 @@ pub struct Observation {
     pub speed: i16,
     /// Supply, where it is measured.
     pub supply: Option<i16>,
-    /// What the encoder's edges prove; of the tachogenerator, whether its signal is not near zero.
-    pub motion: Motion,
-    /// Illegal transitions in this tick.
-    pub illegal: u8,
+    /// What the encoder's edges say.
+    pub edges: Proof,
     /// The current signal is at a rail.
     pub sensor_at_rail: bool,
     /// As in [`Inputs::flags`].
@@ -172,20 +177,21 @@ pub struct TripsState {
     rail: u8,
     supply: u8,
     hung: u8,
-    /// Ticks without motion; stays at the largest.
+    /// Every other tick without motion; stays at the largest.
     quiet: u8,
-    /// Ticks with edges to and fro, less three for each other one.
+    /// Every other tick with edges to and fro, less three for each without.
     to_and_fro: u8,
     /// Illegal transitions, less one for each tick without any.
     illegal: u8,
-    converter: u8,
+    illegal_before: u8,
+    place: u8,
+    /// Since the last look at them.
+    flags: u8,
     odd: bool,
 }
 
-/// Ticks the current signal may touch a rail.
-const RAIL_TICKS: u8 = 3;
-/// Ticks in which the converter may be silent: one, of which a block of conversions may have come just too late.
-const CONVERTER_TICKS: u8 = 2;
+/// Every other tick in which the current signal may touch a rail.
+const RAIL_TICKS: u8 = 2;
 /// What a bridge of bipolar transistors may take, with some reserve: 3 V.
 const LARGEST_DROP: i16 = 3 * VOLT as i16;
 /// The setting `emergency_stop` of a contact that opens when it is pressed.
@@ -195,9 +201,9 @@ const ILLEGAL_MOST: u8 = 50;
 /// Fewer are no sign of a broken line.
 const ILLEGAL_SIGN: u8 = 2;
 /// Edges to and fro in so many ticks are none of a motor that turns.
-const TO_AND_FRO_SIGN: u8 = 8;
-/// A motor that turns and is measured moves by three counts within so many ticks, unless it creeps.
-const QUIET: u8 = 20;
+const TO_AND_FRO_SIGN: u8 = 4;
+/// A motor that turns and is measured moves by three counts within so many of every other tick, unless it creeps.
+const QUIET: u8 = 10;
 
 impl TripsState {
     /// Whether the main loop has been silent for its time as of the last tick, whatever else has tripped.
@@ -206,20 +212,44 @@ impl TripsState {
         self.hung >= config.hung_ticks
     }
 
-    /// One tick: the first condition that has held for its time, or [`Trip::None`].
+    /// One tick: the first condition that has held for its time, or [`Trip::None`]. What must come at once is looked at in
+    /// every tick, the rest in every other one by turns.
     #[inline(always)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
         let current = magnitude(seen.current);
+        self.flags |= seen.flags;
         self.odd = !self.odd;
-        let always = self.always(config, seen, current, armed);
+        let urgent = self.urgent(config, seen, current, armed);
+        if !self.odd {
+            let trip = self.surroundings(config, seen, armed);
+            return if urgent != Trip::None { urgent } else { trip };
+        }
+        if urgent != Trip::None {
+            return urgent;
+        }
+        self.heat_up(config, current);
         if !armed {
-            self.host = 0;
             self.to_and_fro = 0;
             self.illegal = 0;
             self.idle();
-            return always;
+            return Trip::None;
         }
-        if always != Trip::None { always } else { self.while_armed(config, seen, current) }
+        if self.lines_broken(config, seen) { Trip::EncoderLines } else { self.motion(config, seen, current) }
+    }
+
+    /// The emergency stop, and what destroys the bridge.
+    #[inline(always)]
+    fn urgent(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
+        if seen.flags & config.stop_mask ^ config.stop_released != 0 {
+            Trip::EmergencyStop
+        } else if !for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
+            Trip::None
+        } else if armed {
+            Trip::OverCurrentPeak
+        } else {
+            // No current flows through a bridge that is off.
+            Trip::SensorRange
+        }
     }
 
     /// Nothing is driven.
@@ -230,112 +260,100 @@ impl TripsState {
         self.against = 0;
     }
 
-    /// What is watched whether armed or not. What may wait a tick is watched in every other one.
+    /// Board, sensors, supply and host.
     #[inline(always)]
-    fn always(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
+    fn surroundings(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
+        let flags = core::mem::take(&mut self.flags);
         // Before all that may return: a hang must be noticed beside any other trip, or the watchdog is fed for ever.
-        if for_ticks(&mut self.hung, seen.flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_ticks) {
+        if for_ticks(&mut self.hung, flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_ticks) {
             return Trip::MainLoopHung;
         }
-        if seen.flags & Inputs::STACK_OVERFLOW != 0 {
+        if flags & Inputs::STACK_OVERFLOW != 0 {
             return Trip::StackOverflow;
         }
-        if seen.flags & config.stop_mask ^ config.stop_released != 0 {
-            return Trip::EmergencyStop;
-        }
-        if for_ticks(&mut self.converter, seen.flags & Inputs::NOT_CONVERTED != 0, CONVERTER_TICKS) {
+        if flags & Inputs::NOT_CONVERTED != 0 {
             return Trip::ConverterSilent;
-        }
-        if for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
-            // No current flows through a bridge that is off.
-            return if armed { Trip::OverCurrentPeak } else { Trip::SensorRange };
         }
         if for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_TICKS) {
             return Trip::SensorRange;
         }
-        if self.odd {
-            return Trip::None;
-        }
-        self.heat_up(config, current);
         if (self.heat >> 16) as i16 > config.heat_limit {
             return Trip::OverCurrentThermal;
         }
         let outside = seen.supply.is_some_and(|supply| supply < config.supply_low || supply > config.supply_high);
-        if for_ticks(&mut self.supply, outside, config.supply_ticks) { Trip::SupplyRange } else { Trip::None }
-    }
-
-    /// What needs a drive to go wrong.
-    #[inline(always)]
-    fn while_armed(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
-        if config.host_ticks != 0 {
-            self.host = if seen.flags & Inputs::HOST_SPOKE != 0 { 0 } else { self.host.saturating_add(1) };
+        if for_ticks(&mut self.supply, outside, config.supply_ticks) {
+            return Trip::SupplyRange;
+        }
+        if !armed || flags & Inputs::HOST_SPOKE != 0 {
+            self.host = 0;
+        } else if config.host_ticks != 0 {
+            self.host = self.host.saturating_add(1);
             if self.host >= config.host_ticks {
                 return Trip::HostLost;
             }
         }
-        if self.lines_broken(config, seen) {
-            return Trip::EncoderLines;
+        Trip::None
+    }
+
+    /// Edges without motion, or both lines at once.
+    #[inline(always)]
+    fn lines_broken(&mut self, config: &TripsConfig, seen: &Observation) -> bool {
+        let edges = seen.edges;
+        self.quiet = self.quiet.saturating_add(1);
+        let moved = edges.place != self.place;
+        if moved {
+            self.place = edges.place;
+            self.quiet = 0;
+            self.still = 0;
         }
+        self.to_and_fro =
+            if edges.came && !moved { self.to_and_fro.saturating_add(1) } else { self.to_and_fro.saturating_sub(3) };
+        let illegal = edges.illegal.wrapping_sub(self.illegal_before);
+        self.illegal_before = edges.illegal;
+        self.illegal = if illegal != 0 { self.illegal.saturating_add(illegal) } else { self.illegal.saturating_sub(2) };
+        self.to_and_fro >= config.lines_ticks || self.illegal >= ILLEGAL_MOST
+    }
+
+    /// Whether the shaft does what the voltage says.
+    #[inline(always)]
+    fn motion(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
         let drive = magnitude(seen.voltage);
         if drive < config.driven {
             self.idle();
             return Trip::None;
         }
         let along = if seen.voltage < 0 { saturating_sub_i16(0, seen.speed) } else { seen.speed };
-        if self.odd {
-            return self.plausible(config, drive, current, along);
+        if self.implied(config, drive, current, along) {
+            return if self.illegal >= ILLEGAL_SIGN || self.to_and_fro >= TO_AND_FRO_SIGN {
+                Trip::EncoderLines
+            } else if self.quiet >= QUIET {
+                Trip::EncoderSilent
+            } else if along < 0 {
+                Trip::Runaway
+            } else {
+                Trip::EncoderTooFew
+            };
         }
         if self.turns_against(config, along) {
             return Trip::Runaway;
         }
-        if current <= config.continuous {
-            return Trip::None;
-        }
-        // A blocked motor draws its stall current.
-        self.still = self.still.saturating_add(2);
+        // A blocked motor draws its stall current; one that moves has set the count to zero.
+        self.still = self.still.saturating_add((current > config.continuous) as u16);
         if config.stall_ticks != 0 && self.still >= config.stall_ticks { Trip::Stall } else { Trip::None }
     }
 
-    /// Edges without motion, or both lines at once.
-    #[inline(always)]
-    fn lines_broken(&mut self, config: &TripsConfig, seen: &Observation) -> bool {
-        self.quiet = self.quiet.saturating_add(1);
-        self.to_and_fro = if seen.motion == Motion::ToAndFro {
-            self.to_and_fro.saturating_add(1)
-        } else {
-            self.to_and_fro.saturating_sub(3)
-        };
-        if seen.motion == Motion::Moved {
-            self.quiet = 0;
-            self.still = 0;
-        }
-        self.illegal =
-            if seen.illegal != 0 { self.illegal.saturating_add(seen.illegal) } else { self.illegal.saturating_sub(1) };
-        self.to_and_fro >= config.lines_ticks || self.illegal >= ILLEGAL_MOST
-    }
-
-    /// Holds the speed `along` the voltage against what the voltage implies.
+    /// Whether the voltage has implied more speed than `along` it was measured, for its time.
     #[inline(never)]
-    fn plausible(&mut self, config: &TripsConfig, drive: i16, current: i16, along: i16) -> Trip {
+    fn implied(&mut self, config: &TripsConfig, drive: i16, current: i16, along: i16) -> bool {
         let known = config.back_emf != 0 || self.quiet >= QUIET || along < 0;
         let implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
         let missing = saturating_sub_i16(implied, scaled(along, config.back_emf));
         if !known || drive < config.known_from || missing <= config.turning {
             self.implausible = self.implausible.saturating_sub(1);
-            return Trip::None;
+            return false;
         }
         self.implausible = self.implausible.saturating_add(1);
-        if config.encoder_ticks == 0 || self.implausible < config.encoder_ticks {
-            Trip::None
-        } else if self.illegal >= ILLEGAL_SIGN || self.to_and_fro >= TO_AND_FRO_SIGN {
-            Trip::EncoderLines
-        } else if self.quiet >= QUIET {
-            Trip::EncoderSilent
-        } else if along < 0 {
-            Trip::Runaway
-        } else {
-            Trip::EncoderTooFew
-        }
+        config.encoder_ticks != 0 && self.implausible >= config.encoder_ticks
     }
 
     /// Speed against the voltage is braking as long as it falls; when it does not, the feedback has the wrong sign.
@@ -348,7 +366,7 @@ impl TripsState {
             self.against = 1;
             self.against_speed = speed;
         } else {
-            self.against = self.against.saturating_add(2);
+            self.against = self.against.saturating_add(1);
             return config.runaway_ticks != 0 && self.against >= config.runaway_ticks;
         }
         false
@@ -395,13 +413,26 @@ mod tests {
     use crate::units::AMPERE;
     use proptest::prelude::*;
 
+    /// In [`trips_after`] the place changes with each tick.
+    const MOVES: Proof = Proof { came: true, place: 255, illegal: 0 };
+    const RESTS: Proof = Proof { came: false, place: 0, illegal: 0 };
+    const TO_AND_FRO: Proof = Proof { came: true, place: 0, illegal: 0 };
+
+    /// As it is seen in a tick.
+    fn at(tick: u32, mut seen: Observation) -> Observation {
+        if seen.edges.place == MOVES.place {
+            seen.edges.place = (tick % 250) as u8;
+        }
+        seen
+    }
+
     /// A motor that turns quietly.
     fn healthy() -> Observation {
         Observation {
             voltage: 6144,
             current: 400,
             speed: 6000,
-            motion: Motion::Moved,
+            edges: MOVES,
             flags: Inputs::MAIN_LOOP_ALIVE | Inputs::HOST_SPOKE,
             ..Observation::default()
         }
@@ -411,7 +442,7 @@ mod tests {
     fn trips_after(settings: &Settings, observation: impl Fn(u32) -> Observation) -> Option<(Trip, u32)> {
         let config = TripsConfig::build(settings).unwrap();
         let mut state = TripsState::default();
-        (0..10_000).find_map(|tick| match state.step(&config, &observation(tick), true) {
+        (0..10_000).find_map(|tick| match state.step(&config, &at(tick, observation(tick)), true) {
             Trip::None => None,
             trip => Some((trip, tick + 1)),
         })
@@ -438,14 +469,14 @@ mod tests {
         let one = |observation: Observation| trips_after(&defaults, move |_| observation);
         let peak = one(Observation { current: amps(-1.3), ..healthy() });
         check("peak", (Trip::OverCurrentPeak, 5), peak);
-        let stall = one(Observation { current: amps(0.7), speed: 0, motion: Motion::None, ..healthy() });
-        check("stall", (Trip::Stall, 500), stall);
-        let silent = one(Observation { speed: 0, motion: Motion::None, current: amps(0.2), ..healthy() });
+        let stall = one(Observation { current: amps(0.7), speed: 0, edges: RESTS, ..healthy() });
+        check("stall", (Trip::Stall, 499), stall);
+        let silent = one(Observation { speed: 0, edges: RESTS, current: amps(0.2), ..healthy() });
         check("silent", (Trip::EncoderSilent, 19), silent);
         // Too much current to say what speed the voltage implies; then little.
         let against =
             |current| move |tick: u32| Observation { speed: -1000 - tick as i16, current: amps(current), ..healthy() };
-        check("runaway", (Trip::Runaway, 102), trips_after(&defaults, against(1.1)));
+        check("runaway", (Trip::Runaway, 99), trips_after(&defaults, against(1.1)));
         check("runaway, implied", (Trip::Runaway, 19), trips_after(&defaults, against(0.1)));
         // 6 V, 0.1 A, and 8 rad/s instead of 70.
         let too_few = one(Observation { speed: 500, current: amps(0.1), ..healthy() });
@@ -454,16 +485,23 @@ mod tests {
         let unknown = with(&[(Param::TorqueConstant, 0.0)]);
         let slow = trips_after(&unknown, |_| Observation { speed: 500, current: amps(0.1), ..healthy() });
         assert_eq!(slow, None);
-        let still = trips_after(&unknown, |_| Observation { speed: 0, motion: Motion::None, ..healthy() });
-        check("silent, back-EMF not known", (Trip::EncoderSilent, 39), still);
-        let to_and_fro = one(Observation { voltage: 500, speed: 0, motion: Motion::ToAndFro, ..healthy() });
-        check("to and fro", (Trip::EncoderLines, 64), to_and_fro);
-        check("illegal", (Trip::EncoderLines, 25), one(Observation { illegal: 2, ..healthy() }));
+        let still = trips_after(&unknown, |_| Observation { speed: 0, edges: RESTS, ..healthy() });
+        check("silent, back-EMF not known", (Trip::EncoderSilent, 37), still);
+        let to_and_fro = one(Observation { voltage: 500, speed: 0, edges: TO_AND_FRO, ..healthy() });
+        check("to and fro", (Trip::EncoderLines, 63), to_and_fro);
+        check(
+            "illegal",
+            (Trip::EncoderLines, 27),
+            trips_after(&defaults, |tick| {
+                let edges = Proof { illegal: (2 * tick) as u8, ..MOVES };
+                Observation { edges, ..healthy() }
+            }),
+        );
         let dead = one(Observation { flags: healthy().flags | Inputs::NOT_CONVERTED, ..healthy() });
         check("converter", (Trip::ConverterSilent, 2), dead);
         let overflow = one(Observation { flags: healthy().flags | Inputs::STACK_OVERFLOW, ..healthy() });
-        check("stack", (Trip::StackOverflow, 1), overflow);
-        check("sensor", (Trip::SensorRange, 3), one(Observation { sensor_at_rail: true, ..healthy() }));
+        check("stack", (Trip::StackOverflow, 2), overflow);
+        check("sensor", (Trip::SensorRange, 4), one(Observation { sensor_at_rail: true, ..healthy() }));
         let supply = one(Observation { supply: Some((4.0 * VOLT) as i16), ..healthy() });
         check("supply", (Trip::SupplyRange, 10), supply);
         check(
@@ -532,8 +570,8 @@ mod tests {
             assert_eq!(trips_after(&Settings::defaults(), move |_| observation), None, "{observation:?}");
         };
         // Resting in its friction at 1 V; holding against a load with stall current below the continuous rating.
-        quiet(Observation { voltage: 1000, speed: 0, motion: Motion::None, current: amps(0.17), ..healthy() });
-        quiet(Observation { voltage: 3000, speed: 0, motion: Motion::None, current: amps(0.5), ..healthy() });
+        quiet(Observation { voltage: 1000, speed: 0, edges: RESTS, current: amps(0.17), ..healthy() });
+        quiet(Observation { voltage: 3000, speed: 0, edges: RESTS, current: amps(0.5), ..healthy() });
         // Nobody asked for a host.
         quiet(Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
         // Braking by reverse voltage: 300 ms from 60 rad/s to rest, again and again; 2.6 V are the bridge's.
@@ -553,20 +591,15 @@ mod tests {
         assert_eq!(trips_after(&Settings::defaults(), spike), None);
         // A count that dithers by one, 200 times a second, at any voltage that a held shaft may need.
         let dither = |tick: u32| {
-            let motion = if tick.is_multiple_of(5) { Motion::ToAndFro } else { Motion::None };
-            Observation { voltage: 5120, speed: 0, current: amps(0.43), motion, ..healthy() }
+            let edges = if tick.is_multiple_of(5) { TO_AND_FRO } else { RESTS };
+            Observation { voltage: 5120, speed: 0, current: amps(0.43), edges, ..healthy() }
         };
         assert_eq!(trips_after(&Settings::defaults(), dither), None);
         // Creeping at 1 rpm: three counts in 90 ms.
         let creep = |tick: u32| {
-            let motion = if !tick.is_multiple_of(30) {
-                Motion::None
-            } else if tick.is_multiple_of(90) {
-                Motion::Moved
-            } else {
-                Motion::ToAndFro
-            };
-            Observation { voltage: 5120, speed: 7, current: amps(0.43), motion, ..healthy() }
+            let came = tick % 30 == 0;
+            let edges = Proof { came, place: (tick / 90 % 250) as u8, illegal: 0 };
+            Observation { voltage: 5120, speed: 7, current: amps(0.43), edges, ..healthy() }
         };
         assert_eq!(trips_after(&Settings::defaults(), creep), None);
         // Turned back by a load, against 6 V: the current is larger than that of a held shaft.
@@ -599,8 +632,8 @@ mod tests {
             let mut state = TripsState::default();
             for (voltage, current, speed, flags) in values {
                 let supply = (flags & 1 != 0).then_some(voltage);
-                let motion = if flags & 2 != 0 { Motion::Moved } else { Motion::ToAndFro };
-                state.step(&config, &Observation { voltage, current, speed, supply, motion, flags: Inputs::MAIN_LOOP_ALIVE,
+                let edges = if flags & 2 != 0 { MOVES } else { TO_AND_FRO };
+                state.step(&config, &Observation { voltage, current, speed, supply, edges, flags: Inputs::MAIN_LOOP_ALIVE,
                     ..Observation::default() }, flags & 4 != 0);
             }
         }

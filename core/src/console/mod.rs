@@ -477,12 +477,11 @@ impl Console {
             Command::Mode => return self.mode(choice, machine),
             Command::Reference => return self.reference(machine),
             Command::Show => return self.show(machine),
-            Command::Set => return self.set(machine),
             Command::Zero => return self.zero(choice, machine),
             Command::Sequence | Command::Record => return self.sequence(choice, machine),
             Command::Stream => return self.stream(choice),
             Command::Save => return self.save(machine),
-            Command::Load | Command::Defaults => return self.load(command == Command::Defaults, machine),
+            Command::Set | Command::Load | Command::Defaults => return self.change(command, machine),
             Command::Echo => self.quiet = choice == 0,
             Command::Version => self.greet(machine),
             Command::Alive => {}
@@ -596,20 +595,31 @@ impl Console {
         Say::Ok
     }
 
-    fn set(&mut self, machine: &mut impl Machine) -> Say {
+    /// Other settings: those of the line, the saved ones, or those as built. Only here is a second copy of them.
+    #[inline(never)]
+    fn change(&mut self, command: Command, machine: &mut impl Machine) -> Say {
         let mut settings = self.settings;
-        loop {
-            let word = self.editor.next_word();
-            if word.is_empty() {
-                return self.replace(&settings, machine);
+        match command {
+            Command::Defaults => settings.set_defaults(),
+            Command::Load => {
+                if !storage::load(machine.memory(), &mut settings) {
+                    return Say::NothingSaved;
+                }
             }
-            let Some(param) = settings::find(word) else { return Say::NoSuchSetting };
-            self.param = param;
-            let value = number::parse(self.editor.next_word());
-            if !value.is_some_and(|value| settings.set(param, value).is_ok()) {
-                return Say::Range;
-            }
+            _ => loop {
+                let word = self.editor.next_word();
+                if word.is_empty() {
+                    break;
+                }
+                let Some(param) = settings::find(word) else { return Say::NoSuchSetting };
+                self.param = param;
+                let value = number::parse(self.editor.next_word());
+                if !value.is_some_and(|value| settings.set(param, value).is_ok()) {
+                    return Say::Range;
+                }
+            },
         }
+        self.replace(&settings, machine)
     }
 
     /// Takes new settings as a whole, or not at all.
@@ -718,17 +728,6 @@ impl Console {
         self.saver.start(machine.memory());
         self.not_loaded = false;
         Say::Ok
-    }
-
-    /// The saved settings, or those as built.
-    fn load(&mut self, as_built: bool, machine: &mut impl Machine) -> Say {
-        let mut settings = Settings::default();
-        if as_built {
-            settings.set_defaults();
-        } else if !storage::load(machine.memory(), &mut settings) {
-            return Say::NothingSaved;
-        }
-        self.replace(&settings, machine)
     }
 
     /// Prints an information line.
