@@ -1,5 +1,5 @@
 //! Every half-broken encoder in every closed loop on the simulated chip: the drive is off before it can run away, and
-//! without a fault it stays on. `--ignored --nocapture every_fault` runs all combinations and writes `docs/safety.md`;
+//! without a fault it stays on. `--ignored --nocapture every_fault` runs all combinations and writes `docs/reference/safety.md`;
 //! what the suite runs is every fifth of them.
 
 mod common;
@@ -194,7 +194,7 @@ fn a_draw_of_all_faults_switches_the_drive_off_in_time() {
 
 /// The table of the docs.
 #[test]
-#[ignore = "minutes; writes docs/safety.md"]
+#[ignore = "minutes; writes docs/reference/safety.md"]
 fn every_fault_switches_the_drive_off_in_time() {
     let faults = cases((0..FAULTS.len()).map(Some));
     let controls = cases([None].into_iter());
@@ -203,7 +203,8 @@ fn every_fault_switches_the_drive_off_in_time() {
     println!("{table}");
     check(&controls, &without);
     check(&faults, &with);
-    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/safety.md"), table).expect("docs/safety.md");
+    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/reference/safety.md"), table)
+        .expect("docs/reference/safety.md");
 }
 
 /// The worst of both directions and both loads in one row.
@@ -213,7 +214,7 @@ fn table(cases: &[Case], outcomes: &[Outcome], controls: usize) -> String {
          Measured on the simulated chip with the motor of the test stand: {} combinations of fault, mode, direction, load\n\
          and start, and {controls} without a fault, in which nothing trips. Each row is the worst of both directions, with and\n\
          without a load that takes the continuous current. The fault comes with the order to move (from rest), or at\n\
-         60 rad/s. `cargo test --features chip --test faults_on_chip -- --ignored` writes this page.\n\n\
+         60 rad/s. `scripts/trials faults` writes this page.\n\n\
          The drive must be off within 100 ms, or before the motor has turned half a revolution at full duty, whichever is\n\
          later. Time, speed and angle are those until the bridge is off.\n\n\
          | fault | mode | start | trip | off after, ms | largest speed, rad/s | turned, rad | of it at full duty, rad |\n\
