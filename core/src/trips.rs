@@ -196,6 +196,8 @@ const SUPPLY_LOOKS: u8 = 3;
 const LARGEST_DROP: i16 = 3 * VOLT as i16;
 /// The setting `emergency_stop` of a contact that opens when it is pressed.
 const NORMALLY_CLOSED: f32 = 2.0;
+/// An encoder that has not moved for so many looks is silent, else it counts too few.
+const SILENT: u8 = 3;
 /// So many illegal transitions trip; a tick without any takes one away.
 const ILLEGAL_MOST: u8 = 50;
 /// Fewer are no sign of a broken line.
@@ -297,16 +299,10 @@ impl TripsState {
             self.illegal = 0;
             return Trip::None;
         }
-        self.to_and_fro = if edges.came && !moved {
-            self.to_and_fro.saturating_add(1)
-        } else {
-            self.to_and_fro.saturating_sub(3)
-        };
-        self.illegal = if illegal != 0 {
-            self.illegal.saturating_add(illegal)
-        } else {
-            self.illegal.saturating_sub(TURNS)
-        };
+        self.to_and_fro =
+            if edges.came && !moved { self.to_and_fro.saturating_add(1) } else { self.to_and_fro.saturating_sub(3) };
+        self.illegal =
+            if illegal != 0 { self.illegal.saturating_add(illegal) } else { self.illegal.saturating_sub(TURNS) };
         let broken = self.to_and_fro >= config.lines_looks || self.illegal >= ILLEGAL_MOST;
         if broken { Trip::EncoderLines } else { Trip::None }
     }
@@ -338,7 +334,7 @@ impl TripsState {
     fn name(&self, along: i16) -> Trip {
         if self.illegal >= ILLEGAL_SIGN || self.to_and_fro >= TO_AND_FRO_SIGN {
             Trip::EncoderLines
-        } else if self.quiet >= QUIET {
+        } else if self.quiet >= SILENT {
             Trip::EncoderSilent
         } else if along < 0 {
             Trip::Runaway
@@ -504,10 +500,14 @@ mod tests {
         check("silent, back-EMF not known", (Trip::EncoderSilent, 38), still);
         let to_and_fro = one(Observation { voltage: 500, speed: 0, edges: TO_AND_FRO, ..healthy() });
         check("to and fro", (Trip::EncoderLines, 64), to_and_fro);
-        check("illegal", (Trip::EncoderLines, 27), trips_after(&defaults, |tick| {
-            let edges = Proof { illegal: (2 * tick) as u8, ..MOVES };
-            Observation { edges, ..healthy() }
-        }));
+        check(
+            "illegal",
+            (Trip::EncoderLines, 27),
+            trips_after(&defaults, |tick| {
+                let edges = Proof { illegal: (2 * tick) as u8, ..MOVES };
+                Observation { edges, ..healthy() }
+            }),
+        );
         let dead = one(Observation { flags: healthy().flags | Inputs::NOT_CONVERTED, ..healthy() });
         check("converter", (Trip::ConverterSilent, 2), dead);
         let overflow = one(Observation { flags: healthy().flags | Inputs::STACK_OVERFLOW, ..healthy() });
