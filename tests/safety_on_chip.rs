@@ -132,8 +132,8 @@ fn a_transmitter_that_is_stuck_leaves_the_console_its_ears() {
     uno.run_s(0.4);
     uno.bench.set_transmitter_stuck(true);
     uno.run_s(0.3);
-    assert_eq!(uno.bench.now().bridge == Bridge::Coast, false, "it drives on");
-    uno.bench.serial().write("show\n");
+    assert!(uno.bench.now().bridge != Bridge::Coast, "it drives on");
+    uno.bench.serial().write("status\n");
     uno.run_s(0.05);
     uno.bench.serial().write("disarm\n");
     let off = (0..100).find(|_| {
@@ -141,7 +141,7 @@ fn a_transmitter_that_is_stuck_leaves_the_console_its_ears() {
         uno.bench.now().bridge == Bridge::Coast
     });
     println!("transmitter stuck: disarmed after {off:?} ms");
-    assert!(off.is_some_and(|ms| ms <= 40), "{off:?}");
+    assert!(off.is_some_and(|ms| ms <= 20), "{off:?}");
     // What was lost is counted.
     uno.bench.set_transmitter_stuck(false);
     uno.run_s(0.1);
@@ -204,7 +204,11 @@ fn when_the_tick_dies_the_watchdog_stops_the_motor() {
     uno.run_s(0.5);
     assert!(uno.bench.now().duty > 0.1);
     // Nothing interrupts any more to compute the drive, and nothing feeds the watchdog.
-    uno.bench.chip_mut().write(registers::TIMSK0, 0);
+    // A tick that is under way would switch its interrupt on again.
+    for _ in 0..4 {
+        uno.bench.chip_mut().write(registers::TIMSK0, 0);
+        uno.run_s(0.0003);
+    }
     let stopped = (0..200).find(|_| {
         uno.run_s(0.001);
         uno.bench.now().bridge == Bridge::Coast
@@ -301,7 +305,7 @@ fn a_host_is_heard_and_missed_while_a_reply_is_written() {
         }
         uno.replies.clear();
         uno.bench.serial().write("show\n");
-        let off = (0..360).find(|ms| {
+        let off = (0..160).find(|ms| {
             if goes_on && ms % 50 == 49 {
                 uno.bench.serial().write("alive\n");
             }

@@ -56,7 +56,7 @@ impl<const N: usize> Ring<N> {
 }
 
 static RECEIVED: Mutex<Ring<64>> = Mutex::new(Ring::new());
-static OUTGOING: Mutex<Ring<128>> = Mutex::new(Ring::new());
+static OUTGOING: Mutex<Ring<64>> = Mutex::new(Ring::new());
 /// Bytes lost because nobody took them, in the chip or in the ring.
 static OVERRUNS: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
 

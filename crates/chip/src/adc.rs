@@ -39,7 +39,7 @@ pub(super) struct Adc {
     locked: bool,
     /// Flags that are up, by vector.
     flags: u32,
-    /// A fault: it starts no conversion.
+    /// A fault: no conversion ends.
     pub dead: bool,
 }
 
@@ -65,7 +65,7 @@ impl Adc {
         if new & !old & ADIE != 0 && new & ADIF != 0 {
             cpu.raise(vector::ADC);
         }
-        let start = value & ADEN != 0 && value & ADSC != 0 && self.running.is_none() && !self.dead;
+        let start = value & ADEN != 0 && value & ADSC != 0 && self.running.is_none();
         start.then(|| {
             // The conversion starts with the next clock of the prescaler, which runs since switching on.
             let clock = prescaler(cpu);
@@ -80,7 +80,7 @@ impl Adc {
         self.flags |= 1 << vector;
         let control = cpu.read(ADCSRA);
         let selected = trigger_vector(cpu.read(ADCSRB)) == Some(vector);
-        let ready = control & ADEN != 0 && control & ADATE != 0 && self.running.is_none() && !self.dead;
+        let ready = control & ADEN != 0 && control & ADATE != 0 && self.running.is_none();
         (edge && selected && ready)
             .then(|| self.start(cpu, trigger_instant(cpu, vector) + SYNCHRONISATION_CYCLES, 4, 27))
     }
@@ -118,6 +118,10 @@ impl Adc {
 
     /// Ends the conversion at `when`. Returns the instant of the next sample in free-running mode.
     pub fn done(&mut self, cpu: &Cpu, when: u64) -> Option<u64> {
+        if self.dead {
+            // It looks again after as long as a conversion takes.
+            return Some(when + 13 * prescaler(cpu));
+        }
         let code = self.running.take()?.code?;
         if !self.locked {
             let word = if cpu.read(ADMUX) & ADLAR != 0 { code << 6 } else { code };

@@ -194,7 +194,7 @@ impl<P: Plant> Bench<P> {
         });
     }
 
-    /// Lets the converter start no conversion any more, or start them again.
+    /// Lets the converter end no conversion any more, or go on.
     pub fn set_converter_dead(&mut self, dead: bool) {
         self.chip.set_converter_dead(dead);
     }

@@ -223,7 +223,7 @@ impl<W: World> Chip<W> {
         (board.eeprom.started, board.eeprom.completed)
     }
 
-    /// Lets the converter start no conversion any more, or start them again.
+    /// Lets the converter end no conversion any more, or go on.
     pub fn set_converter_dead(&mut self, dead: bool) {
         self.core.device_mut().adc.dead = dead;
     }
