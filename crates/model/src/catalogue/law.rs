@@ -116,6 +116,12 @@ impl Balance {
 /// Over less of a wave to either side its mean is its middle, to a thousandth.
 const SLIGHTLY_RAD: f64 = 0.08;
 
+/// Mean of a wave over the angle, while the shaft turns `turned_rad`, over its value in the middle.
+pub(super) fn mean_over_middle(periods_per_rev: f64, turned_rad: f64) -> f64 {
+    let half = 0.5 * periods_per_rev * turned_rad;
+    if half.abs() < SLIGHTLY_RAD { 1.0 } else { half.sin() / half }
+}
+
 /// A torque that is a wave over the angle of the motor's shaft.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wave {
@@ -129,9 +135,7 @@ impl Wave {
     /// The mean of the torque over a step in which the shaft turns `turned_rad` around `angle_rad`. In the rows of a slow
     /// recording that may be several periods.
     fn mean_torque_nm(&self, angle_rad: f64, turned_rad: f64) -> f64 {
-        let half = 0.5 * self.periods_per_rev * turned_rad;
-        let mean_over_middle = if half.abs() < SLIGHTLY_RAD { 1.0 } else { half.sin() / half };
-        mean_over_middle * self.torque_nm(angle_rad)
+        mean_over_middle(self.periods_per_rev, turned_rad) * self.torque_nm(angle_rad)
     }
 
     /// The torque that drives the shaft at an angle.

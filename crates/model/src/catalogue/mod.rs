@@ -13,6 +13,7 @@ mod backlash;
 mod bridge_asymmetry;
 mod coast_decay;
 mod cogging;
+mod commutation_ripple;
 mod coulomb_friction;
 mod current_clipping;
 mod current_lag;
@@ -65,6 +66,7 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &supply_sag::SupplySag,
     &resistance_growing_with_speed::ResistanceGrowingWithSpeed,
     &winding_heating::WindingHeating,
+    &commutation_ripple::CommutationRipple,
     &coast_decay::CoastDecay,
     &actuation_delay::ActuationDelay,
     &current_lag::CurrentLag,

@@ -79,7 +79,7 @@ impl Parameter {
 
     /// Of a strength: the value at which the effect is absent.
     pub fn nothing(&self) -> f64 {
-        if self.min.is_finite() { self.min } else { 0.0 }
+        self.min.max(0.0)
     }
 
     /// Whether it is a whole number of something.
