@@ -99,6 +99,10 @@ pub enum Effect {
     /// A bridge's drop, 15 to 40 % of it more one way and less the other.
     /// `difference_V`: drop of a current forwards less that of one backwards.
     DropAsymmetry,
+    /// The torque constant ripples by 2 to 5 %, 8 to 26 times a revolution, in torque and back-EMF.
+    /// 5 to 13 commutator segments; `amplitude_share` of the first harmonic, `ripples_per_rev`. The crests of the coils' EMF,
+    /// averaged over the width of the brushes, have higher harmonics as well.
+    CommutationRipple,
     /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
     OutsideShaker,
     /// Not in the catalogue: the torque constant falls with the current, by 25 to 50 % at the peak.
@@ -146,8 +150,13 @@ impl Effect {
         Self::TachoRipple,
     ];
     /// Those it knows besides, one of a tachogenerator alone: drawn where they are asked for.
-    pub const ASKED_FOR: [Self; 4] =
-        [Self::SpeedLag, Self::BridgeAsymmetry, Self::ResistanceGrowingWithSpeed, Self::DropAsymmetry];
+    pub const ASKED_FOR: [Self; 5] = [
+        Self::SpeedLag,
+        Self::BridgeAsymmetry,
+        Self::ResistanceGrowingWithSpeed,
+        Self::DropAsymmetry,
+        Self::CommutationRipple,
+    ];
     /// Those it does not.
     pub const OUTSIDE: [Self; 9] = [
         Self::OutsideShaker,
@@ -190,6 +199,7 @@ impl Effect {
             Self::BridgeAsymmetry => "bridge_asymmetry",
             Self::ResistanceGrowingWithSpeed => "resistance_growing_with_speed",
             Self::DropAsymmetry => "drop_asymmetry",
+            Self::CommutationRipple => "commutation_ripple",
             Self::OutsideShaker => "outside_shaker",
             Self::OutsideSaturation => "outside_saturation",
             Self::OutsideDropouts => "outside_dropouts",

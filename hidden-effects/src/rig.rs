@@ -78,6 +78,7 @@ pub struct Hidden {
     weaker_backward: f64,
     /// By what the winding's resistance is greater at a speed.
     growth_ohm_s: f64,
+    commutation: Commutation,
     /// Drag by the cube of the speed.
     cube: f64,
     dropouts: bool,
@@ -112,6 +113,48 @@ pub struct Hidden {
     pub(crate) ripple_phase: f64,
     pub(crate) drift: f64,
     pub(crate) dead_band: f64,
+}
+
+/// Ripple of the torque constant: brushes take the EMF of one coil after the other.
+#[derive(Clone, Copy, Debug, Default)]
+struct Commutation {
+    /// Amplitude of the first harmonic, as a share of the mean.
+    depth: f64,
+    ripples_per_rev: f64,
+    /// Width of a brush, in ripples.
+    brush_width: f64,
+    phase: f64,
+}
+
+impl Commutation {
+    /// Harmonics that are computed.
+    const HARMONICS: u8 = 4;
+
+    fn draw(depth: f64, phase: f64, random: &mut impl Rng) -> Self {
+        let segments = [5.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0][random.random_range(0..8)];
+        // With an odd number the two brushes commutate in turn.
+        let ripples_per_rev = if segments % 2.0 == 1.0 { 2.0 * segments } else { segments };
+        Self { depth, ripples_per_rev, brush_width: random.random_range(0.3..0.8), phase }
+    }
+
+    /// By what share of its mean the torque constant is greater at an angle. The EMF of a coil is a sine, and each coil has its
+    /// crest: the Fourier series of `cos(x)` for `|x| < pi / n`, each harmonic averaged over the width of a brush.
+    fn share(self, angle: f64) -> f64 {
+        if self.depth == 0.0 {
+            return 0.0;
+        }
+        let harmonic = |order: f64| {
+            let of_crests = 1.0 / ((order * self.ripples_per_rev).powi(2) - 1.0);
+            let half_brush = 0.5 * TAU * order * self.brush_width;
+            of_crests * half_brush.sin() / half_brush
+        };
+        let wave = |order: u8| {
+            let sign = if order % 2 == 1 { 1.0 } else { -1.0 };
+            let order = f64::from(order);
+            sign * harmonic(order) * (order * (self.ripples_per_rev * angle + self.phase)).cos()
+        };
+        self.depth / harmonic(1.0) * (1..=Self::HARMONICS).map(wave).sum::<f64>()
+    }
 }
 
 /// A low-pass of the first order before a reading.
@@ -409,6 +452,13 @@ impl Bench {
                 hidden.growth_ohm_s = between(0.15, 0.6) * self.motor.resistance_ohm / self.top_speed;
                 vec![("growth_ohm_s", hidden.growth_ohm_s)]
             }
+            Effect::CommutationRipple => {
+                hidden.commutation = Commutation::draw(between(0.02, 0.05), phase, random);
+                vec![
+                    ("amplitude_share", hidden.commutation.depth),
+                    ("ripples_per_rev", hidden.commutation.ripples_per_rev),
+                ]
+            }
             Effect::OutsideCube => {
                 hidden.cube = between(0.06, 0.25) * stall_nm / self.top_speed.powi(3);
                 Vec::new()
@@ -517,10 +567,11 @@ impl Bench {
         }
     }
 
-    /// Torque constant at the present current, and the one of the back-EMF with it.
+    /// Torque constant at the present current and angle, and the one of the back-EMF with it.
     fn torque_constant(&self) -> f64 {
         let peak_a = self.supply_v / self.motor.resistance_ohm;
-        self.motor.torque_constant_nm_per_a * (1.0 - self.hidden.saturation * (self.current_a / peak_a).abs().min(1.0))
+        let saturated = 1.0 - self.hidden.saturation * (self.current_a / peak_a).abs().min(1.0);
+        self.motor.torque_constant_nm_per_a * saturated * (1.0 + self.hidden.commutation.share(self.angle))
     }
 
     /// A step under a bridge that someone else switches.

@@ -26,12 +26,12 @@ struct Last {
 impl SensorEffects {
     /// Those of a model.
     pub fn of(model: &Model) -> Self {
-        let on_sensors = |effect: &dyn Effect| effect.sensor().is_some();
+        let on_sensors = |effect: &dyn Effect| effect.about().sensor.is_some();
         let (tachogenerator, others): (Vec<_>, Vec<_>) = model
             .in_turn(on_sensors)
             .into_iter()
             .cloned()
-            .partition(|term| term.effect.sensor() == Some(Sensor::Tachogenerator));
+            .partition(|term| term.effect.about().sensor == Some(Sensor::Tachogenerator));
         let with_state = |term: Term| {
             let states = vec![0.0; term.effect.states()];
             (term, states)

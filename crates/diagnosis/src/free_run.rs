@@ -101,8 +101,8 @@ pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
     motion
 }
 
-/// A motion with what a small torque adds to it, to the first order: of the linear motor, which stays at rest where it was.
-pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn(&Instant) -> f64) -> Motion {
+/// A motion with the linear motor's response to a small torque and a small voltage. The motor stays at rest where it was.
+pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&Instant) -> Balance) -> Motion {
     let mut nudged = motion.clone();
     let inertia_kg_m2 = inertia_kg_m2(model);
     let mut step = LinearStep::default();
@@ -126,7 +126,8 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
                 step_s,
             };
             let before = speed_rad_per_s;
-            let terms = Balance { torque_nm: torque_nm(&at), ..Balance::default() };
+            let Balance { torque_nm, voltage_v, .. } = added(&at);
+            let terms = Balance { torque_nm, voltage_v, ..Balance::default() };
             Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, 0.0, at.open, &terms);
             if at.speed_rad_per_s == 0.0 && motion.speed_rad_per_s[next] == 0.0 {
                 speed_rad_per_s = 0.0;

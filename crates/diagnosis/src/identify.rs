@@ -49,7 +49,7 @@ const REFINEMENTS: u8 = 6;
 /// ... or, with this share of what the best promises, moved to a better neighbour at most so often.
 const WORTH_A_WALK: f64 = 0.1;
 const MOST_NEIGHBOURS: usize = 8;
-/// Of many starts of an effect that is a torque from outside, so many are simulated whole: the best by its linear response.
+/// Of many starts of an effect that responds linearly, so many are simulated whole: the best by its linear response.
 const SCREENED: usize = 3;
 /// A constant that makes a law another one comes down to this share of its start at most.
 const LEAST_OF_START: f64 = 0.01;
@@ -175,12 +175,12 @@ impl<'a> Base<'a> {
         self.change_to(&prediction)
     }
 
-    /// The same by what a torque from outside adds to the motion of `model`, to the first order.
-    fn change_by_torque(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
+    /// The same by the linear motor's response to the torque and the voltage that an effect adds, to the first order.
+    fn change_by_linear_response(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
         let motion = nudged(model, self.data, &self.motion, |at| {
             let mut terms = Balance::default();
             effect.contribute(values, &model.motor, at, &mut [], &mut terms);
-            terms.torque_nm
+            terms
         });
         self.change_to(&read(model, self.data, motion))
     }
@@ -306,7 +306,7 @@ pub struct Fit {
 
 /// Fits a model from its present constants.
 ///
-/// The moment of an event (the only constants with a [`spacing`](motorbench_model::catalogue::Effect::spacing)) is read from all the
+/// The moment of an event (the only constants with a [`spacing`](motorbench_model::catalogue::Search::spacing)) is read from all the
 /// data: one that lies in a stretch kept back cannot be known from the others.
 pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit {
     let scales = scales(&start.motor, data);
@@ -363,10 +363,10 @@ fn event_bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<(f
 /// Between what a fit may move a constant: what a recording of this length can tell of it, and so that its law stays one. One
 /// that is shorter than the least tells nothing of it.
 fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
-    let Parameter { min, max, slow, unsaid, most_of_speed, .. } = term.effect.about().parameters[index];
+    let Parameter { min, max, slow, default, most_of_speed, .. } = term.effect.about().parameters[index];
     let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
     // 0 would be another law.
-    let min = if unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
+    let min = if default == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
     let fastest = most_of_speed * scales.no_load_rad_per_s();
     event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest).min(fastest).max(min)))
 }
@@ -531,11 +531,11 @@ impl Fit {
 
     /// The starts of an effect that are worth a simulation.
     fn screened(&self, base: &Base, effect: &dyn Effect, starts: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-        if !effect.is_outer_torque() || starts.len() <= SCREENED {
+        if !effect.about().responds_linearly || starts.len() <= SCREENED {
             return starts;
         }
         let promised = starts.into_par_iter().map(|start| {
-            let change = |values: Vec<f64>| base.change_by_torque(&self.model, effect, &values);
+            let change = |values: Vec<f64>| base.change_by_linear_response(&self.model, effect, &values);
             let (gain, _) = self.least_squares(base.data, &lines(effect, &start, change));
             (gain, start)
         });

@@ -50,7 +50,10 @@ impl ModelPlant {
     pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
         model.terms.retain(|term| Self::simulates(term.effect));
         model.terms.sort_by_key(Term::turn);
-        let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque || term.effect.is_slow_resistance();
+        let held = |term: &Term| {
+            let about = term.effect.about();
+            about.acts_on == [ActsOn::Torque] || about.is_slow_resistance
+        };
         Self(if model.terms.iter().all(is_exact) {
             Solver::Exact(event_exact(bridge, &model))
         } else if model.terms.iter().all(|term| is_exact(term) || held(term)) {
@@ -149,7 +152,7 @@ impl FurtherTorques {
             friction_nm: exact_losses(&model).friction_forward_nm,
             waves: waves.iter().filter_map(|term| term.effect.wave(&term.values)).map(FollowedWave::new).collect(),
             remembers: terms.iter().any(|term| term.effect.states() > 0),
-            warms_up: terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage),
+            warms_up: terms.iter().any(|term| term.effect.about().is_slow_resistance),
             terms: terms.into_iter().map(with_state).collect(),
             inertia_kg_m2: motor_inertia_kg_m2(&model),
             motor: model.motor,
@@ -235,7 +238,7 @@ impl FurtherTorques {
     fn resistance_ohm(&mut self) -> f64 {
         let mut terms = Balance::default();
         let at = self.instant(LONGEST_STEP_S, &Motion::default(), 0.0);
-        for (term, state) in self.terms.iter_mut().filter(|(term, _)| term.effect.about().acts_on == ActsOn::Voltage) {
+        for (term, state) in self.terms.iter_mut().filter(|(term, _)| term.effect.about().is_slow_resistance) {
             term.effect.contribute(&term.values, &self.motor, &at, state, &mut terms);
         }
         self.motor.resistance_ohm + terms.resistance_ohm

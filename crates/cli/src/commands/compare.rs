@@ -194,7 +194,7 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
         let of = |model: &Model, index: usize| model.term(about.id).map(|term| term.values[index]);
         for (index, parameter) in about.parameters.iter().enumerate() {
             let (a, b) = (of(&models[0], index), of(&models[1], index));
-            if [a, b].into_iter().flatten().any(|value| Some(value) != parameter.unsaid) {
+            if [a, b].into_iter().flatten().any(|value| Some(value) != parameter.default) {
                 row(&format!("{}.{}", about.id, parameter.name), a, b);
             }
         }

@@ -5,14 +5,16 @@ use super::judge::{NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
 use crate::identify::{Fit, Prior};
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::unit::Unit;
 
 /// Standard deviation of the logarithm of a nominal viscous friction.
 const VISCOUS_SPREAD: f64 = 0.5;
 /// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains:
 /// as many for each that has one.
 const STRANGE_EACH: f64 = 8.0;
-/// Constants that say how large a motor is. What an inductance is depends on the frequency it is measured at.
-pub(super) const OF_SIZE: [&str; 3] = ["resistance_ohm", "torque_constant_Nm_per_A", "inertia_kg_m2"];
+/// Resistance, torque constant and inertia, by their units: they say how large a motor is. An inductance depends on the
+/// frequency it is measured at.
+pub(super) const OF_SIZE: [Unit; 3] = [Unit::Ohm, Unit::NewtonMetrePerAmpere, Unit::KilogramMetre2];
 
 /// What speaks against a fit: something remains, its motor is strange. The fewer of these the better, the first before the second.
 pub(super) fn doubts(data: &Dataset, prior: &Prior, fit: &Fit) -> [bool; 2] {
@@ -31,11 +33,12 @@ pub(super) fn has_wrong_values(prior: &Prior, fit: &Fit) -> bool {
     off_data_sheet(prior, fit).filter(|(_, off)| off.abs() > DATA_SHEET_TOLERANCE).count() > 1
 }
 
-/// Logarithms of resistance, torque constant and inertia over those of them that the data sheet gives.
-pub(super) fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = (&'static str, f64)> {
-    let constants = fit.model.motor.named().into_iter().zip(prior.nominal.values());
-    let of_size = constants.filter(|((name, _), _)| OF_SIZE.contains(name));
-    of_size.filter_map(|((name, found), nominal)| Some((name, (found / nominal?).ln())))
+/// Logarithms of resistance, torque constant and inertia over those of them that the data sheet gives, with their units.
+pub(super) fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = (Unit, f64)> {
+    let found = fit.model.motor.named().map(|(_, found)| found);
+    let constants = MotorParameters::UNITS.into_iter().zip(found).zip(prior.nominal.values());
+    let of_size = constants.filter(|((unit, _), _)| OF_SIZE.contains(unit));
+    of_size.filter_map(|((unit, found), nominal)| Some((unit, (found / nominal?).ln())))
 }
 
 /// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says

@@ -3,12 +3,12 @@
 //! turns exactly as one without a drop. The readings say nothing of it; nominal values do, and what bridges usually take.
 
 use super::data_sheet::off_data_sheet;
-use super::scale::Quantity;
 use crate::dataset::{Dataset, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_data::rig::Bridge;
 use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
+use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
 
 /// What such a drop would be named.
@@ -51,9 +51,9 @@ impl HiddenDrop {
         data.behind_a_drop(self.drop_v)
     }
 
-    /// By how much a constant is uncertain by it, as by a supply: standard deviations of the logarithm.
-    pub fn uncertainty(&self, constant: &str) -> f64 {
-        Quantity::Voltage.power(constant).abs() * self.spread
+    /// By how much a constant of a unit is uncertain by it, as by a supply: standard deviations of the logarithm.
+    pub fn uncertainty(&self, unit: Unit) -> f64 {
+        Quantity::Voltage.power(unit).abs() * self.spread
     }
 
     /// What is said of it.

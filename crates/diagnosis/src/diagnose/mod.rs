@@ -34,6 +34,7 @@ use motorbench_model::Model;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::unit::Unit;
 use motorbench_text::terminal_text::short;
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
@@ -75,9 +76,6 @@ const CLEARLY: f64 = 10.0;
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
 /// An inductance shows from an electrical time constant of this share of the time between rows on.
 const LEAST_ROWS: f64 = 0.3;
-/// The constant that says when a current answers.
-const INDUCTANCE_H: &str = "inductance_H";
-
 /// What is said of constants that were found beside something unknown.
 const BESIDE_UNEXPLAINED: &str = "While that is missing all constants, those of the motor too, hold only roughly: their intervals know of the noise and not of what is missing.";
 /// An error this many times the sensor's noise is told, though it is too little for a name.
@@ -110,19 +108,19 @@ pub struct Diagnosis {
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
     let prior = Prior::new(&rig.motor, &data);
-    let mut understood = certain(data, &prior, &[], progress);
-    let losses = understood.random_losses();
+    let mut finding = confirmed(data, &prior, &[], progress);
+    let losses = finding.random_losses();
     if let Some(losses) = losses {
         progress("with the counts that are lost");
-        understood = certain(understood.data.with_counts_lost(losses.share), &prior, &[], progress);
+        finding = confirmed(finding.data.with_counts_lost(losses.share), &prior, &[], progress);
     }
-    let hidden_drop = HiddenDrop::of(&understood.data, &prior, &rig.bridge, &understood.selection.last);
+    let hidden_drop = HiddenDrop::of(&finding.data, &prior, &rig.bridge, &finding.selection.last);
     if let Some(drop) = hidden_drop {
         progress("behind a drop that the data do not show");
-        understood = certain(drop.before(&understood.data), &prior, &[], progress);
+        finding = confirmed(drop.before(&finding.data), &prior, &[], progress);
     }
-    let (scale, understood) = in_its_scale(understood, &prior, progress);
-    let Understood { data, selection, fullest, last, intervals } = understood;
+    let (scale, finding) = with_scale_corrected(finding, &prior, progress);
+    let Finding { data, selection, fullest, last, intervals } = finding;
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
@@ -157,10 +155,10 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     })
 }
 
-/// As what the data were taken, other than they were recorded.
+/// What the data were corrected by before the search.
 #[derive(Clone, Copy)]
 struct Taken {
-    /// What an inductance is uncertain by when in its period a current is read.
+    /// Uncertainty of the inductance, if the moment within a PWM period at which the current is read is unknown.
     late_h: f64,
     losses: Option<RandomLosses>,
     scale: Option<Scale>,
@@ -168,12 +166,13 @@ struct Taken {
 }
 
 impl Taken {
-    /// The interval of a constant with what it is uncertain by that.
-    fn widened(&self, constant: &str, value: f64, ci95: [f64; 2]) -> [f64; 2] {
-        let of_losses = self.losses.map_or(0.0, |losses| losses.uncertainty(constant));
-        let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(constant));
-        let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(constant));
-        let of_reading = if constant == INDUCTANCE_H { self.late_h / value } else { 0.0 };
+    /// The interval of a constant, widened by the uncertainty of how the data were taken.
+    fn widened(&self, unit: Unit, value: f64, ci95: [f64; 2]) -> [f64; 2] {
+        let of_losses = self.losses.map_or(0.0, |losses| losses.uncertainty(unit));
+        let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(unit));
+        let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(unit));
+        // The winding's is the only inductance.
+        let of_reading = if unit == Unit::Henry { self.late_h / value } else { 0.0 };
         let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_reading) * value;
         [(value - (value - ci95[0]).hypot(besides)).max(0.0), value + (ci95[1] - value).hypot(besides)]
     }
@@ -188,8 +187,8 @@ fn late_h(data: &Dataset, model: &Model) -> f64 {
     if is_open { model.motor.resistance_ohm * anywhere_s / 12.0_f64.sqrt() } else { 0.0 }
 }
 
-/// What is understood of data.
-struct Understood {
+/// What a search has found in data.
+struct Finding {
     data: Dataset,
     selection: Selection,
     /// The model with all that was selected, what was not trusted as well.
@@ -199,7 +198,7 @@ struct Understood {
     intervals: Vec<Interval>,
 }
 
-impl Understood {
+impl Finding {
     /// Counts lost at all speeds alike, where nothing else says that counts are lost.
     fn random_losses(&self) -> Option<RandomLosses> {
         let Self { data, selection, .. } = self;
@@ -211,24 +210,24 @@ impl Understood {
     }
 }
 
-/// The same in the scale that the nominal values say, where the data are better understood by that.
-fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress) -> (Option<Scale>, Understood) {
-    let doubts = |way: &Understood| data_sheet::doubts(&way.data, prior, &way.selection.last);
+/// Corrects the scale of a recorded quantity by the nominal values and searches again, if that explains the data better.
+fn with_scale_corrected(recorded: Finding, prior: &Prior, progress: select::Progress) -> (Option<Scale>, Finding) {
+    let doubts = |way: &Finding| data_sheet::doubts(&way.data, prior, &way.selection.last);
     let of = |fit: &Fit| Scale::of(&recorded.data, prior, fit);
     // In a scale that is far off the search may have gone astray.
     let has_gone_astray = doubts(&recorded).contains(&true);
     let scale = of(&recorded.selection.last).or_else(|| of(&recorded.selection.base).filter(|_| has_gone_astray));
     let Some(scale) = scale else { return (None, recorded) };
     progress("in another scale");
-    let corrected = certain(scale.corrected(&recorded.data), prior, &[], progress);
+    let corrected = confirmed(scale.corrected(&recorded.data), prior, &[], progress);
     // Something unknown drags all constants with it, as unknown commands do, though hardly into another unit.
     let [has_rest, _] = doubts(&corrected);
     if (has_rest || corrected.data.has_moments()) && !scale.is_another_unit() {
         return (None, recorded);
     }
     // Nothing but the nominal values tells of a scale: a motor that is farther from them speaks against it.
-    let off = |way: &Understood| data_sheet::strangeness(prior, &way.selection.last);
-    let rank = |way: &Understood| (doubts(way), way.selection.last.cost);
+    let off = |way: &Finding| data_sheet::strangeness(prior, &way.selection.last);
+    let rank = |way: &Finding| (doubts(way), way.selection.last.cost);
     if off(&corrected) < off(&recorded) && rank(&corrected) < rank(&recorded) {
         (Some(scale), corrected)
     } else {
@@ -236,10 +235,10 @@ fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress)
     }
 }
 
-/// The data as they are understood best by effects that are there without doubt. What turns out to be nothing is taken back;
-/// where it had the place of another law, as of a spring when there is no gap, the data are looked at anew without it.
-fn certain(data: Dataset, prior: &Prior, not: &[&'static str], progress: select::Progress) -> Understood {
-    let (seen, mut selection) = best_understood(data.clone(), prior, not, progress);
+/// Searches for effects and keeps those that are confirmed: the interval of their strength does not hold zero. Others are
+/// taken back. If one had the place of another law, as of a spring when there is no gap, the search begins anew without it.
+fn confirmed(data: Dataset, prior: &Prior, not: &[&'static str], progress: select::Progress) -> Finding {
+    let (seen, mut selection) = best_settled(data.clone(), prior, not, progress);
     let fullest = selection.last.clone();
     distrust(&seen, prior, &mut selection);
     progress("intervals");
@@ -252,23 +251,23 @@ fn certain(data: Dataset, prior: &Prior, not: &[&'static str], progress: select:
         match selection.standings.iter().position(nothing) {
             Some(index) => match selection.standings[index].id {
                 id if is_of_a_scale(id) => take_back(&seen, prior, &mut selection, index),
-                id => return certain(data, prior, &[not, &[id]].concat(), progress),
+                id => return confirmed(data, prior, &[not, &[id]].concat(), progress),
             },
-            None => return Understood { data: seen, selection, fullest, last, intervals },
+            None => return Finding { data: seen, selection, fullest, last, intervals },
         }
     }
 }
 
-/// The data with what the rig file leaves open of how they were recorded as they are understood best, and what they are
-/// understood by: down to the noise, by the motor of the rig, by few effects.
-fn best_understood(
+/// The data with the recording's open settings settled, and what a search selects. Of several ways the best one counts: down
+/// to the noise, with the motor of the rig, by few effects.
+fn best_settled(
     data: Dataset,
     prior: &Prior,
     not: &[&'static str],
     progress: select::Progress,
 ) -> (Dataset, Selection) {
     let centred = data.with_window_centred();
-    let ways = [Some(data), centred].into_iter().flatten().map(|data| understood(data, prior, not, progress));
+    let ways = [Some(data), centred].into_iter().flatten().map(|data| settled(data, prior, not, progress));
     let rank = |(data, selection): &(Dataset, Selection)| {
         let last = &selection.last;
         (data_sheet::doubts(data, prior, last), last.model.terms.len(), last.cost)
@@ -276,7 +275,8 @@ fn best_understood(
     ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
 }
 
-/// What the rig file leaves open, by what is understood so far; each says whether the data have changed by it.
+/// The settings of a recording that the rig file leaves open. Each is settled by the fit so far and says whether it changed
+/// the data.
 const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 10] = [
     command_times::settle,
     |data, _, found| counter_stops::settle(data, found),
@@ -290,12 +290,7 @@ const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 10] = [
     command_times::settle,
 ];
 
-fn understood(
-    mut data: Dataset,
-    prior: &Prior,
-    not: &[&'static str],
-    progress: select::Progress,
-) -> (Dataset, Selection) {
+fn settled(mut data: Dataset, prior: &Prior, not: &[&'static str], progress: select::Progress) -> (Dataset, Selection) {
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), not].concat(), progress);
     pwm_frequency::settle_at_first(&mut data, prior);
     counter_stops::settle_by_linear_motor(&mut data, prior);
@@ -344,13 +339,13 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
 }
 
 /// Whether an effect may be no more than a part of something unknown.
-fn is_of_any_course(id: &str) -> bool {
-    effect(id).is_some_and(|effect| effect.is_of_any_course())
+fn fits_any_course(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.about().fits_any_course)
 }
 
 /// Whether an effect is a sensor's.
 fn is_of_a_sensor(id: &str) -> bool {
-    effect(id).is_some_and(|effect| effect.about().acts_on.is_of_a_sensor())
+    effect(id).is_some_and(|effect| effect.about().sensor.is_some())
 }
 
 /// What a model leaves of each measured quantity beyond the noise.
@@ -386,7 +381,7 @@ impl Rest {
         let explained = standing.gain.rmse.iter().zip(&self.units);
         let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
         let least = match self.is_missing {
-            true if is_of_any_course(standing.id) => LEAST_OF_ANY_COURSE,
+            true if fits_any_course(standing.id) => LEAST_OF_ANY_COURSE,
             true if USUAL.contains(&standing.id) && standing.gain.sigmas > NAMED_SIGMAS => LEAST_OF_USUAL,
             true => LEAST_OF_REST,
             false if is_of_a_sensor(standing.id) => LEAST_OF_SMALL_REST,
@@ -413,7 +408,7 @@ fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) ->
         known.peek().is_some() && known.all(|holds_nothing| holds_nothing)
     };
     !(is_of_a_scale(standing.id) && standing.gain.sigmas > BEYOND_DOUBT_SIGMAS)
-        && effect.strengths().into_iter().any(may_be_nothing)
+        && effect.about().strengths().into_iter().any(may_be_nothing)
 }
 
 /// Whether an effect's strength is a factor of what it does.
@@ -442,10 +437,7 @@ impl Outcome {
     ) -> Self {
         let Taken { losses, scale, hidden_drop, .. } = taken;
         let mut causes: Vec<Cause> =
-            selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
-        for (constant, Estimate { value, ci95 }) in causes.iter_mut().flat_map(|cause| &mut cause.parameters) {
-            *ci95 = ci95.map(|ci95| taken.widened(constant, *value, ci95));
-        }
+            selection.standings.iter().map(|standing| cause(data, standing, model, intervals, &taken)).collect();
         if !model.has(counter_stops::ID) {
             causes.extend(counter_stops::cause(data, &selection.last.prediction));
         }
@@ -454,10 +446,7 @@ impl Outcome {
         }
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
-        let mut parameters = parameters(model, &prior.nominal, intervals);
-        for (constant, Parameter { value, ci95, .. }) in &mut parameters {
-            *ci95 = taken.widened(constant, *value, *ci95);
-        }
+        let parameters = parameters(model, &prior.nominal, intervals, &taken);
         causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
         if unexplained.is_none() {
@@ -561,7 +550,7 @@ fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
 /// Whether a wrong value is an inductance that the frequency of the PWM, the windows of current and speed or the moments of the
 /// commands may have made: where the rig file does not give them, only both together are certain.
 fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
-    let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage);
+    let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on.contains(&ActsOn::Voltage));
     let of_pwm = || !data.origin.pwm_is_known && shows_pwm();
     let of_window = || data.origin.timing.current_window_s.is_none() && data.origin.current_window_s > 0.0;
     cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments() || data.origin.taken_over_its_row)
@@ -577,14 +566,14 @@ pub fn acts_on_words(acts_on: ActsOn) -> &'static str {
     }
 }
 
-fn cause(data: &Dataset, standing: &Standing, model: &Model, intervals: &[Interval]) -> Cause {
+fn cause(data: &Dataset, standing: &Standing, model: &Model, intervals: &[Interval], taken: &Taken) -> Cause {
     let rival_sigmas = standing.rival.as_ref().map_or(f64::INFINITY, |(_, gain)| gain.sigmas.max(0.0));
     let sigmas = standing.gain.sigmas.min(if standing.same.is_empty() { rival_sigmas } else { f64::INFINITY });
     let channels = data.measured.iter().map(|measured| measured.output.channel());
     Cause {
         effect: standing.id.into(),
         confidence: confidence(sigmas) / (1.0 + standing.same.len() as f64),
-        parameters: constants(standing.id, model, intervals),
+        parameters: constants(standing.id, model, intervals, taken),
         gain: channels
             .zip(&standing.gain.rmse)
             .map(|(channel, (before, after))| (channel, RmseGain { rmse_before: *before, rmse_after: *after }))
@@ -600,14 +589,15 @@ fn cause(data: &Dataset, standing: &Standing, model: &Model, intervals: &[Interv
 }
 
 /// Constants of an effect with their intervals, and the amplitude of a wave.
-fn constants(id: &str, model: &Model, intervals: &[Interval]) -> BTreeMap<String, Estimate> {
+fn constants(id: &str, model: &Model, intervals: &[Interval], taken: &Taken) -> BTreeMap<String, Estimate> {
     let Some(term_index) = model.terms.iter().position(|term| term.id() == id) else { return BTreeMap::new() };
     let term = &model.terms[term_index];
     let interval = |index| intervals.iter().find(|interval| interval.place == Place::Term(term_index, index));
     let mut constants: BTreeMap<String, Estimate> = term
-        .said()
-        .map(|(index, name, value)| {
-            (name.to_string(), Estimate { value, ci95: interval(index).map(|interval| interval.ci95) })
+        .without_defaults()
+        .map(|(index, parameter, value)| {
+            let ci95 = interval(index).map(|interval| taken.widened(parameter.unit, value, interval.ci95));
+            (parameter.name.to_string(), Estimate { value, ci95 })
         })
         .collect();
     let wave = term.effect.about().parameters[0].name.strip_prefix("cosine_");
@@ -615,19 +605,26 @@ fn constants(id: &str, model: &Model, intervals: &[Interval]) -> BTreeMap<String
         let amplitude = cosine.value.hypot(sine.value);
         let half = |interval: &Interval| 0.5 * (interval.ci95[1] - interval.ci95[0]) * interval.value / amplitude;
         let half = half(cosine).hypot(half(sine));
-        let ci95 = Some([(amplitude - half).max(0.0), amplitude + half]);
+        let ci95 = [(amplitude - half).max(0.0), amplitude + half];
+        let ci95 = Some(taken.widened(term.effect.about().parameters[0].unit, amplitude, ci95));
         constants.insert(format!("amplitude_{unit}"), Estimate { value: amplitude, ci95 });
     }
     constants
 }
 
-fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> BTreeMap<&'static str, Parameter> {
+fn parameters(
+    model: &Model,
+    nominal: &NominalMotor,
+    intervals: &[Interval],
+    taken: &Taken,
+) -> BTreeMap<&'static str, Parameter> {
     let nominal = nominal.values();
     let named = model.motor.named().into_iter().enumerate();
     named
         .map(|(index, (name, value))| {
             let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
             let ci95 = interval.map_or([value, value], |interval| interval.ci95);
+            let ci95 = taken.widened(MotorParameters::UNITS[index], value, ci95);
             (name, Parameter { nominal: nominal[index], value, ci95 })
         })
         .collect()

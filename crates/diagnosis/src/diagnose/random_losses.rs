@@ -11,11 +11,11 @@
 
 use super::counter_stops::ID;
 use super::outcome::{Cause, Estimate, RmseGain, confidence};
-use super::scale::Quantity;
 use crate::dataset::{Dataset, Output};
 use crate::identify::Z95;
 use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
+use motorbench_model::unit::{Quantity, Unit};
 use std::collections::BTreeMap;
 
 /// Fewer counts in a window are rounded too evenly to be told from others.
@@ -158,9 +158,9 @@ impl RandomLosses {
         (is_even && is_certain).then_some(Self { share: share_of_all, error })
     }
 
-    /// By how much a constant is uncertain by them: standard deviations of the logarithm.
-    pub fn uncertainty(&self, constant: &str) -> f64 {
-        Quantity::Motion.power(constant).abs() * self.error / (1.0 - self.share)
+    /// By how much a constant of a unit is uncertain by them: standard deviations of the logarithm.
+    pub fn uncertainty(&self, unit: Unit) -> f64 {
+        Quantity::Motion.power(unit).abs() * self.error / (1.0 - self.share)
     }
 
     /// What they are named. `rmse`: error of the motion, to which they add noise that no model takes off.

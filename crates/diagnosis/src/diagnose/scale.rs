@@ -8,6 +8,7 @@ use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, hidden_drop, value_
 use crate::dataset::{Dataset, Output, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_model::Model;
+use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
 use std::f64::consts::TAU;
 
@@ -31,37 +32,6 @@ const MILLIAMPERES: [f64; 1] = [1000.0];
 const KNOWN: f64 = 0.18;
 /// Quantiles of Student's distribution for a 95 % interval with one and with two degrees of freedom.
 const STUDENT: [f64; 2] = [12.7, 4.30];
-
-/// Powers of recorded over true in a constant, of the voltage, the current and the motion, by the unit its name ends with.
-const UNITS: [(&str, [f64; 3]); 12] = [
-    ("_Nm_per_A", [1.0, 0.0, -1.0]),
-    ("_Nm_s2", [1.0, 1.0, -3.0]),
-    ("_Nm_s", [1.0, 1.0, -2.0]),
-    ("_kg_m2", [1.0, 1.0, -2.0]),
-    ("_Nm", [1.0, 1.0, -1.0]),
-    ("_ohm", [1.0, -1.0, 0.0]),
-    ("_H", [1.0, -1.0, 0.0]),
-    ("_rad_per_s", [0.0, 0.0, 1.0]),
-    ("_rad", [0.0, 0.0, 1.0]),
-    ("_per_W", [-1.0, -1.0, 0.0]),
-    ("_V", [1.0, 0.0, 0.0]),
-    ("_A", [0.0, 1.0, 0.0]),
-];
-
-/// What was recorded in another scale.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Quantity {
-    Voltage,
-    Current,
-    Motion,
-}
-
-impl Quantity {
-    /// Power of recorded over true in a constant that is found.
-    pub fn power(self, constant: &str) -> f64 {
-        UNITS.iter().find(|(unit, _)| constant.ends_with(unit)).map_or(0.0, |(_, powers)| powers[self as usize])
-    }
-}
 
 /// A quantity and by how much it is off.
 #[derive(Clone, Copy, Debug)]
@@ -88,12 +58,12 @@ impl Scale {
     }
 
     /// From logarithms of found over nominal.
-    fn common(off: &[(&str, f64)], quantity: Quantity) -> Option<Self> {
-        let of_scale: Vec<(f64, f64)> = off.iter().map(|(constant, off)| (quantity.power(constant), *off)).collect();
+    fn common(off: &[(Unit, f64)], quantity: Quantity) -> Option<Self> {
+        let of_scale: Vec<(f64, f64)> = off.iter().map(|(unit, off)| (quantity.power(*unit), *off)).collect();
         let degrees = off.len().checked_sub(1)?;
         let concerned = || of_scale.iter().filter(|(power, _)| *power != 0.0);
         // A load on the shaft and a bridge in series are more of two of them as well.
-        if concerned().count() < OF_SIZE.iter().filter(|constant| quantity.power(constant) != 0.0).count() {
+        if concerned().count() < OF_SIZE.iter().filter(|unit| quantity.power(**unit) != 0.0).count() {
             return None;
         }
         let squares: f64 = concerned().map(|(power, _)| power * power).sum();
@@ -140,9 +110,9 @@ impl Scale {
         }
     }
 
-    /// By how much a constant is uncertain by it: standard deviations of the logarithm.
-    pub fn uncertainty(&self, constant: &str) -> f64 {
-        self.quantity.power(constant).abs() * self.half / Z95
+    /// By how much a constant of a unit is uncertain by it: standard deviations of the logarithm.
+    pub fn uncertainty(&self, unit: Unit) -> f64 {
+        self.quantity.power(unit).abs() * self.half / Z95
     }
 
     /// What it is named. A supply and counts per revolution are values of the rig file; of a recorded column it is the factor to
@@ -166,7 +136,7 @@ impl Scale {
             not_separable_from.push(hidden_drop::ID);
         }
         if !self.is_beyond_doubt {
-            let concerned = OF_SIZE.iter().zip(VALUES).filter(|(constant, _)| self.quantity.power(constant) != 0.0);
+            let concerned = OF_SIZE.iter().zip(VALUES).filter(|(unit, _)| self.quantity.power(**unit) != 0.0);
             not_separable_from.extend(concerned.map(|(_, value)| value));
         }
         Cause { not_separable_from, ..cause }
@@ -199,9 +169,9 @@ impl Scale {
 }
 
 /// Logarithms of found over nominal. Counts lost at all speeds are another scale by another name.
-fn off(data: &Dataset, prior: &Prior, fit: &Fit) -> Vec<(&'static str, f64)> {
+fn off(data: &Dataset, prior: &Prior, fit: &Fit) -> Vec<(Unit, f64)> {
     let counted = (1.0 - lost_at_all_speeds(&fit.model, data)).ln();
-    let with_lost = |(constant, off)| (constant, off + Quantity::Motion.power(constant) * counted);
+    let with_lost = |(unit, off)| (unit, off + Quantity::Motion.power(unit) * counted);
     off_data_sheet(prior, fit).map(with_lost).collect()
 }
 

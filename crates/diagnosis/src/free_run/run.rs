@@ -114,7 +114,7 @@ impl<'a> Run<'a> {
             speed_rad_per_s,
             angle_rad: 0.0,
             lost_rad: 0.0,
-            angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == ActsOn::AngleSensor).collect(),
+            angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == [ActsOn::AngleSensor]).collect(),
             mean_a: 0.0,
             bulge_a: 0.0,
             ripple_a: 0.0,

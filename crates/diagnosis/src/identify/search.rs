@@ -49,7 +49,7 @@ impl Point {
 
 impl<'a> Search<'a> {
     pub fn new(start: &Model, data: &'a Dataset, prior: &Prior) -> Self {
-        let mut model = start.clone().with_the_known();
+        let mut model = start.clone().with_prior_means();
         let unknowns = unknowns(&model, data, prior);
         for unknown in &unknowns {
             let coordinate = unknown.get(&model);

@@ -106,6 +106,24 @@ fn a_resistance_may_grow_with_the_speed() {
     }
 }
 
+/// The current shows the ripple in proportion to the speed, where cogging shows it most when slow.
+#[test]
+fn a_torque_constant_may_vary_over_the_angle() {
+    for (seed, channels) in [(1, Channels::Full), (2, Channels::Full), (3, Channels::DutyCountsCurrent)] {
+        let recipe = Recipe { channels, ..Recipe::of(&[Effect::CommutationRipple]).on_real_rig() };
+        let recipe = recipe.with_random_strengths(seed);
+        let outcome = assert_found(seed, &recipe).outcome;
+        let cause = outcome.causes.iter().find(|cause| cause.effect == "commutation_ripple").expect("it is named");
+        assert_eq!(cause.not_separable_from, [""; 0], "seed {seed}");
+        let truth = draw(seed, &recipe).truth;
+        let (_, constants) = truth.effects.iter().find(|(id, _)| *id == Effect::CommutationRipple).expect("hidden");
+        for (name, hidden) in constants {
+            let found = cause.parameters[*name].value;
+            assert!((found / hidden - 1.0).abs() < 0.1, "seed {seed}: {name} is {found} for {hidden}");
+        }
+    }
+}
+
 /// At a moment that is kept back no fit sees it; the time of the step was moved there, and a gap before nothing made up for it.
 #[test]
 fn a_load_may_come_where_the_data_are_kept_back() {

@@ -176,7 +176,7 @@ impl Chooser<'_> {
     /// Whether no law that only looks like its own, and has no name, would do better.
     fn owes_it_to_its_law(&self, current: &Fit, without: &Fit, id: &str) -> bool {
         let term = current.model.term(id).expect("one of its own terms");
-        let others = term.effect.not_its_own(&term.values, &scales(&current.model.motor, self.data));
+        let others = term.effect.similar_laws(&term.values, &scales(&current.model.motor, self.data));
         others.into_iter().all(|(other, values)| {
             let other = fit(&without.model.with(other, values), self.data, self.prior, Effort::CHECK);
             self.gain(current, &other).sigmas < OTHER_LAW_SIGMAS

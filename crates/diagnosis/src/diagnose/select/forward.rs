@@ -136,9 +136,9 @@ impl Chooser<'_> {
     pub(super) fn beside_nominal(&self, found: &Fit) -> Option<Fit> {
         let scales = scales(&self.prior.motor, self.data);
         let mut nominal = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
-        nominal.terms.retain(|term| term.effect.about().acts_on != ActsOn::Voltage);
+        nominal.terms.retain(|term| term.effect.about().acts_on != [ActsOn::Voltage]);
         let changed = self.with_what_changes_everything(&nominal, &scales);
-        let of_the_bridge = self.usual().filter(|effect| effect.about().acts_on == ActsOn::Voltage);
+        let of_the_bridge = self.usual().filter(|effect| effect.about().acts_on == [ActsOn::Voltage]);
         let besides: Vec<Model> = of_the_bridge
             .flat_map(|effect| changed.iter().map(move |model| model.with_start(effect, &scales)))
             .collect();
@@ -149,7 +149,7 @@ impl Chooser<'_> {
     /// An effect that follows any course and yet leaves more than noise: what comes at some moment is the first to seize what
     /// two others do together.
     pub(super) fn of_any_course(&self, fit: &Fit) -> Option<&'static str> {
-        let id = fit.model.terms.iter().find(|term| term.effect.is_of_any_course())?.id();
+        let id = fit.model.terms.iter().find(|term| term.effect.about().fits_any_course)?.id();
         (above_noise(self.data, fit) > NOT_NOISE).then_some(id)
     }
 
@@ -164,7 +164,8 @@ impl Chooser<'_> {
 
     /// A model with each effect that changes everything and that it does not have, with each of its laws.
     fn with_what_changes_everything(&self, model: &Model, scales: &Scales) -> Vec<Model> {
-        let effects = self.possible().filter(|effect| effect.changes_everything() && !model.has(effect.about().id));
+        let effects =
+            self.possible().filter(|effect| effect.about().changes_everything && !model.has(effect.about().id));
         effects
             .flat_map(|effect| effect.starts(scales).into_iter().map(move |start| (effect, start)))
             .map(|(effect, start)| model.with(effect, start))
