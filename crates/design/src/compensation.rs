@@ -51,7 +51,7 @@ impl Standstill {
         let unit = if self.law.is_position() { "rad" } else { "rad/s" };
         let number = |value: Option<f64>| value.map_or("a trip".into(), |value| format!("{value:.3} {unit}"));
         format!(
-            "tracking error of the {} to and fro between +-{:.3} {unit}:\n    {} without compensation, {} with it\n",
+            "tracking error of the {} between +-{:.3} {unit}:\n    {} without compensation, {} with it\n",
             self.law.title(),
             self.reference,
             number(self.without),

@@ -187,7 +187,7 @@ fn advice(error: BuildError) -> &'static str {
         (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, _) => "raise current-limit-A",
         (Param::Acceleration, TooLarge) => "check the model's inertia and torque constant, or lower current-limit-A",
         (Param::Acceleration, _) => {
-            "raise current-limit-A, of which the profile takes a third; or correct inertia and torque constant of the model, if the motor is not as heavy as that"
+            "raise --current-limit-A (the profile uses a third of it), or correct inertia and torque constant of the model"
         }
         (Param::TachoGain | Param::SpeedFilter, _) => "check the tachogenerator's gain",
         (

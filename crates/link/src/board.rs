@@ -45,7 +45,9 @@ pub enum BoardError {
         reply: String,
     },
     /// No answer.
-    #[error("no answer to `{line}`: check port, baud rate, cable, and that the firmware runs")]
+    #[error(
+        "no answer to `{line}`: check the port, the baud rate and the cable; flash the firmware with `cargo flash`"
+    )]
     Silent {
         /// What was sent.
         line: String,

@@ -190,7 +190,7 @@ impl<L: Line> Link<L> {
         let version = version(&link.firmware);
         if version != VERSION {
             return Err(BoardError::Failed(format!(
-                "the board runs motorbench {version}, this program is {VERSION}: flash the firmware of this version (`cargo flash`), or use the program of that one"
+                "the board runs motorbench {version}, this program is {VERSION}: flash this version's firmware (`cargo flash`), or use the program of the board's version"
             )));
         }
         link.switch_over()?;
@@ -612,7 +612,7 @@ fn take_settings(lines: &[String], known: &mut [Option<f32>; Param::COUNT]) -> R
 fn other_settings(listed: usize, known: usize) -> BoardError {
     let all = Param::COUNT;
     BoardError::Failed(format!(
-        "the board lists {listed} settings, of which this program knows {known} of its {all}: flash the firmware of this version"
+        "the board lists {listed} settings; this program knows {known} of them and expects {all}. Flash the firmware of this version"
     ))
 }
 

@@ -180,11 +180,11 @@ impl Display for Covered {
         let Self { forward_parts, reverse_parts, changing_share, limited_share, lacks, .. } = self;
         writeln!(
             formatter,
-            "parts of the speeds seen: forwards {forward_parts} of {PARTS}, backwards {reverse_parts} of {PARTS}"
+            "speed range covered: forwards {forward_parts} of {PARTS} parts, backwards {reverse_parts} of {PARTS}"
         )?;
         write!(
             formatter,
-            "speed changing {:.0} % of the time, limited {:.0} %: ",
+            "speed changes {:.0} % of the time, voltage limited {:.0} %: ",
             100.0 * changing_share,
             100.0 * limited_share
         )?;
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn the_lines_fit_a_terminal() {
         let widest = covered(&[swing(100.0, 6000.0, 5.0), vec![Sample::default(); 100]].concat()).to_string();
-        assert!(widest.contains("forwards 10 of 10, backwards 0 of 10\n"), "{widest}");
+        assert!(widest.contains("forwards 10 of 10 parts, backwards 0 of 10\n"), "{widest}");
         assert!(
             widest.ends_with("lacks the other direction") && widest.lines().all(|line| line.len() < 80),
             "{widest}"

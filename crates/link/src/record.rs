@@ -197,7 +197,7 @@ fn play<L: Line>(
         }
         if samples.is_empty() && begun.elapsed() > BEGINNING {
             return Err(BoardError::Failed(
-                "the sequence does not begin: is the drive armed and in the right mode?".into(),
+                "the sequence did not begin: check that the drive is armed and the mode is set".into(),
             ));
         }
         if stop() {

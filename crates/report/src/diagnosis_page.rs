@@ -24,7 +24,7 @@ pub fn report_with(page_title: &str, diagnosis: &Diagnosis, names: &[String], se
     let outcome = &diagnosis.outcome;
     let mut html = format!("<h1>{}</h1>\n<p>{}</p>\n", escaped(&verdict(outcome)), escaped(&names.join(", ")));
     causes(&mut html, outcome);
-    html.push_str("<h2>Measured and simulated</h2><p>Black: measured. Orange: the linear motor. Blue: the extended model. Grey bands: data that no fit has seen.</p>");
+    html.push_str("<h2>Measured and simulated</h2><p>Black: measured. Orange: the linear motor. Blue: the extended model. Grey bands: held-out data, used in no fit.</p>");
     for output in 0..diagnosis.data.measured.len() {
         html.push_str(&plots::over_time(diagnosis, output));
     }
@@ -106,7 +106,7 @@ fn over_everything(html: &mut String, data: &Dataset, what: &str, values: &[f64]
 }
 
 fn gains(html: &mut String, diagnosis: &Diagnosis) {
-    *html += "<h2>What each step gained</h2><p>On data that no fit has seen. Each bar goes from the error before to the error after, on a logarithmic scale.</p>";
+    *html += "<h2>What each step gained</h2><p>On held-out data. Each bar goes from the error before a step to the error after it, on a logarithmic scale.</p>";
     let measured = &diagnosis.data.measured;
     for (output, measured) in measured.iter().enumerate() {
         let of = |which: &str| diagnosis.outcome.fit[which][measured.output.channel()].rmse;

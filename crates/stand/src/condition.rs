@@ -120,7 +120,7 @@ impl Condition {
             let quantity = if warmer_k > 0.0 { "more" } else { "less" };
             self.part = "winding";
             self.verdict = format!(
-                "{quantity} voltage is lost, as of one that is {kelvin:.0} K {more_or_less}: compare tests of a motor that is equally warm"
+                "{quantity} voltage is lost, as by a winding {kelvin:.0} K {more_or_less}. Compare tests at the same temperature"
             );
             return self;
         }

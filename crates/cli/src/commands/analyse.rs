@@ -28,10 +28,10 @@ pub struct Arguments {
     /// Prints poles, zeros, gains and time constants as JSON.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
-    /// Also as sampled with this period, the voltage held between samples.
+    /// Also prints the sampled forms for this period, with the voltage held between samples.
     #[arg(long = "period-ms", value_name = "MS", allow_negative_numbers = true)]
     period_ms: Option<f64>,
-    /// Time from a sample to its voltage; with --period-ms.
+    /// Delay from a sample to its voltage; needs --period-ms.
     #[arg(
         long = "delay-ms",
         value_name = "MS",
@@ -40,7 +40,7 @@ pub struct Arguments {
         allow_negative_numbers = true
     )]
     delay_ms: f64,
-    /// Writes the frequency responses of speed, current and angle to the voltage.
+    /// Writes the frequency responses from voltage to speed, current and angle.
     #[arg(long, value_name = "FILE.csv")]
     bode: Option<PathBuf>,
     /// Writes the responses to a step of one volt.
@@ -219,7 +219,7 @@ fn analysis(motor: &MotorParameters) -> String {
             step.overshoot_percent
         );
     } else {
-        text += "step    not settled in what can be simulated: the poles are too far apart\n";
+        text += "step    cannot be simulated until it settles: the poles are too far apart\n";
     }
     text
 }

@@ -38,7 +38,7 @@ const MOST_ERROR_SHARE: f64 = 0.03;
   motorbench autotune --from 6 --to 8
   motorbench autotune --relay 1 --bias 7 --reference 60 --console gains.txt
 
-A motor that sticks is told so: friction is no loop to tune.")]
+A motor that sticks is refused: its friction would be measured instead of the loop.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
@@ -48,16 +48,16 @@ pub struct Arguments {
     /// Voltage after the step.
     #[arg(long, value_name = "V", default_value_t = 8.0, allow_negative_numbers = true, value_parser = finite)]
     to: f64,
-    /// How long each is held.
+    /// How long each voltage is held.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold, allow_negative_numbers = true)]
     hold: f64,
-    /// Time constant that the closed loop shall have, in ms.
+    /// Wanted time constant of the closed loop, in ms.
     #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     closed_loop: f64,
-    /// A relay experiment instead, with this swing of the voltage.
+    /// Does a relay experiment with this voltage amplitude instead of a step.
     #[arg(long, value_name = "V", value_parser = positive, allow_negative_numbers = true)]
     relay: Option<f64>,
-    /// First guess of the voltage that the relay's reference needs.
+    /// First guess of the voltage that the motor needs at the reference of the relay experiment.
     #[arg(long, value_name = "V", default_value_t = 7.0, allow_negative_numbers = true, value_parser = finite)]
     bias: f64,
     /// Speed of the relay experiment and of the acceptance test, in rad/s.
@@ -66,7 +66,7 @@ pub struct Arguments {
     /// Writes the gains as console lines, for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
     console: Option<PathBuf>,
-    /// Prints experiment, gains and test as JSON.
+    /// Prints experiment, gains and acceptance test as JSON.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
@@ -85,7 +85,10 @@ fn positive(text: &str) -> Result<f64, String> {
 
 fn turning(text: &str) -> Result<f64, String> {
     let turns = |speed: &f64| speed.is_finite() && *speed != 0.0;
-    text.parse().ok().filter(turns).ok_or("expected a speed other than 0: friction is no loop to tune".into())
+    text.parse()
+        .ok()
+        .filter(turns)
+        .ok_or("expected a speed other than 0: at rest friction would be measured instead of the loop".into())
 }
 
 /// A board beside which somebody stands who can stop it.
@@ -117,7 +120,7 @@ impl Board for Attended {
 /// [`Failure`]: the board, an experiment that says nothing, or gains that do not pass.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.relay.is_some() && arguments.reference < 0.0 {
-        return Err(Failure::input("--relay: its --reference is forwards, above 0; a step may go backwards"));
+        return Err(Failure::input("--relay needs a --reference above 0; only the step experiment can go backwards"));
     }
     let outputs = Outputs::new([], arguments.console.iter().chain(&arguments.json))?;
     let stopped = on_interrupt()?;
@@ -161,19 +164,19 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     outputs.say(&format!("{}\ngains\n", found.text));
     gains.iter().for_each(|(name, value)| outputs.say(&format!("  {name} {value:.6}\n")));
     outputs.say(&format!(
-        "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s\n",
+        "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, error at the end {error:.2} rad/s\n",
         arguments.reference
     ));
     if !accepted {
         board.command(&restore)?;
         return Err(Failure::input(format!(
-            "not accepted: at most {MOST_OVERSHOOT_PERCENT} % and {most_error:.1} rad/s are; the board has its old gains again. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely"
+            "not accepted (limits: {MOST_OVERSHOOT_PERCENT} % overshoot, {most_error:.1} rad/s error); the old gains are restored. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely"
         )));
     }
     if let Some(path) = &arguments.console {
         write(path, &(line + "\n"))?;
     }
-    let accepted = "accepted; the board has them until its next reset:\n`motorbench connect save` keeps them\n";
+    let accepted = "accepted; the gains are lost at the next reset:\n`motorbench connect save` keeps them\n";
     outputs.say(&arguments.port.named_in(accepted));
     Ok(())
 }
@@ -214,7 +217,7 @@ fn experiment(
     };
     let found = on_board::relay(board, settings, &relay).map_err(failed)?;
     let text = format!(
-        "relay: period {:.1} ms, ultimate gain {:.3} V s/rad, of it {:.1} ms the way to the computer and back",
+        "relay: period {:.1} ms, ultimate gain {:.3} V s/rad; {:.1} ms of the period are the way to the computer and back",
         1e3 * found.cycle.period_s,
         found.cycle.ultimate_gain_v_s_per_rad,
         1e3 * found.delay_s
@@ -271,7 +274,7 @@ fn has_come(samples: &[Sample]) -> Result<(), BoardError> {
         return Ok(());
     }
     Err(BoardError::Failed(format!(
-        "of the acceptance test {came} samples came and {missing} were lost on the line, so that it says nothing: use a shorter cable, another USB port, no hub"
+        "the acceptance test cannot judge: {missing} of its samples were lost on the line ({came} came). Use a shorter cable, another USB port, no hub"
     )))
 }
 

@@ -39,11 +39,10 @@ impl From<BoardError> for Failure {
     }
 }
 
-/// Which port.
+/// The port of a board.
 #[derive(Args)]
 pub struct PortArguments {
-    /// The board's port, for instance /dev/ttyACM0, COM3, or the link that `motorbench virtual` makes; without it the only
-    /// board that is plugged in, or else the simulated one.
+    /// Port of the board, for instance /dev/ttyACM0 or COM3; without it the only board on USB, or else the virtual one.
     #[arg(long)]
     port: Option<String>,
 }
@@ -85,7 +84,8 @@ impl PortArguments {
         let (mut link, name) = self.open()?;
         let settings = link.settings()?;
         if let Some(lifted) = lifted_protections(&settings) {
-            let remedy = format!("{CONNECT} load` takes what is saved, {CONNECT} defaults` what is usual");
+            let remedy =
+                format!("{CONNECT} load` restores the saved settings, {CONNECT} defaults` the factory settings");
             tell(&self.named_in(&format!("{lifted}; {remedy}")));
         }
         Ok((link, name, settings))
@@ -130,7 +130,7 @@ fn take_back_watch(link: &mut Link<Port>) -> Result<(), BoardError> {
     link.command("disarm")?;
     link.command("set trip_host 0")?;
     tell(&format!(
-        "the drive is off and trip_host 0 again: a program that was killed had left it at {LOST_AFTER_MS} ms"
+        "a program that was killed had left trip_host at {LOST_AFTER_MS} ms; it is 0 again, and the drive is off"
     ));
     Ok(())
 }
@@ -156,7 +156,7 @@ pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
         write_json(path, &found)?;
     }
     if found.is_empty() {
-        outputs.say("no serial port here; without a board: motorbench virtual\n");
+        outputs.say("no serial port found; without a board: motorbench virtual\n");
     }
     for port in found {
         outputs.say(&format!("{:24} {}{}\n", port.port, if port.board { "board: " } else { "" }, port.what));
@@ -218,42 +218,41 @@ const OPEN: &str = "open";
   motorbench record --mode speed --sequence levels --amplitude 80 --out loop.csv
   motorbench record --live plotjuggler --live teleplot=192.168.1.20:47269
 
-Without --sequence it plays the 20 s that tell the most causes apart. Beside
-run.csv, or what --out names, it writes run.rig.toml, for motorbench diagnose,
-run.scenario.toml, for validate, and run.json: firmware, settings, what was
-lost. Ctrl-C stops the motor and keeps what has come.")]
+Without --sequence it plays identify, the 20 s that separate the most causes.
+Beside run.csv, or the name of --out, it writes run.rig.toml for motorbench
+diagnose, run.scenario.toml for validate, and run.json with firmware, settings
+and losses. Ctrl-C stops the motor and keeps the samples that have arrived.")]
 pub struct RecordArguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
-    /// What to play.
+    /// Excitation to play.
     #[arg(long, value_enum, default_value = "identify")]
     sequence: Excitation,
-    /// In the unit of the mode; without it eight tenths of the supply.
+    /// Amplitude in the unit of the mode; default: 80 % of the supply.
     #[arg(long, allow_negative_numbers = true, value_parser = finite)]
     amplitude: Option<f64>,
-    /// Added to it.
+    /// Offset in the unit of the mode.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     offset: f64,
     /// How long one part lasts, in ms.
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u16).range(1..))]
     period: u16,
-    /// How often; without it once, and as many random levels or bits as take 10 s.
+    /// Number of repetitions; default: once, or as many random levels or bits as fill 10 s.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     count: Option<u16>,
-    /// Of random excitations.
+    /// Seed of random excitations.
     #[arg(long, default_value_t = 1)]
     seed: u16,
-    /// Who sets the voltage.
+    /// Control mode: open plays a voltage, the others a reference.
     #[arg(long, default_value = OPEN, value_parser = [OPEN, "speed", "position", "lqr_speed", "lqr_position"])]
     mode: String,
-    /// Settings to change for this recording, put back after it: NAME=VALUE. In mode open slew_limit is 500 at most unless it
-    /// is named here.
+    /// Setting for this recording alone: NAME=VALUE. In mode open, slew_limit is at most 500 unless it is set here.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, f64)>,
     /// A rig file whose nominal constants of the motor go into the new one.
     #[arg(long, value_name = "RIG.toml")]
     motor: Option<PathBuf>,
-    /// Where to, a .csv; without it the first of run.csv, run-2.csv, run-3.csv ... that is free.
+    /// Output .csv; default: the first free name of run.csv, run-2.csv, ....
     #[arg(long, value_parser = table_file)]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -362,7 +361,7 @@ fn play(
     bar.finish_and_clear();
     if !played.agrees(&done) {
         done.ended = Ended::Failed(
-            "the board has played another sequence than it was told: the line damages what it carries, use a shorter cable or another USB port".into(),
+            "the board played another sequence than it was sent: the line damages data. Use a shorter cable or another USB port".into(),
         );
     }
     Ok((done, played))
@@ -379,7 +378,7 @@ fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)])
         .and_then(|()| known.try_for_each(|(name, param)| link.command(&format!("set {name} {}", before.get(param)))));
     match done {
         Err(error) if !link.is_gone() => Err(Failure::machine(format!(
-            "{error}; trip_host and what was changed for the recording stay until the board's next reset{}",
+            "{error}; the changed settings and trip_host stay until the board is reset{}",
             named(changed)
         ))),
         _ => Ok(()),
@@ -459,7 +458,7 @@ fn with_limit(failure: Failure, ended: &Ended) -> Failure {
 /// Sends samples on to plotters, and no more of them once that fails: a plotter shall not cost a recording.
 fn send(live: &mut Option<Live>, samples: &[Sample], settings: &Settings) {
     if let Some(Err(error)) = live.as_ref().map(|live| live.send_samples(samples, settings)) {
-        eprintln!("nothing more is sent to the plotter: {error}");
+        eprintln!("sending to the plotter has stopped: {error}");
         *live = None;
     }
 }
@@ -629,8 +628,8 @@ fn report((arguments, out): (&RecordArguments, &Path), done: &Record) -> String 
     let mut text = format!("{out}: {} samples, {seconds:.2} s, {missing} missing\n", done.samples.len());
     if done.losses != Losses::default() {
         let Losses { lost_frames, damaged_frames } = done.losses;
-        text += &format!("on the line {lost_frames} frames were lost, of them {damaged_frames} damaged:\n");
-        text += "a shorter cable, another USB port, no hub; or a computer that was too busy; or\n";
+        text += &format!("{lost_frames} frames were lost on the line, {damaged_frames} of them damaged:\n");
+        text += "use a shorter cable, another USB port, no hub; or the computer was too busy; or\n";
         text += &format!("{}\n", arguments.port.named_in(OTHER_READER));
     }
     let covered = done.coverage();
@@ -664,7 +663,7 @@ pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failur
     }
 }
 
-/// Sends a file of console lines, as `motorbench design` writes them, and reads back what the board made of it.
+/// Sends a file of console lines, as `motorbench design` writes them, and reads the settings back.
 #[derive(Args)]
 #[command(after_help = "Example:
   motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --console gains.txt
@@ -697,9 +696,7 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     let lines = console_lines(&text);
     if lines.is_empty() {
         let file = arguments.file.display();
-        return Err(Failure::input(format!(
-            "{file}: there is no line for the console in it, as `set speed_kp 0.05` is one"
-        )));
+        return Err(Failure::input(format!("{file} has no console line, such as `set speed_kp 0.05`")));
     }
     let (mut link, name) = arguments.port.open()?;
     let obeyed = lines.len();
@@ -724,10 +721,10 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     let lines_sent = if sent == 1 { "1 line".into() } else { format!("{sent} lines") };
     outputs.say(&format!("{lines_sent} sent to {name}, {confirmed}{}\n", if arguments.save { ", saved" } else { "" }));
     if lines.iter().any(|(line, _)| *line == "arm") {
-        outputs.say("the drive is off again: it stays on while connect, tune or record has the board\n");
+        outputs.say("the drive is off again; only `connect`, `tune` and `record` keep it on\n");
     }
     if checked > 0 && stdin().is_terminal() && !arguments.save {
-        outputs.say("they are lost at the next reset: --save keeps them\n");
+        outputs.say("they are lost at the next reset; --save keeps them\n");
     }
     Ok(())
 }
@@ -769,7 +766,7 @@ fn told(done: &[(&str, u32)], left: &[(&str, u32)]) -> String {
         ([], _) => "nothing of the file was done".into(),
         (done, []) => format!("done: {}", names(done)),
         (done, left) => {
-            format!("done: {}; not done: {}; {CONNECT} load` takes what was saved before", names(done), names(left))
+            format!("done: {}; not done: {}; {CONNECT} load` restores the saved settings", names(done), names(left))
         }
     }
 }

@@ -18,20 +18,20 @@ use std::sync::mpsc::TryRecvError;
 const LOOK_S: f64 = 0.02;
 /// Commands that would take from this program what it hears the board by, and why it does not pass them on.
 const OF_THE_STREAM: [&str; 2] = ["stream", "record"];
-const NOT_HERE: &str = "is for other terminals (screen, tio, a serial plotter): connect has the binary stream for itself; `sequence` plays the same, motorbench tune shows it, motorbench record keeps it";
+const NOT_HERE: &str = "is not possible in connect, which uses the binary stream itself. Use `sequence` to play, `motorbench tune` to watch, `motorbench record` to record";
 /// Commands that show, change or keep settings.
 const OF_SETTINGS: [&str; 5] = ["set", "show", "save", "load", "defaults"];
 
-/// Talks to a board's console: what is given, or line by line from the terminal.
+/// Sends lines to a board's console, or opens it in the terminal.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench connect
   motorbench connect --port /dev/ttyACM0 status 'show speed_kp'
 
-Without lines it takes them from the terminal or a pipe, of which a refused line
-makes exit code 1 in the end; an empty line stops the motor, Ctrl-D and Ctrl-C
-end. The drive is off in the end; without this program an armed one stops by
-itself after half a second.")]
+Without lines it reads them from the terminal or a pipe. An empty line stops the
+motor; Ctrl-D and Ctrl-C end. The exit code is 1 if a line of a pipe was refused.
+The drive is off at the end. If this program dies, an armed drive stops by itself
+after half a second.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
@@ -51,7 +51,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let (mut link, name) = arguments.port.open()?;
     // What a damaged line does not let through is no reason to go without a console.
     if let Some(lifted) = link.settings().ok().as_ref().and_then(lifted_protections) {
-        tell(&format!("{lifted}; `load` takes what is saved, `defaults` what is usual"));
+        tell(&format!("{lifted}; `load` restores the saved settings, `defaults` the factory settings"));
     }
     let mut console =
         Console { link, json: arguments.json.is_some(), armed: false, watch: Watch::Unknown, refused: None };
@@ -235,7 +235,7 @@ impl Drop for Console {
         }
         let said = match self.leave() {
             Ok(()) => "the drive was armed; it is off now".to_string(),
-            Err(error) => format!("motorbench: {error}; look whether the motor stands"),
+            Err(error) => format!("motorbench: {error}; check that the motor has stopped"),
         };
         // A terminal that was closed shall not keep the link from telling the board as well.
         let _ = writeln!(stderr(), "{said}");

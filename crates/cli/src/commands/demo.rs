@@ -64,22 +64,21 @@ const TITLE: &str = "motorbench demo";
 /// The constant of an effect that is a time.
 const TIME: &str = "time_s";
 
-/// Without any hardware: a motor with an effect drawn at random is recorded by the firmware, understood, and controlled.
+/// Records, diagnoses and controls a simulated motor with a random hidden effect.
 #[derive(Args)]
 #[command(after_help = "Example:
   motorbench demo --report demo.html")]
 pub struct Arguments {
-    /// Draws the same motor again.
+    /// Seed of the draw: the same seed gives the same motor.
     #[arg(long)]
     seed: Option<u64>,
-    /// Where to write all of it as a page with plots; without it motorbench-demo-SEED.html, unless there is one or --json
-    /// is asked for.
+    /// Page with plots; default: motorbench-demo-SEED.html, unless that file exists or --json is given.
     #[arg(long, value_name = "FILE.html", overrides_with = "report")]
     report: Option<PathBuf>,
     /// Prints the result as JSON instead of text.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
-    /// Writes the recording for the other commands, and what a data sheet would say beside it (.rig.toml).
+    /// Writes the recording for the other commands, and beside it a rig file with values as of a data sheet (.rig.toml).
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
 }
@@ -186,7 +185,7 @@ fn unasked(path: &Path, html: &str) -> String {
 
 /// What the linear motor gets wrong and what knowing the causes brings.
 fn errors(outcome: &Outcome) -> String {
-    let mut text = row("rms error on data that no fit has seen", ["linear", "extended", "noise"]);
+    let mut text = row("rms error on held-out data", ["linear", "extended", "noise"]);
     for channel in outcome.fit["base"].keys() {
         let of = ["base", "extended", "noise_floor"].map(|which| short(outcome.fit[which][channel].rmse));
         text += &row(&format!("  {channel}"), of.each_ref().map(String::as_str));

@@ -15,7 +15,7 @@ use std::io;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
-/// Shows what a simulation gets wrong, names the cause, extends the model and measures the gain.
+/// Finds what the linear model of the motor lacks, names the cause, extends the model, and measures what that gains.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench diagnose run.csv --rig rig.toml
@@ -25,13 +25,13 @@ use std::path::{Path, PathBuf};
   motorbench diagnose no_load_table.csv --rig rig.toml
   motorbench diagnose --batch runs/ --rig rig.toml > results.jsonl
 
-A table without t_s is one of steady states. --batch takes each file alone, one
-line of JSON each.")]
+A table without t_s is one of steady states. --batch diagnoses each file alone
+and prints one line of JSON for each.")]
 pub struct Arguments {
     #[command(flatten)]
     recordings: RecordingArguments,
-    /// Diagnoses each recording alone, on all cores, and prints one JSON object a line as each is done: file, rig, and outcome
-    /// or error. A folder stands for the .csv files in it. Without --rig each has the rig file beside it.
+    /// Diagnoses each recording alone, on all cores. Prints one line of JSON as each is done: file, rig, and outcome or error.
+    /// A folder stands for its .csv files. Without --rig each file uses the rig file beside it.
     #[arg(long, conflicts_with_all = ["json", "report", "model"])]
     batch: bool,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Writes a page with plots.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Writes the extended model; a file that a person has written is not replaced.
+    /// Writes the extended model; a file that motorbench did not write is not replaced.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
 }
@@ -111,7 +111,7 @@ fn guarded<T>(study: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     panic::catch_unwind(AssertUnwindSafe(study)).unwrap_or_else(|payload| {
         let text = payload.downcast_ref::<String>().map(String::as_str);
         let why = text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no reason is known");
-        Err(format!("a fault of motorbench itself ({why}): please report it, with the recording"))
+        Err(format!("an internal fault of motorbench ({why}): please report it, with the recording"))
     })
 }
 
@@ -166,7 +166,7 @@ fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) 
     // Everything else that was asked for is there by now.
     args.model.as_ref().map_or(Ok(()), |path| {
         Err(Failure::input(format!(
-            "{}: a table of steady states says nothing of inertia and inductance; a model needs a recording over time",
+            "{}: a table of steady states shows neither inertia nor inductance; --model needs a recording over time",
             path.display()
         )))
     })
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(guarded(|| Ok(1)), Ok(1));
         let text = String::from("min > max");
         for error in [guarded::<()>(|| panic!("min > max")), guarded(|| panic!("{text}"))] {
-            assert!(error.is_err_and(|why| why.contains("a fault of motorbench itself (min > max)")));
+            assert!(error.is_err_and(|why| why.contains("an internal fault of motorbench (min > max)")));
         }
     }
 

@@ -52,7 +52,7 @@ impl Outputs {
         let (terminal, files): (Vec<&PathBuf>, Vec<&PathBuf>) = written.into_iter().partition(|path| is_terminal(path));
         if terminal.len() > 1 {
             return Err(Failure::input(
-                "two results would mix on the standard output (-): write all but one of them into files",
+                "two results cannot both go to the standard output (-): write one of them into a file",
             ));
         }
         let read = read.into_iter().flat_map(|path| [path.clone()].into_iter().chain(noted_beside(path)));
@@ -61,7 +61,7 @@ impl Outputs {
         for &path in &files {
             if let Some(side) = side_file(path).filter(|side| !files.contains(&side)) {
                 return Err(Failure::input(format!(
-                    "{} is a measurement, of which {} says what was measured: choose another name for what is written, or remove both files first",
+                    "{} is a measurement (its settings are in {}) and is not overwritten: choose another name, or remove both files",
                     path.display(),
                     side.display()
                 )));
@@ -70,12 +70,12 @@ impl Outputs {
             let path = path.display();
             if read.contains(&name) {
                 return Err(Failure::input(format!(
-                    "{path} would be overwritten: choose another name for what is written"
+                    "{path} is an input and would be overwritten: choose another output name"
                 )));
             }
             if taken.contains(&name) {
                 return Err(Failure::input(format!(
-                    "{path} would be written twice (what stands beside a table has its name): choose another name for one of the two"
+                    "two outputs have the name {path} (files beside a table take its name): choose another name for one"
                 )));
             }
             taken.push(name);
@@ -161,7 +161,7 @@ mod tests {
         }
         // Neither is there yet.
         let twice = refusal("run.csv", &["folder/a.html", "folder/../folder/a.html"]);
-        assert!(twice.is_some_and(|why| why.contains("a.html would be written twice")));
+        assert!(twice.is_some_and(|why| why.contains("two outputs have the name") && why.contains("a.html")));
     }
 
     #[test]
@@ -177,7 +177,7 @@ mod tests {
         assert!(is_refused());
         let written = with_beside(&table, &["rig.toml", "json"]);
         let twice = Outputs::new([], written.iter().chain([&side])).err().map(|failure| failure.message);
-        assert!(twice.is_some_and(|why| why.contains("run.json would be written twice")));
+        assert!(twice.is_some_and(|why| why.contains("two outputs have the name") && why.contains("run.json")));
         // A measurement is replaced by another, whole, and by no result.
         assert!(Outputs::new([], &written).is_ok());
         let other = directory.path().join("other.csv");
@@ -208,6 +208,6 @@ mod tests {
         assert!(Outputs::new([&null], [&terminal, &null, &null]).is_ok_and(|outputs| outputs.terminal_is_taken));
         assert!(Outputs::new([], [&null]).is_ok_and(|outputs| !outputs.terminal_is_taken));
         let mixed = Outputs::new([], [&terminal, &terminal]).err().unwrap();
-        assert!(mixed.message.contains("would mix on the standard output"), "{}", mixed.message);
+        assert!(mixed.message.contains("cannot both go to the standard output"), "{}", mixed.message);
     }
 }

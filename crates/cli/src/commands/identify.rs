@@ -16,16 +16,17 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-/// Finds the five constants of the linear motor, with their uncertainty and with the fit on data that no fit has seen.
+/// Finds the five constants of the linear motor, with their uncertainty and the fit on held-out data.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench identify run.csv --rig rig.toml --model motor.toml
   motorbench identify a.csv b.csv --json -
-What the linear motor lacks is said by motorbench diagnose.")]
+
+`motorbench diagnose` names what the linear motor lacks.")]
 pub struct Arguments {
     #[command(flatten)]
     recordings: RecordingArguments,
-    /// Writes the motor as a model file; one that a person has written is not replaced.
+    /// Writes the motor as a model file; a file that motorbench did not write is not replaced.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -109,7 +110,7 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
 }
 
 /// What a reader of the intervals has to know.
-const LEAVES_MORE: &str = "The linear motor leaves more than noise: its constants make up for what it lacks, and their intervals do not know of that. motorbench diagnose says what it is.";
+const LEAVES_MORE: &str = "The linear motor leaves more than noise. Its constants are bent to make up for what it lacks, and their intervals do not show that. `motorbench diagnose` names the cause.";
 
 fn page(identified: &Identified) -> String {
     let mut text = String::from("The linear motor, with 95 % intervals\n");
@@ -117,7 +118,7 @@ fn page(identified: &Identified) -> String {
         let Constant { value, ci95: [low, high] } = identified.parameters[name];
         let _ = writeln!(text, "  {name:<26} {:>10}  [{}, {}]", short(value), short(low), short(high));
     }
-    text += "Free-running simulation against data that no fit has seen\n";
+    text += "Free-running simulation against held-out data\n";
     for (channel, fitted) in &identified.fit {
         let Fitted { rmse, unit, fit_percent } = fitted;
         let _ = writeln!(text, "  {channel:<26} {:>10} {unit} rms, fit {fit_percent:.1} %", short(*rmse));

@@ -219,11 +219,11 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
     if rig.is_model {
         let path = path.display();
         tell(&format!(
-            "motorbench: {path} is a model: in the place of a rig file it gives nominal values of the motor, and its [effects] are ignored"
+            "motorbench: {path} is a model file. It is used as a rig file: its [motor] gives nominal values, its [effects] are ignored"
         ));
     }
     for key in &rig.ignored {
-        tell(&format!("motorbench: {}: {key} has no meaning in a rig file and is ignored", path.display()));
+        tell(&format!("motorbench: {}: {key} is no key of a rig file and is ignored", path.display()));
     }
     Ok(rig)
 }
@@ -234,7 +234,7 @@ fn read_recording(path: &Path, names: &[(String, String)]) -> Result<Recording, 
     if !recording.ignored.is_empty() {
         let (path, ignored) = (path.display(), recording.ignored.join(", "));
         tell(&format!(
-            "motorbench: {path}: not used, for they are no channel (--column NAME=CHANNEL, or `motorbench convert` with --map): {ignored}"
+            "motorbench: {path}: columns without a known name are not used: {ignored}. Name them with --column NAME=CHANNEL, or convert with --map"
         ));
     }
     Ok(recording)
@@ -283,7 +283,7 @@ fn may_hold_model(path: Option<&Path>) -> Result<(), Failure> {
     path.filter(by_hand).map_or(Ok(()), |path| {
         let path = path.display();
         Err(Failure::input(format!(
-            "{path}: motorbench has not written this file and does not write over it: choose another name for the model that is found"
+            "{path} was not written by motorbench and is not overwritten: choose another name for the model"
         )))
     })
 }
@@ -377,7 +377,7 @@ fn cannot_print(error: &io::Error) -> Result<(), Failure> {
 
 /// Why the standard output cannot be written, and what to do.
 fn not_printed(why: impl Display) -> Failure {
-    Failure::machine(format!("the standard output cannot be written: {why}: make room there, or send it elsewhere"))
+    Failure::machine(format!("cannot write to the standard output: {why}. Make room there, or redirect it"))
 }
 
 /// Where a file is or would be.

@@ -45,11 +45,11 @@ impl Contradiction {
     pub fn note(&self) -> String {
         let Self { key, columns, recording, of_rig, of_data } = self;
         let cause = match *key {
-            COUNTS => "Is it after x4 decoding, and of the motor's shaft and not behind a gear?",
+            COUNTS => "Check x4 decoding, and that the encoder is on the motor's shaft, not behind a gear.",
             _ => "Was it measured at the bridge?",
         };
         format!(
-            "The rig file contradicts {recording}: {key} = {}, and {columns} say {}. {cause} Correct the rig file, or the column that is in another unit (`motorbench convert` with --map).",
+            "The rig file contradicts {recording}: it has {key} = {}, but {columns} give {}. {cause} Correct the rig file, or convert the column (`motorbench convert` with --map).",
             short(*of_rig),
             short(*of_data)
         )

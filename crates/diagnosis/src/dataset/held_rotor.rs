@@ -106,7 +106,7 @@ impl Dataset {
 pub(super) fn note(held: &[HeldRotor]) -> String {
     let names: Vec<&str> = held.iter().map(|held| &*held.name).collect();
     format!(
-        "Nothing turns in {} though the motor is driven and its current answers: the rotor is taken for held there, and the current alone is compared.",
+        "In {} the motor is driven and draws current, but does not turn. The rotor is assumed to be held, and only the current is compared.",
         names.join(", ")
     )
 }
@@ -152,7 +152,7 @@ mod tests {
             let held: Vec<bool> = data.stretches.iter().map(|stretch| data.is_held(stretch)).collect();
             assert_eq!(held, [false, true], "{column} {unrest}");
             let notes = data.notes();
-            assert!(notes.iter().any(|note| note.starts_with("Nothing turns in held.csv though")), "{notes:?}");
+            assert!(notes.iter().any(|note| note.starts_with("In held.csv the motor is driven")), "{notes:?}");
             let alone = dataset(&recordings[1..]).unwrap_err().to_string();
             assert!(
                 alone.starts_with("held.csv: ") && alone.contains("a recording of the same rig that turns"),

@@ -9,7 +9,7 @@ use super::{Dataset, Output, Stretch};
 use nalgebra::{DMatrix, DVector};
 
 /// What is said of such a recording.
-pub const WRITTEN_AFTER: &str = "The motor answers each command in the row in which it stands: these rows were written after their command had acted, and the commands were moved to the row before. [recording] command_delay_s = 0 in the rig file takes them as they stand.";
+pub const WRITTEN_AFTER: &str = "Each row was written after its command had acted, so the commands were moved one row earlier. [recording] command_delay_s = 0 in the rig file takes the rows as they are.";
 
 /// Rows after its change in which a command's answer is looked for; later ones are a matter of the levels.
 const ROWS: usize = 12;

@@ -56,7 +56,7 @@ impl Window {
     pub(super) fn note(self, interval_s: f64) -> String {
         let [span_s, ahead_s] = [self.span, self.ahead].map(|rows| rows as f64 * interval_s);
         format!(
-            "The speed is a difference of counts over {:.3} s, {:.3} s of them after its row, and is compared as that: record the counts as well, they say more. [recording] speed_window_s and speed_ahead_s in the rig file say what it is.",
+            "The speed is compared as a difference of counts over {:.3} s, of which {:.3} s lie after its row. Record the counts as well: they contain more. [recording] speed_window_s and speed_ahead_s in the rig file override this.",
             span_s, ahead_s
         )
     }
@@ -250,7 +250,7 @@ mod tests {
             let data = Dataset::new(&recordings, &rig).unwrap();
             let centred = data.with_window_centred().unwrap();
             // Whichever is first, the rig file has not said it.
-            prop_assert!(data.notes().iter().any(|note| note.starts_with("The speed is a difference of counts")));
+            prop_assert!(data.notes().iter().any(|note| note.starts_with("The speed is compared as a difference of counts")));
             for (data, ahead) in [(data, 0), (centred, span / 2)] {
                 prop_assert_eq!(data.motion().output, Output::MeanSpeed);
                 let window = Window { span, ahead };

@@ -59,7 +59,7 @@ impl HiddenDrop {
     /// What is said of it.
     pub fn note(&self) -> String {
         format!(
-            "The command has one magnitude: a voltage drop of the bridge ({ID}) only scales it then, and cannot be told from a motor whose resistance, torque constant, inertia and friction are all greater. {} V are taken for it here and in the model, by the nominal values and by what bridges usually lose; it may be up to {} V, and the intervals know that. Record with two magnitudes, or with zero in between: then it is found.",
+            "The command has only one magnitude, so the voltage drop of the bridge ({ID}) cannot be measured. {} V are assumed, from the nominal values and from usual bridges. It may be up to {} V; the intervals contain that. Record with two magnitudes, or with pauses at zero.",
             short(self.drop_v),
             short(self.most_v)
         )

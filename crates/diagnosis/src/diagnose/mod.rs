@@ -79,7 +79,8 @@ const LEAST_ROWS: f64 = 0.3;
 const INDUCTANCE_H: &str = "inductance_H";
 
 /// What is said of constants that were found beside something unknown.
-const BESIDE_UNEXPLAINED: &str = "While that is missing all constants, those of the motor too, hold only roughly: their intervals know of the noise and not of what is missing.";
+const BESIDE_UNEXPLAINED: &str =
+    "Until this is explained, all constants are approximate. Their intervals contain the noise, not the missing cause.";
 /// An error this many times the sensor's noise is told, though it is too little for a name.
 const WORTH_TELLING: f64 = 1.5;
 
@@ -489,7 +490,7 @@ impl Outcome {
         let (times, channel) = reached.iter().map(times).max_by(|a, b| a.0.total_cmp(&b.0))?;
         (self.unexplained.is_none() && times > WORTH_TELLING).then(|| {
             format!(
-                "The error left in {channel} is {times:.1} times its sensor's noise, yet less than {:.0} % of what it ranges over: something small may be missing that is not looked for.",
+                "The error left in {channel} is {times:.1} times the noise of its sensor, but less than {:.0} % of its range. A small effect may be missing; effects that small are not searched for.",
                 100.0 * TOLERANCE
             )
         })
@@ -505,7 +506,7 @@ impl Outcome {
         }
         if self.causes.iter().any(Cause::is_value) && self.parameters.values().any(is_other_unit) {
             advice.push(
-                "So far off is rather a unit than a motor: is i_A in amperes, a speed in rad/s and not in rpm, counts_per_rev after x4 decoding, and the sensor on the motor's shaft and not behind a gear?".into(),
+                "A value this far off is probably a wrong unit. Check: i_A in amperes; speed in rad/s, not rpm; counts_per_rev after x4 decoding; the sensor on the motor's shaft, not behind a gear.".into(),
             );
         }
         advice
@@ -527,7 +528,7 @@ impl Outcome {
         advice.extend(self.advice_on_values());
         if let Some(unexplained) = &self.unexplained {
             advice.push(format!(
-                "Something is missing that has no name here: {}. Look at the report's plots of what is missing.",
+                "An effect outside the catalogue is missing: {}. See the plots of what remains in the report (--report).",
                 unexplained.place()
             ));
             advice.push(BESIDE_UNEXPLAINED.into());
@@ -539,7 +540,7 @@ impl Outcome {
         let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
         if !(reverses(1.0) && reverses(-1.0)) {
             advice.push(
-                "The motor never reverses here: what differs between directions, and friction from other losses, shows only in a recording through zero both ways (sequence `identify`).".into(),
+                "The motor never reverses in this recording. Friction and differences between directions show only when it passes zero both ways: record the sequence `identify`.".into(),
             );
         }
         advice
@@ -776,7 +777,7 @@ mod tests {
         );
         assert!((other_motor.causes[0].evidence_sigmas - 11.0).abs() < 0.05, "{:?}", other_motor.causes);
         let in_rpm = with_torque_constant(60.0 / std::f64::consts::TAU).advice_on_values();
-        assert!(in_rpm.len() == 1 && in_rpm[0].contains("not in rpm"), "{in_rpm:?}");
+        assert!(in_rpm.len() == 1 && in_rpm[0].contains("not rpm"), "{in_rpm:?}");
         assert!(with_torque_constant(1.1).advice_on_values().is_empty());
     }
 }

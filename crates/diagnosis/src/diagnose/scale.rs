@@ -178,19 +178,19 @@ impl Scale {
         let size = format!("{} times too {great_or_small}", short(self.recorded_over_true.abs().exp()));
         let question = match self.quantity {
             Quantity::Motion if self.is_of_counts(data) => format!(
-                "By all constants of the motor the counts are {size} for [encoder] counts_per_rev: is that after x4 decoding (2 or 4 times too small: fewer edges are counted), and the encoder on the motor's shaft and not behind a gear?"
+                "All constants of the motor say that the counts are {size} for [encoder] counts_per_rev. Check x4 decoding (2 or 4 times too small: fewer edges are counted), and that the encoder is on the motor's shaft, not behind a gear."
             ),
             Quantity::Motion => format!(
-                "By all constants of the motor the speed is {size}: is it in rad/s (9.55 times too great: in rpm; 57.3: in degrees; 6.28 times too small: in revolutions), and measured on the motor's shaft and not behind a gear?"
+                "All constants of the motor say that the speed is {size}. Check the unit (9.55 times too great: rpm; 57.3: degrees; 6.28 times too small: revolutions), and that it is measured on the motor's shaft, not behind a gear."
             ),
             Quantity::Current => format!(
-                "By all constants of the motor the current is {size}: is it in amperes (1000 times too great: in mA), and by the sensor's own sensitivity (an ACS712 has 185, 100 or 66 mV/A)?"
+                "All constants of the motor say that the current is {size}. Check the unit (1000 times too great: mA), and the sensitivity of the sensor (an ACS712 has 185, 100 or 66 mV/A)."
             ),
             Quantity::Voltage => format!(
-                "By all constants of the motor the voltage is {size}: measure the supply at the bridge under load, and write it into [supply] voltage_V; a column u_V is brought to volts by --map u_V=u_V*FACTOR."
+                "All constants of the motor say that the voltage is {size}. Measure the supply at the bridge under load and write it into [supply] voltage_V. Convert a column u_V with --map u_V=u_V*FACTOR."
             ),
         };
-        format!("{question} All that is said here, and the model, are in the scale corrected by that.")
+        format!("{question} This result and the model use the corrected scale.")
     }
 
     fn is_of_counts(&self, data: &Dataset) -> bool {

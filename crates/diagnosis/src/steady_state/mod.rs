@@ -144,11 +144,13 @@ pub enum StudyError {
     },
     /// Voltage and speed alone.
     #[error(
-        "{0}: a table without i_A: what the voltage lacks may be a drop, R i or another back-EMF constant, and of voltage and speed at rest from all change none can be told from the others. Measure the current at each voltage, or record over time (t_s), where voltage and speed alone still separate much"
+        "{0}: the table has no i_A. Voltage and speed in steady state cannot tell a drop, the resistance and the back-EMF constant apart. Measure the current at each voltage, or record over time (t_s)"
     )]
     NoCurrent(String),
     /// Too few voltages.
-    #[error("{name}: {levels} voltages or loads; {FEWEST_LEVELS} or more are needed to tell a line from an offset")]
+    #[error(
+        "{name}: only {levels} voltages or loads; give at least {FEWEST_LEVELS}, so that a slope and an offset can be separated"
+    )]
     TooFew {
         /// Which table.
         name: String,
@@ -551,7 +553,7 @@ fn advice(levels: &[Level], unexplained: Option<&Unexplained>) -> Vec<String> {
     let mut advice: Vec<String> = unexplained
         .map(|rest| {
             format!(
-                "Something is missing that has no name here: {}. While it is missing the constants hold only roughly.",
+                "An effect outside the catalogue is missing: {}. Until it is explained, the constants are approximate.",
                 rest.place()
             )
         })
@@ -559,15 +561,15 @@ fn advice(levels: &[Level], unexplained: Option<&Unexplained>) -> Vec<String> {
         .collect();
     if most_a < 2.0 * least_a {
         advice.push(format!(
-            "The current only goes from {} to {} A: a resistance and a constant voltage drop cannot be told apart, nor a back-EMF constant and a resistance that grows with speed. Hold the rotor and step the voltage (resistance, drop), or brake the shaft at one speed (what grows with the current is resistance).",
+            "The current only goes from {} to {} A. That cannot separate a resistance from a constant voltage drop, nor a back-EMF constant from a resistance that grows with speed. Hold the rotor and step the voltage to measure resistance and drop. Or brake the shaft at one speed: the slope of the voltage over the current is the resistance.",
             short(least_a), short(most_a)
         ));
     }
     advice.push(
-        "Turn the shaft from outside and measure the open terminals: that is the back-EMF constant, and with a known speed the scale of the tachogenerator, which these points cannot tell from each other.".into(),
+        "Turn the shaft from outside and measure the voltage of the open terminals. It gives the back-EMF constant, and at a known speed the scale of the tachogenerator. These points cannot separate the two.".into(),
     );
     advice.push(
-        "(P_in - P_out) / I^2 is a resistance only if nothing but a resistance takes the voltage: it contains the drop divided by the current and every error of the back-EMF constant times the speed.".into(),
+        "(P_in - P_out) / I^2 is the resistance only if nothing else takes voltage. It also contains the drop divided by the current, and the back-EMF constant's error times the speed, divided by the current.".into(),
     );
     advice
 }

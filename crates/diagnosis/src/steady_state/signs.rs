@@ -56,16 +56,14 @@ mod tests {
     fn a_motion_or_a_current_against_its_voltage_is_refused() {
         assert_eq!(said("3,0.13,180\n6,0.16,360\n9,0.19,540\n-9,-0.19,-540\n12,0.22,720\n"), "well");
         let backward = said("3,0.13,-180\n6,0.16,-360\n9,0.19,-540\n12,0.22,-720\n");
-        assert!(
-            backward.starts_with("t.csv: rpm goes against the voltage that drives it: one of them has the wrong sign")
-        );
+        assert!(backward.starts_with("t.csv: rpm has the opposite sign of the voltage that drives it"));
         assert!(backward.contains("--map rpm=rpm*-1"), "{backward}");
         // One row alone, as a slip of the hand makes it.
-        assert!(said("3,0.13,180\n6,0.16,-360\n9,0.19,540\n12,0.22,720\n").contains("rpm goes against"));
+        assert!(said("3,0.13,180\n6,0.16,-360\n9,0.19,540\n12,0.22,720\n").contains("rpm has the opposite sign"));
         let current = said("3,-0.13,180\n6,-0.16,360\n9,-0.19,540\n12,-0.22,720\n");
-        assert!(current.contains("i_A goes against the voltage"), "{current}");
+        assert!(current.contains("i_A has the opposite sign of the voltage"), "{current}");
         let no_sign = said("-12,-0.22,720\n-6,-0.16,360\n6,0.16,360\n12,0.22,720\n");
-        assert!(no_sign.contains("rpm never goes backwards though the voltage does"), "{no_sign}");
+        assert!(no_sign.contains("the voltage reverses but rpm never becomes negative"), "{no_sign}");
     }
 
     /// Whatever the rig file has: none of its keys would help.
@@ -75,7 +73,7 @@ mod tests {
             let table = Recording::parse("t.csv", format!("{head}\n0.2,100\n0.4,200\n").as_bytes(), &[]).unwrap();
             let error = study(&table, &Rig::default(), None).unwrap_err().to_string();
             assert!(
-                error.starts_with("t.csv: a table without i_A") && error.contains("Measure the current"),
+                error.starts_with("t.csv: the table has no i_A") && error.contains("Measure the current"),
                 "{error}"
             );
         }

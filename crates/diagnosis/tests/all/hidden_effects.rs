@@ -191,7 +191,7 @@ fn a_frequency_of_the_pwm_is_not_taken_from_what_is_missing() {
     let rig = Rig::parse("rig.toml", &without.join("\n")).unwrap();
     let recording = Recording::parse("recording.csv", trial.csv.as_bytes(), &[]).unwrap();
     let outcome = diagnose(&[recording], &rig, &|_| ()).unwrap().outcome;
-    let of_pwm: Vec<&String> = outcome.advice.iter().filter(|advice| advice.contains("PWM is taken")).collect();
+    let of_pwm: Vec<&String> = outcome.advice.iter().filter(|advice| advice.contains("A PWM of")).collect();
     assert_eq!(of_pwm, [""; 0]);
     assert_eq!(named(&outcome, &hidden(&trial)), hidden(&trial));
 }
@@ -446,7 +446,10 @@ fn a_drop_is_not_seen_behind_one_magnitude() {
     for seed in [1, 8, 20] {
         let recipe = recipe("binary", seed);
         let Diagnosis { outcome, model, .. } = assert_found(seed, &recipe);
-        assert!(outcome.advice.iter().any(|text| text.starts_with("The command has one magnitude")), "seed {seed}");
+        assert!(
+            outcome.advice.iter().any(|text| text.starts_with("The command has only one magnitude")),
+            "seed {seed}"
+        );
         assert!(model.has("voltage_drop"), "seed {seed}: the model is of the voltage asked for");
         let [lowest, highest] = outcome.parameters["resistance_ohm"].ci95;
         let truth = draw(seed, &recipe).truth.motor.resistance_ohm;
