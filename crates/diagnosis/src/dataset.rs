@@ -44,12 +44,12 @@ const LONGEST_INTERVAL_S: f64 = 0.1;
 pub const LONG_ROW: f64 = 1.5;
 /// Span over which an angle is differentiated: short against the motor, long against the encoder's step.
 const DIFFERENCE_SPAN_S: f64 = 0.005;
-/// Blocks of this length are kept back in turn, one in [`KEPT_BACK_EVERY`]; shorter in short recordings.
+/// Blocks of this length are kept back in turn, one in [`HELD_OUT_EVERY`]; shorter in short recordings.
 const BLOCK_S: f64 = 0.25;
 const FEWEST_BLOCKS: f64 = 24.0;
-const KEPT_BACK_EVERY: usize = 3;
+const HELD_OUT_EVERY: usize = 3;
 /// Which of them is kept back.
-const KEPT_BACK: usize = 1;
+const HELD_OUT: usize = 1;
 /// An error below this share of a quantity's spread is not worth a name: holding terms over half a millisecond, a friction
 /// that bends before it slips and reading a speed as a mean cost up to as much.
 pub const TOLERANCE: f64 = 0.01;
@@ -190,7 +190,7 @@ pub struct Dataset {
     /// What was measured.
     pub measured: Vec<Measured>,
     /// Samples that no fit sees.
-    pub kept_back: Vec<bool>,
+    pub held_out: Vec<bool>,
     /// Usual time between samples; of several recordings the first one's.
     pub interval_s: f64,
     /// Step of the encoder; 0 without one.
@@ -239,7 +239,7 @@ impl Dataset {
             all.origin.written_after = true;
             row_order::move_commands(&mut all, row_order::Towards::Before);
         }
-        all.keep_back(KEPT_BACK);
+        all.keep_back(HELD_OUT);
         if let Some(first) = recordings.first() {
             all.check_that_it_turns(&first.name)?;
             all.check(&first.name)?;
@@ -351,7 +351,7 @@ impl Dataset {
 
     fn keep_back(&mut self, part: usize) {
         let block = (BLOCK_S.min(self.span_s() / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize;
-        self.kept_back = (0..self.len()).map(|index| (index / block) % KEPT_BACK_EVERY == part).collect();
+        self.held_out = (0..self.len()).map(|index| (index / block) % HELD_OUT_EVERY == part).collect();
     }
 }
 

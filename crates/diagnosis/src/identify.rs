@@ -1,6 +1,6 @@
 //! Identification by output error: the constants with which the free-running model comes closest to what was measured.
 //!
-//! Every measured quantity is weighted by its noise; what is kept back ([`Dataset::kept_back`]) is not seen, but when
+//! Every measured quantity is weighted by its noise; what is kept back ([`Dataset::held_out`]) is not seen, but when
 //! a load comes is read from all. Nominal values enter as what a data sheet is worth, [`NOMINAL_SPREAD`]; they decide only where the data are silent.
 //! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
 //! correlated within a block (sandwich; White, Econometrica 50 (1982)).
@@ -424,9 +424,9 @@ fn weighted_residual(data: &Dataset, prediction: &Prediction) -> Vec<f64> {
     let mut residual = Vec::with_capacity(data.len() * data.measured.len());
     for (measured, predicted) in data.measured.iter().zip(prediction) {
         let weight = 1.0 / measured.least_error(measured.noise);
-        for ((value, predicted), kept_back) in measured.values.iter().zip(predicted).zip(&data.kept_back) {
+        for ((value, predicted), held_out) in measured.values.iter().zip(predicted).zip(&data.held_out) {
             let difference = (predicted - value) * weight;
-            residual.push(if *kept_back || difference.is_nan() { 0.0 } else { difference });
+            residual.push(if *held_out || difference.is_nan() { 0.0 } else { difference });
         }
     }
     residual

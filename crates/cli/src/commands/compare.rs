@@ -149,7 +149,7 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
     let model = read_model(model)?;
     // The model was not fitted here: all of it is new to it.
-    data.kept_back.fill(true);
+    data.held_out.fill(true);
     let prediction = free_run(&model, &data);
     let mut text = String::from("Free-running simulation of the model against the whole recording\n");
     let (mut channels, mut drawn) = (Vec::new(), Vec::new());

@@ -97,7 +97,7 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
         quality.iter().map(|(channel, fitted)| format!("{channel} {:.1} %", fitted.fit_percent)).collect();
     progress(&format!("fit on the rest: {}; now to all of it", reached.join(", ")));
     let mut everything = data.clone();
-    everything.kept_back.fill(false);
+    everything.held_out.fill(false);
     let last = fit(&seen.model, &everything, &prior, Effort::FULL);
     let intervals = last.intervals(&everything);
     let constant = |(index, (name, value)): (usize, (&'static str, f64))| {

@@ -1,6 +1,6 @@
 //! The same recordings taken otherwise: in another scale, another reading of what the rig file leaves open.
 
-use super::{Dataset, KEPT_BACK, KEPT_BACK_EVERY, Output, Stretch, Window, row_order};
+use super::{Dataset, HELD_OUT, HELD_OUT_EVERY, Output, Stretch, Window, row_order};
 use motorbench_data::rig::Readings;
 
 impl Dataset {
@@ -107,8 +107,8 @@ impl Dataset {
     }
 
     /// The same data with each of the other parts kept back in turn.
-    pub fn with_others_kept_back(&self) -> impl Iterator<Item = Self> {
-        (0..KEPT_BACK_EVERY).filter(|part| *part != KEPT_BACK).map(|part| {
+    pub fn with_others_held_out(&self) -> impl Iterator<Item = Self> {
+        (0..HELD_OUT_EVERY).filter(|part| *part != HELD_OUT).map(|part| {
             let mut other = self.clone();
             other.keep_back(part);
             other

@@ -97,7 +97,7 @@ fn a_resistance_may_grow_with_the_speed() {
 
 /// At a moment that is kept back no fit sees it; the time of the step was moved there, and a gap before nothing made up for it.
 #[test]
-fn a_load_may_come_where_the_data_are_kept_back() {
+fn a_load_may_begin_in_the_held_out_data() {
     let diagnosis = assert_found(3019, &recipe("load_step", 3019));
     let [reached, floor] = ["extended", "noise_floor"].map(|fit| diagnosis.outcome.fit[fit]["omega_rad_per_s"].rmse);
     assert!(reached < 1.1 * floor, "{reached} {floor}");
