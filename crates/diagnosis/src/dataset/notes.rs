@@ -1,4 +1,4 @@
-//! What is said of how the recordings were made, where the rig file does not say it.
+//! Notes on how the recordings were made, where the rig file does not say it.
 
 use super::{
     Contradiction, Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, held_rotor,
@@ -7,17 +7,17 @@ use super::{
 use motorbench_data::recording::Channel;
 use motorbench_text::terminal_text::short;
 
-/// Said of commands that changed between rows.
+/// Note on commands that changed between rows.
 const BETWEEN_ROWS: &str = "The commands changed between rows. The times of these changes were estimated from the readings, also in the held-out data. The intervals do not contain that uncertainty. Write a row for each command. [recording] command_delay_s = 0 in the rig file takes the rows as they are.";
 
-/// Said of an angle that only a tachogenerator tells.
+/// Note on an angle that was estimated from a tachogenerator.
 const BY_RIPPLE: &str = "The angle of the shaft was estimated from the ripple of the speed, also in the held-out data. The integral of the speed is too noisy for it. An encoder would measure it.";
 
-/// Said of a speed that is no more than taken for that.
+/// Note on a speed that is assumed to be a mean.
 const OVER_ITS_ROW: &str = "The speed is compared as a mean since the row before; a delay would explain it as well. Set [recording] speed_window_s in the rig file to say which it is (0: of the moment).";
 
 impl Dataset {
-    /// What was found of how the recordings were made, where the rig file does not say it.
+    /// Notes on what was found about the recordings and is not in the rig file.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.origin.contradictions.iter().map(Contradiction::note).collect();
         notes.extend(self.origin.empty.iter().map(|channel| without_a_number(*channel)));

@@ -1,10 +1,10 @@
-//! What no table of a motor shows that nothing else drives: a motion or a current against its voltage.
+//! Signs that a motor without an external drive never has: a motion or a current against its voltage.
 
 use super::NEARLY_AT_REST;
 use crate::dataset::{DatasetError, greatest};
 use motorbench_data::recording::{Channel, Recording};
 
-/// Refuses it in the words that recordings get.
+/// Refuses such a table with the same messages as recordings.
 pub(super) fn check(table: &Recording, voltage: &[f64], current: &[f64], speed: &[f64]) -> Result<(), DatasetError> {
     // A weight may turn a motor against its voltage.
     if table.get(Channel::LoadTorque).is_some_and(|load| load.iter().any(|load| *load != 0.0)) {
@@ -18,7 +18,7 @@ pub(super) fn check(table: &Recording, voltage: &[f64], current: &[f64], speed: 
     if opposes(voltage, speed) {
         return Err(DatasetError::Backward { name, column: motion });
     }
-    // An offset of the sensor may be more than a motor without load draws: some rows say nothing, all together do.
+    // The offset of the sensor may exceed the no-load current: single rows prove nothing, all together do.
     let power_w: f64 =
         voltage.iter().zip(current).map(|(u_v, i_a)| u_v * i_a).filter(|power_w| !power_w.is_nan()).sum();
     if power_w < 0.0 {
@@ -32,7 +32,7 @@ fn goes_both_ways(values: &[f64]) -> bool {
     values.iter().any(|value| *value > least) && values.iter().any(|value| *value < -least)
 }
 
-/// Whether a speed goes against its voltage in any row in which the motor turns.
+/// Whether a speed opposes its voltage in any row in which the motor turns.
 fn opposes(voltage: &[f64], speed: &[f64]) -> bool {
     let least = NEARLY_AT_REST * greatest(speed);
     voltage.iter().zip(speed).any(|(u_v, omega)| u_v * omega < 0.0 && omega.abs() > least)
@@ -58,7 +58,7 @@ mod tests {
         let backward = said("3,0.13,-180\n6,0.16,-360\n9,0.19,-540\n12,0.22,-720\n");
         assert!(backward.starts_with("t.csv: rpm has the opposite sign of the voltage that drives it"));
         assert!(backward.contains("--map rpm=rpm*-1"), "{backward}");
-        // One row alone, as a slip of the hand makes it.
+        // A single row, as from a slip of the pen.
         assert!(said("3,0.13,180\n6,0.16,-360\n9,0.19,540\n12,0.22,720\n").contains("rpm has the opposite sign"));
         let current = said("3,-0.13,180\n6,-0.16,360\n9,-0.19,540\n12,-0.22,720\n");
         assert!(current.contains("i_A has the opposite sign of the voltage"), "{current}");
