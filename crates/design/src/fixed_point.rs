@@ -1,4 +1,4 @@
-//! A design as the core holds it: settings, and the gains its fixed-point formats make of them.
+//! A design as the core holds it: settings, and the gains in its fixed-point formats.
 
 use super::law::{ControlLaw, Signal, setting_name, setting_unit};
 use super::observer::winding_time_ms;
@@ -178,7 +178,7 @@ pub(super) fn refusal(error: BuildError, value: f64) -> DesignError {
     }
 }
 
-/// What to do about a setting that the core cannot hold: it depends on what the setting follows from.
+/// Advice on a setting that the core cannot hold, by the quantity that it follows from.
 fn advice(error: BuildError) -> &'static str {
     use Rule::{NotAllowed, NotFinite, NotPowerOfTwo, RoundsToZero, TooLarge, TooSmall};
     match (error.param, error.rule) {

@@ -69,7 +69,7 @@ use specification::{ImpossibleSpecification, Specification, Speed};
 use tachogenerator::Tachogenerator;
 use weights::{BadWeight, Weights};
 
-/// What surrounds the motor.
+/// The surroundings of the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bench {
     /// Motor supply, in volts.
@@ -102,7 +102,7 @@ impl Default for Bench {
     }
 }
 
-/// Why there is no design.
+/// Why a design failed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DesignError {
     /// The model is no motor.
@@ -267,7 +267,7 @@ pub struct DesignedGain {
     pub held: f64,
 }
 
-/// What the core did in closed loop with the motor of the model, behind an ideal bridge.
+/// The core in closed loop with the motor of the model, behind an ideal bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrialFigures {
     /// Step of the reference, in rad/s or rad.

@@ -1,4 +1,4 @@
-//! `motorbench analyse`: what the linear model of a motor says.
+//! `motorbench analyse`: properties of the linear model of a motor.
 
 use super::{Failure, JSON_TO, Outputs, TERMINAL, write, write_json};
 use clap::Args;
@@ -73,16 +73,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A transfer function of a motor, with what it leads to.
+/// A transfer function of a motor, with its poles, zeros and gain.
 type Named = (&'static str, TransferFunction);
 
 impl Arguments {
-    /// What is written where.
+    /// Its input and output.
     fn written(&self) -> Vec<PathBuf> {
         [&self.bode, &self.step, &self.json].into_iter().flatten().cloned().collect()
     }
 
-    /// The forms in `z`, if they are asked for.
+    /// The forms in `z`, if requested.
     fn sampled(&self, motor: &MotorParameters) -> Result<Option<[Named; 3]>, Failure> {
         let Some(period_ms) = self.period_ms else { return Ok(None) };
         if !PERIOD_MS.contains(&period_ms) {
@@ -105,9 +105,9 @@ impl Arguments {
     }
 }
 
-/// Sampling of loops, with decades to spare; what is far beyond tells nothing in the digits that a number has.
+/// Sampling of loops, with a wide margin; beyond it the digits of a number do not suffice.
 const PERIOD_MS: RangeInclusive<f64> = 1e-3..=1e4;
-/// Longest delay for which the form in `z` is worth writing down.
+/// Longest delay for which the form in `z` is useful.
 const MOST_PERIODS_LATE: f64 = 10.0;
 /// Points of a frequency response, and how far beyond the poles it reaches.
 const FREQUENCIES: usize = 301;

@@ -1,4 +1,4 @@
-//! `motorbench autotune`
+//! `motorbench autotune`: gains from an experiment on a board.
 
 use super::board::{PortArguments, finite, on_interrupt};
 use super::{Failure, JSON_TO, Outputs, TERMINAL, write, write_json};
@@ -20,15 +20,16 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The acceptance test: a second on the reference, of which the last quarter counts; so much of it has to come over the line.
+/// The acceptance test: a second on the reference, of which the last quarter counts; this share of the samples has to
+/// arrive.
 const TEST_S: f64 = 1.0;
 const LAST_PART: f64 = 0.25;
 const COME_SHARE: f64 = 0.9;
-/// Before it the motor comes to rest: to this share of the reference, looked at so often, for so many times.
+/// Before it the motor comes to rest: to this share of the reference, checked at this interval, this many times.
 const RESTING_SHARE: f64 = 0.05;
 const LOOK_S: f64 = 0.1;
 const MOST_LOOKS: usize = 100;
-/// What it demands.
+/// Limits of the acceptance test.
 const MOST_OVERSHOOT_PERCENT: f64 = 35.0;
 const MOST_ERROR_SHARE: f64 = 0.03;
 
@@ -71,7 +72,7 @@ pub struct Arguments {
     json: Option<PathBuf>,
 }
 
-/// How long a voltage may be held, in seconds: the motor has to arrive, and somebody waits.
+/// How long a voltage may be held, in seconds: the motor has to settle while the user waits.
 const HOLD_S: RangeInclusive<f64> = 0.2..=60.0;
 
 fn hold(text: &str) -> Result<f64, String> {
@@ -91,7 +92,7 @@ fn turning(text: &str) -> Result<f64, String> {
         .ok_or("expected a speed other than 0: at rest friction would be measured instead of the loop".into())
 }
 
-/// A board beside which somebody stands who can stop it.
+/// A board with a user who can stop it.
 struct Attended {
     link: Link<Port>,
     stopped: Arc<AtomicBool>,
@@ -117,7 +118,7 @@ impl Board for Attended {
 /// Runs it.
 ///
 /// # Errors
-/// [`Failure`]: the board, an experiment that says nothing, or gains that do not pass.
+/// [`Failure`]: the board, a useless experiment, or gains that fail the test.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.relay.is_some() && arguments.reference < 0.0 {
         return Err(Failure::input("--relay needs a --reference above 0; only the step experiment can go backwards"));
@@ -129,7 +130,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     watch_host(&mut board, &settings)?;
     let tuned = tuned(&mut board, &settings, arguments, &outputs);
     let left = leave_host(&mut board, &settings);
-    // Why it did not come to gains is the first to say.
+    // The reason for missing gains is reported first.
     tuned.and(left.map_err(Failure::from))
 }
 
@@ -142,7 +143,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     let restore = format!("set {}", before.join(" "));
     let tested = acceptance(board, settings, arguments.reference);
     if tested.is_err() {
-        // What went wrong is said below; a board that is gone has lost the gains with its supply.
+        // The reason is reported below; a board that is gone has lost the gains with its supply.
         let _ = board.command(&restore);
     }
     let (overshoot_percent, error) = tested?;
@@ -181,7 +182,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     Ok(())
 }
 
-/// What an experiment found, for a person and for a program.
+/// Result of an experiment, as text and as JSON.
 struct Found {
     text: String,
     json: Value,
@@ -232,7 +233,7 @@ fn shown(settings: &Settings, name: &str) -> String {
     format!("{name} {value}")
 }
 
-/// Lets the bridge brake the motor, which may turn from the experiment: what it has of that is no overshoot.
+/// Lets the bridge brake the motor first, which may turn from the experiment: that motion is no overshoot.
 fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(), BoardError> {
     arm(board)?;
     board.command("mode open")?;
@@ -247,7 +248,7 @@ fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> 
     board.command("disarm")
 }
 
-/// Goes to the reference from rest; overshoot in percent, and mean error at the end.
+/// Goes to the reference from rest; returns overshoot in percent, and mean error at the end.
 fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(f64, f64), BoardError> {
     come_to_rest(board, settings, reference)?;
     arm(board)?;
@@ -266,7 +267,7 @@ fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Re
     Ok((100.0 * (shares.iter().copied().fold(1.0, f64::max) - 1.0), error.abs()))
 }
 
-/// An overshoot may be in what was lost on the line.
+/// Lost samples may contain an overshoot.
 fn has_come(samples: &[Sample]) -> Result<(), BoardError> {
     let (came, missing) = (samples.len(), missing_ticks(samples));
     let sent = came as f64 + f64::from(missing);

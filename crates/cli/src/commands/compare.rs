@@ -130,7 +130,7 @@ pub fn table(compared: &Comparison) -> String {
     text
 }
 
-/// Both over time, a panel for each channel, and below it one for what they differ by.
+/// Both over time, a panel for each channel, and below it one for their difference.
 pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
     let of_channel = |channel: &Difference| {
         let both =
@@ -148,7 +148,7 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     let recording = read_recording(recording, &arguments.columns)?;
     let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
     let model = read_model(model)?;
-    // The model was not fitted here: all of it is new to it.
+    // The model was not fitted here, so all data are new to it.
     data.held_out.fill(true);
     let prediction = free_run(&model, &data);
     let mut text = String::from("Free-running simulation of the model against the whole recording\n");
@@ -166,7 +166,7 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     finish(arguments, &json!({ "channels": channels }), &text, || panels(data.interval_s, &drawn))
 }
 
-/// Length of the step that models answer, in electromechanical time constants, and its samples.
+/// Length of the step response of models, in electromechanical time constants, and its samples.
 const STEP_LENGTH: f64 = 8.0;
 const STEP_SAMPLES: usize = 400;
 /// Frequencies of the magnitudes, around the motor's own.

@@ -1,4 +1,4 @@
-//! `motorbench convert`
+//! `motorbench convert`: recordings from and to other formats.
 
 use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write, write_json};
 use clap::{Args, ValueEnum};

@@ -201,10 +201,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 const NOTHING_TO_COMPENSATE: &str = "nothing to compensate: the model has no [effects.coulomb_friction] and no [effects.voltage_drop]. Without a model give bridge.drop_V in the rig file, or --coulomb-Nm";
 
-/// What the core is to make up for.
+/// The compensation of the core.
 struct Compensation {
     settings: Vec<CompensationSetting>,
-    /// What it is tried with, if anything is made up for: the whole model, or a motor that has these losses alone.
+    /// The plant for trying it, if anything is compensated: the whole model, or a motor with these losses alone.
     model: Option<Model>,
 }
 
@@ -217,7 +217,7 @@ impl Compensation {
         Ok(settings)
     }
 
-    /// What it brings to each design.
+    /// Its gain for each design.
     fn near_standstill(&self, designs: &[Design], settings: &Settings) -> Result<Vec<Standstill>, Failure> {
         let Some(model) = &self.model else { return Ok(Vec::new()) };
         let found =
@@ -233,7 +233,7 @@ impl Arguments {
         }
         let losses = model.map_or_else(|| self.losses(rig), Model::dry_losses);
         let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
-        // The settings are sent all the same: the board may have others from another motor.
+        // The settings are sent in any case: the board may have others from another motor.
         let model =
             (losses != DryLosses::default()).then(|| model.cloned().unwrap_or_else(|| model_of(&losses, motor)));
         Ok(Compensation { settings: settings.map_err(Failure::input)?, model })
@@ -248,7 +248,7 @@ impl Arguments {
         [(pid, !self.lqr), (lqr, !self.pid)].into_iter().filter(|(_, wanted)| *wanted).map(|(law, _)| law).collect()
     }
 
-    /// What rig file and command line say of them.
+    /// Losses from rig file and command line.
     fn losses(&self, rig: &Rig) -> DryLosses {
         DryLosses {
             friction_forward_nm: self.coulomb_nm,
@@ -281,7 +281,7 @@ impl Arguments {
         Weights::bryson(self.position, &self.largest, largest_v)
     }
 
-    /// The motor of the model, or else of the rig; what surrounds it of the rig, or else of the model; the model, if one is given.
+    /// The motor from the model or the rig; its surroundings from the rig or the model; the model, if one is given.
     fn problem(&self) -> Result<(MotorParameters, Bench, Rig, Option<Model>), Failure> {
         let (motor_file, surroundings) = match (&self.model, &self.rig) {
             (Some(model), Some(rig)) => (model, rig),
@@ -317,19 +317,19 @@ impl Arguments {
     }
 }
 
-/// A law that is not offered beside one that is.
+/// A law that is refused beside one that is offered.
 #[derive(serde::Serialize)]
 struct Refused {
     law: ControlLaw,
     why: String,
 }
 
-/// By how much a model's loop is late, a tachogenerator's lag with it where the speed comes from there.
+/// Delay of a model's loop, including a tachogenerator's lag if it measures the speed.
 fn late_s(model: &Model, by_tachogenerator: bool) -> f64 {
     model.delay_s() + if by_tachogenerator { model.tachogenerator_lag_s() } else { 0.0 }
 }
 
-/// What measures the speed in place of an encoder: of a rig that says so or has no encoder. Inside: `None` without a gain.
+/// The tachogenerator, if the rig says that it measures the speed or has no encoder. Inside: `None` without a gain.
 fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
     let given = &rig.tachogenerator;
     let takes_its_place = rig.encoder.counts_per_rev.is_none() && given.gain_v_per_krpm.is_some();
@@ -350,7 +350,7 @@ fn written((law, figures, _): &TrialWithEffects) -> serde_json::Value {
     serde_json::json!({ "law": law, "trial": figures })
 }
 
-/// Half a page.
+/// The text of half a page.
 fn page(
     designs: &[Design],
     refused: &[Refused],

@@ -1,4 +1,4 @@
-//! `motorbench diagnose`
+//! `motorbench diagnose`: names what the linear motor lacks.
 
 use super::recordings::RecordingArguments;
 use super::{
@@ -76,7 +76,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))
 }
 
-/// One line for each file, in no order; a bad one does not stop the others.
+/// One line for each file, in order of completion; a bad file does not stop the others.
 fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
     let files = expanded(&args.recordings.recordings)?;
     let bar = super::bar(files.len() as u64);
@@ -106,7 +106,7 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
     }
 }
 
-/// A fault of the program in one file is that file's error, and stops no others.
+/// An internal fault in one file is that file's error, and does not stop the others.
 fn guarded<T>(study: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     panic::catch_unwind(AssertUnwindSafe(study)).unwrap_or_else(|payload| {
         let text = payload.downcast_ref::<String>().map(String::as_str);
@@ -145,10 +145,10 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// Those of a folder's entries. A folder of which a part cannot be read is not studied as if the rest were all.
+/// The recordings of a folder. If a part of the folder cannot be read, the command fails instead of leaving it out.
 fn recordings_of(entries: impl Iterator<Item = io::Result<PathBuf>>) -> io::Result<Vec<PathBuf>> {
     let mut files = entries.collect::<io::Result<Vec<PathBuf>>>()?;
-    // Who writes into a pipe may never come.
+    // A pipe may never end.
     let is_recording = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
     let is_no_file = |file: &PathBuf| file.metadata().is_ok_and(|found| !found.is_file());
     files.retain(|file| is_recording(file) && !is_no_file(file));
@@ -163,7 +163,7 @@ fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) 
         write(path, &table_report::html(&study, &table.name))?;
     }
     finish(args, outputs, &study, || table_report::page(&study))?;
-    // Everything else that was asked for is there by now.
+    // All other results are written by now.
     args.model.as_ref().map_or(Ok(()), |path| {
         Err(Failure::input(format!(
             "{}: a table of steady states shows neither inertia nor inductance; --model needs a recording over time",

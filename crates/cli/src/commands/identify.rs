@@ -1,4 +1,4 @@
-//! `motorbench identify`
+//! `motorbench identify`: the constants of the linear motor.
 
 use super::recordings::RecordingArguments;
 use super::{Failure, Outputs, may_hold_model, spinner, write_json, write_model};
@@ -34,14 +34,14 @@ pub struct Arguments {
     json: Option<PathBuf>,
 }
 
-/// What was found. Units are in the names or beside the values.
+/// The result. Units are in the names or beside the values.
 #[derive(Serialize)]
 struct Identified {
     parameters: BTreeMap<&'static str, Constant>,
     fit: BTreeMap<&'static str, Fitted>,
-    /// Then the intervals are those of a model that does not hold.
+    /// Then the intervals belong to a model that does not hold.
     leaves_more_than_noise: bool,
-    /// What was noticed of the recording.
+    /// Notes on the recording.
     notes: Vec<String>,
 }
 
@@ -51,7 +51,7 @@ struct Constant {
     ci95: [f64; 2],
 }
 
-/// A free-running simulation against data kept back from the fit.
+/// A free-running simulation against the held-out data.
 #[derive(Serialize)]
 struct Fitted {
     rmse: f64,
@@ -81,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Fits without the data kept back, measures on it, and fits again to everything for the constants.
+/// Fits without the held-out data, judges on them, and fits again to all data for the constants.
 fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> (Model, Identified) {
     let prior = Prior::new(nominal, data);
     progress("fit to two thirds of the data");
@@ -109,7 +109,7 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
     (last.model, Identified { parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
 }
 
-/// What a reader of the intervals has to know.
+/// Warning on the intervals.
 const LEAVES_MORE: &str = "The linear motor leaves more than noise. Its constants are bent to make up for what it lacks, and their intervals do not show that. `motorbench diagnose` names the cause.";
 
 fn page(identified: &Identified) -> String {

@@ -1,4 +1,4 @@
-//! `motorbench live`
+//! `motorbench live`: replays a recording to a plotter.
 
 use super::{Failure, JSON_TO, Outputs, TERMINAL, read_recording, write_json};
 use clap::Args;
@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where a command for a board sends its samples while they come.
+/// Where a command for a board sends its samples.
 #[derive(Args)]
 pub(super) struct LiveArguments {
     /// Sends every sample to PlotJuggler or Teleplot over UDP, with the board's time.
@@ -79,7 +79,7 @@ enum Plotter {
 }
 
 impl LiveArguments {
-    /// Ready to send, if that is wanted.
+    /// The sender, if requested.
     pub(super) fn open(&self) -> Result<Option<Live>, Failure> {
         let of = |plotter| self.live.iter().rev().find(|(which, _)| *which == plotter).map(|(_, address)| *address);
         let [plotjuggler, teleplot] = [Plotter::PlotJuggler, Plotter::Teleplot].map(of);

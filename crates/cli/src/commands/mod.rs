@@ -81,7 +81,7 @@ enum Command {
     Man(manual::ManArguments),
 }
 
-/// What a script may go by, in the words of docs/reference/commands.md.
+/// Exit codes for scripts, in the words of docs/reference/commands.md.
 const EXIT_CODES: [(u8, &str); 4] = [
     (0, "done"),
     (1, "the input or the result is not usable: the message says which file, where in it and what to do"),
@@ -107,7 +107,7 @@ impl Failure {
         Self { message: message.to_string(), code: 1 }
     }
 
-    /// The command line is wrong, which only shows when it is carried out.
+    /// The command line is wrong, which shows only while it is carried out.
     #[cfg(all(feature = "chip", unix))]
     fn command_line(message: impl Display) -> Self {
         Self { message: message.to_string(), code: 2 }
@@ -124,7 +124,7 @@ pub fn command() -> clap::Command {
     Program::command()
 }
 
-/// Columns that the help takes to stand beside the options.
+/// Columns that the help needs beside the options.
 const BESIDE_OPTIONS: u16 = 60;
 
 /// The command line on a terminal of so many columns: on a narrow one the help stands below the options.
@@ -132,7 +132,7 @@ fn command_on(columns: u16) -> clap::Command {
     command().next_line_help(columns < BESIDE_OPTIONS)
 }
 
-/// Those of the terminal; where it does not tell them, or is none, enough.
+/// Columns of the terminal; enough if it does not report them, or is none.
 fn columns() -> u16 {
     window_size().map(|window| window.columns).ok().filter(|columns| *columns > 0).unwrap_or(u16::MAX)
 }
@@ -167,11 +167,11 @@ pub fn main() -> ExitCode {
     ExitCode::from(failure.code)
 }
 
-/// Says something beside the result; on a terminal in lines that fit it.
+/// Prints a message besides the result; on a terminal in lines that fit it.
 fn tell(text: &str) {
     let mut error = io::stderr();
     let text = if error.is_terminal() { narrow(text) } else { text.into() };
-    // The exit code says what failed as well, to who has closed the terminal.
+    // If the terminal was closed, the exit code still reports the failure.
     let _ = writeln!(error, "{text}");
 }
 
