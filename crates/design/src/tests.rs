@@ -633,9 +633,9 @@ fn what_is_offered_by_a_tachogenerator_turns_about() {
     assert!(offered >= MOTORS as usize && found.lost > 0, "{offered} {}", found.lost);
 }
 
-/// The same with motors that nobody has seen.
+/// The same with freshly drawn motors.
 #[test]
-fn what_is_offered_by_a_fresh_tachogenerator_turns_about() {
+fn designs_for_freshly_drawn_tachogenerators_reverse() {
     const MOTORS: u64 = 6;
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
     let first = now.as_secs();

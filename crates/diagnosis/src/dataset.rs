@@ -394,7 +394,7 @@ mod tests {
 
     /// Of the same counts, written at any rate: what a perfect model leaves is their rounding, and taken for that.
     #[test]
-    fn rounding_is_as_much_noise_as_it_is() {
+    fn rounding_counts_as_its_true_noise() {
         for interval_s in [1e-3, 4e-3, 1e-2] {
             let time_s: Vec<f64> = (0..(8.0 / interval_s) as usize).map(|row| row as f64 * interval_s).collect();
             let with_the_motion = |time_s: f64| 0.9 * (2.0 * time_s).sin();
@@ -484,7 +484,7 @@ mod tests {
     }
 
     #[test]
-    fn a_current_of_nothing_is_none() {
+    fn an_empty_current_column_is_not_used() {
         let mut text = String::from("t_s,duty,counts,i_A\n");
         for t_s in rows(1e-3, 4.0) {
             let _ = writeln!(text, "{t_s:.4},{:.4},{},nan", duty(t_s), counts(t_s));

@@ -201,7 +201,7 @@ mod tests {
 
     /// Of sensors as well as of the motor: the order of discovery is not the order of action.
     #[test]
-    fn the_order_in_which_effects_were_found_means_nothing() {
+    fn the_order_of_effects_does_not_change_the_simulation() {
         let effects: [(&str, &[f64]); 5] = [
             ("current_lag", &[2e-3, 0.0, 0.0]),
             ("current_offset", &[-0.3]),
@@ -219,7 +219,7 @@ mod tests {
 
     /// Not half a step earlier or later, wherever in a row that is.
     #[test]
-    fn a_load_comes_when_it_says() {
+    fn a_load_step_begins_at_its_time() {
         let speed_after = |interval_s: f64, time_s: f64| {
             let data = stepped(interval_s);
             let model = Model::linear(MotorParameters::PIVT6).with(effect("load_step").unwrap(), vec![0.02, time_s]);
@@ -253,7 +253,7 @@ mod tests {
 
     /// From a start at rest, and where the bridge opens and closes within a step.
     #[test]
-    fn late_commands_are_the_same_later() {
+    fn a_delay_shifts_the_commands() {
         let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
         for row in 0..300 {
             let volts = if row / 50 % 2 == 0 { "12" } else { "" };

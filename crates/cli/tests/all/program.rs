@@ -840,7 +840,7 @@ fn the_demonstration_fits_a_terminal() {
 
 /// As `motorbench man | head` does it.
 #[test]
-fn a_reader_who_has_had_enough_is_no_error() {
+fn a_reader_that_ends_early_is_no_error() {
     for arguments in [&["man"][..], &["completions", "bash"]] {
         let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_motorbench"))
             .args(arguments)

@@ -245,7 +245,7 @@ mod tests {
 
     /// A load on the shaft, and a bridge whose resistance is in series.
     #[test]
-    fn more_of_two_values_is_no_scale() {
+    fn two_raised_values_are_no_scale() {
         for values in [[2.0, f64::NAN, 2.0], [4.0, f64::NAN, 4.0], [2.0, 1.0, 2.0]] {
             assert_eq!(scales_of(values), [], "{values:?}");
         }

@@ -107,9 +107,9 @@ impl Chooser<'_> {
         let without = fit(&current.model.without(id), self.data, self.prior, Effort::CHECK);
         let mut own = self.gain(&without, current);
         // If only another motor fits without it, the data sheet counts for the effect as well.
-        let stranger = squared_deviations(self.prior, &without) - squared_deviations(self.prior, current);
+        let more_deviation = squared_deviations(self.prior, &without) - squared_deviations(self.prior, current);
         let keeps_the_motor =
-            !self.is_implausible(current) && (self.is_implausible(&without) || stranger > IMPLAUSIBLE_SQUARES);
+            !self.is_implausible(current) && (self.is_implausible(&without) || more_deviation > IMPLAUSIBLE_SQUARES);
         if keeps_the_motor {
             own.sigmas = own.sigmas.max(0.0).hypot(squared_deviations(self.prior, &without).sqrt());
         }
