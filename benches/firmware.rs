@@ -1,4 +1,4 @@
-//! The table of docs/reference/benchmarks.md, what the firmware costs, measured on the simulated chip: exact, so one run is enough and a
+//! The table of docs/reference/benchmarks.md: what the firmware costs on the simulated chip. It is exact, so one run is enough and a
 //! statistical benchmark would say no more. `cargo bench --features chip --bench firmware`.
 
 #[path = "../tests/common/mod.rs"]

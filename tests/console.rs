@@ -35,7 +35,7 @@ struct Host {
 
 impl Host {
     fn tick(&mut self, request: Option<Request>) {
-        let stop = if self.emergency_stop { Inputs::EMERGENCY_STOP } else { 0 };
+        let stop = if self.emergency_stop { Inputs::STOP_CLOSED } else { 0 };
         let inputs = Inputs {
             current_sum: 4096,
             duty_scale: duty_scale(12_288),

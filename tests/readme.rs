@@ -1,6 +1,6 @@
 //! The README and the pages beside it say what the source says.
 
-use motorbench_core::pins::PIN_MAP;
+use motorbench_board::pins::PIN_MAP;
 use std::path::{Path, PathBuf};
 
 const README: &str = include_str!("../README.md");
@@ -145,8 +145,10 @@ fn folders() -> Vec<PathBuf> {
 fn what_the_pages_name_of_the_sources_exists() {
     let folders = folders();
     let lock = include_str!("../Cargo.lock");
-    let file =
-        |kind: &str, name: &str| folders.iter().any(|folder| folder.join(kind).join(format!("{name}.rs")).exists());
+    let file = |kind: &str, name: &str| {
+        let places = [format!("{kind}/{name}.rs"), format!("{kind}/{name}/main.rs")];
+        folders.iter().any(|folder| places.iter().any(|place| folder.join(place).exists()))
+    };
     let mut wrong = Vec::new();
     for page in pages() {
         let text = std::fs::read_to_string(&page).unwrap();

@@ -135,6 +135,13 @@ impl<'a> Quantiser<'a> {
         self.settings.get(param) != 0.0
     }
 
+    /// Whether a setting is this number.
+    #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+    pub fn is(&self, param: Param, number: f32) -> bool {
+        self.settings.get(param) == number
+    }
+
     /// Whether the tick is the fast one.
     #[inline(always)]
     pub fn is_fast(&self) -> bool {

@@ -1,30 +1,48 @@
 //! Trips: what switches the drive off by itself.
 //!
 //! Checked once a tick, on what was measured in this tick and the voltage of the tick before. Times are counted in
-//! ticks, so a trip comes within one tick of its time.
+//! ticks, so a trip comes within two ticks of its time.
 //!
 //! | trip | condition |
 //! |---|---|
 //! | over-current, peak | current above `trip_peak` for 5 ms (the L293D's own non-repetitive limit) |
 //! | over-current, thermal | square of the current, low-passed with `trip_thermal_time`, above that of `trip_continuous` |
 //! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
-//! | encoder silent | driven, no motion, and a current that says the motor turns (back-EMF) or is not connected: below a quarter of voltage / `resistance`, for `trip_encoder` |
-//! | runaway | speed against the voltage and not falling, for `trip_runaway`: wrong feedback sign |
-//! | sensor range | current signal at a rail for 3 ticks |
+//! | encoder silent | the voltage implies a speed, see below, for `trip_encoder`, and the encoder shows none |
+//! | encoder counts too few | the same, and the encoder shows too little |
+//! | encoder lines | edges that go to and fro by one count in most ticks of 64 ms; or illegal transitions in most ticks, 50 of them |
+//! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
+//! | sensor range | current signal at a rail for 4 ticks, or a current above `trip_peak` with the drive disarmed |
+//! | converter silent | no block of conversions in a tick |
 //! | supply range | measured supply outside its limits for 10 ms |
-//! | emergency stop | pressed |
+//! | emergency stop | pressed, or its wire broken where it is normally closed |
 //! | host lost | silent for `trip_host` while armed |
 //! | main loop hung | no sign of the main loop for 100 ms |
+//! | stack overflow | the byte below the stack has changed |
 //!
 //! "Driven" means a voltage above a quarter of the supply setting: below it a motor may rest in its friction, and the
 //! L293D's own drop (2.6 V) may leave nothing to brake with.
+//!
+//! ## What proves motion
+//! A line that is stuck leaves edges, but the count only goes to and fro by one: motion is a count that has left its place
+//! by more than two. And the motor is a sensor of its own: what the voltage has more than the resistance takes is back-EMF.
+//!
+//! ```text
+//! |u| - R |i| - k w  >  |u|/4 + max(supply/4, 3 V)        w: measured speed, positive along the voltage
+//! ```
+//! On the left stands the drop of the bridge if all is well; on the right what a bridge of bipolar transistors takes, and a
+//! quarter of the voltage for a winding that is 30 % warmer and a magnet that is 30 % stronger than the settings say. With
+//! `torque_constant` zero `k w` is not known: then the shaft must stand still or turn against the voltage. With PWM on EN
+//! the mean voltage is known near full duty only, so less does not count. Without a current sensor (`winding_time` not zero)
+//! the time is eight times as long, because a motor that breaks loose late looks the same.
 
-use crate::arith::{call_mul_i16, call_mul_i16_u16, mul_i16, mul_i16_u16, saturating_sub_i16};
+use crate::arith::{call_mul_i16, mul_i16, mul_i16_u16, saturate_shift_8, saturating_sub_i16};
 use crate::control_loop::Inputs;
+use crate::encoder::Proof;
 use crate::message::Trip;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
-use crate::units::VOLT;
+use crate::units::{AMPERE, FULL_RANGE, VOLT};
 
 /// Thresholds in bits, times in ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -34,45 +52,66 @@ pub struct TripsConfig {
     continuous: i16,
     /// `continuous` squared, in bits of current squared over 2^15.
     heat_limit: i16,
-    /// Tick over thermal time, times 2^24.
+    /// Tick over thermal time, times 2^24; every other tick counts.
     heat_rate: u16,
-    /// A quarter of the stall current at one bit of voltage, times 2^16: current bits per voltage bit.
-    turning: u16,
+    /// Bits of voltage a bit of current, times 2^8: the resistance.
+    resistive: u16,
+    /// Bits of voltage a bit of speed, times 2^8: the back-EMF; zero where it is not known.
+    back_emf: u16,
     /// Voltage from which the motor counts as driven.
     driven: i16,
+    /// Back-EMF, less a quarter of the voltage, from which the motor must be turning.
+    turning: i16,
+    /// Voltage below which none is implied.
+    known_from: i16,
+    // These count every other tick.
     stall_ticks: u16,
     encoder_ticks: u16,
+    /// Edges to and fro.
+    lines_ticks: u8,
     runaway_ticks: u16,
     supply_low: i16,
     supply_high: i16,
     supply_ticks: u8,
+    /// What is looked at of [`Inputs::STOP_CLOSED`], and what then says that it is not pressed.
+    stop_mask: u8,
+    stop_released: u8,
     host_ticks: u16,
     hung_ticks: u8,
 }
 
 impl TripsConfig {
-    /// From the settings `trip_*`, `resistance` and `supply`.
+    /// From the settings `trip_*`, `resistance`, `torque_constant`, `supply` and `emergency_stop`.
     #[inline(always)]
     pub fn quantise(&mut self, q: &mut Quantiser) {
-        // 5, 10 and 100 ms.
-        let [peak_ticks, supply_ticks, hung_ticks] = if q.is_fast() { [10, 20, 200] } else { [5, 10, 100] };
+        // 5 ms in ticks; 10, 100 and 64 ms in every other tick.
+        let [peak_ticks, supply_ticks, hung_ticks, lines_ticks] =
+            if q.is_fast() { [10, 10, 100, 64] } else { [5, 5, 50, 32] };
         let continuous = q.bits(Param::TripContinuous);
         self.peak = q.bits(Param::TripPeak);
         self.peak_ticks = peak_ticks;
         self.continuous = continuous;
         self.heat_limit = (call_mul_i16(continuous, continuous) << 1 >> 16) as i16;
         self.heat_rate = heat_rate(q);
-        // Current bits per voltage bit at stall is 4 / R; a quarter of it.
-        self.turning = q.of(1.0).times(Param::Resistance).one_over(Param::Resistance, 0.0);
-        self.driven = q.bits(Param::SupplyVoltage) >> 2;
-        self.stall_ticks = q.bits(Param::TripStall) as u16;
-        self.encoder_ticks = q.bits(Param::TripEncoder) as u16;
-        self.runaway_ticks = q.bits(Param::TripRunaway) as u16;
+        self.resistive = q.of(256.0 * VOLT / AMPERE).times(Param::Resistance).saturate(Param::Resistance, u16::MAX);
+        q.of(256.0 * VOLT / FULL_RANGE).times(Param::SpeedRange).times(Param::TorqueConstant);
+        self.back_emf = q.saturate(Param::TorqueConstant, u16::MAX);
+        let supply = q.bits(Param::SupplyVoltage);
+        self.driven = supply >> 2;
+        self.turning = self.driven.max(LARGEST_DROP);
+        self.known_from = if q.is_on(Param::Wiring) { supply - (supply >> 3) } else { 0 };
+        self.stall_ticks = every_other(q, Param::TripStall);
+        let encoder_ticks = every_other(q, Param::TripEncoder);
+        self.encoder_ticks = if q.is_on(Param::WindingTime) { encoder_ticks << 3 } else { encoder_ticks };
+        self.lines_ticks = lines_ticks;
+        self.runaway_ticks = every_other(q, Param::TripRunaway);
         self.supply_low = supply_bits(q, Param::TripSupplyLow);
         self.supply_high = supply_bits(q, Param::TripSupplyHigh);
         self.supply_ticks = supply_ticks;
-        self.host_ticks = q.bits(Param::TripHost) as u16;
+        self.host_ticks = every_other(q, Param::TripHost);
         self.hung_ticks = hung_ticks;
+        self.stop_mask = if q.is_on(Param::EmergencyStop) { Inputs::STOP_CLOSED } else { 0 };
+        self.stop_released = if q.is(Param::EmergencyStop, NORMALLY_CLOSED) { Inputs::STOP_CLOSED } else { 0 };
     }
 
     /// The same, on its own.
@@ -89,6 +128,14 @@ fn heat_rate(q: &mut Quantiser) -> u16 {
     q.of(1.0 / 256.0).times(Param::TickRate).times(Param::TripThermalTime).one_over(Param::TripThermalTime, 0.0)
 }
 
+/// A time, in every other tick; the shortest is one.
+#[inline(never)]
+#[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+fn every_other(q: &mut Quantiser, param: Param) -> u16 {
+    let ticks = q.bits(param) as u16;
+    (ticks >> 1) + (ticks & 1)
+}
+
 /// A limit of the supply; one beyond the format is never reached.
 #[inline(never)]
 #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
@@ -103,12 +150,12 @@ pub struct Observation {
     pub voltage: i16,
     /// Measured current.
     pub current: i16,
-    /// Measured speed.
+    /// Measured speed, without the filter.
     pub speed: i16,
     /// Supply, where it is measured.
     pub supply: Option<i16>,
-    /// The position has changed in this tick (encoder), or the signal is not near zero (tachogenerator).
-    pub moved: bool,
+    /// What the encoder's edges say.
+    pub edges: Proof,
     /// The current signal is at a rail.
     pub sensor_at_rail: bool,
     /// As in [`Inputs::flags`].
@@ -121,7 +168,8 @@ pub struct TripsState {
     /// Low-passed square of the current, times 2^16.
     heat: i32,
     still: u16,
-    silent: u16,
+    /// Ticks in which the voltage implied a speed that was not measured, less those in which it did not.
+    implausible: u16,
     against: u16,
     against_speed: i16,
     host: u16,
@@ -129,10 +177,33 @@ pub struct TripsState {
     rail: u8,
     supply: u8,
     hung: u8,
+    /// Every other tick without motion; stays at the largest.
+    quiet: u8,
+    /// Every other tick with edges to and fro, less three for each without.
+    to_and_fro: u8,
+    /// Illegal transitions, less one for each tick without any.
+    illegal: u8,
+    illegal_before: u8,
+    place: u8,
+    /// Since the last look at them.
+    flags: u8,
+    odd: bool,
 }
 
-/// Ticks the current signal may touch a rail.
-const RAIL_TICKS: u8 = 3;
+/// Every other tick in which the current signal may touch a rail.
+const RAIL_TICKS: u8 = 2;
+/// What a bridge of bipolar transistors may take, with some reserve: 3 V.
+const LARGEST_DROP: i16 = 3 * VOLT as i16;
+/// The setting `emergency_stop` of a contact that opens when it is pressed.
+const NORMALLY_CLOSED: f32 = 2.0;
+/// So many illegal transitions trip; a tick without any takes one away.
+const ILLEGAL_MOST: u8 = 50;
+/// Fewer are no sign of a broken line.
+const ILLEGAL_SIGN: u8 = 2;
+/// Edges to and fro in so many ticks are none of a motor that turns.
+const TO_AND_FRO_SIGN: u8 = 4;
+/// A motor that turns and is measured moves by three counts within so many of every other tick, unless it creeps.
+const QUIET: u8 = 10;
 
 impl TripsState {
     /// Whether the main loop has been silent for its time as of the last tick, whatever else has tripped.
@@ -141,103 +212,164 @@ impl TripsState {
         self.hung >= config.hung_ticks
     }
 
-    /// One tick: the first condition that has held for its time, or [`Trip::None`].
+    /// One tick: the first condition that has held for its time, or [`Trip::None`]. What must come at once is looked at in
+    /// every tick, the rest in every other one by turns.
     #[inline(always)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
         let current = magnitude(seen.current);
-        let always = self.always(config, seen, current);
-        if !armed {
-            self.host = 0;
-            self.still = 0;
-            self.silent = 0;
-            self.against = 0;
-            return always;
+        self.flags |= seen.flags;
+        self.odd = !self.odd;
+        let urgent = self.urgent(config, seen, current, armed);
+        if !self.odd {
+            let trip = self.surroundings(config, seen, armed);
+            return if urgent != Trip::None { urgent } else { trip };
         }
-        if always != Trip::None { always } else { self.while_armed(config, seen, current) }
+        if urgent != Trip::None {
+            return urgent;
+        }
+        self.heat_up(config, current);
+        if !armed {
+            self.to_and_fro = 0;
+            self.illegal = 0;
+            self.idle();
+            return Trip::None;
+        }
+        if self.lines_broken(config, seen) { Trip::EncoderLines } else { self.motion(config, seen, current) }
     }
 
-    /// What is watched whether armed or not.
+    /// The emergency stop, and what destroys the bridge.
     #[inline(always)]
-    fn always(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
-        self.heat_up(config, current);
+    fn urgent(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
+        if seen.flags & config.stop_mask ^ config.stop_released != 0 {
+            Trip::EmergencyStop
+        } else if !for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
+            Trip::None
+        } else if armed {
+            Trip::OverCurrentPeak
+        } else {
+            // No current flows through a bridge that is off.
+            Trip::SensorRange
+        }
+    }
+
+    /// Nothing is driven.
+    #[inline(always)]
+    fn idle(&mut self) {
+        self.still = 0;
+        self.implausible = 0;
+        self.against = 0;
+    }
+
+    /// Board, sensors, supply and host.
+    #[inline(always)]
+    fn surroundings(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
+        let flags = core::mem::take(&mut self.flags);
         // Before all that may return: a hang must be noticed beside any other trip, or the watchdog is fed for ever.
-        if for_ticks(&mut self.hung, seen.flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_ticks) {
+        if for_ticks(&mut self.hung, flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_ticks) {
             return Trip::MainLoopHung;
         }
-        if seen.flags & Inputs::EMERGENCY_STOP != 0 {
-            return Trip::EmergencyStop;
+        if flags & Inputs::STACK_OVERFLOW != 0 {
+            return Trip::StackOverflow;
         }
-        if for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
-            return Trip::OverCurrentPeak;
-        }
-        if (self.heat >> 16) as i16 > config.heat_limit {
-            return Trip::OverCurrentThermal;
+        if flags & Inputs::NOT_CONVERTED != 0 {
+            return Trip::ConverterSilent;
         }
         if for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_TICKS) {
             return Trip::SensorRange;
         }
+        if (self.heat >> 16) as i16 > config.heat_limit {
+            return Trip::OverCurrentThermal;
+        }
         let outside = seen.supply.is_some_and(|supply| supply < config.supply_low || supply > config.supply_high);
-        if for_ticks(&mut self.supply, outside, config.supply_ticks) { Trip::SupplyRange } else { Trip::None }
-    }
-
-    /// What needs a drive to go wrong.
-    #[inline(always)]
-    fn while_armed(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
-        if config.host_ticks != 0 {
-            self.host = if seen.flags & Inputs::HOST_SPOKE != 0 { 0 } else { self.host.saturating_add(1) };
+        if for_ticks(&mut self.supply, outside, config.supply_ticks) {
+            return Trip::SupplyRange;
+        }
+        if !armed || flags & Inputs::HOST_SPOKE != 0 {
+            self.host = 0;
+        } else if config.host_ticks != 0 {
+            self.host = self.host.saturating_add(1);
             if self.host >= config.host_ticks {
                 return Trip::HostLost;
-            }
-        }
-        let drive = magnitude(seen.voltage);
-        if drive < config.driven {
-            self.still = 0;
-            self.silent = 0;
-            self.against = 0;
-            return Trip::None;
-        }
-        if seen.moved {
-            self.still = 0;
-            self.silent = 0;
-            self.runaway(config, seen)
-        } else {
-            self.motionless(config, drive, current)
-        }
-    }
-
-    /// Driven without motion: a blocked motor draws its stall current, a turning or disconnected one does not.
-    #[inline(never)]
-    fn motionless(&mut self, config: &TripsConfig, drive: i16, current: i16) -> Trip {
-        if current > config.continuous {
-            self.still = self.still.saturating_add(1);
-            if config.stall_ticks != 0 && self.still >= config.stall_ticks {
-                return Trip::Stall;
-            }
-        } else if (current as i32) < call_mul_i16_u16(drive, config.turning) >> 16 {
-            self.silent = self.silent.saturating_add(1);
-            if config.encoder_ticks != 0 && self.silent >= config.encoder_ticks {
-                return Trip::EncoderSilent;
             }
         }
         Trip::None
     }
 
+    /// Edges without motion, or both lines at once.
+    #[inline(always)]
+    fn lines_broken(&mut self, config: &TripsConfig, seen: &Observation) -> bool {
+        let edges = seen.edges;
+        self.quiet = self.quiet.saturating_add(1);
+        let moved = edges.place != self.place;
+        if moved {
+            self.place = edges.place;
+            self.quiet = 0;
+            self.still = 0;
+        }
+        self.to_and_fro =
+            if edges.came && !moved { self.to_and_fro.saturating_add(1) } else { self.to_and_fro.saturating_sub(3) };
+        let illegal = edges.illegal.wrapping_sub(self.illegal_before);
+        self.illegal_before = edges.illegal;
+        self.illegal = if illegal != 0 { self.illegal.saturating_add(illegal) } else { self.illegal.saturating_sub(2) };
+        self.to_and_fro >= config.lines_ticks || self.illegal >= ILLEGAL_MOST
+    }
+
+    /// Whether the shaft does what the voltage says.
+    #[inline(always)]
+    fn motion(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
+        let drive = magnitude(seen.voltage);
+        if drive < config.driven {
+            self.idle();
+            return Trip::None;
+        }
+        let along = if seen.voltage < 0 { saturating_sub_i16(0, seen.speed) } else { seen.speed };
+        if self.implied(config, drive, current, along) {
+            return if self.illegal >= ILLEGAL_SIGN || self.to_and_fro >= TO_AND_FRO_SIGN {
+                Trip::EncoderLines
+            } else if self.quiet >= QUIET {
+                Trip::EncoderSilent
+            } else if along < 0 {
+                Trip::Runaway
+            } else {
+                Trip::EncoderTooFew
+            };
+        }
+        if self.turns_against(config, along) {
+            return Trip::Runaway;
+        }
+        // A blocked motor draws its stall current; one that moves has set the count to zero.
+        self.still = self.still.saturating_add((current > config.continuous) as u16);
+        if config.stall_ticks != 0 && self.still >= config.stall_ticks { Trip::Stall } else { Trip::None }
+    }
+
+    /// Whether the voltage has implied more speed than `along` it was measured, for its time.
+    #[inline(never)]
+    fn implied(&mut self, config: &TripsConfig, drive: i16, current: i16, along: i16) -> bool {
+        let known = config.back_emf != 0 || self.quiet >= QUIET || along < 0;
+        let implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
+        let missing = saturating_sub_i16(implied, scaled(along, config.back_emf));
+        if !known || drive < config.known_from || missing <= config.turning {
+            self.implausible = self.implausible.saturating_sub(1);
+            return false;
+        }
+        self.implausible = self.implausible.saturating_add(1);
+        config.encoder_ticks != 0 && self.implausible >= config.encoder_ticks
+    }
+
     /// Speed against the voltage is braking as long as it falls; when it does not, the feedback has the wrong sign.
     #[inline(always)]
-    fn runaway(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
-        let speed = magnitude(seen.speed);
-        if (seen.voltage ^ seen.speed) >= 0 || seen.speed == 0 {
+    fn turns_against(&mut self, config: &TripsConfig, along: i16) -> bool {
+        let speed = saturating_sub_i16(0, along);
+        if along >= 0 {
             self.against = 0;
         } else if self.against == 0 || speed < saturating_sub_i16(self.against_speed, FALLING) {
             self.against = 1;
             self.against_speed = speed;
         } else {
             self.against = self.against.saturating_add(1);
-            if config.runaway_ticks != 0 && self.against >= config.runaway_ticks {
-                return Trip::Runaway;
-            }
+            return config.runaway_ticks != 0 && self.against >= config.runaway_ticks;
         }
-        Trip::None
+        false
     }
 
     /// Low-pass of the squared current. Both are below 2^15, so nothing here can leave 32 bits.
@@ -245,12 +377,18 @@ impl TripsState {
     fn heat_up(&mut self, config: &TripsConfig, current: i16) {
         let heat = (mul_i16(current, current) << 1 >> 16) as i16;
         let difference = heat - (self.heat >> 16) as i16;
-        self.heat += mul_i16_u16(difference, config.heat_rate) >> 8;
+        self.heat += mul_i16_u16(difference, config.heat_rate) >> 7;
     }
 }
 
 /// Bits of speed (2^-8 of the range) by which a braked motor must have slowed down to count as slowing.
 const FALLING: i16 = 128;
+
+/// A product in bits of voltage, saturating.
+#[inline(never)]
+fn scaled(value: i16, factor: u16) -> i16 {
+    saturate_shift_8(mul_i16_u16(value, factor))
+}
 
 /// The magnitude; the one number that has none in 16 bits is taken as the largest that has.
 #[inline(always)]
@@ -275,13 +413,26 @@ mod tests {
     use crate::units::AMPERE;
     use proptest::prelude::*;
 
+    /// In [`trips_after`] the place changes with each tick.
+    const MOVES: Proof = Proof { came: true, place: 255, illegal: 0 };
+    const RESTS: Proof = Proof { came: false, place: 0, illegal: 0 };
+    const TO_AND_FRO: Proof = Proof { came: true, place: 0, illegal: 0 };
+
+    /// As it is seen in a tick.
+    fn at(tick: u32, mut seen: Observation) -> Observation {
+        if seen.edges.place == MOVES.place {
+            seen.edges.place = (tick % 250) as u8;
+        }
+        seen
+    }
+
     /// A motor that turns quietly.
     fn healthy() -> Observation {
         Observation {
             voltage: 6144,
             current: 400,
             speed: 6000,
-            moved: true,
+            edges: MOVES,
             flags: Inputs::MAIN_LOOP_ALIVE | Inputs::HOST_SPOKE,
             ..Observation::default()
         }
@@ -291,7 +442,7 @@ mod tests {
     fn trips_after(settings: &Settings, observation: impl Fn(u32) -> Observation) -> Option<(Trip, u32)> {
         let config = TripsConfig::build(settings).unwrap();
         let mut state = TripsState::default();
-        (0..10_000).find_map(|tick| match state.step(&config, &observation(tick), true) {
+        (0..10_000).find_map(|tick| match state.step(&config, &at(tick, observation(tick)), true) {
             Trip::None => None,
             trip => Some((trip, tick + 1)),
         })
@@ -318,24 +469,78 @@ mod tests {
         let one = |observation: Observation| trips_after(&defaults, move |_| observation);
         let peak = one(Observation { current: amps(-1.3), ..healthy() });
         check("peak", (Trip::OverCurrentPeak, 5), peak);
-        let stall = one(Observation { current: amps(0.7), speed: 0, moved: false, ..healthy() });
-        check("stall", (Trip::Stall, 500), stall);
-        let silent = one(Observation { speed: 0, moved: false, current: amps(0.2), ..healthy() });
-        check("silent", (Trip::EncoderSilent, 200), silent);
-        let runaway = trips_after(&defaults, |tick| Observation { speed: -1000 - tick as i16, ..healthy() });
-        check("runaway", (Trip::Runaway, 100), runaway);
-        check("sensor", (Trip::SensorRange, 3), one(Observation { sensor_at_rail: true, ..healthy() }));
+        let stall = one(Observation { current: amps(0.7), speed: 0, edges: RESTS, ..healthy() });
+        check("stall", (Trip::Stall, 499), stall);
+        let silent = one(Observation { speed: 0, edges: RESTS, current: amps(0.2), ..healthy() });
+        check("silent", (Trip::EncoderSilent, 19), silent);
+        // Too much current to say what speed the voltage implies; then little.
+        let against =
+            |current| move |tick: u32| Observation { speed: -1000 - tick as i16, current: amps(current), ..healthy() };
+        check("runaway", (Trip::Runaway, 99), trips_after(&defaults, against(1.1)));
+        check("runaway, implied", (Trip::Runaway, 19), trips_after(&defaults, against(0.1)));
+        // 6 V, 0.1 A, and 8 rad/s instead of 70.
+        let too_few = one(Observation { speed: 500, current: amps(0.1), ..healthy() });
+        check("too few", (Trip::EncoderTooFew, 19), too_few);
+        // Without the back-EMF nobody knows; that it turns is enough.
+        let unknown = with(&[(Param::TorqueConstant, 0.0)]);
+        let slow = trips_after(&unknown, |_| Observation { speed: 500, current: amps(0.1), ..healthy() });
+        assert_eq!(slow, None);
+        let still = trips_after(&unknown, |_| Observation { speed: 0, edges: RESTS, ..healthy() });
+        check("silent, back-EMF not known", (Trip::EncoderSilent, 37), still);
+        let to_and_fro = one(Observation { voltage: 500, speed: 0, edges: TO_AND_FRO, ..healthy() });
+        check("to and fro", (Trip::EncoderLines, 63), to_and_fro);
+        check(
+            "illegal",
+            (Trip::EncoderLines, 27),
+            trips_after(&defaults, |tick| {
+                let edges = Proof { illegal: (2 * tick) as u8, ..MOVES };
+                Observation { edges, ..healthy() }
+            }),
+        );
+        let dead = one(Observation { flags: healthy().flags | Inputs::NOT_CONVERTED, ..healthy() });
+        check("converter", (Trip::ConverterSilent, 2), dead);
+        let overflow = one(Observation { flags: healthy().flags | Inputs::STACK_OVERFLOW, ..healthy() });
+        check("stack", (Trip::StackOverflow, 2), overflow);
+        check("sensor", (Trip::SensorRange, 4), one(Observation { sensor_at_rail: true, ..healthy() }));
         let supply = one(Observation { supply: Some((4.0 * VOLT) as i16), ..healthy() });
         check("supply", (Trip::SupplyRange, 10), supply);
         check(
             "stop",
             (Trip::EmergencyStop, 1),
-            one(Observation { flags: healthy().flags | Inputs::EMERGENCY_STOP, ..healthy() }),
+            one(Observation { flags: healthy().flags | Inputs::STOP_CLOSED, ..healthy() }),
         );
         check("hung", (Trip::MainLoopHung, 100), one(Observation { flags: Inputs::HOST_SPOKE, ..healthy() }));
         let host = with(&[(Param::TripHost, 250.0)]);
         let lost = trips_after(&host, |_| Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
         check("host", (Trip::HostLost, 250), lost);
+    }
+
+    /// With the drive disarmed no current flows: what shows one is the sensor.
+    #[test]
+    fn a_current_without_a_drive_is_the_sensors() {
+        let config = TripsConfig::build(&Settings::defaults()).unwrap();
+        let mut state = TripsState::default();
+        let seen = Observation { current: i16::MIN, voltage: 0, ..healthy() };
+        let trip = (0..10).map(|_| state.step(&config, &seen, false)).find(|trip| *trip != Trip::None);
+        assert_eq!(trip, Some(Trip::SensorRange));
+    }
+
+    /// A wire that breaks opens the contact: that stops where it is normally closed. Without a stop nothing is looked at.
+    #[test]
+    fn the_emergency_stop_is_of_the_kind_that_is_set() {
+        for (kind, closed, stops) in [
+            (0, false, false),
+            (0, true, false),
+            (1, false, false),
+            (1, true, true),
+            (2, false, true),
+            (2, true, false),
+        ] {
+            let settings = with(&[(Param::EmergencyStop, kind as f32)]);
+            let flags = healthy().flags | if closed { Inputs::STOP_CLOSED } else { 0 };
+            let found = trips_after(&settings, |_| Observation { flags, ..healthy() });
+            assert_eq!(found, stops.then_some((Trip::EmergencyStop, 1)), "{kind} {closed}");
+        }
     }
 
     /// Whatever else has tripped, and armed or not: the watchdog must know of a hang.
@@ -347,11 +552,11 @@ mod tests {
             let stopped = |flags| Observation { sensor_at_rail: true, flags, ..healthy() };
             for tick in 0..300 {
                 assert!(!state.main_loop_hung(&config), "{tick}");
-                let flags = Inputs::EMERGENCY_STOP | Inputs::MAIN_LOOP_ALIVE;
+                let flags = Inputs::STOP_CLOSED | Inputs::MAIN_LOOP_ALIVE;
                 assert_eq!(state.step(&config, &stopped(flags), armed), Trip::EmergencyStop);
             }
             let hung = (1..300).find(|_| {
-                state.step(&config, &stopped(Inputs::EMERGENCY_STOP), armed);
+                state.step(&config, &stopped(Inputs::STOP_CLOSED), armed);
                 state.main_loop_hung(&config)
             });
             assert_eq!(hung, Some(100));
@@ -365,15 +570,16 @@ mod tests {
             assert_eq!(trips_after(&Settings::defaults(), move |_| observation), None, "{observation:?}");
         };
         // Resting in its friction at 1 V; holding against a load with stall current below the continuous rating.
-        quiet(Observation { voltage: 1000, speed: 0, moved: false, current: amps(0.17), ..healthy() });
-        quiet(Observation { voltage: 3000, speed: 0, moved: false, current: amps(0.5), ..healthy() });
+        quiet(Observation { voltage: 1000, speed: 0, edges: RESTS, current: amps(0.17), ..healthy() });
+        quiet(Observation { voltage: 3000, speed: 0, edges: RESTS, current: amps(0.5), ..healthy() });
         // Nobody asked for a host.
         quiet(Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
-        // Braking by reverse voltage: 300 ms from full speed to rest, again and again.
-        let braking = |tick: u32| Observation {
-            voltage: if tick % 300 < 290 { -6144 } else { 6144 },
-            speed: 18000 - (tick % 300) as i16 * 60,
-            ..healthy()
+        // Braking by reverse voltage: 300 ms from 60 rad/s to rest, again and again; 2.6 V are the bridge's.
+        let braking = |tick: u32| {
+            let speed = 3840 - (tick % 300) as i16 * 12;
+            let back_emf_v = 0.072 * 512.0 * f32::from(speed) / FULL_RANGE;
+            let current = amps((-3.125 - back_emf_v + 2.6) / 5.84);
+            Observation { voltage: if tick % 300 < 290 { -3200 } else { 3200 }, speed, current, ..healthy() }
         };
         assert_eq!(trips_after(&Settings::defaults(), braking), None);
         // One tick at the rail, five milliseconds of peak less one tick.
@@ -383,6 +589,22 @@ mod tests {
             ..healthy()
         };
         assert_eq!(trips_after(&Settings::defaults(), spike), None);
+        // A count that dithers by one, 200 times a second, at any voltage that a held shaft may need.
+        let dither = |tick: u32| {
+            let edges = if tick.is_multiple_of(5) { TO_AND_FRO } else { RESTS };
+            Observation { voltage: 5120, speed: 0, current: amps(0.43), edges, ..healthy() }
+        };
+        assert_eq!(trips_after(&Settings::defaults(), dither), None);
+        // Creeping at 1 rpm: three counts in 90 ms.
+        let creep = |tick: u32| {
+            let came = tick % 30 == 0;
+            let edges = Proof { came, place: (tick / 90 % 250) as u8, illegal: 0 };
+            Observation { voltage: 5120, speed: 7, current: amps(0.43), edges, ..healthy() }
+        };
+        assert_eq!(trips_after(&Settings::defaults(), creep), None);
+        // Turned back by a load, against 6 V: the current is larger than that of a held shaft.
+        let driven_back = |_| Observation { speed: -300, current: amps(0.66), ..healthy() };
+        assert_eq!(trips_after(&with(&[(Param::TripRunaway, 0.0), (Param::TripContinuous, 1.0)]), driven_back), None);
     }
 
     proptest! {
@@ -410,8 +632,8 @@ mod tests {
             let mut state = TripsState::default();
             for (voltage, current, speed, flags) in values {
                 let supply = (flags & 1 != 0).then_some(voltage);
-                let moved = flags & 2 != 0;
-                state.step(&config, &Observation { voltage, current, speed, supply, moved, flags: Inputs::MAIN_LOOP_ALIVE,
+                let edges = if flags & 2 != 0 { MOVES } else { TO_AND_FRO };
+                state.step(&config, &Observation { voltage, current, speed, supply, edges, flags: Inputs::MAIN_LOOP_ALIVE,
                     ..Observation::default() }, flags & 4 != 0);
             }
         }

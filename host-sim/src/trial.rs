@@ -1,17 +1,17 @@
 //! The core in closed loop with a simulated motor, in fixed point as on the chip.
 //!
 //! The tick gets the same inputs as on the chip. These are encoder edges with their time stamps, sums of current
-//! conversions sampled at [`CURRENT_SAMPLING_STEP`] of PWM periods, and one conversion of the tachogenerator each
+//! conversions sampled at `HARDWARE.current_sampling_step` of PWM periods, and one conversion of the tachogenerator each
 //! millisecond. The bridge is switched as the PWM does, and takes a new duty [`DRIVE_DELAY_S`] after the tick.
 
 use crate::plant::{Bridge, Inputs as PlantInputs, ModelPlant, PeriodEnd, Plant, Pwm};
 use crate::sensor_effects::SensorEffects;
+use motorbench_core::HARDWARE;
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
 use motorbench_core::converter;
 use motorbench_core::encoder::Edges;
 use motorbench_core::excitation;
 use motorbench_core::message::{Mode, Request, Sample, State};
-use motorbench_core::pins::{CPU_HZ, CURRENT_SAMPLING_STEP, PWM_HZ, PWM_STEPS};
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::tachogenerator;
 use motorbench_core::units::VOLT;
@@ -31,19 +31,19 @@ pub const DRIVE_DELAY_S: f64 = 0.2e-3;
 /// Default ripple of a tachogenerator without a data sheet.
 pub const USUAL_RIPPLE: f64 = 0.05;
 /// PWM periods from the tick to the first one with the new duty.
-const LATE_PERIODS: usize = (DRIVE_DELAY_S * PWM_HZ as f64) as usize;
+const LATE_PERIODS: usize = (DRIVE_DELAY_S * HARDWARE.pwm_hz as f64) as usize;
 /// PWM periods of a tick at the slower control rate.
-const MOST_PERIODS: usize = PWM_HZ as usize / 1000;
+const MOST_PERIODS: usize = HARDWARE.pwm_hz as usize / 1000;
 /// Conversions of the ADC: one every second PWM period; each half of a round has a block of the current and another
 /// channel.
 const PERIODS_PER_CONVERSION: u32 = converter::PERIODS_PER_CONVERSION as u32;
 const BLOCK: u32 = converter::BLOCK as u32;
 const SLOTS_PER_BLOCK: u32 = converter::SLOTS as u32 / 2;
-const PERIOD_S: f64 = 1.0 / PWM_HZ as f64;
+const PERIOD_S: f64 = 1.0 / HARDWARE.pwm_hz as f64;
 /// From one conversion of the tachogenerator to the next.
 const TACHO_PERIOD_S: f64 = PERIOD_S * (PERIODS_PER_CONVERSION * 2 * SLOTS_PER_BLOCK) as f64;
 /// From the start of a PWM period to the sample of its conversion.
-const SAMPLED_S: f64 = PERIOD_S * CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64;
+const SAMPLED_S: f64 = PERIOD_S * HARDWARE.current_sampling_step as f64 / HARDWARE.pwm_steps as f64;
 /// Periods of the tachogenerator's ripple in a turn: its commutator has 22 segments.
 pub const TACHO_RIPPLES_PER_TURN: f64 = 22.0;
 /// Share of the tachogenerator's voltage after the divider.
@@ -162,7 +162,7 @@ impl<P: Plant> Trial<P> {
             counts_per_rad: get(Param::CountsPerRev) / TAU,
             current_v_per_a: 1e-3 * get(Param::CurrentGain),
             tacho_v_s_per_rad: TACHO_DIVIDER * 1e-3 * 60.0 / TAU * get(Param::TachoGain),
-            periods: (f64::from(PWM_HZ) / get(Param::TickRate)) as usize,
+            periods: (f64::from(HARDWARE.pwm_hz) / get(Param::TickRate)) as usize,
         };
         Ok(Self {
             position: plant.angle_rad() * scales.counts_per_rad + 0.5,
@@ -186,7 +186,7 @@ impl<P: Plant> Trial<P> {
 
     /// Delays the bridge by a number of PWM periods, for a motor at rest.
     pub fn delay_by(&mut self, delay_s: f64) {
-        let late_periods = LATE_PERIODS + (delay_s * f64::from(PWM_HZ)).round() as usize;
+        let late_periods = LATE_PERIODS + (delay_s * f64::from(HARDWARE.pwm_hz)).round() as usize;
         self.late_periods = late_periods % self.scales.periods;
         self.drives = vec![Drive::default(); late_periods / self.scales.periods + 1].into();
     }
@@ -271,7 +271,7 @@ impl<P: Plant> Trial<P> {
 
     /// Processor cycles since the start, modulo 2^32: the timers keep the low 14 bits.
     fn cycles(&self) -> u32 {
-        self.periods.wrapping_mul(CPU_HZ / PWM_HZ)
+        self.periods.wrapping_mul(HARDWARE.clock_hz / HARDWARE.pwm_hz)
     }
 
     fn point(&self) -> Point {
@@ -280,9 +280,9 @@ impl<P: Plant> Trial<P> {
         let speed = speed_bit_rad_per_s(&self.settings);
         let unit = reference_bit(sample.state.mode(), &self.settings);
         Point {
-            t_s: f64::from(self.periods) / f64::from(PWM_HZ),
+            t_s: f64::from(self.periods) / f64::from(HARDWARE.pwm_hz),
             reference: f64::from(sample.reference) * unit,
-            u_v: f64::from(sample.duty) / f64::from(PWM_STEPS) * get(Param::SupplyVoltage),
+            u_v: f64::from(sample.duty) / f64::from(HARDWARE.pwm_steps) * get(Param::SupplyVoltage),
             measured_rad_per_s: f64::from(sample.speed) * speed,
             omega_rad_per_s: self.plant.speed_rad_per_s(),
             theta_rad: self.plant.angle_rad(),
@@ -342,7 +342,7 @@ impl<P: Plant> Trial<P> {
         // At the lower end of the count when going up, at the upper when going down.
         let edge = if forward { end } else { end + 1.0 };
         let part = ((edge - from) / (to - from)).clamp(0.0, 1.0);
-        let cycles_a_period = CPU_HZ / PWM_HZ;
+        let cycles_a_period = HARDWARE.clock_hz / HARDWARE.pwm_hz;
         // Modulo 2^32: the timers keep the low 14 bits.
         let start = (self.periods + period as u32).wrapping_mul(cycles_a_period);
         let cycles = start.wrapping_add((part * f64::from(cycles_a_period)) as u32);
@@ -405,7 +405,7 @@ fn pwm(drive: &Drive, off_phase: OffPhase) -> Pwm {
     Pwm {
         pulse: if drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward },
         rest,
-        pulse_s: PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(PWM_STEPS),
+        pulse_s: PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(HARDWARE.pwm_steps),
         period_s: PERIOD_S,
         sampled_s: SAMPLED_S,
     }
@@ -502,7 +502,7 @@ mod tests {
             trial.enter(Mode::OpenLoop);
             trial.follow(voltage_v, 0.1);
             let seen_a = f64::from(trial.sample().current) / f64::from(motorbench_core::units::AMPERE);
-            let sampled_a = f64::from(CURRENT_SAMPLING_STEP) / f64::from(PWM_STEPS);
+            let sampled_a = f64::from(HARDWARE.current_sampling_step) / f64::from(HARDWARE.pwm_steps);
             // An eighth of a step of the converter.
             assert!((seen_a - sampled_a).abs() < 0.004, "{voltage_v} V: {seen_a} A");
         }

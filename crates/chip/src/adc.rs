@@ -39,11 +39,13 @@ pub(super) struct Adc {
     locked: bool,
     /// Flags that are up, by vector.
     flags: u32,
+    /// A fault: it starts no conversion.
+    pub dead: bool,
 }
 
 impl Adc {
     pub fn reset(&mut self) {
-        *self = Self::default();
+        *self = Self { dead: self.dead, ..Self::default() };
     }
 
     pub fn control_written(&mut self, cpu: &Cpu, value: u8) -> Option<u64> {
@@ -63,7 +65,7 @@ impl Adc {
         if new & !old & ADIE != 0 && new & ADIF != 0 {
             cpu.raise(vector::ADC);
         }
-        let start = value & ADEN != 0 && value & ADSC != 0 && self.running.is_none();
+        let start = value & ADEN != 0 && value & ADSC != 0 && self.running.is_none() && !self.dead;
         start.then(|| {
             // The conversion starts with the next clock of the prescaler, which runs since switching on.
             let clock = prescaler(cpu);
@@ -78,7 +80,7 @@ impl Adc {
         self.flags |= 1 << vector;
         let control = cpu.read(ADCSRA);
         let selected = trigger_vector(cpu.read(ADCSRB)) == Some(vector);
-        let ready = control & ADEN != 0 && control & ADATE != 0 && self.running.is_none();
+        let ready = control & ADEN != 0 && control & ADATE != 0 && self.running.is_none() && !self.dead;
         (edge && selected && ready)
             .then(|| self.start(cpu, trigger_instant(cpu, vector) + SYNCHRONISATION_CYCLES, 4, 27))
     }

@@ -482,7 +482,7 @@ impl Draw {
     /// Two bits of duty and a few of the measurement: nothing finer can be held.
     fn allowed(&self, design: &Design) -> f64 {
         let get = |param| f64::from(design.settings.all.get(param));
-        let duty_v = self.bench.supply_v / f64::from(motorbench_core::pins::PWM_STEPS);
+        let duty_v = self.bench.supply_v / f64::from(motorbench_core::HARDWARE.pwm_steps);
         if design.law.is_position() {
             return 3.0 * std::f64::consts::TAU / get(Param::CountsPerRev) + 2.0 * duty_v / design.held.reference;
         }

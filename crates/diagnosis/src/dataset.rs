@@ -1,6 +1,5 @@
 //! Recordings prepared for identification: the command, the measured quantities, and the held-out part.
 
-use motorbench_core::pins;
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
 use std::ops::Range;
@@ -64,7 +63,7 @@ const ONE_MAGNITUDE_ROWS: f64 = 0.98;
 /// ... by more than this share of the greatest.
 const AT_REST: f64 = 0.05;
 /// PWM frequency of the firmware, where the rig file gives none.
-pub const PWM_HZ: f64 = pins::PWM_HZ as f64;
+pub const PWM_HZ: f64 = motorbench_core::HARDWARE.pwm_hz as f64;
 /// A share of the supply is at most one, apart from rounding.
 const GREATEST_DUTY: f64 = 1.05;
 

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 /// Interval of the keep-alive lines for a board that trips without its host (`trip_host`).
 pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
+/// Reply of the board while saved settings of another version are not resolved.
+const NOT_LOADED: &str = "not loaded";
 /// The drive stops by itself if the program is silent for longer. The number is unusual on purpose: a board with it was
 /// left by a program that was killed.
 pub const LOST_AFTER_MS: f32 = 501.0;
@@ -76,14 +78,23 @@ pub fn cause(trip: Trip) -> &'static str {
         Trip::OverCurrentThermal => "is the shaft held, or `trip_continuous` too low?",
         Trip::Stall => "is the shaft held, or the load too great? `trip_stall` 0 lets it stand",
         Trip::EncoderSilent => {
-            "look at the encoder's cable; a motor that sticks looks the same, `trip_encoder` 0 lets it"
+            "the motor turns and the encoder does not show it: look at its cable, its supply, its coupling, then at the current sensor; `trip_encoder` 0 lets it"
         }
         Trip::Runaway => "the feedback has the wrong sign: swap the encoder's A and B",
-        Trip::SensorRange => "look at the current sensor and its wires",
+        Trip::SensorRange => "look at the current sensor and its wires: a current with the drive off is the sensor's",
         Trip::SupplyRange => "look at the motor's supply; `trip_supply_low` and `trip_supply_high` are its limits",
         Trip::EmergencyStop => "release the emergency stop",
         Trip::HostLost => "the program was silent for longer than `trip_host`",
-        Trip::MainLoopHung => "that is a fault of the firmware: please report it",
+        Trip::MainLoopHung | Trip::StackOverflow => "that is a fault of the firmware: please report it",
+        Trip::EncoderTooFew => {
+            "the voltage implied more speed than the encoder showed for `trip_encoder`: the coupling slips, or `torque_constant`, `resistance` or `counts_per_rev` are another motor's; `torque_constant` 0 where it is not known"
+        }
+        Trip::EncoderLines => {
+            "a wire of the encoder is open, touches the other or picks up noise: look at its cable and plug"
+        }
+        Trip::ConverterSilent => {
+            "the chip's analogue inputs give no values: look at AREF and A0 to A2, then replace the board"
+        }
     }
 }
 
@@ -94,7 +105,7 @@ pub fn limit(trip: Trip) -> Option<&'static str> {
 
 /// The command that follows from a refusal of the console.
 fn remedy(reply: &str) -> &'static str {
-    if reply.ends_with("clear it first") { " (`motorbench connect clear`)" } else { "" }
+    if reply.ends_with("clear it") { " (`motorbench connect clear`)" } else { "" }
 }
 
 /// After a trip the board reports its reason within this time.
@@ -136,6 +147,11 @@ fn latched(board: &mut impl Board) -> Result<(), BoardError> {
 pub fn watch_host(board: &mut impl Board, settings: &Settings) -> Result<(), BoardError> {
     if settings.get(Param::TripHost) > 0.0 {
         return Ok(());
+    }
+    // A board with saved settings that it could not load takes any `set` for an answer to that, which only a person gives.
+    match board.command("arm") {
+        Err(refused @ BoardError::Refused { .. }) if refused.to_string().contains(NOT_LOADED) => return Err(refused),
+        _ => board.command("disarm")?,
     }
     board.command(&format!("set trip_host {LOST_AFTER_MS}"))
 }

@@ -40,7 +40,10 @@ impl Board for FakeBoard {
         match self.trip {
             Trip::None => Ok(()),
             _ if line != "arm" => Ok(()),
-            _ => Err(BoardError::Refused { line: line.into(), reply: "error: tripped, clear it first".into() }),
+            _ => Err(BoardError::Refused {
+                line: line.into(),
+                reply: "error: trip 8 emergency stop, 0 s ago; clear it".into(),
+            }),
         }
     }
 

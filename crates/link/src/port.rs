@@ -4,7 +4,7 @@ use super::Link;
 #[cfg(unix)]
 use super::virtual_control::VirtualControl;
 use crate::board::BoardError;
-use motorbench_core::pins::BAUD;
+use motorbench_core::HARDWARE;
 use serialport::{SerialPort, SerialPortType};
 use std::fs::File;
 use std::io;
@@ -129,7 +129,7 @@ pub type Port = Box<dyn SerialPort>;
 pub fn open(name: &str, stopped: Arc<AtomicBool>) -> Result<Link<Port>, BoardError> {
     // The operating system's message is clearer than that of the library.
     File::options().read(true).write(true).open(name).map_err(|error| BoardError::Failed(cannot_open(name, &error)))?;
-    let port = serialport::new(name, BAUD).timeout(WAIT).open_native().map_err(|error| {
+    let port = serialport::new(name, HARDWARE.baud).timeout(WAIT).open_native().map_err(|error| {
         BoardError::Failed(match error.kind() {
             serialport::ErrorKind::NoDevice => busy(name),
             // "Not a typewriter", in the words of the system.

@@ -9,8 +9,8 @@
 
 mod creep;
 
+use motorbench_core::HARDWARE;
 use motorbench_core::message::{Sample, Trip};
-use motorbench_core::pins::PWM_HZ;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_data::names::setting_name as name;
 use motorbench_data::recording::{Channel, Recording};
@@ -560,7 +560,9 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         match (self.motor.inductance_h, Timing::FIRMWARE.current_sampled_at) {
             (Some(inductance_h), Some(at)) if self.settings.get(Param::Wiring) == 0.0 && duty != 0.0 => {
                 let volts = Volts { mean_v: voltage_v, emf_v: 0.0, lost_v: 0.0, drops_v: [0.0, 0.0] };
-                Ripple::new(inductance_h, resistance_ohm, f64::from(PWM_HZ)).with_duty(duty).sampled_a(0.0, at, &volts)
+                Ripple::new(inductance_h, resistance_ohm, f64::from(HARDWARE.pwm_hz))
+                    .with_duty(duty)
+                    .sampled_a(0.0, at, &volts)
             }
             _ => 0.0,
         }

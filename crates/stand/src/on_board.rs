@@ -5,8 +5,8 @@
 //! delay is part of the cycling loop, and is reported. It makes the period longer and the ultimate gain smaller than
 //! those of the firmware's own loop, so the gains are on the safe side.
 
+use motorbench_core::HARDWARE;
 use motorbench_core::message::Sample;
-use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
 use motorbench_data::telemetry::speed_bit_rad_per_s;
@@ -88,8 +88,9 @@ pub fn step(
     let first = samples[0].tick;
     let column = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
     let time_s = column(&|sample| f64::from(sample.tick.wrapping_sub(first)) / rate_hz);
-    let volts =
-        column(&|sample| f64::from(sample.duty) / f64::from(PWM_STEPS) * f64::from(sample.supply) / f64::from(VOLT));
+    let volts = column(&|sample| {
+        f64::from(sample.duty) / f64::from(HARDWARE.pwm_steps) * f64::from(sample.supply) / f64::from(VOLT)
+    });
     Ok(fit(&time_s, &volts, &column(&|sample| speed(sample, settings)))?)
 }
 

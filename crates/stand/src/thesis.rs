@@ -17,7 +17,7 @@ use motorbench_design::specification::Specification;
 use motorbench_design::{Bench, Design, DesignError, design};
 use motorbench_diagnosis::dataset::DatasetError;
 use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
-use motorbench_link::board::{Board, BoardError, untripped};
+use motorbench_link::board::{Board, BoardError, samples_of, untripped, watch_host};
 use motorbench_report::panels::{Panel, panels};
 use std::fmt::Write as _;
 
@@ -128,7 +128,8 @@ fn identify(board: &mut impl Board) -> Result<(Recording, Settings), ThesisError
     }
     board.samples(0.1)?;
     board.command(&format!("sequence identify {AMPLITUDE_V} 0 {HOLD_MS}"))?;
-    let samples = untripped(board.samples(HOLDS * 1e-3 * f64::from(HOLD_MS))?)?;
+    let rate_hz = f64::from(list.all.get(Param::TickRate));
+    let samples = untripped(samples_of(board, HOLDS * 1e-3 * f64::from(HOLD_MS), rate_hz)?)?;
     board.command("disarm")?;
     // Trailing samples belong to no part of the sequence.
     let playing: Vec<Sample> = samples.into_iter().filter(|sample| sample.state.has(State::PLAYING)).collect();
@@ -139,7 +140,8 @@ fn identify(board: &mut impl Board) -> Result<(Recording, Settings), ThesisError
 fn prepare(board: &mut impl Board, list: &SettingList) -> Result<(), BoardError> {
     board.command("disarm")?;
     board.command("defaults")?;
-    list.commands().iter().try_for_each(|line| board.command(line))
+    list.commands().iter().try_for_each(|line| board.command(line))?;
+    watch_host(board, &list.all)
 }
 
 /// Designs one law, runs it on the board and in simulation.
@@ -193,6 +195,7 @@ fn on_board(
         let first = samples.len();
         board.command(&format!("ref {reference}"))?;
         while samples.len() < first + (STRETCH_S * f64::from(list.all.get(Param::TickRate))) as usize {
+            board.stay_alive()?;
             samples.extend(untripped(board.samples(0.01)?)?);
         }
         // The console takes some ticks; the telemetry shows which was the first.

@@ -3,6 +3,7 @@
 use super::board::{PortArguments, lifted_protections, on_interrupt, typed_lines};
 use super::{Failure, TERMINAL, tell};
 use clap::Args;
+use motorbench_core::console::explanation;
 use motorbench_core::message::Trip;
 use motorbench_data::names::trip_words;
 use motorbench_link::board::{Board as _, BoardError, LOST_AFTER_MS, cause, clear};
@@ -20,6 +21,8 @@ const LOOK_S: f64 = 0.02;
 const OF_THE_STREAM: [&str; 2] = ["stream", "record"];
 const NOT_HERE: &str = "is not possible in connect, which uses the binary stream itself. Use `sequence` to play, `motorbench tune` to watch, `motorbench record` to record";
 /// Commands that show, change or keep settings.
+/// Commands whose answer is a list, of which the chip has the names and this program the explanations.
+const LISTS: [&str; 2] = ["help", "show"];
 const OF_SETTINGS: [&str; 5] = ["set", "show", "save", "load", "defaults"];
 
 /// Sends lines to a board's console, or opens it in the terminal.
@@ -215,8 +218,15 @@ impl Console {
     fn say(&self, line: &str, replies: &[String]) {
         if self.json {
             println!("{}", serde_json::json!({ "line": line, "reply": replies }));
-        } else {
-            replies.iter().for_each(|reply| println!("{reply}"));
+            return;
+        }
+        let lists = line.split_whitespace().next().is_some_and(|word| LISTS.contains(&word));
+        for reply in replies {
+            let word = reply.split_whitespace().next().unwrap_or_default();
+            match explanation(word).filter(|_| lists) {
+                Some(explanation) => println!("{reply}, {explanation}"),
+                None => println!("{reply}"),
+            }
         }
     }
 

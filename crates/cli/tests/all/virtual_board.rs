@@ -274,6 +274,48 @@ fn an_emergency_stop_that_is_pressed_is_named() {
     assert_eq!(board.run("record", &STEPS).status.code(), Some(0));
 }
 
+/// What a class may break, and what is said to it; repaired, the board runs again.
+#[test]
+fn each_fault_of_the_board_is_named() {
+    let board = Board::new("faults");
+    let speed = ["--mode", "speed", "--sequence", "steps", "--amplitude", "60", "--period", "400", "--count", "2"];
+    for (fault, repaired, said) in [
+        ("encoder a-open", "encoder ok", "encoder"),
+        ("encoder b-open", "encoder ok", "encoder"),
+        ("encoder a-high", "encoder ok", "encoder"),
+        ("encoder b-low", "encoder ok", "encoder"),
+        ("encoder shorted", "encoder ok", "encoder"),
+        ("encoder noisy", "encoder ok", "encoder"),
+        ("encoder slipping", "encoder ok", "counts too few"),
+        ("adc dead", "adc ok", "converter silent"),
+    ] {
+        board.order(fault);
+        let done = board.run("record", &speed);
+        assert_eq!(done.status.code(), Some(1), "{fault}: {}", text(&done.stderr));
+        assert!(text(&done.stderr).contains(said), "{fault}: {}", text(&done.stderr));
+        board.motor_is_off();
+        board.order(repaired);
+        assert_eq!(board.run("connect", &["clear"]).status.code(), Some(0), "{fault}");
+    }
+    // A dip is seen where the supply is measured.
+    board.order("supply dip");
+    assert_eq!(board.run("connect", &["status"]).status.code(), Some(0));
+    assert!(text(&board.run("connect", &["status"]).stdout).contains("trip 0"));
+    assert_eq!(board.run("connect", &["set supply_divider 4"]).status.code(), Some(0));
+    board.order("supply dip");
+    let status = text(&board.run("connect", &["status"]).stdout);
+    assert!(status.contains("trip 7 supply out of range, ") && status.contains(" s ago; clear it"), "{status}");
+    assert_eq!(board.run("connect", &["clear"]).status.code(), Some(0));
+    // A sensor that shows what it has shown is no fault that anything sees at rest.
+    board.order("current frozen");
+    board.order("current ok");
+    // Nothing comes of a board that cannot send.
+    board.order("uart stuck");
+    assert_eq!(board.run("connect", &["status"]).status.code(), Some(1));
+    board.order("uart ok");
+    assert_eq!(board.run("record", &speed).status.code(), Some(0));
+}
+
 /// Without a name each recording has its own, with all that stands beside it.
 #[test]
 fn a_recording_that_nobody_named_replaces_none() {

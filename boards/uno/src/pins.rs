@@ -64,14 +64,3 @@ pub const PIN_MAP: [Pin; 11] = [
     TACHOGENERATOR,
     SUPPLY_SENSE,
 ];
-
-/// Core clock of the Uno.
-pub const CPU_HZ: u32 = 16_000_000;
-/// PWM frequency of the bridge.
-pub const PWM_HZ: u32 = 20_000;
-/// Steps of one PWM period: the duty resolution. Timer1 counts 0..=PWM_STEPS-1.
-pub const PWM_STEPS: u16 = (CPU_HZ / PWM_HZ) as u16;
-/// Step of the PWM period at which the current is sampled: at the end of the off phase.
-pub const CURRENT_SAMPLING_STEP: u16 = 772;
-/// Serial speed. 16 MHz divides into it exactly, and the Uno's USB bridge carries it.
-pub const BAUD: u32 = 500_000;
