@@ -1,4 +1,4 @@
-//! The result as a page that a person reads in half a minute.
+//! The result as a short text for a terminal.
 
 use motorbench_diagnosis::dataset::TOLERANCE;
 use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome, RunnerUp, Unexplained, Verdict};
@@ -133,7 +133,7 @@ fn errors(outcome: &Outcome) -> String {
 
 /// What has no name, in a sentence.
 pub fn without_a_name(unexplained: &Unexplained) -> String {
-    format!("Without a name: {:.0} % of what is left; {}.", 100.0 * unexplained.share, unexplained.place())
+    format!("Unexplained: {:.0} % of the remaining error; {}.", 100.0 * unexplained.share, unexplained.place())
 }
 
 fn parameters(outcome: &Outcome) -> String {

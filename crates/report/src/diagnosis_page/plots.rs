@@ -1,4 +1,4 @@
-//! The drawings of a report.
+//! The plots of a report.
 
 use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, escaped};
 use motorbench_diagnosis::dataset::Dataset;
