@@ -1,4 +1,4 @@
-//! The rig file: what was measured on, as far as its owner knows.
+//! The rig file: the known values of motor, bridge and sensors.
 //!
 //! ```toml
 //! [supply]

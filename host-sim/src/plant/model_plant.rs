@@ -1,4 +1,4 @@
-//! The extended model as a plant: what a diagnosis has found, to run a loop against.
+//! The extended model as a plant: runs a loop with the model of a diagnosis.
 
 use super::dc_motor::Torques;
 use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, PeriodEnd, Plant, Pwm};
@@ -9,11 +9,11 @@ use motorbench_model::{Model, Term};
 
 /// Longest step; shorter ones are taken as they come.
 const LONGEST_STEP_S: f64 = 50e-6;
-/// Time over which a capacitor at the bridge evens out what pulses draw: some tenths of an ohm and some millifarads.
+/// Time constant of the capacitor at the bridge: some tenths of an ohm and some millifarads.
 const CAPACITOR_S: f64 = 1e-3;
-/// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop are solved event by event
-/// ([`DcMotor`]), also under other torques and in a winding that warms up (`Held`); everything else step by step. What
-/// the model says of sensors and of timing is not part of it.
+/// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop are solved event by
+/// event ([`DcMotor`]), also under other torques and in a winding that warms up (`Held`). All other effects are solved
+/// step by step. Effects of sensors and of timing are not part of it.
 #[derive(Clone, Debug)]
 pub struct ModelPlant(Solver);
 
@@ -41,7 +41,7 @@ struct Stepwise {
 }
 
 impl ModelPlant {
-    /// At rest, behind a bridge that loses what the model says.
+    /// At rest, behind a bridge with the losses of the model.
     pub fn new(model: Model) -> Self {
         Self::behind(BridgeLosses::DIODES, model)
     }
@@ -68,7 +68,7 @@ impl ModelPlant {
         effect.acts_on_motor() && !effect.is_of_switching()
     }
 
-    /// Becomes another motor while it turns: angle, speed and current stay, what effects remember is forgotten.
+    /// Changes the motor while it turns: angle, speed and current stay, the memory of the effects is cleared.
     pub fn replace(&mut self, bridge: BridgeLosses, model: Model) {
         let motion = Motion {
             angle_rad: self.angle_rad(),
@@ -100,7 +100,7 @@ impl Held {
         Self { motor: event_exact(bridge, &model), torques: FurtherTorques::of(model) }
     }
 
-    /// Lets the winding have the resistance that it has warmed up to.
+    /// Sets the resistance of the warm winding.
     #[inline(always)]
     fn warm_up(&mut self) {
         if !self.torques.warms_up {
@@ -116,7 +116,7 @@ impl Held {
 /// Relative change of the resistance below which it is taken as constant: a few ticks of a winding that warms up.
 const RESISTANCE_STEP: f64 = 1e-5;
 
-/// Torques of effects, and what those effects remember.
+/// Torques of effects, and their memory.
 #[derive(Clone, Debug)]
 struct FurtherTorques {
     motor: MotorParameters,
@@ -133,7 +133,7 @@ struct FurtherTorques {
     step: Step,
 }
 
-/// What the effects are yet to remember.
+/// Inputs of the effects' memory for the current step.
 #[derive(Clone, Copy, Debug, Default)]
 struct Step {
     length_s: f64,
@@ -182,7 +182,7 @@ impl FurtherTorques {
     fn instant(&self, step_s: f64, state: &Motion, supply_v: f64) -> Instant {
         Instant {
             time_s: self.time_s,
-            // No torque knows of the bridge.
+            // No torque depends on the bridge.
             voltage_v: 0.0,
             duty: 0.0,
             mean_duty: 0.0,
@@ -218,14 +218,15 @@ impl FurtherTorques {
         }
     }
 
-    /// Ends the last step, if there is one: takes the effects' memory over it.
+    /// Ends the last step, if there is one: updates the effects' memory over it.
     fn remember(&mut self, end: &Motion, pulse_a: f64) {
         if self.step.length_s <= 0.0 {
             return;
         }
         let Step { length_s, pulse_part, start_a } = std::mem::take(&mut self.step);
         let mut at = self.instant(length_s, end, 0.0);
-        // In straight lines from the start to the end of the pulse and on to the end; what heats is its square.
+        // Linear from the start to the end of the pulse and on to the end of the period; the square of the current
+        // heats.
         let line = |from: f64, to: f64| (from * from + from * to + to * to) * (1.0 / 3.0);
         let square = pulse_part * line(start_a, pulse_a) + (1.0 - pulse_part) * line(pulse_a, end.current_a);
         at.current_a = square.sqrt().copysign(end.current_a);
@@ -245,8 +246,8 @@ impl FurtherTorques {
     }
 }
 
-/// A wave that is followed along the angle. Where the shaft will be a step later is nearly known now: sine and cosine for
-/// there are made ahead, while the step itself is computed, and what is left of the way is a small correction.
+/// A wave along the angle. The angle a step later is nearly known now: its sine and cosine are computed ahead, in
+/// parallel with the step, and the remaining way is a small correction.
 #[derive(Clone, Copy, Debug)]
 struct FollowedWave {
     wave: Wave,
@@ -370,17 +371,17 @@ fn motor_inertia_kg_m2(model: &Model) -> f64 {
     model.motor.inertia_kg_m2 * model.motor_share()
 }
 
-/// Whether the event-exact motor has an effect as well.
+/// Whether the event-exact motor contains an effect.
 fn is_exact(term: &Term) -> bool {
     term.effect.is_dry_losses_alone(&term.values)
 }
 
-/// What those take that it has.
+/// The parameters of those.
 fn exact_losses(model: &Model) -> DryLosses {
     model.terms.iter().filter(|term| is_exact(term)).map(Term::dry_losses).sum()
 }
 
-/// The motor of a model, without effects that it does not have.
+/// The motor of a model, without effects that it does not contain.
 fn event_exact(bridge: BridgeLosses, model: &Model) -> DcMotor {
     let losses = exact_losses(model);
     let drop_v = losses.bridge_drop_v;

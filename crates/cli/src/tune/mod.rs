@@ -520,7 +520,9 @@ impl<L: Line> Session<L> {
 
     fn no_step(&self) -> String {
         let reference = self.reference;
-        format!("no step: it goes by {reference} rad/s already. From rest: space, a, s; -/+ before a chooses another")
+        format!(
+            "no step: the reference is {reference} rad/s already. Press space, a, s to start from rest, or choose another with -/+"
+        )
     }
 
     fn finish_step(&mut self) -> Result<(), BoardError> {

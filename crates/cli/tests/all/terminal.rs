@@ -45,7 +45,7 @@ const TABLE: &[Row] = &[
         json: &["--json"],
         bad: &[
             (&["--seed", "7", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
-            (&["--csv", "a.csv", "--report", "a.rig.toml"], 1, "a.rig.toml would be written twice"),
+            (&["--csv", "a.csv", "--report", "a.rig.toml"], 1, "two outputs have the name a.rig.toml"),
             (&["--csv", "-"], 1, "give it a name"),
         ],
         ..row("demo")
@@ -57,8 +57,8 @@ const TABLE: &[Row] = &[
             (&["--rig", "none.toml"], 1, "none.toml"),
             (&["--rig", "bad.toml"], 1, "bad.toml"),
             (&["--rig", "model.toml", "--bode", "model.toml"], 1, "model.toml would be overwritten"),
-            (&["--rig", "model.toml", "--bode", "a.csv", "--step", "a.csv"], 1, "a.csv would be written twice"),
-            (&["--rig", "model.toml", "--json", "--step", "-"], 1, "would mix on the standard output"),
+            (&["--rig", "model.toml", "--bode", "a.csv", "--step", "a.csv"], 1, "two outputs have the name a.csv"),
+            (&["--rig", "model.toml", "--json", "--step", "-"], 1, "cannot both go to the standard output"),
         ],
         ..row("analyse")
     },
@@ -137,9 +137,9 @@ const TABLE: &[Row] = &[
             (&["time.csv"], 1, "time.csv: no column t_s"),
             (&["glitch.csv"], 1, "glitch.csv, line 3: column omega_rad_per_s: 1e300 is no measurement"),
             (&["run.csv", "--model", "run.csv"], 1, "run.csv would be overwritten"),
-            (&["run.csv", "--model", "model.toml"], 1, "model.toml: motorbench has not written this file"),
+            (&["run.csv", "--model", "model.toml"], 1, "model.toml was not written by motorbench"),
             (&["run.csv", "--rig", "rig.toml", "--report", "rig.toml"], 1, "rig.toml would be overwritten"),
-            (&["run.csv", "--json", "-", "--model", "-"], 1, "would mix on the standard output"),
+            (&["run.csv", "--json", "-", "--model", "-"], 1, "cannot both go to the standard output"),
             (&[], 2, "<RECORDINGS>"),
         ],
         ..row("diagnose")
@@ -152,7 +152,7 @@ const TABLE: &[Row] = &[
             (&["bad.csv"], 1, "bad.csv"),
             (&["run.csv", "--rig", "rig.toml", "--model", "/nonexistent/m.toml"], 3, "/nonexistent/m.toml"),
             (&["run.csv", "--rig", "rig.toml", "--json", "run.csv"], 1, "run.csv would be overwritten"),
-            (&["run.csv", "--model", "model.toml"], 1, "model.toml: motorbench has not written this file"),
+            (&["run.csv", "--model", "model.toml"], 1, "model.toml was not written by motorbench"),
             (&[], 2, "<RECORDINGS>"),
         ],
         ..row("identify")
@@ -176,8 +176,8 @@ const TABLE: &[Row] = &[
             (&["bad.toml"], 1, "bad.toml"),
             (&["scenario.toml", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
             (&["scenario.toml", "--plot", "a.jpg"], 2, ".svg or .png"),
-            (&["model.toml"], 1, "model.toml: this is no scenario: it has no duration_s"),
-            (&["rig.toml"], 1, "rig.toml: this is no scenario: it has no duration_s"),
+            (&["model.toml"], 1, "model.toml: this is no scenario: duration_s is missing"),
+            (&["rig.toml"], 1, "rig.toml: this is no scenario: duration_s is missing"),
             (&["run.csv"], 1, "run.csv: this is CSV; a scenario or its model (TOML) is expected"),
             (&["scenario.toml", "--console", "bad.txt"], 1, "bad.txt, line 3: speed_kp"),
             (&["scenario.toml", "--csv", "scenario.toml"], 1, "scenario.toml would be overwritten"),
@@ -333,7 +333,7 @@ const WITH_A_BOARD: &[Row] = &[
         json: &["--json"],
         bad: &[
             (&["nonsense"], 1, "unknown command, see help"),
-            (&["stream text 10"], 1, "stream is for other terminals"),
+            (&["stream text 10"], 1, "stream is not possible in connect"),
         ],
         // The board's own lines are as long as they are.
         for_programs: true,
@@ -381,7 +381,7 @@ const WITH_A_BOARD: &[Row] = &[
             (
                 &["--rig", "stand.toml", "--voltages", "6,9,12", "--readings", "2", "--positions", "1"],
                 1,
-                "nobody answered, so that the other positions are left out",
+                "nobody answered, so the other positions are left out",
             ),
         ],
         ..row("stand")

@@ -221,7 +221,7 @@ fn what_is_sent_is_read_back_and_what_is_wrong_is_named() {
     std::fs::write(&gains, "\u{feff}arm\r\nmode speed\r\nref 20\r\n").unwrap();
     let drive = board.run("send", &["gains.txt"]);
     let expected = format!(
-        "3 lines sent to {}, each answered by ok; no setting is among them\nthe drive is off again: it stays on while connect, tune or record has the board\n",
+        "3 lines sent to {}, each answered by ok; no setting is among them\nthe drive is off again; only `connect`, `tune` and `record` keep it on\n",
         board.port().display()
     );
     assert_eq!((drive.status.code(), text(&drive.stdout)), (Some(0), expected), "{}", text(&drive.stderr));
@@ -400,7 +400,7 @@ fn settings_of_a_recording_are_put_back() {
     for mut command in drives {
         assert_eq!(board.run("connect", &["set current_limit 0 trip_peak 5", "clear"]).status.code(), Some(0));
         let said = text(&command.output().unwrap().stderr);
-        let remedy = format!("`motorbench connect --port {} load` takes what is saved", board.port().display());
+        let remedy = format!("`motorbench connect --port {} load` restores the saved settings", board.port().display());
         assert!(said.contains("protections are lifted: current_limit off") && said.contains(&remedy), "{said}");
     }
 }
@@ -449,8 +449,8 @@ fn a_person_at_the_console() {
     board.order("wait 2");
     // Two that would end what connect hears the board by, one to which a board says nothing, and settings as a person has them.
     writeln!(fingers, "stream text 10\nrecord steps 6\nstatus\n  \nshow trip_host\nsave").unwrap();
-    assert!(answers.next().unwrap().starts_with("stream is for other terminals"));
-    assert!(answers.next().unwrap().starts_with("record is for other terminals"));
+    assert!(answers.next().unwrap().starts_with("stream is not possible in connect"));
+    assert!(answers.next().unwrap().starts_with("record is not possible in connect"));
     assert_eq!(answers.next().unwrap(), "mode open armed 1 trip 0 none");
     assert!(answers.find(|line| line.starts_with("trip_host")).unwrap().starts_with("trip_host 0 "));
     // Until all is saved; then the drive is watched again.
@@ -1128,10 +1128,10 @@ fn a_tuning_session_without_a_person() {
 
     let (done, account) = session(&board, "a s + s");
     assert_eq!((done.status.code(), account["step_tests"].as_array().unwrap().len()), (Some(1), 1), "{account}");
-    assert!(text(&done.stderr).contains("no step: it goes by 35 rad/s already"), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("no step: the reference is 35 rad/s already"), "{}", text(&done.stderr));
 
     let done = board.run("tune", &["--reference", "0", "--keys", "a s"]);
-    assert!(text(&done.stderr).contains("no step: it goes by 0 rad/s already"), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("no step: the reference is 0 rad/s already"), "{}", text(&done.stderr));
 
     let (done, account) = session(&board, "tab right + down");
     for did in ["more       lqr_speed_kw 0.", "higher     reference 35 rad/s", "down       lqr_speed_kc 0."] {

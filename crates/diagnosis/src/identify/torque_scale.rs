@@ -104,7 +104,7 @@ mod tests {
 
     /// With any effect, the motor turns the same at any scale: the units tell how each constant goes with it.
     #[test]
-    fn no_reading_depends_on_it() {
+    fn no_reading_depends_on_the_torque_scale() {
         let (data, prior) = without_a_current();
         for effect in CATALOGUE.iter().filter(|effect| effect.about().sensor != Some(Sensor::Current)) {
             let linear = Model::linear(prior.motor);
@@ -119,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_known_before_decides_on_it() {
+    fn the_prior_decides_the_torque_scale() {
         let (data, prior) = without_a_current();
         let model = Model::linear(prior.motor);
         let unknowns = unknowns(&model, &data, &prior);
