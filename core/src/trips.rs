@@ -608,7 +608,7 @@ mod tests {
         assert_eq!(trips_after(&Settings::defaults(), dither), None);
         // Creeping at 1 rpm: three counts in 90 ms.
         let creep = |tick: u32| {
-            let came = tick % 30 == 0;
+            let came = tick.is_multiple_of(30);
             let edges = Proof { came, place: (tick / 90 % 250) as u8, illegal: 0 };
             Observation { voltage: 5120, speed: 7, current: amps(0.43), edges, ..healthy() }
         };

@@ -31,7 +31,7 @@ pub enum EncoderFault {
     Swapped,
     /// A and B touch: open collectors, of which the low one wins.
     Shorted,
-    /// Line A changes by chance, [`NOISE_PER_S`] times a second, whatever the shaft does.
+    /// Line A changes by chance, `NOISE_PER_S` times a second, whatever the shaft does.
     Noisy,
     /// The coupling slips: the encoder turns by a tenth of what the shaft does.
     Slipping,
