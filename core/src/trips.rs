@@ -10,7 +10,7 @@
 //! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
 //! | encoder silent | the voltage implies a speed, see below, for `trip_encoder`, and the encoder shows none |
 //! | encoder counts too few | the same, and the encoder shows too little |
-//! | encoder lines | edges that go to and fro by one count in most ticks of 64 ms; or illegal transitions in most ticks, 50 of them |
+//! | encoder lines | edges that go to and fro by one count for 64 ms; or illegal transitions in most ticks, 50 of them |
 //! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
 //! | sensor range | current signal at a rail for 3 ticks, or a current above `trip_peak` with the drive disarmed |
 //! | converter silent | no block of conversions in a tick |
@@ -174,7 +174,7 @@ pub struct TripsState {
     hung: u8,
     /// Looks without motion; stays at the largest.
     quiet: u8,
-    /// Looks with edges to and fro, less three for each without.
+    /// Looks with edges to and fro in a row.
     to_and_fro: u8,
     /// Illegal transitions, less one for each tick without any.
     illegal: u8,
@@ -224,8 +224,8 @@ impl TripsState {
         let turn = self.turn;
         self.turn = turn.wrapping_add(1);
         let trip = match turn % TURNS {
-            0 => self.board(config, armed),
-            1 => self.power(config, seen, current),
+            0 => self.board(config, seen, armed),
+            1 => self.heat_up(config, current),
             2 => self.lines(config, seen, armed),
             _ => self.motion(config, seen, current, armed),
         };
@@ -249,9 +249,9 @@ impl TripsState {
         Trip::None
     }
 
-    /// Main loop, stack, converter and host.
+    /// Main loop, stack, converter, host and supply.
     #[inline(always)]
-    fn board(&mut self, config: &TripsConfig, armed: bool) -> Trip {
+    fn board(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
         let flags = core::mem::take(&mut self.flags);
         // Before all that may return: a hang must be noticed beside any other trip, or the watchdog is fed for ever.
         if for_ticks(&mut self.hung, flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_looks) {
@@ -266,16 +266,8 @@ impl TripsState {
         if !armed || flags & Inputs::HOST_SPOKE != 0 {
             self.host = 0;
         }
-        let lost = armed && for_looks(&mut self.host, config.host_looks);
-        if lost { Trip::HostLost } else { Trip::None }
-    }
-
-    /// Heat and supply.
-    #[inline(always)]
-    fn power(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
-        self.heat_up(config, current);
-        if (self.heat >> 16) as i16 > config.heat_limit {
-            return Trip::OverCurrentThermal;
+        if armed && for_looks(&mut self.host, config.host_looks) {
+            return Trip::HostLost;
         }
         let outside = seen.supply.is_some_and(|supply| supply < config.supply_low || supply > config.supply_high);
         if for_ticks(&mut self.supply, outside, SUPPLY_LOOKS) { Trip::SupplyRange } else { Trip::None }
@@ -289,7 +281,9 @@ impl TripsState {
         self.place = edges.place;
         let illegal = edges.illegal.wrapping_sub(self.illegal_before);
         self.illegal_before = edges.illegal;
-        self.quiet = self.quiet.saturating_add(1);
+        if self.quiet < QUIET {
+            self.quiet += 1;
+        }
         if moved {
             self.quiet = 0;
             self.still = 0;
@@ -299,11 +293,10 @@ impl TripsState {
             self.illegal = 0;
             return Trip::None;
         }
-        self.to_and_fro =
-            if edges.came && !moved { self.to_and_fro.saturating_add(1) } else { self.to_and_fro.saturating_sub(3) };
+        let to_and_fro = for_ticks(&mut self.to_and_fro, edges.came && !moved, config.lines_looks);
         self.illegal =
             if illegal != 0 { self.illegal.saturating_add(illegal) } else { self.illegal.saturating_sub(TURNS) };
-        let broken = self.to_and_fro >= config.lines_looks || self.illegal >= ILLEGAL_MOST;
+        let broken = to_and_fro || self.illegal >= ILLEGAL_MOST;
         if broken { Trip::EncoderLines } else { Trip::None }
     }
 
@@ -317,7 +310,7 @@ impl TripsState {
             self.against = 0;
             return Trip::None;
         }
-        let along = if seen.voltage < 0 { saturating_sub_i16(0, seen.speed) } else { seen.speed };
+        let along = if seen.voltage < 0 { !seen.speed } else { seen.speed };
         if self.implied(config, drive, current, along) {
             return self.name(along);
         }
@@ -359,7 +352,7 @@ impl TripsState {
     /// Speed against the voltage is braking as long as it falls; when it does not, the feedback has the wrong sign.
     #[inline(always)]
     fn turns_against(&mut self, config: &TripsConfig, along: i16) -> bool {
-        let speed = saturating_sub_i16(0, along);
+        let speed = magnitude(along);
         if along >= 0 {
             self.against = 0;
         } else if self.against == 0 || speed < saturating_sub_i16(self.against_speed, FALLING) {
@@ -373,10 +366,11 @@ impl TripsState {
 
     /// Low-pass of the squared current. Both are below 2^15, so nothing here can leave 32 bits.
     #[inline(always)]
-    fn heat_up(&mut self, config: &TripsConfig, current: i16) {
+    fn heat_up(&mut self, config: &TripsConfig, current: i16) -> Trip {
         let heat = (mul_i16(current, current) << 1 >> 16) as i16;
         let difference = heat - (self.heat >> 16) as i16;
         self.heat += mul_i16_u16(difference, config.heat_rate) >> 6;
+        if (self.heat >> 16) as i16 > config.heat_limit { Trip::OverCurrentThermal } else { Trip::None }
     }
 }
 
@@ -389,16 +383,18 @@ fn scaled(value: i16, factor: u16) -> i16 {
     saturate_shift_8(mul_i16_u16(value, factor))
 }
 
-/// The magnitude; the one number that has none in 16 bits is taken as the largest that has.
+/// The magnitude; of a negative number one bit less, so that all have one in 16 bits.
 #[inline(always)]
 fn magnitude(value: i16) -> i16 {
-    if value < 0 { saturating_sub_i16(0, value) } else { value }
+    if value < 0 { !value } else { value }
 }
 
 /// One look more; whether that makes it so many, of which none is for ever.
 #[inline(always)]
 fn for_looks(counter: &mut u16, looks: u16) -> bool {
-    *counter = counter.saturating_add(1);
+    if *counter < looks {
+        *counter += 1;
+    }
     looks != 0 && *counter >= looks
 }
 
@@ -409,7 +405,9 @@ fn for_ticks(counter: &mut u8, condition: bool, ticks: u8) -> bool {
         *counter = 0;
         return false;
     }
-    *counter = counter.saturating_add(1);
+    if *counter < ticks {
+        *counter += 1;
+    }
     *counter >= ticks
 }
 
