@@ -33,10 +33,11 @@ fn the_speed_loop_runs_up_reverses_and_takes_a_load() {
 fn the_position_loop_moves_and_returns() {
     let outcome = motorbench_files::scenario(&repository("position_lqr.toml"), None).unwrap().run().unwrap();
     assert_eq!(outcome.trip, Trip::None);
+    // The integral that carries friction at rest costs this overshoot.
     for figures in &outcome.figures {
         println!("{figures:?}");
         assert!(
-            (0.03..0.15).contains(&figures.rise_s.unwrap()) && figures.overshoot_percent.unwrap() < 5.0,
+            (0.03..0.15).contains(&figures.rise_s.unwrap()) && figures.overshoot_percent.unwrap() < 9.0,
             "{figures:?}"
         );
         // Three counts of the encoder.
@@ -89,7 +90,7 @@ fn noise_is_repeatable() {
 fn faults_bring_their_trips() {
     let outcome = motorbench_files::scenario(&repository("encoder_unplugged.toml"), None).unwrap().run().unwrap();
     assert_eq!(outcome.trip, Trip::EncoderSilent);
-    assert!((1.0..1.1).contains(&outcome.trip_s.unwrap()), "{:?}", outcome.trip_s);
+    assert!((0.8..0.9).contains(&outcome.trip_s.unwrap()), "{:?}", outcome.trip_s);
     let directory = std::env::temp_dir().join(format!("motorbench-faults-{}", std::process::id()));
     std::fs::create_dir_all(&directory).unwrap();
     let good = std::fs::read_to_string(repository("encoder_unplugged.toml")).unwrap();

@@ -78,7 +78,7 @@ fn one_recording_is_not_taken_for_two() {
     let copy = directory.path().join("copy.csv");
     std::fs::copy(&bench.run, &copy).unwrap();
     for command in ["identify", "diagnose"] {
-        let says = predicate::str::contains("copy.csv: the same rows as")
+        let says = predicate::str::contains("copy.csv has the same rows as")
             .and(predicate::str::contains("leave one of them out"));
         motorbench(&[command, path(&bench.run), path(&copy), "--rig", path(&bench.rig)]).failure().stderr(says);
     }
@@ -127,8 +127,8 @@ fn a_rig_file_that_contradicts_the_recording_is_told() {
     assert_eq!(told(&bench.rig), [""; 0]);
     let told = told(&wrong);
     assert_eq!(told.len(), 2, "{told:?}");
-    assert!(told[0].contains("counts_per_rev = 500, and counts and omega_rad_per_s say 2000"), "{told:?}");
-    assert!(told[1].contains("voltage_V = 24.0, and duty and u_V say 12.0"), "{told:?}");
+    assert!(told[0].contains("counts_per_rev = 500, but counts and omega_rad_per_s give 2000"), "{told:?}");
+    assert!(told[1].contains("voltage_V = 24.0, but duty and u_V give 12.0"), "{told:?}");
 }
 
 /// A model in the place of a rig file, and columns that no command knows: neither is left out silently.
@@ -142,7 +142,7 @@ fn what_is_not_used_of_a_file_is_said() {
     let lines =
         lines.lines().enumerate().map(|(line, text)| format!("{text},{}\n", if line == 0 { "temp_C" } else { "21" }));
     std::fs::write(&odd, lines.collect::<String>()).unwrap();
-    let is_model = predicate::str::contains("found.toml is a model: in the place of a rig file");
+    let is_model = predicate::str::contains("found.toml is a model file. It is used as a rig file");
     motorbench(&["identify", path(&bench.run), "--rig", path(&model)]).success().stderr(is_model);
     let unknown = || predicate::str::contains("odd.csv: not used").and(predicate::str::contains(": temp_C\n"));
     for command in
@@ -389,7 +389,7 @@ fn validate_refuses_the_recording_of_another_scenario() {
         .success()
         .stdout(says("the scenario lasts 3.00 s; the recording has 0.999 s of it"));
     // Only what this program has recorded surely has the reference.
-    validate("open.csv", "speed.toml").success().stdout(says("cannot be told"));
+    validate("open.csv", "speed.toml").success().stdout(says("cannot check that"));
     std::fs::write(at("open.json"), r#"{"firmware": "motorbench", "settings": {}}"#).unwrap();
     validate("open.csv", "speed.toml").code(1).stderr(says("the recording of an open loop"));
 }
