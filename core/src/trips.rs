@@ -97,7 +97,7 @@ impl TripsConfig {
         let supply = q.bits(Param::SupplyVoltage);
         self.driven = supply >> 2;
         self.turning = self.driven.max(LARGEST_DROP);
-        self.known_from = if q.is_on(Param::Wiring) { supply - (supply >> 3) } else { 0 };
+        self.known_from = if q.is_on(Param::Wiring) { supply - (supply >> 3) } else { self.driven };
         self.stall_looks = looks(q, Param::TripStall).div_ceil(2);
         let encoder_looks = looks(q, Param::TripEncoder).div_ceil(2);
         self.encoder_looks = if q.is_on(Param::WindingTime) { encoder_looks << 3 } else { encoder_looks };
@@ -282,31 +282,35 @@ impl TripsState {
         if for_ticks(&mut self.supply, outside, SUPPLY_LOOKS) { Trip::SupplyRange } else { Trip::None }
     }
 
-    /// Edges without motion, or both lines at once.
+    /// Edges without motion, or both lines at once; and whether the motor is hot.
     #[inline(always)]
     fn lines(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
+        if (self.heat >> 16) as i16 > config.heat_limit {
+            return Trip::OverCurrentThermal;
+        }
         let edges = seen.edges;
-        let moved = edges.place != self.place;
-        self.place = edges.place;
-        let illegal = edges.illegal.wrapping_sub(self.illegal_before);
-        self.illegal_before = edges.illegal;
-        if moved {
+        let mut broken = false;
+        if edges.place != self.place {
+            self.place = edges.place;
             self.quiet = 0;
-        } else if self.quiet < QUIET {
-            self.quiet += 1;
-        }
-        if !armed {
             self.to_and_fro = 0;
-            self.illegal = 0;
-            return Trip::None;
+        } else {
+            if self.quiet < QUIET {
+                self.quiet += 1;
+            }
+            broken = for_ticks(&mut self.to_and_fro, edges.came && armed, config.lines_looks);
         }
-        let to_and_fro = for_ticks(&mut self.to_and_fro, edges.came && !moved, config.lines_looks);
+        let illegal = edges.illegal.wrapping_sub(self.illegal_before);
         if illegal != 0 {
+            self.illegal_before = edges.illegal;
             self.illegal = self.illegal.saturating_add(illegal);
         } else if self.illegal != 0 {
             self.illegal = self.illegal.saturating_sub(TURNS);
         }
-        let broken = to_and_fro || self.illegal >= ILLEGAL_MOST;
+        if self.illegal >= ILLEGAL_MOST {
+            broken = armed;
+            self.illegal = ILLEGAL_MOST;
+        }
         if broken { Trip::EncoderLines } else { Trip::None }
     }
 
@@ -314,9 +318,9 @@ impl TripsState {
     #[inline(always)]
     fn imply(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
         let drive = magnitude(seen.voltage);
-        self.implied = 0;
+        self.implied = NOTHING;
         self.backward = seen.voltage < 0;
-        if armed && drive >= config.driven && drive >= config.known_from {
+        if armed && drive >= config.known_from {
             self.implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
         }
         Trip::None
@@ -325,15 +329,13 @@ impl TripsState {
     /// Whether the shaft turns as fast as has been implied four ticks ago.
     #[inline(always)]
     fn motion(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
-        if self.implied <= 0 {
-            self.implausible = 0;
-            return Trip::None;
-        }
         let along = along(self.backward, seen.speed);
         let known = config.back_emf != 0 || self.quiet >= QUIET || along < STILL;
         let missing = saturating_sub_i16(self.implied, scaled(along, config.back_emf));
         if !known || missing <= config.turning {
-            self.implausible = self.implausible.saturating_sub(1);
+            if self.implausible != 0 {
+                self.implausible -= 1;
+            }
             Trip::None
         } else if for_looks(&mut self.implausible, config.encoder_looks) {
             self.name(along)
@@ -396,13 +398,15 @@ impl TripsState {
     fn heat_up(&mut self, config: &TripsConfig) -> Trip {
         let difference = self.squared - (self.heat >> 16) as i16;
         self.heat += mul_i16_u16(difference, config.heat_rate) >> 8 << 3;
-        if (self.heat >> 16) as i16 > config.heat_limit { Trip::OverCurrentThermal } else { Trip::None }
+        Trip::None
     }
 }
 
 /// Bits of speed (2^-8 of the range) by which a braked motor must have slowed down to count as slowing.
 const FALLING: i16 = 128;
 
+/// Implied by a voltage that drives nothing: less than any speed takes away.
+const NOTHING: i16 = i16::MIN;
 /// A speed of zero, seen from a negative voltage.
 const STILL: i16 = !0;
 
