@@ -644,13 +644,13 @@ mod tests {
         }
         // A count that dithers by one, 200 times a second, at any voltage that a held shaft may need.
         let dither = |tick: u32| {
-            let edges = if tick % 5 == 0 { TO_AND_FRO } else { RESTS };
+            let edges = if tick.is_multiple_of(5) { TO_AND_FRO } else { RESTS };
             Observation { voltage: 5120, speed: 0, current: amps(0.43), edges, ..healthy() }
         };
         assert_eq!(trips_after(&Settings::defaults(), dither), None);
         // Creeping at 1 rpm: three counts in 90 ms.
         let creep = |tick: u32| {
-            let came = tick % 30 == 0;
+            let came = tick.is_multiple_of(30);
             let edges = Proof { came, place: (tick / 90 % 250) as u8, illegal: 0 };
             Observation { voltage: 5120, speed: 7, current: amps(0.43), edges, ..healthy() }
         };
