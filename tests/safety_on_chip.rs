@@ -98,7 +98,7 @@ fn an_emergency_stop_that_is_normally_closed_trips_when_it_opens() {
 
 #[test]
 fn a_converter_that_stops_trips_and_does_not_arm() {
-    provoke(60.0, Trip::ConverterSilent, 4, |uno| uno.bench.set_converter_dead(true));
+    provoke(60.0, Trip::ConverterSilent, 8, |uno| uno.bench.set_converter_dead(true));
     let mut uno = Uno::power_on();
     uno.bench.set_converter_dead(true);
     uno.listen();
@@ -187,7 +187,7 @@ fn a_stack_that_overflows_stops_the_motor_and_is_reported() {
     uno.run_s(0.4);
     let first_free = uno.bench.program().variable("_end").expect("_end");
     uno.bench.chip_mut().write(first_free, 0);
-    uno.run_s(0.003);
+    uno.run_s(0.006);
     assert_eq!(uno.bench.now().bridge, Bridge::Coast);
     uno.run_s(0.01);
     assert_eq!(uno.last().trip, Trip::StackOverflow);

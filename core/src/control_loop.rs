@@ -322,6 +322,7 @@ impl ControlLoop {
             speed,
             supply: supply.then_some(sample.supply),
             edges,
+            turn: sample.tick as u8,
             sensor_at_rail: reading.saturated,
             flags: inputs.flags,
         }

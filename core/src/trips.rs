@@ -1,7 +1,7 @@
 //! Trips: what switches the drive off by itself.
 //!
 //! Checked once a tick, on what was measured in this tick and the voltage of the tick before. Times are counted in
-//! ticks, so a trip comes within four ticks of its time.
+//! ticks, so a trip comes within eight ticks of its time.
 //!
 //! | trip | condition |
 //! |---|---|
@@ -10,7 +10,7 @@
 //! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
 //! | encoder silent | the voltage implies a speed, see below, for `trip_encoder`, and the encoder shows none |
 //! | encoder counts too few | the same, and the encoder shows too little |
-//! | encoder lines | edges that go to and fro by one count for 64 ms; or illegal transitions in most ticks, 50 of them |
+//! | encoder lines | edges that go to and fro by one count for 64 ms; or 32 illegal transitions, less one for every 4 ms without any |
 //! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
 //! | sensor range | current signal at a rail for 3 ticks, or a current above `trip_peak` with the drive disarmed |
 //! | converter silent | no block of conversions in a tick |
@@ -44,7 +44,8 @@ use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::units::{AMPERE, FULL_RANGE, VOLT};
 
-/// Thresholds in bits; times in ticks, or in looks, of which there is one in every fourth tick.
+/// Thresholds in bits; times in ticks, or in looks, of which there is one in every
+/// fourth tick, for stall, encoder and runaway in every eighth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct TripsConfig {
     peak: i16,
@@ -52,7 +53,7 @@ pub struct TripsConfig {
     continuous: i16,
     /// `continuous` squared, in bits of current squared over 2^15.
     heat_limit: i16,
-    /// Tick over thermal time, times 2^24; every fourth tick counts.
+    /// Tick over thermal time, times 2^24; every eighth tick counts.
     heat_rate: u16,
     /// Bits of voltage a bit of current, times 2^8: the resistance.
     resistive: u16,
@@ -96,12 +97,12 @@ impl TripsConfig {
         let supply = q.bits(Param::SupplyVoltage);
         self.driven = supply >> 2;
         self.turning = self.driven.max(LARGEST_DROP);
-        self.known_from = if q.is_on(Param::Wiring) { supply - (supply >> 3) } else { 0 };
-        self.stall_looks = looks(q, Param::TripStall);
-        let encoder_looks = looks(q, Param::TripEncoder);
+        self.known_from = if q.is_on(Param::Wiring) { supply - (supply >> 3) } else { self.driven };
+        self.stall_looks = looks(q, Param::TripStall).div_ceil(2);
+        let encoder_looks = looks(q, Param::TripEncoder).div_ceil(2);
         self.encoder_looks = if q.is_on(Param::WindingTime) { encoder_looks << 3 } else { encoder_looks };
         self.lines_looks = lines_looks;
-        self.runaway_looks = looks(q, Param::TripRunaway);
+        self.runaway_looks = looks(q, Param::TripRunaway).div_ceil(2);
         self.supply_low = supply_bits(q, Param::TripSupplyLow);
         self.supply_high = supply_bits(q, Param::TripSupplyHigh);
         self.host_looks = looks(q, Param::TripHost);
@@ -151,6 +152,8 @@ pub struct Observation {
     pub supply: Option<i16>,
     /// What the encoder's edges say.
     pub edges: Proof,
+    /// Ticks, modulo 256: whose turn it is to be looked at.
+    pub turn: u8,
     /// The current signal is at a rail.
     pub sensor_at_rail: bool,
     /// As in [`Inputs::flags`].
@@ -162,6 +165,12 @@ pub struct Observation {
 pub struct TripsState {
     /// Low-passed square of the current, times 2^16.
     heat: i32,
+    /// Back-EMF, less a quarter of the voltage, that the voltage implied when it was last looked at.
+    implied: i16,
+    /// That voltage was negative.
+    backward: bool,
+    /// The last square that was taken, in bits of current squared over 2^15.
+    squared: i16,
     still: u16,
     /// Looks in which the voltage implied a speed that was not measured, less those in which it did not.
     implausible: u16,
@@ -176,20 +185,20 @@ pub struct TripsState {
     quiet: u8,
     /// Looks with edges to and fro in a row.
     to_and_fro: u8,
-    /// Illegal transitions, less one for each tick without any.
+    /// Illegal transitions, less one for each look without any.
     illegal: u8,
     illegal_before: u8,
     place: u8,
     /// Since the last look at them.
     flags: u8,
-    /// Whose turn it is.
-    turn: u8,
 }
 
 /// Ticks the current signal may touch a rail.
 const RAIL_TICKS: u8 = 3;
 /// What need not come at once is looked at by turns.
 const TURNS: u8 = 4;
+/// Looks at the encoder's lines for one at whether the shaft is held.
+const LOOKS_A_ROUND: u8 = 2;
 /// 10 ms, at 2 kHz 6 ms.
 const SUPPLY_LOOKS: u8 = 3;
 /// What a bridge of bipolar transistors may take, with some reserve: 3 V.
@@ -198,8 +207,8 @@ const LARGEST_DROP: i16 = 3 * VOLT as i16;
 const NORMALLY_CLOSED: f32 = 2.0;
 /// An encoder that has not moved for so many looks is silent, else it counts too few.
 const SILENT: u8 = 3;
-/// So many illegal transitions trip; a tick without any takes one away.
-const ILLEGAL_MOST: u8 = 50;
+/// So many illegal transitions trip; a look without any takes one away. Sound lines have none at all.
+const ILLEGAL_MOST: u8 = 32;
 /// Fewer are no sign of a broken line.
 const ILLEGAL_SIGN: u8 = 2;
 /// Edges to and fro in so many looks are none of a motor that turns.
@@ -215,19 +224,19 @@ impl TripsState {
     }
 
     /// One tick: the first condition that has held for its time, or [`Trip::None`]. What must come at once is looked at in
-    /// every tick, the rest by turns, each in every fourth.
+    /// every tick, the rest by turns, each in every fourth or eighth.
     #[inline(always)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
         let current = magnitude(seen.current);
         self.flags |= seen.flags;
         let urgent = self.urgent(config, seen, current, armed);
-        let turn = self.turn;
-        self.turn = turn.wrapping_add(1);
-        let trip = match turn % TURNS {
-            0 => self.board(config, seen, armed),
-            1 => self.heat_up(config, current),
-            2 => self.lines(config, seen, armed),
-            _ => self.motion(config, seen, current, armed),
+        let trip = match seen.turn % (2 * TURNS) {
+            0 | 4 => self.lines(config, seen, armed),
+            1 => self.imply(config, seen, current, armed),
+            5 => self.motion(config, seen),
+            2 | 6 => self.board(config, seen, armed),
+            3 => self.held(config, seen, current, armed),
+            _ => self.heat_up(config),
         };
         if urgent != Trip::None { urgent } else { trip }
     }
@@ -273,51 +282,84 @@ impl TripsState {
         if for_ticks(&mut self.supply, outside, SUPPLY_LOOKS) { Trip::SupplyRange } else { Trip::None }
     }
 
-    /// Edges without motion, or both lines at once.
+    /// Edges without motion, or both lines at once; and whether the motor is hot.
     #[inline(always)]
     fn lines(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
+        if (self.heat >> 16) as i16 > config.heat_limit {
+            return Trip::OverCurrentThermal;
+        }
         let edges = seen.edges;
-        let moved = edges.place != self.place;
-        self.place = edges.place;
-        let illegal = edges.illegal.wrapping_sub(self.illegal_before);
-        self.illegal_before = edges.illegal;
-        if self.quiet < QUIET {
-            self.quiet += 1;
-        }
-        if moved {
+        let mut broken = false;
+        if edges.place != self.place {
+            self.place = edges.place;
             self.quiet = 0;
-            self.still = 0;
-        }
-        if !armed {
             self.to_and_fro = 0;
-            self.illegal = 0;
-            return Trip::None;
+        } else {
+            if self.quiet < QUIET {
+                self.quiet += 1;
+            }
+            broken = for_ticks(&mut self.to_and_fro, edges.came && armed, config.lines_looks);
         }
-        let to_and_fro = for_ticks(&mut self.to_and_fro, edges.came && !moved, config.lines_looks);
-        self.illegal =
-            if illegal != 0 { self.illegal.saturating_add(illegal) } else { self.illegal.saturating_sub(TURNS) };
-        let broken = to_and_fro || self.illegal >= ILLEGAL_MOST;
+        let illegal = edges.illegal.wrapping_sub(self.illegal_before);
+        if illegal != 0 {
+            self.illegal_before = edges.illegal;
+            self.illegal = self.illegal.saturating_add(illegal);
+        } else if self.illegal != 0 {
+            self.illegal -= 1;
+        }
+        if self.illegal >= ILLEGAL_MOST {
+            broken = armed;
+            self.illegal = ILLEGAL_MOST;
+        }
         if broken { Trip::EncoderLines } else { Trip::None }
     }
 
-    /// Whether the shaft does what the voltage says.
+    /// The speed that the voltage implies, as the back-EMF that it must have.
     #[inline(always)]
-    fn motion(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
+    fn imply(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
         let drive = magnitude(seen.voltage);
-        if !armed || drive < config.driven {
+        self.implied = NOTHING;
+        self.backward = seen.voltage < 0;
+        if armed && drive >= config.known_from {
+            self.implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
+        }
+        Trip::None
+    }
+
+    /// Whether the shaft turns as fast as has been implied four ticks ago.
+    #[inline(always)]
+    fn motion(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
+        let along = along(self.backward, seen.speed);
+        let known = config.back_emf != 0 || self.quiet >= QUIET || along < STILL;
+        let missing = saturating_sub_i16(self.implied, scaled(along, config.back_emf));
+        if !known || missing <= config.turning {
+            if self.implausible != 0 {
+                self.implausible -= 1;
+            }
+            Trip::None
+        } else if for_looks(&mut self.implausible, config.encoder_looks) {
+            self.name(along)
+        } else {
+            Trip::None
+        }
+    }
+
+    /// Takes the square of the current; whether the shaft is held, or turns against the voltage.
+    #[inline(always)]
+    fn held(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
+        self.squared = (mul_i16(current, current) << 1 >> 16) as i16;
+        if !armed || magnitude(seen.voltage) < config.driven {
             self.still = 0;
-            self.implausible = 0;
             self.against = 0;
             return Trip::None;
         }
-        let along = if seen.voltage < 0 { !seen.speed } else { seen.speed };
-        if self.implied(config, drive, current, along) {
-            return self.name(along);
-        }
-        if self.turns_against(config, along) {
+        if self.turns_against(config, along(seen.voltage < 0, seen.speed)) {
             return Trip::Runaway;
         }
-        // A blocked motor draws its stall current; one that moves has set the count to zero.
+        if self.quiet < LOOKS_A_ROUND {
+            self.still = 0;
+        }
+        // A blocked motor draws its stall current.
         let stalled = current > config.continuous && for_looks(&mut self.still, config.stall_looks);
         if stalled { Trip::Stall } else { Trip::None }
     }
@@ -329,31 +371,18 @@ impl TripsState {
             Trip::EncoderLines
         } else if self.quiet >= SILENT {
             Trip::EncoderSilent
-        } else if along < 0 {
+        } else if along < STILL {
             Trip::Runaway
         } else {
             Trip::EncoderTooFew
         }
     }
 
-    /// Whether the voltage has implied more speed than `along` it was measured, for its time.
-    #[inline(always)]
-    fn implied(&mut self, config: &TripsConfig, drive: i16, current: i16, along: i16) -> bool {
-        let known = config.back_emf != 0 || self.quiet >= QUIET || along < 0;
-        let implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
-        let missing = saturating_sub_i16(implied, scaled(along, config.back_emf));
-        if !known || drive < config.known_from || missing <= config.turning {
-            self.implausible = self.implausible.saturating_sub(1);
-            return false;
-        }
-        for_looks(&mut self.implausible, config.encoder_looks)
-    }
-
     /// Speed against the voltage is braking as long as it falls; when it does not, the feedback has the wrong sign.
     #[inline(always)]
     fn turns_against(&mut self, config: &TripsConfig, along: i16) -> bool {
         let speed = magnitude(along);
-        if along >= 0 {
+        if along >= STILL {
             self.against = 0;
         } else if self.against == 0 || speed < saturating_sub_i16(self.against_speed, FALLING) {
             self.against = 1;
@@ -366,16 +395,26 @@ impl TripsState {
 
     /// Low-pass of the squared current. Both are below 2^15, so nothing here can leave 32 bits.
     #[inline(always)]
-    fn heat_up(&mut self, config: &TripsConfig, current: i16) -> Trip {
-        let heat = (mul_i16(current, current) << 1 >> 16) as i16;
-        let difference = heat - (self.heat >> 16) as i16;
-        self.heat += mul_i16_u16(difference, config.heat_rate) >> 6;
-        if (self.heat >> 16) as i16 > config.heat_limit { Trip::OverCurrentThermal } else { Trip::None }
+    fn heat_up(&mut self, config: &TripsConfig) -> Trip {
+        let difference = self.squared - (self.heat >> 16) as i16;
+        self.heat += mul_i16_u16(difference, config.heat_rate) >> 8 << 3;
+        Trip::None
     }
 }
 
 /// Bits of speed (2^-8 of the range) by which a braked motor must have slowed down to count as slowing.
 const FALLING: i16 = 128;
+
+/// Implied by a voltage that drives nothing: less than any speed takes away.
+const NOTHING: i16 = i16::MIN;
+/// A speed of zero, seen from a negative voltage.
+const STILL: i16 = !0;
+
+/// The measured speed, positive along the voltage; one bit less from a negative one.
+#[inline(always)]
+fn along(backward: bool, speed: i16) -> i16 {
+    if backward { !speed } else { speed }
+}
 
 /// A product in bits of voltage, saturating.
 #[inline(always)]
@@ -424,6 +463,7 @@ mod tests {
 
     /// As it is seen in a tick.
     fn at(tick: u32, mut seen: Observation) -> Observation {
+        seen.turn = tick as u8;
         if seen.edges.place == MOVES.place {
             seen.edges.place = (tick % 250) as u8;
         }
@@ -469,11 +509,11 @@ mod tests {
     fn each_trip_comes_in_its_time() {
         let amps = |a: f32| (a * AMPERE) as i16;
         let defaults = Settings::defaults();
-        // Within the four ticks of a round of looks.
+        // Within the eight ticks of a round of looks.
         let check = |name: &str, (trip, ticks): (Trip, u32), found: Option<(Trip, u32)>| {
             let (found, after) = found.unwrap_or_else(|| panic!("{name}: no trip"));
             assert_eq!(found, trip, "{name}");
-            assert!((ticks.saturating_sub(3)..=ticks + 4).contains(&after), "{name}: {after} ticks instead of {ticks}");
+            assert!((ticks.saturating_sub(3)..=ticks + 8).contains(&after), "{name}: {after} ticks instead of {ticks}");
         };
         let one = |observation: Observation| trips_after(&defaults, move |_| observation);
         let peak = one(Observation { current: amps(-1.3), ..healthy() });
@@ -500,7 +540,7 @@ mod tests {
         check("to and fro", (Trip::EncoderLines, 64), to_and_fro);
         check(
             "illegal",
-            (Trip::EncoderLines, 27),
+            (Trip::EncoderLines, 16),
             trips_after(&defaults, |tick| {
                 let edges = Proof { illegal: (2 * tick) as u8, ..MOVES };
                 Observation { edges, ..healthy() }
@@ -559,13 +599,13 @@ mod tests {
         for armed in [true, false] {
             let mut state = TripsState::default();
             let stopped = |flags| Observation { sensor_at_rail: true, flags, ..healthy() };
-            for tick in 0..300 {
+            for tick in 0..304 {
                 assert!(!state.main_loop_hung(&config), "{tick}");
                 let flags = Inputs::STOP_CLOSED | Inputs::MAIN_LOOP_ALIVE;
-                assert_eq!(state.step(&config, &stopped(flags), armed), Trip::EmergencyStop);
+                assert_eq!(state.step(&config, &at(tick, stopped(flags)), armed), Trip::EmergencyStop);
             }
-            let hung = (1..300).find(|_| {
-                state.step(&config, &stopped(Inputs::STOP_CLOSED), armed);
+            let hung = (1..300).find(|&tick| {
+                state.step(&config, &at(tick, stopped(Inputs::STOP_CLOSED)), armed);
                 state.main_loop_hung(&config)
             });
             assert!(hung.is_some_and(|tick| (97..=104).contains(&tick)), "{hung:?}");
@@ -598,6 +638,10 @@ mod tests {
             ..healthy()
         };
         assert_eq!(trips_after(&Settings::defaults(), spike), None);
+        // Held by its friction under either voltage.
+        for voltage in [-4200, 4200] {
+            quiet(Observation { voltage, speed: 0, edges: RESTS, current: amps(0.27), ..healthy() });
+        }
         // A count that dithers by one, 200 times a second, at any voltage that a held shaft may need.
         let dither = |tick: u32| {
             let edges = if tick.is_multiple_of(5) { TO_AND_FRO } else { RESTS };
@@ -639,10 +683,10 @@ mod tests {
         fn anything_goes(values in proptest::collection::vec(any::<(i16, i16, i16, u8)>(), 1..300)) {
             let config = TripsConfig::build(&Settings::defaults()).unwrap();
             let mut state = TripsState::default();
-            for (voltage, current, speed, flags) in values {
+            for (tick, (voltage, current, speed, flags)) in (0..=255u8).cycle().zip(values) {
                 let supply = (flags & 1 != 0).then_some(voltage);
                 let edges = if flags & 2 != 0 { MOVES } else { TO_AND_FRO };
-                state.step(&config, &Observation { voltage, current, speed, supply, edges, flags: Inputs::MAIN_LOOP_ALIVE,
+                state.step(&config, &Observation { voltage, current, speed, supply, edges, turn: tick, flags: Inputs::MAIN_LOOP_ALIVE,
                     ..Observation::default() }, flags & 4 != 0);
             }
         }

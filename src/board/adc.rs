@@ -55,15 +55,14 @@ pub fn start(p: &Peripherals) {
 }
 
 /// In place of a sum that has been taken.
-const TAKEN: u16 = u16::MAX;
+pub const TAKEN: u16 = u16::MAX;
 
-/// Sum of the last eight current samples if a block has been completed since the last call, last tachogenerator, last
-/// supply. There are one or two blocks in each tick: the handler need not count.
+/// Sum of the last eight current samples, or [`TAKEN`] if no block has been completed since the last call; last
+/// tachogenerator, last supply. There are one or two blocks in each tick: the handler need not count.
 #[inline(always)]
-pub fn latest(cs: CriticalSection) -> (Option<u16>, u16, u16) {
+pub fn latest(cs: CriticalSection) -> (u16, u16, u16) {
     let samples = SAMPLES.borrow(cs);
-    let sum = samples.current_sum.replace(TAKEN);
-    ((sum != TAKEN).then_some(sum), samples.tacho.get(), samples.supply.get())
+    (samples.current_sum.replace(TAKEN), samples.tacho.get(), samples.supply.get())
 }
 
 // Conversion complete.

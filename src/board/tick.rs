@@ -238,7 +238,7 @@ fn set_hardware(settings: &Settings) {
 fn take_inputs(p: &Peripherals) -> &'static Inputs {
     // SAFETY: in a handler, interrupts are off.
     let cs = unsafe { CriticalSection::new() };
-    let (current_sum, tacho, supply) = adc::latest(cs);
+    let (mut current_sum, tacho, supply) = adc::latest(cs);
     let tick_coarse = p.TC0.ocr0a().read().bits();
     let next = tick_coarse.wrapping_add(shared!(period));
     // SAFETY: any value is valid.
@@ -251,12 +251,11 @@ fn take_inputs(p: &Peripherals) -> &'static Inputs {
     if stack::overflown() {
         flags |= Inputs::STACK_OVERFLOW;
     }
-    // SAFETY: the tick does not nest, and nobody else uses the inputs.
-    let before = unsafe { (*(&raw const TICK_INPUTS)).current_sum };
-    let current_sum = current_sum.unwrap_or_else(|| {
+    if current_sum == adc::TAKEN {
         flags |= Inputs::NOT_CONVERTED;
-        before
-    });
+        // SAFETY: the tick does not nest, and nobody else uses the inputs.
+        current_sum = unsafe { (&raw const TICK_INPUTS.current_sum).read_volatile() };
+    }
     let edges = encoder::edges(p);
     let inputs = Inputs { edges, tick_coarse, current_sum, tacho, supply, duty_scale: shared!(duty_scale), flags };
     // SAFETY: the tick does not nest, and nobody else uses the inputs.
