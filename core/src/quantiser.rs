@@ -216,6 +216,14 @@ impl<'a> Quantiser<'a> {
         self.round(param, limit)
     }
 
+    /// The formula's value rounded; zero and the limit stand for what is beyond. For what only watches: a value that the
+    /// format does not hold is no reason to refuse the settings.
+    #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+    pub fn clamp(&mut self, limit: u16) -> u16 {
+        (self.value + 0.5).clamp(0.0, limit as f32) as u16
+    }
+
     /// One over the formula's value and `more`, bits of [`crate::units::Fraction`].
     #[inline(never)]
     #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]

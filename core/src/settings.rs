@@ -138,7 +138,7 @@ settings! {
     LqrPositionKp "lqr_position_kp" ["V/rad"] PositionGain = 5.0 in -10000.0..=10000.0, "position LQR, position";
     LqrPositionKw "lqr_position_kw" ["V s/rad"] SpeedGain = 0.1 in -1000.0..=1000.0, "position LQR, speed";
     LqrPositionKc "lqr_position_kc" ["V/A"] CurrentGain = 0.5 in -1000.0..=1000.0, "position LQR, current";
-    LqrPositionKi "lqr_position_ki" ["V/(rad s)"] PositionIntegral = 30.0 in -100000.0..=100000.0, "position LQR, integral";
+    LqrPositionKi "lqr_position_ki" ["V/(rad s)"] PositionIntegral = 5.0 in -100000.0..=100000.0, "position LQR, integral";
     LqrTt "lqr_tt" ["ms"] Own = 50.0 in 1.0..=60000.0, "both LQR, anti-windup tracking time";
     // Compensation, off by default.
     CompDrop "comp_drop" ["V"] Volt = 0.0 in 0.0..=8.0, "bridge drop added to the voltage";

@@ -33,11 +33,10 @@ fn the_speed_loop_runs_up_reverses_and_takes_a_load() {
 fn the_position_loop_moves_and_returns() {
     let outcome = motorbench_files::scenario(&repository("position_lqr.toml"), None).unwrap().run().unwrap();
     assert_eq!(outcome.trip, Trip::None);
-    // The integral that carries friction at rest costs this overshoot.
     for figures in &outcome.figures {
         println!("{figures:?}");
         assert!(
-            (0.03..0.15).contains(&figures.rise_s.unwrap()) && figures.overshoot_percent.unwrap() < 9.0,
+            (0.03..0.15).contains(&figures.rise_s.unwrap()) && figures.overshoot_percent.unwrap() < 5.0,
             "{figures:?}"
         );
         // Three counts of the encoder.

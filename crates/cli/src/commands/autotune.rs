@@ -39,7 +39,8 @@ const MOST_ERROR_SHARE: f64 = 0.03;
   motorbench autotune --from 6 --to 8
   motorbench autotune --relay 1 --bias 7 --reference 60 --console gains.txt
 
-A motor that sticks is refused: its friction would be measured instead of the loop.")]
+A motor that sticks is refused: its friction would be measured instead of the
+loop.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,

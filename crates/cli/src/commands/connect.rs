@@ -31,10 +31,10 @@ const OF_SETTINGS: [&str; 5] = ["set", "show", "save", "load", "defaults"];
   motorbench connect
   motorbench connect --port /dev/ttyACM0 status 'show speed_kp'
 
-Without lines it reads them from the terminal or a pipe. An empty line stops the
-motor; Ctrl-D and Ctrl-C end. The exit code is 1 if a line of a pipe was refused.
-The drive is off at the end. If this program dies, an armed drive stops by itself
-after half a second.")]
+Without lines it reads them from the terminal or a pipe. An empty line stops
+the motor; Ctrl-D and Ctrl-C end. The exit code is 1 if a line of a pipe was
+refused. The drive is off at the end. If this program dies, an armed drive stops
+by itself after half a second.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,

@@ -157,7 +157,10 @@ mod tests {
         };
         assert_eq!(refusal("run.csv", &["a.json", "b.html"]), None);
         for same in ["run.csv", "folder/../run.csv"] {
-            assert!(refusal("run.csv", &[same]).is_some_and(|why| why.contains("run.csv is an input and would be overwritten")));
+            assert!(
+                refusal("run.csv", &[same])
+                    .is_some_and(|why| why.contains("run.csv is an input and would be overwritten"))
+            );
         }
         // Neither exists yet.
         let twice = refusal("run.csv", &["folder/a.html", "folder/../folder/a.html"]);

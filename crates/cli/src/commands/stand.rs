@@ -280,7 +280,9 @@ fn slips(text: &mut String, slips: &[Slip]) {
     if slips.is_empty() {
         return;
     }
-    text.push_str("\nErrors in the derived table: printed cell, formula with its own row, formula with the readings\n");
+    text.push_str(
+        "\nErrors in the derived table: printed cell, formula with its own row,\nformula with the readings\n",
+    );
     text.push_str("     u_V                 column  printed  own row  readings\n");
     let cell = |value: Option<f64>| value.map_or("-".into(), |value| rounded(value, 5));
     for Slip { u_V, column, printed, by_row, by_readings } in slips {

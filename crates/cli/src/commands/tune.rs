@@ -30,8 +30,8 @@ Examples:
   motorbench tune --json session.json
   motorbench tune --keys 'a s right s w' --json -
 
---keys needs no terminal: each key is pressed when the one before has finished. A
-step test takes two seconds, including the return to rest. Keys are written as
+--keys needs no terminal: each key is pressed when the one before has finished.
+A step test takes two seconds, including the return to rest. Keys are written as
 above, and space, tab, up, down, left, right. It ends with exit code 1 at the
 first refused key or a trip, and with 3 where r cannot write.")]
 pub struct Arguments {

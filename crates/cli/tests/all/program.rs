@@ -483,7 +483,7 @@ fn validate_puts_laws_side_by_side() {
     let told = motorbench(&[&both[..], &["--model", path(&at("true.toml")), "--plot", path(&plot)]].concat()).success();
     let told = String::from_utf8(told.get_output().stdout.clone()).unwrap();
     println!("{told}");
-    assert!(told.contains("The least has the speed PID, as simulated"), "{told}");
+    assert!(told.contains("The speed PID has the smallest, as simulated"), "{told}");
     assert_eq!(told.matches("  speed LQR    measured ").count(), 5, "{told}");
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     let svg = std::fs::read_to_string(&plot).unwrap();
