@@ -10,7 +10,7 @@
 //! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
 //! | encoder silent | the voltage implies a speed, see below, for `trip_encoder`, and the encoder shows none |
 //! | encoder counts too few | the same, and the encoder shows too little |
-//! | encoder lines | edges that go to and fro by one count for 64 ms; or 32 illegal transitions, less one for every 4 ms without any |
+//! | encoder lines | edges that go to and fro by one count for 64 ms; or 24 illegal transitions, less one for every 4 ms without any |
 //! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
 //! | sensor range | current signal at a rail for 3 ticks, or a current above `trip_peak` with the drive disarmed |
 //! | converter silent | no block of conversions in a tick |
@@ -208,7 +208,7 @@ const NORMALLY_CLOSED: f32 = 2.0;
 /// An encoder that has not moved for so many looks is silent, else it counts too few.
 const SILENT: u8 = 3;
 /// So many illegal transitions trip; a look without any takes one away. Sound lines have none at all.
-const ILLEGAL_MOST: u8 = 32;
+const ILLEGAL_MOST: u8 = 24;
 /// Fewer are no sign of a broken line.
 const ILLEGAL_SIGN: u8 = 2;
 /// Edges to and fro in so many looks are none of a motor that turns.
@@ -540,7 +540,7 @@ mod tests {
         check("to and fro", (Trip::EncoderLines, 64), to_and_fro);
         check(
             "illegal",
-            (Trip::EncoderLines, 16),
+            (Trip::EncoderLines, 12),
             trips_after(&defaults, |tick| {
                 let edges = Proof { illegal: (2 * tick) as u8, ..MOVES };
                 Observation { edges, ..healthy() }
