@@ -13,7 +13,7 @@ pub mod pwm_period;
 
 pub(crate) use linear_step::oppose_motion;
 pub use linear_step::{LinearStep, Reached};
-pub use reading::read;
+pub use reading::{read, read_angle};
 
 use crate::catalogue::{Balance, Instant};
 use crate::dataset::{Dataset, Stretch};

@@ -2,6 +2,11 @@
 
 use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Parameter, Scales, Simplification};
 
+/// A host program over a slow link may take this long.
+const LONGEST_S: f64 = 2.0;
+/// Delays that are tried: of a program, of a link, of a slow host, and of a process behind a pipe or a belt.
+const USUAL_S: [f64; 3] = [0.03, 0.12, 0.35];
+
 /// See the module.
 pub struct ActuationDelay;
 
@@ -9,7 +14,7 @@ static ABOUT: About = About {
     id: "actuation_delay",
     title: "a delay between command and voltage",
     acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::within("delay_s", 0.0, 0.2)],
+    parameters: &[Parameter::within("delay_s", 0.0, LONGEST_S)],
     linear_in: 0,
     law: "u(t - delay_s)",
     looks_like: "After each step of the command both current and speed wait",
@@ -25,7 +30,10 @@ impl Effect for ActuationDelay {
     }
 
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![2.0 * scales.interval_s.min(0.005)]]
+        let least_s = 2.0 * scales.interval_s.min(0.005);
+        // A recording shows no delay that is a good part of it.
+        let longer = USUAL_S.into_iter().filter(|delay_s| (2.0 * least_s..0.2 * scales.duration_s).contains(delay_s));
+        std::iter::once(least_s).chain(longer).map(|delay_s| vec![delay_s]).collect()
     }
 
     /// By a speed a winding, a lag and a wait can hardly be told apart.

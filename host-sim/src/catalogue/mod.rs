@@ -15,6 +15,7 @@
 mod actuation_delay;
 mod backlash;
 mod bridge_asymmetry;
+mod clock_drift;
 mod coast_decay;
 mod cogging;
 mod coulomb_friction;
@@ -47,7 +48,7 @@ use crate::motor::MotorParameters;
 use std::ops::Range;
 
 /// Every effect the diagnosis knows. In which order they act says [`Effect::turn`].
-pub static CATALOGUE: [&dyn Effect; 26] = [
+pub static CATALOGUE: [&dyn Effect; 27] = [
     &coulomb_friction::CoulombFriction,
     &stribeck_friction::StribeckFriction,
     &friction_asymmetry::FrictionAsymmetry,
@@ -67,6 +68,7 @@ pub static CATALOGUE: [&dyn Effect; 26] = [
     &winding_heating::WindingHeating,
     &coast_decay::CoastDecay,
     &actuation_delay::ActuationDelay,
+    &clock_drift::ClockDrift,
     &current_lag::CurrentLag,
     &current_offset::CurrentOffset,
     &current_clipping::CurrentClipping,
@@ -588,6 +590,11 @@ pub trait Effect: Sync {
 
     /// Time by which the bridge carries out a command late.
     fn delay_s(&self, _values: &[f64]) -> f64 {
+        0.0
+    }
+
+    /// By how much that time grows in each second.
+    fn delay_growth(&self, _values: &[f64]) -> f64 {
         0.0
     }
 

@@ -11,6 +11,8 @@ pub struct Origin {
     pub pwm_hz: f64,
     /// Whether that is known, and not to be found.
     pub pwm_is_known: bool,
+    /// Share of a period of the PWM that has passed at time 0, where the current is read at the moment of its row.
+    pub pwm_phase: Option<f64>,
     /// How it was recorded.
     pub timing: Timing,
     /// A drop of the bridge that they do not show; every model is simulated behind it.
@@ -70,6 +72,12 @@ impl Origin {
             without_time: recording.without_time,
             ..Self::default()
         }
+    }
+
+    /// Where in its period of the PWM a current of this time is read, as far as that is known.
+    pub fn sampled_at(&self, time_s: f64) -> Option<f64> {
+        let at = |phase: f64| (phase + time_s * self.pwm_hz).rem_euclid(1.0);
+        self.timing.current_sampled_at.or(self.pwm_phase.map(at))
     }
 
     /// With what another recording shows, which begins after so many rows.

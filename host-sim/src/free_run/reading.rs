@@ -38,6 +38,16 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
         .collect()
 }
 
+/// What the counts of an encoder say of a motion: its angle in each stretch, as the sensors of the model read it.
+pub fn read_angle(model: &Model, data: &Dataset, mut motion: Motion) -> Vec<f64> {
+    for term in model.in_turn(|effect| !effect.acts_on_motor()) {
+        for stretch in &data.stretches {
+            falsify(term, model, data, (stretch.rows.clone(), &[]), &mut motion);
+        }
+    }
+    motion.angle_rad
+}
+
 /// What the shaft's speed does between rows beside the straight line: the way says its mean. Nothing is said of it where no
 /// effect asks for it.
 fn shaft_bulges(model: &Model, motion: &Motion, data: &Dataset) -> Vec<Bulge> {

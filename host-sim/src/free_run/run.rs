@@ -53,6 +53,8 @@ pub(super) struct Run<'a> {
     data: &'a Dataset,
     range: Range<usize>,
     delay_s: f64,
+    /// By how much the delay grows in each second of the recording.
+    delay_growth: f64,
     longest_step_s: f64,
     inertia_kg_m2: f64,
     step: LinearStep,
@@ -97,6 +99,7 @@ impl<'a> Run<'a> {
         let still = may_be_zero(speed_rad_per_s, motion);
         let speed_rad_per_s = if still { 0.0 } else { speed_rad_per_s };
         let delay_s = model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0);
+        let delay_growth = model.delay_growth();
         let acting = model.in_turn(|effect| effect.acts_on_motor()).into_iter().map(|term| Acting {
             effect: term.effect,
             values: &term.values,
@@ -106,6 +109,7 @@ impl<'a> Run<'a> {
             model,
             data,
             delay_s,
+            delay_growth,
             longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
             step: LinearStep::default(),
@@ -121,7 +125,7 @@ impl<'a> Run<'a> {
             undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.origin.pwm_hz),
             before: None,
             from_rest: still && data.current().is_none_or(|measured| may_be_zero(current_a, measured)),
-            acts_within: delay_s > 0.0 || data.has_moments(),
+            acts_within: delay_s > 0.0 || delay_growth != 0.0 || data.has_moments(),
             range,
         }
     }
@@ -161,7 +165,7 @@ impl<'a> Run<'a> {
             for piece_s in self.pieces(index, part as f64 * step_s, step_s).into_iter().flatten() {
                 let (at, terms, mean_a) = self.simulate(index, &course, piece_s);
                 charge += mean_a * at.step_s;
-                if let Some(sampled_at) = data.origin.timing.current_sampled_at {
+                if let Some(sampled_at) = data.origin.sampled_at(data.time_s[next]) {
                     self.before = Some((at, terms));
                     if part + 1 == steps as usize {
                         self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
@@ -184,7 +188,7 @@ impl<'a> Run<'a> {
         // The middle of the step stands for it.
         let share = (since_s + 0.5 * length_s) / interval_s;
         let half = 0.5 * length_s / interval_s;
-        let (voltage_v, duty) = self.command(index, since_s - self.delay_s, length_s);
+        let (voltage_v, duty) = self.command(index, since_s - self.delay_at(index), length_s);
         self.change_duty(voltage_v, duty);
         let mut at = Instant {
             time_s: data.time_s[index] + since_s,
@@ -192,7 +196,7 @@ impl<'a> Run<'a> {
             duty,
             mean_duty: duty,
             supply_v: data.supply_v[index],
-            open: data.open[self.acting_at(index, since_s + 0.5 * length_s - self.delay_s)],
+            open: data.open[self.acting_at(index, since_s + 0.5 * length_s - self.delay_at(index))],
             current_a: self.current_a,
             speed_rad_per_s: self.speed_rad_per_s,
             angle_rad: self.shaft_rad(course.angle_rad(share)),
@@ -254,17 +258,22 @@ impl<'a> Run<'a> {
             return whole;
         }
         let data = self.data;
-        let before = self.acting_at(index, since_s - self.delay_s);
-        let after = self.acting_at(index, since_s + length_s - self.delay_s);
+        let before = self.acting_at(index, since_s - self.delay_at(index));
+        let after = self.acting_at(index, since_s + length_s - self.delay_at(index));
         let leap_v = LEAP * data.supply_v[before];
         let leaps = |row: usize| (data.voltage_v[row] - data.voltage_v[before]).abs() > leap_v;
         let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row);
         let Some(switched) = (before + 1..=after).find(switches) else { return whole };
-        let first_s = data.acts_from_s(switched) + self.delay_s - data.time_s[index] - since_s;
+        let first_s = data.acts_from_s(switched) + self.delay_at(index) - data.time_s[index] - since_s;
         match (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(&first_s) {
             true => [Some((since_s, first_s)), Some((since_s + first_s, length_s - first_s))],
             false => whole,
         }
+    }
+
+    /// By how much a command acts late around a row: two clocks that differ let that grow.
+    fn delay_at(&self, index: usize) -> f64 {
+        self.delay_s + self.delay_growth * self.data.time_s[index]
     }
 
     /// The sample whose command acts so long after sample `index`.
