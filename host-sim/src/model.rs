@@ -148,6 +148,11 @@ impl Model {
         self.terms.iter().map(|term| term.effect.delay_s(&term.values)).sum()
     }
 
+    /// In which phase of the PWM the current is read at time 0, where that is one of its items.
+    pub fn pwm_phase(&self) -> Option<f64> {
+        self.terms.iter().find_map(|term| term.effect.pwm_phase(&term.values))
+    }
+
     /// By how much that grows in each second.
     pub fn delay_growth(&self) -> f64 {
         self.terms.iter().map(|term| term.effect.delay_growth(&term.values)).sum()

@@ -31,6 +31,7 @@ mod load_step;
 mod load_torque;
 mod low_pass;
 mod missed_counts;
+pub mod observation;
 mod quadratic_drag;
 mod resistance_growing_with_speed;
 mod shaft_compliance;
@@ -591,6 +592,16 @@ pub trait Effect: Sync {
     /// Time by which the bridge carries out a command late.
     fn delay_s(&self, _values: &[f64]) -> f64 {
         0.0
+    }
+
+    /// Whether it is of how a recording was made, and no cause.
+    fn is_observation(&self) -> bool {
+        false
+    }
+
+    /// In which phase of the PWM the rows are, where it is of that.
+    fn pwm_phase(&self, _values: &[f64]) -> Option<f64> {
+        None
     }
 
     /// By how much that time grows in each second.

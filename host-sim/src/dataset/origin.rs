@@ -75,9 +75,9 @@ impl Origin {
     }
 
     /// Where in its period of the PWM a current of this time is read, as far as that is known.
-    pub fn sampled_at(&self, time_s: f64) -> Option<f64> {
+    pub fn sampled_at(&self, time_s: f64, phase: Option<f64>) -> Option<f64> {
         let at = |phase: f64| (phase + time_s * self.pwm_hz).rem_euclid(1.0);
-        self.timing.current_sampled_at.or(self.pwm_phase.map(at))
+        self.timing.current_sampled_at.or(phase.or(self.pwm_phase).map(at))
     }
 
     /// With what another recording shows, which begins after so many rows.

@@ -26,7 +26,7 @@ mod speed_reading;
 mod unseen_losses;
 
 use crate::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
-use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE};
+use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE, greatest};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Interval, Place, Prior, Z95, fit};
 use crate::linear::motor_model::TimeConstants;
@@ -39,7 +39,7 @@ use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
-use scale::Scale;
+use scale::{Quantity, Scale};
 use select::{NAMED_SIGMAS, Selection, Standing, select};
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
@@ -72,6 +72,10 @@ const OTHER_UNIT: f64 = 2.5;
 
 /// By so much in the logarithm of its likelihood a sensor has to explain what remains better than the bench does to be blamed.
 const CLEARLY: f64 = 10.0;
+
+/// By how much a drop may differ between pulse and off phase, as a share of it (one standard deviation): there are two transistors in
+/// the one, a transistor and a diode in the other.
+const DROP_DIFFERENCE: f64 = 0.15;
 
 /// On what something depends that no curve explains.
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
@@ -144,7 +148,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         &prior,
         (&selection, &fullest),
         (&last.model, &intervals),
-        Taken { losses, scale, hidden_drop, late_h: late_h(&data, &last.model) },
+        Taken { losses, scale, hidden_drop, late_h: late_h(&data, &last.model), off_phase: off_phase(&data, &last.model) },
     );
     let model = losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model));
     Ok(Diagnosis {
@@ -167,6 +171,8 @@ struct Taken {
     losses: Option<RandomLosses>,
     scale: Option<Scale>,
     hidden_drop: Option<HiddenDrop>,
+    /// By how much a drop that is another in the off phase of the PWM changes the supply: standard deviation of the logarithm.
+    off_phase: f64,
 }
 
 impl Taken {
@@ -176,9 +182,18 @@ impl Taken {
         let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(constant));
         let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(constant));
         let of_reading = if constant == INDUCTANCE_H { self.late_h / value } else { 0.0 };
-        let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_reading) * value;
-        [(value - (value - ci95[0]).hypot(besides)).max(0.0), value + (ci95[1] - value).hypot(besides)]
+        let of_off_phase = Quantity::Voltage.power(constant).abs() * self.off_phase;
+        let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_off_phase).hypot(of_reading) * value;
+        let [low, high] = [value - (value - ci95[0]).hypot(besides), value + (ci95[1] - value).hypot(besides)];
+        // What has no sign keeps none.
+        if value > 0.0 && ci95[0] >= 0.0 { [low.max(0.0), high] } else { [low, high] }
     }
+}
+
+/// A bridge that drops another voltage in the off phase of its PWM than in the pulse is one with another supply: nothing in a
+/// recording tells the two apart.
+fn off_phase(data: &Dataset, model: &Model) -> f64 {
+    DROP_DIFFERENCE * model.dry_losses().bridge_drop_v / greatest(&data.supply_v).max(f64::MIN_POSITIVE)
 }
 
 /// A current that is read anywhere in a period of the PWM is as much too late as a winding of more inductance is.

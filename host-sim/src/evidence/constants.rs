@@ -116,7 +116,12 @@ pub fn constants(model: &Model, prior: &Prior, scales: &Scales, set: &Settings) 
             let usual = start.get(index).copied().unwrap_or(0.0).abs().max(0.3 * term.values[index].abs()).max(1e-12);
             let is_strength = index < about.linear_in;
             let is_delay = term.effect.delay_s(&term.values) > 0.0;
-            let (unit, prior) = if is_delay {
+            let (unit, prior) = if term.effect.is_observation() {
+                // Any share of a period is as probable as another.
+                let spread = 1.0 / 12_f64.sqrt();
+                let period = if is_delay { 1.0 / scales.pwm_hz } else { 1.0 };
+                (Some(period), (if is_delay { 0.5 } else { term.values[index] }, spread))
+            } else if is_delay {
                 (Some(scales.interval_s), (0.0, set.delay_spread_s / scales.interval_s))
             } else if let Some(spacing) = spacing {
                 (min, max) = (0.6 * spacing, scales.duration_s - 0.6 * spacing);
@@ -138,7 +143,7 @@ pub fn constants(model: &Model, prior: &Prior, scales: &Scales, set: &Settings) 
 /// Logarithm of the prior odds of a model's effects.
 pub fn log_odds(model: &Model, set: &Settings) -> f64 {
     let is_usual = |id: &str| USUAL.contains(&id) || id == "actuation_delay";
-    let odds = model.terms.iter().map(|term| {
+    let odds = model.terms.iter().filter(|term| !term.effect.is_observation()).map(|term| {
         let alternatives = if term.effect.about().parameters.iter().any(|parameter| parameter.is_number()) {
             set.numbers_tried.ln()
         } else {

@@ -19,17 +19,14 @@ use settings::Settings;
 /// What recordings of a motor say of it.
 pub fn diagnosed(data: Dataset, prior: &Prior, progress: Progress) -> Outcome {
     let set = Settings::USUAL;
-    let mut data = data;
-    reading::latch(&mut data);
-    let data = data;
     let first = Problem::new(&data, prior, set);
     let begun = first.begin(progress);
     // How the current was read depends on what the bridge does between pulses, and the other way round.
     let ways: Vec<(Dataset, Fitted)> = begun
         .into_par_iter()
-        .map(|begin| match reading::of(&first, &begin, progress) {
-            Some(read) => {
-                let begin = Problem::new(&read, prior, set).fit_to_the_end(&begin.model, begin.unknown);
+        .map(|begin| match reading::most_probable(&first, &begin, progress) {
+            Some((read, model)) => {
+                let begin = Problem::new(&read, prior, set).fit_to_the_end(&model, begin.unknown);
                 (read, begin)
             }
             None => (data.clone(), begin),

@@ -3,6 +3,7 @@
 
 use super::fit::{Effort, Fitted, Problem, weighted};
 use super::whiten::Unknown;
+use crate::catalogue::observation::CommandTiming;
 use crate::catalogue::{Alone, Balance, CATALOGUE, Channels, Effect, effect};
 use crate::dataset::Output;
 use crate::free_run::{Motion, Steps, drive, nudged, read};
@@ -123,7 +124,12 @@ impl Problem<'_> {
         let sizes = scales(&linear.motor, self.data);
         let possible = self.possible();
         let is_there = |id: &str| possible.iter().any(|effect| effect.about().id == id);
+        // A stated delay is that of the program; its duty still waits for the next period of the PWM.
         let timing_is_known = self.data.origin.timing.command_delay_s.is_some();
+        let linear = &match timing_is_known && self.data.origin.pwm_hz > 0.0 {
+            true => linear.with_start(&CommandTiming, &sizes),
+            false => linear.clone(),
+        };
         ["coulomb_friction", "voltage_drop", "actuation_delay"]
             .into_iter()
             .filter(|id| is_there(id) && !(timing_is_known && *id == "actuation_delay"))
@@ -133,7 +139,7 @@ impl Problem<'_> {
 
     /// Adds what makes a candidate more probable until nothing does.
     fn grown(&self, mut best: Fitted, progress: Progress) -> Fitted {
-        while best.model.terms.len() < self.set.most_effects {
+        while best.model.terms.iter().filter(|term| !term.effect.is_observation()).count() < self.set.most_effects {
             let promises = self.promises(&best);
             let tried: Vec<(&'static str, Fitted)> = promises
                 .par_iter()
@@ -164,7 +170,8 @@ impl Problem<'_> {
     fn backward(&self, mut best: Fitted, progress: Progress) -> (Fitted, Vec<Standing>) {
         let mut standings = Vec::new();
         for _ in 0..2 * self.set.most_effects {
-            let ids: Vec<&'static str> = best.model.terms.iter().map(Term::id).collect();
+            let causes = best.model.terms.iter().filter(|term| !term.effect.is_observation());
+            let ids: Vec<&'static str> = causes.map(Term::id).collect();
             let without: Vec<(&'static str, Fitted)> = ids
                 .par_iter()
                 .map(|id| (*id, self.fit(&best.model.without(id), best.unknown, Effort::TRIAL)))

@@ -53,6 +53,8 @@ pub(super) struct Run<'a> {
     data: &'a Dataset,
     range: Range<usize>,
     delay_s: f64,
+    /// In which phase of the PWM the current is read at time 0, where the model says it.
+    pwm_phase: Option<f64>,
     /// By how much the delay grows in each second of the recording.
     delay_growth: f64,
     longest_step_s: f64,
@@ -110,6 +112,7 @@ impl<'a> Run<'a> {
             data,
             delay_s,
             delay_growth,
+            pwm_phase: model.pwm_phase(),
             longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
             step: LinearStep::default(),
@@ -165,7 +168,7 @@ impl<'a> Run<'a> {
             for piece_s in self.pieces(index, part as f64 * step_s, step_s).into_iter().flatten() {
                 let (at, terms, mean_a) = self.simulate(index, &course, piece_s);
                 charge += mean_a * at.step_s;
-                if let Some(sampled_at) = data.origin.sampled_at(data.time_s[next]) {
+                if let Some(sampled_at) = data.origin.sampled_at(data.time_s[next], self.pwm_phase) {
                     self.before = Some((at, terms));
                     if part + 1 == steps as usize {
                         self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
