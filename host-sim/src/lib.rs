@@ -36,6 +36,7 @@ pub mod dataset;
 pub mod delimited;
 pub mod design;
 pub mod diagnose;
+pub mod evidence;
 pub mod figures;
 pub mod free_run;
 pub mod identify;

@@ -7,6 +7,9 @@ const PPM: f64 = 1e-6;
 /// Two quartz crystals differ by tens of these, a ceramic resonator by thousands.
 const USUAL_PPM: f64 = 50.0;
 
+/// In the end it has to come to this share of a row: less is where in its row a command acts.
+const LEAST_ROWS: f64 = 0.5;
+
 /// See the module.
 pub struct ClockDrift;
 
@@ -36,6 +39,11 @@ impl Effect for ClockDrift {
     /// Moments of commands that are sought follow any clock.
     fn shows_in(&self, channels: &Channels) -> bool {
         !channels.moments
+    }
+
+    /// Less than a row is in the scale of the rows' own clock.
+    fn is_a_scale(&self, values: &[f64], scales: &Scales) -> bool {
+        (PPM * values[0]).abs() * scales.duration_s < LEAST_ROWS * scales.interval_s
     }
 
     fn simplification(&self) -> Simplification {

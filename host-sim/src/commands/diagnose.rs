@@ -4,11 +4,14 @@ use super::recordings::RecordingArguments;
 use super::{
     Failure, Outputs, may_hold_model, read_recording, rig_beside, rig_for, spinner, write, write_json, write_model,
 };
-use crate::diagnose::{diagnose, page, report};
+use crate::dataset::DatasetError;
+use crate::diagnose::select::Progress;
+use crate::diagnose::{Diagnosis, diagnose, page, report};
+use crate::evidence;
 use crate::recording::Recording;
 use crate::rig::Rig;
 use crate::steady_state;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use rayon::prelude::*;
 use std::io;
 use std::panic::{self, AssertUnwindSafe};
@@ -42,6 +45,27 @@ pub struct Arguments {
     /// Writes the extended model; a file that a person has written is not replaced.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
+    /// How causes are found: by their gain on data kept back, or by evidence (docs/method.md), which is on trial.
+    #[arg(long, value_enum, default_value_t = Method::KeptBack)]
+    method: Method,
+}
+
+/// How causes are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+enum Method {
+    /// By their gain on data that no fit has seen.
+    KeptBack,
+    /// By the probability of the recording.
+    Evidence,
+}
+
+impl Method {
+    fn diagnose(self, recordings: &[Recording], rig: &Rig, progress: Progress) -> Result<Diagnosis, DatasetError> {
+        match self {
+            Self::KeptBack => diagnose(recordings, rig, progress),
+            Self::Evidence => evidence::diagnose(recordings, rig, progress),
+        }
+    }
 }
 
 /// Runs it.
@@ -62,7 +86,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
         return run_table(args, &outputs, table, &rig);
     }
     let bar = spinner();
-    let result = diagnose(&recordings, &rig, &|text| bar.set_message(text.to_string()));
+    let result = args.method.diagnose(&recordings, &rig, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
     let diagnosis = result.map_err(Failure::input)?;
     let names: Vec<String> = recordings.iter().map(|recording| recording.name.clone()).collect();
@@ -120,7 +144,7 @@ fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, 
     let outcome = if recording.time_s().is_none() {
         serde_json::to_value(steady_state::study(&recording, rig, None).map_err(|error| error.to_string())?)
     } else {
-        serde_json::to_value(diagnose(&[recording], rig, &|_| ()).map_err(|error| error.to_string())?.outcome)
+        serde_json::to_value(args.method.diagnose(&[recording], rig, &|_| ()).map_err(|error| error.to_string())?.outcome)
     };
     outcome.map_err(|error| error.to_string())
 }

@@ -83,6 +83,11 @@ impl Dataset {
                 self.origin.current_window_s
             ));
         }
+        if let Some(phase) = self.origin.pwm_phase {
+            notes.push(format!(
+                "Each current is taken for one of the moment of its row, in the phase {phase:.2} of the PWM at time 0, which explains it much better than a mean does. Average the current over a period of the PWM: then nobody has to find that out."
+            ));
+        }
         if !self.origin.pwm_is_known && self.origin.pwm_hz != PWM_HZ {
             notes.push(format!(
                 "The PWM is taken for one of {:.0} Hz: the model explains more with it, or as much by an inductance nearer to the nominal one. It may stand for something else in the current. [bridge] pwm_Hz in the rig file says what it is.",

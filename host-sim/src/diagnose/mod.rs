@@ -18,6 +18,7 @@ pub mod outcome;
 pub mod page;
 mod pwm_frequency;
 mod random_losses;
+mod reading_phase;
 pub mod report;
 mod ripple_phase;
 mod scale;
@@ -315,6 +316,7 @@ fn understood(
 ) -> (Dataset, Selection) {
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), not].concat(), progress);
     pwm_frequency::settle_at_first(&mut data, prior);
+    reading_phase::settle_at_first(&mut data, prior);
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);
     for settle in SETTLED_IN_TURN {
@@ -528,7 +530,8 @@ impl Outcome {
         advice
     }
 
-    fn advice(&self, data: &Dataset) -> Vec<String> {
+    /// What to do next, by causes, rest and data.
+    pub(crate) fn advice(&self, data: &Dataset) -> Vec<String> {
         let mut advice = Vec::new();
         for cause in &self.causes {
             let Some(about) = crate::catalogue::effect(&cause.effect).map(|effect| effect.about()) else { continue };

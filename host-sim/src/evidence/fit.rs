@@ -307,7 +307,6 @@ impl<'a> Problem<'a> {
                 continue;
             };
             let gained = point.cost - next.cost;
-            if std::env::var("TRACE").is_ok() { eprintln!("    cost {:.1} -{gained:.2} damping {damping:.1e} corrected {corrected}", next.cost); }
             correct(&mut columns, &moved, &point.innovations, &next.innovations);
             *point = next;
             corrected += 1;

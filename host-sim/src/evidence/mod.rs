@@ -8,23 +8,62 @@ pub mod search;
 pub mod settings;
 pub mod whiten;
 
-use crate::dataset::Dataset;
-use crate::diagnose::outcome::Outcome;
+use crate::catalogue::ActsOn;
+use crate::dataset::{Dataset, DatasetError};
+use crate::diagnose::{Diagnosis, missing};
+use crate::free_run::free_run;
 use crate::identify::Prior;
-use fit::{Fitted, Problem};
+use crate::model::Model;
+use crate::recording::Recording;
+use crate::rig::Rig;
+use fit::{Effort, Fitted, Problem};
 use rayon::prelude::*;
 use search::Progress;
 use settings::Settings;
+use whiten::Unknown;
 
-/// What recordings of a motor say of it.
-pub fn diagnosed(data: Dataset, prior: &Prior, progress: Progress) -> Outcome {
+/// Diagnoses recordings of one rig by evidence.
+///
+/// # Errors
+/// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
+pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: Progress) -> Result<Diagnosis, DatasetError> {
+    let data = Dataset::new(recordings, rig)?;
+    let prior = Prior::new(&rig.motor, &data);
+    Ok(diagnosed(data, &prior, progress))
+}
+
+/// What prepared recordings of a motor say of it.
+pub fn diagnosed(mut data: Dataset, prior: &Prior, progress: Progress) -> Diagnosis {
     let set = Settings::USUAL;
+    data.kept_back.fill(false);
+    let (mut data, begin) = begun(data, prior, set, progress);
+    let problem = Problem::new(&data, prior, set);
+    let (best, standings) = searched(&problem, begin, progress);
+    progress("intervals");
+    let linear = Model::linear(prior.motor);
+    let base = problem.fit(&linear, Unknown { torque: 30.0, voltage: 10.0, ..Unknown::USUAL }, Effort::FULL).model;
+    // Every row was seen, and errors are told of all of them.
+    data.kept_back.fill(true);
+    let problem = Problem::new(&data, prior, set);
+    let outcome = problem.outcome(&best, &standings, &base);
+    let extended = free_run(&best.model, &data);
+    let mut model = best.model;
+    model.terms.retain(|term| !term.effect.is_observation());
+    let bare = Model::linear(model.motor);
+    let left = outcome::residuals(&data, &free_run(&bare, &data));
+    let lacks = [ActsOn::Torque, ActsOn::Voltage].map(|place| missing::lack(&data, &bare.motor, &left, place)).to_vec();
+    let base_said = free_run(&base, &data);
+    Diagnosis { outcome, model, base: base_said, extended, base_model: base, lacks, steps: Vec::new(), data }
+}
+
+/// The data as the current was most probably read, and the best of the first candidates. How it was read depends on what the
+/// bridge does between pulses, and the other way round.
+fn begun(data: Dataset, prior: &Prior, set: Settings, progress: Progress) -> (Dataset, Fitted) {
     let first = Problem::new(&data, prior, set);
-    let begun = first.begin(progress);
-    // How the current was read depends on what the bridge does between pulses, and the other way round.
-    let ways: Vec<(Dataset, Fitted)> = begun
+    let ways: Vec<(Dataset, Fitted)> = first
+        .begin(progress)
         .into_par_iter()
-        .map(|begin| match reading::most_probable(&first, &begin, progress) {
+        .map(|begin| match reading::most_probable(&first, &begin) {
             Some((read, model)) => {
                 let begin = Problem::new(&read, prior, set).fit_to_the_end(&model, begin.unknown);
                 (read, begin)
@@ -32,23 +71,20 @@ pub fn diagnosed(data: Dataset, prior: &Prior, progress: Progress) -> Outcome {
             None => (data.clone(), begin),
         })
         .collect();
-    for (_, begin) in &ways {
-        progress(&format!("as read {:.0} {:?} {:?} {:?}", begin.evidence, begin.model.motor, begin.model.terms, begin.unknown));
-    }
     let best = ways.into_iter().max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence));
-    let (everything, begin) = best.expect("there are some");
-    let problem = Problem::new(&everything, prior, set);
-    let mut found = problem.search(begin, progress);
-    if found.0.unknown.torque.max(found.0.unknown.voltage) > set.missing
-        && let Some(later) = problem.later(progress)
-        && later.evidence > found.0.evidence
-    {
-        found = problem.search(later, progress);
+    best.expect("there is a first candidate")
+}
+
+/// The most probable candidate. Where something remains, a long delay may have been missed.
+fn searched(problem: &Problem, begin: Fitted, progress: Progress) -> (Fitted, Vec<search::Standing>) {
+    let found = problem.search(begin, progress);
+    let unknown = found.0.unknown;
+    if unknown.torque.max(unknown.voltage) < problem.set.missing {
+        return found;
     }
-    let (best, standings) = found;
-    progress(&format!("evidence {:.1} {:?} {:?} {:?}", best.evidence, best.model.motor, best.model.terms, best.unknown));
-    // Errors are told of all rows.
-    let mut told = everything.clone();
-    told.kept_back.fill(true);
-    Problem::new(&told, prior, set).outcome(&best, &standings)
+    progress("with a long delay");
+    match problem.later().filter(|later| later.evidence > found.0.evidence) {
+        Some(later) => problem.search(later, progress),
+        None => found,
+    }
 }

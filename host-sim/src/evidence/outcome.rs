@@ -79,7 +79,7 @@ fn is_within_a_row(id: &str, data: &Dataset, model: &Model, set: &Settings) -> b
 
 impl Problem<'_> {
     /// The result of a candidate and of what holds of each of its effects.
-    pub fn outcome(&self, fitted: &Fitted, standings: &[Standing]) -> Outcome {
+    pub fn outcome(&self, fitted: &Fitted, standings: &[Standing], base: &Model) -> Outcome {
         let data = self.data;
         let intervals = intervals(data, fitted, &self.set);
         let extended = free_run(&fitted.model, data);
@@ -98,8 +98,15 @@ impl Problem<'_> {
             (false, true) => Verdict::PartlyExplained,
             (true, true) => Verdict::Unexplained,
         };
-        let fit = BTreeMap::from([("extended", qualities(data, &extended))]);
-        Outcome { verdict, causes, unexplained, parameters, fit, advice: Vec::new() }
+        let left = residuals(data, &extended);
+        let fit = BTreeMap::from([
+            ("base", qualities(data, &free_run(base, data))),
+            ("extended", qualities(data, &extended)),
+            ("noise_floor", floors(data, &extended, &left)),
+        ]);
+        let mut outcome = Outcome { verdict, causes, unexplained, parameters, fit, advice: Vec::new() };
+        outcome.advice = outcome.advice(data);
+        outcome
     }
 
     fn cause(&self, fitted: &Fitted, standing: &Standing, intervals: &[Interval], extended: &Prediction) -> Cause {
@@ -132,12 +139,7 @@ impl Problem<'_> {
             return None;
         }
         let acts_on = if torque >= voltage { ActsOn::Torque } else { ActsOn::Voltage };
-        let left: Vec<Vec<f64>> = data
-            .measured
-            .iter()
-            .zip(extended)
-            .map(|(measured, said)| measured.values.iter().zip(said).map(|(value, said)| value - said).collect())
-            .collect();
+        let left = residuals(data, extended);
         let lack = missing::lack(data, &fitted.model.motor, &left, acts_on);
         let dependence = missing::dependences(data, &lack.values).into_iter().next()?;
         let rest = |output: usize| {
@@ -226,4 +228,25 @@ fn qualities(data: &Dataset, prediction: &Prediction) -> BTreeMap<&'static str, 
         (measured.output.channel(), quality)
     };
     data.measured.iter().enumerate().map(quality).collect()
+}
+
+/// What the noise of each sensor alone would leave.
+fn floors(data: &Dataset, prediction: &Prediction, left: &[Vec<f64>]) -> BTreeMap<&'static str, Quality> {
+    let floor = |(output, measured): (usize, &Measured)| {
+        let rmse = judge::noise(data, &left[output], output);
+        let after = judge::rmse(data, prediction, output);
+        let reached = judge::fit_percent(data, prediction, output);
+        // The same spread of the signal, the floor in place of the error.
+        let fit_percent = 100.0 - (100.0 - reached) * rmse / after.max(f64::MIN_POSITIVE);
+        (measured.output.channel(), Quality { rmse, ci95: None, unit: measured.output.unit(), fit_percent })
+    };
+    data.measured.iter().enumerate().map(floor).collect()
+}
+
+/// Measured minus simulated, per quantity.
+pub fn residuals(data: &Dataset, prediction: &Prediction) -> Vec<Vec<f64>> {
+    let difference = |(measured, said): (&Measured, &Vec<f64>)| {
+        measured.values.iter().zip(said).map(|(value, said)| value - said).collect()
+    };
+    data.measured.iter().zip(prediction).map(difference).collect()
 }

@@ -2,7 +2,6 @@
 //! the moment of its row, and then in which phase of the period.
 
 use super::fit::{Fitted, Problem};
-use super::search::Progress;
 use crate::catalogue::observation::ReadingPhase;
 use crate::dataset::Dataset;
 use crate::model::Model;
@@ -34,7 +33,7 @@ fn with_window(data: &Dataset, window_s: f64) -> Dataset {
 }
 
 /// Data and candidate as the current was most probably read; nothing where that is how they stand.
-pub fn most_probable(problem: &Problem, fitted: &Fitted, progress: Progress) -> Option<(Dataset, Model)> {
+pub fn most_probable(problem: &Problem, fitted: &Fitted) -> Option<(Dataset, Model)> {
     let data = problem.data;
     if !is_open(data) {
         return None;
@@ -52,6 +51,5 @@ pub fn most_probable(problem: &Problem, fitted: &Fitted, progress: Progress) -> 
     });
     let ways: Vec<(f64, Dataset, Model)> = phases.chain(windows).collect();
     let (least, read, model) = ways.into_iter().min_by(|a, b| a.0.total_cmp(&b.0))?;
-    progress(&format!("reading: {as_it_stands:.0} -> {least:.0}, phase {:?}, window {:.2e}", model.pwm_phase(), read.origin.current_window_s));
     (least < as_it_stands - problem.set.reading_odds).then_some((read, model))
 }

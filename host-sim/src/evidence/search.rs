@@ -70,6 +70,7 @@ impl Problem<'_> {
     /// Some first candidates, the best first: the linear motor, and the motor of the rig file with the usual set, be the off phase
     /// of its PWM one that brakes or one that coasts.
     pub fn begin(&self, progress: Progress) -> Vec<Fitted> {
+        progress("first candidates");
         let linear = Model::linear(self.prior.motor);
         let usual = self.usual_set(&linear);
         let sizes = scales(&linear.motor, self.data);
@@ -84,15 +85,12 @@ impl Problem<'_> {
             [(linear, large), (usual.clone(), small)].into_iter().chain(coasting.map(|model| (model, small))).collect();
         let mut fits: Vec<Fitted> =
             starts.into_par_iter().map(|(model, unknown)| self.fit_to_the_end(&model, unknown)).collect();
-        for fit in &fits {
-            progress(&format!("begin {:.0} {:?} {:?} {:?}", fit.evidence, fit.model.motor, fit.model.terms, fit.unknown));
-        }
         fits.sort_by(|a, b| b.evidence.total_cmp(&a.evidence));
         fits
     }
 
     /// The usual set with the longer delays: a fit does not come from one to another.
-    pub fn later(&self, progress: Progress) -> Option<Fitted> {
+    pub fn later(&self) -> Option<Fitted> {
         let sizes = scales(&self.prior.motor, self.data);
         let mut usual = self.usual_set(&Model::linear(self.prior.motor));
         if !usual.has("actuation_delay") {
@@ -105,16 +103,12 @@ impl Problem<'_> {
             .par_iter()
             .map(|start| self.fit(&usual.with_values(index, start.clone()), large, Effort::FULL))
             .collect();
-        for fit in &fits {
-            progress(&format!("later {:.0} {:?} {:?} {:?}", fit.evidence, fit.model.motor, fit.model.terms, fit.unknown));
-        }
         fits.into_iter().max_by(|a, b| a.evidence.total_cmp(&b.evidence))
     }
 
     /// The most probable candidate, from a first one on.
     pub fn search(&self, begin: Fitted, progress: Progress) -> (Fitted, Vec<Standing>) {
         let begin = self.fit_to_the_end(&begin.model, begin.unknown);
-        progress(&format!("begin {:.0} {:?} {:?} {:?}", begin.evidence, begin.model.motor, begin.model.terms, begin.unknown));
         let best = self.grown(begin, progress);
         self.backward(best, progress)
     }
@@ -150,15 +144,11 @@ impl Problem<'_> {
                     (promise.effect.about().id, self.fit(&model, best.unknown, Effort::TRIAL))
                 })
                 .collect();
-            for (id, fitted) in &tried {
-                progress(&format!("  {id}: {:+.1}", fitted.evidence - best.evidence));
-            }
             let better = tried.into_iter().max_by(|a, b| a.1.evidence.total_cmp(&b.1.evidence));
             match better {
                 Some((id, better)) if better.evidence > best.evidence => {
-                    progress(&format!("+ {id} {:+.1}", better.evidence - best.evidence));
+                    progress(&format!("with {id}"));
                     best = self.fit_to_the_end(&better.model, better.unknown);
-                    progress(&format!("{:.1} {:?} {:?} {:?}", best.evidence, best.model.motor, best.model.terms, best.unknown));
                 }
                 _ => break,
             }
@@ -176,28 +166,22 @@ impl Problem<'_> {
                 .par_iter()
                 .map(|id| (*id, self.fit(&best.model.without(id), best.unknown, Effort::TRIAL)))
                 .collect();
-            for (id, fitted) in &without {
-                progress(&format!("  without {id}: {:+.1}", fitted.evidence - best.evidence));
-            }
             // When a command acts is always unknown: a delay is no name by itself.
             let needed = |id: &str| if id == "actuation_delay" { 0.0 } else { self.set.named_odds };
             let surplus = |(id, fitted): &(&'static str, Fitted)| fitted.evidence - best.evidence + needed(id);
             let weakest = without.iter().max_by(|a, b| surplus(a).total_cmp(&surplus(b)));
             if let Some((id, fitted)) = weakest.filter(|weakest| surplus(weakest) > 0.0) {
-                progress(&format!("- {id} {:+.1}", fitted.evidence - best.evidence));
+                progress(&format!("without {id}"));
                 best = self.fit_to_the_end(&fitted.model, fitted.unknown);
                 continue;
             }
             let swaps: Vec<(&'static str, Option<&'static str>, Fitted)> =
                 without.par_iter().flat_map(|(id, without)| self.swaps(&best, without, id)).collect();
-            for (id, rival, fitted) in &swaps {
-                progress(&format!("  swap {id} > {rival:?}: {:+.1}", fitted.evidence - best.evidence));
-            }
             standings = without.iter().map(|(id, without)| standing(&best, id, without, &swaps)).collect();
             let better = swaps.into_iter().max_by(|a, b| a.2.evidence.total_cmp(&b.2.evidence));
             match better {
                 Some((id, rival, better)) if better.evidence > best.evidence + 1.0 => {
-                    progress(&format!("swapped {id} > {rival:?} {:+.1}", better.evidence - best.evidence));
+                    progress(&format!("{} in the place of {id}", rival.unwrap_or("another law")));
                     best = self.fit_to_the_end(&better.model, better.unknown);
                 }
                 _ => return (best, standings),
