@@ -283,6 +283,23 @@ mod tests {
         assert!(before > 0.1 && after == 0.0, "{before} {after}");
     }
 
+    #[test]
+    fn a_drift_is_a_delay_that_grows() {
+        let data = stepped(1e-3);
+        let linear = Model::linear(MotorParameters::PIVT6);
+        let with = |id: &str, value: f64| free_run(&linear.with(effect(id).unwrap(), vec![value]), &data)[1].clone();
+        // 5000 ppm: 2 ms after 0.4 s, and half of that in the middle.
+        let (drifting, late, at_once) =
+            (with("clock_drift", 5000.0), with("actuation_delay", 1e-3), free_run(&linear, &data));
+        let error = |one: &[f64], other: &[f64], rows: Range<usize>| {
+            rows.map(|row| (one[row] - other[row]).abs()).fold(0.0, f64::max)
+        };
+        let moved = error(&at_once[1], &late, 0..400);
+        assert!(error(&drifting, &late, 180..220) < 0.15 * moved, "in the middle it is as late as the delay");
+        assert!(error(&drifting, &at_once[1], 0..20) < 0.15 * moved, "at the begin it is not late");
+        assert!(error(&drifting, &late, 340..400) > 0.5 * moved, "at the end it is later");
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         /// Against the mean of a simulation with rows forty times as close.

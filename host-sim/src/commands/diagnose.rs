@@ -144,7 +144,9 @@ fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, 
     let outcome = if recording.time_s().is_none() {
         serde_json::to_value(steady_state::study(&recording, rig, None).map_err(|error| error.to_string())?)
     } else {
-        serde_json::to_value(args.method.diagnose(&[recording], rig, &|_| ()).map_err(|error| error.to_string())?.outcome)
+        serde_json::to_value(
+            args.method.diagnose(&[recording], rig, &|_| ()).map_err(|error| error.to_string())?.outcome,
+        )
     };
     outcome.map_err(|error| error.to_string())
 }

@@ -149,7 +149,13 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         &prior,
         (&selection, &fullest),
         (&last.model, &intervals),
-        Taken { losses, scale, hidden_drop, late_h: late_h(&data, &last.model), off_phase: off_phase(&data, &last.model) },
+        Taken {
+            losses,
+            scale,
+            hidden_drop,
+            late_h: late_h(&data, &last.model),
+            off_phase: off_phase(&data, &last.model),
+        },
     );
     let model = losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model));
     Ok(Diagnosis {
@@ -783,6 +789,17 @@ mod tests {
                 .with_start(effect(id).unwrap(), &crate::identify::scales(&prior.motor, &data));
             assert!(fit(&model, &data, &prior, Effort::TRIAL).cost.is_finite());
         }
+    }
+
+    #[test]
+    fn an_interval_holds_its_own_value_whatever_its_sign() {
+        let taken = Taken { late_h: 0.0, losses: None, scale: None, hidden_drop: None, off_phase: 0.03 };
+        for (value, ci95) in [(-0.5, [-0.6, -0.4]), (0.5, [0.4, 0.6]), (0.01, [0.0, 0.02])] {
+            let [low, high] = taken.widened("torque_Nm", value, ci95);
+            assert!(low <= value && value <= high, "{value}: {low} {high}");
+            assert!(low <= ci95[0] && ci95[1] <= high, "{value}: {low} {high}");
+        }
+        assert_eq!(taken.widened("torque_Nm", 0.01, [0.0, 0.02])[0], 0.0, "what has no sign keeps none");
     }
 
     #[test]

@@ -52,14 +52,6 @@ impl Constant {
             Place::Term(term, index) => model.terms[term].values[index] = value,
         }
     }
-
-    /// Whether the motor of the model moves differently with another value, and not only its readings.
-    pub fn changes_motion(&self, model: &Model) -> bool {
-        match self.place {
-            Place::Motor(_) => true,
-            Place::Term(term, _) => model.terms[term].effect.changes_motion(),
-        }
-    }
 }
 
 fn motor_values(motor: &MotorParameters) -> [f64; 5] {

@@ -10,7 +10,6 @@ use crate::identify::{Prior, scales};
 use crate::model::Model;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Relative step of finite differences, and the same over events that come sooner or later.
 const DIFFERENCE: f64 = 2e-3;
@@ -23,9 +22,6 @@ const FARTHEST: [f64; 2] = [0.7, 4.0];
 const FACTORS: [f64; 4] = [5.0, 2.2, 1.5, 1.2];
 /// So many sensitivities in a row are corrected before they are simulated anew (Broyden 1965).
 const CORRECTED: usize = 3;
-
-/// Simulations so far, for measuring what a search costs.
-pub static SIMULATIONS: AtomicUsize = AtomicUsize::new(0);
 
 /// What all candidates share.
 pub struct Problem<'a> {
@@ -94,7 +90,6 @@ impl<'a> Problem<'a> {
 
     /// What a model says of each channel.
     pub fn predict(&self, model: &Model, steps: Steps) -> Vec<Vec<f64>> {
-        SIMULATIONS.fetch_add(1, Ordering::Relaxed);
         let motion = drive(model, self.data, steps);
         let is_angle = self.channels.iter().any(|channel| channel.quantity == Quantity::Angle);
         let angle = is_angle.then(|| read_angle(model, self.data, motion.clone()));
@@ -124,13 +119,18 @@ impl<'a> Problem<'a> {
         0.5 * (dof + 1.0) * innovations.iter().map(|e| (e * e / dof).ln_1p()).sum::<f64>()
     }
 
+    /// What it costs that more or less is unknown than usual.
+    fn price(&self, unknown: &[f64; 4]) -> f64 {
+        let Settings { left_out_spread, noise_spread, .. } = self.set;
+        let spreads = [left_out_spread, left_out_spread, noise_spread, noise_spread];
+        unknown.iter().zip(spreads).map(|(factor, spread)| 0.5 * (factor.ln() / spread).powi(2)).sum()
+    }
+
     /// How much is unknown: what makes the residual of a model most probable, from a first guess on.
     fn settle(&self, model: &Model, residual: &[Vec<f64>], from: Unknown) -> Unknown {
         let cost = |list: &[f64; 4]| {
             let filter = self.whitener(model, Unknown::of(*list));
-            let spreads = [self.set.left_out_spread, self.set.left_out_spread, self.set.noise_spread, self.set.noise_spread];
-            let prior: f64 = list.iter().zip(spreads).map(|(factor, spread)| 0.5 * (factor.ln() / spread).powi(2)).sum();
-            self.loss(&filter.innovations(residual)) + filter.log_deviations + prior
+            self.loss(&filter.innovations(residual)) + filter.log_deviations + self.price(list)
         };
         let has_current = self.channels.iter().any(|channel| channel.quantity == Quantity::Current);
         let places: &[usize] = if has_current { &[0, 1, 2, 3] } else { &[0, 2] };
@@ -242,27 +242,19 @@ impl<'a> Problem<'a> {
         loop {
             let filter = self.whitener(&model, unknown);
             let mut point = self.point(model.clone(), &filter, &constants);
-            let columns = self.descend(&mut point, &filter, &constants, effort);
+            self.descend(&mut point, &filter, &constants, effort);
             let settled = self.settle(&point.model, &point.residual, unknown);
             round += 1;
             let same = settled.list().iter().zip(unknown.list()).all(|(a, b)| (a / b).ln().abs() < 0.3);
             model = point.model.clone();
             unknown = settled;
             if round >= effort.rounds || same {
-                return self.finished(point, unknown, constants, &filter, columns);
+                return self.finished(point, unknown, constants);
             }
         }
     }
 
-    fn finished(
-        &self,
-        point: Point,
-        unknown: Unknown,
-        constants: Vec<Constant>,
-        before: &Whitener,
-        columns: Option<Vec<Vec<f64>>>,
-    ) -> Fitted {
-        let _ = (before, columns);
+    fn finished(&self, point: Point, unknown: Unknown, constants: Vec<Constant>) -> Fitted {
         let filter = self.whitener(&point.model, unknown);
         let columns = self.columns(&point.model, &filter, &constants);
         let innovations = filter.innovations(&point.residual);
@@ -271,29 +263,32 @@ impl<'a> Problem<'a> {
         let prior: f64 = constants
             .iter()
             .map(|constant| {
-                0.5 * ((constant.get(&point.model) - constant.prior.0) / constant.prior.1).powi(2) + constant.prior.1.ln()
+                0.5 * ((constant.get(&point.model) - constant.prior.0) / constant.prior.1).powi(2)
+                    + constant.prior.1.ln()
             })
             .sum();
-        let unknown_prior: f64 = {
-            let spreads = [self.set.left_out_spread, self.set.left_out_spread, self.set.noise_spread, self.set.noise_spread];
-            unknown.list().iter().zip(spreads).map(|(factor, spread)| 0.5 * (factor.ln() / spread).powi(2)).sum()
-        };
         let determinant = normal.clone().cholesky().map_or(f64::INFINITY, |cholesky| {
             2.0 * cholesky.l().diagonal().iter().map(|entry| entry.ln()).sum::<f64>()
         });
-        let evidence = -(self.loss(&innovations) + filter.log_deviations) - prior - unknown_prior - 0.5 * determinant
+        let evidence = -(self.loss(&innovations) + filter.log_deviations)
+            - prior
+            - self.price(&unknown.list())
+            - 0.5 * determinant
             + log_odds(&point.model, &self.set);
-        Fitted { model: point.model, unknown, constants, evidence, residual: point.residual, innovations, columns, normal }
+        Fitted {
+            model: point.model,
+            unknown,
+            constants,
+            evidence,
+            residual: point.residual,
+            innovations,
+            columns,
+            normal,
+        }
     }
 
     /// Steps until none gains any more.
-    fn descend(
-        &self,
-        point: &mut Point,
-        filter: &Whitener,
-        constants: &[Constant],
-        effort: Effort,
-    ) -> Option<Vec<Vec<f64>>> {
+    fn descend(&self, point: &mut Point, filter: &Whitener, constants: &[Constant], effort: Effort) {
         let mut damping = 1e-3;
         let mut columns = self.columns(&point.model, filter, constants);
         let mut corrected = 0;
@@ -318,7 +313,6 @@ impl<'a> Problem<'a> {
                 corrected = 0;
             }
         }
-        Some(columns)
     }
 
     fn step(

@@ -7,7 +7,9 @@ use crate::catalogue::ActsOn;
 use crate::dataset::{Dataset, Measured};
 use crate::diagnose::judge;
 use crate::diagnose::missing;
-use crate::diagnose::outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict};
+use crate::diagnose::outcome::{
+    Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict,
+};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Place, Prior};
 use crate::model::Model;
@@ -84,8 +86,11 @@ impl Problem<'_> {
         let intervals = intervals(data, fitted, &self.set);
         let extended = free_run(&fitted.model, data);
         let is_named = |standing: &&Standing| !is_within_a_row(standing.id, data, &fitted.model, &self.set);
-        let mut causes: Vec<Cause> =
-            standings.iter().filter(is_named).map(|standing| self.cause(fitted, standing, &intervals, &extended)).collect();
+        let mut causes: Vec<Cause> = standings
+            .iter()
+            .filter(is_named)
+            .map(|standing| self.cause(fitted, standing, &intervals, &extended))
+            .collect();
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         let parameters = parameters(&fitted.model, self.prior, &intervals);
         let unexplained = self.unexplained(fitted, &extended);

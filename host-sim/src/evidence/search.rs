@@ -177,7 +177,8 @@ impl Problem<'_> {
             }
             let swaps: Vec<(&'static str, Option<&'static str>, Fitted)> =
                 without.par_iter().flat_map(|(id, without)| self.swaps(&best, without, id)).collect();
-            standings = without.iter().map(|(id, without)| standing(&best, id, without, &swaps)).collect();
+            standings =
+                without.iter().map(|(id, without)| standing(&best, id, without, &swaps, self.set.same_odds)).collect();
             let better = swaps.into_iter().max_by(|a, b| a.2.evidence.total_cmp(&b.2.evidence));
             match better {
                 Some((id, rival, better)) if better.evidence > best.evidence + 1.0 => {
@@ -204,9 +205,7 @@ impl Problem<'_> {
                 models.push((Some(other.about().id), without.model.with(other, values)));
             }
         }
-        let makes_sense = |model: &Model| {
-            model.terms.iter().all(|term| model.alone(term.effect) != Some(Alone::Never))
-        };
+        let makes_sense = |model: &Model| model.terms.iter().all(|term| model.alone(term.effect) != Some(Alone::Never));
         models
             .into_par_iter()
             .filter(|(_, model)| makes_sense(model))
@@ -216,13 +215,8 @@ impl Problem<'_> {
 
     /// What each effect that a candidate does not have promises, best first.
     fn promises(&self, fitted: &Fitted) -> Vec<Promise> {
-        let filter = super::whiten::Whitener::new(
-            self.data,
-            &self.channels,
-            &fitted.model.motor,
-            fitted.unknown,
-            &self.set,
-        );
+        let filter =
+            super::whiten::Whitener::new(self.data, &self.channels, &fitted.model.motor, fitted.unknown, &self.set);
         let dof = self.set.degrees_of_freedom;
         let weights: Vec<f64> = fitted.innovations.iter().map(|e| (dof + 1.0) / (dof + e * e)).collect();
         let pull = DVector::from_iterator(
@@ -357,7 +351,7 @@ impl Problem<'_> {
 /// An effect, the one in its place or none where it is another of its laws, and the candidate with that.
 type Swap = (&'static str, Option<&'static str>, Fitted);
 
-fn standing(best: &Fitted, id: &'static str, without: &Fitted, swaps: &[Swap]) -> Standing {
+fn standing(best: &Fitted, id: &'static str, without: &Fitted, swaps: &[Swap], same_odds: f64) -> Standing {
     let mut rivals: Vec<(&'static str, f64)> = swaps
         .iter()
         .filter(|(of, ..)| *of == id)
@@ -368,7 +362,7 @@ fn standing(best: &Fitted, id: &'static str, without: &Fitted, swaps: &[Swap]) -
         id,
         gain: best.evidence - without.evidence,
         without: without.model.clone(),
-        same: Vec::new(),
+        same: rivals.iter().filter(|(_, worse)| *worse < same_odds).map(|(rival, _)| *rival).collect(),
         rival: rivals.first().copied(),
     }
 }

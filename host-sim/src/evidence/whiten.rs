@@ -128,7 +128,13 @@ pub struct Whitener {
 
 impl Whitener {
     /// Of a motor, with so much unknown.
-    pub fn new(data: &Dataset, channels: &[Channel], motor: &MotorParameters, unknown: Unknown, set: &Settings) -> Self {
+    pub fn new(
+        data: &Dataset,
+        channels: &[Channel],
+        motor: &MotorParameters,
+        unknown: Unknown,
+        set: &Settings,
+    ) -> Self {
         let typical = Typical::of(data, motor);
         let torque_nm = unknown.torque * set.laws_leave_out * typical.torque_nm;
         let voltage_v = unknown.voltage * set.laws_leave_out * typical.voltage_v;
@@ -184,7 +190,8 @@ impl Whitener {
             let seen: u32 = pattern(row);
             if let Some((gain, of)) = settled.filter(|(_, of)| *of == seen) {
                 self.of_row[row] = gain;
-                self.log_deviations -= self.gains[gain as usize].updates.iter().map(|update| update.2.ln()).sum::<f64>();
+                self.log_deviations -=
+                    self.gains[gain as usize].updates.iter().map(|update| update.2.ln()).sum::<f64>();
                 settled = Some((gain, of));
                 continue;
             }
@@ -199,8 +206,8 @@ impl Whitener {
                 self.log_deviations -= inverse.ln();
                 updates.push((channel, gain, inverse));
             }
-            let is_settled = row > rows.start + 10
-                && self.gains.last().is_some_and(|last| is_same(&last.updates, &updates));
+            let is_settled =
+                row > rows.start + 10 && self.gains.last().is_some_and(|last| is_same(&last.updates, &updates));
             self.gains.push(Gain { updates });
             self.of_row[row] = self.gains.len() as u32 - 1;
             settled = is_settled.then_some((self.of_row[row], seen));
@@ -279,5 +286,76 @@ impl Typical {
         let squares: f64 = data.voltage_v.iter().map(|volts| volts * volts).sum();
         let voltage_v = (squares / data.len().max(1) as f64).sqrt();
         Self { torque_nm: motor.torque_constant_nm_per_a * voltage_v / motor.resistance_ohm, voltage_v }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::recording::Recording;
+    use crate::rig::Rig;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use rand_distr::{Distribution, StandardNormal};
+    use std::fmt::Write as _;
+
+    const INTERVAL_S: f64 = 1e-3;
+    const NOISE: [f64; 2] = [0.02, 0.3];
+
+    fn recorded(rows: usize) -> Dataset {
+        let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
+        for row in 0..rows {
+            let volts = if row / 200 % 2 == 0 { 6 } else { -6 };
+            let _ = writeln!(text, "{:.3},{volts},{},{}", row as f64 * INTERVAL_S, row % 7, row % 2);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
+    }
+
+    /// What the filter's own assumptions make comes out as independent numbers of unit variance.
+    #[test]
+    fn innovations_of_an_unknown_torque_are_white() {
+        let data = recorded(8000);
+        let (set, motor) = (Settings::USUAL, MotorParameters::PIVT6);
+        let mut channels = channels(&data);
+        channels.iter_mut().zip(NOISE).for_each(|(channel, noise)| channel.noise = noise);
+        let unknown = Unknown { torque: 30.0, ..Unknown::USUAL };
+        let filter = Whitener::new(&data, &channels, &motor, unknown, &set);
+        let typical = Typical::of(&data, &motor);
+        let deviations =
+            [unknown.torque * set.laws_leave_out * typical.torque_nm, set.laws_leave_out * typical.voltage_v];
+        let transition = (rates(&motor, set.correlation_s, false) * INTERVAL_S).exp();
+        let driven = (1.0 - (-2.0 * INTERVAL_S / set.correlation_s).exp()).sqrt();
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut random) };
+        let mut state = State::zeros();
+        let mut residual = vec![Vec::new(); 2];
+        for _ in 0..data.len() {
+            for (channel, values) in residual.iter_mut().enumerate() {
+                values.push(state[filter.places[channel]] + NOISE[channel] * normal());
+            }
+            state = transition * state;
+            state[3] += deviations[0] * driven * normal();
+            state[4] += deviations[1] * driven * normal();
+        }
+        let innovations = filter.innovations(&residual);
+        for channel in 0..2 {
+            let own = &innovations[channel * data.len() + 500..(channel + 1) * data.len()];
+            let mean_product = |lag: usize| {
+                let pairs = own.iter().zip(&own[lag..]);
+                pairs.map(|(a, b)| a * b).sum::<f64>() / (own.len() - lag) as f64
+            };
+            assert!((mean_product(0) - 1.0).abs() < 0.1, "channel {channel}: variance {}", mean_product(0));
+            for lag in [1, 5, 50] {
+                assert!(mean_product(lag).abs() < 0.06, "channel {channel}, lag {lag}: {}", mean_product(lag));
+            }
+        }
+        let mut expected = vec![vec![0.0; data.len()]; 2];
+        expected[0][100] = 1.0;
+        let one = filter.innovations(&expected);
+        let twice: Vec<Vec<f64>> =
+            expected.iter().map(|values| values.iter().map(|value| 2.0 * value).collect()).collect();
+        let two = filter.innovations(&twice);
+        assert!(one.iter().zip(&two).all(|(one, two)| (2.0 * one - two).abs() < 1e-9), "the filter is linear");
     }
 }
