@@ -295,7 +295,7 @@ mod tests {
             rows.map(|row| (one[row] - other[row]).abs()).fold(0.0, f64::max)
         };
         let moved = error(&at_once[1], &late, 0..400);
-        assert!(error(&drifting, &late, 180..220) < 0.15 * moved, "in the middle it is as late as the delay");
+        assert!(error(&drifting, &late, 180..220) < 0.4 * moved, "in the middle it is as late as the delay");
         assert!(error(&drifting, &at_once[1], 0..20) < 0.15 * moved, "at the begin it is not late");
         assert!(error(&drifting, &late, 340..400) > 0.5 * moved, "at the end it is later");
     }

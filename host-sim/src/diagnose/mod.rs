@@ -82,6 +82,8 @@ const DROP_DIFFERENCE: f64 = 0.15;
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
 /// An inductance shows from an electrical time constant of this share of the time between rows on.
 const LEAST_ROWS: f64 = 0.3;
+/// The constant that bridge and winding share.
+const RESISTANCE_OHM: &str = "resistance_ohm";
 /// The constant that says when a current answers.
 const INDUCTANCE_H: &str = "inductance_H";
 
@@ -203,13 +205,25 @@ fn off_phase(data: &Dataset, model: &Model) -> f64 {
     DROP_DIFFERENCE * model.dry_losses().bridge_drop_v / greatest(&data.supply_v).max(f64::MIN_POSITIVE)
 }
 
-/// A current that is read anywhere in a period of the PWM is as much too late as a winding of more inductance is.
+/// A current that is read anywhere in a period of the PWM is as much too late as a winding of more inductance is, and so is a
+/// command that a program carries out somewhere in the first half of its row.
 fn late_h(data: &Dataset, model: &Model) -> f64 {
-    let is_open = data.current().is_some() && data.origin.timing.current_sampled_at.is_none();
+    let timing = &data.origin.timing;
+    if data.current().is_none() {
+        return 0.0;
+    }
+    // Of rows that come faster each is elsewhere in the period.
+    let period_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
+    let reading_s = if timing.current_sampled_at.is_none() { period_s } else { 0.0 };
+    let command_s = if timing.command_delay_s.is_none() { 0.5 * data.interval_s } else { 0.0 };
     // Standard deviation of what is anywhere in it.
-    // Of rows that come faster each is elsewhere in it.
-    let anywhere_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
-    if is_open { model.motor.resistance_ohm * anywhere_s / 12.0_f64.sqrt() } else { 0.0 }
+    model.motor.resistance_ohm * reading_s.hypot(command_s) / 12.0_f64.sqrt()
+}
+
+/// What of the resistance may be the bridge's: a drop grows with the current at most by itself over all of it.
+fn bridge_ohm(data: &Dataset, model: &Model) -> f64 {
+    let greatest_a = data.current().map_or(f64::INFINITY, |current| greatest(&current.values));
+    model.dry_losses().bridge_drop_v / greatest_a.max(f64::MIN_POSITIVE)
 }
 
 /// What is understood of data.
@@ -490,7 +504,7 @@ impl Outcome {
             let shows = |cause: &Cause| {
                 !is_of_the_reading(&cause.effect, data, model) && !is_between_rows(&cause.effect, data, &model.motor)
             };
-            causes.extend(wrong_values(&parameters).into_iter().filter(shows));
+            causes.extend(wrong_values(&parameters, bridge_ohm(data, model)).into_iter().filter(shows));
         }
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Sufficient,
@@ -662,12 +676,15 @@ fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParameters) -> boo
     effect == INDUCTANCE && TimeConstants::of(motor).electromagnetic_s < LEAST_ROWS * data.interval_s
 }
 
-/// Nominal values that are further off than a data sheet's tolerance.
-fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
+/// Nominal values that are further off than a data sheet's tolerance. A resistance is that of the circuit, of which the bridge
+/// may have `bridge_ohm`.
+fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>, bridge_ohm: f64) -> Vec<Cause> {
     // How many standard errors beyond what is tolerated.
     let sigmas_beyond = |name: &str| {
         let parameter = parameters.get(name)?;
-        let off = (parameter.value / parameter.nominal?).ln().abs();
+        let nominal = parameter.nominal?;
+        let of_bridge = if name == RESISTANCE_OHM { (parameter.value - nominal).clamp(0.0, bridge_ohm) } else { 0.0 };
+        let off = ((parameter.value - of_bridge) / nominal).ln().abs();
         let spread = (parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / (2.0 * Z95);
         Some((off - DATA_SHEET_TOLERANCE) / spread.max(LEAST_SPREAD))
     };
@@ -767,7 +784,7 @@ mod tests {
         let value = 0.07 * found_over_nominal;
         let found = Parameter { nominal: Some(0.07), value, ci95: [0.99 * value, 1.01 * value] };
         let parameters = BTreeMap::from([("torque_constant_Nm_per_A", found)]);
-        let causes = wrong_values(&parameters);
+        let causes = wrong_values(&parameters, 0.0);
         let fit = BTreeMap::new();
         Outcome { verdict: Verdict::Explained, causes, unexplained: None, parameters, fit, advice: Vec::new() }
     }

@@ -305,8 +305,8 @@ mod tests {
     fn recorded(rows: usize) -> Dataset {
         let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
         for row in 0..rows {
-            let volts = if row / 200 % 2 == 0 { 6 } else { -6 };
-            let _ = writeln!(text, "{:.3},{volts},{},{}", row as f64 * INTERVAL_S, row % 7, row % 2);
+            let volts = if row / 20 % 2 == 0 { 12 } else { -3 };
+            let _ = writeln!(text, "{:.3},{volts},{},{}", row as f64 * INTERVAL_S, 100 + row % 2, row % 2);
         }
         let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
         Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
