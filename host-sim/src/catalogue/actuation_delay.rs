@@ -38,6 +38,10 @@ impl Effect for ActuationDelay {
 
     /// By a speed a winding, a lag and a wait can hardly be told apart.
     fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        // A step that waits for a third of a second is a load at a standstill until then.
+        if rival == "load_step" {
+            return Some(vec![USUAL_S[USUAL_S.len() - 1]]);
+        }
         // Of a lag, its time constant.
         [INDUCTANCE, "current_lag", "speed_lag"].contains(&rival).then(|| vec![values[0]])
     }
