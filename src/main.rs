@@ -2,7 +2,7 @@
 //!
 //! What runs where: the encoder's edges and the current's samples in short interrupt handlers, the control loop in the
 //! timer's (`board::tick`), and here, in the main loop, the talking: console, telemetry, settings. The wiring is in
-//! `motorbench_core::pins`, the commands are listed by `help` on the console (500,000 baud). Built for the host, this
+//! `motorbench_board::pins`, the commands are listed by `help` on the console (500,000 baud). Built for the host, this
 //! program prints the pin map, the commands and the settings.
 #![cfg_attr(target_arch = "avr", no_std, no_main, feature(abi_avr_interrupt, asm_experimental_arch))]
 
@@ -11,11 +11,14 @@ mod board;
 
 #[cfg(target_arch = "avr")]
 mod firmware {
-    use super::board::{self, eeprom::ChipEeprom, serial, tick, watchdog};
+    use super::board::{self, eeprom::ChipEeprom, serial, stack, tick, watchdog};
     use motorbench_core::console::{Console, Counters, Machine, ResetCause};
     use motorbench_core::control_loop::duty_scale;
     use motorbench_core::message::{Request, Sample};
     use motorbench_core::settings::{BuildError, Settings};
+
+    /// Ticks that a byte may wait: 20 ms, at 2 kHz 10 ms.
+    const LONGEST_WAIT: u8 = 20;
 
     /// The machine the console talks to.
     struct Uno {
@@ -24,6 +27,10 @@ mod firmware {
         supply: i16,
         reset_cause: ResetCause,
         host_spoke: bool,
+        /// Bytes that could not be sent; stays at 255.
+        unsent: u8,
+        /// The last byte could not be sent: no other waits before one can.
+        stuck: bool,
         /// [`serial::unread`] when it was last looked at.
         unread: u8,
         /// The supply the scale was worked out for, and the scale: a division for each change, not for each round.
@@ -64,10 +71,13 @@ mod firmware {
             tick::with_loop(|control| {
                 *sample = *control.sample();
                 counters.illegal_transitions = control.illegal_transitions();
+                counters.since_trip = control.since_trip();
                 (counters.zeroing, counters.zero_ok) = control.current_zero();
             });
             counters.overruns = serial::overruns();
+            counters.unsent = self.unsent;
             counters.dropped = tick::dropped();
+            counters.stack_free = stack::never_used();
             counters.reset_cause = self.reset_cause;
         }
 
@@ -82,9 +92,16 @@ mod firmware {
         fn send(&mut self, byte: u8) {
             // A long reply keeps the main loop for longer than a hang may last.
             tick::mark_alive();
+            let begun = tick::count();
             while !serial::try_write(byte) {
                 tick::mark_alive();
+                if self.stuck || tick::count().wrapping_sub(begun) > LONGEST_WAIT {
+                    self.stuck = true;
+                    self.unsent = self.unsent.saturating_add(1);
+                    return;
+                }
             }
+            self.stuck = false;
         }
 
         fn host_spoke(&mut self) {
@@ -106,6 +123,7 @@ mod firmware {
     fn main() -> ! {
         let peripherals = board::registers();
         board::bridge::start(&peripherals);
+        stack::paint();
         let reset_cause = watchdog::reset_cause(&peripherals);
         watchdog::start(&peripherals);
         let mut uno = Uno {
@@ -113,6 +131,8 @@ mod firmware {
             supply: 0,
             reset_cause,
             host_spoke: false,
+            unsent: 0,
+            stuck: false,
             unread: 0,
             scaled_supply: 0,
             duty_scale: u16::MAX,
@@ -157,7 +177,7 @@ mod firmware {
 
 #[cfg(not(target_arch = "avr"))]
 fn main() {
-    use motorbench_core::pins::PIN_MAP;
+    use motorbench_board::pins::PIN_MAP;
     println!(
         "motorbench firmware {}: this is the host build; it prints what the Uno knows.",
         env!("CARGO_PKG_VERSION")

@@ -22,7 +22,8 @@ fn short(package: &str) -> String {
 /// The crates of the workspace with the crates of the workspace that each depends on, but for tests.
 fn manifests() -> BTreeMap<String, Vec<String>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let mut folders: Vec<_> = ["", "core", "host-sim", "hidden-effects"].map(|folder| root.join(folder)).into();
+    let mut folders: Vec<_> =
+        ["", "boards/uno", "core", "host-sim", "hidden-effects"].map(|folder| root.join(folder)).into();
     folders.extend(std::fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path()));
     let read = |folder: &std::path::PathBuf| {
         let text = std::fs::read_to_string(folder.join("Cargo.toml")).unwrap();

@@ -4,9 +4,10 @@
 mod common;
 
 use common::{Uno, figures};
+use motorbench_board::pins::{CURRENT_SENSE, SUPPLY_SENSE};
 use motorbench_chip::Sample;
 use motorbench_chip::registers::vector;
-use motorbench_core::pins::{CPU_HZ, CURRENT_SENSE, SUPPLY_SENSE};
+use motorbench_core::HARDWARE;
 use motorbench_data::rig::Timing;
 
 #[test]
@@ -81,7 +82,7 @@ fn it_fits_the_uno() {
         "{} bytes of flash, {} of static RAM, {} of stack never used",
         memory.flash, memory.static_ram, memory.stack_free
     );
-    assert!(memory.flash <= 32_256 && memory.static_ram <= 1024 && memory.stack_free >= 200);
+    assert!(memory.flash <= 32_256 && memory.static_ram <= 1024 && memory.stack_free >= 256);
 }
 
 /// What rig files of recordings say: when a voltage follows the tick that records it, and of when its mean current is,
@@ -123,5 +124,5 @@ fn a_recording_is_of_the_times_that_its_rig_file_says() {
 }
 
 fn seconds(cycles: u64) -> f64 {
-    cycles as f64 / f64::from(CPU_HZ)
+    cycles as f64 / f64::from(HARDWARE.clock_hz)
 }

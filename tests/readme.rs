@@ -1,6 +1,6 @@
 //! The README and the pages beside it say what the source says.
 
-use motorbench_core::pins::PIN_MAP;
+use motorbench_board::pins::PIN_MAP;
 use std::path::{Path, PathBuf};
 
 const README: &str = include_str!("../README.md");

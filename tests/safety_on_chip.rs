@@ -52,12 +52,12 @@ fn a_stalled_motor_trips() {
 
 #[test]
 fn a_silent_encoder_trips() {
-    provoke(100.0, Trip::EncoderSilent, 600, |uno| uno.bench.set_encoder_fault(Some(EncoderFault::Unplugged)));
+    provoke(100.0, Trip::EncoderSilent, 60, |uno| uno.bench.set_encoder_fault(Some(EncoderFault::Unplugged)));
 }
 
 #[test]
 fn a_wrong_feedback_sign_trips() {
-    provoke(60.0, Trip::Runaway, 800, |uno| uno.bench.set_encoder_fault(Some(EncoderFault::Swapped)));
+    provoke(60.0, Trip::Runaway, 60, |uno| uno.bench.set_encoder_fault(Some(EncoderFault::Swapped)));
 }
 
 #[test]
@@ -74,6 +74,127 @@ fn the_emergency_stop_trips() {
     provoke(60.0, Trip::EmergencyStop, 2, |uno| uno.bench.press_emergency_stop(true));
 }
 
+/// Contact to ground; 2 is normally closed, so that a broken wire stops as well.
+#[test]
+fn an_emergency_stop_that_is_normally_closed_trips_when_it_opens() {
+    let mut uno = Uno::start();
+    uno.bench.press_emergency_stop(true);
+    uno.run_s(0.02);
+    assert_eq!(uno.last().trip, Trip::EmergencyStop, "closed, as the default would have it pressed");
+    for order in ["set emergency_stop 2", "clear", "arm", "mode speed", "ref 40"] {
+        uno.order(order);
+    }
+    uno.refused("set emergency_stop 1");
+    uno.run_s(0.3);
+    assert_eq!(uno.last().trip, Trip::None);
+    uno.bench.press_emergency_stop(false);
+    uno.run_s(0.01);
+    assert_eq!((uno.last().trip, uno.last().duty), (Trip::EmergencyStop, 0));
+    uno.refused("arm");
+    for order in ["set emergency_stop 0", "clear", "arm"] {
+        uno.order(order);
+    }
+}
+
+#[test]
+fn a_converter_that_stops_trips_and_does_not_arm() {
+    provoke(60.0, Trip::ConverterSilent, 8, |uno| uno.bench.set_converter_dead(true));
+    let mut uno = Uno::power_on();
+    uno.bench.set_converter_dead(true);
+    uno.listen();
+    let reply = uno.ask("arm");
+    assert!(reply.starts_with("error: trip 13 converter silent, ") && reply.ends_with(" s ago; clear it\n"), "{reply}");
+    uno.bench.set_converter_dead(false);
+    uno.run_s(0.01);
+    uno.order("clear");
+    uno.order("arm");
+}
+
+/// A sensor that is unplugged shows a current that no bridge drives.
+#[test]
+fn a_current_with_the_drive_off_is_the_sensors() {
+    let mut uno = Uno::start();
+    uno.bench.set_current_sensor_fault(Some(SensorFault::PinnedV(1.5)));
+    uno.run_s(0.02);
+    assert_eq!(uno.last().trip, Trip::SensorRange);
+    uno.run_s(2.5);
+    let status = uno.ask("status");
+    assert!(status.contains("trip 6 current sensor: a rail, or current when off, 2 s ago; clear it"), "{status}");
+}
+
+/// What the transmitter keeps nobody hears; what is said to the board it does.
+#[test]
+fn a_transmitter_that_is_stuck_leaves_the_console_its_ears() {
+    let mut uno = Uno::start();
+    for order in ["arm", "mode speed", "ref 60"] {
+        uno.order(order);
+    }
+    uno.run_s(0.4);
+    uno.bench.set_transmitter_stuck(true);
+    uno.run_s(0.3);
+    assert!(uno.bench.now().bridge != Bridge::Coast, "it drives on");
+    uno.bench.serial().write("status\n");
+    uno.run_s(0.05);
+    uno.bench.serial().write("disarm\n");
+    let off = (0..100).find(|_| {
+        uno.run_s(0.001);
+        uno.bench.now().bridge == Bridge::Coast
+    });
+    println!("transmitter stuck: disarmed after {off:?} ms");
+    assert!(off.is_some_and(|ms| ms <= 20), "{off:?}");
+    // What was lost is counted.
+    uno.bench.set_transmitter_stuck(false);
+    uno.run_s(0.1);
+    assert!(uno.ask("status").contains("unsent bytes 255"), "{}", uno.replies);
+}
+
+/// Settings of another version are neither taken nor passed over in silence.
+#[test]
+fn settings_of_another_version_are_said_and_must_be_answered() {
+    const SAID: &str = "# saved settings are of another version: not loaded, defaults in force";
+    for answer in ["defaults", "set trip_peak 1", "save"] {
+        let mut uno = Uno::power_on();
+        let mut image = vec![0xff; 1024];
+        image[..300].fill(0x5a);
+        uno.bench.chip_mut().set_eeprom(&image);
+        uno.bench.run_s(0.4).expect("the chip runs");
+        let greeting = String::from_utf8_lossy(&uno.bench.serial().read()).into_owned();
+        assert!(greeting.contains(SAID), "{greeting}");
+        uno.listen();
+        assert!(uno.ask("status").contains(SAID), "{}", uno.replies);
+        let refused = uno.ask("arm");
+        assert!(refused.starts_with("error: saved settings are of another version"), "{refused}");
+        uno.refused("load");
+        uno.refused("arm");
+        uno.order(answer);
+        assert!(!uno.ask("status").contains(SAID), "{}", uno.replies);
+        uno.order("arm");
+    }
+    // A board that is new has nothing to say.
+    let mut uno = Uno::power_on();
+    uno.bench.run_s(0.4).expect("the chip runs");
+    let greeting = String::from_utf8_lossy(&uno.bench.serial().read()).into_owned();
+    assert!(!greeting.contains("settings are"), "{greeting}");
+}
+
+/// The stack comes to the variables: off, and a new start.
+#[test]
+fn a_stack_that_overflows_stops_the_motor_and_is_reported() {
+    let mut uno = Uno::start();
+    for order in ["arm", "mode speed", "ref 60"] {
+        uno.order(order);
+    }
+    uno.run_s(0.4);
+    let first_free = uno.bench.program().variable("_end").expect("_end");
+    uno.bench.chip_mut().write(first_free, 0);
+    uno.run_s(0.006);
+    assert_eq!(uno.bench.now().bridge, Bridge::Coast);
+    uno.run_s(0.01);
+    assert_eq!(uno.last().trip, Trip::StackOverflow);
+    uno.listen();
+    assert!(uno.ask("version").contains("reset: stack overflow"), "{}", uno.replies);
+}
+
 #[test]
 fn when_the_tick_dies_the_watchdog_stops_the_motor() {
     let mut uno = Uno::start();
@@ -83,7 +204,11 @@ fn when_the_tick_dies_the_watchdog_stops_the_motor() {
     uno.run_s(0.5);
     assert!(uno.bench.now().duty > 0.1);
     // Nothing interrupts any more to compute the drive, and nothing feeds the watchdog.
-    uno.bench.chip_mut().write(registers::TIMSK0, 0);
+    // A tick that is under way would switch its interrupt on again.
+    for _ in 0..4 {
+        uno.bench.chip_mut().write(registers::TIMSK0, 0);
+        uno.run_s(0.0003);
+    }
     let stopped = (0..200).find(|_| {
         uno.run_s(0.001);
         uno.bench.now().bridge == Bridge::Coast
@@ -180,7 +305,7 @@ fn a_host_is_heard_and_missed_while_a_reply_is_written() {
         }
         uno.replies.clear();
         uno.bench.serial().write("show\n");
-        let off = (0..360).find(|ms| {
+        let off = (0..160).find(|ms| {
             if goes_on && ms % 50 == 49 {
                 uno.bench.serial().write("alive\n");
             }

@@ -10,8 +10,8 @@ use host_sim::scenario::reference::{Course, Reference};
 use host_sim::scenario::{Load, Noise, Scenario};
 use host_sim::trial::Point;
 use motorbench_chip::{EncoderFault, Rig, Row, Tachogenerator as Sensor};
+use motorbench_core::HARDWARE;
 use motorbench_core::message::{Sample, Trip};
-use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE};
 use motorbench_design::law::ControlLaw;
@@ -88,7 +88,7 @@ fn point(truth: &Row, sample: &Sample, settings: &Settings) -> Point {
     Point {
         t_s: f64::from(sample.tick) * 1e-3,
         reference: f64::from(sample.reference) * speed,
-        u_v: f64::from(sample.duty) / f64::from(PWM_STEPS) * f64::from(settings.get(Param::SupplyVoltage)),
+        u_v: f64::from(sample.duty) / f64::from(HARDWARE.pwm_steps) * f64::from(settings.get(Param::SupplyVoltage)),
         measured_rad_per_s: f64::from(sample.speed) * speed,
         omega_rad_per_s: truth.speed_rad_per_s,
         theta_rad: truth.angle_rad,

@@ -71,7 +71,7 @@ fn a_cycle_of_friction_is_refused() {
     let error = on_board::relay(&mut board, &settings, &relay).expect_err("friction is no loop");
     println!("{error}");
     assert_eq!(error, TuningError::Relay(RelayError::Standstill));
-    assert!(error.to_string().contains("it is friction that cycles"), "{error}");
+    assert!(error.to_string().contains("friction causes the cycle"), "{error}");
     // And a relay too weak to move it at all.
     let weak = Relay { bias_v: 1.0, timeout_s: 0.4, ..RELAY };
     let error = on_board::relay(&mut board, &settings, &weak).expect_err("it does not move");

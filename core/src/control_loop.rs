@@ -4,11 +4,12 @@
 //! hardware only as [`Inputs`] and acts on it only through [`Drive`], so the same inputs give the same outputs, bit for
 //! bit, wherever it runs.
 
+use crate::HARDWARE;
 use crate::arith::{call_saturate_i16, mul_i16_u16, mul_u16, saturate_i16, saturating_add_i16, saturating_sub_i16};
 use crate::compensation::CompensationConfig;
 use crate::converter::STEP_V;
 use crate::current::{CurrentConfig, CurrentState};
-use crate::encoder::{Edges, SpeedConfig, SpeedState};
+use crate::encoder::{Edges, Proof, SpeedConfig, SpeedState};
 use crate::excitation::{Bridge, Player};
 use crate::limits::{Integral, Limits, LimitsConfig};
 use crate::low_pass::{LowPassConfig, LowPassState};
@@ -16,7 +17,6 @@ use crate::lqr::LqrConfig;
 use crate::message::{Mode, Request, Sample, State, Trip};
 use crate::observer::{ObserverConfig, ObserverState};
 use crate::pid::PidConfig;
-use crate::pins::PWM_STEPS;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
 use crate::tachogenerator::{NEAR_ZERO, TachoConfig, TachoState};
@@ -40,17 +40,21 @@ pub struct Inputs {
     pub supply: u16,
     /// [`duty_scale`] of the supply, kept by the main loop.
     pub duty_scale: u16,
-    /// [`Inputs::EMERGENCY_STOP`] and the other bits.
+    /// [`Inputs::STOP_CLOSED`] and the other bits.
     pub flags: u8,
 }
 
 impl Inputs {
-    /// The emergency stop is pressed.
-    pub const EMERGENCY_STOP: u8 = 1;
+    /// The emergency stop's contact is closed.
+    pub const STOP_CLOSED: u8 = 1;
     /// The host has said something valid since the last tick.
     pub const HOST_SPOKE: u8 = 2;
     /// The main loop has gone round since the last tick.
     pub const MAIN_LOOP_ALIVE: u8 = 4;
+    /// No block of conversions has been completed since the last tick.
+    pub const NOT_CONVERTED: u8 = 8;
+    /// The stack has grown into the variables.
+    pub const STACK_OVERFLOW: u8 = 16;
 }
 
 /// What the bridge does until the next tick.
@@ -64,7 +68,9 @@ pub struct Drive {
 
 /// PWM steps per bit of voltage, times 2^16, at a supply in bits of voltage: division, so not for the tick.
 pub fn duty_scale(supply: i16) -> u16 {
-    ((PWM_STEPS as u32) << 16).checked_div(supply.max(1) as u32).map_or(u16::MAX, |scale| scale.min(65535) as u16)
+    ((HARDWARE.pwm_steps as u32) << 16)
+        .checked_div(supply.max(1) as u32)
+        .map_or(u16::MAX, |scale| scale.min(65535) as u16)
 }
 
 /// Everything the tick needs to know, quantised.
@@ -156,6 +162,8 @@ pub struct ControlLoop {
     integral: Integral,
     profile: Profile,
     player: Player,
+    /// Tick of the latched trip.
+    tripped_at: u32,
     /// Counts that are called zero.
     origin: i32,
     /// Reference asked for, in the unit of the mode.
@@ -235,6 +243,11 @@ impl ControlLoop {
         self.trips.main_loop_hung(&self.config.trips)
     }
 
+    /// Ticks since the latched trip.
+    pub fn since_trip(&self) -> u32 {
+        self.sample.tick.wrapping_sub(self.tripped_at)
+    }
+
     /// Illegal transitions of the encoder since reset.
     pub fn illegal_transitions(&self) -> u16 {
         self.motion.illegal
@@ -279,7 +292,7 @@ impl ControlLoop {
     /// Position, speed, current and supply.
     #[inline(always)]
     fn measure(&mut self, inputs: &Inputs) -> Observation {
-        let moved = self.motion.step(&self.config.speed, &inputs.edges, inputs.tick_coarse);
+        let came = self.motion.step(&self.config.speed, &inputs.edges, inputs.tick_coarse);
         let reading = self.current.step(&self.config.current, inputs.current_sum);
         let sample = &mut self.sample;
         sample.tick = sample.tick.wrapping_add(1);
@@ -291,7 +304,11 @@ impl ControlLoop {
             false => self.motion.speed,
         };
         sample.speed = self.filter.step(&self.config.filter, speed);
-        let moved = if by_tacho { inputs.tacho >= NEAR_ZERO } else { moved };
+        let edges = match by_tacho {
+            // Its signal is a motion in each tick; its absence is none.
+            true => Proof { place: if inputs.tacho >= NEAR_ZERO { sample.tick as u8 } else { 0 }, ..Proof::default() },
+            false => self.motion.proof(came),
+        };
         let supply = self.config.supply_scale != 0;
         sample.supply = if supply {
             call_saturate_i16((mul_u16(inputs.supply, self.config.supply_scale) >> 8) as i32)
@@ -302,9 +319,10 @@ impl ControlLoop {
         Observation {
             voltage: self.voltage,
             current: sample.current,
-            speed: sample.speed,
+            speed,
             supply: supply.then_some(sample.supply),
-            moved,
+            edges,
+            turn: sample.tick as u8,
             sensor_at_rail: reading.saturated,
             flags: inputs.flags,
         }
@@ -317,6 +335,7 @@ impl ControlLoop {
         if trip != Trip::None {
             if self.sample.trip == Trip::None {
                 self.sample.trip = trip;
+                self.tripped_at = self.sample.tick;
             }
             self.disarm();
         }
@@ -427,12 +446,13 @@ impl ControlLoop {
             let bridge = if self.braking { Bridge::Brake } else { Bridge::Coast };
             return Drive { duty: 0, bridge };
         }
-        let (reference, bridge) = self.reference();
+        let (mut reference, bridge) = self.reference();
         if self.mode == Mode::Off {
             // The sequence has ended.
             return Drive { duty: 0, bridge: Bridge::Brake };
         }
         self.sample.reference = reference.value;
+        reference.error = self.position_error(reference.value);
         if bridge != Bridge::Drive {
             self.voltage = 0;
             self.align = true;
@@ -459,7 +479,7 @@ impl ControlLoop {
             }
             Profile::Position(profile) => profile.step(config),
         };
-        (Reference { value, speed, error: self.position_error(value) }, Bridge::Drive)
+        (Reference { value, speed, error: 0 }, Bridge::Drive)
     }
 
     /// The reference of the sequence; positions are relative to where it began.
@@ -472,7 +492,6 @@ impl ControlLoop {
         let mut reference = Reference { value: play.value as i32, speed: 0, error: 0 };
         if self.mode.is_position() {
             reference.value = reference.value.wrapping_add(self.origin_of_play);
-            reference.error = self.position_error(reference.value);
         } else if self.mode.is_speed() {
             reference.speed = play.value;
         }
@@ -546,7 +565,7 @@ impl ControlLoop {
     #[inline(always)]
     fn duty(&self, voltage: i16) -> i16 {
         let steps = ((mul_u16(voltage.unsigned_abs(), self.duty_scale) + 0x8000) >> 16) as u16;
-        let steps = steps.min(PWM_STEPS) as i16;
+        let steps = steps.min(HARDWARE.pwm_steps) as i16;
         if voltage < 0 { -steps } else { steps }
     }
 

@@ -95,7 +95,9 @@ pub struct SpeedConfig {
 }
 
 /// Cycles of the chip in a second.
-const CYCLES_PER_S: f32 = crate::pins::CPU_HZ as f32;
+const CYCLES_PER_S: f32 = crate::HARDWARE.clock_hz as f32;
+// The two bytes of a stamp overlap by this: see the module.
+const _: () = assert!(crate::HARDWARE.coarse_timer_shift == 6);
 
 impl SpeedConfig {
     /// From `counts_per_rev`, `speed_range` and `tick_rate` (1000 or 2000 Hz); a scale outside the format is blamed on
@@ -127,6 +129,21 @@ impl SpeedConfig {
     }
 }
 
+/// What the edges say of the shaft.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct Proof {
+    /// Edges have come in this tick.
+    pub came: bool,
+    /// Count, modulo 256, at which the shaft was last seen to move: by more than two counts, because a line alone goes to
+    /// and fro by one, whatever the shaft does.
+    pub place: u8,
+    /// Illegal transitions, modulo 256.
+    pub illegal: u8,
+}
+
+/// So far may the count go, in either direction, before it is a motion.
+const PLACE: i8 = 2;
+
 /// The measured motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct SpeedState {
@@ -138,6 +155,8 @@ pub struct SpeedState {
     pub illegal: u16,
     /// The last edges seen.
     edges: Edges,
+    /// Count at which the shaft was last seen to move.
+    place: u8,
     /// Cycles from the last edge to the present tick, and [`LATE`] more; saturates at [`LONGEST`].
     elapsed: Cycles,
 }
@@ -200,11 +219,18 @@ impl SpeedState {
     /// Stands still, with the lines as the handler found them.
     pub fn begin(&mut self, edges: Edges) {
         self.edges = edges;
+        self.place = edges.count;
         self.elapsed = LONGEST;
     }
 
+    /// What the edges so far prove.
+    #[inline(always)]
+    pub fn proof(&self, came: bool) -> Proof {
+        Proof { came, place: self.place, illegal: self.edges.illegal }
+    }
+
     /// One tick: what the handler has kept, and Timer0 at the instant of the tick. At most 127 counts a tick. Returns
-    /// whether the shaft has moved.
+    /// whether edges have come.
     #[inline(always)]
     pub fn step(&mut self, config: &SpeedConfig, edges: &Edges, tick_coarse: u8) -> bool {
         let before = self.edges;
@@ -215,9 +241,13 @@ impl SpeedState {
             self.edges.illegal = edges.illegal;
         }
         let delta = edges.count.wrapping_sub(before.count) as i8;
-        let moved = delta != 0 || edges.coarse != before.coarse || edges.fine != before.fine;
-        let (half_counts, less) = if moved {
+        let came = delta != 0 || edges.coarse != before.coarse || edges.fine != before.fine;
+        let (half_counts, less) = if came {
             self.edges = *edges;
+            let away = edges.count.wrapping_sub(self.place) as i8;
+            if !(-PLACE..=PLACE).contains(&away) {
+                self.place = edges.count;
+            }
             self.counts = self.counts.wrapping_add(delta as i32);
             let age = age(tick_coarse, edges);
             self.elapsed = Cycles { low: age, high: 0 };
@@ -232,10 +262,10 @@ impl SpeedState {
         };
         let speed = speed(config, half_counts, elapsed.normalised_less(less));
         let falls = if self.speed > 0 { speed < self.speed } else { speed > self.speed };
-        if moved || falls {
+        if came || falls {
             self.speed = speed;
         }
-        delta != 0
+        came
     }
 }
 

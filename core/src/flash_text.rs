@@ -1,4 +1,4 @@
-//! Texts that stay in flash: the Uno would copy every string literal into its RAM, and the help alone would fill it.
+//! Texts that stay in flash: the Uno would copy every string literal into its RAM, and they would fill it.
 //!
 //! All texts of the program are one array of bytes, each ended by a zero, and packed when the program is compiled: the
 //! printable characters move down to 1..=95, and as long as it saves something, the most frequent pair of bytes becomes
@@ -12,9 +12,9 @@ use avr_progmem::progmem;
 #[derive(Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub(crate) enum Table {
-    /// Name, unit and help of each setting.
+    /// Name and unit of each setting.
     Settings = STARTS[0],
-    /// Name, arguments and help of each command.
+    /// Name and arguments of each command.
     Commands = STARTS[1],
     /// What the console says.
     Sayings = STARTS[2],
@@ -213,7 +213,7 @@ impl FlashText {
     }
 }
 
-/// Which of the first `count` entries of a table, of three texts each, has `word` as its first text.
+/// Which of the first `count` entries of a table, of two texts each, has `word` as its first text.
 #[inline(never)]
 pub(crate) fn find(table: Table, count: u8, word: &[u8]) -> Option<u8> {
     let mut text = FlashText::of(table, 0);
@@ -221,7 +221,7 @@ pub(crate) fn find(table: Table, count: u8, word: &[u8]) -> Option<u8> {
         if text.choice(word).is_some() {
             return Some(index);
         }
-        text.skip_texts(3);
+        text.skip_texts(2);
     }
     None
 }
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn choices() {
-        let modes = || FlashText::of(Table::Commands, 4);
+        let modes = || FlashText::of(Table::Commands, 3);
         assert_eq!(modes().choice(b"off"), Some(0));
         assert_eq!(modes().choice(b"lqr_position"), Some(5));
         for wrong in [&b""[..], b"lqr", b"lqr_positions", b"of", b"offf", b"ooff", b"off|open"] {

@@ -18,6 +18,8 @@
 #![cfg_attr(not(test), no_std)]
 #![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 
+pub use motorbench_board::{HARDWARE, Hardware};
+
 pub mod arith;
 pub mod compensation;
 pub mod console;
@@ -34,7 +36,6 @@ pub mod lqr;
 pub mod message;
 pub mod observer;
 pub mod pid;
-pub mod pins;
 pub mod protocol;
 pub mod quantiser;
 pub mod settings;

@@ -62,11 +62,11 @@ pub enum Trip {
     OverCurrentThermal = 2,
     /// Driven, drawing stall current and not turning.
     Stall = 3,
-    /// Driven without stall current, and no counts.
+    /// The voltage implies a speed, and the encoder shows none.
     EncoderSilent = 4,
-    /// Speeding up against the drive: wrong feedback sign.
+    /// Turning against the drive without slowing down: wrong feedback sign.
     Runaway = 5,
-    /// The current sensor's signal is at a rail.
+    /// The current sensor's signal is at a rail, or it shows a current with the drive disarmed.
     SensorRange = 6,
     /// The motor supply is outside its limits.
     SupplyRange = 7,
@@ -76,6 +76,14 @@ pub enum Trip {
     HostLost = 9,
     /// The main loop stopped responding.
     MainLoopHung = 10,
+    /// The voltage implies a speed, and the encoder shows much less.
+    EncoderTooFew = 11,
+    /// The encoder's lines go to and fro without motion, or change both at once.
+    EncoderLines = 12,
+    /// The analogue-to-digital converter gives no values.
+    ConverterSilent = 13,
+    /// The stack has grown into the variables.
+    StackOverflow = 14,
 }
 
 impl Trip {
@@ -93,6 +101,10 @@ impl Trip {
             8 => Self::EmergencyStop,
             9 => Self::HostLost,
             10 => Self::MainLoopHung,
+            11 => Self::EncoderTooFew,
+            12 => Self::EncoderLines,
+            13 => Self::ConverterSilent,
+            14 => Self::StackOverflow,
             _ => return None,
         })
     }

@@ -30,6 +30,9 @@ impl ObserverConfig {
     /// From `winding_time`, `torque_constant` and `resistance`.
     #[inline(always)]
     pub fn quantised(q: &mut Quantiser) -> Self {
+        if !q.is_on(Param::WindingTime) {
+            return Self::default();
+        }
         q.of(256.0 * AMPERE / VOLT).over(Param::Resistance);
         let of_voltage = q.round(Param::Resistance, i16::MAX as u16) as i16;
         q.of(256.0 * AMPERE / FULL_RANGE).times(Param::SpeedRange).times(Param::TorqueConstant).over(Param::Resistance);

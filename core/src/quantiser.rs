@@ -135,6 +135,13 @@ impl<'a> Quantiser<'a> {
         self.settings.get(param) != 0.0
     }
 
+    /// Whether a setting is this number.
+    #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+    pub fn is(&self, param: Param, number: f32) -> bool {
+        self.settings.get(param) == number
+    }
+
     /// Whether the tick is the fast one.
     #[inline(always)]
     pub fn is_fast(&self) -> bool {
@@ -207,6 +214,14 @@ impl<'a> Quantiser<'a> {
             return limit;
         }
         self.round(param, limit)
+    }
+
+    /// The formula's value rounded; zero and the limit stand for what is beyond. For what only watches: a value that the
+    /// format does not hold is no reason to refuse the settings.
+    #[inline(never)]
+    #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+    pub fn clamp(&mut self, limit: u16) -> u16 {
+        (self.value + 0.5).clamp(0.0, limit as f32) as u16
     }
 
     /// One over the formula's value and `more`, bits of [`crate::units::Fraction`].

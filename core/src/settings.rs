@@ -33,8 +33,11 @@ macro_rules! settings {
             pub const COUNT: usize = Self::ALL.len();
         }
 
-        /// Name, unit and help of each.
-        pub(crate) const TEXT: &str = concat!($($name, "\0", $unit, "\0", $help, "\0"),*);
+        /// Name and unit of each.
+        pub(crate) const TEXT: &str = concat!($($name, "\0", $unit, "\0"),*);
+
+        /// What each is, in one line. The chip does not carry these: the host program shows them.
+        const HELP: [&str; Param::COUNT] = [$($help),*];
 
         /// What a stored number means by its place: name, unit and format of each.
         pub(crate) const MEANING: &str = concat!($($name, "\0", $unit, "\0", stringify!($format), "\0"),*);
@@ -92,8 +95,8 @@ settings! {
     SupplyVoltage "supply" ["V"] Volt = 12.0 in 3.0..=31.0, "motor supply";
     SupplyDivider "supply_divider" ["ratio"] Own = 0.0 in 0.0..=20.0, "divider on A2, 0 not wired";
     CurrentGain "current_gain" ["mV/A"] Own = 185.0 in 20.0..=1000.0, "current sensor";
-    Resistance "resistance" ["ohm"] Own = 5.84 in 0.05..=500.0, "armature, tells a stall from a dead encoder";
-    TorqueConstant "torque_constant" ["V s/rad"] Own = 0.0 in 0.0..=1000.0, "back-EMF, for an observed current";
+    Resistance "resistance" ["ohm"] Own = 5.84 in 0.05..=500.0, "armature, tells a held shaft from a dead encoder";
+    TorqueConstant "torque_constant" ["V s/rad"] Own = 0.0 in 0.0..=1000.0, "back-EMF, tells an encoder that counts too few; 0 not known";
     WindingTime "winding_time" ["ms"] Own = 0.0 in 0.0..=1000.0, "LQR observes the current; 0 sensor";
     TickRate "tick_rate" ["Hz"] Own = 1000.0 in 1000.0..=2000.0, "control rate, 1000 or 2000";
     // Limits the controllers work within.
@@ -105,11 +108,12 @@ settings! {
     TripContinuous "trip_continuous" ["A"] Ampere = 0.6 in 0.05..=7.999, "over-current, thermal";
     TripThermalTime "trip_thermal_time" ["s"] Own = 2.0 in 0.3..=60.0, "time constant of the thermal trip";
     TripStall "trip_stall" ["ms"] Ticks = 500.0 in 0.0..=10000.0, "driven and not turning, 0 off";
-    TripEncoder "trip_encoder" ["ms"] Ticks = 200.0 in 0.0..=10000.0, "driven, no counts, no stall current, 0 off";
-    TripRunaway "trip_runaway" ["ms"] Ticks = 100.0 in 0.0..=10000.0, "speeding up against the drive, 0 off";
+    TripEncoder "trip_encoder" ["ms"] Ticks = 20.0 in 0.0..=10000.0, "the voltage implies more speed than is measured, 0 off";
+    TripRunaway "trip_runaway" ["ms"] Ticks = 100.0 in 0.0..=10000.0, "turning against the drive, not slowing, 0 off";
     TripSupplyLow "trip_supply_low" ["V"] Own = 5.0 in 0.0..=40.0, "lowest supply, where measured";
     TripSupplyHigh "trip_supply_high" ["V"] Own = 36.0 in 0.0..=40.0, "highest supply, where measured";
     TripHost "trip_host" ["ms"] Ticks = 0.0 in 0.0..=60000.0, "longest silence of the host, 0 off";
+    EmergencyStop "emergency_stop" ["0|1|2"] Own = 1.0 in 0.0..=2.0, "contact on D4: 0 none, 1 normally open, 2 normally closed";
     // Speed PID.
     SpeedKp "speed_kp" ["V s/rad"] SpeedGain = 0.05 in -1000.0..=1000.0, "speed PID, proportional";
     SpeedKi "speed_ki" ["V/rad"] SpeedIntegral = 1.0 in -100000.0..=100000.0, "speed PID, integral";
@@ -166,7 +170,17 @@ impl Default for Settings {
 impl Settings {
     /// The defaults: the test stand of the two studies, without anything that depends on a fitted model.
     pub fn defaults() -> Self {
-        Self { values: core::array::from_fn(|i| NUMBERS.load_at(i)[0].value()) }
+        let mut settings = Self::default();
+        settings.set_defaults();
+        settings
+    }
+
+    /// Takes the defaults, in place: the chip's stack has no room for another copy.
+    #[inline(never)]
+    pub fn set_defaults(&mut self) {
+        for (value, index) in self.values.iter_mut().zip(0..) {
+            *value = NUMBERS.load_at(index)[0].value();
+        }
     }
 
     /// The value of one setting, in its unit.
@@ -237,13 +251,19 @@ pub enum Text {
     Name = 0,
     /// The unit.
     Unit = 1,
-    /// One line of help.
-    Help = 2,
+}
+
+/// Texts of each setting.
+pub(crate) const TEXTS: u8 = 2;
+
+/// One line of help, which the host program has and the chip has not.
+pub fn help(param: Param) -> &'static str {
+    HELP[param as usize]
 }
 
 /// The characters of one text of one setting, read from flash.
 pub fn text(param: Param, which: Text) -> FlashText {
-    FlashText::of(Table::Settings, param as u8 * 3 + which as u8)
+    FlashText::of(Table::Settings, param as u8 * TEXTS + which as u8)
 }
 
 /// The setting of this name.
@@ -277,7 +297,8 @@ mod tests {
         let defaults = Settings::defaults();
         for (i, &param) in Param::ALL.iter().enumerate() {
             assert_eq!(param as usize, i);
-            for which in [Text::Name, Text::Unit, Text::Help] {
+            assert!(!help(param).is_empty(), "{param:?}");
+            for which in [Text::Name, Text::Unit] {
                 assert!(text(param, which).count() > 0, "{param:?} {which:?}");
             }
             let (min, max) = param.range();

@@ -19,12 +19,14 @@ use crate::settings::{self, Param, Settings};
 pub const VERSION: u16 = Crc16::of(settings::MEANING.as_bytes());
 /// The first byte of a slot.
 const MARK: u8 = VERSION as u8;
+/// A byte that was never written.
+const ERASED: u8 = 0xff;
 /// Bytes of a slot.
 const SLOT: u16 = 2 + VALUES + 2;
 const VALUES: u16 = 4 * Param::COUNT as u16;
-/// Where the two slots begin.
-const SLOTS: [u16; 2] = [0, 512];
-const _: () = assert!(SLOT <= 512);
+/// Where the second slot begins; the first does at zero.
+const SECOND: u16 = 512;
+const _: () = assert!(SLOT <= SECOND);
 
 /// A memory of bytes that keeps without power. 1024 bytes; a write takes milliseconds.
 pub trait Eeprom {
@@ -36,12 +38,12 @@ pub trait Eeprom {
     fn write(&mut self, address: u16, byte: u8);
 }
 
-/// The newest whole slot: its place and number.
-fn newest(eeprom: &mut impl Eeprom) -> Option<(usize, u8)> {
-    match (number(eeprom, SLOTS[0]), number(eeprom, SLOTS[1])) {
-        (Some(first), Some(second)) if second == first.wrapping_add(1) => Some((1, second)),
+/// The newest whole slot: where it begins, and its number.
+fn newest(eeprom: &mut impl Eeprom) -> Option<(u16, u8)> {
+    match (number(eeprom, 0), number(eeprom, SECOND)) {
+        (Some(first), Some(second)) if second == first.wrapping_add(1) => Some((SECOND, second)),
         (Some(first), _) => Some((0, first)),
-        (None, Some(second)) => Some((1, second)),
+        (None, Some(second)) => Some((SECOND, second)),
         (None, None) => None,
     }
 }
@@ -59,11 +61,16 @@ fn number(eeprom: &mut impl Eeprom, start: u16) -> Option<u8> {
     (crc.value() == u16::from_le_bytes(stored)).then(|| eeprom.read(start + 1))
 }
 
+/// Whether something stands where settings are saved, of this version or another.
+pub fn holds_something(eeprom: &mut impl Eeprom) -> bool {
+    eeprom.read(0) & eeprom.read(SECOND) != ERASED
+}
+
 /// Loads the saved settings, if there are any whole ones within their ranges; the content is of no use otherwise.
 #[inline(never)]
 pub fn load(eeprom: &mut impl Eeprom, settings: &mut Settings) -> bool {
     let Some((slot, _)) = newest(eeprom) else { return false };
-    let mut address = SLOTS[slot] + 2;
+    let mut address = slot + 2;
     for index in 0..Param::COUNT {
         let mut bytes = [0; 4];
         for byte in &mut bytes {
@@ -92,14 +99,14 @@ pub struct Saver {
 impl Saver {
     /// Begins a save. The settings must not change until it is done.
     pub fn start(&mut self, eeprom: &mut impl Eeprom) {
-        let (slot, number) = match newest(eeprom) {
-            Some((slot, number)) => (1 - slot, number.wrapping_add(1)),
+        let (start, number) = match newest(eeprom) {
+            Some((newest, number)) => (SECOND - newest, number.wrapping_add(1)),
             None => (0, 0),
         };
         let mut crc = Crc16::begun_with(VERSION);
         crc.push(MARK);
         crc.push(number);
-        *self = Self { busy: true, start: SLOTS[slot], number, offset: 0, crc };
+        *self = Self { busy: true, start, number, offset: 0, crc };
     }
 
     /// Whether a save is under way.

@@ -1,32 +1,51 @@
 //! Trips: what switches the drive off by itself.
 //!
 //! Checked once a tick, on what was measured in this tick and the voltage of the tick before. Times are counted in
-//! ticks, so a trip comes within one tick of its time.
+//! ticks, so a trip comes within eight ticks of its time.
 //!
 //! | trip | condition |
 //! |---|---|
 //! | over-current, peak | current above `trip_peak` for 5 ms (the L293D's own non-repetitive limit) |
 //! | over-current, thermal | square of the current, low-passed with `trip_thermal_time`, above that of `trip_continuous` |
 //! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
-//! | encoder silent | driven, no motion, and a current that says the motor turns (back-EMF) or is not connected: below a quarter of voltage / `resistance`, for `trip_encoder` |
-//! | runaway | speed against the voltage and not falling, for `trip_runaway`: wrong feedback sign |
-//! | sensor range | current signal at a rail for 3 ticks |
+//! | encoder silent | the voltage implies a speed, see below, for `trip_encoder`, and the encoder shows none |
+//! | encoder counts too few | the same, and the encoder shows too little |
+//! | encoder lines | edges that go to and fro by one count for 64 ms; or 24 illegal transitions, less one for every 4 ms without any |
+//! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
+//! | sensor range | current signal at a rail for 3 ticks, or a current above `trip_peak` with the drive disarmed |
+//! | converter silent | no block of conversions in a tick |
 //! | supply range | measured supply outside its limits for 10 ms |
-//! | emergency stop | pressed |
+//! | emergency stop | pressed, or its wire broken where it is normally closed |
 //! | host lost | silent for `trip_host` while armed |
 //! | main loop hung | no sign of the main loop for 100 ms |
+//! | stack overflow | the byte below the stack has changed |
 //!
 //! "Driven" means a voltage above a quarter of the supply setting: below it a motor may rest in its friction, and the
 //! L293D's own drop (2.6 V) may leave nothing to brake with.
+//!
+//! ## What proves motion
+//! A line that is stuck leaves edges, but the count only goes to and fro by one: motion is a count that has left its place
+//! by more than two. And the motor is a sensor of its own: what the voltage has more than the resistance takes is back-EMF.
+//!
+//! ```text
+//! |u| - R |i| - k w  >  |u|/4 + max(supply/4, 3 V)        w: measured speed, positive along the voltage
+//! ```
+//! On the left stands the drop of the bridge if all is well; on the right what a bridge of bipolar transistors takes, and a
+//! quarter of the voltage for a winding that is 30 % warmer and a magnet that is 30 % stronger than the settings say. With
+//! `torque_constant` zero `k w` is not known: then the shaft must stand still or turn against the voltage. With PWM on EN
+//! the mean voltage is known near full duty only, so less does not count. Without a current sensor (`winding_time` not zero)
+//! the time is eight times as long, because a motor that breaks loose late looks the same.
 
-use crate::arith::{call_mul_i16, call_mul_i16_u16, mul_i16, mul_i16_u16, saturating_sub_i16};
+use crate::arith::{call_mul_i16, mul_i16, mul_i16_u16, saturate_shift_8, saturating_sub_i16};
 use crate::control_loop::Inputs;
+use crate::encoder::Proof;
 use crate::message::Trip;
 use crate::quantiser::Quantiser;
 use crate::settings::{BuildError, Param, Settings};
-use crate::units::VOLT;
+use crate::units::{AMPERE, FULL_RANGE, VOLT};
 
-/// Thresholds in bits, times in ticks.
+/// Thresholds in bits; times in ticks, or in looks, of which there is one in every
+/// fourth tick, for stall, encoder and runaway in every eighth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub struct TripsConfig {
     peak: i16,
@@ -34,45 +53,62 @@ pub struct TripsConfig {
     continuous: i16,
     /// `continuous` squared, in bits of current squared over 2^15.
     heat_limit: i16,
-    /// Tick over thermal time, times 2^24.
+    /// Tick over thermal time, times 2^24; every eighth tick counts.
     heat_rate: u16,
-    /// A quarter of the stall current at one bit of voltage, times 2^16: current bits per voltage bit.
-    turning: u16,
+    /// Bits of voltage a bit of current, times 2^8: the resistance.
+    resistive: u16,
+    /// Bits of voltage a bit of speed, times 2^8: the back-EMF; zero where it is not known.
+    back_emf: u16,
     /// Voltage from which the motor counts as driven.
     driven: i16,
-    stall_ticks: u16,
-    encoder_ticks: u16,
-    runaway_ticks: u16,
+    /// Back-EMF, less a quarter of the voltage, from which the motor must be turning.
+    turning: i16,
+    /// Voltage below which none is implied.
+    known_from: i16,
+    stall_looks: u16,
+    encoder_looks: u16,
+    /// Edges to and fro.
+    lines_looks: u8,
+    runaway_looks: u16,
     supply_low: i16,
     supply_high: i16,
-    supply_ticks: u8,
-    host_ticks: u16,
-    hung_ticks: u8,
+    /// What is looked at of [`Inputs::STOP_CLOSED`], and what then says that it is not pressed.
+    stop_mask: u8,
+    stop_released: u8,
+    host_looks: u16,
+    hung_looks: u8,
 }
 
 impl TripsConfig {
-    /// From the settings `trip_*`, `resistance` and `supply`.
+    /// From the settings `trip_*`, `resistance`, `torque_constant`, `supply` and `emergency_stop`.
     #[inline(always)]
     pub fn quantise(&mut self, q: &mut Quantiser) {
-        // 5, 10 and 100 ms.
-        let [peak_ticks, supply_ticks, hung_ticks] = if q.is_fast() { [10, 20, 200] } else { [5, 10, 100] };
+        // 5 ms in ticks; 100 and 64 ms in looks.
+        let [peak_ticks, hung_looks, lines_looks] = if q.is_fast() { [10, 50, 32] } else { [5, 25, 16] };
         let continuous = q.bits(Param::TripContinuous);
         self.peak = q.bits(Param::TripPeak);
         self.peak_ticks = peak_ticks;
         self.continuous = continuous;
         self.heat_limit = (call_mul_i16(continuous, continuous) << 1 >> 16) as i16;
         self.heat_rate = heat_rate(q);
-        // Current bits per voltage bit at stall is 4 / R; a quarter of it.
-        self.turning = q.of(1.0).times(Param::Resistance).one_over(Param::Resistance, 0.0);
-        self.driven = q.bits(Param::SupplyVoltage) >> 2;
-        self.stall_ticks = q.bits(Param::TripStall) as u16;
-        self.encoder_ticks = q.bits(Param::TripEncoder) as u16;
-        self.runaway_ticks = q.bits(Param::TripRunaway) as u16;
+        self.resistive = q.of(256.0 * VOLT / AMPERE).times(Param::Resistance).saturate(Param::Resistance, u16::MAX);
+        q.of(256.0 * VOLT / FULL_RANGE).times(Param::SpeedRange).times(Param::TorqueConstant);
+        self.back_emf = q.clamp(u16::MAX);
+        let supply = q.bits(Param::SupplyVoltage);
+        self.driven = supply >> 2;
+        self.turning = self.driven.max(LARGEST_DROP);
+        self.known_from = if q.is_on(Param::Wiring) { supply - (supply >> 3) } else { self.driven };
+        self.stall_looks = looks(q, Param::TripStall).div_ceil(2);
+        let encoder_looks = looks(q, Param::TripEncoder).div_ceil(2);
+        self.encoder_looks = if q.is_on(Param::WindingTime) { encoder_looks << 3 } else { encoder_looks };
+        self.lines_looks = lines_looks;
+        self.runaway_looks = looks(q, Param::TripRunaway).div_ceil(2);
         self.supply_low = supply_bits(q, Param::TripSupplyLow);
         self.supply_high = supply_bits(q, Param::TripSupplyHigh);
-        self.supply_ticks = supply_ticks;
-        self.host_ticks = q.bits(Param::TripHost) as u16;
-        self.hung_ticks = hung_ticks;
+        self.host_looks = looks(q, Param::TripHost);
+        self.hung_looks = hung_looks;
+        self.stop_mask = if q.is_on(Param::EmergencyStop) { Inputs::STOP_CLOSED } else { 0 };
+        self.stop_released = if q.is(Param::EmergencyStop, NORMALLY_CLOSED) { Inputs::STOP_CLOSED } else { 0 };
     }
 
     /// The same, on its own.
@@ -89,6 +125,13 @@ fn heat_rate(q: &mut Quantiser) -> u16 {
     q.of(1.0 / 256.0).times(Param::TickRate).times(Param::TripThermalTime).one_over(Param::TripThermalTime, 0.0)
 }
 
+/// A time in looks; the shortest is one.
+#[inline(never)]
+#[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
+fn looks(q: &mut Quantiser, param: Param) -> u16 {
+    (q.bits(param) as u16).saturating_add(TURNS as u16 - 1) / TURNS as u16
+}
+
 /// A limit of the supply; one beyond the format is never reached.
 #[inline(never)]
 #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
@@ -103,12 +146,14 @@ pub struct Observation {
     pub voltage: i16,
     /// Measured current.
     pub current: i16,
-    /// Measured speed.
+    /// Measured speed, without the filter.
     pub speed: i16,
     /// Supply, where it is measured.
     pub supply: Option<i16>,
-    /// The position has changed in this tick (encoder), or the signal is not near zero (tachogenerator).
-    pub moved: bool,
+    /// What the encoder's edges say.
+    pub edges: Proof,
+    /// Ticks, modulo 256: whose turn it is to be looked at.
+    pub turn: u8,
     /// The current signal is at a rail.
     pub sensor_at_rail: bool,
     /// As in [`Inputs::flags`].
@@ -120,8 +165,15 @@ pub struct Observation {
 pub struct TripsState {
     /// Low-passed square of the current, times 2^16.
     heat: i32,
+    /// Back-EMF, less a quarter of the voltage, that the voltage implied when it was last looked at.
+    implied: i16,
+    /// That voltage was negative.
+    backward: bool,
+    /// The last square that was taken, in bits of current squared over 2^15.
+    squared: i16,
     still: u16,
-    silent: u16,
+    /// Looks in which the voltage implied a speed that was not measured, less those in which it did not.
+    implausible: u16,
     against: u16,
     against_speed: i16,
     host: u16,
@@ -129,133 +181,260 @@ pub struct TripsState {
     rail: u8,
     supply: u8,
     hung: u8,
+    /// Looks without motion; stays at the largest.
+    quiet: u8,
+    /// Looks with edges to and fro in a row.
+    to_and_fro: u8,
+    /// Illegal transitions, less one for each look without any.
+    illegal: u8,
+    illegal_before: u8,
+    place: u8,
+    /// Since the last look at them.
+    flags: u8,
 }
 
 /// Ticks the current signal may touch a rail.
 const RAIL_TICKS: u8 = 3;
+/// What need not come at once is looked at by turns.
+const TURNS: u8 = 4;
+/// Looks at the encoder's lines for one at whether the shaft is held.
+const LOOKS_A_ROUND: u8 = 2;
+/// 10 ms, at 2 kHz 6 ms.
+const SUPPLY_LOOKS: u8 = 3;
+/// What a bridge of bipolar transistors may take, with some reserve: 3 V.
+const LARGEST_DROP: i16 = 3 * VOLT as i16;
+/// The setting `emergency_stop` of a contact that opens when it is pressed.
+const NORMALLY_CLOSED: f32 = 2.0;
+/// An encoder that has not moved for so many looks is silent, else it counts too few.
+const SILENT: u8 = 3;
+/// So many illegal transitions trip; a look without any takes one away. Sound lines have none at all.
+const ILLEGAL_MOST: u8 = 24;
+/// Fewer are no sign of a broken line.
+const ILLEGAL_SIGN: u8 = 2;
+/// Edges to and fro in so many looks are none of a motor that turns.
+const TO_AND_FRO_SIGN: u8 = 3;
+/// A motor that turns and is measured moves by three counts within so many looks, unless it creeps.
+const QUIET: u8 = 5;
 
 impl TripsState {
     /// Whether the main loop has been silent for its time as of the last tick, whatever else has tripped.
     #[inline(always)]
     pub fn main_loop_hung(&self, config: &TripsConfig) -> bool {
-        self.hung >= config.hung_ticks
+        self.hung >= config.hung_looks
     }
 
-    /// One tick: the first condition that has held for its time, or [`Trip::None`].
+    /// One tick: the first condition that has held for its time, or [`Trip::None`]. What must come at once is looked at in
+    /// every tick, the rest by turns, each in every fourth or eighth.
     #[inline(always)]
     pub fn step(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
         let current = magnitude(seen.current);
-        let always = self.always(config, seen, current);
-        if !armed {
-            self.host = 0;
-            self.still = 0;
-            self.silent = 0;
-            self.against = 0;
-            return always;
-        }
-        if always != Trip::None { always } else { self.while_armed(config, seen, current) }
+        self.flags |= seen.flags;
+        let urgent = self.urgent(config, seen, current, armed);
+        let trip = match seen.turn % (2 * TURNS) {
+            0 | 4 => self.lines(config, seen, armed),
+            1 => self.imply(config, seen, current, armed),
+            5 => self.motion(config, seen),
+            2 | 6 => self.board(config, seen, armed),
+            3 => self.held(config, seen, current, armed),
+            _ => self.heat_up(config),
+        };
+        if urgent != Trip::None { urgent } else { trip }
     }
 
-    /// What is watched whether armed or not.
+    /// The emergency stop, what destroys the bridge, and the sensor that would see it.
     #[inline(always)]
-    fn always(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
-        self.heat_up(config, current);
-        // Before all that may return: a hang must be noticed beside any other trip, or the watchdog is fed for ever.
-        if for_ticks(&mut self.hung, seen.flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_ticks) {
-            return Trip::MainLoopHung;
-        }
-        if seen.flags & Inputs::EMERGENCY_STOP != 0 {
+    fn urgent(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
+        if seen.flags & config.stop_mask ^ config.stop_released != 0 {
             return Trip::EmergencyStop;
         }
-        if for_ticks(&mut self.peak, current > config.peak, config.peak_ticks) {
+        // No current flows through a bridge that is off.
+        let peak = for_ticks(&mut self.peak, current > config.peak, config.peak_ticks);
+        if peak && armed {
             return Trip::OverCurrentPeak;
         }
-        if (self.heat >> 16) as i16 > config.heat_limit {
-            return Trip::OverCurrentThermal;
-        }
-        if for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_TICKS) {
+        if for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_TICKS) || peak {
             return Trip::SensorRange;
-        }
-        let outside = seen.supply.is_some_and(|supply| supply < config.supply_low || supply > config.supply_high);
-        if for_ticks(&mut self.supply, outside, config.supply_ticks) { Trip::SupplyRange } else { Trip::None }
-    }
-
-    /// What needs a drive to go wrong.
-    #[inline(always)]
-    fn while_armed(&mut self, config: &TripsConfig, seen: &Observation, current: i16) -> Trip {
-        if config.host_ticks != 0 {
-            self.host = if seen.flags & Inputs::HOST_SPOKE != 0 { 0 } else { self.host.saturating_add(1) };
-            if self.host >= config.host_ticks {
-                return Trip::HostLost;
-            }
-        }
-        let drive = magnitude(seen.voltage);
-        if drive < config.driven {
-            self.still = 0;
-            self.silent = 0;
-            self.against = 0;
-            return Trip::None;
-        }
-        if seen.moved {
-            self.still = 0;
-            self.silent = 0;
-            self.runaway(config, seen)
-        } else {
-            self.motionless(config, drive, current)
-        }
-    }
-
-    /// Driven without motion: a blocked motor draws its stall current, a turning or disconnected one does not.
-    #[inline(never)]
-    fn motionless(&mut self, config: &TripsConfig, drive: i16, current: i16) -> Trip {
-        if current > config.continuous {
-            self.still = self.still.saturating_add(1);
-            if config.stall_ticks != 0 && self.still >= config.stall_ticks {
-                return Trip::Stall;
-            }
-        } else if (current as i32) < call_mul_i16_u16(drive, config.turning) >> 16 {
-            self.silent = self.silent.saturating_add(1);
-            if config.encoder_ticks != 0 && self.silent >= config.encoder_ticks {
-                return Trip::EncoderSilent;
-            }
         }
         Trip::None
     }
 
+    /// Main loop, stack, converter, host and supply.
+    #[inline(always)]
+    fn board(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
+        let flags = core::mem::take(&mut self.flags);
+        // Before all that may return: a hang must be noticed beside any other trip, or the watchdog is fed for ever.
+        if for_ticks(&mut self.hung, flags & Inputs::MAIN_LOOP_ALIVE == 0, config.hung_looks) {
+            return Trip::MainLoopHung;
+        }
+        if flags & Inputs::STACK_OVERFLOW != 0 {
+            return Trip::StackOverflow;
+        }
+        if flags & Inputs::NOT_CONVERTED != 0 {
+            return Trip::ConverterSilent;
+        }
+        if !armed || flags & Inputs::HOST_SPOKE != 0 {
+            self.host = 0;
+        }
+        if armed && for_looks(&mut self.host, config.host_looks) {
+            return Trip::HostLost;
+        }
+        let outside = seen.supply.is_some_and(|supply| supply < config.supply_low || supply > config.supply_high);
+        if for_ticks(&mut self.supply, outside, SUPPLY_LOOKS) { Trip::SupplyRange } else { Trip::None }
+    }
+
+    /// Edges without motion, or both lines at once; and whether the motor is hot.
+    #[inline(always)]
+    fn lines(&mut self, config: &TripsConfig, seen: &Observation, armed: bool) -> Trip {
+        if (self.heat >> 16) as i16 > config.heat_limit {
+            return Trip::OverCurrentThermal;
+        }
+        let edges = seen.edges;
+        let mut broken = false;
+        if edges.place != self.place {
+            self.place = edges.place;
+            self.quiet = 0;
+            self.to_and_fro = 0;
+        } else {
+            if self.quiet < QUIET {
+                self.quiet += 1;
+            }
+            broken = for_ticks(&mut self.to_and_fro, edges.came && armed, config.lines_looks);
+        }
+        let illegal = edges.illegal.wrapping_sub(self.illegal_before);
+        if illegal != 0 {
+            self.illegal_before = edges.illegal;
+            self.illegal = self.illegal.saturating_add(illegal);
+        } else if self.illegal != 0 {
+            self.illegal -= 1;
+        }
+        if self.illegal >= ILLEGAL_MOST {
+            broken = armed;
+            self.illegal = ILLEGAL_MOST;
+        }
+        if broken { Trip::EncoderLines } else { Trip::None }
+    }
+
+    /// The speed that the voltage implies, as the back-EMF that it must have.
+    #[inline(always)]
+    fn imply(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
+        let drive = magnitude(seen.voltage);
+        self.implied = NOTHING;
+        self.backward = seen.voltage < 0;
+        if armed && drive >= config.known_from {
+            self.implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
+        }
+        Trip::None
+    }
+
+    /// Whether the shaft turns as fast as has been implied four ticks ago.
+    #[inline(always)]
+    fn motion(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
+        let along = along(self.backward, seen.speed);
+        let known = config.back_emf != 0 || self.quiet >= QUIET || along < STILL;
+        let missing = saturating_sub_i16(self.implied, scaled(along, config.back_emf));
+        if !known || missing <= config.turning {
+            if self.implausible != 0 {
+                self.implausible -= 1;
+            }
+            Trip::None
+        } else if for_looks(&mut self.implausible, config.encoder_looks) {
+            self.name(along)
+        } else {
+            Trip::None
+        }
+    }
+
+    /// Takes the square of the current; whether the shaft is held, or turns against the voltage.
+    #[inline(always)]
+    fn held(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
+        self.squared = (mul_i16(current, current) << 1 >> 16) as i16;
+        if !armed || magnitude(seen.voltage) < config.driven {
+            self.still = 0;
+            self.against = 0;
+            return Trip::None;
+        }
+        if self.turns_against(config, along(seen.voltage < 0, seen.speed)) {
+            return Trip::Runaway;
+        }
+        if self.quiet < LOOKS_A_ROUND {
+            self.still = 0;
+        }
+        // A blocked motor draws its stall current.
+        let stalled = current > config.continuous && for_looks(&mut self.still, config.stall_looks);
+        if stalled { Trip::Stall } else { Trip::None }
+    }
+
+    /// What a speed that is not measured comes of.
+    #[inline(never)]
+    fn name(&self, along: i16) -> Trip {
+        if self.illegal >= ILLEGAL_SIGN || self.to_and_fro >= TO_AND_FRO_SIGN {
+            Trip::EncoderLines
+        } else if self.quiet >= SILENT {
+            Trip::EncoderSilent
+        } else if along < STILL {
+            Trip::Runaway
+        } else {
+            Trip::EncoderTooFew
+        }
+    }
+
     /// Speed against the voltage is braking as long as it falls; when it does not, the feedback has the wrong sign.
     #[inline(always)]
-    fn runaway(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
-        let speed = magnitude(seen.speed);
-        if (seen.voltage ^ seen.speed) >= 0 || seen.speed == 0 {
+    fn turns_against(&mut self, config: &TripsConfig, along: i16) -> bool {
+        let speed = magnitude(along);
+        if along >= STILL {
             self.against = 0;
         } else if self.against == 0 || speed < saturating_sub_i16(self.against_speed, FALLING) {
             self.against = 1;
             self.against_speed = speed;
         } else {
-            self.against = self.against.saturating_add(1);
-            if config.runaway_ticks != 0 && self.against >= config.runaway_ticks {
-                return Trip::Runaway;
-            }
+            return for_looks(&mut self.against, config.runaway_looks);
         }
-        Trip::None
+        false
     }
 
     /// Low-pass of the squared current. Both are below 2^15, so nothing here can leave 32 bits.
     #[inline(always)]
-    fn heat_up(&mut self, config: &TripsConfig, current: i16) {
-        let heat = (mul_i16(current, current) << 1 >> 16) as i16;
-        let difference = heat - (self.heat >> 16) as i16;
-        self.heat += mul_i16_u16(difference, config.heat_rate) >> 8;
+    fn heat_up(&mut self, config: &TripsConfig) -> Trip {
+        let difference = self.squared - (self.heat >> 16) as i16;
+        self.heat += mul_i16_u16(difference, config.heat_rate) >> 8 << 3;
+        Trip::None
     }
 }
 
 /// Bits of speed (2^-8 of the range) by which a braked motor must have slowed down to count as slowing.
 const FALLING: i16 = 128;
 
-/// The magnitude; the one number that has none in 16 bits is taken as the largest that has.
+/// Implied by a voltage that drives nothing: less than any speed takes away.
+const NOTHING: i16 = i16::MIN;
+/// A speed of zero, seen from a negative voltage.
+const STILL: i16 = !0;
+
+/// The measured speed, positive along the voltage; one bit less from a negative one.
+#[inline(always)]
+fn along(backward: bool, speed: i16) -> i16 {
+    if backward { !speed } else { speed }
+}
+
+/// A product in bits of voltage, saturating.
+#[inline(always)]
+fn scaled(value: i16, factor: u16) -> i16 {
+    saturate_shift_8(mul_i16_u16(value, factor))
+}
+
+/// The magnitude; of a negative number one bit less, so that all have one in 16 bits.
 #[inline(always)]
 fn magnitude(value: i16) -> i16 {
-    if value < 0 { saturating_sub_i16(0, value) } else { value }
+    if value < 0 { !value } else { value }
+}
+
+/// One look more; whether that makes it so many, of which none is for ever.
+#[inline(always)]
+fn for_looks(counter: &mut u16, looks: u16) -> bool {
+    if *counter < looks {
+        *counter += 1;
+    }
+    looks != 0 && *counter >= looks
 }
 
 /// Whether `condition` has now held for `ticks` in a row.
@@ -265,7 +444,9 @@ fn for_ticks(counter: &mut u8, condition: bool, ticks: u8) -> bool {
         *counter = 0;
         return false;
     }
-    *counter = counter.saturating_add(1);
+    if *counter < ticks {
+        *counter += 1;
+    }
     *counter >= ticks
 }
 
@@ -275,13 +456,27 @@ mod tests {
     use crate::units::AMPERE;
     use proptest::prelude::*;
 
+    /// In [`trips_after`] the place changes with each tick.
+    const MOVES: Proof = Proof { came: true, place: 255, illegal: 0 };
+    const RESTS: Proof = Proof { came: false, place: 0, illegal: 0 };
+    const TO_AND_FRO: Proof = Proof { came: true, place: 0, illegal: 0 };
+
+    /// As it is seen in a tick.
+    fn at(tick: u32, mut seen: Observation) -> Observation {
+        seen.turn = tick as u8;
+        if seen.edges.place == MOVES.place {
+            seen.edges.place = (tick % 250) as u8;
+        }
+        seen
+    }
+
     /// A motor that turns quietly.
     fn healthy() -> Observation {
         Observation {
             voltage: 6144,
             current: 400,
             speed: 6000,
-            moved: true,
+            edges: MOVES,
             flags: Inputs::MAIN_LOOP_ALIVE | Inputs::HOST_SPOKE,
             ..Observation::default()
         }
@@ -291,14 +486,21 @@ mod tests {
     fn trips_after(settings: &Settings, observation: impl Fn(u32) -> Observation) -> Option<(Trip, u32)> {
         let config = TripsConfig::build(settings).unwrap();
         let mut state = TripsState::default();
-        (0..10_000).find_map(|tick| match state.step(&config, &observation(tick), true) {
+        (0..10_000).find_map(|tick| match state.step(&config, &at(tick, observation(tick)), true) {
             Trip::None => None,
             trip => Some((trip, tick + 1)),
         })
     }
 
-    fn with(values: &[(Param, f32)]) -> Settings {
+    /// With the back-EMF of the default motor known.
+    fn known() -> Settings {
         let mut settings = Settings::defaults();
+        settings.set(Param::TorqueConstant, 0.072).unwrap();
+        settings
+    }
+
+    fn with(values: &[(Param, f32)]) -> Settings {
+        let mut settings = known();
         for &(param, value) in values {
             settings.set(param, value).unwrap();
         }
@@ -307,30 +509,62 @@ mod tests {
 
     #[test]
     fn a_healthy_motor_runs_on() {
+        assert_eq!(trips_after(&known(), |_| healthy()), None);
         assert_eq!(trips_after(&Settings::defaults(), |_| healthy()), None);
     }
 
     #[test]
     fn each_trip_comes_in_its_time() {
         let amps = |a: f32| (a * AMPERE) as i16;
-        let defaults = Settings::defaults();
-        let check = |name: &str, expected, found| assert_eq!(found, Some(expected), "{name}");
-        let one = |observation: Observation| trips_after(&defaults, move |_| observation);
+        let known = known();
+        // Within the eight ticks of a round of looks.
+        let check = |name: &str, (trip, ticks): (Trip, u32), found: Option<(Trip, u32)>| {
+            let (found, after) = found.unwrap_or_else(|| panic!("{name}: no trip"));
+            assert_eq!(found, trip, "{name}");
+            assert!((ticks.saturating_sub(3)..=ticks + 8).contains(&after), "{name}: {after} ticks instead of {ticks}");
+        };
+        let one = |observation: Observation| trips_after(&known, move |_| observation);
         let peak = one(Observation { current: amps(-1.3), ..healthy() });
         check("peak", (Trip::OverCurrentPeak, 5), peak);
-        let stall = one(Observation { current: amps(0.7), speed: 0, moved: false, ..healthy() });
+        let stall = one(Observation { current: amps(0.7), speed: 0, edges: RESTS, ..healthy() });
         check("stall", (Trip::Stall, 500), stall);
-        let silent = one(Observation { speed: 0, moved: false, current: amps(0.2), ..healthy() });
-        check("silent", (Trip::EncoderSilent, 200), silent);
-        let runaway = trips_after(&defaults, |tick| Observation { speed: -1000 - tick as i16, ..healthy() });
-        check("runaway", (Trip::Runaway, 100), runaway);
-        check("sensor", (Trip::SensorRange, 3), one(Observation { sensor_at_rail: true, ..healthy() }));
+        let silent = one(Observation { speed: 0, edges: RESTS, current: amps(0.2), ..healthy() });
+        check("silent", (Trip::EncoderSilent, 20), silent);
+        // Too much current to say what speed the voltage implies; then little.
+        let against =
+            |current| move |tick: u32| Observation { speed: -1000 - tick as i16, current: amps(current), ..healthy() };
+        check("runaway", (Trip::Runaway, 100), trips_after(&known, against(1.1)));
+        check("runaway, implied", (Trip::Runaway, 20), trips_after(&known, against(0.1)));
+        // 6 V, 0.1 A, and 8 rad/s instead of 70.
+        let too_few = one(Observation { speed: 500, current: amps(0.1), ..healthy() });
+        check("too few", (Trip::EncoderTooFew, 20), too_few);
+        // Without the back-EMF nobody knows; that it turns is enough.
+        let unknown = with(&[(Param::TorqueConstant, 0.0)]);
+        let slow = trips_after(&unknown, |_| Observation { speed: 500, current: amps(0.1), ..healthy() });
+        assert_eq!(slow, None);
+        let still = trips_after(&unknown, |_| Observation { speed: 0, edges: RESTS, ..healthy() });
+        check("silent, back-EMF not known", (Trip::EncoderSilent, 38), still);
+        let to_and_fro = one(Observation { voltage: 500, speed: 0, edges: TO_AND_FRO, ..healthy() });
+        check("to and fro", (Trip::EncoderLines, 64), to_and_fro);
+        check(
+            "illegal",
+            (Trip::EncoderLines, 12),
+            trips_after(&known, |tick| {
+                let edges = Proof { illegal: (2 * tick) as u8, ..MOVES };
+                Observation { edges, ..healthy() }
+            }),
+        );
+        let dead = one(Observation { flags: healthy().flags | Inputs::NOT_CONVERTED, ..healthy() });
+        check("converter", (Trip::ConverterSilent, 2), dead);
+        let overflow = one(Observation { flags: healthy().flags | Inputs::STACK_OVERFLOW, ..healthy() });
+        check("stack", (Trip::StackOverflow, 2), overflow);
+        check("sensor", (Trip::SensorRange, 4), one(Observation { sensor_at_rail: true, ..healthy() }));
         let supply = one(Observation { supply: Some((4.0 * VOLT) as i16), ..healthy() });
         check("supply", (Trip::SupplyRange, 10), supply);
         check(
             "stop",
             (Trip::EmergencyStop, 1),
-            one(Observation { flags: healthy().flags | Inputs::EMERGENCY_STOP, ..healthy() }),
+            one(Observation { flags: healthy().flags | Inputs::STOP_CLOSED, ..healthy() }),
         );
         check("hung", (Trip::MainLoopHung, 100), one(Observation { flags: Inputs::HOST_SPOKE, ..healthy() }));
         let host = with(&[(Param::TripHost, 250.0)]);
@@ -338,23 +572,51 @@ mod tests {
         check("host", (Trip::HostLost, 250), lost);
     }
 
+    /// With the drive disarmed no current flows: what shows one is the sensor.
+    #[test]
+    fn a_current_without_a_drive_is_the_sensors() {
+        let config = TripsConfig::build(&known()).unwrap();
+        let mut state = TripsState::default();
+        let seen = Observation { current: i16::MIN, voltage: 0, ..healthy() };
+        let trip = (0..10).map(|_| state.step(&config, &seen, false)).find(|trip| *trip != Trip::None);
+        assert_eq!(trip, Some(Trip::SensorRange));
+    }
+
+    /// A wire that breaks opens the contact: that stops where it is normally closed. Without a stop nothing is looked at.
+    #[test]
+    fn the_emergency_stop_is_of_the_kind_that_is_set() {
+        for (kind, closed, stops) in [
+            (0, false, false),
+            (0, true, false),
+            (1, false, false),
+            (1, true, true),
+            (2, false, true),
+            (2, true, false),
+        ] {
+            let settings = with(&[(Param::EmergencyStop, kind as f32)]);
+            let flags = healthy().flags | if closed { Inputs::STOP_CLOSED } else { 0 };
+            let found = trips_after(&settings, |_| Observation { flags, ..healthy() });
+            assert_eq!(found, stops.then_some((Trip::EmergencyStop, 1)), "{kind} {closed}");
+        }
+    }
+
     /// Whatever else has tripped, and armed or not: the watchdog must know of a hang.
     #[test]
     fn a_hang_is_noticed_beside_any_other_trip() {
-        let config = TripsConfig::build(&Settings::defaults()).unwrap();
+        let config = TripsConfig::build(&known()).unwrap();
         for armed in [true, false] {
             let mut state = TripsState::default();
             let stopped = |flags| Observation { sensor_at_rail: true, flags, ..healthy() };
-            for tick in 0..300 {
+            for tick in 0..304 {
                 assert!(!state.main_loop_hung(&config), "{tick}");
-                let flags = Inputs::EMERGENCY_STOP | Inputs::MAIN_LOOP_ALIVE;
-                assert_eq!(state.step(&config, &stopped(flags), armed), Trip::EmergencyStop);
+                let flags = Inputs::STOP_CLOSED | Inputs::MAIN_LOOP_ALIVE;
+                assert_eq!(state.step(&config, &at(tick, stopped(flags)), armed), Trip::EmergencyStop);
             }
-            let hung = (1..300).find(|_| {
-                state.step(&config, &stopped(Inputs::EMERGENCY_STOP), armed);
+            let hung = (1..300).find(|&tick| {
+                state.step(&config, &at(tick, stopped(Inputs::STOP_CLOSED)), armed);
                 state.main_loop_hung(&config)
             });
-            assert_eq!(hung, Some(100));
+            assert!(hung.is_some_and(|tick| (97..=104).contains(&tick)), "{hung:?}");
         }
     }
 
@@ -362,27 +624,48 @@ mod tests {
     fn what_is_normal_does_not_trip() {
         let amps = |a: f32| (a * AMPERE) as i16;
         let quiet = |observation: Observation| {
-            assert_eq!(trips_after(&Settings::defaults(), move |_| observation), None, "{observation:?}");
+            assert_eq!(trips_after(&known(), move |_| observation), None, "{observation:?}");
         };
         // Resting in its friction at 1 V; holding against a load with stall current below the continuous rating.
-        quiet(Observation { voltage: 1000, speed: 0, moved: false, current: amps(0.17), ..healthy() });
-        quiet(Observation { voltage: 3000, speed: 0, moved: false, current: amps(0.5), ..healthy() });
+        quiet(Observation { voltage: 1000, speed: 0, edges: RESTS, current: amps(0.17), ..healthy() });
+        quiet(Observation { voltage: 3000, speed: 0, edges: RESTS, current: amps(0.5), ..healthy() });
         // Nobody asked for a host.
         quiet(Observation { flags: Inputs::MAIN_LOOP_ALIVE, ..healthy() });
-        // Braking by reverse voltage: 300 ms from full speed to rest, again and again.
-        let braking = |tick: u32| Observation {
-            voltage: if tick % 300 < 290 { -6144 } else { 6144 },
-            speed: 18000 - (tick % 300) as i16 * 60,
-            ..healthy()
+        // Braking by reverse voltage: 300 ms from 60 rad/s to rest, again and again; 2.6 V are the bridge's.
+        let braking = |tick: u32| {
+            let speed = 3840 - (tick % 300) as i16 * 12;
+            let back_emf_v = 0.072 * 512.0 * f32::from(speed) / FULL_RANGE;
+            let current = amps((-3.125 - back_emf_v + 2.6) / 5.84);
+            Observation { voltage: if tick % 300 < 290 { -3200 } else { 3200 }, speed, current, ..healthy() }
         };
-        assert_eq!(trips_after(&Settings::defaults(), braking), None);
+        assert_eq!(trips_after(&known(), braking), None);
         // One tick at the rail, five milliseconds of peak less one tick.
         let spike = |tick: u32| Observation {
             sensor_at_rail: tick % 10 < 2,
             current: if tick % 100 < 4 { amps(2.0) } else { 100 },
             ..healthy()
         };
-        assert_eq!(trips_after(&Settings::defaults(), spike), None);
+        assert_eq!(trips_after(&known(), spike), None);
+        // Held by its friction under either voltage.
+        for voltage in [-4200, 4200] {
+            quiet(Observation { voltage, speed: 0, edges: RESTS, current: amps(0.27), ..healthy() });
+        }
+        // A count that dithers by one, 200 times a second, at any voltage that a held shaft may need.
+        let dither = |tick: u32| {
+            let edges = if tick.is_multiple_of(5) { TO_AND_FRO } else { RESTS };
+            Observation { voltage: 5120, speed: 0, current: amps(0.43), edges, ..healthy() }
+        };
+        assert_eq!(trips_after(&known(), dither), None);
+        // Creeping at 1 rpm: three counts in 90 ms.
+        let creep = |tick: u32| {
+            let came = tick.is_multiple_of(30);
+            let edges = Proof { came, place: (tick / 90 % 250) as u8, illegal: 0 };
+            Observation { voltage: 5120, speed: 7, current: amps(0.43), edges, ..healthy() }
+        };
+        assert_eq!(trips_after(&known(), creep), None);
+        // Turned back by a load, against 6 V: the current is larger than that of a held shaft.
+        let driven_back = |_| Observation { speed: -300, current: amps(0.66), ..healthy() };
+        assert_eq!(trips_after(&with(&[(Param::TripRunaway, 0.0), (Param::TripContinuous, 1.0)]), driven_back), None);
     }
 
     proptest! {
@@ -406,12 +689,12 @@ mod tests {
         /// Whatever is seen, nothing overflows, and nothing but a trip is returned.
         #[test]
         fn anything_goes(values in proptest::collection::vec(any::<(i16, i16, i16, u8)>(), 1..300)) {
-            let config = TripsConfig::build(&Settings::defaults()).unwrap();
+            let config = TripsConfig::build(&known()).unwrap();
             let mut state = TripsState::default();
-            for (voltage, current, speed, flags) in values {
+            for (tick, (voltage, current, speed, flags)) in (0..=255u8).cycle().zip(values) {
                 let supply = (flags & 1 != 0).then_some(voltage);
-                let moved = flags & 2 != 0;
-                state.step(&config, &Observation { voltage, current, speed, supply, moved, flags: Inputs::MAIN_LOOP_ALIVE,
+                let edges = if flags & 2 != 0 { MOVES } else { TO_AND_FRO };
+                state.step(&config, &Observation { voltage, current, speed, supply, edges, turn: tick, flags: Inputs::MAIN_LOOP_ALIVE,
                     ..Observation::default() }, flags & 4 != 0);
             }
         }

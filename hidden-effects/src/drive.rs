@@ -1,4 +1,4 @@
-//! What the motor is driven with: a duty for every sample.
+//! The excitation of the motor: a duty for every sample.
 
 use rand::{Rng, RngExt};
 
@@ -17,7 +17,7 @@ pub enum Excitation {
     ClosedLoop,
 }
 
-/// Duty, -1 to 1, at each of `count` samples; none is known before for a closed loop, see [`SpeedLoop`].
+/// Duty, -1 to 1, at each of `count` samples; for a closed loop it is not known before, see [`SpeedLoop`].
 pub fn duties(kind: Excitation, count: usize, rate_hz: f64, random: &mut impl Rng) -> Vec<f64> {
     match kind {
         Excitation::Identify => identify(count, rate_hz, random),
@@ -100,7 +100,7 @@ impl SpeedLoop {
     /// Headroom as in a firmware that keeps the bootstrap of its bridge alive.
     const MOST_DUTY: f64 = 0.95;
 
-    /// Draws the steps to follow.
+    /// Draws the steps of the reference.
     pub fn new(count: usize, rate_hz: f64, random: &mut impl Rng) -> Self {
         let mut reference = Vec::with_capacity(count);
         while reference.len() < count {
@@ -120,7 +120,7 @@ impl SpeedLoop {
         let error = self.reference[index] - speed_share;
         let wanted = Self::GAIN * error + self.integral;
         let duty = wanted.clamp(-Self::MOST_DUTY, Self::MOST_DUTY);
-        // No winding up while the duty is at its limit.
+        // Anti-windup: no integration while the duty is at its limit.
         if duty == wanted {
             self.integral += Self::GAIN * error * self.interval_s / Self::RESET_S;
         }

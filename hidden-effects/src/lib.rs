@@ -1,8 +1,8 @@
-//! Benches with a hidden effect, for trying the diagnosis on.
+//! Simulated benches with a hidden effect, for tests of the diagnosis.
 //!
-//! Written apart from the models it tests: every rig is stepped at 20 us or less (2.5 us where the PWM is switched),
-//! friction is Karnopp's or LuGre's by the seed's choice, sensors are sampled, quantised and noisy as on the Uno. The
-//! diagnosis gets [`Trial::csv`] and [`Trial::rig_toml`] and nothing else.
+//! The simulation is written separately from the models that it tests. Every rig is stepped at 20 us or less (2.5 us
+//! where the PWM is switched). The seed chooses Karnopp's or LuGre's friction. Sensors are sampled, quantised and noisy
+//! as on the Uno. The diagnosis gets only [`Trial::csv`] and [`Trial::rig_toml`].
 
 mod drive;
 mod live;
@@ -14,8 +14,8 @@ pub use live::{LiveBench, Switch};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// An effect that can be hidden. The range from strength 0 to 1 stands with each, below 0 each unit is a tenth of the
-/// weakest; torques are shares of the stall torque.
+/// An effect that can be hidden. Each lists its range from strength 0 to 1; below 0 each unit is a tenth of the
+/// weakest. Torques are shares of the stall torque.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Effect {
     /// Constant friction that sticks, 3 to 15 %.
@@ -99,6 +99,10 @@ pub enum Effect {
     /// A bridge's drop, 15 to 40 % of it more one way and less the other.
     /// `difference_V`: drop of a current forwards less that of one backwards.
     DropAsymmetry,
+    /// The torque constant ripples by 2 to 5 %, 8 to 26 times a revolution, in torque and back-EMF.
+    /// 5 to 13 commutator segments; `amplitude_share` of the first harmonic, `ripples_per_rev`. The crests of the coils' EMF,
+    /// averaged over the width of the brushes, have higher harmonics as well.
+    CommutationRipple,
     /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
     OutsideShaker,
     /// Not in the catalogue: the torque constant falls with the current, by 25 to 50 % at the peak.
@@ -120,7 +124,7 @@ pub enum Effect {
 }
 
 impl Effect {
-    /// Those the catalogue knows that any recording may have.
+    /// Effects of the catalogue that any recording may have.
     pub const CATALOGUE: [Self; 22] = [
         Self::CoulombFriction,
         Self::StribeckFriction,
@@ -145,10 +149,15 @@ impl Effect {
         Self::MissedCounts,
         Self::TachoRipple,
     ];
-    /// Those it knows besides, one of a tachogenerator alone: drawn where they are asked for.
-    pub const ASKED_FOR: [Self; 4] =
-        [Self::SpeedLag, Self::BridgeAsymmetry, Self::ResistanceGrowingWithSpeed, Self::DropAsymmetry];
-    /// Those it does not.
+    /// Further effects of the catalogue, one of a tachogenerator alone: drawn only on request.
+    pub const ASKED_FOR: [Self; 5] = [
+        Self::SpeedLag,
+        Self::BridgeAsymmetry,
+        Self::ResistanceGrowingWithSpeed,
+        Self::DropAsymmetry,
+        Self::CommutationRipple,
+    ];
+    /// Effects outside the catalogue.
     pub const OUTSIDE: [Self; 9] = [
         Self::OutsideShaker,
         Self::OutsideSaturation,
@@ -161,7 +170,7 @@ impl Effect {
         Self::OutsideCube,
     ];
 
-    /// Name in the catalogue's contract.
+    /// Its identifier in the catalogue.
     pub fn id(self) -> &'static str {
         match self {
             Self::CoulombFriction => "coulomb_friction",
@@ -190,6 +199,7 @@ impl Effect {
             Self::BridgeAsymmetry => "bridge_asymmetry",
             Self::ResistanceGrowingWithSpeed => "resistance_growing_with_speed",
             Self::DropAsymmetry => "drop_asymmetry",
+            Self::CommutationRipple => "commutation_ripple",
             Self::OutsideShaker => "outside_shaker",
             Self::OutsideSaturation => "outside_saturation",
             Self::OutsideDropouts => "outside_dropouts",
@@ -202,18 +212,18 @@ impl Effect {
         }
     }
 
-    /// Whether it can be stronger and weaker, and not only there or not.
+    /// Whether its strength can vary.
     pub fn has_strength(self) -> bool {
         self != Self::CoastDecay
     }
 
-    /// Effects that stand for a friction and therefore bring Coulomb friction with them.
+    /// Effects that modify a friction, and therefore bring Coulomb friction with them.
     pub fn needs_coulomb(self) -> bool {
         matches!(self, Self::StribeckFriction | Self::FrictionAsymmetry | Self::FrictionWarmup)
     }
 }
 
-/// Which columns the recording has.
+/// Columns of the recording.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Channels {
     /// `t_s, duty, u_V, counts, omega_rad_per_s, i_A`.
@@ -232,30 +242,31 @@ pub enum Channels {
 }
 
 impl Channels {
-    /// Whether there are counts, or a speed that is made of them.
+    /// Whether there are counts, or a speed that is computed from them.
     fn has_counts(self) -> bool {
         self == Self::Full || self.speed_is_of_counts()
     }
 
-    /// Whether nothing but counts says how fast it is.
+    /// Whether only counts show the speed.
     fn speed_is_of_counts(self) -> bool {
         matches!(self, Self::DutyCountsCurrent | Self::VoltageMeanSpeedCurrent)
     }
 }
 
-/// A recording in another scale than the rig file says.
+/// A wrong scale of the recording or the rig file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Mistake {
-    /// So many times as many counts a revolution in the rig file as are counted.
+    /// Counts per revolution in the rig file, as a multiple of the true value.
     CountsPerRev(f64),
-    /// So many times as many volts in the rig file as there are.
+    /// Supply voltage in the rig file, as a multiple of the true value.
     SupplyVoltage(f64),
-    /// So many times the current in the recording.
+    /// Recorded current, as a multiple of the true value.
     CurrentScale(f64),
 }
 
 impl Mistake {
-    /// One that people make: half or a quarter of the edges counted, another supply, milliamperes, another type of ACS712.
+    /// Draws a usual mistake: half or a quarter of the edges counted, another supply, milliamperes, another type of
+    /// ACS712.
     pub fn draw(seed: u64) -> Self {
         let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x05ca_1e00);
         let mut one_of = |factors: &[f64]| factors[random.random_range(0..factors.len())];
@@ -276,7 +287,7 @@ impl Mistake {
     }
 }
 
-/// What to draw.
+/// Specification of a trial.
 #[derive(Clone, Debug)]
 pub struct Recipe {
     /// Hidden effects, each with its strength from 0 to 1, or below.
@@ -285,26 +296,26 @@ pub struct Recipe {
     pub real_rig: bool,
     /// Columns.
     pub channels: Channels,
-    /// What the motor is driven with.
+    /// The excitation of the motor.
     pub excitation: Excitation,
     /// Length.
     pub duration_s: f64,
     /// Samples a second.
     pub rate_hz: f64,
-    /// Of so many rows one is written, and the commands between them with none.
+    /// One row is written for this many steps; the commands of the others are not recorded.
     pub one_row_of: usize,
-    /// Each row has the command that acted until it was read, and not the one that acts from then on.
+    /// Each row has the command that acted before it was read, not the one that acts from then on.
     pub written_after: bool,
-    /// The PWM is one of the Uno's timers as they come, and the rig file does not say which.
+    /// The PWM has the frequency of one of the Uno's timers, and the rig file does not give it.
     pub timer_of_the_uno: bool,
     /// The current of a row is the mean of four to nineteen conversions that ended with it.
     pub burst: bool,
-    /// What its owner has got wrong.
+    /// A wrong scale in the rig file or the recording.
     pub mistake: Option<Mistake>,
 }
 
 impl Recipe {
-    /// 20 s of the identifying sequence at 1 kHz, every column, with these effects at a middling strength.
+    /// 20 s of the identifying sequence at 1 kHz, every column, with these effects at medium strength.
     pub fn of(effects: &[Effect]) -> Self {
         Self {
             effects: effects.iter().map(|effect| (*effect, 0.5)).collect(),
@@ -321,7 +332,7 @@ impl Recipe {
         }
     }
 
-    /// The same on a rig that has Coulomb friction and a bridge drop besides.
+    /// The same on a rig that also has Coulomb friction and a bridge drop.
     pub fn on_real_rig(mut self) -> Self {
         self.real_rig = true;
         self
@@ -337,7 +348,7 @@ impl Recipe {
     }
 }
 
-/// Sets of effects that are one and the same thing, or hide each other: never drawn together.
+/// Sets of effects that are equivalent or hide each other: never drawn together.
 const EXCLUSIVE: [&[Effect]; 5] = [
     &[Effect::LoadTorque, Effect::FrictionAsymmetry],
     &[Effect::Backlash, Effect::ShaftCompliance],
@@ -346,7 +357,8 @@ const EXCLUSIVE: [&[Effect]; 5] = [
     &[Effect::TachoRipple, Effect::EncoderEccentricity, Effect::MissedCounts],
 ];
 
-/// `count` different effects of the catalogue that can be told apart; with `real_rig` without what the rig has anyway.
+/// `count` different effects of the catalogue that can be told apart; with `real_rig` without those that the rig has
+/// anyway.
 pub fn random_effects(seed: u64, count: usize, real_rig: bool) -> Vec<Effect> {
     let mut random = ChaCha8Rng::seed_from_u64(seed ^ 0x00e_ffec7);
     let mut chosen: Vec<Effect> = Vec::new();
@@ -372,33 +384,33 @@ pub struct Motor {
     pub viscous_friction_nm_s: f64,
 }
 
-/// What was hidden.
+/// The truth of a trial.
 #[derive(Clone, Debug)]
 pub struct Truth {
     /// Every effect that is present, with the constants that can be compared, by the catalogue's names.
     pub effects: Vec<(Effect, Vec<(&'static str, f64)>)>,
-    /// The motor as it is.
+    /// The true motor.
     pub motor: Motor,
-    /// The motor as the rig file has it.
+    /// The motor of the rig file.
     pub nominal: Motor,
-    /// What is in another scale.
+    /// The wrong scale, if there is one.
     pub mistake: Option<Mistake>,
-    /// Whether a drop does anything that a motor of other constants does not: behind two levels of one magnitude it does not.
+    /// Whether a drop differs from a motor with other constants: behind two levels of one magnitude it does not.
     pub drop_shows: bool,
 }
 
-/// A recording with a secret.
+/// A recording with its truth.
 #[derive(Clone, Debug)]
 pub struct Trial {
     /// The recording.
     pub csv: String,
-    /// What the owner of the rig knows of it.
+    /// The rig file, with the known values.
     pub rig_toml: String,
-    /// The secret.
+    /// The truth.
     pub truth: Truth,
 }
 
-/// Invents a bench, hides the effects in it and records it. The same seed and recipe give the same trial.
+/// Draws a bench, hides the effects in it and records it. The same seed and recipe give the same trial.
 pub fn draw(seed: u64, recipe: &Recipe) -> Trial {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let motor = draw_motor(&mut random);
@@ -452,7 +464,7 @@ fn rig_toml(bench: &rig::Bench, nominal: &Motor, recipe: &Recipe) -> String {
     };
     let pwm = if recipe.timer_of_the_uno { "" } else { "pwm_Hz = 20000.0\n" };
     let encoder = match recipe.channels {
-        // Its owner has never counted its slots.
+        // The number of slots is not in the rig file.
         Channels::VoltageTimedSpeedCurrent => String::new(),
         _ => format!("[encoder]\ncounts_per_rev = {}\n", bench.counts_per_rev * counts),
     };

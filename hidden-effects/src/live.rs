@@ -1,32 +1,32 @@
-//! A bench in the hands of a program that switches its bridge, instead of one that is recorded.
+//! A bench for a program that switches its bridge itself, instead of a recording.
 
 use crate::rig::Bench;
 use crate::{ChaCha8Rng, Recipe, SeedableRng, Truth, draw_motor, wrong};
 
 const LONGEST_STEP_S: f64 = 10e-6;
 
-/// What the bridge connects the motor to.
+/// Connection of the motor by the bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Switch {
     /// The supply.
     Forward,
-    /// The supply, the other way round.
+    /// The supply with opposite sign.
     Reverse,
-    /// Itself.
+    /// A short circuit of the motor.
     Short,
-    /// Nothing: the current dies out through the diodes, against the supply.
+    /// Open: the current decays through the diodes, against the supply.
     Off,
 }
 
-/// A bench with hidden effects of the motor, the load and the bridge. Its sensors and what is hidden in them are not part
-/// of it, nor is a late command.
+/// A bench with hidden effects of the motor, the load and the bridge. Sensors with their effects and a delayed command
+/// are not part of it.
 #[derive(Clone, Debug)]
 pub struct LiveBench {
     bench: Bench,
 }
 
 impl LiveBench {
-    /// Invents a bench whose winding has at least `least_resistance_ohm`, and hides the effects of the recipe in it. The
+    /// Draws a bench whose winding has at least `least_resistance_ohm`, and hides the effects of the recipe in it. The
     /// same arguments give the same bench.
     pub fn draw(seed: u64, recipe: &Recipe, least_resistance_ohm: f64) -> (Self, Truth) {
         let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -1,5 +1,4 @@
-//! The bench: differential equations stepped finely, friction that really sticks, a bridge that is really switched where
-//! that matters.
+//! The bench: differential equations with small steps, friction that sticks, and a switched bridge where that matters.
 
 use crate::live::Switch;
 use crate::{Effect, Excitation, Motor, Recipe, log_uniform};
@@ -12,16 +11,16 @@ const PWM_PERIOD_S: f64 = 50e-6;
 /// Of the Uno's timers, prescaled by eight: phase correct and fast.
 const UNO_PERIODS_S: [f64; 2] = [255e-6, 128e-6];
 const DIODE_V: f64 = 1.0;
-/// Of soft supplies, those that have none.
+/// Share of soft supplies without a capacitor.
 const WITHOUT_CAPACITOR_SHARE: f64 = 0.3;
-/// Of frictions that fall off from rest, those that do it exponentially.
+/// Share of falling frictions that fall exponentially.
 const TUSTIN_SHARE: f64 = 0.3;
 /// The supply's capacitor evens out the pulses.
 const SUPPLY_SMOOTHING_S: f64 = 0.5e-3;
 /// Copper and its surroundings: share of resistance a kelvin.
 const COPPER_PER_K: f64 = 0.00393;
 
-/// How dry friction is computed.
+/// Models of dry friction.
 #[derive(Clone, Copy, Debug)]
 enum Friction {
     /// A band around zero speed in which the shaft is held (Karnopp 1985).
@@ -30,7 +29,7 @@ enum Friction {
     LuGre,
 }
 
-/// Constants of what is hidden; zero where it is not.
+/// Constants of the hidden effects; zero if absent.
 #[derive(Clone, Debug, Default)]
 pub struct Hidden {
     coulomb_nm: f64,
@@ -51,45 +50,46 @@ pub struct Hidden {
     gravity_nm: f64,
     gravity_phase: f64,
     gap_rad: f64,
-    /// Of plastic to steel flanks, and what energy they lose in a blow.
+    /// Stiffness and energy loss of plastic to steel flanks.
     contact_hz: f64,
     contact_damping: f64,
     load_share: f64,
     spring_hz: f64,
     spring_damping: f64,
     drop_v: f64,
-    /// By what share of it the drop is greater forwards and smaller backwards.
+    /// Share by which the drop is greater forwards and smaller backwards.
     drop_asymmetry: f64,
-    /// The drop follows the mean current, as behind a filter or an amplifier, and comes up over a knee.
+    /// The drop follows the mean current, as behind a filter or an amplifier, and rises over a knee.
     drop_averaged: bool,
     drop_knee_a: f64,
     sag_ohm: f64,
-    /// No capacitor: the supply gives the motor's whole current while a pulse lasts.
+    /// No capacitor: the supply delivers the motor's whole current during a pulse.
     sags_in_pulses: bool,
     heating_k_per_w: f64,
     heating_s: f64,
     coasts: bool,
-    /// Only where nothing is asked for; between pulses the bridge brakes.
+    /// Only at zero command; between pulses the bridge brakes.
     coasts_at_zero_duty: bool,
     shaker_nm: f64,
     shaker_hz: f64,
     saturation: f64,
-    /// By what share the bridge gives less backward, or, as a negative number, forward.
+    /// Share by which the bridge gives less backward, or, if negative, forward.
     weaker_backward: f64,
-    /// By what the winding's resistance is greater at a speed.
+    /// Increase of the winding's resistance with speed.
     growth_ohm_s: f64,
-    /// Drag by the cube of the speed.
+    commutation: Commutation,
+    /// Drag with the cube of the speed.
     cube: f64,
     dropouts: bool,
     dropout_s: f64,
-    /// The counter stands now and then, and for how long.
+    /// The counter stops repeatedly, for this long.
     counter_stops: bool,
     counter_stop_s: f64,
     spindle_nm: f64,
     spindle_revolutions: f64,
     spring_nm: f64,
     spring_rad: f64,
-    /// Something grips the shaft now and then, and for how long.
+    /// A grip on the shaft, repeated, for this long.
     grip_nm: f64,
     grip_s: f64,
     pub(crate) delay_s: f64,
@@ -101,11 +101,11 @@ pub struct Hidden {
     pub(crate) eccentricity_phase: f64,
     pub(crate) lost_share: f64,
     pub(crate) lost_above: f64,
-    /// The share is that of all counts above, and not of what exceeds.
+    /// The share applies to all counts above the limit, not only to the excess.
     pub(crate) lost_of_all: bool,
-    /// Over which multiple of that speed it comes up; 0: at once.
+    /// Width of its onset as a multiple of that speed; 0: abrupt.
     pub(crate) lost_onset: f64,
-    /// Each edge is lost with that probability, and not every so many.
+    /// Each edge is lost with this probability, instead of every n-th.
     pub(crate) lost_at_random: bool,
     pub(crate) ripple: f64,
     pub(crate) ripples: f64,
@@ -114,11 +114,53 @@ pub struct Hidden {
     pub(crate) dead_band: f64,
 }
 
+/// Ripple of the torque constant: brushes take the EMF of one coil after the other.
+#[derive(Clone, Copy, Debug, Default)]
+struct Commutation {
+    /// Amplitude of the first harmonic, as a share of the mean.
+    depth: f64,
+    ripples_per_rev: f64,
+    /// Width of a brush, in ripples.
+    brush_width: f64,
+    phase: f64,
+}
+
+impl Commutation {
+    /// Harmonics that are computed.
+    const HARMONICS: u8 = 4;
+
+    fn draw(depth: f64, phase: f64, random: &mut impl Rng) -> Self {
+        let segments = [5.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0][random.random_range(0..8)];
+        // With an odd number the two brushes commutate in turn.
+        let ripples_per_rev = if segments % 2.0 == 1.0 { 2.0 * segments } else { segments };
+        Self { depth, ripples_per_rev, brush_width: random.random_range(0.3..0.8), phase }
+    }
+
+    /// By what share of its mean the torque constant is greater at an angle. The EMF of a coil is a sine, and each coil has its
+    /// crest: the Fourier series of `cos(x)` for `|x| < pi / n`, each harmonic averaged over the width of a brush.
+    fn share(self, angle: f64) -> f64 {
+        if self.depth == 0.0 {
+            return 0.0;
+        }
+        let harmonic = |order: f64| {
+            let of_crests = 1.0 / ((order * self.ripples_per_rev).powi(2) - 1.0);
+            let half_brush = 0.5 * TAU * order * self.brush_width;
+            of_crests * half_brush.sin() / half_brush
+        };
+        let wave = |order: u8| {
+            let sign = if order % 2 == 1 { 1.0 } else { -1.0 };
+            let order = f64::from(order);
+            sign * harmonic(order) * (order * (self.ripples_per_rev * angle + self.phase)).cos()
+        };
+        self.depth / harmonic(1.0) * (1..=Self::HARMONICS).map(wave).sum::<f64>()
+    }
+}
+
 /// A low-pass of the first order before a reading.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Lag {
     pub(crate) time_constant_s: f64,
-    /// The filter is the program's, of its readings, and not the sensor's.
+    /// The filter is the program's, applied to its readings, and not the sensor's.
     pub(crate) in_program: bool,
     /// Whether that is a Butterworth filter.
     pub(crate) is_butterworth: bool,
@@ -171,7 +213,7 @@ pub struct Bench {
     moments_seed: f64,
 }
 
-/// What is sized as a share of the Coulomb level needs that level to be known first.
+/// Effects that are sized as a share of the Coulomb level come after it.
 fn put_coulomb_before_its_dependants(effects: &mut [(Effect, f64)]) {
     let coulomb = effects.iter().position(|(effect, _)| *effect == Effect::CoulombFriction);
     let dependant = effects.iter().position(|(effect, _)| effect.needs_coulomb());
@@ -185,7 +227,7 @@ fn put_coulomb_before_its_dependants(effects: &mut [(Effect, f64)]) {
 type Found = Vec<(Effect, Vec<(&'static str, f64)>)>;
 
 impl Bench {
-    /// Invents what the recipe asks for.
+    /// Draws the bench of a recipe.
     pub fn draw(motor: Motor, recipe: &Recipe, random: &mut impl Rng) -> (Self, Found) {
         let supply_v = random.random_range(10.0..13.0);
         let k = motor.torque_constant_nm_per_a;
@@ -242,14 +284,14 @@ impl Bench {
         (bench, found)
     }
 
-    /// The level of Coulomb friction that counts is the warm one, which a warm-up lowers after it was drawn.
+    /// The Coulomb level that counts is the warm one, which a warm-up lowers after it was drawn.
     fn settle_coulomb(&self, found: &mut Found) {
         for (_, constants) in found.iter_mut().filter(|(effect, _)| *effect == Effect::CoulombFriction) {
             *constants = vec![("torque_Nm", self.hidden.coulomb_nm)];
         }
     }
 
-    /// Hides one effect; its constants, by the catalogue's names, where one number can be compared.
+    /// Hides one effect; returns its constants by the catalogue's names, where a number can be compared.
     fn hide(
         &mut self,
         effect: Effect,
@@ -409,6 +451,13 @@ impl Bench {
                 hidden.growth_ohm_s = between(0.15, 0.6) * self.motor.resistance_ohm / self.top_speed;
                 vec![("growth_ohm_s", hidden.growth_ohm_s)]
             }
+            Effect::CommutationRipple => {
+                hidden.commutation = Commutation::draw(between(0.02, 0.05), phase, random);
+                vec![
+                    ("amplitude_share", hidden.commutation.depth),
+                    ("ripples_per_rev", hidden.commutation.ripples_per_rev),
+                ]
+            }
             Effect::OutsideCube => {
                 hidden.cube = between(0.06, 0.25) * stall_nm / self.top_speed.powi(3);
                 Vec::new()
@@ -453,12 +502,12 @@ impl Bench {
         }
     }
 
-    /// What the sensor shows of the current.
+    /// Reading of the current sensor.
     pub fn reading_a(&self) -> f64 {
         if self.hidden.current_lag.is_of_sensor() { self.lagged_a } else { self.smooth_a }
     }
 
-    /// What a tachogenerator shows of the speed: its ripple is in proportion.
+    /// Reading of a tachogenerator: its ripple is proportional to the speed.
     fn tachogenerator_rad_per_s(&self) -> f64 {
         let Hidden { ripple, ripples, ripple_phase, .. } = self.hidden;
         self.speed * (1.0 + ripple * (ripples * self.angle + ripple_phase).sin())
@@ -469,7 +518,7 @@ impl Bench {
         if self.hidden.speed_lag.is_of_sensor() { self.lagged_rad_per_s } else { self.tachogenerator_rad_per_s() }
     }
 
-    /// The angle that the disc of the encoder shows.
+    /// The angle by the disc of the encoder.
     pub fn seen_rad(&self) -> f64 {
         self.angle + self.hidden.eccentricity_rad * (self.angle + self.hidden.eccentricity_phase).sin()
     }
@@ -483,8 +532,7 @@ impl Bench {
         }
     }
 
-    /// Where switching the supply is not the same as its mean: with diodes and with a drop, which the current's swing
-    /// within each period smooths.
+    /// Whether a switched supply differs from its mean: with diodes, and with a drop, which the current ripple smooths.
     fn switches(&self) -> bool {
         self.hidden.coasts || self.hidden.drop_v > 0.0 && !self.hidden.drop_averaged
     }
@@ -517,13 +565,14 @@ impl Bench {
         }
     }
 
-    /// Torque constant at the present current, and the one of the back-EMF with it.
+    /// Torque constant at the present current and angle, and the one of the back-EMF with it.
     fn torque_constant(&self) -> f64 {
         let peak_a = self.supply_v / self.motor.resistance_ohm;
-        self.motor.torque_constant_nm_per_a * (1.0 - self.hidden.saturation * (self.current_a / peak_a).abs().min(1.0))
+        let saturated = 1.0 - self.hidden.saturation * (self.current_a / peak_a).abs().min(1.0);
+        self.motor.torque_constant_nm_per_a * saturated * (1.0 + self.hidden.commutation.share(self.angle))
     }
 
-    /// A step under a bridge that someone else switches.
+    /// A step with a given state of the bridge.
     pub(crate) fn switched_step(&mut self, switch: Switch, dt: f64) {
         let (source_v, drop_v) = match switch {
             Switch::Forward => (self.supply_v - self.hidden.sag_ohm * self.drawn_a, self.hidden.drop_v),
@@ -557,7 +606,7 @@ impl Bench {
         if self.dropped_out() { 0.0 } else { self.passed_on(duty) * given_v }
     }
 
-    /// Share of the supply that the bridge passes on in the sense of a duty.
+    /// Share of the supply that the bridge passes on in the direction of a duty.
     fn passed_on(&self, duty: f64) -> f64 {
         1.0 - (-duty.signum() * self.hidden.weaker_backward).max(0.0)
     }
@@ -568,7 +617,7 @@ impl Bench {
         let emf_v = self.torque_constant() * self.speed;
         let free_a =
             self.current_a + dt / self.motor.inductance_h * (source_v - resistance_ohm * self.current_a - emf_v);
-        // The drop works against the current and cannot turn it round.
+        // The drop opposes the current and cannot reverse it.
         let drop_v = drop_v * (1.0 + self.hidden.drop_asymmetry * free_a.signum());
         let lost_a = dt / self.motor.inductance_h * drop_v;
         self.current_a = free_a.signum() * (free_a.abs() - lost_a).max(0.0);
@@ -615,7 +664,7 @@ impl Bench {
         self.hidden.counter_stops && self.is_within(self.hidden.counter_stop_s)
     }
 
-    /// Speed that the bench reaches at nine tenths of the supply, above which share of it counts are lost.
+    /// Speed of the bench at nine tenths of the supply; above a share of it counts are lost.
     fn lost_above(&self) -> f64 {
         let friction_v = self.hidden.coulomb_nm * self.motor.resistance_ohm / self.motor.torque_constant_nm_per_a;
         let reached = (0.9 * self.supply_v - self.hidden.drop_v - friction_v) / self.motor.torque_constant_nm_per_a;
@@ -626,7 +675,7 @@ impl Bench {
         self.hidden.dropouts && self.is_within(self.hidden.dropout_s)
     }
 
-    /// Whether less than that has passed since a moment that only the seed knows, one within each second.
+    /// Whether less than this time has passed since a random moment, one within each second.
     fn is_within(&self, length_s: f64) -> bool {
         let second = self.time_s.floor();
         let moment = ((second + self.moments_seed) * 12.9898).sin().abs() * 0.9;
@@ -680,7 +729,7 @@ impl Bench {
         torque
     }
 
-    /// Of the motion; less of it near a stand, so that what binds does not drive.
+    /// Torque of the motion; smaller near standstill, so that binding does not drive.
     fn sense(&self) -> f64 {
         (self.speed / (0.01 * self.top_speed)).clamp(-1.0, 1.0)
     }
@@ -704,7 +753,7 @@ impl Bench {
         if depth > 0.0 { force.max(0.0) } else { force.min(0.0) }
     }
 
-    /// Factor of all friction while it is cold.
+    /// Factor of all friction during the warm-up.
     fn warm(&self) -> f64 {
         if self.hidden.warmup_s > 0.0 {
             1.0 + self.hidden.warmup_share * (-self.time_s / self.hidden.warmup_s).exp()
@@ -723,8 +772,8 @@ impl Bench {
         (hidden.coulomb_nm * self.warm() + excess + hidden.asymmetry_nm * direction).max(0.0)
     }
 
-    /// Rest is rest and no band of speeds: within a period of the PWM a shaft that is about to move gains less speed than any
-    /// band would let pass.
+    /// Standstill is exact here, not a band of speeds: within a PWM period a starting shaft gains less speed than any
+    /// band.
     fn karnopp(&mut self, torque: f64, inertia: f64, dt: f64) {
         let rests = self.speed == 0.0;
         let direction = if rests { torque.signum() } else { self.speed.signum() };
@@ -734,7 +783,7 @@ impl Bench {
         }
         let before = self.speed;
         self.speed += dt / inertia * (torque - level * direction);
-        // Friction stops a shaft and does not turn it round.
+        // Friction stops a shaft but does not reverse it.
         if before * self.speed < 0.0 {
             self.speed = 0.0;
         }

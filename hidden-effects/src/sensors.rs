@@ -1,4 +1,4 @@
-//! The recording: what the Uno's sensors make of the bench.
+//! The recording: the readings of the Uno's sensors at the bench.
 
 use crate::drive::{Excitation, SpeedLoop, duties};
 use crate::rig::{Bench, Lag};
@@ -20,7 +20,7 @@ const SPEED_NOISE: f64 = 0.0015;
 /// A conversion of the Uno's converter.
 const CONVERSION_S: f64 = 0.104e-3;
 
-/// Conversions one after the other, of which each row has the mean of those that ended with it.
+/// Successive conversions; each row has the mean of those that ended with it.
 struct Burst {
     conversions: usize,
     readings_a: VecDeque<f64>,
@@ -45,10 +45,10 @@ impl Burst {
 
 /// Edges that a coarse encoder may have in a revolution.
 const EDGES_PER_REV: [f64; 7] = [11.0, 16.0, 20.0, 24.0, 44.0, 64.0, 100.0];
-/// How often it is looked at, and the step of `micros()` on an Uno.
+/// Polling interval, and the step of `micros()` on an Uno.
 const LOOK_S: f64 = 20e-6;
 const CLOCK_S: f64 = 4e-6;
-/// Without an edge for so long the program says that the shaft stands.
+/// After this long without an edge the program reports standstill.
 const AT_REST_S: f64 = 0.2;
 
 /// A program that times the edges of an encoder.
@@ -56,9 +56,9 @@ struct EdgeTimer {
     edges_per_rev: f64,
     since_row_before: bool,
     passed: f64,
-    /// Edges up to the last one, and when that was.
+    /// Edges up to the last one, and its time.
     last: (f64, f64),
-    /// The same as it was where the last speed was taken.
+    /// The same when the last speed was taken.
     used: (f64, f64),
     speed: f64,
 }
@@ -75,7 +75,7 @@ impl EdgeTimer {
         }
     }
 
-    /// The shaft has come from one angle to the next up to now.
+    /// Moves the shaft from one angle to the next.
     fn look(&mut self, from_rad: f64, to_rad: f64, now_s: f64) {
         let edges = |angle_rad: f64| angle_rad / TAU * self.edges_per_rev + 0.5;
         let (from, to) = (edges(from_rad), edges(to_rad));
@@ -131,7 +131,7 @@ struct LowPass {
 }
 
 impl LowPass {
-    /// What it makes of the next value, a row later.
+    /// The filtered value a row later.
     fn next(&mut self, value: f64, lag: Lag, interval_s: f64) -> f64 {
         let rows = lag.time_constant_s / interval_s;
         self.filtered = if lag.is_butterworth {
@@ -231,18 +231,18 @@ struct Edges {
 }
 
 impl Edges {
-    /// Of those up to an angle, how many are lost, each with a probability; forwards less backwards.
+    /// Lost edges up to an angle, each lost with a probability; forwards less backwards.
     fn lost(&mut self, angle_rad: f64, probability: f64, random: &mut impl Rng) -> f64 {
         let now = (angle_rad * self.per_rad).floor();
         let passed = now - std::mem::replace(&mut self.last, now);
-        // At a stand the quotient of two speeds is none.
+        // At standstill the quotient of two speeds is undefined.
         let probability = if probability.is_finite() { probability.clamp(0.0, 1.0) } else { 0.0 };
         let lost = (0..passed.abs() as usize).filter(|_| random.random_bool(probability)).count();
         passed.signum() * lost as f64
     }
 }
 
-/// What goes on in the program between two rows.
+/// The program between two rows.
 type Between<'a> = (Option<&'a mut Burst>, Option<&'a mut EdgeTimer>);
 
 /// One sampling interval, the command late by the hidden delay.
@@ -259,7 +259,7 @@ fn pass(bench: &mut Bench, duty: &[f64], index: usize, interval_s: f64, (mut bur
     }
 }
 
-/// Lets time pass under one duty, and the program at work.
+/// Advances the bench under one duty, and runs the program.
 fn run(bench: &mut Bench, duty: f64, duration_s: f64, between: Between) {
     match between {
         (Some(burst), _) => converting(bench, duty, duration_s, burst),
@@ -285,7 +285,7 @@ fn looking(bench: &mut Bench, duty: f64, duration_s: f64, timer: &mut EdgeTimer)
     }
 }
 
-/// Puts differences of counts in place of the speeds: over four to ten rows, up to the row itself or as far ahead as back.
+/// Replaces the speeds by differences of counts over four to ten rows, up to the row itself or as far ahead as back.
 fn average_speed(rows: &mut [Row], counts_per_rev: f64, rate_hz: f64, random: &mut impl Rng) {
     let half = random.random_range(2..=5);
     let (back, ahead) = if random.random_bool(0.5) { (2 * half, 0) } else { (half, half) };

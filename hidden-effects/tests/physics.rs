@@ -540,6 +540,34 @@ fn a_load_behind_a_spring_or_a_gap_leaves_the_steady_state_alone() {
     assert_torque(&[Effect::Backlash], |_, _| 0.0);
 }
 
+/// Along a stair the shaft turns evenly. The EMF's ripple then drives a current through resistance and inductance.
+#[test]
+fn commutation_ripple_shows_in_the_current() {
+    for seed in SEEDS {
+        let (trial, columns) = recorded(seed, &[Effect::CommutationRipple]);
+        let ripples = constant(&trial, Effect::CommutationRipple, "ripples_per_rev");
+        let depth = constant(&trial, Effect::CommutationRipple, "amplitude_share");
+        let motor = trial.truth.motor;
+        let counts_per_rev = rig_value(&trial, "counts_per_rev");
+        let length = columns.time_s.len() / STAIRS;
+        let slowest =
+            moving_stairs(&columns).into_iter().map(|at| at.speed_rad_per_s.abs()).fold(f64::INFINITY, f64::min);
+        let stair = (0..STAIRS).find(|stair| steady(&columns, *stair).speed_rad_per_s.abs() == slowest).unwrap();
+        let rows = stair * length + length / 2..(stair + 1) * length;
+        let current_a = mean(&columns.current_a[rows.clone()]);
+        let (mut cosine, mut sine) = (0.0, 0.0);
+        for row in rows.clone() {
+            let phase = ripples * TAU * (columns.counts[row] + 0.5) / counts_per_rev;
+            cosine += 2.0 * phase.cos() * (columns.current_a[row] - current_a) / rows.len() as f64;
+            sine += 2.0 * phase.sin() * (columns.current_a[row] - current_a) / rows.len() as f64;
+        }
+        let reactance_ohm = ripples * slowest * motor.inductance_h;
+        let expected_a = depth * motor.torque_constant_nm_per_a * slowest / motor.resistance_ohm.hypot(reactance_ohm);
+        let found_a = cosine.hypot(sine);
+        assert!((found_a / expected_a - 1.0).abs() < 0.15, "seed {seed}: {found_a} for {expected_a}");
+    }
+}
+
 #[test]
 fn what_is_outside_the_catalogue_shows_in_the_speed() {
     assert_shows_in_the_speed(&Effect::OUTSIDE);

@@ -1,4 +1,4 @@
-//! Figures of merit: what a loop made of a step of the reference, or of any other course.
+//! Figures of merit: the response of a loop to a step of the reference, or to any other course.
 
 use crate::trial::Point;
 use serde::Serialize;
@@ -10,33 +10,34 @@ const RECOVERED: f64 = 0.1;
 /// Share of the stretch whose mean error is the steady error.
 const LAST_PART: f64 = 0.1;
 
-/// The course of the largest step within a sequence, which has its figures besides those of the whole sequence.
+/// The course of the largest step within a sequence; it has its own figures besides those of the whole sequence.
 pub const JUMP: &str = "jump";
 
-/// What a loop made of one reference. Speeds in rad/s, angles in rad. What only a step has is `null` for other courses.
+/// Response of a loop to one reference. Speeds in rad/s, angles in rad. Values that only a step has are `null` for
+/// other courses.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figures {
-    /// When the reference changed, or the load or fault came.
+    /// Time of the change of the reference, or of the load or fault.
     pub time_s: f64,
-    /// Its course: step, ramp, sine, points, sequence; [`JUMP`]; load or fault where that disturbed the loop after a step.
+    /// Its course: step, ramp, sine, points, sequence; [`JUMP`]; load or fault if that disturbed the loop after a step.
     pub course: &'static str,
-    /// Where the controlled quantity began, and where it was to end.
+    /// Start and end value of the controlled quantity.
     pub from: f64,
     /// See `from`.
     pub to: f64,
-    /// From 10 to 90 % of the step; `null` when it was not reached.
+    /// Time from 10 to 90 % of the step; `null` if it was not reached.
     pub rise_s: Option<f64>,
-    /// Until it stays within 2 % of the step; `null` when it does not.
+    /// Time until it stays within 2 % of the step; `null` if it does not.
     pub settling_s: Option<f64>,
     /// Beyond the end, in percent of the step.
     pub overshoot_percent: Option<f64>,
     /// Mean error over the last tenth.
     pub steady_error: Option<f64>,
-    /// Root mean square of the error against the reference as the core's profile gives it.
+    /// Root mean square of the error against the reference after the core's profile.
     pub tracking_rms: f64,
-    /// Integral of the error's magnitude: against the end of a step, against the profile otherwise.
+    /// Integral of the error's magnitude: for a step against its end, otherwise against the profile.
     pub iae: f64,
-    /// Root mean square of the voltage asked of the bridge; a fault of the supply puts out another.
+    /// Root mean square of the commanded voltage; with a fault of the supply the actual voltage differs.
     #[serde(rename = "effort_V")]
     pub effort_v: f64,
     /// After a load or a fault: largest magnitude of the error, against the reference where that is a step. `settling_s` is
@@ -47,8 +48,8 @@ pub struct Figures {
     pub peak_a: f64,
 }
 
-/// Figures of the points from a change of the reference to `to` until the next. `of`: the controlled quantity. Where that is
-/// there already, there is no step, and nothing that only a step has.
+/// Figures of the points from a change of the reference to `to` until the next. `of`: the controlled quantity. If it is
+/// there already, there is no step, and no figures of a step.
 ///
 /// # Panics
 /// If there are fewer than two points.

@@ -1,5 +1,5 @@
-//! What a model says of the sensors, under the core: offset, lag and end of the current sensor, an eccentric or lossy
-//! encoder, ripple and lag of a tachogenerator.
+//! The sensor effects of a model, below the core: offset, lag and saturation of the current sensor, an eccentric or
+//! lossy encoder, ripple and lag of a tachogenerator.
 
 use crate::plant::PeriodEnd;
 use motorbench_model::between_rows::Bulge;
@@ -13,7 +13,7 @@ pub struct SensorEffects {
     tachogenerator: Vec<(Term, Vec<f64>)>,
     /// Whether it has been read before.
     tachogenerator_was_read: bool,
-    /// True angle at the last reading, and by how much an encoder was off at the first: it counts from there.
+    /// True angle at the last reading, and the encoder's error at the first: it counts from there.
     last: Option<Last>,
 }
 
@@ -24,14 +24,14 @@ struct Last {
 }
 
 impl SensorEffects {
-    /// Those of a model.
+    /// The effects of a model.
     pub fn of(model: &Model) -> Self {
-        let on_sensors = |effect: &dyn Effect| effect.sensor().is_some();
+        let on_sensors = |effect: &dyn Effect| effect.about().sensor.is_some();
         let (tachogenerator, others): (Vec<_>, Vec<_>) = model
             .in_turn(on_sensors)
             .into_iter()
             .cloned()
-            .partition(|term| term.effect.sensor() == Some(Sensor::Tachogenerator));
+            .partition(|term| term.effect.about().sensor == Some(Sensor::Tachogenerator));
         let with_state = |term: Term| {
             let states = vec![0.0; term.effect.states()];
             (term, states)
@@ -44,7 +44,7 @@ impl SensorEffects {
         }
     }
 
-    /// What current sensor and encoder show of PWM periods; `None` if that is what is true.
+    /// Readings of current sensor and encoder over PWM periods; `None` if they equal the true values.
     pub fn read(&mut self, period_s: f64, ends: &[PeriodEnd]) -> Option<Vec<PeriodEnd>> {
         let any = !self.current_and_encoder.is_empty();
         any.then(|| ends.iter().map(|end| self.read_one(period_s, end)).collect())
@@ -90,7 +90,7 @@ mod tests {
     use motorbench_model::catalogue::effect;
     use motorbench_model::motor::MotorParameters;
 
-    /// At 6 V after half a second: what the core measures of speed and current, and what is true.
+    /// At 6 V after half a second: speed and current as the core measures them, and their true values.
     fn measured_and_true(id: &str, values: Vec<f64>) -> [f64; 4] {
         let model = Model::linear(MotorParameters::PIVT6).with(effect(id).unwrap(), values);
         let mut settings = Settings::defaults();
@@ -111,7 +111,7 @@ mod tests {
         assert!((measured / omega - 0.9).abs() < 0.01, "{measured} {omega}");
     }
 
-    /// A voltage that comes late is asked for, and acts later.
+    /// A delayed voltage is commanded first, and acts later.
     #[test]
     fn the_motor_waits_for_a_late_voltage() {
         let moved_s = |delay_s: f64| {

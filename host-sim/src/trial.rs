@@ -1,17 +1,17 @@
-//! The core in closed loop with a simulated motor: what a design does once it is fixed point.
+//! The core in closed loop with a simulated motor, in fixed point as on the chip.
 //!
-//! The tick sees what it sees on the chip: encoder edges with their time stamps, sums of conversions of the current
-//! sampled at [`CURRENT_SAMPLING_STEP`] of PWM periods, one conversion of the tachogenerator each millisecond. The bridge is switched as the PWM does, and takes a new duty
-//! [`DRIVE_DELAY_S`] after the tick.
+//! The tick gets the same inputs as on the chip. These are encoder edges with their time stamps, sums of current
+//! conversions sampled at `HARDWARE.current_sampling_step` of PWM periods, and one conversion of the tachogenerator each
+//! millisecond. The bridge is switched as the PWM does, and takes a new duty [`DRIVE_DELAY_S`] after the tick.
 
 use crate::plant::{Bridge, Inputs as PlantInputs, ModelPlant, PeriodEnd, Plant, Pwm};
 use crate::sensor_effects::SensorEffects;
+use motorbench_core::HARDWARE;
 use motorbench_core::control_loop::{ControlLoop, Drive, Inputs, LoopConfig, duty_scale};
 use motorbench_core::converter;
 use motorbench_core::encoder::Edges;
 use motorbench_core::excitation;
 use motorbench_core::message::{Mode, Request, Sample, State};
-use motorbench_core::pins::{CPU_HZ, CURRENT_SAMPLING_STEP, PWM_HZ, PWM_STEPS};
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::tachogenerator;
 use motorbench_core::units::VOLT;
@@ -28,24 +28,25 @@ use std::f64::consts::TAU;
 /// From the tick's instant to the voltage at the motor: the tick takes about 3,000 cycles (190 us), and the PWM takes a
 /// new duty at the start of its next period.
 pub const DRIVE_DELAY_S: f64 = 0.2e-3;
-/// Ripple of a tachogenerator whose data sheet is not at hand: that of the studies' stand.
+/// Default ripple of a tachogenerator without a data sheet.
 pub const USUAL_RIPPLE: f64 = 0.05;
-/// PWM periods from the tick to the first that has the new duty.
-const LATE_PERIODS: usize = (DRIVE_DELAY_S * PWM_HZ as f64) as usize;
+/// PWM periods from the tick to the first one with the new duty.
+const LATE_PERIODS: usize = (DRIVE_DELAY_S * HARDWARE.pwm_hz as f64) as usize;
 /// PWM periods of a tick at the slower control rate.
-const MOST_PERIODS: usize = PWM_HZ as usize / 1000;
-/// Conversions of the ADC: one each second PWM period, in each half of a round a block of the current and another channel.
+const MOST_PERIODS: usize = HARDWARE.pwm_hz as usize / 1000;
+/// Conversions of the ADC: one every second PWM period; each half of a round has a block of the current and another
+/// channel.
 const PERIODS_PER_CONVERSION: u32 = converter::PERIODS_PER_CONVERSION as u32;
 const BLOCK: u32 = converter::BLOCK as u32;
 const SLOTS_PER_BLOCK: u32 = converter::SLOTS as u32 / 2;
-const PERIOD_S: f64 = 1.0 / PWM_HZ as f64;
+const PERIOD_S: f64 = 1.0 / HARDWARE.pwm_hz as f64;
 /// From one conversion of the tachogenerator to the next.
 const TACHO_PERIOD_S: f64 = PERIOD_S * (PERIODS_PER_CONVERSION * 2 * SLOTS_PER_BLOCK) as f64;
 /// From the start of a PWM period to the sample of its conversion.
-const SAMPLED_S: f64 = PERIOD_S * CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64;
+const SAMPLED_S: f64 = PERIOD_S * HARDWARE.current_sampling_step as f64 / HARDWARE.pwm_steps as f64;
 /// Periods of the tachogenerator's ripple in a turn: its commutator has 22 segments.
 pub const TACHO_RIPPLES_PER_TURN: f64 = 22.0;
-/// What the divider behind the tachogenerator leaves.
+/// Share of the tachogenerator's voltage after the divider.
 pub const TACHO_DIVIDER: f64 = tachogenerator::DIVIDER as f64;
 /// Steps of a conversion in a volt, the highest, the middle one, and the sensor's output at zero current.
 const STEPS_PER_VOLT: f64 = 1.0 / converter::STEP_V as f64;
@@ -53,7 +54,7 @@ const HIGHEST: f64 = converter::STEPS as f64 - 1.0;
 const MIDDLE: u16 = converter::STEPS / 2;
 const ZERO_V: f64 = converter::FULL_SCALE_V as f64 / 2.0;
 
-/// What happened at one tick, in SI units: what the core saw and what was true.
+/// One tick in SI units: the core's measurements and the true values.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Point {
     /// Since the start of the trial.
@@ -76,7 +77,7 @@ pub struct Point {
     pub limited: bool,
 }
 
-/// What the settings say of sensors and timing.
+/// Sensors and timing by the settings.
 struct Scales {
     counts_per_rad: f64,
     current_v_per_a: f64,
@@ -85,10 +86,10 @@ struct Scales {
     periods: usize,
 }
 
-/// What acts on motor and sensors from outside; may be changed between two ticks.
+/// Outside conditions of motor and sensors; they may change between two ticks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surroundings {
-    /// Motor supply; the core knows of it only where `supply_divider` says that the divider is wired.
+    /// Motor supply; the core measures it only if `supply_divider` says that the divider is wired.
     pub supply_v: f64,
     /// Torque against positive rotation.
     pub load_torque_nm: f64,
@@ -107,7 +108,7 @@ pub struct Surroundings {
 }
 
 impl Surroundings {
-    /// Everything in order, the supply as the settings have it.
+    /// No fault, and the supply voltage of the settings.
     pub fn new(settings: &Settings) -> Self {
         Self {
             supply_v: settings.get(Param::SupplyVoltage).into(),
@@ -126,19 +127,19 @@ impl Surroundings {
 pub struct Trial<P> {
     /// The motor.
     pub plant: P,
-    /// What acts on motor and sensors.
+    /// Its outside conditions.
     pub surroundings: Surroundings,
     noise: ChaCha8Rng,
     control: ControlLoop,
     settings: Settings,
     edges: Edges,
     scales: Scales,
-    /// Angle in encoder counts, and the whole counts of it that the encoder has given.
+    /// Angle in encoder counts, and the whole counts that the encoder has reported.
     position: f64,
     count: f64,
     /// PWM periods since the start.
     periods: u32,
-    /// Drives on their way to the bridge, the oldest first: it acts when a tick begins, for so many PWM periods.
+    /// Drives on their way to the bridge, the oldest first. Each takes effect at a tick, for this many PWM periods.
     drives: VecDeque<Drive>,
     late_periods: usize,
     off_phase: OffPhase,
@@ -161,7 +162,7 @@ impl<P: Plant> Trial<P> {
             counts_per_rad: get(Param::CountsPerRev) / TAU,
             current_v_per_a: 1e-3 * get(Param::CurrentGain),
             tacho_v_s_per_rad: TACHO_DIVIDER * 1e-3 * 60.0 / TAU * get(Param::TachoGain),
-            periods: (f64::from(PWM_HZ) / get(Param::TickRate)) as usize,
+            periods: (f64::from(HARDWARE.pwm_hz) / get(Param::TickRate)) as usize,
         };
         Ok(Self {
             position: plant.angle_rad() * scales.counts_per_rad + 0.5,
@@ -183,14 +184,14 @@ impl<P: Plant> Trial<P> {
         })
     }
 
-    /// Lets the bridge follow the core later than it does, to a PWM period: for a motor at rest.
+    /// Delays the bridge by a number of PWM periods, for a motor at rest.
     pub fn delay_by(&mut self, delay_s: f64) {
-        let late_periods = LATE_PERIODS + (delay_s * f64::from(PWM_HZ)).round() as usize;
+        let late_periods = LATE_PERIODS + (delay_s * f64::from(HARDWARE.pwm_hz)).round() as usize;
         self.late_periods = late_periods % self.scales.periods;
         self.drives = vec![Drive::default(); late_periods / self.scales.periods + 1].into();
     }
 
-    /// Begins the sensors' noise anew: the same seed gives the same run.
+    /// Restarts the noise of the sensors: the same seed gives the same run.
     pub fn seed(&mut self, seed: u64) {
         self.noise = ChaCha8Rng::seed_from_u64(seed);
     }
@@ -270,7 +271,7 @@ impl<P: Plant> Trial<P> {
 
     /// Processor cycles since the start, modulo 2^32: the timers keep the low 14 bits.
     fn cycles(&self) -> u32 {
-        self.periods.wrapping_mul(CPU_HZ / PWM_HZ)
+        self.periods.wrapping_mul(HARDWARE.clock_hz / HARDWARE.pwm_hz)
     }
 
     fn point(&self) -> Point {
@@ -279,9 +280,9 @@ impl<P: Plant> Trial<P> {
         let speed = speed_bit_rad_per_s(&self.settings);
         let unit = reference_bit(sample.state.mode(), &self.settings);
         Point {
-            t_s: f64::from(self.periods) / f64::from(PWM_HZ),
+            t_s: f64::from(self.periods) / f64::from(HARDWARE.pwm_hz),
             reference: f64::from(sample.reference) * unit,
-            u_v: f64::from(sample.duty) / f64::from(PWM_STEPS) * get(Param::SupplyVoltage),
+            u_v: f64::from(sample.duty) / f64::from(HARDWARE.pwm_steps) * get(Param::SupplyVoltage),
             measured_rad_per_s: f64::from(sample.speed) * speed,
             omega_rad_per_s: self.plant.speed_rad_per_s(),
             theta_rad: self.plant.angle_rad(),
@@ -295,7 +296,8 @@ impl<P: Plant> Trial<P> {
         (reference / reference_bit(mode, &self.settings)).round() as i32
     }
 
-    /// The conversions of the tick that has just passed, of what was and of what the sensors show. Its first period has none.
+    /// The conversions of the tick that has just passed, from true values and sensor effects. Its first period has
+    /// none.
     fn convert_sampled(&mut self, ends: &[PeriodEnd], shown: &[PeriodEnd]) {
         for (period, (pair, shown)) in (self.periods + 2..).zip(ends.windows(2).zip(&shown[1..])) {
             let conversion = period / PERIODS_PER_CONVERSION;
@@ -328,11 +330,11 @@ impl<P: Plant> Trial<P> {
         let positions = &positions[..=ends.len()];
         let to = positions[ends.len()];
         self.position = to;
-        // A count n reaches from n to n + 1.
+        // A count n covers the range from n to n + 1.
         let end = to.floor();
         let moved = (end - self.count) as i32;
         self.count = end;
-        // The last edge is where the count's reach was entered for good.
+        // The last edge is where the count's range was entered for good.
         let last = positions.iter().rposition(|position| !(0.0..1.0).contains(&(position - end)));
         let Some(period) = last.filter(|_| !self.surroundings.encoder_unplugged) else { return };
         let (from, to) = (positions[period], positions[period + 1]);
@@ -340,7 +342,7 @@ impl<P: Plant> Trial<P> {
         // At the lower end of the count when going up, at the upper when going down.
         let edge = if forward { end } else { end + 1.0 };
         let part = ((edge - from) / (to - from)).clamp(0.0, 1.0);
-        let cycles_a_period = CPU_HZ / PWM_HZ;
+        let cycles_a_period = HARDWARE.clock_hz / HARDWARE.pwm_hz;
         // Modulo 2^32: the timers keep the low 14 bits.
         let start = (self.periods + period as u32).wrapping_mul(cycles_a_period);
         let cycles = start.wrapping_add((part * f64::from(cycles_a_period)) as u32);
@@ -370,8 +372,8 @@ impl<P: Plant> Trial<P> {
 }
 
 impl Trial<ModelPlant> {
-    /// At rest and disarmed, with everything that a model says: of the motor, of the sensors, of the bridge's delay and of what
-    /// it does between pulses.
+    /// A motor at rest and disarmed, with all effects of a model: of the motor, of the sensors, of the bridge's delay
+    /// and of its off phase.
     ///
     /// # Errors
     /// A setting the core cannot hold.
@@ -403,7 +405,7 @@ fn pwm(drive: &Drive, off_phase: OffPhase) -> Pwm {
     Pwm {
         pulse: if drive.duty < 0 { Bridge::Reverse } else { Bridge::Forward },
         rest,
-        pulse_s: PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(PWM_STEPS),
+        pulse_s: PERIOD_S * f64::from(drive.duty.unsigned_abs()) / f64::from(HARDWARE.pwm_steps),
         period_s: PERIOD_S,
         sampled_s: SAMPLED_S,
     }
@@ -416,7 +418,7 @@ mod tests {
     use motorbench_model::catalogue::effect;
     use motorbench_model::motor::MotorParameters;
 
-    /// In open loop the core measures what is true: speed and current, to the resolution of its sensors.
+    /// In open loop the core measures the true speed and current, to the resolution of its sensors.
     #[test]
     fn the_core_sees_what_the_motor_does() {
         let motor = DcMotor::new(DcMotorParameters { bridge: BridgeLosses::IDEAL, ..DcMotorParameters::PIVT6 });
@@ -452,8 +454,9 @@ mod tests {
         }
     }
 
-    /// With the PWM on the enable pin the current ends within each off phase: half the duty hardly turns a motor that turns well
-    /// where the off phase brakes, and one that coasts only at zero duty turns as well, and runs on.
+    /// With the PWM on the enable pin the current ends within each off phase. At half duty the motor then hardly turns,
+    /// while it turns well if the off phase brakes. A bridge that coasts only at zero duty also turns it, and lets it
+    /// run on.
     #[test]
     fn the_off_phase_is_the_models() {
         let motor = Model::linear(MotorParameters { inertia_kg_m2: 2e-5, ..MotorParameters::PIVT6 });
@@ -499,7 +502,7 @@ mod tests {
             trial.enter(Mode::OpenLoop);
             trial.follow(voltage_v, 0.1);
             let seen_a = f64::from(trial.sample().current) / f64::from(motorbench_core::units::AMPERE);
-            let sampled_a = f64::from(CURRENT_SAMPLING_STEP) / f64::from(PWM_STEPS);
+            let sampled_a = f64::from(HARDWARE.current_sampling_step) / f64::from(HARDWARE.pwm_steps);
             // An eighth of a step of the converter.
             assert!((seen_a - sampled_a).abs() < 0.004, "{voltage_v} V: {seen_a} A");
         }

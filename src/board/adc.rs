@@ -1,20 +1,20 @@
 //! ADC: one conversion every second PWM period, always at the same instant of the period.
 //!
 //! Timer1's compare B triggers; sample and hold follows two ADC clocks (128 cycles) and the synchronisation later, at
-//! [`pins::CURRENT_SAMPLING_STEP`]: the end of the off phase, where nothing has switched lately unless the duty is above 96 %. A
+//! [`motorbench_core::HARDWARE.current_sampling_step`]: the end of the off phase, where nothing has switched lately unless the duty is above 96 %. A
 //! conversion takes 13.5 ADC clocks of 4 us, longer than one period, so the handler arms the trigger for the period
 //! after. Ten slots make one millisecond, a round that begins with a tick: 4 x current, tachogenerator, 4 x current, supply.
 
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;
 use core::cell::Cell;
+use motorbench_board::pins;
 use motorbench_core::converter::{BLOCK, SLOTS, STEPS};
-use motorbench_core::pins;
 
 use avr_device::interrupt::Mutex;
 
 /// Compare B: the synchronisation of 4 cycles and two ADC clocks before the sampling instant.
-pub const TRIGGER: u16 = pins::CURRENT_SAMPLING_STEP - 4 - 128;
+pub const TRIGGER: u16 = motorbench_core::HARDWARE.current_sampling_step - 4 - 128;
 
 /// AVcc as reference.
 const REFERENCE: u8 = 0b0100_0000;
@@ -54,11 +54,15 @@ pub fn start(p: &Peripherals) {
     }
 }
 
-/// Sum of the last eight current samples, last tachogenerator, last supply.
+/// In place of a sum that has been taken.
+pub const TAKEN: u16 = u16::MAX;
+
+/// Sum of the last eight current samples, or [`TAKEN`] if no block has been completed since the last call; last
+/// tachogenerator, last supply. There are one or two blocks in each tick: the handler need not count.
 #[inline(always)]
 pub fn latest(cs: CriticalSection) -> (u16, u16, u16) {
     let samples = SAMPLES.borrow(cs);
-    (samples.current_sum.get(), samples.tacho.get(), samples.supply.get())
+    (samples.current_sum.replace(TAKEN), samples.tacho.get(), samples.supply.get())
 }
 
 // Conversion complete.

@@ -5,9 +5,9 @@
 //! with the period. Coasting wiring: PWM on EN, IN1 and IN2 give the direction.
 
 use avr_device::atmega328p::Peripherals;
+use motorbench_board::pins;
 use motorbench_core::control_loop::Drive;
 use motorbench_core::excitation::Bridge;
-use motorbench_core::pins;
 
 /// TCCR1A: mode 14 needs WGM11, with OC1A disconnected, high or low for the duty.
 const DISCONNECTED: u8 = 0b0000_0010;
@@ -32,7 +32,7 @@ pub fn start(p: &Peripherals) {
         p.TC1.ocr1b().write(|w| w.bits(super::adc::TRIGGER));
         p.TC1.tccr1a().write(|w| w.bits(DISCONNECTED));
         p.TC1.tccr1b().write(|w| w.bits(STOPPED));
-        p.TC1.icr1().write(|w| w.bits(pins::PWM_STEPS - 1));
+        p.TC1.icr1().write(|w| w.bits(motorbench_core::HARDWARE.pwm_steps - 1));
     }
 }
 

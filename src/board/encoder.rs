@@ -5,8 +5,8 @@
 //! where memory costs two.
 
 use avr_device::atmega328p::Peripherals;
+use motorbench_board::pins;
 use motorbench_core::encoder::Edges;
-use motorbench_core::pins;
 
 /// Last step, bit 1 is its direction.
 #[unsafe(no_mangle)]

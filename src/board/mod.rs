@@ -12,11 +12,12 @@ pub mod bridge;
 pub mod eeprom;
 pub mod encoder;
 pub mod serial;
+pub mod stack;
 pub mod tick;
 pub mod watchdog;
 
 use avr_device::atmega328p::Peripherals;
-use motorbench_core::pins;
+use motorbench_board::pins;
 
 /// Sets up everything but the sampling, which the tick starts; bridge first and off, interrupts disabled until all handlers
 /// may run.

@@ -3,7 +3,7 @@
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::{CriticalSection, Mutex};
 use core::cell::Cell;
-use motorbench_core::pins::{BAUD, CPU_HZ};
+use motorbench_core::HARDWARE;
 
 /// A ring of `N` bytes (a power of two) between one writer and one reader.
 struct Ring<const N: usize> {
@@ -56,7 +56,7 @@ impl<const N: usize> Ring<N> {
 }
 
 static RECEIVED: Mutex<Ring<64>> = Mutex::new(Ring::new());
-static OUTGOING: Mutex<Ring<128>> = Mutex::new(Ring::new());
+static OUTGOING: Mutex<Ring<64>> = Mutex::new(Ring::new());
 /// Bytes lost because nobody took them, in the chip or in the ring.
 static OVERRUNS: Mutex<Cell<u8>> = Mutex::new(Cell::new(0));
 
@@ -69,7 +69,7 @@ pub fn start(p: &Peripherals) {
     // SAFETY: documented values: double speed, divisor, 8N1 (the reset value), receiver with interrupt, transmitter.
     unsafe {
         p.USART0.ucsr0a().write(|w| w.bits(0b10));
-        p.USART0.ubrr0().write(|w| w.bits((CPU_HZ / 8 / BAUD - 1) as u16));
+        p.USART0.ubrr0().write(|w| w.bits((HARDWARE.clock_hz / 8 / HARDWARE.baud - 1) as u16));
         p.USART0.ucsr0b().write(|w| w.bits(ENABLED));
     }
 }

@@ -9,14 +9,14 @@
     reason = "a raw pointer first: a reference to a static that an interrupt shares is refused"
 )]
 
-use super::{adc, bridge, encoder, registers, watchdog};
+use super::{adc, bridge, encoder, registers, stack, watchdog};
 use avr_device::atmega328p::Peripherals;
 use avr_device::interrupt::CriticalSection;
 use core::mem::MaybeUninit;
 use core::sync::atomic::{Ordering, compiler_fence};
+use motorbench_board::pins;
 use motorbench_core::control_loop::{ControlLoop, Inputs, LoopConfig};
 use motorbench_core::message::{Request, Sample, WAITING};
-use motorbench_core::pins;
 use motorbench_core::settings::{BuildError, Param, Settings};
 
 /// The control loop; all zeros are a valid one.
@@ -197,6 +197,11 @@ pub fn skip_samples() {
     shared!(read = shared!(written));
 }
 
+/// Ticks so far, modulo 256.
+pub fn count() -> u8 {
+    shared!(ticks)
+}
+
 /// Samples lost because the main loop did not take them.
 pub fn dropped() -> u16 {
     avr_device::interrupt::free(|_| shared!(dropped))
@@ -233,14 +238,24 @@ fn set_hardware(settings: &Settings) {
 fn take_inputs(p: &Peripherals) -> &'static Inputs {
     // SAFETY: in a handler, interrupts are off.
     let cs = unsafe { CriticalSection::new() };
-    let (current_sum, tacho, supply) = adc::latest(cs);
+    let (mut current_sum, tacho, supply) = adc::latest(cs);
     let tick_coarse = p.TC0.ocr0a().read().bits();
     let next = tick_coarse.wrapping_add(shared!(period));
     // SAFETY: any value is valid.
     p.TC0.ocr0a().write(|w| unsafe { w.bits(next) });
-    let pressed = p.PORTD.pind().read().bits() & pins::EMERGENCY_STOP.mask() == 0;
-    let flags = shared!(flags) | if pressed { Inputs::EMERGENCY_STOP } else { 0 };
+    let mut flags = shared!(flags);
     shared!(flags = 0);
+    if p.PORTD.pind().read().bits() & pins::EMERGENCY_STOP.mask() == 0 {
+        flags |= Inputs::STOP_CLOSED;
+    }
+    if stack::overflown() {
+        flags |= Inputs::STACK_OVERFLOW;
+    }
+    if current_sum == adc::TAKEN {
+        flags |= Inputs::NOT_CONVERTED;
+        // SAFETY: the tick does not nest, and nobody else uses the inputs.
+        current_sum = unsafe { (&raw const TICK_INPUTS.current_sum).read_volatile() };
+    }
     let edges = encoder::edges(p);
     let inputs = Inputs { edges, tick_coarse, current_sum, tacho, supply, duty_scale: shared!(duty_scale), flags };
     // SAFETY: the tick does not nest, and nobody else uses the inputs.
@@ -273,7 +288,7 @@ fn TIMER0_COMPA() {
     }
     bridge::apply(&p, &drive, shared!(coasting));
     put(control.sample());
-    guard(control.main_loop_hung());
+    guard(control.main_loop_hung(), inputs.flags & Inputs::STACK_OVERFLOW != 0);
     avr_device::interrupt::disable();
     enable(&p);
     shared!(ticks = shared!(ticks).wrapping_add(1));
@@ -312,12 +327,13 @@ fn copy(from: &Sample, to: *mut Sample) {
     }
 }
 
-/// Feeds the watchdog as long as the main loop lives; a hang is reported after the reset that follows.
+/// Feeds the watchdog as long as the main loop lives and the stack is whole; which was not is reported after the reset that
+/// follows.
 #[inline(always)]
-fn guard(hung: bool) {
-    if hung {
+fn guard(hung: bool, overflown: bool) {
+    if hung || overflown {
         shared!(hung = true);
-        watchdog::main_loop_hung();
+        watchdog::given_up(overflown);
     }
     if !shared!(hung) {
         avr_device::asm::wdr();

@@ -11,6 +11,7 @@ static mut LAST_WORDS: MaybeUninit<(u16, u8)> = MaybeUninit::uninit();
 const SPOKEN: u16 = 0x5a3c;
 const PANIC: u8 = 1;
 const MAIN_LOOP: u8 = 2;
+const STACK: u8 = 3;
 
 /// 64 ms, reset. The two stores must follow each other within four cycles.
 pub fn start(p: &Peripherals) {
@@ -35,6 +36,7 @@ pub fn reset_cause(p: &Peripherals) -> ResetCause {
     match (spoken == SPOKEN, word) {
         (true, PANIC) => ResetCause::Panic,
         (true, MAIN_LOOP) => ResetCause::MainLoopHung,
+        (true, STACK) => ResetCause::StackOverflow,
         _ if flags & 0b1000 != 0 => ResetCause::Watchdog,
         _ if flags & 0b0001 != 0 => ResetCause::PowerOn,
         _ if flags & 0b0100 != 0 => ResetCause::BrownOut,
@@ -48,9 +50,9 @@ fn speak(spoken: u16, word: u8) {
     unsafe { (&raw mut LAST_WORDS).write_volatile(MaybeUninit::new((spoken, word))) };
 }
 
-/// The tick has found the main loop hung.
-pub fn main_loop_hung() {
-    speak(SPOKEN, MAIN_LOOP);
+/// The tick has found the stack in the variables, or the main loop hung.
+pub fn given_up(overflown: bool) {
+    speak(SPOKEN, if overflown { STACK } else { MAIN_LOOP });
 }
 
 /// A panic: bridge off, words spoken, and the watchdog does the rest.

@@ -130,34 +130,52 @@ pub fn edges(edges_per_ms: u32) -> Edges {
 pub struct Memory {
     pub flash: usize,
     pub static_ram: u16,
-    /// Never used in a run through modes, sequences, help and a save.
+    /// Never used in a run of every command in every mode, with all that interrupts it.
     pub stack_free: u16,
 }
 
+/// Every command that may come while a motor turns.
+const COMMANDS: [&str; 17] = [
+    "set speed_kp 0.06 speed_ki 1.1 position_kp 6",
+    "save",
+    "load",
+    "defaults",
+    "set jerk_time 64 cruise_speed 20 trip_stall 0",
+    "status",
+    "version",
+    "show",
+    "help",
+    "alive",
+    "zero position",
+    "stream text 20",
+    "stream binary",
+    "sequence identify 64 0 100",
+    "record chirp 3 0 100 2",
+    "ref 1e9",
+    "nonsense",
+];
+
 pub fn memory() -> Memory {
     let mut uno = Uno::start();
-    // Static variables end here; the start-up code has written below.
+    // Static variables end here; the firmware has painted what is above.
     let first_free = uno.bench.program().variable("_end").expect("_end");
-    uno.bench.chip_mut().paint_stack(first_free);
-    for order in [
-        "arm",
-        "mode lqr_position",
-        "ref 9",
-        "mode lqr_speed",
-        "ref 47",
-        "set speed_kp 0.06 speed_ki 1.1",
-        "save",
-        "load",
-        "sequence identify 64 0 100",
-    ] {
-        uno.ask(order);
-        uno.run_s(0.2);
+    for (mode, reference) in [("open", 5), ("speed", 47), ("lqr_speed", 47), ("position", 900), ("lqr_position", 900)] {
+        uno.order("set jerk_time 64 cruise_speed 20");
+        uno.order("arm");
+        uno.order(&format!("mode {mode}"));
+        for command in COMMANDS {
+            // A move under way is the deepest tick.
+            uno.ask(&format!("ref {reference}"));
+            uno.ask(command);
+            uno.run_s(0.02);
+        }
+        uno.ask("stream binary");
+        uno.order("disarm");
+        uno.run_s(0.5);
+        uno.ask("clear");
     }
-    uno.ask("help");
-    uno.ask("show");
-    Memory {
-        flash: uno.bench.program().flash_bytes(),
-        static_ram: first_free - 0x100,
-        stack_free: uno.bench.chip().stack_free_bytes(first_free),
-    }
+    let stack_free = uno.bench.chip().stack_free_bytes(first_free);
+    let status = uno.ask("status");
+    assert!(status.contains(&format!("stack free {stack_free}")), "{status}");
+    Memory { flash: uno.bench.program().flash_bytes(), static_ram: first_free - 0x100, stack_free }
 }

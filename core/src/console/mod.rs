@@ -10,11 +10,11 @@
 mod line;
 pub mod number;
 
+use crate::HARDWARE;
 use crate::arith::whole;
 use crate::excitation::{Excess, Kind, Sequence};
 use crate::flash_text::{self, FlashText, Table};
 use crate::message::{Mode, Request, Sample, State, Trip, WAITING};
-use crate::pins::PWM_STEPS;
 use crate::protocol::{self, FRAME, Framer, TEXT_CHUNK};
 use crate::settings::{self, BuildError, Param, Settings};
 use crate::storage::{self, Eeprom, Saver};
@@ -53,8 +53,14 @@ pub struct Counters {
     pub illegal_transitions: u16,
     /// Received bytes that were lost.
     pub overruns: u8,
+    /// Bytes that could not be sent.
+    pub unsent: u8,
     /// Samples the main loop could not take in time.
     pub dropped: u16,
+    /// Bytes of the stack that were never used.
+    pub stack_free: u16,
+    /// Ticks since the latched trip.
+    pub since_trip: u32,
     /// Why the chip was reset.
     pub reset_cause: ResetCause,
     /// A zero calibration of the current is running.
@@ -82,6 +88,8 @@ pub enum ResetCause {
     MainLoopHung = 5,
     /// The program panicked; it switched the drive off.
     Panic = 6,
+    /// The stack grew into the variables; the tick switched the drive off.
+    StackOverflow = 7,
 }
 
 macro_rules! commands {
@@ -97,8 +105,11 @@ macro_rules! commands {
             static progmem FORMS: [Form; COMMANDS.len()] = [$(Form::of($arguments)),*];
         }
         const COMMAND_COUNT: u8 = COMMANDS.len() as u8;
-        /// Name, arguments and help of each.
-        pub(crate) const COMMAND_TEXT: &str = concat!($($name, "\0", $arguments, "\0", $help, "\0"),*);
+        /// Name and arguments of each.
+        pub(crate) const COMMAND_TEXT: &str = concat!($($name, "\0", $arguments, "\0"),*);
+        /// What each does, in one line. The chip does not carry these: the host program shows them.
+        #[cfg(not(target_arch = "avr"))]
+        const COMMAND_HELP: [&str; COMMANDS.len()] = [$($help),*];
     };
 }
 
@@ -168,7 +179,7 @@ commands! {
     Defaults "defaults" "" "settings as built";
     Echo "echo" "off|on" "repeat input";
     Version "version" "" "firmware, settings";
-    Help "help" "" "this list; settings: show";
+    Help "help" "" "the commands; settings: show";
 }
 
 macro_rules! texts {
@@ -190,7 +201,8 @@ texts! { Say SAYINGS:
     LineRefused "line too long or not plain ASCII";
     Usage "expected %0 %1";
     NoSuchSetting "no such setting, see show";
-    TripLatched "trip latched: %t; clear it first";
+    TripLatched "trip %T %t, %A s ago; clear it";
+    NotLoaded "saved settings are of another version: not loaded, defaults in force; confirm: save, set, load or defaults";
     NotArmed "not armed: arm first";
     DisarmFirst "disarm first";
     SaveRunning "save still running";
@@ -202,13 +214,13 @@ texts! { Say SAYINGS:
     Build "%3 %b";
     NoReference "mode is off: choose a mode";
     ZeroRefused "zero refused: a current flows";
-    Command "%0 %1 - %2";
-    Setting "%3 %x %4 %l..%h, %5";
+    Command "%0 %1";
+    Setting "%3 %x %4 %l..%h";
     Version "motorbench %V, settings %S";
     ResetCause "reset: %R";
     State "mode %m armed %a trip %T %t";
     Measured "reference %r position %p rad, speed %s rad/s, current %c A, duty %d percent, supply %v V";
-    Counted "illegal transitions %i, serial overruns %o, dropped samples %D, reset: %R";
+    Counted "illegal transitions %i, serial overruns %o, unsent bytes %u, dropped samples %D, stack free %f, reset: %R";
     Done "done: %k samples, dropped %K";
     Saved "saved";
     Plot "reference:%r,position:%p,speed:%s,current:%c,duty:%d";
@@ -222,11 +234,15 @@ texts! { Word WORDS:
     Stall "stall: driven, not turning";
     EncoderSilent "encoder silent: driven, no counts";
     Runaway "runaway: wrong feedback sign";
-    SensorRange "current signal at a rail";
+    SensorRange "current sensor: a rail, or current when off";
     SupplyRange "supply out of range";
     EmergencyStop "emergency stop";
     HostLost "host silent";
     MainLoopHung "main loop hung";
+    EncoderTooFew "encoder counts too few for the voltage";
+    EncoderLines "encoder line open or shorted";
+    ConverterSilent "converter silent";
+    StackOverflow "stack overflow";
     ResetCauses "unknown";
     PowerOn "power on";
     External "external";
@@ -234,6 +250,7 @@ texts! { Word WORDS:
     Watchdog "watchdog";
     ResetMainLoopHung "main loop hung";
     Panic "panic";
+    ResetStack "stack overflow";
     Rules "is too large for fixed point";
     TooSmall "is below its range";
     RoundsToZero "would round to zero in fixed point";
@@ -281,6 +298,8 @@ pub struct Console {
     quiet: bool,
     divider: u8,
     countdown: u8,
+    /// There are saved settings that could not be loaded, and nobody has said what shall be in force.
+    not_loaded: bool,
     /// A recording runs; samples sent so far, and the drop counter when it began.
     recording: bool,
     recorded: u32,
@@ -322,7 +341,8 @@ impl Console {
         if storage::load(machine.memory(), &mut self.settings) && machine.configure(&self.settings).is_ok() {
             return Ok(());
         }
-        self.settings = Settings::defaults();
+        self.not_loaded = storage::holds_something(machine.memory());
+        self.settings.set_defaults();
         machine.configure(&self.settings)
     }
 
@@ -331,11 +351,19 @@ impl Console {
         &self.settings
     }
 
-    /// Greets after a reset: version and reset cause.
+    /// Greets after a reset: version, reset cause, and whether the saved settings are not those in force.
     pub fn greet(&mut self, machine: &mut impl Machine) {
         self.look(machine);
         self.info(Say::Version, machine);
         self.info(Say::ResetCause, machine);
+        self.warn(machine);
+    }
+
+    /// Says that saved settings were not loaded, until that is answered.
+    fn warn(&mut self, machine: &mut impl Machine) {
+        if self.not_loaded {
+            self.info(Say::NotLoaded, machine);
+        }
     }
 
     /// Takes a received byte; carries out a line that it completes.
@@ -434,7 +462,7 @@ impl Console {
         }
         let mut choice = 0;
         if form.chooses() {
-            let mut arguments = FlashText::of(Table::Commands, command as u8 * 3 + ARGUMENTS);
+            let mut arguments = FlashText::of(Table::Commands, command as u8 * COMMAND_TEXTS + ARGUMENTS);
             let Some(chosen) = arguments.choice(self.editor.next_word()) else { return Say::Usage };
             choice = chosen;
         }
@@ -449,13 +477,11 @@ impl Console {
             Command::Mode => return self.mode(choice, machine),
             Command::Reference => return self.reference(machine),
             Command::Show => return self.show(machine),
-            Command::Set => return self.set(machine),
             Command::Zero => return self.zero(choice, machine),
             Command::Sequence | Command::Record => return self.sequence(choice, machine),
             Command::Stream => return self.stream(choice),
             Command::Save => return self.save(machine),
-            Command::Load => return self.load(machine),
-            Command::Defaults => return self.replace(&Settings::defaults(), machine),
+            Command::Set | Command::Load | Command::Defaults => return self.change(command, machine),
             Command::Echo => self.quiet = choice == 0,
             Command::Version => self.greet(machine),
             Command::Alive => {}
@@ -498,10 +524,17 @@ impl Console {
         self.info(Say::State, machine);
         self.info(Say::Measured, machine);
         self.info(Say::Counted, machine);
+        if self.sample.trip != Trip::None {
+            self.info(Say::TripLatched, machine);
+        }
+        self.warn(machine);
     }
 
     /// Arms, or says why not.
     fn arm(&mut self, machine: &mut impl Machine) -> Say {
+        if self.not_loaded {
+            return Say::NotLoaded;
+        }
         machine.request(Request::Arm);
         self.look(machine);
         if self.armed() { Say::Ok } else { Say::TripLatched }
@@ -562,20 +595,31 @@ impl Console {
         Say::Ok
     }
 
-    fn set(&mut self, machine: &mut impl Machine) -> Say {
+    /// Other settings: those of the line, the saved ones, or those as built. Only here is a second copy of them.
+    #[inline(never)]
+    fn change(&mut self, command: Command, machine: &mut impl Machine) -> Say {
         let mut settings = self.settings;
-        loop {
-            let word = self.editor.next_word();
-            if word.is_empty() {
-                return self.replace(&settings, machine);
+        match command {
+            Command::Defaults => settings.set_defaults(),
+            Command::Load => {
+                if !storage::load(machine.memory(), &mut settings) {
+                    return Say::NothingSaved;
+                }
             }
-            let Some(param) = settings::find(word) else { return Say::NoSuchSetting };
-            self.param = param;
-            let value = number::parse(self.editor.next_word());
-            if !value.is_some_and(|value| settings.set(param, value).is_ok()) {
-                return Say::Range;
-            }
+            _ => loop {
+                let word = self.editor.next_word();
+                if word.is_empty() {
+                    break;
+                }
+                let Some(param) = settings::find(word) else { return Say::NoSuchSetting };
+                self.param = param;
+                let value = number::parse(self.editor.next_word());
+                if !value.is_some_and(|value| settings.set(param, value).is_ok()) {
+                    return Say::Range;
+                }
+            },
         }
+        self.replace(&settings, machine)
     }
 
     /// Takes new settings as a whole, or not at all.
@@ -584,7 +628,14 @@ impl Console {
         if self.saver.is_busy() {
             return Say::SaveRunning;
         }
-        let rig = [Param::CountsPerRev, Param::SpeedRange, Param::SpeedSensor, Param::Wiring, Param::TickRate];
+        let rig = [
+            Param::CountsPerRev,
+            Param::SpeedRange,
+            Param::SpeedSensor,
+            Param::Wiring,
+            Param::TickRate,
+            Param::EmergencyStop,
+        ];
         let rig_changes = rig.iter().any(|&param| settings.get(param) != self.settings.get(param));
         if rig_changes && self.armed() {
             return Say::DisarmFirst;
@@ -594,6 +645,7 @@ impl Console {
             return Say::Build;
         }
         self.settings = *settings;
+        self.not_loaded = false;
         Say::Ok
     }
 
@@ -674,15 +726,8 @@ impl Console {
             return Say::SaveRunning;
         }
         self.saver.start(machine.memory());
+        self.not_loaded = false;
         Say::Ok
-    }
-
-    fn load(&mut self, machine: &mut impl Machine) -> Say {
-        let mut settings = self.settings;
-        if storage::load(machine.memory(), &mut settings) {
-            return self.replace(&settings, machine);
-        }
-        Say::NothingSaved
     }
 
     /// Prints an information line.
@@ -721,8 +766,10 @@ impl Console {
     fn field(&self, letter: u8) -> Field {
         let (param, sample, settings) = (self.param, &self.sample, &self.settings);
         let (bits, per_unit) = match letter {
-            b'0'..=b'2' => return Field::Text(Table::Commands, self.command * 3 + (letter - b'0')),
-            b'3'..=b'5' => return Field::Text(Table::Settings, param as u8 * 3 + (letter - b'3')),
+            b'0'..=b'1' => return Field::Text(Table::Commands, self.command * COMMAND_TEXTS + (letter - b'0')),
+            b'3'..=b'4' => {
+                return Field::Text(Table::Settings, param as u8 * settings::TEXTS + (letter - b'3'));
+            }
             b'b' => return Field::Text(Table::Words, Word::Rules as u8 + self.rule as u8),
             b't' => return Field::Text(Table::Words, Word::Trips as u8 + sample.trip as u8),
             b'R' => return Field::Text(Table::Words, Word::ResetCauses as u8 + self.counters.reset_cause as u8),
@@ -734,6 +781,9 @@ impl Console {
             b'k' => (self.count as i32, WHOLE),
             b'i' => (self.counters.illegal_transitions as i32, WHOLE),
             b'o' => (self.counters.overruns as i32, WHOLE),
+            b'u' => (self.counters.unsent as i32, WHOLE),
+            b'f' => (self.counters.stack_free as i32, WHOLE),
+            b'A' => ((self.counters.since_trip >> settings.is_fast() as u8) as i32 / 1000, WHOLE),
             b'D' => (self.counters.dropped as i32, WHOLE),
             b'K' => (self.counters.dropped.wrapping_sub(self.dropped) as i32, WHOLE),
             b'x' => return Field::Number(settings.get(param)),
@@ -744,7 +794,7 @@ impl Console {
             b'p' => (sample.counts, bits_per_unit(Mode::PositionPid, settings)),
             b's' => (sample.speed as i32, bits_per_unit(Mode::SpeedPid, settings)),
             b'c' => (sample.current as i32, AMPERE),
-            b'd' => (sample.duty as i32, PWM_STEPS as f32 / 100.0),
+            b'd' => (sample.duty as i32, HARDWARE.pwm_steps as f32 / 100.0),
             _ => (sample.supply as i32, VOLT),
         };
         if per_unit == WHOLE { Field::Whole(bits as u32) } else { Field::Number(bits as f32 / per_unit) }
@@ -785,7 +835,8 @@ fn send_frame(framer: &mut Framer, kind: u8, payload: &[u8], machine: &mut impl 
 /// In place of the bits per unit of what is printed as it is, to the last digit.
 const WHOLE: f32 = 0.0;
 
-/// Place of a command's second text.
+/// Texts of each command, and the place of the second.
+const COMMAND_TEXTS: u8 = 2;
 const ARGUMENTS: u8 = 1;
 
 /// Bits or counts of one unit of the mode's reference: of a volt where it is neither a speed nor a position.
@@ -800,6 +851,13 @@ fn bits_per_unit(mode: Mode, settings: &Settings) -> f32 {
     }
 }
 
+/// What a line of `help` or `show` is about, in one line, by the word it begins with: the chip has no room for it.
+#[cfg(not(target_arch = "avr"))]
+pub fn explanation(word: &str) -> Option<&'static str> {
+    let command = flash_text::find(Table::Commands, COMMAND_COUNT, word.as_bytes());
+    command.map(|index| COMMAND_HELP[index as usize]).or_else(|| settings::find(word.as_bytes()).map(settings::help))
+}
+
 /// Commands and settings as one text, for the host.
 #[cfg(not(target_arch = "avr"))]
 pub fn reference() -> impl core::fmt::Display {
@@ -808,6 +866,12 @@ pub fn reference() -> impl core::fmt::Display {
 
 #[cfg(not(target_arch = "avr"))]
 struct Reference;
+
+/// The bar would end a cell of the table.
+#[cfg(not(target_arch = "avr"))]
+fn within_a_cell(byte: u8) -> u8 {
+    if byte == b'|' { b'/' } else { byte }
+}
 
 #[cfg(not(target_arch = "avr"))]
 impl core::fmt::Display for Reference {
@@ -818,14 +882,12 @@ impl core::fmt::Display for Reference {
         }
         writeln!(f, "| command | arguments | what it does |\n|---|---|---|")?;
         for index in 0..COMMAND_COUNT {
-            for part in 0..3 {
+            for part in 0..COMMAND_TEXTS {
                 write!(f, "| ")?;
-                put(
-                    f,
-                    FlashText::of(Table::Commands, index * 3 + part).map(|byte| if byte == b'|' { b'/' } else { byte }),
-                )?;
+                put(f, FlashText::of(Table::Commands, index * COMMAND_TEXTS + part).map(within_a_cell))?;
                 write!(f, " ")?;
             }
+            write!(f, "| {} ", COMMAND_HELP[index as usize])?;
             writeln!(f, "|")?;
         }
         writeln!(f, "\n| setting | unit | default | range | what it is |\n|---|---|---|---|---|")?;
@@ -835,10 +897,8 @@ impl core::fmt::Display for Reference {
             write!(f, "| ")?;
             put(f, settings::text(param, settings::Text::Name))?;
             write!(f, " | ")?;
-            put(f, settings::text(param, settings::Text::Unit).map(|byte| if byte == b'|' { b'/' } else { byte }))?;
-            write!(f, " | {} | {min}..{max} | ", defaults.get(param))?;
-            put(f, settings::text(param, settings::Text::Help))?;
-            writeln!(f, " |")?;
+            put(f, settings::text(param, settings::Text::Unit).map(within_a_cell))?;
+            writeln!(f, " | {} | {min}..{max} | {} |", defaults.get(param), settings::help(param))?;
         }
         Ok(())
     }

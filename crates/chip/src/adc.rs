@@ -39,11 +39,13 @@ pub(super) struct Adc {
     locked: bool,
     /// Flags that are up, by vector.
     flags: u32,
+    /// A fault: no conversion ends.
+    pub dead: bool,
 }
 
 impl Adc {
     pub fn reset(&mut self) {
-        *self = Self::default();
+        *self = Self { dead: self.dead, ..Self::default() };
     }
 
     pub fn control_written(&mut self, cpu: &Cpu, value: u8) -> Option<u64> {
@@ -116,6 +118,10 @@ impl Adc {
 
     /// Ends the conversion at `when`. Returns the instant of the next sample in free-running mode.
     pub fn done(&mut self, cpu: &Cpu, when: u64) -> Option<u64> {
+        if self.dead {
+            // It looks again after as long as a conversion takes.
+            return Some(when + 13 * prescaler(cpu));
+        }
         let code = self.running.take()?.code?;
         if !self.locked {
             let word = if cpu.read(ADMUX) & ADLAR != 0 { code << 6 } else { code };

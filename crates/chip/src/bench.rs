@@ -3,7 +3,8 @@
 use std::cell::Ref;
 use std::path::Path;
 
-use motorbench_core::pins::{CPU_HZ, ENCODER_A, ENCODER_B, PWM_STEPS};
+use motorbench_board::pins::{ENCODER_A, ENCODER_B};
+use motorbench_core::HARDWARE;
 
 use super::core::{Chip, Crash, ResetCause};
 use super::encoder::EncoderFault;
@@ -21,7 +22,7 @@ const EEPROM_POLL_CYCLES: u64 = 100;
 /// The firmware on its chip, with a motor.
 ///
 /// ```no_run
-/// use crate::{Bench, Rig, firmware_elf};
+/// use motorbench_chip::{Bench, Rig, firmware_elf};
 /// use host_sim::plant::{DcMotor, Plant};
 ///
 /// let mut bench = Bench::new(firmware_elf()?, Rig::default(), DcMotor::default())?;
@@ -83,13 +84,13 @@ impl<P: Plant> Bench<P> {
     /// # Errors
     /// If the program crashes.
     pub fn run_until_line(&mut self, limit_s: f64) -> Result<Option<String>, Crash> {
-        let end = self.cycle() + (limit_s * f64::from(CPU_HZ)) as u64;
+        let end = self.cycle() + (limit_s * f64::from(HARDWARE.clock_hz)) as u64;
         loop {
             let line = self.serial().read_line();
             if line.is_some() || self.cycle() >= end {
                 return Ok(line);
             }
-            self.chip.run_until(self.cycle() + u64::from(PWM_STEPS))?;
+            self.chip.run_until(self.cycle() + u64::from(HARDWARE.pwm_steps))?;
         }
     }
 
@@ -144,7 +145,11 @@ impl<P: Plant> Bench<P> {
 
     /// Lets the encoder fail, or repairs it.
     pub fn set_encoder_fault(&mut self, fault: Option<EncoderFault>) {
-        self.change(|world| world.encoder.set_fault(fault));
+        let cycle = self.cycle();
+        self.change(|world| {
+            let angle_rad = world.plant.angle_rad();
+            world.encoder.set_fault(cycle, angle_rad, fault);
+        });
     }
 
     /// Replaces the encoder's edges by a train at a fixed rate, backwards if negative; `None` ends it.
@@ -181,6 +186,24 @@ impl<P: Plant> Bench<P> {
         self.change(|world| world.supply_fault = fault);
     }
 
+    /// The current sensor's output stays as it is now.
+    pub fn freeze_current_sensor(&mut self) {
+        self.change(|world| {
+            let frozen_v = world.rig.current_sensor.output_v(world.plant.current_a(), 0.0);
+            world.current_fault = Some(SensorFault::PinnedV(frozen_v));
+        });
+    }
+
+    /// Lets the converter end no conversion any more, or go on.
+    pub fn set_converter_dead(&mut self, dead: bool) {
+        self.chip.set_converter_dead(dead);
+    }
+
+    /// Lets the transmitter of the serial line keep the byte that it has, or send again.
+    pub fn set_transmitter_stuck(&mut self, stuck: bool) {
+        self.chip.set_transmitter_stuck(stuck);
+    }
+
     /// Records the truth every `interval_cycles` from now on: 800 for a row per PWM period, 16,000 for one per
     /// millisecond, 0 to stop. Rows are kept until [`Bench::take_recording`].
     pub fn record(&mut self, interval_cycles: u64) {
@@ -210,7 +233,7 @@ impl<P: Plant> Bench<P> {
             if completed { ended } else { begun }
         };
         let wanted = writes(self) + n;
-        let end = self.cycle() + (limit_s * f64::from(CPU_HZ)) as u64;
+        let end = self.cycle() + (limit_s * f64::from(HARDWARE.clock_hz)) as u64;
         while writes(self) < wanted {
             if self.cycle() >= end {
                 return Ok(None);

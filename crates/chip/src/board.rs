@@ -1,6 +1,6 @@
 //! Puts the models together: which register, timer or interrupt goes to which of them.
 
-use motorbench_core::pins::{EMERGENCY_STOP, ENCODER_A, ENCODER_B};
+use motorbench_board::pins::{EMERGENCY_STOP, ENCODER_A, ENCODER_B};
 
 use super::adc::Adc;
 use super::eeprom::Eeprom;
@@ -41,7 +41,7 @@ pub(super) struct Board<W> {
     pub outputs: Outputs,
     pwm: Pwm,
     prescaler: Prescaler,
-    adc: Adc,
+    pub adc: Adc,
     /// Levels that the input pins have now.
     inputs: u8,
     wake_at: Option<u64>,
@@ -144,6 +144,11 @@ impl<W: World> Board<W> {
     pub fn start_sending(&mut self, cpu: &Cpu) {
         let next = self.usart.host_sends(cpu.now());
         self.schedule(cpu, timer::RECEIVE, next);
+    }
+
+    pub fn set_transmitter_stuck(&mut self, cpu: &Cpu, stuck: bool) {
+        let done = self.usart.set_stuck(cpu, stuck);
+        self.schedule(cpu, timer::SEND, done);
     }
 
     fn schedule(&self, cpu: &Cpu, timer: u8, at: Option<u64>) {

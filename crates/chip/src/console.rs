@@ -2,8 +2,8 @@
 
 use super::bench::Bench;
 use host_sim::plant::Plant;
+use motorbench_core::HARDWARE;
 use motorbench_core::message::Sample;
-use motorbench_core::pins::CPU_HZ;
 use motorbench_core::protocol::{Frame, StreamDecoder};
 use motorbench_link::board::{Board, BoardError, KEEP_ALIVE};
 
@@ -77,7 +77,7 @@ impl<P: Plant> Board for ChipBoard<P> {
     }
 
     fn stay_alive(&mut self) -> Result<(), BoardError> {
-        let silent_s = (self.bench.cycle() - self.kept_alive) as f64 / f64::from(CPU_HZ);
+        let silent_s = (self.bench.cycle() - self.kept_alive) as f64 / f64::from(HARDWARE.clock_hz);
         if silent_s < KEEP_ALIVE.as_secs_f64() {
             return Ok(());
         }

@@ -3,7 +3,7 @@
 use std::cell::{Ref, RefMut};
 use std::fmt;
 
-use motorbench_core::pins::CPU_HZ;
+use motorbench_core::HARDWARE;
 
 use super::board::Board;
 use super::ffi::{Core, Progress};
@@ -120,7 +120,7 @@ impl<W: World> Chip<W> {
 
     /// Seconds since power-on.
     pub fn time_s(&self) -> f64 {
-        self.cycle() as f64 / f64::from(CPU_HZ)
+        self.cycle() as f64 / f64::from(HARDWARE.clock_hz)
     }
 
     /// Runs until `cycle` has been reached; the instruction then running is completed.
@@ -137,7 +137,7 @@ impl<W: World> Chip<W> {
     /// # Errors
     /// As [`Chip::run_until`].
     pub fn run_s(&mut self, duration_s: f64) -> Result<(), Crash> {
-        self.run_until(self.cycle() + (duration_s * f64::from(CPU_HZ)).round() as u64)
+        self.run_until(self.cycle() + (duration_s * f64::from(HARDWARE.clock_hz)).round() as u64)
     }
 
     /// Executes one instruction, or sleeps until the next event.
@@ -221,6 +221,16 @@ impl<W: World> Chip<W> {
     pub fn eeprom_writes(&self) -> (u64, u64) {
         let board = self.core.device();
         (board.eeprom.started, board.eeprom.completed)
+    }
+
+    /// Lets the converter end no conversion any more, or go on.
+    pub fn set_converter_dead(&mut self, dead: bool) {
+        self.core.device_mut().adc.dead = dead;
+    }
+
+    /// Lets the transmitter of the serial line keep the byte that it has, or send again.
+    pub fn set_transmitter_stuck(&mut self, stuck: bool) {
+        self.core.with_device(|board, cpu| board.set_transmitter_stuck(cpu, stuck));
     }
 
     /// The serial line.

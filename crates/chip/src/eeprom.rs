@@ -8,7 +8,7 @@
 
 use super::ffi::Cpu;
 use super::registers::*;
-use motorbench_core::pins::CPU_HZ;
+use motorbench_core::HARDWARE;
 
 const EERIE: u8 = 1 << 3;
 const EEMPE: u8 = 1 << 2;
@@ -17,9 +17,9 @@ const EERE: u8 = 1;
 const MODE_SHIFT: u8 = 4;
 const UNLOCKED_CYCLES: u64 = 4;
 /// Erase and write in one operation (table 8-1).
-const ATOMIC_CYCLES: u64 = CPU_HZ as u64 * 34 / 10_000;
+const ATOMIC_CYCLES: u64 = HARDWARE.clock_hz as u64 * 34 / 10_000;
 /// Erase only, or write only.
-const SINGLE_CYCLES: u64 = CPU_HZ as u64 * 18 / 10_000;
+const SINGLE_CYCLES: u64 = HARDWARE.clock_hz as u64 * 18 / 10_000;
 
 /// The memory and its programming logic.
 pub(super) struct Eeprom {

@@ -5,13 +5,15 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use motorbench_core::pins::{CPU_HZ, ENCODER_A, ENCODER_B};
+use motorbench_board::pins::{ENCODER_A, ENCODER_B};
+use motorbench_core::HARDWARE;
 
 use super::rig::Rig;
+use super::sensors::Noise;
 
 /// The lines pass no more edges of the motor than this, as those of an encoder do; it is more than the firmware is meant for.
 const MOST_EDGES_PER_S: u32 = 125_000;
-const EDGE_CYCLES: u64 = (CPU_HZ / MOST_EDGES_PER_S) as u64;
+const EDGE_CYCLES: u64 = (HARDWARE.clock_hz / MOST_EDGES_PER_S) as u64;
 /// So many counts the lines may be late, for instance after a blow; what is beyond that is lost, in whole rounds of their levels.
 const MOST_LATE: i64 = 64;
 const ROUND: i64 = 4;
@@ -27,7 +29,18 @@ pub enum EncoderFault {
     BStuck(bool),
     /// A and B exchanged against what [`Rig`] says: the feedback has the wrong sign.
     Swapped,
+    /// A and B touch: open collectors, of which the low one wins.
+    Shorted,
+    /// Line A changes by chance, `NOISE_PER_S` times a second, whatever the shaft does.
+    Noisy,
+    /// The coupling slips: the encoder turns by a tenth of what the shaft does.
+    Slipping,
 }
+
+/// Changes a second of a noisy line, as of a wire that lies beside the motor's 20 kHz.
+const NOISE_PER_S: f64 = 20_000.0;
+/// What a slipping coupling takes along.
+const SLIPPING: f64 = 0.1;
 
 /// Edges at a fixed rate, whatever the motor does.
 struct Train {
@@ -50,6 +63,12 @@ pub(super) struct Encoder {
     /// Lines inverted by a disturbance right now, and further inversions by their cycle.
     inverted: u8,
     disturbances: BTreeMap<u64, u8>,
+    noise: Noise,
+    /// When a noisy line changes next.
+    noise_at: Option<u64>,
+    /// The encoder turns by so much of the shaft, from this angle on.
+    coupling: f64,
+    offset_rad: f64,
 }
 
 impl Encoder {
@@ -64,12 +83,16 @@ impl Encoder {
             fault: None,
             inverted: 0,
             disturbances: BTreeMap::new(),
+            noise: Noise::new(rig.seed),
+            noise_at: None,
+            coupling: 1.0,
+            offset_rad: 0.0,
         }
     }
 
     /// Position in counts; the start lies in the middle of count 0.
     fn position(&self, angle_rad: f64) -> f64 {
-        angle_rad * self.counts_per_rad + 0.5
+        (angle_rad * self.coupling + self.offset_rad) * self.counts_per_rad + 0.5
     }
 
     /// The count that a perfect counter of the lines would have, positive when turning forward.
@@ -77,14 +100,24 @@ impl Encoder {
         self.count
     }
 
-    pub fn set_fault(&mut self, fault: Option<EncoderFault>) {
+    /// A fault that begins at this cycle and angle of the shaft.
+    pub fn set_fault(&mut self, now: u64, angle_rad: f64, fault: Option<EncoderFault>) {
+        let coupling = if fault == Some(EncoderFault::Slipping) { SLIPPING } else { 1.0 };
+        self.offset_rad += angle_rad * (self.coupling - coupling);
+        self.coupling = coupling;
+        self.noise_at = (fault == Some(EncoderFault::Noisy)).then(|| now + self.noise_gap());
         self.fault = fault;
+    }
+
+    /// Cycles until a noisy line changes again: by chance, as raindrops fall.
+    fn noise_gap(&mut self) -> u64 {
+        (-self.noise.uniform().ln() * f64::from(HARDWARE.clock_hz) / NOISE_PER_S) as u64 + 1
     }
 
     /// Starts or ends a train of edges. After it the lines go on from where they are.
     pub fn set_train(&mut self, now: u64, edges_per_s: Option<f64>) {
         self.train = edges_per_s.filter(|rate| *rate != 0.0).map(|rate| {
-            let interval_cycles = f64::from(CPU_HZ) / rate.abs();
+            let interval_cycles = f64::from(HARDWARE.clock_hz) / rate.abs();
             Train { forward: rate > 0.0, interval_cycles, next_cycle: now as f64 + interval_cycles }
         });
     }
@@ -104,6 +137,10 @@ impl Encoder {
         {
             self.inverted ^= lines;
             self.disturbances.remove(&at);
+        }
+        while let Some(at) = self.noise_at.filter(|at| *at <= cycle) {
+            self.inverted ^= ENCODER_A.mask();
+            self.noise_at = Some(at + self.noise_gap());
         }
         match &mut self.train {
             Some(train) if train.next_cycle <= cycle as f64 => {
@@ -138,13 +175,13 @@ impl Encoder {
             }
         };
         let disturbance = self.disturbances.keys().next().copied();
-        own.into_iter().chain(disturbance).min().map(|at| at.max(cycle + 1))
+        own.into_iter().chain(disturbance).chain(self.noise_at).min().map(|at| at.max(cycle + 1))
     }
 
     /// Cycles until the position leaves the present count.
     fn next_crossing(&self, angle_rad: f64, speed_rad_per_s: f64) -> Option<u64> {
         let inside = self.position(angle_rad) - self.lost as f64 - self.count as f64;
-        let per_cycle = speed_rad_per_s * self.counts_per_rad / f64::from(CPU_HZ);
+        let per_cycle = speed_rad_per_s * self.coupling * self.counts_per_rad / f64::from(HARDWARE.clock_hz);
         let distance = if !(0.0..1.0).contains(&inside) {
             return Some(1);
         } else if per_cycle > 0.0 {
@@ -169,7 +206,8 @@ impl Encoder {
             Some(EncoderFault::Unplugged) => (a, b) = (true, true),
             Some(EncoderFault::AStuck(level)) => a = level,
             Some(EncoderFault::BStuck(level)) => b = level,
-            Some(EncoderFault::Swapped) | None => {}
+            Some(EncoderFault::Shorted) => (a, b) = (a && b, a && b),
+            Some(EncoderFault::Swapped | EncoderFault::Noisy | EncoderFault::Slipping) | None => {}
         }
         (if a { ENCODER_A.mask() } else { 0 }) | (if b { ENCODER_B.mask() } else { 0 })
     }
@@ -205,7 +243,7 @@ mod tests {
     fn swapped_twice_is_not_swapped() {
         let mut encoder = Encoder::new(&Rig { encoder_swapped: true, ..Rig::default() });
         assert_eq!(turn(&mut encoder, 2), [B, A | B]);
-        encoder.set_fault(Some(EncoderFault::Swapped));
+        encoder.set_fault(0, 0.0, Some(EncoderFault::Swapped));
         assert_eq!(turn(&mut encoder, 2), [B, 0]);
         assert_eq!(turn(&mut encoder, 1), [A]);
     }
@@ -213,8 +251,42 @@ mod tests {
     #[test]
     fn stuck_line_follows_no_more() {
         let mut encoder = Encoder::new(&Rig::default());
-        encoder.set_fault(Some(EncoderFault::BStuck(false)));
+        encoder.set_fault(0, 0.0, Some(EncoderFault::BStuck(false)));
         assert_eq!(turn(&mut encoder, 4), [A, A, 0, 0]);
+    }
+
+    #[test]
+    fn shorted_lines_are_high_together() {
+        let mut encoder = Encoder::new(&Rig::default());
+        encoder.set_fault(0, 0.0, Some(EncoderFault::Shorted));
+        assert_eq!(turn(&mut encoder, 5), [0, A | B, 0, 0, 0]);
+    }
+
+    /// A tenth from where it began to slip, and all again from where it was repaired.
+    #[test]
+    fn a_slipping_coupling_takes_a_tenth_along() {
+        let mut encoder = Encoder::new(&Rig::default());
+        let whole = |counts: f64| counts / encoder.counts_per_rad;
+        let (begun, further) = (whole(1000.0), whole(1100.0));
+        encoder.set_fault(0, begun, Some(EncoderFault::Slipping));
+        assert!((encoder.position(begun) - 1000.5).abs() < 1e-6);
+        assert!((encoder.position(further) - 1010.5).abs() < 1e-6);
+        encoder.set_fault(0, further, None);
+        assert!((encoder.position(further) - 1010.5).abs() < 1e-6);
+        assert!((encoder.position(begun) - 910.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_noisy_line_changes_as_often_as_it_says() {
+        let mut encoder = Encoder::new(&Rig::default());
+        encoder.set_fault(0, 0.0, Some(EncoderFault::Noisy));
+        let (mut cycle, mut changes) = (0, 0);
+        while cycle < u64::from(HARDWARE.clock_hz / 10) {
+            cycle = encoder.next_edge(cycle, 0.0, 0.0).expect("noise");
+            encoder.update(cycle, 0.0);
+            changes += 1;
+        }
+        assert!((f64::from(changes) - 0.1 * NOISE_PER_S).abs() < 200.0, "{changes}");
     }
 
     #[test]
@@ -231,8 +303,8 @@ mod tests {
         for fast in [1e4, -1e7, 1e300, -1e300, f64::INFINITY, f64::NAN] {
             let mut encoder = Encoder::new(&Rig::default());
             let mut edges = 0;
-            for cycle in 0..u64::from(CPU_HZ / 1000) {
-                let (before, angle_rad) = (encoder.count, fast * cycle as f64 / f64::from(CPU_HZ));
+            for cycle in 0..u64::from(HARDWARE.clock_hz / 1000) {
+                let (before, angle_rad) = (encoder.count, fast * cycle as f64 / f64::from(HARDWARE.clock_hz));
                 encoder.update(cycle, angle_rad);
                 edges += (encoder.count - before).abs();
                 assert!(encoder.next_edge(cycle, angle_rad, fast).is_none_or(|at| at > cycle));

@@ -256,7 +256,7 @@ impl<D: Device> Core<D> {
             assert!(!avr.is_null(), "simavr does not know the ATmega328P");
             sim::avr_init(avr);
             let shared = Self::connect(avr, device);
-            (*avr).frequency = motorbench_core::pins::CPU_HZ;
+            (*avr).frequency = motorbench_core::HARDWARE.clock_hz;
             (*avr).options.set_no_pullups(1);
             (*avr).sleep = Some(skip_sleep);
             (*avr).custom.data = shared.cast();

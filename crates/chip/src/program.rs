@@ -127,8 +127,8 @@ pub fn firmware_elf() -> Result<PathBuf, ProgramError> {
 }
 
 /// What the firmware is made of, in the workspace.
-const SOURCES: [&str; 7] =
-    ["core", "src", "avr-specs", "Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml"];
+const SOURCES: [&str; 8] =
+    ["boards", "core", "src", "avr-specs", "Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml"];
 
 /// The firmware for who wants to run it, not to change it: what was built before is taken where it is newer than all its
 /// sources, and where cargo cannot run, which leaves `note` a word of it.
@@ -259,10 +259,11 @@ mod tests {
             let file = File::options().append(true).create(true).open(path).unwrap();
             file.set_modified(SystemTime::now() - Duration::from_secs(age_s)).unwrap();
         };
-        for inner in [".cargo", "avr-specs", "core", "src/deep"] {
+        for inner in [".cargo", "avr-specs", "boards", "core", "src/deep"] {
             fs::create_dir_all(root.join(inner)).unwrap();
         }
         let others = [
+            "boards/board.rs",
             "core/Cargo.toml",
             "Cargo.toml",
             "Cargo.lock",

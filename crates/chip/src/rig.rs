@@ -1,6 +1,6 @@
 //! How motor, sensors and chip are wired.
 
-use motorbench_core::pins::{BRIDGE_DIRECTION, BRIDGE_ENABLE, BRIDGE_PWM};
+use motorbench_board::pins::{BRIDGE_DIRECTION, BRIDGE_ENABLE, BRIDGE_PWM};
 
 use super::sensors::{Acs712, SupplyDivider, Tachogenerator};
 use super::world::Outputs;
@@ -76,7 +76,7 @@ impl Default for Rig {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use motorbench_core::pins::Pin;
+    use motorbench_board::pins::Pin;
 
     fn driving(pins: &[&Pin]) -> Outputs {
         let mut outputs = Outputs { direction_b: 0xFF, direction_d: 0xFF, ..Outputs::default() };

@@ -54,7 +54,7 @@ impl<W: World> Serial<'_, W> {
         self.chip.core.device().usart.errors
     }
 
-    /// Speed of the host, in baud; [`BAUD`](motorbench_core::pins::BAUD) from the start.
+    /// Speed of the host, in baud; [`BAUD`](motorbench_core::HARDWARE.baud) from the start.
     pub fn set_baud(&mut self, baud: u32) {
         self.chip.core.device_mut().usart.host_baud = baud;
     }

@@ -5,7 +5,8 @@
 //! every other PWM period. Encoder edges come at the cycle in which the angle passes the boundary: it is predicted from the
 //! speed, and predicted anew if the plant is then found on the near side.
 
-use motorbench_core::pins::{CPU_HZ, CURRENT_SENSE, EMERGENCY_STOP, PWM_STEPS, SUPPLY_SENSE, TACHOGENERATOR};
+use motorbench_board::pins::{CURRENT_SENSE, EMERGENCY_STOP, SUPPLY_SENSE, TACHOGENERATOR};
+use motorbench_core::HARDWARE;
 
 use super::encoder::Encoder;
 use super::recorder::{Recording, Row};
@@ -15,7 +16,7 @@ use super::world::{Outputs, World};
 use host_sim::plant::{Inputs, Plant};
 
 /// Longest time for which the plant is left alone. While the PWM runs, its edges come more often than this.
-const LONGEST_STEP_CYCLES: u64 = 2 * PWM_STEPS as u64;
+const LONGEST_STEP_CYCLES: u64 = 2 * HARDWARE.pwm_steps as u64;
 
 /// Everything outside the chip; [`super::Bench`] is its handle.
 pub struct Surroundings<P> {
@@ -67,7 +68,7 @@ impl<P: Plant> Surroundings<P> {
 
     fn advance_plant(&mut self, cycle: u64) {
         if cycle > self.cycle {
-            let dt_s = (cycle - self.cycle) as f64 / f64::from(CPU_HZ);
+            let dt_s = (cycle - self.cycle) as f64 / f64::from(HARDWARE.clock_hz);
             self.plant.advance(dt_s, &self.inputs);
             self.cycle = cycle;
         }
@@ -77,7 +78,7 @@ impl<P: Plant> Surroundings<P> {
     pub(super) fn row(&self) -> Row {
         Row {
             cycle: self.cycle,
-            t_s: self.cycle as f64 / f64::from(CPU_HZ),
+            t_s: self.cycle as f64 / f64::from(HARDWARE.clock_hz),
             bridge: self.inputs.bridge,
             duty: self.outputs.pwm.duty(),
             angle_rad: self.plant.angle_rad(),

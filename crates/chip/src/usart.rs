@@ -8,7 +8,7 @@
 
 use std::collections::VecDeque;
 
-use motorbench_core::pins::{BAUD, CPU_HZ};
+use motorbench_core::HARDWARE;
 
 use super::ffi::Cpu;
 use super::registers::*;
@@ -66,6 +66,8 @@ pub(super) struct Usart {
     pub to_host: Vec<TimedByte>,
     pub errors: SerialErrors,
     pub host_baud: u32,
+    /// A fault: what is in the transmitter stays there.
+    stuck: bool,
 }
 
 impl Usart {
@@ -80,7 +82,8 @@ impl Usart {
             on_line: None,
             to_host: Vec::new(),
             errors: SerialErrors::default(),
-            host_baud: BAUD,
+            host_baud: HARDWARE.baud,
+            stuck: false,
         }
     }
 
@@ -102,7 +105,7 @@ impl Usart {
     }
 
     fn host_bit_cycles(&self) -> f64 {
-        f64::from(CPU_HZ) / f64::from(self.host_baud)
+        f64::from(HARDWARE.clock_hz) / f64::from(self.host_baud)
     }
 
     /// Start bit, eight data bits, stop bit.
@@ -177,8 +180,18 @@ impl Usart {
         done
     }
 
+    /// Lets the transmitter keep its byte, or go on. Returns when the byte that it had will have left.
+    pub fn set_stuck(&mut self, cpu: &Cpu, stuck: bool) -> Option<u64> {
+        let released = self.stuck && !stuck && self.sending.is_some();
+        self.stuck = stuck;
+        released.then(|| cpu.now() + frame_cycles(cpu))
+    }
+
     /// The byte in the transmit shift register has left at `when`. Returns when the next one will have.
     pub fn sent(&mut self, cpu: &Cpu, when: u64) -> Option<u64> {
+        if self.stuck {
+            return None;
+        }
         let byte = self.sending.take()?;
         if self.speeds_agree(cpu) {
             self.to_host.push(TimedByte { cycle: when, byte });

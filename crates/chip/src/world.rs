@@ -1,6 +1,6 @@
 //! What is connected to the chip's pins.
 
-use motorbench_core::pins::Pin;
+use motorbench_board::pins::Pin;
 
 use super::pwm::PwmSetting;
 
@@ -69,7 +69,7 @@ impl World for Unconnected {
         None
     }
     fn port_d_inputs(&self) -> u8 {
-        motorbench_core::pins::EMERGENCY_STOP.mask()
+        motorbench_board::pins::EMERGENCY_STOP.mask()
     }
     fn analog_in_v(&mut self, _: u64, _: u8) -> f64 {
         0.0

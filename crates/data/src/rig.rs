@@ -1,4 +1,4 @@
-//! The rig file: what was measured on, as far as its owner knows.
+//! The rig file: the known values of motor, bridge and sensors.
 //!
 //! ```toml
 //! [supply]
@@ -31,7 +31,7 @@
 //! viscous_friction_Nm_s = 5e-6
 //! ```
 
-use motorbench_core::pins::{CURRENT_SAMPLING_STEP, PWM_STEPS};
+use motorbench_core::HARDWARE;
 use motorbench_model::motor::{self, MotorParameters, NonPhysical};
 use motorbench_text::keys;
 use serde::{Deserialize, Serialize};
@@ -185,7 +185,7 @@ impl Timing {
         command_delay_s: Some(0.12e-3),
         current_late_s: Some(0.033e-3),
         readings: Readings::Mean,
-        current_sampled_at: Some(CURRENT_SAMPLING_STEP as f64 / PWM_STEPS as f64),
+        current_sampled_at: Some(HARDWARE.current_sampling_step as f64 / HARDWARE.pwm_steps as f64),
         current_window_s: None,
         speed_window_s: None,
         speed_ahead_s: None,

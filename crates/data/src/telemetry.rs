@@ -2,9 +2,9 @@
 
 use crate::recording::{Channel, Recording};
 use crate::rig::{CurrentSensor, Encoder, NominalMotor, Rig, Supply, Tachogenerator, Timing};
+use motorbench_core::HARDWARE;
 use motorbench_core::converter;
 use motorbench_core::message::{Mode, Sample, State};
-use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
 use std::f64::consts::TAU;
@@ -45,7 +45,7 @@ pub fn recording_of(name: &str, samples: &[Sample], settings: &Settings, mode: M
     let first = samples.first().map_or(0, |sample| sample.tick);
     let column = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
     let driven = |sample: &Sample, value: f64| if sample.state.has(State::ENABLED) { value } else { f64::NAN };
-    let duty = |sample: &Sample| f64::from(sample.duty) / f64::from(PWM_STEPS);
+    let duty = |sample: &Sample| f64::from(sample.duty) / f64::from(HARDWARE.pwm_steps);
     let supply_v = |sample: &Sample| f64::from(sample.supply) / f64::from(VOLT);
     let mut recording = Recording::new(name);
     recording.set(Channel::Time, column(&|sample| f64::from(sample.tick.wrapping_sub(first)) / rate_hz));

@@ -1,4 +1,4 @@
-//! The core's compensation from what is known of friction and bridge, and what it gains near standstill.
+//! The core's compensation of friction and bridge drop, and its gain near standstill.
 
 use super::law::{ControlLaw, setting_name};
 use super::tachogenerator::Tachogenerator;
@@ -24,34 +24,34 @@ pub fn model_of(losses: &DryLosses, motor: &MotorParameters) -> Model {
     there.fold(Model::linear(*motor), |model, (id, value)| model.with(known(id), vec![value]))
 }
 
-/// Slow motion to and fro about standstill: part of the no-load speed (or a turn), in which time the profile takes it,
-/// how long each way, how often.
+/// Slow motion about standstill: part of the no-load speed (or a turn), time of the profile, time in each direction,
+/// repetitions.
 const SLOW_SPEED_PART: f64 = 0.03;
 const SLOW_TURN_RAD: f64 = 0.6;
 const SLOW_S: f64 = 0.25;
 const SLOW_WAY_S: f64 = 0.6;
 const SLOW_WAYS: usize = 4;
 
-/// Tracking error near standstill, simulated: what the compensation is for.
+/// Simulated tracking error near standstill, which the compensation reduces.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Standstill {
     /// Which law.
     pub law: ControlLaw,
-    /// To and fro between plus and minus this, in rad/s or rad.
+    /// Between plus and minus this, in rad/s or rad.
     pub reference: f64,
-    /// Root mean square of the error in rad/s or rad, without the compensation; `null`: a trip came.
+    /// Root mean square error in rad/s or rad without the compensation; `null`: a trip came.
     pub without: Option<f64>,
-    /// With it.
+    /// The same with compensation.
     pub with: Option<f64>,
 }
 
 impl Standstill {
-    /// For people.
+    /// As text.
     pub fn text(&self) -> String {
         let unit = if self.law.is_position() { "rad" } else { "rad/s" };
         let number = |value: Option<f64>| value.map_or("a trip".into(), |value| format!("{value:.3} {unit}"));
         format!(
-            "tracking error of the {} to and fro between +-{:.3} {unit}:\n    {} without compensation, {} with it\n",
+            "tracking error of the {} between +-{:.3} {unit}:\n    {} without compensation, {} with it\n",
             self.law.title(),
             self.reference,
             number(self.without),
@@ -79,7 +79,7 @@ pub fn near_standstill(
     };
     let error = |compensated: bool| {
         let mut settings = *settings;
-        // Slow: friction and drop are nearly all there is.
+        // At low speed friction and drop dominate.
         settings.set(Param::Acceleration, acceleration as f32).map_err(|rule| rule.of(Param::Acceleration))?;
         if !compensated {
             for param in [Param::CompFrictionForward, Param::CompFrictionReverse, Param::CompDrop] {
@@ -112,18 +112,18 @@ pub struct CompensationSetting {
     pub value: f64,
 }
 
-/// A loss that the core cannot make up for.
+/// A loss that exceeds the core's compensation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{name} would be {value:.2} V, the core adds between 0 and 8 V: check the model's friction and bridge drop")]
 pub struct OutOfRange {
-    /// Which setting.
+    /// The setting.
     pub name: String,
-    /// What it would be.
+    /// Its value.
     pub value: f64,
 }
 
-/// Part of what is known that is made up for. More than all of it drives a limit cycle; friction of a motor varies by
-/// about this much over a turn and with its temperature.
+/// Part of the known losses that is compensated. Full compensation would cause a limit cycle: friction of a motor
+/// varies by about this much over a turn and with its temperature.
 pub const PART: f64 = 0.8;
 
 /// Settings of the compensation: friction torque as the voltage at rest that balances it, `c R / k`, and the drop.

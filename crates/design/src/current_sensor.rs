@@ -1,7 +1,7 @@
-//! What a missing current sensor costs an LQR: the loops for one specification with the current measured, with the current
-//! of the core's observer and of a Kalman filter, and without it.
+//! What a missing current sensor costs an LQR. For one specification it compares loops with the current measured, with
+//! that of the core's observer, with that of a Kalman filter, and without it.
 //!
-//! The core runs all but the Kalman filter; the gains are not quantised, so that the four differ in the current alone.
+//! The core runs all but the Kalman filter. The gains are not quantised, so that the four differ only in the current.
 
 use super::law::{ControlLaw, Signal};
 use super::observer::{CurrentObserver, Unknown};
@@ -12,7 +12,7 @@ use super::specification::{Specification, Speed};
 use motorbench_model::motor::MotorParameters;
 use serde::Serialize;
 
-/// What a Kalman filter may take for granted: of these the one whose loop withstands most is taken.
+/// Assumptions of the Kalman filter that are tried; the one with the most robust loop is taken.
 const FILTERS: [Unknown; 4] = [
     Unknown { voltage: 1.0, torque: 0.1, speed: 0.1 },
     Unknown { voltage: 1.0, torque: 0.1, speed: 1.0 },
@@ -22,7 +22,7 @@ const FILTERS: [Unknown; 4] = [
 /// Ticks of the plain step in which the voltage has its peak.
 const PLAIN_STEP_TICKS: usize = 1000;
 
-/// Where the law has the current from.
+/// Source of the current of a law.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CurrentFrom {
@@ -32,7 +32,7 @@ pub enum CurrentFrom {
     Observer,
     /// A Kalman filter.
     Kalman,
-    /// It does without.
+    /// No current.
     Nothing,
 }
 
@@ -77,7 +77,7 @@ pub struct LoopWith {
 pub struct Comparison {
     /// Where the current is from.
     pub current: CurrentFrom,
-    /// `None` where no loop that is fast enough is robust.
+    /// `None` if no loop that is fast enough is robust.
     #[serde(rename = "loop")]
     pub found: Option<LoopWith>,
 }
@@ -142,7 +142,7 @@ pub fn plain_step_peaks(sampled: &SampledLoop, gains: &Gains) -> [f64; 2] {
     [voltage, plain.row(2).amax()]
 }
 
-/// The comparison for people; nothing where there is none.
+/// The comparison as text; empty if there is none.
 pub fn table(law: ControlLaw, comparison: &[Comparison]) -> String {
     if comparison.is_empty() {
         return String::new();

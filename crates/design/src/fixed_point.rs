@@ -1,4 +1,4 @@
-//! A design as the core holds it: settings, and the gains its fixed-point formats make of them.
+//! A design as the core holds it: settings, and the gains in its fixed-point formats.
 
 use super::law::{ControlLaw, Signal, setting_name, setting_unit};
 use super::observer::winding_time_ms;
@@ -178,7 +178,7 @@ pub(super) fn refusal(error: BuildError, value: f64) -> DesignError {
     }
 }
 
-/// What to do about a setting that the core cannot hold: it depends on what the setting follows from.
+/// Advice on a setting that the core cannot hold, by the quantity that it follows from.
 fn advice(error: BuildError) -> &'static str {
     use Rule::{NotAllowed, NotFinite, NotPowerOfTwo, RoundsToZero, TooLarge, TooSmall};
     match (error.param, error.rule) {
@@ -187,7 +187,7 @@ fn advice(error: BuildError) -> &'static str {
         (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, _) => "raise current-limit-A",
         (Param::Acceleration, TooLarge) => "check the model's inertia and torque constant, or lower current-limit-A",
         (Param::Acceleration, _) => {
-            "raise current-limit-A, of which the profile takes a third; or correct inertia and torque constant of the model, if the motor is not as heavy as that"
+            "raise --current-limit-A (the profile uses a third of it), or correct inertia and torque constant of the model"
         }
         (Param::TachoGain | Param::SpeedFilter, _) => "check the tachogenerator's gain",
         (
@@ -237,6 +237,7 @@ pub fn rig_settings(
         (Param::SupplyVoltage, bench.supply_v),
         (Param::VoltageLimit, bench.supply_v),
         (Param::Resistance, motor.resistance_ohm),
+        (Param::TorqueConstant, motor.torque_constant_nm_per_a),
         (Param::CurrentLimit, current_limit_a),
         (Param::TripPeak, TRIP_PEAK * current_limit_a),
         (Param::TripContinuous, TRIP_CONTINUOUS * current_limit_a),
@@ -247,12 +248,8 @@ pub fn rig_settings(
         list.set(param, value)?;
     }
     set_speed_sensor(&mut list, motor, bench, specification)?;
-    if observes_current(bench) {
-        list.set(Param::TorqueConstant, motor.torque_constant_nm_per_a)?;
-        list.set(Param::WindingTime, winding_time_ms(motor, 1.0 / bench.tick_rate_hz))?;
-    } else {
-        list.set(Param::WindingTime, 0.0)?;
-    }
+    let observed = observes_current(bench);
+    list.set(Param::WindingTime, if observed { winding_time_ms(motor, 1.0 / bench.tick_rate_hz) } else { 0.0 })?;
     Ok(list)
 }
 

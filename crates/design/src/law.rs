@@ -19,7 +19,7 @@ pub enum ControlLaw {
     PositionLqr,
 }
 
-/// What a feedback gain acts on.
+/// The signal that a feedback gain acts on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signal {
     /// Position, from the encoder's count at the tick.

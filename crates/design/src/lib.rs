@@ -69,7 +69,7 @@ use specification::{ImpossibleSpecification, Specification, Speed};
 use tachogenerator::Tachogenerator;
 use weights::{BadWeight, Weights};
 
-/// What surrounds the motor.
+/// The surroundings of the motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bench {
     /// Motor supply, in volts.
@@ -102,7 +102,7 @@ impl Default for Bench {
     }
 }
 
-/// Why there is no design.
+/// Why a design failed.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DesignError {
     /// The model is no motor.
@@ -150,7 +150,7 @@ pub enum DesignError {
         advice: &'static str,
     },
     /// No loop came up to the specification.
-    #[error("the {law} does not become fast enough: {reached}; ask for less, or allow more overshoot")]
+    #[error("the {law} cannot be that fast: {reached}. Ask for a lower bandwidth, or allow more overshoot")]
     TooSlow {
         /// Which law.
         law: &'static str,
@@ -193,7 +193,7 @@ pub enum DesignError {
     },
     /// The voltage comes too late for a loop that has it in its states.
     #[error(
-        "the model's actuation_delay.delay_s = {delay_s}: a design reckons with {most_s} at most at this tick rate (a tachogenerator's speed_lag.time_constant_s is in it); find what holds the voltage or the reading up, and take it away"
+        "the model's actuation_delay.delay_s = {delay_s} s exceeds the {most_s} s that a design can handle at this tick rate (a tachogenerator's speed_lag.time_constant_s is included). Find and remove what delays the voltage or the reading"
     )]
     Delay {
         /// The model's.
@@ -216,7 +216,7 @@ pub enum DesignError {
     },
     /// The same, where no numbers could tell the loop that they ask for.
     #[error(
-        "the {law} with {options} has no gains: the weights are out of proportion, the largest is {times:.0e} times the smallest; each is one over the square of a deviation that is acceptable, so bring them nearer together, or give the deviations (--largest, --largest-V)"
+        "the {law} with {options} has no solution: the largest weight is {times:.0e} times the smallest. A weight is one over the square of an acceptable deviation. Bring the weights closer together, or give the deviations (--largest, --largest-V)"
     )]
     OutOfProportion {
         /// Which law.
@@ -267,7 +267,7 @@ pub struct DesignedGain {
     pub held: f64,
 }
 
-/// What the core did in closed loop with the motor of the model, behind an ideal bridge.
+/// The core in closed loop with the motor of the model, behind an ideal bridge.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TrialFigures {
     /// Step of the reference, in rad/s or rad.

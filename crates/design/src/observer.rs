@@ -167,7 +167,7 @@ mod tests {
         }
     }
 
-    /// The core's own arithmetic with the settings of a design, against the observer that the design reckons with.
+    /// The core's own arithmetic with the settings of a design, compared with the observer that the design assumes.
     #[test]
     fn the_core_observes_what_the_design_says() {
         use motorbench_core::observer::{ObserverConfig, ObserverState};

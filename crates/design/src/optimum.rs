@@ -1,4 +1,4 @@
-//! The gains a law can hold that cost least: linear-quadratic control when not every state is fed back.
+//! The gains of least cost that a law can have: linear-quadratic control when not every state is fed back.
 //!
 //! With every state fed back the Riccati equation gives the gains. The core feeds back what it measures: not the
 //! voltage that is still on its way, not the speed between two ticks. Among the gains on the measured signals the

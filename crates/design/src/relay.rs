@@ -70,7 +70,7 @@ pub enum RelayError {
     },
     /// The motor stopped on the way, where friction is not constant.
     #[error(
-        "the motor nearly stands still within the cycle, so that it is friction that cycles and not the loop: raise the reference, or lower the relay's amplitude"
+        "the motor nearly stops within the cycle, so friction causes the cycle, not the loop: raise the reference, or lower the relay's amplitude"
     )]
     Standstill,
     /// The core switched off.

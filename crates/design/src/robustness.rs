@@ -1,4 +1,4 @@
-//! What a loop must withstand before it is offered.
+//! The robustness that a loop needs before it is offered.
 
 use super::law::ControlLaw;
 use super::sampled_loop::{Gains, SampledLoop, Sampling};

@@ -1,5 +1,4 @@
-//! The loop as the core samples it: motor, hold, delay, what the sensors make of speed and current, derivative filter,
-//! integral.
+//! The loop as the core samples it: motor, hold, delay, sensors of speed and current, derivative filter, integral.
 //!
 //! Within a tick: inputs are taken, the law is computed, and [`DRIVE_DELAY_S`] later the bridge follows. The encoder
 //! gives the position at the tick and the speed as the mean over the tick before (with fewer than one edge a tick, over

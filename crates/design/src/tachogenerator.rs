@@ -1,4 +1,4 @@
-//! A tachogenerator as the loop's speed sensor: what the converter makes of it, and what of that a loop must bear.
+//! A tachogenerator as the loop's speed sensor: the converter's view of it, and its limits for a loop.
 //!
 //! The firmware converts its voltage, halved, once a millisecond (`speed_sensor` 1), and sees the magnitude: the sign is the
 //! drive's, and turns near standstill alone. There is no position in it.

@@ -108,7 +108,7 @@ fn a_delay_of_the_voltage_is_in_the_loop() {
     assert!(matches!(error, DesignError::WithEffects { .. }), "{error}");
     let bench = Bench { delay_s: 0.03, ..Bench::default() };
     let error = design(&motor, &bench, ControlLaw::SpeedPid, &pivt6_at_4_hz()).unwrap_err().to_string();
-    assert!(error.contains("actuation_delay.delay_s = 0.03: a design reckons with 0.02 at most"), "{error}");
+    assert!(error.contains("actuation_delay.delay_s = 0.03 s exceeds the 0.02 s"), "{error}");
 }
 
 fn pivt6_at_4_hz() -> Specification {
@@ -201,7 +201,7 @@ fn bad_input_is_refused_each_with_its_own_message() {
                 Bench::default(),
                 Specification { current_limit_a: 0.1, ..good },
             ),
-            "acceleration = 0.04 rad/s2 is below its range: raise current-limit-A, of which the profile takes a third",
+            "acceleration = 0.04 rad/s2 is below its range: raise --current-limit-A (the profile uses a third of it)",
         ),
         (
             refused(motor, Bench { supply_v: 1e-3, ..Bench::default() }, good),
@@ -209,10 +209,7 @@ fn bad_input_is_refused_each_with_its_own_message() {
         ),
         (of(Specification { overshoot_percent: 150.0, ..good }), "overshoot-percent = 150"),
         (of(Specification { current_limit_a: 0.0, ..good }), "current-limit-A = 0"),
-        (
-            of(Specification { speed: Speed::SettlingS(0.006), ..good }),
-            "does not become fast enough: it settles in 0.0",
-        ),
+        (of(Specification { speed: Speed::SettlingS(0.006), ..good }), "cannot be that fast: it settles in 0.0"),
         (
             refused(MotorParameters { inertia_kg_m2: -1.0, ..motor }, Bench::default(), good),
             "inertia_kg_m2 = -1: it must be a positive number",
@@ -485,7 +482,7 @@ impl Draw {
     /// Two bits of duty and a few of the measurement: nothing finer can be held.
     fn allowed(&self, design: &Design) -> f64 {
         let get = |param| f64::from(design.settings.all.get(param));
-        let duty_v = self.bench.supply_v / f64::from(motorbench_core::pins::PWM_STEPS);
+        let duty_v = self.bench.supply_v / f64::from(motorbench_core::HARDWARE.pwm_steps);
         if design.law.is_position() {
             return 3.0 * std::f64::consts::TAU / get(Param::CountsPerRev) + 2.0 * duty_v / design.held.reference;
         }
@@ -636,9 +633,9 @@ fn what_is_offered_by_a_tachogenerator_turns_about() {
     assert!(offered >= MOTORS as usize && found.lost > 0, "{offered} {}", found.lost);
 }
 
-/// The same with motors that nobody has seen.
+/// The same with freshly drawn motors.
 #[test]
-fn what_is_offered_by_a_fresh_tachogenerator_turns_about() {
+fn designs_for_freshly_drawn_tachogenerators_reverse() {
     const MOTORS: u64 = 6;
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
     let first = now.as_secs();
@@ -697,9 +694,12 @@ fn given_weights_are_checked() {
         (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1e-9], 1.0, 10.0), "no gains with which a step settles within 20 s"),
         (
             refused(ControlLaw::SpeedLqr, &[1e30, 0.0, 1.0], 1.0, 10.0),
-            "--q 1e30,0,1 --r 1 has no gains: the weights are",
+            "--q 1e30,0,1 --r 1 has no solution: the largest weight is",
         ),
-        (refused(ControlLaw::SpeedLqr, &[1e-30, 0.0, 1e-30], 1.0, 10.0), "the largest is 1e30 times the smallest"),
+        (
+            refused(ControlLaw::SpeedLqr, &[1e-30, 0.0, 1e-30], 1.0, 10.0),
+            "the largest weight is 1e30 times the smallest",
+        ),
         (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by 36.7 %"),
         (refused(ControlLaw::PositionLqr, &[1.0, 0.0, 1.0], 1.0, 10.0), "the weights are those of a speed loop"),
     ] {

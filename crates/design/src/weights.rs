@@ -1,4 +1,4 @@
-//! Q and R: the weights of the linear-quadratic cost, as a person gives them and as the search finds them.
+//! Q and R: the weights of the linear-quadratic cost, as given by hand and as the search finds them.
 //!
 //! The cost is the sum over all ticks of `q1 x1^2 + q2 x2^2 + ... + r u^2`, with the states of [`states`] and the voltage
 //! `u`. Only the ratios count: twice all weights are the same gains.

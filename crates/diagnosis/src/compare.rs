@@ -301,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_constant_has_no_fit() {
+    fn a_constant_channel_has_no_fit() {
         let third = [1.0 / 3.0, 1.0 / 3.0 + 1e-12, 1.0 / 3.0, 1.0 / 3.0];
         let written = [0.333_333_333; 4];
         assert_eq!([distance(&third, &written).1, distance(&[0.0; 4], &[0.0; 4]).1], [None, None]);

@@ -1,6 +1,5 @@
-//! Recordings made ready for identification: what drove the motor, what was measured, and which part is kept back.
+//! Recordings prepared for identification: the command, the measured quantities, and the held-out part.
 
-use motorbench_core::pins;
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
 use std::ops::Range;
@@ -34,49 +33,50 @@ pub use held_rotor::HeldRotor;
 pub use origin::Origin;
 pub use speed_window::Window;
 
-/// Stretches shorter than this are of no use.
+/// Shorter stretches are not used.
 const SHORTEST_STRETCH: usize = 20;
-/// Less than this shows few of the causes, and those hardly apart.
+/// A shorter recording shows few causes, and hardly separates them.
 const SHORTEST_S: f64 = 2.0;
-/// Rows farther apart show nothing of a motor's dynamics.
+/// Rows farther apart do not show the motor's dynamics.
 const LONGEST_INTERVAL_S: f64 = 0.1;
-/// A row longer than so many usual ones is over missing rows.
+/// A row longer than this many usual ones spans missing rows.
 pub const LONG_ROW: f64 = 1.5;
-/// Span over which an angle is differentiated: short against the motor, long against the encoder's step.
+/// Time over which an angle is differentiated: short against the motor, long against the encoder's step.
 const DIFFERENCE_SPAN_S: f64 = 0.005;
-/// Blocks of this length are kept back in turn, one in [`KEPT_BACK_EVERY`]; shorter in short recordings.
+/// Blocks of this length are held out in turn, one in [`HELD_OUT_EVERY`]; shorter in short recordings.
 const BLOCK_S: f64 = 0.25;
 const FEWEST_BLOCKS: f64 = 24.0;
-const KEPT_BACK_EVERY: usize = 3;
+const HELD_OUT_EVERY: usize = 3;
 /// Which of them is kept back.
-const KEPT_BACK: usize = 1;
-/// An error below this share of a quantity's spread is not worth a name: holding terms over half a millisecond, a friction
-/// that bends before it slips and reading a speed as a mean cost up to as much.
+const HELD_OUT: usize = 1;
+/// An error below this share of a quantity's spread is not named. Terms held over half a millisecond, a friction that
+/// bends before it slips, and a speed read as a mean cause up to as much.
 pub const TOLERANCE: f64 = 0.01;
-/// Speeds from row to row share a count with the next: by their unrest they seem noisier by this factor than counting makes
-/// them, of which the root of 7/4 is for third differences of rounding and the rest for the whole numbers that these are.
+/// Speeds from row to row share a count with the next. Their scatter makes them seem noisier by this factor than
+/// counting does: the root of 7/4 comes from third differences of rounding, the rest from the whole numbers.
 const SHARED_COUNTS: f64 = 1.7;
-/// A row whose command is this share of the greatest one has that magnitude...
+/// A row whose command is this share of the greatest one has its magnitude...
 const SAME_MAGNITUDE: f64 = 0.97;
-/// ... and where nothing else happens so many rows have it, of those in which the motor is driven or turns...
+/// ... and if only one magnitude was played, at least this share of the rows have it, of those in which the motor is
+/// driven or turns...
 const ONE_MAGNITUDE_ROWS: f64 = 0.98;
-/// ... by more than this share of the most.
+/// ... by more than this share of the greatest.
 const AT_REST: f64 = 0.05;
 /// PWM frequency of the firmware, where the rig file gives none.
-pub const PWM_HZ: f64 = pins::PWM_HZ as f64;
-/// A share of the supply is no more than all of it, but for its rounding.
+pub const PWM_HZ: f64 = motorbench_core::HARDWARE.pwm_hz as f64;
+/// A share of the supply is at most one, apart from rounding.
 const GREATEST_DUTY: f64 = 1.05;
 
-/// A measured quantity that the simulation has to meet.
+/// A measured quantity that the simulation is compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
     /// Armature current.
     Current,
     /// Speed as recorded.
     Speed,
-    /// Speed as recorded, which is a difference of counts over a [`Stretch::window`].
+    /// Speed as recorded, a difference of counts over a [`Stretch::window`].
     MeanSpeed,
-    /// Speed as recorded, which is timed by [`Origin::edge_timing`].
+    /// Speed as recorded, timed by [`Origin::edge_timing`].
     TimedSpeed,
     /// Speed as the difference of recorded angles over a [`Stretch::window`].
     AngleDifference,
@@ -92,7 +92,7 @@ impl Output {
         }
     }
 
-    /// What it is, for a person: the title of an axis, with its unit.
+    /// Title of an axis, with its unit.
     pub fn title(self) -> &'static str {
         match self {
             Self::Current => Channel::Current.title(),
@@ -117,19 +117,19 @@ pub struct Measured {
     pub output: Output,
     /// Its samples, missing ones as NaN.
     pub values: Vec<f64>,
-    /// Standard deviation of its noise, from its own sample-to-sample unrest.
+    /// Standard deviation of its noise, from its scatter from sample to sample.
     pub noise: f64,
-    /// What rounding to whole counts makes of it, or edges anywhere in their row; 0 of what is not counted.
+    /// Standard deviation from rounding to whole counts, or from edges anywhere in their row; 0 if it is not counted.
     pub of_counting: f64,
-    /// Unrest up to this may be that of counting alone.
+    /// Scatter up to this may come from counting alone.
     pub unrest_of_counting: f64,
-    /// What no model of a bench is asked to know better: [`TOLERANCE`] of its spread, or the reading's own step.
+    /// Error that is tolerated of a model: [`TOLERANCE`] of its spread, or the reading's own step.
     pub tolerance: f64,
 }
 
 impl Measured {
-    /// Standard deviation of the noise in what a model leaves of it. Where counts are few they go up so evenly that their
-    /// unrest tells less than all of it.
+    /// Standard deviation of the noise in its residual. Few counts increase so evenly that their scatter underestimates
+    /// it.
     pub fn noise_in(&self, residual: &[f64]) -> f64 {
         let unrest = noise(residual);
         if unrest < self.unrest_of_counting { self.of_counting } else { unrest.max(self.of_counting) }
@@ -142,25 +142,25 @@ impl Measured {
         }
     }
 
-    /// Error of a model that is as good as can be asked, where the sensor has this noise.
+    /// Error of the best model that can be expected, with this noise of the sensor.
     pub fn least_error(&self, noise: f64) -> f64 {
         noise.hypot(self.tolerance)
     }
 }
 
-/// Rows without a gap; the simulation begins anew with them.
+/// Rows without a gap; the simulation restarts with each stretch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stretch {
-    /// Which.
+    /// Its rows.
     pub rows: Range<usize>,
     /// Usual time between them.
     pub interval_s: f64,
-    /// Over which a speed that is a mean was taken.
+    /// Window over which a mean speed was taken.
     pub window: Window,
 }
 
 impl Stretch {
-    /// Length of the window, of one row where a speed is that of the moment.
+    /// Length of the window; one row for an instantaneous speed.
     pub fn window_s(&self) -> f64 {
         self.window.span.max(1) as f64 * self.interval_s
     }
@@ -177,7 +177,7 @@ pub struct Dataset {
     pub voltage_v: Vec<f64>,
     /// The same as share of the supply.
     pub duty: Vec<f64>,
-    /// By how much each command acted before its row, where rows are fewer than commands; empty: not at all.
+    /// How long before its row each command acted, if rows are fewer than commands; empty: at its row.
     pub earlier_s: Vec<f64>,
     /// Supply voltage.
     pub supply_v: Vec<f64>,
@@ -185,22 +185,22 @@ pub struct Dataset {
     pub open: Vec<bool>,
     /// Known load torque.
     pub load_nm: Vec<f64>,
-    /// Angle as measured, or as integrated from the measured speed: where on the revolution the motor is.
+    /// Angle of the shaft, as measured or integrated from the measured speed.
     pub angle_rad: Vec<f64>,
-    /// What was measured.
+    /// The measured quantities.
     pub measured: Vec<Measured>,
-    /// Samples that no fit sees.
-    pub kept_back: Vec<bool>,
-    /// Usual time between samples; of several recordings the first one's.
+    /// Samples that no fit uses.
+    pub held_out: Vec<bool>,
+    /// Usual time between samples; for several recordings that of the first.
     pub interval_s: f64,
     /// Step of the encoder; 0 without one.
     pub count_rad: f64,
-    /// How it came to be.
+    /// How it was recorded.
     pub origin: Origin,
 }
 
 impl Dataset {
-    /// Puts recordings of one rig together.
+    /// Joins recordings of one rig.
     ///
     /// # Errors
     /// [`DatasetError`], which says what to record or to write into the rig file.
@@ -239,7 +239,7 @@ impl Dataset {
             all.origin.written_after = true;
             row_order::move_commands(&mut all, row_order::Towards::Before);
         }
-        all.keep_back(KEPT_BACK);
+        all.keep_back(HELD_OUT);
         if let Some(first) = recordings.first() {
             all.check_that_it_turns(&first.name)?;
             all.check(&first.name)?;
@@ -272,12 +272,12 @@ impl Dataset {
         self.measured.iter_mut().find(|measured| measured.output == Output::Current)
     }
 
-    /// Speed or what stands for it.
+    /// The speed, or the quantity in its place.
     pub fn motion(&self) -> &Measured {
         &self.measured[self.motion_index()]
     }
 
-    /// Which of [`measured`](Self::measured) it is.
+    /// Its index in [`measured`](Self::measured).
     pub fn motion_index(&self) -> usize {
         let is_motion = |measured: &Measured| measured.output != Output::Current;
         self.measured.iter().position(is_motion).expect("checked when it was made")
@@ -288,12 +288,12 @@ impl Dataset {
         self.time_s[row] - self.earlier_s.get(row).copied().unwrap_or(0.0)
     }
 
-    /// Whether the moments of the commands are sought, and not those of their rows.
+    /// Whether the command times are estimated instead of taken from the rows.
     pub fn has_moments(&self) -> bool {
         !self.earlier_s.is_empty()
     }
 
-    /// The angle, of which a mean speed was made, from it: in each stretch from zero.
+    /// The angle from which a mean speed was computed: in each stretch from zero.
     fn integrate_mean_speed(&mut self) {
         let speed = held(&self.motion().values);
         for Stretch { rows, window, .. } in &self.stretches {
@@ -302,7 +302,7 @@ impl Dataset {
         }
     }
 
-    /// What rounding to whole counts makes of a speed at both ends of its window.
+    /// Standard deviation that rounding to whole counts causes in a speed, from both ends of its window.
     fn noise_of_counting(&self) -> f64 {
         let of_stretch = |stretch: &Stretch| {
             (self.count_rad / 6_f64.sqrt() / stretch.window_s()).powi(2) * stretch.rows.len() as f64
@@ -328,7 +328,7 @@ impl Dataset {
         }
     }
 
-    /// Whether nothing happens in it but by one voltage, this way and that.
+    /// Whether the motor is only driven by one voltage, in one direction and the other.
     pub fn has_one_magnitude(&self) -> bool {
         let motion = &self.motion().values;
         let (asked_v, fastest) = (greatest(&self.voltage_v), greatest(motion));
@@ -339,19 +339,19 @@ impl Dataset {
         by_that as f64 >= ONE_MAGNITUDE_ROWS * happening as f64
     }
 
-    /// Whether it was driven in one way from beginning to end.
+    /// Whether it was driven in one direction from beginning to end.
     pub fn is_steady(&self) -> bool {
         spread(&self.voltage_v) < 1e-3 * greatest(&self.voltage_v)
     }
 
-    /// How long all stretches are together.
+    /// Total length of all stretches.
     fn span_s(&self) -> f64 {
         self.stretches.iter().map(|Stretch { rows, .. }| self.time_s[rows.end - 1] - self.time_s[rows.start]).sum()
     }
 
     fn keep_back(&mut self, part: usize) {
         let block = (BLOCK_S.min(self.span_s() / FEWEST_BLOCKS) / self.interval_s).max(1.0) as usize;
-        self.kept_back = (0..self.len()).map(|index| (index / block) % KEPT_BACK_EVERY == part).collect();
+        self.held_out = (0..self.len()).map(|index| (index / block) % HELD_OUT_EVERY == part).collect();
     }
 }
 
@@ -393,7 +393,7 @@ mod tests {
 
     /// Of the same counts, written at any rate: what a perfect model leaves is their rounding, and taken for that.
     #[test]
-    fn rounding_is_as_much_noise_as_it_is() {
+    fn rounding_counts_as_its_true_noise() {
         for interval_s in [1e-3, 4e-3, 1e-2] {
             let time_s: Vec<f64> = (0..(8.0 / interval_s) as usize).map(|row| row as f64 * interval_s).collect();
             let with_the_motion = |time_s: f64| 0.9 * (2.0 * time_s).sin();
@@ -483,7 +483,7 @@ mod tests {
     }
 
     #[test]
-    fn a_current_of_nothing_is_none() {
+    fn an_empty_current_column_is_not_used() {
         let mut text = String::from("t_s,duty,counts,i_A\n");
         for t_s in rows(1e-3, 4.0) {
             let _ = writeln!(text, "{t_s:.4},{:.4},{},nan", duty(t_s), counts(t_s));

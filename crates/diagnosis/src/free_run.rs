@@ -1,8 +1,8 @@
-//! Free-running simulation: the model alone, driven by what drove the motor, over a whole recording.
+//! Free-running simulation: the model alone, driven by the recorded command over a whole recording.
 //!
-//! Within a step the linear part is solved exactly (matrix exponential); the effects' terms are constant over it, those
-//! that oppose a state (resistance, viscous and dry friction) implicitly: a dry term moves its state towards zero and never
-//! beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
+//! Within a step the linear part is solved exactly (matrix exponential). The terms of the effects are constant over it,
+//! those that oppose a state (resistance, viscous and dry friction) implicitly. A dry term moves its state towards zero
+//! and never beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
 
 mod reading;
 mod run;
@@ -15,21 +15,21 @@ use motorbench_model::{LinearStep, Model, Reached};
 use run::Run;
 use std::ops::Range;
 
-/// What the model says of each measured quantity, in the order of [`Dataset::measured`].
+/// The prediction of each measured quantity, in the order of [`Dataset::measured`].
 pub type Prediction = Vec<Vec<f64>>;
 
-/// How finely time is cut.
+/// Step size of the simulation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Steps {
-    /// For what is compared with the data.
+    /// For predictions that are compared with the data.
     Fine,
-    /// Twice as long: for differences between two simulations, in which the error of the steps cancels.
+    /// Twice as long: for differences between two simulations, in which the errors of the steps cancel.
     Coarse,
-    /// At most so many seconds.
+    /// At most this many seconds.
     AtMost(f64),
 }
 
-/// Longest step that the terms of a model bear.
+/// Longest step that the terms of a model allow.
 pub fn longest_step_s(model: &Model) -> f64 {
     model.terms.iter().map(|term| term.effect.longest_step_s()).fold(f64::INFINITY, f64::min)
 }
@@ -39,15 +39,15 @@ pub fn free_run(model: &Model, data: &Dataset) -> Prediction {
     read(model, data, drive(model, data, Steps::Fine))
 }
 
-/// What the motor does, whatever its sensors say of it: one entry a sample of the data, NaN between stretches.
+/// The true motion of the model, before its sensors: one entry a sample of the data, NaN between stretches.
 #[derive(Clone, Debug)]
 pub struct Motion {
     current_a: Vec<f64>,
     speed_rad_per_s: Vec<f64>,
     angle_rad: Vec<f64>,
-    /// Where on the revolution the shaft is, as measured and with what the model says was lost.
+    /// Angle of the shaft: as measured, plus the lost counts of the model.
     shaft_rad: Vec<f64>,
-    /// By how much the mean of the current since the sample before is above the middle between the two.
+    /// Mean of the current since the sample before, less the mean of the two samples.
     bulge_a: Vec<f64>,
 }
 
@@ -63,7 +63,7 @@ impl Motion {
         }
     }
 
-    /// The angle at some time before a row of a stretch, where that had begun: a cubic with the speeds of the rows around.
+    /// The angle at a time before a row, if the stretch had begun: a cubic with the speeds of the neighbouring rows.
     fn angle_before(&self, row: usize, first: usize, rows_s: &[f64], time_s: f64) -> Option<f64> {
         let from = (first..=row).rev().find(|row| rows_s[*row] <= time_s)?;
         if from == row {
@@ -90,7 +90,7 @@ impl Motion {
     }
 }
 
-/// Drives the motor of the model with what drove the real one.
+/// Drives the motor of the model with the recorded command.
 pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
     let mut motion = Motion::with_capacity(data.len());
     for stretch in &data.stretches {
@@ -101,8 +101,9 @@ pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
     motion
 }
 
-/// A motion with what a small torque adds to it, to the first order: of the linear motor, which stays at rest where it was.
-pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn(&Instant) -> f64) -> Motion {
+/// A motion with the first-order response of the linear motor to a small added torque and voltage. Where the motor was at
+/// rest it stays at rest.
+pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&Instant) -> Balance) -> Motion {
     let mut nudged = motion.clone();
     let inertia_kg_m2 = inertia_kg_m2(model);
     let mut step = LinearStep::default();
@@ -126,7 +127,8 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
                 step_s,
             };
             let before = speed_rad_per_s;
-            let terms = Balance { torque_nm: torque_nm(&at), ..Balance::default() };
+            let Balance { torque_nm, voltage_v, .. } = added(&at);
+            let terms = Balance { torque_nm, voltage_v, ..Balance::default() };
             Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, 0.0, at.open, &terms);
             if at.speed_rad_per_s == 0.0 && motion.speed_rad_per_s[next] == 0.0 {
                 speed_rad_per_s = 0.0;
@@ -140,8 +142,8 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, torque_nm: impl Fn
     nudged
 }
 
-/// The angle between two samples: a cubic with the speeds at either. In 10 ms a shaft that gathers speed is elsewhere than on
-/// a straight line.
+/// The angle between two samples: a cubic with the speed at either. In 10 ms an accelerating shaft deviates visibly
+/// from a straight line.
 struct Course {
     from_rad: f64,
     turned_rad: f64,
@@ -150,7 +152,7 @@ struct Course {
 }
 
 impl Course {
-    /// As measured, with the speeds that the samples around say, as far as they are rows of the same stretch.
+    /// As measured, with the speeds of the neighbouring samples of the same stretch.
     fn new(data: &Dataset, rows: Range<usize>, index: usize) -> Self {
         let (angle, time) = (&data.angle_rad, &data.time_s);
         let turned_rad = angle[index + 1] - angle[index];
@@ -169,7 +171,7 @@ impl Course {
     }
 }
 
-/// Of the motor's own shaft; a fit may try to leave nothing of it.
+/// Inertia of the motor's own shaft; a fit may try to make it zero.
 fn inertia_kg_m2(model: &Model) -> f64 {
     model.motor.inertia_kg_m2 * model.motor_share().max(0.01)
 }
@@ -185,7 +187,7 @@ mod tests {
     use proptest::prelude::*;
     use std::fmt::Write as _;
 
-    /// Steps of the command, recorded every `interval_s`; nothing was measured that matters.
+    /// Steps of the command, recorded every `interval_s`; the measured values do not matter.
     fn stepped(interval_s: f64) -> Dataset {
         let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
         for row in 0..(0.4 / interval_s).round() as usize {
@@ -198,9 +200,9 @@ mod tests {
         Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
     }
 
-    /// Of sensors as well as of the motor: the one that was found first is not the one that acts first.
+    /// Of sensors as well as of the motor: the order of discovery is not the order of action.
     #[test]
-    fn the_order_in_which_effects_were_found_means_nothing() {
+    fn the_order_of_effects_does_not_change_the_simulation() {
         let effects: [(&str, &[f64]); 5] = [
             ("current_lag", &[2e-3, 0.0, 0.0]),
             ("current_offset", &[-0.3]),
@@ -218,7 +220,7 @@ mod tests {
 
     /// Not half a step earlier or later, wherever in a row that is.
     #[test]
-    fn a_load_comes_when_it_says() {
+    fn a_load_step_begins_at_its_time() {
         let speed_after = |interval_s: f64, time_s: f64| {
             let data = stepped(interval_s);
             let model = Model::linear(MotorParameters::PIVT6).with(effect("load_step").unwrap(), vec![0.02, time_s]);
@@ -231,7 +233,7 @@ mod tests {
         }
     }
 
-    /// Whatever torque its current and the magnets exert: the winding alone says what flows.
+    /// Whatever torque acts, the winding alone determines the current.
     #[test]
     fn a_rotor_that_is_held_does_not_turn() {
         let mut data = stepped(1e-3);
@@ -250,9 +252,9 @@ mod tests {
         assert!((flows_a - settled_a).abs() < (1e-3 + 2.0 * share_left) * settled_a, "{flows_a} {settled_a}");
     }
 
-    /// From a start at rest on, and where the bridge opens and closes within a step as well.
+    /// From a start at rest, and where the bridge opens and closes within a step.
     #[test]
-    fn late_commands_are_the_same_later() {
+    fn a_delay_shifts_the_commands() {
         let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
         for row in 0..300 {
             let volts = if row / 50 % 2 == 0 { "12" } else { "" };
@@ -272,14 +274,14 @@ mod tests {
             }
         }
         assert_eq!(by_two_rows[0][..3], [0.0; 3], "nothing has acted yet");
-        // After the bridge has opened no current flows, and before that it does.
+        // After the bridge has opened no current flows; before that it does.
         let [before, after] = [51, 52].map(|row| between[0][row]);
         assert!(before > 0.1 && after == 0.0, "{before} {after}");
     }
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
-        /// Against the mean of a simulation with rows forty times as close.
+        /// Compared with the mean of a simulation with forty times as many rows.
         #[test]
         fn a_current_is_averaged_before_its_row(window_s in 0.2e-3_f64..3e-3, inductance_h in 0.5e-3_f64..12e-3) {
             let model = Model::linear(MotorParameters { inductance_h, ..MotorParameters::PIVT6 });

@@ -1,9 +1,11 @@
-//! Identification by output error: the constants with which the free-running model comes closest to what was measured.
+//! Identification by output error: finds the constants with which the free-running model comes closest to the
+//! measurement.
 //!
-//! Every measured quantity is weighted by its noise; what is kept back ([`Dataset::kept_back`]) is not seen, but when
-//! a load comes is read from all. Nominal values enter as what a data sheet is worth, [`NOMINAL_SPREAD`]; they decide only where the data are silent.
-//! Levenberg and Marquardt's method on finite differences; intervals from the covariance that holds for residuals that are
-//! correlated within a block (sandwich; White, Econometrica 50 (1982)).
+//! Every measured quantity is weighted by its noise. Held-out data ([`Dataset::held_out`]) are not used, but the time
+//! of a load step is read from all data. Nominal values are priors with the spread of a data sheet
+//! ([`NOMINAL_SPREAD`]); they matter only where the data contain little. The method is that of Levenberg and Marquardt
+//! on finite differences. Intervals come from the covariance that holds for residuals correlated within a block
+//! (sandwich; White, Econometrica 50 (1982)).
 
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Motion, Prediction, Steps, drive, free_run, nudged, read};
@@ -25,42 +27,42 @@ mod torque_scale;
 
 /// Standard deviation of the logarithm of a nominal value.
 pub const NOMINAL_SPREAD: f64 = 0.2;
-/// The same of a value guessed from the data's extremes alone.
+/// The same for a value estimated from the data's extremes alone.
 const GUESS_SPREAD: f64 = 1.5;
-/// And of the scale of all resistances, where no current was measured and no nominal value says it.
+/// The same for the scale of all resistances, if no current was measured and no nominal value is given.
 const SCALE_SPREAD: f64 = 2.5;
-/// Nominal viscous friction is hardly more than an order of magnitude.
+/// A nominal viscous friction is little more than an order of magnitude.
 const FRICTION_SPREAD: f64 = 1.0;
-/// Residuals further apart than this count as independent; of several the one counts that leaves a constant most uncertain:
-/// the longer, the more it tells of what a model does wrong in one manner of driving and not in another.
+/// Residuals further apart than this count as independent. Of several block lengths the one with the widest interval
+/// counts. Longer blocks include model errors that belong to one manner of driving.
 const BLOCKS_S: [f64; 2] = [0.2, 2.0];
-/// Relative error (one standard deviation) of the motor's constants that comes from the model's own simplifications other
-/// than its steps (readings at an instant), measured on benches with known constants. Effects add
-/// theirs, see [`motorbench_model::catalogue::Simplification`].
+/// Relative error (one standard deviation) of the motor's constants from the model's simplifications other than its
+/// steps, such as readings at an instant. It was measured on benches with known constants. Effects add theirs, see
+/// [`motorbench_model::catalogue::Simplification`].
 const SYSTEMATIC: f64 = 7e-4;
-/// The same of an effect's constants where the frequency of the PWM had to be guessed: from a list, and with a shaft that turns
-/// evenly within its period.
+/// The same for an effect's constants if the PWM frequency was assumed: it comes from a list, and the shaft is assumed
+/// to turn evenly within its period.
 const GUESSED_PWM: f64 = 3e-3;
-/// A promise below this, in units of noise, is not worth a fit.
+/// An expected gain below this, in units of noise, is not worth a fit.
 pub const LEAST_PROMISE: f64 = 20.0;
-/// Of this many effects that promise most, the start is refined, by so many halvings.
+/// The starts of this many most promising effects are refined, by this many halvings.
 const REFINED: usize = 8;
 const REFINEMENTS: u8 = 6;
-/// ... or, with this share of what the best promises, moved to a better neighbour at most so often.
+/// ... or, with this share of the best expected gain, moved to a better neighbour at most this often.
 const WORTH_A_WALK: f64 = 0.1;
 const MOST_NEIGHBOURS: usize = 8;
-/// Of many starts of an effect that is a torque from outside, so many are simulated whole: the best by its linear response.
+/// Of many starts of an effect that responds linearly, so many are simulated whole: the best by its linear response.
 const SCREENED: usize = 3;
-/// A constant that makes a law another one comes down to this share of its start at most.
+/// A constant that selects another law at zero is limited to this share of its start.
 const LEAST_OF_START: f64 = 0.01;
-/// A process that takes longer than so many recordings cannot be told from what is always there.
+/// A process longer than this many recordings cannot be told from a constant contribution.
 const SLOWEST: f64 = 5.0;
-/// Steps that locate the moment of an event.
+/// Steps that locate the time of an event.
 const LOCATING: usize = 16;
 /// Electromechanical and electromagnetic time constant of a small motor, for a start without nominal values.
 const USUAL_TIME_CONSTANTS_S: (f64, f64) = (0.05, 0.001);
 
-/// What is known of the motor before the recording.
+/// The prior of the motor.
 #[derive(Clone, Debug)]
 pub struct Prior {
     /// Most plausible values.
@@ -88,7 +90,7 @@ impl Prior {
             viscous_friction_nm_s: nominal.viscous_friction_nm_s.unwrap_or(0.02 * k * k / r),
         };
         let spread = |given: Option<f64>| if given.is_some() { NOMINAL_SPREAD } else { GUESS_SPREAD };
-        // Guessed from the resistance, which without a current is a guess by itself.
+        // Derived from the resistance, which without a current is an estimate itself.
         let is_scale_known = peak_a.is_some() || nominal.resistance_ohm.is_some();
         let of_scale = if is_scale_known { 0.0 } else { SCALE_SPREAD };
         let scaled = |given: Option<f64>| spread(given).hypot(if given.is_some() { 0.0 } else { of_scale });
@@ -107,7 +109,7 @@ impl Prior {
     }
 }
 
-/// Sizes that effects take their starting values from.
+/// Sizes for the starting values of effects.
 pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
     let voltage_v = greatest(&data.voltage_v);
     let speed_rad_per_s = greatest(&data.motion().values);
@@ -118,7 +120,7 @@ pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
         speed_rad_per_s,
         supply_v: greatest(&data.supply_v),
         current_a: data.current().map_or(computed_a, |current| greatest(&current.values)),
-        // Of the longest recording: each has its own time.
+        // From the longest recording: each has its own time.
         duration_s: greatest(&data.time_s),
         interval_s: data.interval_s,
         pwm_hz: data.origin.pwm_hz,
@@ -132,7 +134,7 @@ pub const Z95: f64 = 1.96;
 const INERTIA: usize = 3;
 const VISCOUS_FRICTION: usize = 4;
 
-/// Where a fitted number lives.
+/// The place of a fitted number in the model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
     /// Constant of the linear motor: R, L, k, J, b.
@@ -142,7 +144,7 @@ pub enum Place {
 }
 
 impl Place {
-    /// Whether the motor itself moves differently, and not only its readings.
+    /// Whether it changes the motion of the motor, and not only its readings.
     fn changes_motion(self, model: &Model) -> bool {
         match self {
             Self::Motor(_) => true,
@@ -166,7 +168,7 @@ impl<'a> Base<'a> {
         Self { data, steps, motion, residual }
     }
 
-    /// By how much the weighted residual of another model differs; `motion`: whether its motor moves differently.
+    /// Difference of the weighted residual of another model; `motion`: whether its motor moves differently.
     fn change(&self, other: &Model, motion: bool) -> Vec<f64> {
         let prediction = match motion {
             true => read(other, self.data, drive(other, self.data, self.steps)),
@@ -175,12 +177,12 @@ impl<'a> Base<'a> {
         self.change_to(&prediction)
     }
 
-    /// The same by what a torque from outside adds to the motion of `model`, to the first order.
-    fn change_by_torque(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
+    /// The same by the linear motor's response to the torque and the voltage that an effect adds, to the first order.
+    fn change_by_linear_response(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
         let motion = nudged(model, self.data, &self.motion, |at| {
             let mut terms = Balance::default();
             effect.contribute(values, &model.motor, at, &mut [], &mut terms);
-            terms.torque_nm
+            terms
         });
         self.change_to(&read(model, self.data, motion))
     }
@@ -192,17 +194,17 @@ impl<'a> Base<'a> {
     }
 }
 
-/// A number that a fit may move.
+/// A number that a fit can change.
 #[derive(Clone, Debug)]
 struct Unknown {
     place: Place,
-    /// Moved as its logarithm.
+    /// Changed as its logarithm.
     logarithmic: bool,
     /// Size in which steps are measured (1 for logarithms).
     size: f64,
     min: f64,
     max: f64,
-    /// Mean and standard deviation of its coordinate, as far as it was known before.
+    /// Mean and standard deviation of the prior of its coordinate, if there is one.
     prior: Option<(f64, f64)>,
 }
 
@@ -239,7 +241,7 @@ fn motor_value(motor: &mut MotorParameters, index: usize) -> &mut f64 {
     }
 }
 
-/// A fitted constant and what is known of it.
+/// A fitted constant and its interval.
 #[derive(Clone, Copy, Debug)]
 pub struct Interval {
     /// Which.
@@ -250,37 +252,37 @@ pub struct Interval {
     pub ci95: [f64; 2],
 }
 
-/// How long a fit may take.
+/// Limits of a fit's duration.
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
-    /// Steps at most.
+    /// Largest number of steps.
     pub steps: usize,
     /// It ends when a step gains less than this share of the cost.
     pub least_gain: f64,
-    /// How finely the sensitivities are simulated.
+    /// Step size of the simulations for the sensitivities.
     pub sensitivities: Steps,
-    /// Whether a step corrects the sensitivities by what it changed, where they are to be simulated anew otherwise: much
-    /// faster, and now and then it stops short.
+    /// Whether the sensitivities are corrected after a step instead of simulated again: much faster, but it sometimes
+    /// stops early.
     pub corrects: bool,
-    /// It is given up when the steps left, each gaining what the better of the last two did, would not bring it below this
+    /// The fit is given up if the remaining steps, each with the better gain of the last two, would not reach this
     /// cost.
     pub useless_above: f64,
 }
 
 impl Effort {
-    /// Where it starts, with its sensitivities.
+    /// Its starting point, with its sensitivities.
     pub const NONE: Self =
         Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, corrects: false, useless_above: f64::INFINITY };
-    /// To see whether an effect is worth it.
+    /// For a first look at an effect.
     pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, corrects: true, ..Self::NONE };
-    /// To judge another model by what it cannot do.
+    /// For judging another model by its rest.
     pub const CHECK: Self = Self { steps: 8, corrects: false, ..Self::TRIAL };
-    /// What was fitted to other parts of the same data.
+    /// For a model that was fitted to other parts of the same data.
     pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
-    /// To the end.
+    /// Until convergence.
     pub const FULL: Self = Self { steps: 30, least_gain: 1e-5, sensitivities: Steps::Fine, ..Self::NONE };
 
-    /// The same for a fit that is of no use above a cost.
+    /// The same for a fit that is useless above a cost.
     pub fn useless_above(self, cost: f64) -> Self {
         Self { useless_above: cost, ..self }
     }
@@ -291,23 +293,23 @@ impl Effort {
 pub struct Fit {
     /// The model.
     pub model: Model,
-    /// What it says of the data.
+    /// Its prediction of the data.
     pub prediction: Prediction,
-    /// Sum of the squares of the weighted residuals that were seen, and of the prior.
+    /// Sum of squares of the weighted residuals that were used, and of the prior.
     pub cost: f64,
     unknowns: Vec<Unknown>,
-    /// Weighted residuals, those not seen as zero.
+    /// Weighted residuals, zero for held-out data.
     residual: Vec<f64>,
-    /// How finely the sensitivities are simulated.
+    /// Step size of the simulations for the sensitivities.
     steps: Steps,
-    /// They and the inverse of their normal matrix, once somebody asks.
+    /// The sensitivities and the inverse of their normal matrix, computed when needed.
     sensitivities: OnceLock<(Sensitivities, DMatrix<f64>)>,
 }
 
 /// Fits a model from its present constants.
 ///
-/// The moment of an event (the only constants with a [`spacing`](motorbench_model::catalogue::Effect::spacing)) is read from all the
-/// data: one that lies in a stretch kept back cannot be known from the others.
+/// The time of an event (the only constants with a [`spacing`](motorbench_model::catalogue::Search::spacing)) is read
+/// from all the data: if it lies in a held-out stretch, the other data do not contain it.
 pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit {
     let scales = scales(&start.motor, data);
     let located = start.terms.iter().enumerate().find_map(|(term, Term { effect, .. })| {
@@ -317,7 +319,8 @@ pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit 
     Search::new(located.as_ref().unwrap_or(start), data, prior).run(effort)
 }
 
-/// The model with one constant where the sum of all squares, those kept back included, is least within half a spacing.
+/// The model with the constant, within half a spacing, at which the sum of all squares is least, held-out data
+/// included.
 fn located(model: &Model, data: &Dataset, term: usize, index: usize, spacing: f64) -> Model {
     let cost = |value: f64| {
         let mut moved = model.clone();
@@ -349,24 +352,24 @@ fn located(model: &Model, data: &Dataset, term: usize, index: usize, spacing: f6
     found
 }
 
-/// How far apart the starts have the moment of an event, where a constant is one.
+/// Distance of the starts of an event's time; `None` if the constant is no such time.
 fn spacing_of(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<f64> {
     effect.spacing(scales).filter(|(place, _)| *place == index).map(|(_, spacing)| spacing)
 }
 
-/// An event lies within the recording, not at its ends: there it would be none.
+/// An event lies within the recording, not at its ends.
 fn event_bounds(effect: &dyn Effect, index: usize, scales: &Scales) -> Option<(f64, f64)> {
     let spacing = spacing_of(effect, index, scales)?;
     Some((0.6 * spacing, scales.duration_s - 0.6 * spacing))
 }
 
-/// Between what a fit may move a constant: what a recording of this length can tell of it, and so that its law stays one. One
-/// that is shorter than the least tells nothing of it.
+/// Limits of a constant in a fit: those of a recording of this length, and those within which its law stays the same. A
+/// recording shorter than the lower limit cannot determine it.
 fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
-    let Parameter { min, max, slow, unsaid, most_of_speed, .. } = term.effect.about().parameters[index];
+    let Parameter { min, max, slow, default, most_of_speed, .. } = term.effect.about().parameters[index];
     let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
     // 0 would be another law.
-    let min = if unsaid == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
+    let min = if default == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
     let fastest = most_of_speed * scales.no_load_rad_per_s();
     event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest).min(fastest).max(min)))
 }
@@ -394,7 +397,7 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
         parameters
             .map(|(index, parameter)| {
                 let (min, max) = bounds(term, index, &scales);
-                // A moment was located on all data: those that the fit sees may say nothing of it.
+                // A time was located on all data; the data that the fit uses may not contain it.
                 let spacing = spacing_of(term.effect, index, &scales);
                 let magnitude = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
                 let size = spacing.unwrap_or(magnitude);
@@ -418,22 +421,22 @@ fn prior_cost(model: &Model, unknowns: &[Unknown]) -> f64 {
     unknowns.iter().filter_map(deviation).map(|deviation| deviation * deviation).sum()
 }
 
-/// Residuals over noise, measured minus simulated with the sign turned so that its derivative is the prediction's; zero
-/// where nothing was measured or where it is kept back.
+/// Residuals over noise, with the sign such that their derivative is that of the prediction; zero for missing and
+/// held-out data.
 fn weighted_residual(data: &Dataset, prediction: &Prediction) -> Vec<f64> {
     let mut residual = Vec::with_capacity(data.len() * data.measured.len());
     for (measured, predicted) in data.measured.iter().zip(prediction) {
         let weight = 1.0 / measured.least_error(measured.noise);
-        for ((value, predicted), kept_back) in measured.values.iter().zip(predicted).zip(&data.kept_back) {
+        for ((value, predicted), held_out) in measured.values.iter().zip(predicted).zip(&data.held_out) {
             let difference = (predicted - value) * weight;
-            residual.push(if *kept_back || difference.is_nan() { 0.0 } else { difference });
+            residual.push(if *held_out || difference.is_nan() { 0.0 } else { difference });
         }
     }
     residual
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    // Four sums so that the additions need not wait for each other.
+    // Four sums, so that the additions need not wait for each other.
     let mut sums = [0.0; 4];
     let (a4, b4) = (a.chunks_exact(4), b.chunks_exact(4));
     let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(a, b)| a * b).sum();
@@ -449,27 +452,27 @@ fn square(values: &[f64]) -> f64 {
     dot(values, values)
 }
 
-/// What adding an effect promises, from the first derivatives alone.
+/// Expected gain of adding an effect, from the first derivatives alone.
 #[derive(Clone, Debug)]
 pub struct Promise {
     /// Index in [`CATALOGUE`].
     pub effect: usize,
-    /// Values to begin the fit from.
+    /// Starting values of the fit.
     pub start: Vec<f64>,
-    /// The next best, where the best by its promise may not be the nearest.
+    /// The next best start, since the best by expected gain may not be the nearest.
     pub other_starts: Vec<Vec<f64>>,
     /// Expected fall of the cost.
     pub gain: f64,
 }
 
 impl Promise {
-    /// Its best start is that of another.
+    /// Its best start belongs to another effect.
     fn improve(&mut self, better: Self) {
         (self.start, self.gain) = (better.start, better.gain);
     }
 }
 
-/// What an effect changes in each direction in which its constants from `start` are looked at.
+/// The change of the residual in each direction of an effect's constants from `start`.
 fn lines(effect: &dyn Effect, start: &[f64], change: impl Fn(Vec<f64>) -> Vec<f64>) -> Vec<Vec<f64>> {
     let without = |constant: usize| {
         let mut values = start.to_vec();
@@ -492,10 +495,10 @@ impl Fit {
         })
     }
 
-    /// What each effect that the model does not have promises (score test; Rao 1948), the best start of each, best first.
+    /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start, best first.
     pub fn promises(&self, data: &Dataset, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
         let base = Base::new(&self.model, data, Steps::Coarse);
-        // Here and not by the first that asks: it would wait for the others, and they for it.
+        // Computed before the threads start: otherwise they would wait for each other.
         self.sensitivities(data);
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
             .iter()
@@ -531,11 +534,11 @@ impl Fit {
 
     /// The starts of an effect that are worth a simulation.
     fn screened(&self, base: &Base, effect: &dyn Effect, starts: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
-        if !effect.is_outer_torque() || starts.len() <= SCREENED {
+        if !effect.about().responds_linearly || starts.len() <= SCREENED {
             return starts;
         }
         let promised = starts.into_par_iter().map(|start| {
-            let change = |values: Vec<f64>| base.change_by_torque(&self.model, effect, &values);
+            let change = |values: Vec<f64>| base.change_by_linear_response(&self.model, effect, &values);
             let (gain, _) = self.least_squares(base.data, &lines(effect, &start, change));
             (gain, start)
         });
@@ -553,7 +556,7 @@ impl Fit {
         }
     }
 
-    /// Halves the distance between the alternatives of a nonlinear constant again and again around the best.
+    /// Halves the distance between the alternatives of a nonlinear constant repeatedly around the best.
     fn between(&self, base: &Base, mut promise: Promise, index: usize, spacing: f64) -> Promise {
         for round in 1..=REFINEMENTS {
             let distance = spacing / f64::from(1 << round);
@@ -569,7 +572,7 @@ impl Fit {
         promise
     }
 
-    /// From neighbour to neighbour while each promises more.
+    /// Moves to a neighbour while it promises more.
     fn uphill(&self, base: &Base, mut promise: Promise) -> Promise {
         for _ in 0..MOST_NEIGHBOURS {
             let neighbours = CATALOGUE[promise.effect].neighbours(&promise.start).into_par_iter();
@@ -588,7 +591,7 @@ impl Fit {
         let change = |values| base.change(&self.model.with(effect, values), effect.changes_motion());
         let lines = lines(effect, &start, change);
         let (gain, factors) = self.least_squares(base.data, &lines);
-        // The derivative at zero of an effect without a sign says nothing of negative values.
+        // The derivative at zero of an effect without a sign does not hold for negative values.
         let signed = about.parameters[0].min < 0.0;
         let possible = about.linear_in == 2 || factors[0] > 0.0 || signed && about.linear_in == 1;
         let mut start = start;
@@ -596,7 +599,7 @@ impl Fit {
             let magnitude = factor.abs().clamp(0.05, 10.0);
             *value *= magnitude * if signed { factor.signum() } else { 1.0 };
         }
-        // Without linearity the whole step is what it promises, not the best multiple of it.
+        // If the effect is not linear, the whole step is evaluated, not the best multiple of it.
         let gain = match about.linear_in {
             0 => gain.min(self.gain_of_whole(&lines[0]).max(0.25 * gain)),
             _ => gain,
@@ -664,8 +667,7 @@ impl Fit {
         inverse * middle * inverse
     }
 
-    /// By how much each coordinate would be found elsewhere with steps twice as long: that is the order of what the steps
-    /// themselves falsify.
+    /// Shift of each coordinate with steps twice as long: the order of the error from the steps.
     fn shift_of_coarse_steps(&self, data: &Dataset) -> DVector<f64> {
         let coarse = weighted_residual(data, &read(&self.model, data, drive(&self.model, data, Steps::Coarse)));
         let change: Vec<f64> = coarse.iter().zip(&self.residual).map(|(coarse, fine)| coarse - fine).collect();
@@ -673,7 +675,7 @@ impl Fit {
         inverse * DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &change)))
     }
 
-    /// Relative error of a constant that comes from what the model leaves out.
+    /// Relative error of a constant from the model's simplifications.
     fn simplified(&self, place: Place, data: &Dataset) -> f64 {
         let of_the_pwm = if data.origin.pwm_is_known { 0.0 } else { GUESSED_PWM };
         let terms = self.model.terms.iter().map(|term| term.effect.simplification());
@@ -685,7 +687,7 @@ impl Fit {
         }
     }
 
-    /// Value, and 95 % interval, of every fitted constant: statistics, steps, and what else the model simplifies.
+    /// Value and 95 % interval of every fitted constant, from statistics, steps and simplifications.
     pub fn intervals(&self, data: &Dataset) -> Vec<Interval> {
         let covariances = BLOCKS_S.map(|block_s| self.covariance(data, block_s));
         let shift = self.shift_of_coarse_steps(data);

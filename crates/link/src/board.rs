@@ -1,17 +1,19 @@
-//! A board with the firmware, as far as an experiment needs it: real, or the simulated chip.
+//! The interface of a board with the firmware, as experiments use it: real, or the simulated chip.
 
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_data::names::trip_words;
 use std::time::{Duration, Instant};
 
-/// A board that trips without its host (`trip_host`) hears of it so often.
+/// Interval of the keep-alive lines for a board that trips without its host (`trip_host`).
 pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
-/// The drive stops by itself when the program is silent for longer, whatever became of it. No round number: a board that has it
-/// has it of a program that was killed and could not take it back.
+/// Reply of the board while saved settings of another version are not resolved.
+const NOT_LOADED: &str = "not loaded";
+/// The drive stops by itself if the program is silent for longer. The number is unusual on purpose: a board with it was
+/// left by a program that was killed.
 pub const LOST_AFTER_MS: f32 = 501.0;
 
-/// Something that runs the firmware, with its binary stream on.
+/// A device that runs the firmware, with its binary stream on.
 pub trait Board {
     /// Sends a line of the console and waits for its `ok`.
     ///
@@ -19,21 +21,21 @@ pub trait Board {
     /// [`BoardError`].
     fn command(&mut self, line: &str) -> Result<(), BoardError>;
 
-    /// Lets `duration_s` pass; the samples of the telemetry that have come since the last call, those that came while a
-    /// command was answered included.
+    /// Waits `duration_s`. Returns the telemetry samples since the last call, including those that came while a command
+    /// was answered.
     ///
     /// # Errors
     /// [`BoardError`].
     fn samples(&mut self, duration_s: f64) -> Result<Vec<Sample>, BoardError>;
 
-    /// Lets the board hear of its host, when the last such word is [`KEEP_ALIVE`] old.
+    /// Sends a keep-alive line, if the last one is [`KEEP_ALIVE`] old.
     ///
     /// # Errors
     /// [`BoardError`], when the line is gone.
     fn stay_alive(&mut self) -> Result<(), BoardError>;
 }
 
-/// Why the board did not do what it was told.
+/// Why the board did not carry out a command.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BoardError {
     /// The firmware refuses.
@@ -41,22 +43,24 @@ pub enum BoardError {
     Refused {
         /// What was sent.
         line: String,
-        /// What came back.
+        /// The reply.
         reply: String,
     },
     /// No answer.
-    #[error("no answer to `{line}`: check port, baud rate, cable, and that the firmware runs")]
+    #[error(
+        "no answer to `{line}`: check the port, the baud rate and the cable; flash the firmware with `cargo flash`"
+    )]
     Silent {
         /// What was sent.
         line: String,
     },
-    /// Commands may still get through.
+    /// No samples come; commands may still get through.
     #[error("the telemetry stopped: look at the cable and the supply of the board")]
     NoTelemetry,
     /// The drive switched itself off.
     #[error("the drive tripped ({}): {}; then `motorbench connect clear`", trip_words(*.0), cause(*.0))]
     Tripped(Trip),
-    /// The person stopped it.
+    /// The user stopped it.
     #[error("stopped by hand")]
     Interrupted,
     /// The firmware or the connection failed.
@@ -64,7 +68,7 @@ pub enum BoardError {
     Failed(String),
 }
 
-/// What to look for after a trip, with the settings that it goes by.
+/// What to check after a trip, with the settings that limit it.
 pub fn cause(trip: Trip) -> &'static str {
     match trip {
         Trip::None => "nothing is wrong",
@@ -74,31 +78,40 @@ pub fn cause(trip: Trip) -> &'static str {
         Trip::OverCurrentThermal => "is the shaft held, or `trip_continuous` too low?",
         Trip::Stall => "is the shaft held, or the load too great? `trip_stall` 0 lets it stand",
         Trip::EncoderSilent => {
-            "look at the encoder's cable; a motor that sticks looks the same, `trip_encoder` 0 lets it"
+            "the motor turns and the encoder does not show it: look at its cable, its supply, its coupling, then at the current sensor; `trip_encoder` 0 lets it"
         }
         Trip::Runaway => "the feedback has the wrong sign: swap the encoder's A and B",
-        Trip::SensorRange => "look at the current sensor and its wires",
+        Trip::SensorRange => "look at the current sensor and its wires: a current with the drive off is the sensor's",
         Trip::SupplyRange => "look at the motor's supply; `trip_supply_low` and `trip_supply_high` are its limits",
         Trip::EmergencyStop => "release the emergency stop",
         Trip::HostLost => "the program was silent for longer than `trip_host`",
-        Trip::MainLoopHung => "that is a fault of the firmware: please report it",
+        Trip::MainLoopHung | Trip::StackOverflow => "that is a fault of the firmware: please report it",
+        Trip::EncoderTooFew => {
+            "the voltage implied more speed than the encoder showed for `trip_encoder`: the coupling slips, or `torque_constant`, `resistance` or `counts_per_rev` are another motor's; `torque_constant` 0 where it is not known"
+        }
+        Trip::EncoderLines => {
+            "a wire of the encoder is open, touches the other or picks up noise: look at its cable and plug"
+        }
+        Trip::ConverterSilent => {
+            "the chip's analogue inputs give no values: look at AREF and A0 to A2, then replace the board"
+        }
     }
 }
 
-/// The limit that a trip goes by, where a setting is one.
+/// The setting that limits a trip, if there is one.
 pub fn limit(trip: Trip) -> Option<&'static str> {
     cause(trip).split('`').nth(1)
 }
 
-/// What a person does about a refusal that says what the console does about it.
+/// The command that follows from a refusal of the console.
 fn remedy(reply: &str) -> &'static str {
-    if reply.ends_with("clear it first") { " (`motorbench connect clear`)" } else { "" }
+    if reply.ends_with("clear it") { " (`motorbench connect clear`)" } else { "" }
 }
 
-/// The board's own word on a trip comes within so much time.
+/// After a trip the board reports its reason within this time.
 const LATCHED_S: f64 = 0.05;
 
-/// Allows the drive. A board that refuses for a trip it has latched says by that what to do about it.
+/// Arms the drive. If a trip is latched, the error is that trip.
 ///
 /// # Errors
 /// [`BoardError`], [`BoardError::Tripped`] for such a trip.
@@ -109,7 +122,7 @@ pub fn arm(board: &mut impl Board) -> Result<(), BoardError> {
     }
 }
 
-/// Forgets a trip. One whose cause is still there comes again at once.
+/// Clears a trip. If its cause is still present, it returns at once.
 ///
 /// # Errors
 /// [`BoardError`], [`BoardError::Tripped`] for such a trip.
@@ -126,8 +139,8 @@ fn latched(board: &mut impl Board) -> Result<(), BoardError> {
     }
 }
 
-/// Has the drive stop by itself when this program dies, where the board's own `trip_host` is off; who calls this keeps the board
-/// alive. `settings` are those of the board.
+/// Makes the drive stop by itself if this program dies, where the board's own `trip_host` is off. The caller then keeps
+/// the board alive. `settings`: those of the board.
 ///
 /// # Errors
 /// [`BoardError`].
@@ -135,10 +148,15 @@ pub fn watch_host(board: &mut impl Board, settings: &Settings) -> Result<(), Boa
     if settings.get(Param::TripHost) > 0.0 {
         return Ok(());
     }
+    // A board with saved settings that it could not load takes any `set` for an answer to that, which only a person gives.
+    match board.command("arm") {
+        Err(refused @ BoardError::Refused { .. }) if refused.to_string().contains(NOT_LOADED) => return Err(refused),
+        _ => board.command("disarm")?,
+    }
     board.command(&format!("set trip_host {LOST_AFTER_MS}"))
 }
 
-/// The drive off, and then the board's own `trip_host` again.
+/// Switches the drive off, and then restores the board's own `trip_host`.
 ///
 /// # Errors
 /// [`BoardError`].
@@ -147,20 +165,20 @@ pub fn leave_host(board: &mut impl Board, settings: &Settings) -> Result<(), Boa
     board.command(&format!("set trip_host {}", settings.get(Param::TripHost)))
 }
 
-/// The telemetry may pause this long, no longer.
+/// The telemetry may pause this long at most.
 const PAUSE: Duration = Duration::from_secs(1);
-/// The program was held up when a look took longer than this: the line was not silent for all of it.
+/// If a read took longer than this, the program itself was delayed, and the line was not silent all the time.
 const LOOK_AT_MOST: Duration = Duration::from_millis(200);
 
-/// How long nothing has come of the telemetry. Who drives a motor by its samples alone would drive it for ever without them:
-/// keeping the board alive does not ask for an answer.
+/// Time without telemetry. A program that drives a motor by its samples must stop without them: keep-alive lines ask
+/// for no answer.
 #[derive(Default)]
 pub struct Silence {
     lasted: Duration,
 }
 
 impl Silence {
-    /// What came of a look that began then.
+    /// Evaluates a read that began at this time.
     ///
     /// # Errors
     /// [`BoardError::NoTelemetry`], when it has lasted too long.
@@ -170,13 +188,13 @@ impl Silence {
     }
 }
 
-/// How closely a board is looked at that is waited for.
+/// Interval at which a board is read while waiting.
 const LOOK_S: f64 = 0.1;
-/// A duration has passed when so much of it has.
+/// A duration has passed when this share of its samples has come.
 const PASSED: f64 = 0.98;
 
-/// The samples of a duration by the board's own clock, `rate_hz`: a busy computer that simulates it is slower than real time.
-/// The board hears of its host meanwhile.
+/// The samples of a duration by the board's own clock, `rate_hz`: a busy computer simulates a board more slowly than
+/// real time. The board is kept alive meanwhile.
 ///
 /// # Errors
 /// [`BoardError`], [`BoardError::NoTelemetry`] when the duration does not pass.
@@ -196,7 +214,7 @@ pub fn samples_of(board: &mut impl Board, duration_s: f64, rate_hz: f64) -> Resu
     Ok(samples)
 }
 
-/// The samples, if the drive did not switch itself off within them.
+/// The samples, if the drive did not switch itself off during them.
 ///
 /// # Errors
 /// [`BoardError::Tripped`].

@@ -14,59 +14,59 @@ use std::time::{Duration, Instant};
 
 /// After a reset the boot loader waits this long for a new program, at most.
 const START: Duration = Duration::from_secs(8);
-/// Between two calls to a board that starts.
+/// Interval between two calls to a starting board.
 const CALL_AGAIN: Duration = Duration::from_millis(300);
-/// How long an answer may take; `show` is the longest.
+/// Longest time for an answer; `show` takes longest.
 const ANSWER: Duration = Duration::from_secs(4);
-/// The same by the board's own clock, and by that on the wall whatever the board's says.
+/// The same by the board's own clock, and the limit by the computer's clock.
 const ANSWER_TICKS: u32 = 4000;
 const ANSWER_AT_MOST: Duration = Duration::from_secs(60);
-/// The same for who has pressed Ctrl-C.
+/// The same after Ctrl-C.
 const LAST_ANSWER: Duration = Duration::from_secs(1);
 const LAST_ANSWER_TICKS: u32 = 1000;
-/// A line of the console has gone out within so much time, or the port takes nothing.
+/// A line of the console is sent within this time, or the port accepts nothing.
 const SENT: Duration = Duration::from_secs(2);
-/// A pause where what the port has cannot be read: another program's turn to read it.
+/// Pause between reads in which the port had nothing: another program may be reading it.
 const NOT_OURS: Duration = Duration::from_millis(1);
-/// Why bytes vanish that no cable has lost; `PORT` stands for the port's name.
+/// Hint for bytes that are missing without a fault of the cable; `PORT` stands for the port's name.
 pub const OTHER_READER: &str = "another program may be reading the port (`lsof PORT` names it)";
-/// How often a line is sent that may have been damaged on its way.
+/// Number of times a line is sent that may have been damaged.
 const TRIES: u32 = 3;
 /// The same over a line that loses frames, as long as some come whole.
 const LOSSY_TRIES: u32 = 10;
-/// An answer that was damaged on its way is waited for so long by both clocks after what came of it last. With [`LATE`] that is
-/// well within [`LOST_AFTER_MS`](crate::board::LOST_AFTER_MS): the board shall not miss its host for it.
+/// Longest wait for a damaged answer after its last part, by both clocks. With [`LATE`] it is well within
+/// [`LOST_AFTER_MS`](crate::board::LOST_AFTER_MS), so that the board does not miss its host.
 const DAMAGED_ANSWER: Duration = Duration::from_millis(120);
 const DAMAGED_ANSWER_TICKS: u32 = 120;
-/// Stands in a reply where frames were lost within a line.
+/// Marks lost frames within a line of a reply.
 const GAP: char = char::REPLACEMENT_CHARACTER;
-/// A late answer to a line that was given up is not waited for longer than this by both clocks.
+/// Longest wait for a late answer to a line that was given up, by both clocks.
 const LATE: Duration = Duration::from_millis(200);
 const LATE_TICKS: u32 = 200;
-/// [`KEEP_ALIVE`] in samples: by its own clock the board may be ahead of a program that the computer has let wait.
+/// [`KEEP_ALIVE`] in samples: the board's clock may be ahead of a program that had to wait.
 const KEEP_ALIVE_TICKS: u32 = 100;
-/// The answer to a keep-alive is not waited for longer.
+/// Longest wait for the answer to a keep-alive line.
 const KEPT_ALIVE: Duration = Duration::from_millis(50);
-/// The greeting of a board that begins: two lines outside of any frame.
+/// The greeting of a board after a reset: two lines outside of any frame.
 const GREETING: &[u8] = b"# motorbench ";
 const GREETING_CAUSE: &[u8] = b"# reset: ";
-/// Ctrl-U: the console forgets the line so far.
+/// Ctrl-U: the console discards the line so far.
 const FORGET: &str = "\x15";
-/// What the board says of its own, some time after the answer to `save`.
+/// The board's own message, some time after the answer to `save`.
 const SAVED: &str = "# saved\n";
 /// Longer than the greeting, and than any frame.
 const OUTSIDE: usize = 256;
-/// Who takes leave of a board says three lines. From the second on, which ends the stream, its answers are no frames.
+/// Leaving a board takes three lines. From the second on, which ends the stream, its answers are not frames.
 const LEAVE: &[u8] = b"\ndisarm\nstream off\necho on\n";
 const LEAVE_LINES: usize = 3;
-/// Its answers are not waited for longer.
+/// Longest wait for these answers.
 const LEAVING: Duration = Duration::from_millis(500);
-/// Firmware and program understand each other within one version of the protocol.
+/// Firmware and program are compatible within one version of the protocol.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// A serial line. A read that times out is no error: it returns 0 bytes.
 pub trait Line: Send {
-    /// Reads what has come, waiting a few milliseconds at most.
+    /// Reads the bytes that have come, waiting a few milliseconds at most.
     ///
     /// # Errors
     /// When the line is gone.
@@ -108,12 +108,12 @@ impl<T: Read + Write + Send + ?Sized> Line for Box<T> {
     }
 }
 
-/// Whether a port can do nothing at present, but may later.
+/// Whether a port is only temporarily unable to work.
 fn is_pause(error: &io::Error) -> bool {
     matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock)
 }
 
-/// What was lost on the line.
+/// Losses on the line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Losses {
     /// Frames that never came.
@@ -128,16 +128,16 @@ pub struct Link<L: Line> {
     decoder: StreamDecoder,
     samples: Vec<Sample>,
     reply: String,
-    /// When the last of it came, or was asked for, by both clocks.
+    /// When the last byte came, or was asked for, by both clocks.
     replied: (Instant, u32),
-    /// What had been lost by then.
+    /// Losses up to then.
     lost_before_reply: u32,
     last_tick: Option<u32>,
-    /// What had been lost by the ticks at which more of it was noticed.
+    /// Losses up to each tick at which more were noticed.
     noticed: Vec<(u32, Losses)>,
     /// When the last frame came.
     heard: Instant,
-    /// What came since the end of the last frame: a board that begins anew greets there.
+    /// Bytes since the end of the last frame: a board greets there after a reset.
     outside: Vec<u8>,
     /// Lines whose answers are in `reply`, or may still come.
     unanswered: u32,
@@ -146,7 +146,7 @@ pub struct Link<L: Line> {
     gone: bool,
     /// Set by Ctrl-C.
     stopped: Arc<AtomicBool>,
-    /// What the firmware says of itself.
+    /// Version line of the firmware.
     pub firmware: String,
 }
 
@@ -159,8 +159,8 @@ impl<L: Line> Link<L> {
         Self::start_unless(line, Arc::default())
     }
 
-    /// The same for a person, whose Ctrl-C sets `stopped`: no answer is waited for any longer then, and for those to what is
-    /// said afterwards, that the drive be off, not for long.
+    /// The same with Ctrl-C, which sets `stopped`: then no answer is waited for any longer. Answers to the lines that
+    /// switch the drive off are waited for only briefly.
     ///
     /// # Errors
     /// As [`Link::start`], and [`BoardError::Interrupted`].
@@ -184,13 +184,13 @@ impl<L: Line> Link<L> {
         };
         link.firmware = link.call()?;
         if version(&link.firmware) != VERSION {
-            // Text has no check sum: what is said twice was said.
+            // Text has no check sum, so it is asked for twice.
             link.firmware = link.call()?;
         }
         let version = version(&link.firmware);
         if version != VERSION {
             return Err(BoardError::Failed(format!(
-                "the board runs motorbench {version}, this program is {VERSION}: flash the firmware of this version (`cargo flash`), or use the program of that one"
+                "the board runs motorbench {version}, this program is {VERSION}: flash this version's firmware (`cargo flash`), or use the program of the board's version"
             )));
         }
         link.switch_over()?;
@@ -198,7 +198,7 @@ impl<L: Line> Link<L> {
         Ok(link)
     }
 
-    /// From text to the binary stream, in which the answer comes.
+    /// Switches from text to the binary stream, in which the answer comes.
     fn switch_over(&mut self) -> Result<(), BoardError> {
         for given_up in 0..TRIES {
             match self.command("stream binary") {
@@ -206,7 +206,7 @@ impl<L: Line> Link<L> {
                     if !self.gone && given_up + 1 < TRIES => {}
                 Err(error) => return Err(error),
                 Ok(()) => {
-                    // Perhaps to the line before; the stream then begins once more with the last.
+                    // It may answer the line before; the stream then starts again with the last line.
                     self.unanswered += given_up;
                     return self.late_answers();
                 }
@@ -215,14 +215,14 @@ impl<L: Line> Link<L> {
         Ok(())
     }
 
-    /// Calls until the firmware says its version, as text. A board that was streaming is told to stop first.
+    /// Calls until the firmware answers with its version, as text. A board that was streaming is stopped first.
     fn call(&mut self) -> Result<String, BoardError> {
         let end = Instant::now() + START;
         while Instant::now() < end {
             if self.is_stopped() {
                 return Err(BoardError::Interrupted);
             }
-            // What a program that died has left of a line is not carried out.
+            // An incomplete line of a program that died must not be carried out.
             self.write(format!("{FORGET}\nstream off\necho off\nversion\n").as_bytes())?;
             let heard = self.hear(CALL_AGAIN)?;
             let text = String::from_utf8_lossy(&heard).replace('\r', "");
@@ -234,7 +234,7 @@ impl<L: Line> Link<L> {
         Err(BoardError::Silent { line: "version".into() })
     }
 
-    /// Everything that comes until nothing has come for some time, as it is.
+    /// Reads raw bytes until nothing has come for some time.
     fn hear(&mut self, duration: Duration) -> Result<Vec<u8>, BoardError> {
         let (begun, mut last, mut heard, mut buffer) = (Instant::now(), Instant::now(), Vec::new(), [0; 1024]);
         while last.elapsed() < duration && begun.elapsed() < START {
@@ -247,7 +247,7 @@ impl<L: Line> Link<L> {
         Ok(heard)
     }
 
-    /// Forgets what came before the stream was in step.
+    /// Discards what came before the stream was synchronised.
     fn settle(&mut self) -> Result<(), BoardError> {
         self.poll()?;
         self.samples.clear();
@@ -258,25 +258,25 @@ impl<L: Line> Link<L> {
         Ok(())
     }
 
-    /// What was lost since the start.
+    /// Losses since the start.
     pub fn losses(&self) -> Losses {
         let StreamDecoder { lost, damaged, .. } = self.decoder;
-        // What came damaged since the last whole frame is lost as well.
+        // Damaged bytes since the last whole frame are lost as well.
         Losses { lost_frames: lost.max(damaged), damaged_frames: damaged }
     }
 
-    /// What of it was lost before a tick that came.
+    /// Losses before a given tick.
     pub fn losses_before(&self, tick: u32) -> Losses {
         let last = self.noticed.iter().rev().find(|(noticed, _)| *noticed <= tick);
         last.map_or(Losses::default(), |(_, losses)| *losses)
     }
 
-    /// The samples that have come and nobody has fetched: those before the line failed.
+    /// The samples that have come and were not fetched: those before the line failed.
     pub fn come(&mut self) -> Vec<Sample> {
         std::mem::take(&mut self.samples)
     }
 
-    /// Whether nothing more can be said to the firmware: the line is gone, or the board has begun anew.
+    /// Whether commands can no longer reach the firmware: the line is gone, or the board was reset.
     pub fn is_gone(&self) -> bool {
         self.gone
     }
@@ -299,7 +299,7 @@ impl<L: Line> Link<L> {
             if let Some(answer) = self.answer(line) {
                 return answer;
             }
-            // A board that is well has answered by then, and is told to stop the motor before it is left.
+            // A working board has answered by then; the motor is stopped before the board is left.
             if !is_last && self.is_stopped() && begun.elapsed() > LAST_ANSWER {
                 return Err(BoardError::Interrupted);
             }
@@ -313,8 +313,8 @@ impl<L: Line> Link<L> {
         })
     }
 
-    /// The same until an answer comes whole, as long as the line loses only some of them. A refused line had no effect: it is sent
-    /// again, as it may have been another when it arrived.
+    /// Repeats a line until an answer comes whole, as long as the line loses only some of them. A refused line had no
+    /// effect: it is sent again, as it may have been damaged on the way.
     fn ask_again(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
         for tried in 1.. {
             let asked = self.ask_noting_losses(line);
@@ -330,7 +330,7 @@ impl<L: Line> Link<L> {
         unreachable!("it has an end")
     }
 
-    /// With whether frames were lost meanwhile, and others came, of a board that is there.
+    /// Also returns whether frames were lost meanwhile, and others came.
     fn ask_noting_losses(&mut self, line: &str) -> (Result<Vec<String>, BoardError>, bool) {
         let (begun, before) = (Instant::now(), self.losses());
         let asked = self.ask(line);
@@ -338,7 +338,7 @@ impl<L: Line> Link<L> {
         (asked, is_lossy)
     }
 
-    /// Whether the board has had time enough for what was asked, and says other things.
+    /// Whether the board has had enough time for the answer, and sends other things.
     fn is_overdue(&self) -> bool {
         let (replied, tick) = self.replied;
         let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick);
@@ -349,18 +349,18 @@ impl<L: Line> Link<L> {
         self.stopped.load(Ordering::Relaxed)
     }
 
-    /// Sends a line, whose answer then begins `reply`.
+    /// Sends a line; `reply` then starts with its answer.
     fn say(&mut self, line: &str) -> Result<(), BoardError> {
-        // Any line tells the board of its host.
+        // Any line keeps the board alive.
         self.kept_alive = (Instant::now(), self.last_tick.unwrap_or(0));
         self.unanswered = self.unanswered.saturating_sub(self.answers()) + 1;
         self.reply.clear();
         (self.replied, self.lost_before_reply) = (self.kept_alive, self.decoder.lost);
-        // What a damaged line has left at the board ends before this one begins.
+        // Ends the remains of a damaged line before this one begins.
         self.write(format!("\n{line}\n").as_bytes())
     }
 
-    /// Lets the answers to lines that were given up come, so that they are not taken for that to the next one.
+    /// Waits for answers to lines that were given up, so that they are not taken for that to the next line.
     fn late_answers(&mut self) -> Result<(), BoardError> {
         let (begun, tick) = (Instant::now(), self.last_tick);
         while self.answers() < self.unanswered && (begun.elapsed() < LATE || self.is_slow(begun, tick, LATE_TICKS)) {
@@ -370,21 +370,21 @@ impl<L: Line> Link<L> {
         Ok(())
     }
 
-    /// Answers that `reply` has whole.
+    /// Number of whole answers in `reply`.
     fn answers(&self) -> u32 {
         let whole = self.reply.split_inclusive('\n').filter(|line| line.ends_with('\n'));
         whole.filter(|line| *line == "ok\n" || line.starts_with("error: ")).count() as u32
     }
 
-    /// Whether the board still sends, samples or a long answer that holds them up, and has not had so many ticks by its own
-    /// clock: a busy computer that simulates it, or carries what it says.
+    /// Whether the board still sends samples or a long answer, and its own clock has not reached this many ticks. A
+    /// busy computer may delay a simulated board, or the bytes.
     fn is_slow(&self, begun: Instant, tick: Option<u32>, within: u32) -> bool {
         let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick.unwrap_or(0));
         ticks < within && self.heard.elapsed() < ANSWER && begun.elapsed() < ANSWER_AT_MOST
     }
 
-    /// The answer, once it is whole: it ends with the last line. An error before that belongs to what a damaged line had left at
-    /// the board, and what the board says of its own may follow.
+    /// The answer, once it is whole: it ends with the last line. An error before that belongs to the remains of a
+    /// damaged line. The board's own messages may follow.
     fn answer(&self, line: &str) -> Option<Result<Vec<String>, BoardError>> {
         let reply = self.reply.strip_suffix(SAVED).unwrap_or(&self.reply);
         let last = reply.ends_with('\n').then(|| reply.lines().last())??;
@@ -396,7 +396,7 @@ impl<L: Line> Link<L> {
         last.starts_with("error: ").then(refused)
     }
 
-    /// Lets the board hear of its host. A word that is damaged on its way is made good by the next.
+    /// Sends a keep-alive line. If it is damaged, the next one replaces it.
     fn keep_alive(&mut self) -> Result<(), BoardError> {
         self.say("alive")?;
         let end = Instant::now() + KEPT_ALIVE;
@@ -406,7 +406,7 @@ impl<L: Line> Link<L> {
         Ok(())
     }
 
-    /// Saves the settings and waits until they are in the EEPROM, 3.4 ms a byte that differs.
+    /// Saves the settings and waits until they are in the EEPROM, 3.4 ms for each byte that differs.
     ///
     /// # Errors
     /// [`BoardError`].
@@ -422,17 +422,17 @@ impl<L: Line> Link<L> {
         Ok(())
     }
 
-    /// The settings as the board has them: of a line that loses some of the list, what is whole of several.
+    /// The settings of the board. If the line loses part of the list, several lists are combined.
     ///
     /// # Errors
-    /// [`BoardError`], also when it knows other settings than this program.
+    /// [`BoardError`], also if its settings differ from those of this program.
     pub fn settings(&mut self) -> Result<Settings, BoardError> {
         let mut known = [None; Param::COUNT];
         for tried in 1..=LOSSY_TRIES {
             let (lines, is_lossy) = match self.ask_noting_losses("show") {
                 (Ok(lines), is_lossy) => (lines, is_lossy),
                 (Err(_), true) => (self.whole_lines(), true),
-                // It may have been another line when it arrived.
+                // The line may have been damaged on its way.
                 (Err(BoardError::Refused { .. }), false) if tried < TRIES => continue,
                 (Err(error), false) => return Err(error),
             };
@@ -448,7 +448,7 @@ impl<L: Line> Link<L> {
         Err(damaged_line(self.losses(), "the settings do not come whole"))
     }
 
-    /// What has come of an answer.
+    /// The part of an answer that has come.
     fn whole_lines(&self) -> Vec<String> {
         let whole = self.reply.split_inclusive('\n').filter_map(|line| line.strip_prefix("# ")?.strip_suffix('\n'));
         whole.map(str::to_owned).collect()
@@ -471,7 +471,7 @@ impl<L: Line> Link<L> {
         Ok(shown)
     }
 
-    /// Whether samples of a sequence come that nobody has fetched: a busy computer may be behind.
+    /// Whether unread samples of a sequence come: a busy computer may be behind.
     fn comes_to_play(&mut self) -> Result<bool, BoardError> {
         let begun = Instant::now();
         loop {
@@ -486,7 +486,7 @@ impl<L: Line> Link<L> {
         }
     }
 
-    /// Begins a sequence, once: whose answer is lost and which plays is not begun anew.
+    /// Begins a sequence, once: if the answer is lost but it plays, it is not begun again.
     ///
     /// # Errors
     /// [`BoardError`].
@@ -504,7 +504,7 @@ impl<L: Line> Link<L> {
         unreachable!("it has an end")
     }
 
-    /// Takes what has come.
+    /// Processes the bytes that have come.
     fn poll(&mut self) -> Result<(), BoardError> {
         let mut buffer = [0; 4096];
         let count = self.line.receive(&mut buffer).map_err(|error| self.lost_line(&error))?;
@@ -530,7 +530,7 @@ impl<L: Line> Link<L> {
         self.greeted()
     }
 
-    /// Text comes: whether it goes on where the last ended.
+    /// Processes text: whether it continues where the last ended.
     fn note_gap(&mut self) {
         let is_within = !self.reply.is_empty() && !self.reply.ends_with('\n');
         if is_within && self.decoder.lost != self.lost_before_reply {
@@ -540,8 +540,8 @@ impl<L: Line> Link<L> {
         self.lost_before_reply = self.decoder.lost;
     }
 
-    /// Takes what the board says until so many answers have come outside of frames: a line keeps what nobody has read for the
-    /// program that opens it next.
+    /// Reads answers outside of frames until this many have come: a port keeps unread bytes for the program that opens
+    /// it next.
     fn take_rest(&mut self, answers: usize) {
         let (begun, mut said, mut buffer) = (Instant::now(), Vec::new(), [0; 1024]);
         while begun.elapsed() < LEAVING {
@@ -554,7 +554,7 @@ impl<L: Line> Link<L> {
         }
     }
 
-    /// A board that begins anew greets, and streams nothing.
+    /// A board after a reset greets, and does not stream.
     fn greeted(&mut self) -> Result<(), BoardError> {
         let after = |bytes: &[u8], what: &[u8]| {
             let at = bytes.windows(what.len()).position(|window| window == what)?;
@@ -563,13 +563,13 @@ impl<L: Line> Link<L> {
         let Some(rest) = after(&self.outside, GREETING).and_then(|rest| after(&rest, GREETING_CAUSE)) else {
             return Ok(());
         };
-        // A busy host finds the board's next lines behind that one.
+        // On a busy computer the board's next lines follow directly.
         let Some(end) = rest.iter().position(|byte| *byte == b'\n') else { return Ok(()) };
         self.gone = true;
         Err(reset(String::from_utf8_lossy(&rest[..end]).trim_end()))
     }
 
-    /// Ticks count up from a reset: one that goes back means another.
+    /// Ticks count up from a reset, so a smaller tick shows another reset.
     fn take(&mut self, sample: Sample) -> Result<(), BoardError> {
         if self.last_tick.is_some_and(|last| sample.tick < last) {
             self.gone = true;
@@ -596,7 +596,7 @@ impl<L: Line> Link<L> {
     }
 }
 
-/// Takes the values of a list of settings; lines that are not whole say nothing.
+/// Reads the values of a list of settings; incomplete lines are ignored.
 fn take_settings(lines: &[String], known: &mut [Option<f32>; Param::COUNT]) -> Result<(), BoardError> {
     for line in lines.iter().filter(|line| !line.contains(GAP)) {
         let mut words = line.split(' ');
@@ -612,16 +612,16 @@ fn take_settings(lines: &[String], known: &mut [Option<f32>; Param::COUNT]) -> R
 fn other_settings(listed: usize, known: usize) -> BoardError {
     let all = Param::COUNT;
     BoardError::Failed(format!(
-        "the board lists {listed} settings, of which this program knows {known} of its {all}: flash the firmware of this version"
+        "the board lists {listed} settings; this program knows {known} of them and expects {all}. Flash the firmware of this version"
     ))
 }
 
-/// A text taken apart where the console ends a line.
+/// Splits a text at the console's line ends.
 pub fn lines(text: &str) -> impl Iterator<Item = &str> {
     text.split(['\r', '\n'])
 }
 
-/// What the firmware says of its version.
+/// The version in the firmware's answer.
 fn version(greeting: &str) -> &str {
     greeting.trim_start_matches("motorbench ").split([',', ' ']).next().unwrap_or_default()
 }
@@ -670,7 +670,7 @@ impl<L: Line> Board for Link<L> {
 }
 
 impl<L: Line> Drop for Link<L> {
-    /// Leaves the motor without drive and the console as a person expects it; twice over a line that damages.
+    /// Leaves the motor without drive and the console in text mode; sent twice in case the line damages it.
     fn drop(&mut self) {
         let times = if self.decoder.damaged == 0 { 1 } else { TRIES };
         for _ in 0..if self.gone { 0 } else { times } {

@@ -1,8 +1,8 @@
-//! Whether a recording suffices to identify a motor, told while it is made: which speeds it has seen, both ways, whether they
-//! changed, and whether limits or the current sensor's rail cut something off.
+//! Judges during a recording whether it suffices to identify a motor: which speeds occurred in both directions, whether
+//! they changed, and whether limits or the current sensor's range cut something off.
 //!
-//! It counts and fits nothing: a recording that lacks none of this can still be too short for an interval as narrow as is
-//! wished for, which `motorbench identify` says.
+//! It counts and does not fit: a recording that lacks nothing can still be too short for the wanted intervals, which
+//! `motorbench identify` shows.
 
 use motorbench_core::message::{Sample, State};
 use motorbench_core::settings::{Param, Settings};
@@ -11,25 +11,25 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::fmt::{self, Display, Formatter};
 
-/// Speeds are counted in so many bins of the full range, and judged in so many parts of the greatest that occurred.
+/// Speeds are counted in this many bins of the full range, and judged in this many parts of the greatest speed.
 const BINS: usize = 2048;
 const BITS_PER_BIN: usize = 32768 / BINS;
 const PARTS: usize = 10;
-/// A part counts as seen after this long.
+/// A part counts as covered after this long.
 const SEEN_S: f64 = 0.01;
-/// A speed that differs by this share of the greatest from that of so long ago is changing.
+/// A speed is changing if it differs by this share of the greatest from the speed this long ago.
 const CHANGED_SHARE: f64 = 0.02;
 const CHANGED_IN_S: f64 = 0.01;
-/// The current is at the rail from this share of it on; the rails are half a supply of 5 V from the middle, or the end of the
-/// telemetry's format.
+/// The current is at the end of the range from this share of it on. The range is half of a 5 V supply from the middle,
+/// or the telemetry's format.
 const AT_RAIL: f64 = 0.97;
 const RAIL_MV: f64 = 2500.0;
-/// What suffices: parts of the speeds each way, shares of the time.
+/// Requirements: covered parts of the speeds in each direction, shares of the time.
 const ENOUGH_PARTS: usize = 6;
 const ENOUGH_CHANGING: f64 = 0.05;
 const MOST_LIMITED: f64 = 0.2;
 const MOST_AT_REST: f64 = 0.5;
-/// Fewer are not judged.
+/// Fewer samples are not judged.
 const ENOUGH_S: f64 = 1.0;
 
 /// Counts samples as they come.
@@ -58,18 +58,18 @@ pub struct Covered {
     pub changing_share: f64,
     /// Share of the time at rest.
     pub at_rest_share: f64,
-    /// Share of the time in which saturation, slew or current limit held the voltage back.
+    /// Share of the time in which saturation, slew limit or current limit reduced the voltage.
     pub limited_share: f64,
-    /// Samples with the current at the sensor's rail.
+    /// Samples with the current at the end of the sensor's range.
     pub at_rail_samples: u32,
-    /// What an identification lacks, with what to do; empty when it suffices.
+    /// What is missing for an identification, with what to do; empty if it suffices.
     pub lacks: Vec<Lack>,
 }
 
-/// Something an identification wants.
+/// A missing property of a recording.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Lack {
-    /// What.
+    /// The property.
     pub what: &'static str,
     /// What to do.
     pub remedy: &'static str,
@@ -117,7 +117,7 @@ impl Coverage {
         seen(&self.bins[0]).max(seen(&self.bins[1]))
     }
 
-    /// Parts of the speeds, up to the greatest, that were seen in a direction. Rest is none of them.
+    /// Parts of the speeds, up to the greatest, that were covered in a direction. Standstill is none of them.
     fn parts(&self, bins: &[u32]) -> usize {
         let greatest = self.greatest();
         let part = |index: usize| 1 + (greatest - 1) * index / PARTS..1 + (greatest - 1) * (index + 1) / PARTS;
@@ -180,11 +180,11 @@ impl Display for Covered {
         let Self { forward_parts, reverse_parts, changing_share, limited_share, lacks, .. } = self;
         writeln!(
             formatter,
-            "parts of the speeds seen: forwards {forward_parts} of {PARTS}, backwards {reverse_parts} of {PARTS}"
+            "speed range covered: forwards {forward_parts} of {PARTS} parts, backwards {reverse_parts} of {PARTS}"
         )?;
         write!(
             formatter,
-            "speed changing {:.0} % of the time, limited {:.0} %: ",
+            "speed changes {:.0} % of the time, voltage limited {:.0} %: ",
             100.0 * changing_share,
             100.0 * limited_share
         )?;
@@ -199,7 +199,7 @@ impl Display for Covered {
 mod tests {
     use super::*;
 
-    /// A speed that swings between two bounds, in bits, for so many seconds.
+    /// A speed that alternates between two bounds, in bits, for this many seconds.
     fn swing(low: f64, high: f64, seconds: f64) -> Vec<Sample> {
         let speed = |tick: u32| low + (high - low) * 0.5 * (1.0 - (f64::from(tick) / 100.0).cos());
         (0..(1000.0 * seconds) as u32)
@@ -248,7 +248,7 @@ mod tests {
     #[test]
     fn the_lines_fit_a_terminal() {
         let widest = covered(&[swing(100.0, 6000.0, 5.0), vec![Sample::default(); 100]].concat()).to_string();
-        assert!(widest.contains("forwards 10 of 10, backwards 0 of 10\n"), "{widest}");
+        assert!(widest.contains("forwards 10 of 10 parts, backwards 0 of 10\n"), "{widest}");
         assert!(
             widest.ends_with("lacks the other direction") && widest.lines().all(|line| line.len() < 80),
             "{widest}"

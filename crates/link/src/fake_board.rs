@@ -1,4 +1,4 @@
-//! A board for tests of what is written for a [`Board`].
+//! A simulated [`Board`] for tests.
 
 use crate::board::{Board, BoardError};
 use motorbench_core::message::{Sample, Trip};
@@ -6,13 +6,14 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::FULL_RANGE;
 use std::time::Duration;
 
-/// A board that obeys every line, holds every speed at once, and sends so many samples: then its telemetry stops.
+/// A board that accepts every line, holds every speed at once, and sends a given number of samples; then its telemetry
+/// stops.
 pub struct FakeBoard {
     /// Every line, in the order in which they came.
     pub heard: Vec<String>,
-    /// A trip that it has latched, for which it refuses to arm.
+    /// A latched trip, because of which it refuses to arm.
     pub trip: Trip,
-    /// One sample of so many comes over the line.
+    /// One sample of this many comes over the line.
     pub every: u32,
     tick: u32,
     left: u32,
@@ -21,7 +22,7 @@ pub struct FakeBoard {
 }
 
 impl FakeBoard {
-    /// One that sends so many samples.
+    /// A board that sends this many samples.
     pub fn that_sends(samples: u32) -> Self {
         Self { heard: Vec::new(), trip: Trip::None, every: 1, tick: 0, left: samples, speed: 0, silent_s: 0.0 }
     }
@@ -39,7 +40,10 @@ impl Board for FakeBoard {
         match self.trip {
             Trip::None => Ok(()),
             _ if line != "arm" => Ok(()),
-            _ => Err(BoardError::Refused { line: line.into(), reply: "error: tripped, clear it first".into() }),
+            _ => Err(BoardError::Refused {
+                line: line.into(),
+                reply: "error: trip 8 emergency stop, 0 s ago; clear it".into(),
+            }),
         }
     }
 

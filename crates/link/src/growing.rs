@@ -1,4 +1,4 @@
-//! Files that are written while a board is measured: what becomes of the program costs nothing that had come.
+//! Files that are written during a measurement: a program that ends early loses no completed rows.
 
 use motorbench_core::message::{Mode, Sample};
 use motorbench_core::settings::Settings;
@@ -17,7 +17,7 @@ pub struct GrowingFile {
 }
 
 impl GrowingFile {
-    /// Finds out whether the file can be written; what is in it is replaced when the first lines come.
+    /// Checks that the file can be written; its old content is replaced by the first lines.
     ///
     /// # Errors
     /// What the system says.
@@ -30,7 +30,7 @@ impl GrowingFile {
         Ok(Self { path: path.into(), file: None, length: 0 })
     }
 
-    /// Where it is.
+    /// Its path.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -40,7 +40,7 @@ impl GrowingFile {
         self.file.is_none()
     }
 
-    /// Adds lines; on an error the file ends with the last whole line that was written before, and is gone where there is none.
+    /// Adds lines. On an error the file ends with the last whole line, and is removed if there is none.
     ///
     /// # Errors
     /// What the system says, for instance of a full disk.
@@ -50,7 +50,7 @@ impl GrowingFile {
         }
         let Some(file) = &mut self.file else { return Ok(()) };
         if let Err(error) = file.write_all(lines.as_bytes()) {
-            // A device has no length: then there is nothing to cut off.
+            // A device has no length, so there is nothing to cut off.
             let _ = file.set_len(self.length);
             if self.length == 0 && self.path.is_file() {
                 let _ = std::fs::remove_file(&self.path);
@@ -62,16 +62,16 @@ impl GrowingFile {
     }
 }
 
-/// A recording whose CSV file grows with what comes.
+/// A recording whose CSV file grows with the samples.
 #[derive(Debug)]
 pub struct GrowingCsv {
     file: GrowingFile,
     begun: Option<Sample>,
-    /// Whose reference has a column. A header line that is written stays: what comes later cannot choose it.
+    /// The mode whose reference has a column. The header line is written first, so later samples cannot change it.
     mode: Option<Mode>,
     /// Rows that are in the file.
     rows: usize,
-    /// Some could not be written: none follows them.
+    /// Whether some rows could not be written: then none follows.
     is_over: bool,
 }
 
@@ -103,7 +103,7 @@ impl GrowingCsv {
         let mode = *self.mode.get_or_insert_with(|| driven_mode(samples));
         let text = match self.begun {
             None => recording_of("", samples, settings, mode).to_csv(),
-            // Times are those that the first sample began.
+            // Times count from the first sample.
             Some(begun) => recording_of("", &[&[begun], samples].concat(), settings, mode).csv_rows(1),
         };
         self.begun.get_or_insert(*first);

@@ -1,6 +1,6 @@
-//! Samples to other people's plotters while they come, over UDP, with the board's own time stamps: `PlotJuggler` (JSON
-//! objects, "UDP Server" with message protocol JSON and `timestamp` as embedded time) and Teleplot (lines of
-//! `name:milliseconds:value§unit`).
+//! Sends samples to plotters over UDP while they come, with the board's own time stamps. `PlotJuggler` takes JSON
+//! objects ("UDP Server", message protocol JSON, `timestamp` as embedded time). Teleplot takes lines of
+//! `name:milliseconds:value§unit`.
 
 use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings};
@@ -9,12 +9,12 @@ use motorbench_data::telemetry;
 use std::fmt::Write as _;
 use std::net::{SocketAddr, UdpSocket};
 
-/// Where `PlotJuggler` listens unless it is told otherwise.
+/// Default address of `PlotJuggler`.
 pub const PLOTJUGGLER: &str = "127.0.0.1:9870";
-/// Where Teleplot listens.
+/// Default address of Teleplot.
 pub const TELEPLOT: &str = "127.0.0.1:47269";
 
-/// Sends samples on. A plotter that is not there yet misses them; nothing waits for it.
+/// Sends samples. A plotter that is not running yet misses them; nothing waits for it.
 #[derive(Debug)]
 pub struct Live {
     socket: UdpSocket,
@@ -23,7 +23,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// To those plotters that are given.
+    /// Sends to the given plotters.
     ///
     /// # Errors
     /// What the system says when it has no UDP socket.
@@ -36,7 +36,7 @@ impl Live {
     /// Sends one sample of a recording; missing values are left out.
     ///
     /// # Errors
-    /// What the system says when it cannot send; that nobody listens is no error.
+    /// Errors of sending; a missing listener is no error.
     pub fn send(&self, recording: &Recording, index: usize) -> std::io::Result<()> {
         let t_s = recording.time_s().map_or(f64::NAN, |time_s| time_s[index]);
         self.send_at(t_s, recording, index)
@@ -86,7 +86,7 @@ fn teleplot(t_s: f64, values: &[(&str, f64)]) -> String {
     })
 }
 
-/// What follows the last word of a column's name, as Teleplot wants it.
+/// Unit after the last word of a column's name, in Teleplot's form.
 fn unit(column: &str) -> String {
     let unit = column.split_once('_').map_or("", |(_, unit)| unit).replace("_per_", "/");
     if unit.is_empty() { unit } else { format!("§{unit}") }

@@ -1,10 +1,10 @@
-//! Serial ports: which may be a board, and opening one for this program alone.
+//! Serial ports: finds those that may be a board, and opens one exclusively.
 
 use super::Link;
 #[cfg(unix)]
 use super::virtual_control::VirtualControl;
 use crate::board::BoardError;
-use motorbench_core::pins::BAUD;
+use motorbench_core::HARDWARE;
 use serialport::{SerialPort, SerialPortType};
 use std::fs::File;
 use std::io;
@@ -30,7 +30,7 @@ const BOARDS: [(u16, u16, &str); 9] = [
     (0x10C4, 0xEA60, "CP2102, as on clones"),
 ];
 
-/// Where `motorbench virtual` has its board unless it is told otherwise.
+/// Default path of the port of `motorbench virtual`.
 pub const USUAL_LINK: &str = "/tmp/motorbench";
 
 /// A port on this computer.
@@ -38,7 +38,7 @@ pub const USUAL_LINK: &str = "/tmp/motorbench";
 pub struct Found {
     /// Its name, for `--port`.
     pub port: String,
-    /// What is known of it.
+    /// Its description.
     pub what: String,
     /// It is probably a board.
     pub board: bool,
@@ -46,7 +46,7 @@ pub struct Found {
     pub simulated: bool,
 }
 
-/// The ports of this computer, boards first, the simulated one behind the real ones.
+/// The ports of this computer, boards first, the virtual board behind the real ones.
 ///
 /// # Errors
 /// When the operating system does not tell.
@@ -69,7 +69,7 @@ fn once_each(found: Vec<Found>) -> Vec<Found> {
     found.into_iter().filter(|port| !is_twin(port)).collect()
 }
 
-/// The simulated board at a link, if one runs there.
+/// The virtual board at a link, if one runs there.
 #[cfg(unix)]
 fn simulated(link: &Path) -> Option<Found> {
     VirtualControl::of(link)?;
@@ -98,7 +98,7 @@ fn describe(port: String, kind: &SerialPortType) -> Found {
     Found { port, what, board: known.is_some(), simulated: false }
 }
 
-/// The port that is meant when none is named: the only board there is, the simulated one where there is no other.
+/// The port if none is named: the only board, or the virtual one if there is no other.
 ///
 /// # Errors
 /// When there is none, or more than one.
@@ -119,7 +119,7 @@ fn only_board_of(found: &[Found]) -> Result<String, String> {
     }
 }
 
-/// A serial port, for this program alone.
+/// A serial port, opened exclusively.
 pub type Port = Box<dyn SerialPort>;
 
 /// Opens a port and starts talking to the firmware there, unless `stopped` is set meanwhile.
@@ -127,9 +127,9 @@ pub type Port = Box<dyn SerialPort>;
 /// # Errors
 /// [`BoardError::Failed`] with what to do: missing, busy, not permitted; else as [`Link::start_unless`].
 pub fn open(name: &str, stopped: Arc<AtomicBool>) -> Result<Link<Port>, BoardError> {
-    // The operating system's own words are better than those that the library makes of them.
+    // The operating system's message is clearer than that of the library.
     File::options().read(true).write(true).open(name).map_err(|error| BoardError::Failed(cannot_open(name, &error)))?;
-    let port = serialport::new(name, BAUD).timeout(WAIT).open_native().map_err(|error| {
+    let port = serialport::new(name, HARDWARE.baud).timeout(WAIT).open_native().map_err(|error| {
         BoardError::Failed(match error.kind() {
             serialport::ErrorKind::NoDevice => busy(name),
             // "Not a typewriter", in the words of the system.
@@ -142,8 +142,8 @@ pub fn open(name: &str, stopped: Arc<AtomicBool>) -> Result<Link<Port>, BoardErr
     Link::start_unless(Box::new(port), stopped)
 }
 
-/// Has a read come back at once: what was there when it was looked may be gone to another program, and to wait for its turn
-/// would be to wait for ever.
+/// Makes a read return at once: bytes that were seen may be gone to another program, and waiting for them would never
+/// end.
 #[cfg(unix)]
 fn unblocked(port: serialport::TTYPort) -> io::Result<serialport::TTYPort> {
     // SAFETY: the port is open, and is so when this returns.

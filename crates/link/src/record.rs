@@ -1,4 +1,4 @@
-//! Recording an excitation that the firmware plays: everything that came, whatever ended it.
+//! Records an excitation that the firmware plays: keeps every sample, however it ends.
 
 use super::coverage::{Coverage, Covered, Lack};
 use super::{Line, Link, Losses};
@@ -8,20 +8,20 @@ use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::settings::{Param, Settings};
 use std::time::{Duration, Instant};
 
-/// How closely the telemetry is fetched.
+/// Interval at which the telemetry is fetched.
 const SLICE_S: f64 = 0.02;
-/// A sequence that has not begun after this long does not begin.
+/// A sequence that has not begun after this long has failed.
 const BEGINNING: Duration = Duration::from_secs(2);
-/// How often the drive is told to be off until it says so.
+/// Number of times the drive is switched off until it confirms.
 const TRIES: u32 = 3;
-/// Samples of the beginning that may be lost, and bits that two roundings may differ by, when it is looked at what was played.
+/// For the check of the played sequence: samples that may be lost at the beginning, and rounding differences in bits.
 const LOST_AT_FIRST: usize = 100;
 const ROUNDING: i32 = 2;
 
-/// What a recording lacks that was broken off: what else it would have had is in that.
+/// What an interrupted recording lacks; other missing properties follow from that.
 const REST: Lack = Lack { what: "the rest of its sequence", remedy: "play it whole" };
 
-/// How a recording ended that has not.
+/// State of a recording that has not ended.
 pub const RUNNING: &str = "running";
 
 /// How a recording ended.
@@ -30,17 +30,17 @@ pub const RUNNING: &str = "running";
 pub enum Ended {
     /// The sequence was played to its end.
     Complete,
-    /// The person stopped it.
+    /// The user stopped it.
     Interrupted,
     /// The drive switched itself off.
     Tripped(#[serde(serialize_with = "by_its_name")] Trip),
-    /// The board refused what it was told.
+    /// The board refused a command.
     Refused(String),
     /// The board or the line failed.
     Failed(String),
 }
 
-/// A trip as files have it.
+/// The name of a trip in files.
 fn by_its_name<S: serde::Serializer>(trip: &Trip, serializer: S) -> Result<S::Ok, S::Error> {
     serializer.collect_str(&format_args!("{trip:?}"))
 }
@@ -70,12 +70,12 @@ pub struct Record {
 }
 
 impl Record {
-    /// Ticks between the first and the last sample of which nothing came.
+    /// Ticks between the first and the last sample that are missing.
     pub fn missing_ticks(&self) -> u32 {
         missing_ticks(&self.samples)
     }
 
-    /// What it has covered of what an identification needs.
+    /// How well it covers the needs of an identification.
     pub fn coverage(&self) -> Covered {
         let mut coverage = Coverage::new(&self.settings);
         coverage.add(&self.samples);
@@ -86,7 +86,7 @@ impl Record {
         covered
     }
 
-    /// What a recording's side file says.
+    /// Content of a recording's side file.
     pub fn side_file(&self, firmware: &str, sequence: &str) -> serde_json::Value {
         let mut side = side_file_of_running(&self.settings, firmware, sequence);
         side["samples"] = self.samples.len().into();
@@ -98,7 +98,7 @@ impl Record {
     }
 }
 
-/// What the side file says while a recording grows, which a program that is killed leaves.
+/// The side file during a recording; it remains if the program is killed.
 pub fn side_file_of_running(settings: &Settings, firmware: &str, sequence: &str) -> serde_json::Value {
     serde_json::json!({
         "program": format!("motorbench {}", super::VERSION),
@@ -110,12 +110,12 @@ pub fn side_file_of_running(settings: &Settings, firmware: &str, sequence: &str)
     })
 }
 
-/// Ticks between the first and the last of some samples of which nothing came.
+/// Missing ticks between the first and the last of some samples.
 pub fn missing_ticks(samples: &[Sample]) -> u32 {
     samples.windows(2).map(|pair| pair[1].tick.wrapping_sub(pair[0].tick).saturating_sub(1)).sum()
 }
 
-/// Settings by their names on the console, as short as they are there: 0.05 is not 0.05000000074505806.
+/// Settings by their console names, with as few digits as there: 0.05, not 0.05000000074505806.
 pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value> {
     let decimal = |value: f32| value.to_string().parse::<f64>().unwrap_or_else(|_| value.into());
     Param::ALL
@@ -124,11 +124,11 @@ pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value
         .collect()
 }
 
-/// Plays `order`, a `sequence` line of the console, in the present mode of an armed drive, and records it; disarms at the
-/// end. `stop` is asked again and again whether the person wants to; `hears` gets the samples of the sequence as they come,
-/// and ends the recording when it cannot keep them.
+/// Plays `order`, a `sequence` line of the console, in the present mode of an armed drive, and records it. Disarms at
+/// the end. `stop` is polled for an interruption by the user. `hears` gets the samples of the sequence as they come,
+/// and ends the recording if it cannot keep them.
 ///
-/// What has come is never thrown away: whatever goes wrong is in [`Record::ended`].
+/// Samples are never discarded: errors are reported in [`Record::ended`].
 pub fn record<L: Line>(
     link: &mut Link<L>,
     settings: Settings,
@@ -139,7 +139,7 @@ pub fn record<L: Line>(
     let mut samples = Vec::new();
     let mut ended = play(link, order, &mut samples, stop, hears).unwrap_or_else(Ended::from);
     if matches!(ended, Ended::Failed(_)) {
-        // What had come before the line failed, and was still on its way from the link to here.
+        // Samples that came before the line failed and were not fetched yet.
         let before = samples.len();
         if let Err(error) = keep(&link.come(), &mut samples) {
             ended = error.into();
@@ -151,7 +151,7 @@ pub fn record<L: Line>(
         (Ended::Complete, Err(error)) => Ended::Failed(error.to_string()),
         (ended, _) => ended,
     };
-    // What was lost after the last sample is none of a recording that was broken off: its samples are as many without it.
+    // An interrupted recording ends with its last sample, so losses after it do not count.
     let losses = match (&ended, samples.last()) {
         (Ended::Complete, _) | (_, None) => link.losses(),
         (_, Some(last)) => link.losses_before(last.tick),
@@ -159,10 +159,10 @@ pub fn record<L: Line>(
     Record { samples, settings, ended, losses }
 }
 
-/// Who gets the samples while they come; what they could not be kept for is the error.
+/// Receives the samples while they come; its error says why it could not keep them.
 pub type Hears<'a> = &'a mut dyn FnMut(&[Sample]) -> Result<(), String>;
 
-/// The drive is told until it has heard it, or until the line is gone.
+/// Repeats until the drive confirms, or until the line is gone.
 fn switched_off<L: Line>(link: &mut Link<L>) -> Result<(), BoardError> {
     let mut off = link.command("disarm");
     for _ in 1..TRIES {
@@ -197,7 +197,7 @@ fn play<L: Line>(
         }
         if samples.is_empty() && begun.elapsed() > BEGINNING {
             return Err(BoardError::Failed(
-                "the sequence does not begin: is the drive armed and in the right mode?".into(),
+                "the sequence did not begin: check that the drive is armed and the mode is set".into(),
             ));
         }
         if stop() {
@@ -207,7 +207,7 @@ fn play<L: Line>(
     }
 }
 
-/// Keeps the samples of the sequence, and says when it is over.
+/// Keeps the samples of the sequence, and reports its end.
 fn keep(came: &[Sample], samples: &mut Vec<Sample>) -> Result<Option<Ended>, BoardError> {
     for sample in came {
         if sample.trip != Trip::None {
@@ -223,12 +223,12 @@ fn keep(came: &[Sample], samples: &mut Vec<Sample>) -> Result<Option<Ended>, Boa
     Ok(None)
 }
 
-/// Whether samples have the references of a sequence. What is told to the board has no check sum: a line that damages what it
-/// carries can make another sequence of it.
+/// Whether samples have the references of a sequence. Commands have no check sum: a line that damages data can change
+/// the sequence.
 pub fn is_played(samples: &[Sample], sequence: &Sequence) -> bool {
     let playing: Vec<&Sample> = samples.iter().filter(|sample| sample.state.has(State::PLAYING)).collect();
     let Some(first) = playing.first() else { return true };
-    // Positions are relative to where the sequence began.
+    // Positions are relative to the start of the sequence.
     let is_position = first.state.mode().is_position();
     let lasted = playing[playing.len() - 1].tick.wrapping_sub(first.tick) as usize;
     let mut player = Player::default();

@@ -1,40 +1,40 @@
-//! The control of a virtual board: a socket beside its port that takes the lines that `motorbench virtual` takes from its
-//! terminal, and answers each with `ok` or with `error: ` and why.
+//! Control of a virtual board: a socket beside its port. It takes the same lines as the terminal of `motorbench
+//! virtual`, and answers each with `ok` or with `error: ` and the reason.
 
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// A board that does not answer for this long does not run.
+/// A board that does not answer for this long is not running.
 const ANSWER: Duration = Duration::from_secs(5);
 
-/// Where the control of the board at a port is.
+/// Path of the control socket of the board at a port.
 pub fn control_path(port: &Path) -> PathBuf {
     port.with_added_extension("control")
 }
 
-/// What a virtual board is told besides what goes over its port.
+/// Sends lines to a virtual board, besides its port.
 #[derive(Debug)]
 pub struct VirtualControl(UnixStream);
 
 impl VirtualControl {
-    /// That of the board at a port; none where no virtual board is.
+    /// The control of the board at a port; `None` if it is no virtual board.
     pub fn of(port: &Path) -> Option<Self> {
         let stream = UnixStream::connect(control_path(port)).ok()?;
         stream.set_read_timeout(Some(ANSWER)).ok()?;
         Some(Self(stream))
     }
 
-    /// For lines that take their time.
+    /// For lines that take longer.
     #[must_use]
     pub fn patient(self) -> Self {
-        // Where that is refused it waits as long as for any other.
+        // If this is refused, the usual time limit holds.
         let _ = self.0.set_read_timeout(None);
         self
     }
 
-    /// Has it do a line.
+    /// Carries out a line.
     ///
     /// # Errors
     /// Why it does not.

@@ -9,7 +9,7 @@
 //! torque_Nm = 0.004
 //! ```
 
-use crate::catalogue::{Alone, DryLosses, Effect, OffPhase, Scales, effect};
+use crate::catalogue::{Alone, CATALOGUE, DryLosses, Effect, OffPhase, Parameter, Scales, effect};
 use crate::motor::{MotorParameters, NonPhysical};
 use motorbench_text::keys;
 use serde::{Deserialize, Serialize};
@@ -37,12 +37,12 @@ impl Term {
         constants.filter(|(constant, value)| constant.moves(**value)).count()
     }
 
-    /// See [`Effect::turn`].
+    /// See [`Law::turn`](crate::catalogue::Law::turn).
     pub fn turn(&self) -> i8 {
         self.effect.turn(&self.values)
     }
 
-    /// See [`Effect::dry_losses`].
+    /// See [`Law::dry_losses`](crate::catalogue::Law::dry_losses).
     pub fn dry_losses(&self) -> DryLosses {
         self.effect.dry_losses(&self.values)
     }
@@ -50,27 +50,28 @@ impl Term {
     /// Whether it is more than nothing.
     pub fn is_there(&self) -> bool {
         let is_something = |index: usize| self.values[index] != self.effect.about().parameters[index].nothing();
-        self.effect.strengths().into_iter().all(|mut group| group.any(is_something))
+        self.effect.about().strengths().into_iter().all(|mut group| group.any(is_something))
     }
 
     /// Whether it follows another of its laws than the usual one.
     pub fn has_another_law(&self) -> bool {
         let mut constants = self.effect.about().parameters.iter().zip(&self.values);
-        constants.any(|(constant, value)| constant.unsaid.is_some_and(|usual| usual != *value))
+        constants.any(|(constant, value)| constant.default.is_some_and(|usual| usual != *value))
     }
 
-    /// Places, names and values of its constants, without those that go without saying.
-    pub fn said(&self) -> impl Iterator<Item = (usize, &'static str, f64)> {
+    /// Places, parameters and values of its constants, without those at their defaults.
+    pub fn without_defaults(&self) -> impl Iterator<Item = (usize, &'static Parameter, f64)> {
         let parameters = self.effect.about().parameters.iter().zip(&self.values).enumerate();
         parameters
-            .filter(|(_, (parameter, value))| parameter.unsaid != Some(**value))
-            .map(|(index, (parameter, value))| (index, parameter.name, *value))
+            .filter(|(_, (parameter, value))| parameter.default != Some(**value))
+            .map(|(index, (parameter, value))| (index, parameter, *value))
     }
 }
 
 impl std::fmt::Debug for Term {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "{}{:?}", self.id(), self.said().map(|(_, name, value)| (name, value)).collect::<Vec<_>>())
+        let constants = self.without_defaults().map(|(_, parameter, value)| (parameter.name, value));
+        write!(f, "{}{:?}", self.id(), constants.collect::<Vec<_>>())
     }
 }
 
@@ -153,10 +154,10 @@ impl Model {
         self.terms.iter().map(|term| term.effect.tachogenerator_lag_s(&term.values)).sum()
     }
 
-    /// The same with one effect more. Of its last constants those may be left out that go without saying.
+    /// The same with one effect more. Its last constants may be left out if they have defaults.
     pub fn with(&self, effect: &'static dyn Effect, mut values: Vec<f64>) -> Self {
-        let unsaid = effect.about().parameters[values.len()..].iter().map(|parameter| parameter.unsaid);
-        values.extend(unsaid.map(|value| value.expect("every constant that has to be said is given")));
+        let defaults = effect.about().parameters[values.len()..].iter().map(|parameter| parameter.default);
+        values.extend(defaults.map(|value| value.expect("a constant without a default is given")));
         let mut terms = self.terms.clone();
         terms.push(Term { effect, values });
         Self { motor: self.motor, terms }
@@ -197,8 +198,8 @@ impl Model {
         self.terms.iter().find(|term| term.id() == id)
     }
 
-    /// The same with those constants at what is known of them that nothing else decides here.
-    pub fn with_the_known(mut self) -> Self {
+    /// The same with the constants that it [holds](Self::holds) at their prior means.
+    pub fn with_prior_means(mut self) -> Self {
         for index in 0..self.terms.len() {
             if self.holds(&self.terms[index]) {
                 let term = &mut self.terms[index];
@@ -210,9 +211,9 @@ impl Model {
         self
     }
 
-    /// Whether a term's constants are held at what is known of them.
+    /// Whether a term's constants are held at their prior means: the data cannot tell them from another of its effects.
     pub fn holds(&self, term: &Term) -> bool {
-        term.effect.known_beside().is_some_and(|id| self.has(id))
+        term.effect.about().held_beside.is_some_and(|id| self.has(id))
     }
 
     /// What of the inertia turns with the motor's own shaft.
@@ -230,9 +231,9 @@ impl Model {
         self.terms.iter().find_map(|term| term.effect.off_phase(&term.values)).unwrap_or(OffPhase::Brakes)
     }
 
-    /// What an effect is in it that lacks the one that it stands on; nothing if it does not lack it.
+    /// What an effect is in a model that lacks the effect it requires; `None` if the model does not lack it.
     pub fn alone(&self, effect: &dyn Effect) -> Option<Alone> {
-        effect.stands_on().filter(|(other, _)| !self.has(other)).map(|(_, alone)| alone)
+        effect.about().requires.filter(|(other, _)| !self.has(other)).map(|(_, alone)| alone)
     }
 
     /// Reads a model file.
@@ -258,7 +259,8 @@ impl Model {
 
     /// Its effects by their identifiers, the constants of each by their names.
     pub fn effects(&self) -> BTreeMap<String, BTreeMap<String, f64>> {
-        let constants = |term: &Term| term.said().map(|(_, name, value)| (name.into(), value)).collect();
+        let constants =
+            |term: &Term| term.without_defaults().map(|(_, parameter, value)| (parameter.name.into(), value)).collect();
         self.terms.iter().map(|term| (term.id().into(), constants(term))).collect()
     }
 
@@ -271,8 +273,8 @@ impl Model {
 fn read_term(text: &str, id: &str, constants: &BTreeMap<String, f64>) -> Result<Term, ModelError> {
     let at = keys::line(text, &["effects", id]).unwrap_or(1);
     let Some(effect) = effect(id) else {
-        let known = crate::catalogue::CATALOGUE.map(|effect| effect.about().id);
-        let meant = keys::suggestion(keys::nearest(id, known));
+        let known: Vec<&str> = CATALOGUE.iter().map(|effect| effect.about().id).collect();
+        let meant = keys::suggestion(keys::nearest(id, known.iter().copied()));
         return Err(ModelError::UnknownEffect { line: at, id: id.into(), meant, known: known.join(", ") });
     };
     let parameters = effect.about().parameters;
@@ -289,7 +291,7 @@ fn read_term(text: &str, id: &str, constants: &BTreeMap<String, f64>) -> Result<
     }
     let mut values = Vec::new();
     for parameter in parameters {
-        let given = constants.get(parameter.name).copied().or(parameter.unsaid);
+        let given = constants.get(parameter.name).copied().or(parameter.default);
         let value = given.ok_or_else(|| error(parameter.name, "missing".into()))?;
         if !(parameter.min..=parameter.max).contains(&value) || !value.is_finite() {
             return Err(error(parameter.name, "out of range".into()));

@@ -28,6 +28,7 @@ pub mod linear;
 mod linear_step;
 pub mod motor;
 pub mod pwm_period;
+pub mod unit;
 
 pub use extended::{Model, ModelError, Term};
 pub use linear_step::{LinearStep, Reached, SAME_LENGTH_S, oppose_motion};

@@ -4,6 +4,7 @@
 //! L di/dt = u - R i - k w        J dw/dt = k i - b w
 //! ```
 
+use crate::unit::Unit;
 use serde::{Deserialize, Serialize};
 
 /// Constants of the linear motor, seen at its own shaft. The names are those of rig and model files.
@@ -93,6 +94,10 @@ impl MotorParameters {
         viscous_friction_nm_s: 5e-6,
     };
 
+    /// The unit of each constant, in the order of [`named`](Self::named).
+    pub const UNITS: [Unit; 5] =
+        [Unit::Ohm, Unit::Henry, Unit::NewtonMetrePerAmpere, Unit::KilogramMetre2, Unit::NewtonMetreSecond];
+
     /// Name as in a rig file and value of each constant.
     pub fn named(&self) -> [(&'static str, f64); 5] {
         [
@@ -116,6 +121,13 @@ impl MotorParameters {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_say_their_units() {
+        for ((name, _), unit) in MotorParameters::PIVT6.named().into_iter().zip(MotorParameters::UNITS) {
+            assert!(unit.is_said_by(name), "{name}: {unit:?}");
+        }
+    }
 
     #[test]
     fn what_no_motor_has_is_refused_with_the_likely_slip() {

@@ -1,4 +1,4 @@
-//! A design for people: half a page of text, and a page with plots that needs nothing but itself.
+//! A design as half a page of text, and as a self-contained page with plots.
 
 use crate::panels::{COLOURS, LEGEND_LEFT, LEGEND_TOP, legend, row_height};
 use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, code, document, escaped, list, table};
@@ -23,7 +23,7 @@ use plotters::prelude::*;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Most points of a line.
+/// Largest number of points of a line.
 const MAX_POINTS: usize = 800;
 /// As all plots of pages, with room for the title and two rows of names.
 const SIZE: (u32, u32) = (PLOT_SIZE.0, PLOT_SIZE.1 + 50);

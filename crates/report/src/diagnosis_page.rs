@@ -24,7 +24,7 @@ pub fn report_with(page_title: &str, diagnosis: &Diagnosis, names: &[String], se
     let outcome = &diagnosis.outcome;
     let mut html = format!("<h1>{}</h1>\n<p>{}</p>\n", escaped(&verdict(outcome)), escaped(&names.join(", ")));
     causes(&mut html, outcome);
-    html.push_str("<h2>Measured and simulated</h2><p>Black: measured. Orange: the linear motor. Blue: the extended model. Grey bands: data that no fit has seen.</p>");
+    html.push_str("<h2>Measured and simulated</h2><p>Black: measured. Orange: the linear motor. Blue: the extended model. Grey bands: held-out data, used in no fit.</p>");
     for output in 0..diagnosis.data.measured.len() {
         html.push_str(&plots::over_time(diagnosis, output));
     }
@@ -67,7 +67,7 @@ fn causes(html: &mut String, outcome: &Outcome) {
     if let Some(unexplained) = &outcome.unexplained {
         let _ = write!(
             html,
-            "<h2>Without a name</h2><p>{:.0} % of the error that is left is not the sensors' noise; {}.</p>",
+            "<h2>Unexplained</h2><p>{:.0} % of the remaining error is not noise of the sensors; {}.</p>",
             100.0 * unexplained.share,
             unexplained.place()
         );
@@ -76,7 +76,7 @@ fn causes(html: &mut String, outcome: &Outcome) {
 
 /// What the linear motor lacks, over time and over all it can depend on.
 fn lacks(html: &mut String, diagnosis: &Diagnosis) {
-    *html += "<h2>What the linear motor lacks</h2><p>With the constants found beside the effects: the torque and the voltage that would make it agree. Each alone would: what one plot shows clearly and the other does not, is where the cause acts.</p>";
+    *html += "<h2>What the linear motor lacks</h2><p>With the constants found beside the effects: the torque or the voltage that would make it agree. Each alone would suffice. The cause acts where one plot is clear and the other is not.</p>";
     for lack in &diagnosis.lacks {
         over_everything(html, &diagnosis.data, plots::missing(lack.acts_on), &lack.values);
     }
@@ -87,7 +87,7 @@ fn residuals(html: &mut String, diagnosis: &Diagnosis) {
     if diagnosis.outcome.unexplained.is_none() {
         return;
     }
-    *html += "<h2>What the extended model leaves</h2><p>Measured less simulated, with everything named. What follows the measured quantity itself, or the angle, and is not seen by the other sensor, is rather the sensor's.</p>";
+    *html += "<h2>What the extended model leaves</h2><p>Measured less simulated, with all named effects. A rest that follows the measured quantity itself, or the angle, and that the other sensor does not show, is probably a fault of the sensor.</p>";
     let left = motorbench_diagnosis::diagnose::residuals(&diagnosis.data, &diagnosis.extended);
     for (measured, left) in diagnosis.data.measured.iter().zip(&left) {
         let what = format!("residual of {}", measured.output.title());
@@ -106,7 +106,7 @@ fn over_everything(html: &mut String, data: &Dataset, what: &str, values: &[f64]
 }
 
 fn gains(html: &mut String, diagnosis: &Diagnosis) {
-    *html += "<h2>What each step gained</h2><p>On data that no fit has seen. Each bar goes from the error before to the error after, on a logarithmic scale.</p>";
+    *html += "<h2>What each step gained</h2><p>On held-out data. Each bar goes from the error before a step to the error after it, on a logarithmic scale.</p>";
     let measured = &diagnosis.data.measured;
     for (output, measured) in measured.iter().enumerate() {
         let of = |which: &str| diagnosis.outcome.fit[which][measured.output.channel()].rmse;
@@ -162,7 +162,7 @@ fn intervals(html: &mut String, outcome: &Outcome) {
     });
     *html += "<h2>The motor</h2>";
     if outcome.parameters.values().any(|parameter| parameter.nominal.is_some()) {
-        *html += "<p>Found over nominal, with 95 % intervals; grey: what data sheets are worth.</p>";
+        *html += "<p>Found over nominal, with 95 % intervals; grey: the tolerance of data sheets.</p>";
         *html += &plots::found_over_nominal(&outcome.parameters);
     }
     *html += &table(&["", "nominal", "found", "95 % interval"], rows);

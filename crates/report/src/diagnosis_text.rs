@@ -1,4 +1,4 @@
-//! The result as a page that a person reads in half a minute.
+//! The result as a short text for a terminal.
 
 use motorbench_diagnosis::dataset::TOLERANCE;
 use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome, RunnerUp, Unexplained, Verdict};
@@ -32,7 +32,7 @@ pub fn verdict(outcome: &Outcome) -> String {
     let names = names.join(", ");
     match outcome.verdict {
         Verdict::Sufficient => format!(
-            "The linear motor is sufficient: it leaves the sensors' noise, or less than {} %.",
+            "The linear motor is enough: its error is the noise of the sensors, or less than {} % of the signal's range.",
             100.0 * TOLERANCE
         ),
         Verdict::Explained => {
@@ -45,7 +45,9 @@ pub fn verdict(outcome: &Outcome) -> String {
         )
         .trim_end()
         .into(),
-        Verdict::Unexplained => "The linear motor is not enough, and the cause is none that is known here.".into(),
+        Verdict::Unexplained => {
+            "The linear motor is not enough, and no effect of the catalogue explains the rest.".into()
+        }
     }
 }
 
@@ -107,7 +109,7 @@ fn cause_lines(number: usize, cause: &Cause, outcome: &Outcome) -> String {
 }
 
 fn errors(outcome: &Outcome) -> String {
-    let mut text = String::from("Error on data that no fit has seen (rms, free-running simulation)\n");
+    let mut text = String::from("Error on held-out data (rms, free-running simulation)\n");
     // As wide as the longest name of a channel is.
     let width = outcome.fit["base"].keys().map(|channel| channel.len()).max().unwrap_or(0).max(20);
     let _ = writeln!(text, "  {:width$} {:>10} {:>10} {:>10}   fit", "", "linear", "extended", "noise");
@@ -131,7 +133,7 @@ fn errors(outcome: &Outcome) -> String {
 
 /// What has no name, in a sentence.
 pub fn without_a_name(unexplained: &Unexplained) -> String {
-    format!("Without a name: {:.0} % of what is left; {}.", 100.0 * unexplained.share, unexplained.place())
+    format!("Unexplained: {:.0} % of the remaining error; {}.", 100.0 * unexplained.share, unexplained.place())
 }
 
 fn parameters(outcome: &Outcome) -> String {
@@ -152,7 +154,7 @@ pub(crate) fn against_nominal(cause: &Cause, outcome: &Outcome) -> Option<String
     let name = cause.parameters.keys().next()?;
     let nominal = outcome.parameters.get(&**name)?.nominal.filter(|_| cause.is_value())?;
     Some(format!(
-        "nominal {}: off by {} standard errors more than the {:.0} % of a data sheet",
+        "nominal {}: {} standard errors beyond the {:.0} % tolerance of a data sheet",
         short(nominal),
         short(cause.evidence_sigmas),
         100.0 * DATA_SHEET_TOLERANCE
@@ -196,6 +198,6 @@ mod tests {
             advice: Vec::new(),
         };
         let said = against_nominal(&cause, &outcome).unwrap();
-        assert!(said.starts_with("nominal 0.0700: off by 11.0 standard errors"), "{said}");
+        assert!(said.starts_with("nominal 0.0700: 11.0 standard errors beyond"), "{said}");
     }
 }

@@ -22,7 +22,7 @@ const PAGE: Sizes = Sizes { width: PLOT_SIZE.0, height: PLOT_SIZE.1, letters: PL
 pub const LEGEND_LEFT: i32 = 78;
 /// Above them.
 pub const LEGEND_TOP: i32 = 8;
-/// Samples that a line shows at most.
+/// Largest number of samples that a line shows.
 const MOST_POINTS: usize = 800;
 /// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
 pub const COLOURS: [RGBColor; 7] = [

@@ -1,4 +1,4 @@
-//! Plots as files: SVG as they are drawn, or PNG for what does not read SVG.
+//! Plots as files: SVG, or PNG for programs that do not read SVG.
 
 use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree};

@@ -1,4 +1,4 @@
-//! What a table says, for a terminal and for a browser.
+//! The result of a table, for a terminal and for a browser.
 
 mod plots;
 

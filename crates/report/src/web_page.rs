@@ -1,4 +1,4 @@
-//! Pages for a browser: one file that asks nothing of any network, readable on a phone, whole in print.
+//! Pages for a browser: one self-contained file, readable on a phone, complete in print.
 
 /// Size of a plot in its own units; the page scales it to the width there is.
 pub const PLOT_SIZE: (u32, u32) = (560, 300);

@@ -68,7 +68,7 @@ fn the_errors_stand_below_their_heads() {
     let diagnosis = diagnose(&[recording], &Rig::parse("rig.toml", &trial.rig_toml).unwrap(), &|_| ()).unwrap();
     let page = page::page(&diagnosis);
     assert!(page.contains("omega_from_angle_rad_per_s"), "{page}");
-    let (_, errors) = page.split_once("Error on data").unwrap();
+    let (_, errors) = page.split_once("Error on held-out data").unwrap();
     let mut lines = errors.lines().skip(1);
     let head = lines.next().unwrap();
     let rows: Vec<&str> = lines.take_while(|line| line.contains(" -> ")).collect();

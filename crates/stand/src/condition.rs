@@ -1,5 +1,5 @@
-//! A motor against an earlier test of it: the same two straight lines through both, the voltage that nominal resistance and
-//! back-EMF leave, and the torque, over speed.
+//! Compares a motor with an earlier test. Two straight lines over speed go through both tests: the voltage that nominal
+//! resistance and back-EMF leave, and the torque.
 
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
@@ -8,15 +8,15 @@ use motorbench_diagnosis::identify::Z95;
 use motorbench_diagnosis::steady_state::{Level, Line, StudyError, errors, levels, nominal, rows};
 use serde::Serialize;
 
-/// A change is one from so many standard errors on.
+/// A difference is a change from this many standard errors on.
 const CHANGED_SIGMAS: f64 = 3.0;
-/// Copper resists more by this share a kelvin.
+/// Relative increase of copper's resistance per kelvin.
 const COPPER_PER_K: f64 = 0.0039;
-/// No winding that lasts is warmer than at another test by more.
+/// Largest plausible difference of the winding temperature between two tests.
 const GREATEST_WARMTH_K: f64 = 100.0;
 const UNCHANGED: &str = "unchanged within the errors";
 
-/// A part of the motor against an earlier test.
+/// A property of the motor against an earlier test.
 #[derive(Clone, Debug, Serialize)]
 pub struct Condition {
     /// Brushes or winding, magnets, bearings.
@@ -29,14 +29,14 @@ pub struct Condition {
     pub now: Estimate,
     /// Difference in standard errors.
     pub sigmas: f64,
-    /// What that means.
+    /// Its meaning.
     pub verdict: String,
-    /// Of a changed voltage: by how much a winding that loses it is warmer now.
+    /// For a changed voltage: temperature rise of a winding that would explain it.
     #[serde(rename = "winding_warmer_K")]
     pub winding_warmer_k: Option<f64>,
 }
 
-/// What both tests are compared by.
+/// The quantities that both tests are compared by.
 struct Lines {
     lost_v: Estimate,
     emf: Estimate,
@@ -90,7 +90,7 @@ pub(super) fn condition(earlier: &Recording, now: &[Level], rig: &Rig) -> Result
 
 impl Condition {
     fn new(part: &'static str, quantity: &'static str, before: Estimate, now: Estimate) -> Self {
-        // Both intervals are of one width of Student's distribution, nearly two standard errors a side.
+        // Both intervals have the width of Student's distribution, nearly two standard errors a side.
         let half = |estimate: &Estimate| estimate.ci95.map_or(0.0, |ci95| 0.5 * (ci95[1] - ci95[0]));
         let sigmas = Z95 * (now.value - before.value) / half(&before).hypot(half(&now)).max(f64::MIN_POSITIVE);
         Self { part, quantity, before, now, sigmas, verdict: UNCHANGED.into(), winding_warmer_k: None }
@@ -107,8 +107,8 @@ impl Condition {
         self
     }
 
-    /// Of the voltage: a table without loads cannot tell what brushes lose from what the winding does, which resists more when it
-    /// is warm. Brushes that rub more say that it is they.
+    /// For the voltage: a table without loads cannot tell the loss of the brushes from that of a warmer winding. More
+    /// friction of the brushes indicates the brushes.
     fn by_warmth(mut self, warmer_k: f64, rubs_more: bool) -> Self {
         if !self.is_changed() {
             return self;
@@ -120,7 +120,7 @@ impl Condition {
             let quantity = if warmer_k > 0.0 { "more" } else { "less" };
             self.part = "winding";
             self.verdict = format!(
-                "{quantity} voltage is lost, as of one that is {kelvin:.0} K {more_or_less}: compare tests of a motor that is equally warm"
+                "{quantity} voltage is lost, as by a winding {kelvin:.0} K {more_or_less}. Compare tests at the same temperature"
             );
             return self;
         }

@@ -1,12 +1,11 @@
-//! What a table of derived figures, as a study prints it, says against its own formulas and against the readings it was
-//! derived from.
+//! Checks a printed table of derived quantities against its own formulas, and against the readings it was derived from.
 
 use motorbench_data::delimited::{Cell, Delimited};
 use motorbench_diagnosis::steady_state::{Level, same_level};
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Means are rounded before they are computed with: a cell is no slip by so small a share.
+/// Means are rounded before they are used: a deviation by this share is no error.
 const ROUNDED_ON_THE_WAY: f64 = 5e-4;
 
 /// A cell that its own row or the readings contradict.
@@ -19,9 +18,9 @@ pub struct Slip {
     pub column: &'static str,
     /// The cell.
     pub printed: f64,
-    /// What the column's formula makes of the other cells of the row; none where one of them is missing.
+    /// The column's formula with the other cells of the row; `None` if one of them is missing.
     pub by_row: Option<f64>,
-    /// What it makes of the readings; none where there are none at this voltage.
+    /// The formula with the readings; `None` if there are none at this voltage.
     pub by_readings: Option<f64>,
 }
 
@@ -30,7 +29,7 @@ const COLUMNS: usize = 8;
 /// A row of them, NaN where one is missing.
 type Figures = [f64; COLUMNS];
 
-/// A column, how it follows from the others of its row, and how from the readings.
+/// A column, its formula from the others of its row, and from the readings.
 struct Formula {
     column: &'static str,
     of_row: fn(&Figures, u_v: f64, k: f64) -> f64,
@@ -44,7 +43,7 @@ const EMF: usize = 2;
 const P_IN: usize = 3;
 const P_OUT: usize = 4;
 
-/// The current, which such tables leave out, is `P_in / U`: nothing else in the row says what P_in is.
+/// The current, which such tables leave out, is `P_in / U`: nothing else in the row gives P_in.
 const FORMULAS: [Formula; COLUMNS] = [
     Formula { column: "rpm", of_row: |row, _, _| row[OMEGA] * 60.0 / TAU, of_readings: |level| level.rpm },
     Formula {
@@ -64,7 +63,7 @@ const FORMULAS: [Formula; COLUMNS] = [
     },
 ];
 
-/// Slips of a table with a column `u_V` and any of those above. `k`: the nominal constant it was derived with.
+/// Wrong cells of a table with a column `u_V` and any of those above. `k`: the nominal constant it was derived with.
 ///
 /// # Errors
 /// What is wrong with the table, and where.
@@ -103,7 +102,7 @@ impl Row<'_> {
         std::array::from_fn(|column| self.cells[column].map_or(f64::NAN, |cell| cell.value))
     }
 
-    /// What a formula makes of the row, and by how much the last digits of the cells in it change that.
+    /// The value of a formula for the row, and its change with the last digits of the cells.
     fn derived(&self, column: usize) -> Option<(f64, f64)> {
         let of = |row: &Figures| (FORMULAS[column].of_row)(row, self.u_v, self.k);
         let values = self.values();
@@ -118,7 +117,7 @@ impl Row<'_> {
 
     fn slip(&self, column: usize, level: Option<&Level>) -> Option<Slip> {
         let cell = self.cells[column].filter(|cell| cell.value.is_finite())?;
-        // A digit is rounded, or what follows it cut off.
+        // A digit is rounded or cut off.
         let differs =
             |value: f64, by: f64| (cell.value - value).abs() > last_digit(cell) + by + ROUNDED_ON_THE_WAY * value.abs();
         let (row, readings) = (self.derived(column), level.map(FORMULAS[column].of_readings));
@@ -134,7 +133,7 @@ impl Row<'_> {
     }
 }
 
-/// What one more in the last digit of a number adds to it.
+/// The weight of a number's last digit.
 fn last_digit(cell: &Cell) -> f64 {
     let decimals = cell.text.split(['.', ',']).nth(1).map_or(0, |decimals| decimals.len());
     0.1_f64.powi(i32::try_from(decimals).unwrap_or(i32::MAX))
@@ -155,7 +154,7 @@ mod tests {
     #[test]
     fn each_column_is_held_against_its_formula() {
         assert_eq!(columns(RIGHT), [""; 0]);
-        // Cut off in place of rounded, and with another constant's last digit: none of them a slip.
+        // Cut off instead of rounded, and with another last digit of the constant: none of them is an error.
         assert_eq!(columns(&RIGHT.replace("7.20", "7.21").replace("954.9", "954.8")), [""; 0]);
         for (right, wrong, found) in [
             (",954.9,", ",945.9,", &["rpm", "omega_rad_per_s"][..]),

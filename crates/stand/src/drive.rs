@@ -1,16 +1,16 @@
-//! A board as a test stand: steps through voltages, under each of some loads, waits for each steady state, averages; and
-//! measures the winding with the rotor held at several positions, or while it creeps.
+//! Drives a board as a test stand: goes through voltages under each load, waits for each steady state, and averages. It
+//! also measures the winding, with the rotor held at several positions or turned slowly.
 //!
-//! Steady is what the data say: the last window and the one half as long after the change, of whole revolutions where the
-//! motor turns, agree in speed and current as well as their scatter and a small share let them. (Two windows in a row agree
-//! at last however slowly a motor creeps; an exponential that no longer changes while the time doubles has arrived.) A held
-//! winding is the slope of the voltage over the current: what bridge and brushes drop whatever the current is the line's
-//! other constant, and not part of it.
+//! The data decide when a state is steady. The last window and the one half as long after the change, of whole
+//! revolutions, agree in speed and current within their scatter and a small share. (Two successive windows agree in the
+//! end however slowly a motor settles. An exponential that does not change while the time doubles has settled.) The
+//! resistance of a held winding is the slope of the voltage over the current. The voltage drop of bridge and brushes is
+//! the line's other constant.
 
 mod creep;
 
+use motorbench_core::HARDWARE;
 use motorbench_core::message::{Sample, Trip};
-use motorbench_core::pins::PWM_HZ;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_data::names::setting_name as name;
 use motorbench_data::recording::{Channel, Recording};
@@ -25,67 +25,67 @@ use motorbench_report::diagnosis_text::estimate;
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// How closely the telemetry is fetched.
+/// Interval at which the telemetry is fetched.
 const SLICE_S: f64 = 0.02;
-/// So many slices without a sample, five seconds, are a board that is gone: a busy computer that simulates one may leave it
-/// without time for some.
+/// After this many intervals without a sample, five seconds, the board is gone: a busy computer may leave a simulated
+/// board without time for some.
 const SILENT_SLICES: u32 = 250;
-/// While the stand drives: gentle steps.
+/// Slew limit while the stand drives: gentle steps.
 const SLEW_V_PER_S: f32 = 50.0;
 
-/// Shortest window, and how long one may take to end with a whole revolution.
+/// Shortest window, and the longest time to complete a revolution.
 const WINDOW_S: f64 = 0.2;
 const LONGEST_WINDOW_S: f64 = 1.0;
 /// Windows of a held rotor: only the current has to settle.
 const HELD_WINDOW_S: f64 = 0.05;
-/// Two windows agree when they differ by less than this share, beside their scatter.
+/// Two windows agree if they differ by less than this share, besides their scatter.
 const STEADY_SHARE: f64 = 2e-3;
 const STEADY_SIGMAS: f64 = 3.0;
 /// A level that is not steady after this long is left out.
 const PATIENCE_S: f64 = 20.0;
 
-/// Share of the smallest current limit that the winding test goes to, and in how many steps of voltage.
+/// Largest current of the winding test as a share of the smallest current limit, and its number of voltage steps.
 const HELD_SHARE: f64 = 0.8;
 const HELD_STEPS: f64 = 8.0;
-/// Currents below this share of the largest do not count: friction of the hand, edges of the drop.
+/// Currents below this share of the largest do not count: there friction of the hand and the edge of the drop disturb.
 const HELD_LEAST_SHARE: f64 = 0.3;
-/// A held rotor may yield by so much.
+/// A held rotor may turn by this angle.
 const HELD_YIELDS_REV: f64 = 0.01;
-/// A converter's steps make means that scatter less than they are off.
+/// The steps of a converter make means that scatter less than their error.
 const LEAST_CURRENT_ERROR_A: f64 = 1e-4;
-/// Fewer points are no line with an error.
+/// Fewer points give no line with an error.
 const FEWEST_POINTS: usize = 4;
 
-/// What to do.
+/// The plan of a test.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// Voltages in the order in which they are gone to.
+    /// Voltages in the order of measurement.
     pub voltages_v: Vec<f64>,
-    /// Torques of a brake, each for all voltages; none: the brake, if there is one, is not touched.
+    /// Torques of a brake, each for all voltages; empty: the brake, if there is one, is not used.
     pub loads_nm: Vec<f64>,
     /// Averages at each.
     pub readings: usize,
     /// Rotor positions of the winding test.
     pub positions: usize,
-    /// Sectors in which the winding is measured while the rotor creeps.
+    /// Sectors in which the winding is measured while the rotor turns slowly.
     pub sectors: usize,
 }
 
-/// Who stands beside the motor.
+/// The operator at the motor.
 pub trait Person {
-    /// Wants the motor stopped.
+    /// Whether the operator wants the motor stopped.
     fn stops(&mut self) -> bool;
 
-    /// Is told how it goes.
+    /// Shows the progress.
     fn hears(&mut self, line: &str);
 
-    /// Is asked for something.
+    /// Asks for an action.
     fn is_asked(&mut self, request: &str);
 
-    /// Has done it (true) or does not want to (false); nothing as long as neither is said.
+    /// Whether it is done (true) or refused (false); `None` without an answer so far.
     fn answers(&mut self) -> Option<bool>;
 
-    /// Has something that sets the brake by itself, and has set it; else the person is asked to.
+    /// Sets the brake automatically, if there is such a device; otherwise the operator is asked.
     ///
     /// # Errors
     /// Why it cannot, with what to do.
@@ -94,10 +94,10 @@ pub trait Person {
     }
 }
 
-/// Who keeps what is measured as soon as it is; what it could not be kept for is the error, and ends the test.
+/// Keeps each result as soon as it is measured; an error says why it could not, and ends the test.
 pub type Keeps<'a> = &'a mut dyn FnMut(Found) -> Result<(), String>;
 
-/// What is new.
+/// A new result.
 #[derive(Clone, Copy, Debug)]
 pub enum Found<'a> {
     /// Rows of the table.
@@ -128,24 +128,24 @@ pub struct HeldPosition {
     pub angle_deg: f64,
     /// Slope of the voltage over the current.
     pub resistance_ohm: Estimate,
-    /// Voltage at no current: what bridge and brushes drop.
+    /// Voltage at no current: the drop of bridge and brushes.
     pub drop_V: f64,
 }
 
-/// What was measured, whatever ended it.
+/// The results, however the test ended.
 #[derive(Clone, Debug)]
 pub struct Findings {
     /// Rows of the table.
     pub readings: Vec<Reading>,
     /// The winding test.
     pub positions: Vec<HeldPosition>,
-    /// What nobody was there for.
+    /// Parts that were left out because nobody answered.
     pub left_out: Vec<&'static str>,
     /// How it ended.
     pub ended: Ended,
 }
 
-/// Rows as a table of steady states; `loaded`: with the load in it.
+/// Rows as a table of steady states; `loaded`: with the load as a column.
 pub fn table(name: &str, readings: &[Reading], loaded: bool) -> Recording {
     let column = |of: &dyn Fn(&Reading) -> f64| readings.iter().map(of).collect::<Vec<f64>>();
     let mut table = Recording::new(name);
@@ -158,8 +158,8 @@ pub fn table(name: &str, readings: &[Reading], loaded: bool) -> Recording {
     table
 }
 
-/// Drives a board through a plan; `settings` are those of the board, which has them again afterwards, disarmed. With a
-/// nominal inductance the mean current is computed from where in the PWM period it is sampled.
+/// Carries out a plan on a board. `settings`: those of the board, restored afterwards, with the drive disarmed. With a
+/// nominal inductance the mean current is computed from its sampling time in the PWM period.
 pub fn drive(
     board: &mut impl Board,
     settings: &Settings,
@@ -191,10 +191,10 @@ struct Window {
     counts: i32,
 }
 
-/// What became of waiting for a steady state.
+/// Result of waiting for a steady state.
 enum Settled {
     Steady(Window),
-    /// Still changing after all patience: the window of half the time, and the last.
+    /// Still changing at the end of the waiting time: the window at half the time, and the last.
     Drifting(Window, Window),
 }
 
@@ -204,7 +204,7 @@ struct Driver<'a, B: Board, P: Person> {
     motor: &'a NominalMotor,
     person: &'a mut P,
     keeps: Keeps<'a>,
-    /// Of the brake.
+    /// Torque of the brake.
     load_nm: f64,
     /// Samples of the next window that have come already.
     waiting: Vec<Sample>,
@@ -220,13 +220,13 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         self.board.command("disarm")?;
         // The current sensor's offset drifts with its temperature.
         self.board.command("zero current")?;
-        // A motor that sticks behind a bridge that drops its voltage looks like a silent encoder.
+        // A motor that sticks behind a bridge with a voltage drop looks like a silent encoder.
         self.set(Param::TripEncoder, 0.0)?;
         self.set(Param::SlewLimit, SLEW_V_PER_S)?;
         Ok(watch_host(self.board, self.settings)?)
     }
 
-    /// The brake open, the board without drive and with its own settings.
+    /// Opens the brake, switches the drive off and restores the board's settings.
     fn restore(&mut self) -> Result<(), BoardError> {
         if self.load_nm > 0.0
             && let Err(why) = self.person.brakes(0.0)
@@ -271,7 +271,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         findings.left_out.push(what);
     }
 
-    /// A load for all that follows; false when nobody sets it.
+    /// Sets a load for all that follows; false if nobody sets it.
     fn is_braked(&mut self, load_nm: f64) -> Result<bool, Ended> {
         self.load_nm = load_nm;
         let braked = self.person.brakes(load_nm).map_err(Ended::Failed)?;
@@ -288,7 +288,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
         for (index, &voltage_v) in plan.voltages_v.iter().enumerate() {
             if index > 0 && (voltage_v < 0.0) != (plan.voltages_v[index - 1] < 0.0) {
-                // Reversed at speed, the motor would draw more than its stall current.
+                // A reversal at speed would draw more than the stall current.
                 self.board.command("ref 0")?;
                 self.settle(WINDOW_S, LONGEST_WINDOW_S)?;
             }
@@ -341,8 +341,8 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         Ok(())
     }
 
-    /// Averages that all agree with what had settled, or a level left out. Chance alone makes a few levels of a thousand
-    /// disagree: they are taken once more. What drifts disagrees then as well.
+    /// Averages that agree with the settled state, or a level left out. By chance a few levels of a thousand disagree,
+    /// so they are measured once more. A drifting level disagrees again.
     fn averages(
         &mut self,
         voltage_v: f64,
@@ -374,7 +374,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         hardly_turns(reading.u_V, k * reading.omega_rad_per_s)
     }
 
-    /// Asks until the rotor is held; nothing when the person does not want to.
+    /// Asks until the rotor is held; `None` if the operator refuses.
     fn position(&mut self, request: &str) -> Result<Option<HeldPosition>, Ended> {
         let mut request = request.to_owned();
         loop {
@@ -399,7 +399,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
     }
 
-    /// Waits for the person, without drive.
+    /// Waits for the operator, without drive.
     fn is_done(&mut self, request: &str) -> Result<bool, Ended> {
         self.person.is_asked(request);
         loop {
@@ -412,7 +412,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
 
     /// Raises the voltage step by step until enough current flows; one point a step.
     fn held_points(&mut self) -> Result<Held, Ended> {
-        // A held motor is what it looks for.
+        // A held motor is expected here.
         self.set(Param::TripStall, 0.0)?;
         self.arm()?;
         let most_a = self.held_current_a();
@@ -440,7 +440,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         Ok(if turned { Held::Turned } else { Held::Line(points, counts) })
     }
 
-    /// What neither folds the voltage back nor trips.
+    /// Limits that neither reduce the voltage nor trip.
     fn held_current_a(&self) -> f64 {
         let limits =
             [Param::TripContinuous, Param::TripPeak, Param::CurrentLimit].map(|param| self.settings.get(param));
@@ -484,7 +484,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
     }
 
-    /// The next samples until a revolution is whole: what turns with the shaft cancels.
+    /// The next samples until a revolution is complete: variations over the angle cancel.
     fn window(&mut self, shortest_s: f64, longest_s: f64) -> Result<Window, Ended> {
         let rate_hz = f64::from(self.settings.get(Param::TickRate));
         let rev = self.settings.get(Param::CountsPerRev) as i32;
@@ -508,7 +508,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
     }
 
-    /// What comes in a while, for a board that wants to hear of its host.
+    /// Waits and reads samples, and keeps the board alive.
     fn slice(&mut self) -> Result<Vec<Sample>, Ended> {
         if self.person.stops() {
             return Err(Ended::Interrupted);
@@ -541,7 +541,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         let count = (currents.len() - 1) as f64;
         Window {
             reading: Reading {
-                // To the microvolt, as its table has it: a voltage that is printed up from here is printed up from there.
+                // Rounded to the microvolt as in the table, so that both print the same.
                 u_V: (u_v * 1e6).round() / 1e6,
                 i_A: i_a - self.sampled_above_mean_a(duty, u_v),
                 omega_rad_per_s: omega,
@@ -554,29 +554,30 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
     }
 
-    /// By how much the current, where it is sampled in the PWM period, is above its mean. Wired so that the off phase
-    /// coasts, it is not known.
+    /// Current at its sampling time in the PWM period, less its mean. If the off phase coasts, it is unknown.
     fn sampled_above_mean_a(&self, duty: f64, voltage_v: f64) -> f64 {
         let resistance_ohm = self.motor.resistance_ohm.unwrap_or(0.0);
         match (self.motor.inductance_h, Timing::FIRMWARE.current_sampled_at) {
             (Some(inductance_h), Some(at)) if self.settings.get(Param::Wiring) == 0.0 && duty != 0.0 => {
                 let volts = Volts { mean_v: voltage_v, emf_v: 0.0, lost_v: 0.0, drops_v: [0.0, 0.0] };
-                Ripple::new(inductance_h, resistance_ohm, f64::from(PWM_HZ)).with_duty(duty).sampled_a(0.0, at, &volts)
+                Ripple::new(inductance_h, resistance_ohm, f64::from(HARDWARE.pwm_hz))
+                    .with_duty(duty)
+                    .sampled_a(0.0, at, &volts)
             }
             _ => 0.0,
         }
     }
 }
 
-/// What a staircase with a held rotor gave.
+/// Result of a voltage staircase with a held rotor.
 enum Held {
-    /// Points, and the counts where the rotor stood.
+    /// Points, and the counts of the rotor's position.
     Line(Vec<Window>, i32),
     Turned,
 }
 
 impl Reading {
-    /// Whether it was taken in the same direction at a lower voltage, under as much load.
+    /// Whether it was measured in the same direction at a lower voltage, under at least this load.
     fn turned_below(&self, voltage_v: f64, load_nm: f64) -> bool {
         self.u_V * voltage_v > 0.0 && self.u_V.abs() < voltage_v.abs() && self.load_Nm.abs() >= load_nm
     }

@@ -1,6 +1,6 @@
-//! The test stand from a table of steady states: where the electrical power goes by the constants found, the winding's
-//! resistance from rows at rest, the motor's condition against an earlier test, and where it is most efficient: measured where
-//! a brake of known torque was at the shaft, else foretold.
+//! Evaluates a table of steady states: losses with the constants found, the winding's resistance from rows at rest, and
+//! the motor's condition against an earlier test. The efficiency is measured where a brake of known torque was at the
+//! shaft, otherwise predicted.
 
 use crate::condition::{Condition, condition};
 use crate::derived::Slip;
@@ -33,7 +33,7 @@ pub struct Directions {
     pub reverse_rad_per_s: f64,
 }
 
-/// Constants of the motor at rest from all change.
+/// Constants of the motor in steady state.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[allow(non_snake_case, reason = "names of the contract, with their units")]
 pub struct Constants {
@@ -41,7 +41,7 @@ pub struct Constants {
     pub resistance_ohm: f64,
     /// Back-EMF and torque constant.
     pub torque_constant_Nm_per_A: f64,
-    /// Voltage that brushes and bridge take whatever the current.
+    /// Voltage drop of brushes and bridge, independent of the current.
     pub drop_V: f64,
     /// Torque of dry friction.
     pub coulomb_Nm: f64,
@@ -49,7 +49,7 @@ pub struct Constants {
     pub viscous_Nm_s: f64,
 }
 
-/// Where the electrical power of a level goes.
+/// Distribution of the electrical power at a level.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[allow(non_snake_case, reason = "names of the contract, with their units")]
 pub struct Losses {
@@ -57,7 +57,7 @@ pub struct Losses {
     pub u_V: f64,
     /// Torque of the brake.
     pub load_Nm: f64,
-    /// That times speed: no loss, but what the brake takes.
+    /// Its power: no loss, but the power of the brake.
     pub shaft_W: f64,
     /// I^2 R.
     pub winding_W: f64,
@@ -67,7 +67,7 @@ pub struct Losses {
     pub coulomb_W: f64,
     /// Viscous friction times speed.
     pub viscous_W: f64,
-    /// What none of these explains.
+    /// The unexplained rest.
     pub rest_W: f64,
 }
 
@@ -87,8 +87,8 @@ pub struct OperatingPoint {
     pub efficiency: f64,
 }
 
-/// A steady state at a brake of known torque: what the stand's formulas say, what the brake took, and what the constants found
-/// foretell.
+/// A steady state with a brake of known torque: the efficiency by the stand's formulas, at the brake, and by the
+/// constants found.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[allow(non_snake_case, reason = "names of the contract, with their units")]
 pub struct LoadedPoint {
@@ -100,11 +100,11 @@ pub struct LoadedPoint {
     pub omega_rad_per_s: f64,
     /// Current.
     pub i_A: f64,
-    /// k w / U with the nominal constant, which knows nothing of friction.
+    /// k w / U with the nominal constant, which ignores friction.
     pub formula_efficiency: f64,
     /// Power at the brake over electrical power.
     pub shaft_efficiency: f64,
-    /// The same by the constants found; none where they say that it does not turn.
+    /// The same by the constants found; `None` if the motor does not turn with them.
     pub model_efficiency: Option<f64>,
 }
 
@@ -123,7 +123,7 @@ impl LoadedPoint {
     }
 }
 
-/// Operating points in the middles of a grid's cells; none where the motor does not turn.
+/// Operating points in the middle of a grid's cells; `None` where the motor does not turn.
 #[derive(Clone, Debug)]
 pub struct EfficiencyMap {
     /// Width of a cell, in volts.
@@ -134,7 +134,7 @@ pub struct EfficiencyMap {
     pub points: Vec<OperatingPoint>,
 }
 
-/// Everything a table says.
+/// All results of a table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Stand {
     /// The derived table, explanations and causes.
@@ -142,7 +142,7 @@ pub struct Stand {
     pub study: Study,
     /// From rows with the rotor held or hardly turning, if there are any.
     pub winding: Option<Winding>,
-    /// What the losses are computed with.
+    /// The constants that the losses are computed with.
     pub constants: Constants,
     /// One a level.
     pub losses: Vec<Losses>,
@@ -150,18 +150,18 @@ pub struct Stand {
     pub directions: Vec<Directions>,
     /// Against the earlier test.
     pub condition: Vec<Condition>,
-    /// Every level, where a brake was at the shaft; the one without load as well.
+    /// Every level, if a brake was at the shaft; including the one without load.
     pub loaded: Vec<LoadedPoint>,
-    /// What the currents say the loads are, as a multiple of what was stated: 1 when the brake's scale is right.
+    /// The loads by the currents, as a multiple of the stated ones: 1 if the brake's scale is right.
     pub load_scale: Option<Estimate>,
     /// The most efficient load at each voltage of the table, by the constants.
     pub most_efficient: Vec<OperatingPoint>,
-    /// Of the table that a study derived from the same readings.
+    /// Wrong cells of the table that a study derived from the same readings.
     pub slips: Vec<Slip>,
 }
 
 impl Stand {
-    /// Takes what a study derived from the same readings, as it prints it (CSV), and keeps what is wrong in that.
+    /// Reads the printed table (CSV) that a study derived from the same readings, and keeps its wrong cells.
     ///
     /// # Errors
     /// What is wrong with the text, and where.
@@ -172,8 +172,8 @@ impl Stand {
     }
 }
 
-/// Evaluates a table. `earlier`: a table of the same motor; `resistances_ohm`: of the winding where it was measured apart,
-/// else the rows with the rotor held tell it.
+/// Evaluates a table. `earlier`: a table of the same motor. `resistances_ohm`: of the winding, if measured separately;
+/// otherwise the rows with the rotor held give it.
 ///
 /// # Errors
 /// [`StudyError`].
@@ -227,7 +227,7 @@ fn scale_of_loads(levels: &[Level], k: f64) -> Option<Estimate> {
     (levels.len() > columns.len()).then(|| torques.estimate(2))
 }
 
-/// Means of both directions at a level; nothing where one of them is missing.
+/// Means of both directions at a level; `None` if one of them is missing.
 fn directions(rows: &Rows, level: &Level) -> Option<Directions> {
     let greatest_v = rows.greatest_v();
     let mean = |sign: f64, of: fn(&Row) -> f64| {
@@ -248,13 +248,13 @@ fn directions(rows: &Rows, level: &Level) -> Option<Directions> {
 }
 
 impl Constants {
-    /// The best explanation's, nominal ones where it has none.
+    /// From the best explanation, nominal where it has none.
     fn of(study: &Study, rig: &Rig) -> Option<Self> {
         let found = |name: &str| study.explanations.first()?.constants.get(name).map(|constant| constant.value);
         let viscous = study.outcome.parameters.get("viscous_friction_Nm_s").map(|parameter| parameter.value);
         let nominal_k = rig.motor.torque_constant_nm_per_a?;
         let k = found("back_emf_constant_V_s").unwrap_or(nominal_k);
-        // Friction was found as current times the nominal constant, where no load told more.
+        // Without a load, friction was computed as current times the nominal constant.
         let torque = if is_loaded(&study.levels) { 1.0 } else { k / nominal_k };
         Some(Self {
             resistance_ohm: found("resistance_ohm").or(rig.motor.resistance_ohm)?,
@@ -283,7 +283,7 @@ impl Constants {
         }
     }
 
-    /// The steady state at a voltage under a load; nothing where the motor does not turn.
+    /// The steady state at a voltage under a load; `None` if the motor does not turn.
     pub fn operating_point(&self, u: f64, torque: f64) -> Option<OperatingPoint> {
         let Self { resistance_ohm: r, torque_constant_Nm_per_A: k, .. } = *self;
         let dry = torque + self.coulomb_Nm;
@@ -309,7 +309,7 @@ impl Constants {
 
     /// Operating points over voltage and torque, up to a voltage.
     pub fn map(&self, greatest_v: f64) -> EfficiencyMap {
-        // Half the stall torque: beyond it the motor is less efficient and only warms.
+        // Half the stall torque: beyond it the efficiency falls and the motor only gets warm.
         let step_v = greatest_v / MAP_SIZE as f64;
         let step_nm = 0.5 * self.stall_nm(greatest_v) / MAP_SIZE as f64;
         let middles = |step: f64| (0..MAP_SIZE).map(move |index| (index as f64 + 0.5) * step);

@@ -1,12 +1,12 @@
-//! Relay and step-response tuning on a board: this computer switches the voltage over the console in open loop, and the
-//! telemetry is the measurement. The firmware has no tuning mode, and needs none.
+//! Tuning on a board by a relay or a step response: this computer switches the voltage over the console in open loop,
+//! and the telemetry is the measurement. The firmware has no tuning mode.
 //!
-//! The relay switches some ticks after the sample that crossed the reference: the way over the line and through the
-//! console. That delay is part of the loop that cycles, and is reported; it makes the period longer and the ultimate gain
-//! smaller than those of the firmware's own loop, so that the gains are on the safe side.
+//! The relay switches some ticks after the sample that crossed the reference, because of the line and the console. That
+//! delay is part of the cycling loop, and is reported. It makes the period longer and the ultimate gain smaller than
+//! those of the firmware's own loop, so the gains are on the safe side.
 
+use motorbench_core::HARDWARE;
 use motorbench_core::message::Sample;
-use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
 use motorbench_data::telemetry::speed_bit_rad_per_s;
@@ -17,9 +17,9 @@ use std::time::Instant;
 
 /// Slew limit during an experiment: the voltage has to jump.
 const JUMP_V_PER_S: f32 = 30_000.0;
-/// How often the relay looks.
+/// Interval at which the relay reads the speed.
 const LOOK_S: f64 = 1e-3;
-/// Counts a motor has to make in the last part before a step to count as turning.
+/// Counts in the last part before a step from which the motor counts as turning.
 const TURNING_COUNTS: i32 = 20;
 const LAST_PART_S: f64 = 0.1;
 
@@ -29,7 +29,7 @@ pub enum TuningError {
     /// On the board.
     #[error(transparent)]
     Board(#[from] BoardError),
-    /// The relay found no cycle to go by.
+    /// The relay found no usable cycle.
     #[error(transparent)]
     Relay(#[from] RelayError),
     /// The step cannot be used.
@@ -42,7 +42,7 @@ pub enum TuningError {
     Standstill,
 }
 
-/// A limit cycle, and what of it is the way between board and computer.
+/// A limit cycle, and the part of its period between board and computer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardCycle {
     /// The cycle.
@@ -88,24 +88,25 @@ pub fn step(
     let first = samples[0].tick;
     let column = |of: &dyn Fn(&Sample) -> f64| samples.iter().map(of).collect::<Vec<f64>>();
     let time_s = column(&|sample| f64::from(sample.tick.wrapping_sub(first)) / rate_hz);
-    let volts =
-        column(&|sample| f64::from(sample.duty) / f64::from(PWM_STEPS) * f64::from(sample.supply) / f64::from(VOLT));
+    let volts = column(&|sample| {
+        f64::from(sample.duty) / f64::from(HARDWARE.pwm_steps) * f64::from(sample.supply) / f64::from(VOLT)
+    });
     Ok(fit(&time_s, &volts, &column(&|sample| speed(sample, settings)))?)
 }
 
-/// Open loop without a slew limit around an experiment, and the board as it was after it.
+/// Sets open loop without a slew limit for an experiment, and restores the board after it.
 fn jumping<B: Board, R>(
     board: &mut B,
     settings: &Settings,
     experiment: impl FnOnce(&mut B) -> Result<R, TuningError>,
 ) -> Result<R, TuningError> {
     board.command(&format!("set slew_limit {JUMP_V_PER_S}"))?;
-    // A board that refuses to arm, as with a trip that is latched, has the limit back as well: motors trip without it.
+    // If the board refuses to arm, as with a latched trip, the slew limit is restored as well: without it motors trip.
     let result = begin(board).map_err(TuningError::from).and_then(|()| experiment(board));
     let left = board
         .command("disarm")
         .and_then(|()| board.command(&format!("set slew_limit {}", settings.get(Param::SlewLimit))));
-    // Why there is no result is the first to say.
+    // The reason for a missing result is reported first.
     let found = result?;
     left?;
     Ok(found)
@@ -123,7 +124,7 @@ fn cycle(board: &mut impl Board, settings: &Settings, relay: &Relay) -> Result<B
     let mut delays = Delays::default();
     board.command(&format!("ref {:.3}", switching.voltage_v()))?;
     let (mut first, mut last): (Option<u32>, Option<u32>) = (None, None);
-    // The timeout is by the ticks of samples, and needs some.
+    // The timeout counts the ticks of samples, so it needs some.
     let mut silence = Silence::default();
     loop {
         board.stay_alive()?;
@@ -183,7 +184,7 @@ mod tests {
     use super::*;
     use motorbench_link::fake_board::FakeBoard as Fake;
 
-    /// Nothing that came would end the experiment, and keeping the board alive goes on.
+    /// Without samples nothing would end the experiment, while the board is kept alive.
     #[test]
     fn a_relay_without_telemetry_ends_and_stops_the_motor() {
         let mut board = Fake::that_sends(300);

@@ -1,5 +1,5 @@
-//! The classic thesis on a DC motor as one experiment: identify it on the board, design PID and LQR from the model that was
-//! found, run both in the firmware, and lay the simulation over what was measured.
+//! The classic thesis on a DC motor as one experiment. It identifies the motor on the board, designs PID and LQR from
+//! the model found, runs both in the firmware, and compares simulation and measurement.
 
 use host_sim::figures::{Figures, step_figures};
 use host_sim::scenario::reference::{Course, Reference};
@@ -17,11 +17,11 @@ use motorbench_design::specification::Specification;
 use motorbench_design::{Bench, Design, DesignError, design};
 use motorbench_diagnosis::dataset::DatasetError;
 use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
-use motorbench_link::board::{Board, BoardError, untripped};
+use motorbench_link::board::{Board, BoardError, samples_of, untripped, watch_host};
 use motorbench_report::panels::{Panel, panels};
 use std::fmt::Write as _;
 
-/// Settings under which the motor is identified: nothing that limits what excites it.
+/// Settings for the identification: nothing limits the excitation.
 const IDENTIFYING: [(Param, f32); 6] = [
     (Param::CurrentLimit, 0.0),
     (Param::TripPeak, 5.0),
@@ -30,7 +30,7 @@ const IDENTIFYING: [(Param, f32); 6] = [
     (Param::TripStall, 0.0),
     (Param::SlewLimit, 30_000.0),
 ];
-/// The `identify` sequence: amplitude in volts, a hold in milliseconds, and how many holds it takes.
+/// The `identify` sequence: amplitude in volts, a hold in milliseconds, and its number of holds.
 const AMPLITUDE_V: f64 = 10.0;
 const HOLD_MS: u16 = 500;
 const HOLDS: f64 = 40.0;
@@ -38,7 +38,7 @@ const HOLDS: f64 = 40.0;
 const STRETCH_S: f64 = 0.8;
 /// Time before the first reference in the simulation.
 const BEFORE_S: f64 = 0.05;
-/// Part of the no-load speed that the references go to, forth, back and slowly.
+/// References as parts of the no-load speed: forth, back and slowly.
 const REFERENCES: [f64; 3] = [0.4, -0.4, 0.1];
 
 /// Why the experiment ended early.
@@ -61,7 +61,7 @@ pub enum ThesisError {
     Scenario(#[from] ScenarioError),
 }
 
-/// How a simulated quantity agrees with the measured one.
+/// Agreement of a simulated quantity with the measured one.
 #[derive(Clone, Copy, Debug)]
 pub struct Agreement {
     /// Root mean square of the difference, in rad/s or A.
@@ -70,7 +70,7 @@ pub struct Agreement {
     pub fit_percent: f64,
 }
 
-/// One law: simulated with the model that was found, and as the board did it.
+/// One law: simulated with the model found, and measured on the board.
 pub struct Loop {
     /// Which, with its gains.
     pub design: Design,
@@ -86,15 +86,15 @@ pub struct Loop {
     pub figures: Vec<[Figures; 2]>,
 }
 
-/// What came of it.
+/// The result of the experiment.
 pub struct Thesis {
-    /// What the motor is, and what the linear motor lacks.
+    /// The motor's constants, and what the linear motor lacks.
     pub diagnosis: Diagnosis,
     /// PID, LQR.
     pub loops: Vec<Loop>,
 }
 
-/// Runs the experiment. `nominal` is what the data sheet says; `progress` hears what is being done.
+/// Runs the experiment. `nominal`: values of the data sheet; `progress` is called with each step.
 ///
 /// # Errors
 /// [`ThesisError`].
@@ -116,7 +116,7 @@ pub fn thesis(
     Ok(Thesis { diagnosis, loops })
 }
 
-/// Plays the sequence; the recording and the settings it was made with.
+/// Plays the sequence; returns the recording and its settings.
 fn identify(board: &mut impl Board) -> Result<(Recording, Settings), ThesisError> {
     let mut list = SettingList::default();
     for (param, value) in IDENTIFYING {
@@ -128,7 +128,8 @@ fn identify(board: &mut impl Board) -> Result<(Recording, Settings), ThesisError
     }
     board.samples(0.1)?;
     board.command(&format!("sequence identify {AMPLITUDE_V} 0 {HOLD_MS}"))?;
-    let samples = untripped(board.samples(HOLDS * 1e-3 * f64::from(HOLD_MS))?)?;
+    let rate_hz = f64::from(list.all.get(Param::TickRate));
+    let samples = untripped(samples_of(board, HOLDS * 1e-3 * f64::from(HOLD_MS), rate_hz)?)?;
     board.command("disarm")?;
     // Trailing samples belong to no part of the sequence.
     let playing: Vec<Sample> = samples.into_iter().filter(|sample| sample.state.has(State::PLAYING)).collect();
@@ -139,7 +140,8 @@ fn identify(board: &mut impl Board) -> Result<(Recording, Settings), ThesisError
 fn prepare(board: &mut impl Board, list: &SettingList) -> Result<(), BoardError> {
     board.command("disarm")?;
     board.command("defaults")?;
-    list.commands().iter().try_for_each(|line| board.command(line))
+    list.commands().iter().try_for_each(|line| board.command(line))?;
+    watch_host(board, &list.all)
 }
 
 /// Designs one law, runs it on the board and in simulation.
@@ -176,7 +178,8 @@ fn closed_loop(
     })
 }
 
-/// The samples from the tick at which the first reference took effect, and the ticks at which all did, counted from that.
+/// The samples from the tick at which the first reference took effect, and the ticks of all references, counted from
+/// that.
 fn on_board(
     board: &mut impl Board,
     list: &SettingList,
@@ -192,6 +195,7 @@ fn on_board(
         let first = samples.len();
         board.command(&format!("ref {reference}"))?;
         while samples.len() < first + (STRETCH_S * f64::from(list.all.get(Param::TickRate))) as usize {
+            board.stay_alive()?;
             samples.extend(untripped(board.samples(0.01)?)?);
         }
         // The console takes some ticks; the telemetry shows which was the first.
@@ -205,7 +209,7 @@ fn on_board(
     Ok((samples, starts.iter().map(|tick| since_first(*tick)).collect()))
 }
 
-/// The same in the host's core with the model: references after times, samples from the first on.
+/// The same in the host's core with the model: references after these times, samples from the first on.
 fn in_simulation(
     diagnosis: &Diagnosis,
     list: &SettingList,
@@ -246,7 +250,7 @@ fn agreement(measured: &Recording, simulated: &Recording, channel: Channel) -> A
     }
 }
 
-/// Figures of a recording alone: what the firmware reports is all there is on a board.
+/// Figures from a recording alone: on a board only the firmware's telemetry is available.
 fn figures(recording: &Recording, steps: &[(f64, f64)]) -> Vec<Figures> {
     let column = |channel| recording.get(channel).unwrap_or_default();
     let (speed, current, volts) = (column(Channel::Speed), column(Channel::Current), column(Channel::Voltage));
@@ -309,7 +313,7 @@ impl Thesis {
         panels(1.0 / f64::from(done.design.settings.all.get(Param::TickRate)), &all)
     }
 
-    /// What the board was set to, as its console reads it.
+    /// The settings of the board, as its console reads them.
     pub fn gains(&self) -> String {
         let gains = self.loops.iter().flat_map(|done| &done.design.gains);
         gains.map(|gain| format!("{} = {} {}\n", gain.name, gain.value, gain.unit)).collect()

@@ -21,7 +21,7 @@ fn main() -> ! {
     let mut adc = arduino_hal::Adc::new(peripherals.ADC, Default::default());
     let current_sense = pins.a0.into_analog_input(&mut adc);
     let mut enable = pins.d7.into_output();
-    let stop = pins.d4.into_pull_up_input();
+    let stop_pin = pins.d4.into_pull_up_input();
 
     let Ok(config) = LoopConfig::build(&Settings::defaults()) else {
         // A test of the core holds that the defaults fit.
@@ -31,11 +31,11 @@ fn main() -> ! {
     let mut request = Some(Request::ZeroCurrent);
     loop {
         let current_sum = (0..8).map(|_| current_sense.analog_read(&mut adc)).sum();
-        let pressed = if stop.is_low() { Inputs::EMERGENCY_STOP } else { 0 };
+        let stop = if stop_pin.is_low() { Inputs::STOP_CLOSED } else { 0 };
         let inputs = Inputs {
             current_sum,
             duty_scale: duty_scale(12 * 1024),
-            flags: Inputs::MAIN_LOOP_ALIVE | pressed,
+            flags: Inputs::MAIN_LOOP_ALIVE | stop,
             ..Inputs::default()
         };
         let drive = control.tick(request.take(), &inputs);

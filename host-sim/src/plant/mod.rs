@@ -1,8 +1,7 @@
-//! The motor with what hangs on it, simulated: the truth that the firmware can only see through its sensors.
+//! The simulated motor with its load: the true state, which the firmware can see only through its sensors.
 //!
-//! A [`Plant`] is advanced under constant [`Inputs`] and then asked for its true state, in SI units and in the motor's
-//! own sense: positive speed is what a positive voltage between IN1 and IN2 brings about, and positive current is what
-//! drives it.
+//! A [`Plant`] is advanced under constant [`Inputs`], and then gives its true state in SI units. A positive voltage
+//! between IN1 and IN2 causes a positive speed, and a positive current drives the motor in that direction.
 
 mod dc_motor;
 mod model_plant;
@@ -10,7 +9,7 @@ mod model_plant;
 pub use dc_motor::{BridgeLosses, DcMotor, DcMotorParameters};
 pub use model_plant::ModelPlant;
 
-/// What the L293D connects to the motor.
+/// Connections of the L293D.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Bridge {
     /// Enable low: every switch open, the current flows on through the diodes against the supply until it is zero.
@@ -24,7 +23,7 @@ pub enum Bridge {
     Reverse,
 }
 
-/// What acts on a plant from outside, constant during one [`Plant::advance`].
+/// Inputs of a plant, constant during one [`Plant::advance`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inputs {
     /// State of the bridge.
@@ -45,7 +44,7 @@ impl Default for Inputs {
     }
 }
 
-/// How a motor moves at an instant.
+/// Motion of a motor at an instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Angle of the shaft since the start.
@@ -79,7 +78,7 @@ impl Pwm {
     }
 }
 
-/// What is seen of a PWM period.
+/// Readings of a PWM period.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PeriodEnd {
     /// Angle at its end.

@@ -1,4 +1,4 @@
-//! The extended model as a plant: what a diagnosis has found, to run a loop against.
+//! The extended model as a plant: runs a loop with the model of a diagnosis.
 
 use super::dc_motor::Torques;
 use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, PeriodEnd, Plant, Pwm};
@@ -9,11 +9,11 @@ use motorbench_model::{Model, Term};
 
 /// Longest step; shorter ones are taken as they come.
 const LONGEST_STEP_S: f64 = 50e-6;
-/// Time over which a capacitor at the bridge evens out what pulses draw: some tenths of an ohm and some millifarads.
+/// Time constant of the capacitor at the bridge: some tenths of an ohm and some millifarads.
 const CAPACITOR_S: f64 = 1e-3;
-/// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop are solved event by event
-/// ([`DcMotor`]), also under other torques and in a winding that warms up (`Held`); everything else step by step. What
-/// the model says of sensors and of timing is not part of it.
+/// A motor with the effects of a model, at rest at first. Coulomb friction and the bridge's drop are solved event by
+/// event ([`DcMotor`]), also under other torques and in a winding that warms up (`Held`). All other effects are solved
+/// step by step. Effects of sensors and of timing are not part of it.
 #[derive(Clone, Debug)]
 pub struct ModelPlant(Solver);
 
@@ -41,7 +41,7 @@ struct Stepwise {
 }
 
 impl ModelPlant {
-    /// At rest, behind a bridge that loses what the model says.
+    /// At rest, behind a bridge with the losses of the model.
     pub fn new(model: Model) -> Self {
         Self::behind(BridgeLosses::DIODES, model)
     }
@@ -50,7 +50,10 @@ impl ModelPlant {
     pub fn behind(bridge: BridgeLosses, mut model: Model) -> Self {
         model.terms.retain(|term| Self::simulates(term.effect));
         model.terms.sort_by_key(Term::turn);
-        let held = |term: &Term| term.effect.about().acts_on == ActsOn::Torque || term.effect.is_slow_resistance();
+        let held = |term: &Term| {
+            let about = term.effect.about();
+            about.acts_on == [ActsOn::Torque] || about.is_slow_resistance
+        };
         Self(if model.terms.iter().all(is_exact) {
             Solver::Exact(event_exact(bridge, &model))
         } else if model.terms.iter().all(|term| is_exact(term) || held(term)) {
@@ -65,7 +68,7 @@ impl ModelPlant {
         effect.acts_on_motor() && !effect.is_of_switching()
     }
 
-    /// Becomes another motor while it turns: angle, speed and current stay, what effects remember is forgotten.
+    /// Changes the motor while it turns: angle, speed and current stay, the memory of the effects is cleared.
     pub fn replace(&mut self, bridge: BridgeLosses, model: Model) {
         let motion = Motion {
             angle_rad: self.angle_rad(),
@@ -97,7 +100,7 @@ impl Held {
         Self { motor: event_exact(bridge, &model), torques: FurtherTorques::of(model) }
     }
 
-    /// Lets the winding have the resistance that it has warmed up to.
+    /// Sets the resistance of the warm winding.
     #[inline(always)]
     fn warm_up(&mut self) {
         if !self.torques.warms_up {
@@ -113,7 +116,7 @@ impl Held {
 /// Relative change of the resistance below which it is taken as constant: a few ticks of a winding that warms up.
 const RESISTANCE_STEP: f64 = 1e-5;
 
-/// Torques of effects, and what those effects remember.
+/// Torques of effects, and their memory.
 #[derive(Clone, Debug)]
 struct FurtherTorques {
     motor: MotorParameters,
@@ -130,7 +133,7 @@ struct FurtherTorques {
     step: Step,
 }
 
-/// What the effects are yet to remember.
+/// Inputs of the effects' memory for the current step.
 #[derive(Clone, Copy, Debug, Default)]
 struct Step {
     length_s: f64,
@@ -149,7 +152,7 @@ impl FurtherTorques {
             friction_nm: exact_losses(&model).friction_forward_nm,
             waves: waves.iter().filter_map(|term| term.effect.wave(&term.values)).map(FollowedWave::new).collect(),
             remembers: terms.iter().any(|term| term.effect.states() > 0),
-            warms_up: terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage),
+            warms_up: terms.iter().any(|term| term.effect.about().is_slow_resistance),
             terms: terms.into_iter().map(with_state).collect(),
             inertia_kg_m2: motor_inertia_kg_m2(&model),
             motor: model.motor,
@@ -179,7 +182,7 @@ impl FurtherTorques {
     fn instant(&self, step_s: f64, state: &Motion, supply_v: f64) -> Instant {
         Instant {
             time_s: self.time_s,
-            // No torque knows of the bridge.
+            // No torque depends on the bridge.
             voltage_v: 0.0,
             duty: 0.0,
             mean_duty: 0.0,
@@ -215,14 +218,15 @@ impl FurtherTorques {
         }
     }
 
-    /// Ends the last step, if there is one: takes the effects' memory over it.
+    /// Ends the last step, if there is one: updates the effects' memory over it.
     fn remember(&mut self, end: &Motion, pulse_a: f64) {
         if self.step.length_s <= 0.0 {
             return;
         }
         let Step { length_s, pulse_part, start_a } = std::mem::take(&mut self.step);
         let mut at = self.instant(length_s, end, 0.0);
-        // In straight lines from the start to the end of the pulse and on to the end; what heats is its square.
+        // Linear from the start to the end of the pulse and on to the end of the period; the square of the current
+        // heats.
         let line = |from: f64, to: f64| (from * from + from * to + to * to) * (1.0 / 3.0);
         let square = pulse_part * line(start_a, pulse_a) + (1.0 - pulse_part) * line(pulse_a, end.current_a);
         at.current_a = square.sqrt().copysign(end.current_a);
@@ -235,15 +239,15 @@ impl FurtherTorques {
     fn resistance_ohm(&mut self) -> f64 {
         let mut terms = Balance::default();
         let at = self.instant(LONGEST_STEP_S, &Motion::default(), 0.0);
-        for (term, state) in self.terms.iter_mut().filter(|(term, _)| term.effect.about().acts_on == ActsOn::Voltage) {
+        for (term, state) in self.terms.iter_mut().filter(|(term, _)| term.effect.about().is_slow_resistance) {
             term.effect.contribute(&term.values, &self.motor, &at, state, &mut terms);
         }
         self.motor.resistance_ohm + terms.resistance_ohm
     }
 }
 
-/// A wave that is followed along the angle. Where the shaft will be a step later is nearly known now: sine and cosine for
-/// there are made ahead, while the step itself is computed, and what is left of the way is a small correction.
+/// A wave along the angle. The angle a step later is nearly known now: its sine and cosine are computed ahead, in
+/// parallel with the step, and the remaining way is a small correction.
 #[derive(Clone, Copy, Debug)]
 struct FollowedWave {
     wave: Wave,
@@ -367,17 +371,17 @@ fn motor_inertia_kg_m2(model: &Model) -> f64 {
     model.motor.inertia_kg_m2 * model.motor_share()
 }
 
-/// Whether the event-exact motor has an effect as well.
+/// Whether the event-exact motor contains an effect.
 fn is_exact(term: &Term) -> bool {
     term.effect.is_dry_losses_alone(&term.values)
 }
 
-/// What those take that it has.
+/// The parameters of those.
 fn exact_losses(model: &Model) -> DryLosses {
     model.terms.iter().filter(|term| is_exact(term)).map(Term::dry_losses).sum()
 }
 
-/// The motor of a model, without effects that it does not have.
+/// The motor of a model, without effects that it does not contain.
 fn event_exact(bridge: BridgeLosses, model: &Model) -> DcMotor {
     let losses = exact_losses(model);
     let drop_v = losses.bridge_drop_v;

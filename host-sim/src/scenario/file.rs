@@ -102,7 +102,7 @@ fn is_another_file(text: &str) -> bool {
 }
 
 /// What is wrong with it.
-const ANOTHER_FILE: &str = "this is no scenario: it has no duration_s (docs/reference/scenarios.md says what one has). A model file goes with --model, beside a scenario";
+const ANOTHER_FILE: &str = "this is no scenario: duration_s is missing (docs/reference/scenarios.md lists the keys). If it is a model file, give it with --model";
 
 impl File {
     /// The file of the model, or this one's own `text`.

@@ -35,32 +35,32 @@ pub use refusal::refusal;
 use serde::Deserialize;
 use std::path::{Path, PathBuf};
 
-/// By how much a sum of times may be beyond the tick it means: without it, rounding would put off what is due by a tick.
+/// Tolerance of a sum of times: without it, rounding would delay an event by a tick.
 const ROUNDING_S: f64 = 1e-9;
 
-/// What works on the shaft from a time on.
+/// A load torque from a time on.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Load {
-    /// From when.
+    /// Start time.
     pub time_s: f64,
-    /// Against positive rotation.
+    /// Torque against positive rotation.
     #[serde(rename = "torque_Nm")]
     pub torque_nm: f64,
 }
 
-/// What breaks, and for how long.
+/// A fault and its duration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fault {
-    /// From when.
+    /// Start time.
     pub time_s: f64,
-    /// Until when; infinite: until the end.
+    /// End time; infinite: until the end.
     pub until_s: f64,
-    /// What.
+    /// The kind of fault.
     pub kind: FaultKind,
 }
 
-/// What breaks.
+/// Kinds of faults.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum FaultKind {
     /// No edges of the encoder arrive.
@@ -70,7 +70,7 @@ pub enum FaultKind {
         /// From 0 to 5 V.
         voltage_v: f64,
     },
-    /// The motor supply is another.
+    /// Another supply voltage.
     Supply {
         /// Not negative.
         voltage_v: f64,
@@ -99,11 +99,11 @@ pub struct Noise {
 pub struct Scenario {
     /// Length.
     pub duration_s: f64,
-    /// Who sets the voltage.
+    /// Control mode.
     pub mode: Mode,
     /// The motor.
     pub model: Model,
-    /// The file that it names for that, where it does and no other model was given.
+    /// The model file that it names, if no other model was given.
     pub model_file: Option<PathBuf>,
     /// The firmware's settings.
     pub settings: Settings,
@@ -115,7 +115,7 @@ pub struct Scenario {
     pub faults: Vec<Fault>,
     /// Noise of the sensors.
     pub noise: Noise,
-    /// The trip that is to come, [`Trip::None`] for none.
+    /// The expected trip, [`Trip::None`] for none.
     pub expected_trip: Trip,
 }
 
@@ -146,7 +146,7 @@ pub enum ScenarioError {
         /// Why.
         source: Box<ModelError>,
     },
-    /// A value that means nothing.
+    /// An invalid value.
     #[error("{path}: {what}")]
     Value {
         /// Which file.
@@ -156,24 +156,24 @@ pub enum ScenarioError {
     },
 }
 
-/// What came of a scenario.
+/// Result of a scenario.
 pub struct Outcome {
-    /// As the firmware would have sent it.
+    /// The recording as the firmware would send it.
     pub recording: Recording,
-    /// What it was made from.
+    /// The ticks behind it.
     pub samples: Vec<Sample>,
-    /// As it was.
+    /// The true motion.
     pub points: Vec<Point>,
-    /// Figures of each reference, and of what disturbs a step.
+    /// Figures of each reference, and of each disturbance of a step.
     pub figures: Vec<Figures>,
     /// Why the drive switched itself off, if it did.
     pub trip: Trip,
-    /// When it did.
+    /// The time of the trip.
     pub trip_s: Option<f64>,
 }
 
 impl Scenario {
-    /// Reads the text of a scenario. `path` is for messages. `model` takes the place of its own, which it need not have;
+    /// Reads the text of a scenario. `path` is for messages. `model` replaces its own model, which it need not have.
     /// `beside` reads the model file that the scenario names.
     ///
     /// # Errors
@@ -250,8 +250,8 @@ impl Scenario {
         if self.mode.is_position() { point.theta_rad } else { point.omega_rad_per_s }
     }
 
-    /// Figures of the stretches between one reference and the next; where a load or a fault comes after a step, what the
-    /// loop makes of it stands by itself. In open loop a reference is a voltage, and there is nothing to be compared with it.
+    /// Figures of the stretches between one reference and the next. A load or a fault after a step has figures of its
+    /// own. In open loop a reference is a voltage, so there are no figures.
     pub fn figures(&self, points: &[Point]) -> Vec<Figures> {
         if self.mode == Mode::OpenLoop {
             return Vec::new();
@@ -275,7 +275,7 @@ impl Scenario {
             .collect()
     }
 
-    /// What the loop makes of the largest step of a sequence, by which a step's figures can be told.
+    /// Figures of the largest step of a sequence.
     fn jump_figures(&self, points: &[Point], course: &Course) -> Option<Figures> {
         let Course::Sequence(order) = course else { return None };
         let jump = order.largest_jump(self.mode, &self.settings)?;
@@ -284,12 +284,12 @@ impl Scenario {
             return None;
         }
         let of = |point: &Point| self.controlled(point);
-        // A position is asked for from where the sequence began.
+        // A position counts from the start of the sequence.
         let origin = if self.mode.is_position() { of(&points[0]) } else { 0.0 };
         Some(Figures { course: JUMP, ..step_figures(stretch, of, origin + jump.value) })
     }
 
-    /// A reference until the next, and apart from it what disturbs the loop after a step.
+    /// A reference until the next, and separately the disturbances after a step.
     fn stretches<'a>(&self, reference: &'a Reference, end_s: f64) -> Vec<Stretch<'a>> {
         let (from_s, course) = (reference.time_s, &reference.course);
         let loads = self.loads.iter().map(|load| (load.time_s, "load"));
@@ -314,24 +314,24 @@ struct Stretch<'a> {
     cause: Option<&'static str>,
 }
 
-/// The first of the points that is so long after the first of all.
+/// The first point at least this long after the first one.
 fn start(points: &[Point], time_s: f64) -> usize {
     let first_s = points.first().map_or(0.0, |point| point.t_s);
     points.partition_point(|point| point.t_s - first_s + ROUNDING_S < time_s)
 }
 
-/// Where the references are.
+/// State of the references.
 #[derive(Default)]
 struct Asked {
-    /// How many have begun.
+    /// Number of references that have begun.
     begun: usize,
-    /// Value at which the last one ended, and the one that was asked for last.
+    /// End value of the previous reference, and the last requested value.
     before: f64,
     last: f64,
 }
 
 impl Asked {
-    /// What to ask of the core at this tick.
+    /// The request to the core at this tick.
     fn request(&mut self, scenario: &Scenario, now_s: f64, trial: &Trial<ModelPlant>) -> Option<Request> {
         let begun = scenario.references.iter().take_while(|reference| reference.time_s <= now_s).count();
         let begins = begun > self.begun;
@@ -340,7 +340,7 @@ impl Asked {
         }
         let reference = &scenario.references[self.begun.checked_sub(1)?];
         if let Course::Sequence(order) = &reference.course {
-            // What the core would refuse is refused when the scenario is read.
+            // Values that the core would refuse are refused when the scenario is read.
             let sequence = order.of_core(scenario.mode, &scenario.settings).ok()?;
             return begins.then_some(Request::Play(sequence));
         }

@@ -1,30 +1,30 @@
-//! What a loop is asked to follow: from this computer tick by tick, or by a sequence of the core's own.
+//! References of a loop: given tick by tick by this computer, or a sequence that the core plays itself.
 
 use super::sequence::SequenceOrder;
 use std::f64::consts::TAU;
 
-/// What is asked for from a time on, until the next.
+/// A reference from a time on, until the next.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference {
-    /// From when.
+    /// Start time.
     pub time_s: f64,
-    /// What.
+    /// Its course.
     pub course: Course,
 }
 
-/// Course of a reference, in the unit of the mode: V, rad/s, rad. It goes through the core's profile.
+/// Course of a reference, in the unit of the mode: V, rad/s, rad. It passes the core's profile.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Course {
     /// One value.
     Step {
-        /// Which.
+        /// The value.
         value: f64,
     },
     /// Straight from the last value to another.
     Ramp {
-        /// Which.
+        /// The end value.
         value: f64,
-        /// In which time.
+        /// The duration.
         duration_s: f64,
     },
     /// A sine about an offset.
@@ -54,7 +54,7 @@ impl Course {
         }
     }
 
-    /// Value `t_s` after it began, where the last one ended with `before`; none for what the core plays by itself.
+    /// Value `t_s` after its start, if the last one ended with `before`; `None` for a sequence of the core.
     pub fn value(&self, t_s: f64, before: f64) -> Option<f64> {
         match self {
             Self::Step { value } => Some(*value),

@@ -1,14 +1,14 @@
-//! What the core has against a set of settings, and up to which value it would take the one that it names.
+//! Why the core refuses a set of settings, and the largest value that it would accept.
 
 use motorbench_core::control_loop::LoopConfig;
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::units::Rule;
 use motorbench_data::names::setting_name as name;
 
-/// Halvings that find where the core's formats end, to more digits than a setting has.
+/// Halvings that locate the limit of the core's formats, to more digits than a setting has.
 const HALVINGS: u32 = 40;
 
-/// The setting, its value, what is wrong with it, and what it could be.
+/// The setting, its value, the fault, and a possible value.
 pub fn refusal(settings: &Settings, error: BuildError) -> String {
     let (param, value) = (error.param, settings.get(error.param));
     let why = match error.rule {
@@ -22,7 +22,7 @@ pub fn refusal(settings: &Settings, error: BuildError) -> String {
     format!("{} = {value}: the core's numbers cannot hold that; {why}", name(param))
 }
 
-/// Between the default, where the core takes that, and the value that it refuses.
+/// Between the default, if the core accepts that, and the refused value.
 fn bound(settings: &Settings, param: Param) -> Option<(&'static str, String)> {
     let takes = |value: f64| {
         let mut tried = *settings;

@@ -1,4 +1,4 @@
-//! A sequence that the core plays by itself, as a `sequence` line of the console or of a scenario asks for it.
+//! A sequence that the core plays itself, as requested by a `sequence` line of the console or by a scenario.
 
 use motorbench_core::excitation::{Bridge, Excess, Kind, Player, Sequence};
 use motorbench_core::message::Mode;
@@ -7,24 +7,24 @@ use motorbench_data::telemetry::reference_bit;
 
 /// A jump is a step if it is more than this share of the amplitude...
 const LEAST_JUMP: f64 = 0.1;
-/// ... and what it leads to stands for at least one in so many periods: the levels of `identify` do.
+/// ... and if its end value lasts at least one period in this many, as the levels of `identify` do.
 const PARTS_OF_A_PERIOD: u32 = 4;
 
-/// What to play, with the names of a scenario file.
+/// The sequence, with the names of a scenario file.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct SequenceOrder {
-    /// Of what kind.
+    /// Its kind.
     #[serde(rename = "sequence", serialize_with = "by_its_name")]
     pub kind: Kind,
-    /// In the unit of the mode: V, rad/s, rad.
+    /// Amplitude in the unit of the mode: V, rad/s, rad.
     pub amplitude: f64,
-    /// The same.
+    /// Offset in the same unit.
     pub offset: f64,
     /// Length of one part; see `motorbench_core::excitation`.
     pub period_ms: u16,
-    /// How many.
+    /// Number of repetitions.
     pub count: u16,
-    /// Of random ones.
+    /// Seed of random sequences.
     pub seed: u16,
 }
 
@@ -37,14 +37,14 @@ fn by_its_name<S: serde::Serializer>(kind: &Kind, serializer: S) -> Result<S::Ok
     serializer.serialize_str(&name(*kind))
 }
 
-/// A step of the reference, and until when it stands.
+/// A step of the reference, and its duration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jump {
-    /// Since the sequence began.
+    /// Start, from the beginning of the sequence.
     pub from_s: f64,
-    /// The same.
+    /// End, from the beginning of the sequence.
     pub until_s: f64,
-    /// In the unit of the mode; positions from where the sequence began.
+    /// Value in the unit of the mode; positions from the start of the sequence.
     pub value: f64,
 }
 
@@ -58,7 +58,7 @@ impl SequenceOrder {
     /// As the board plays it in a mode.
     ///
     /// # Errors
-    /// Why the board would refuse it: a number too large for it.
+    /// The core refuses a number that is too large for it.
     pub fn of_core(&self, mode: Mode, settings: &Settings) -> Result<Sequence, String> {
         let bit = reference_bit(mode, settings);
         let largest = f64::from(i16::MAX);
@@ -78,7 +78,7 @@ impl SequenceOrder {
         })
     }
 
-    /// How many ticks the board plays it for, in any mode.
+    /// Its duration in ticks, in any mode.
     ///
     /// # Errors
     /// As [`SequenceOrder::of_core`], of period and count.
@@ -88,8 +88,8 @@ impl SequenceOrder {
         level.of_core(Mode::OpenLoop, settings).map(|sequence| sequence.duration_ticks())
     }
 
-    /// The largest of its steps in a closed loop that was at zero, the longest of equal ones; ramps and sweeps have none,
-    /// nor has one that the board would refuse.
+    /// The largest of its steps in a closed loop that was at zero, the longest of equal ones. Ramps and sweeps have
+    /// none, nor has a refused sequence.
     pub fn largest_jump(&self, mode: Mode, settings: &Settings) -> Option<Jump> {
         let rate_hz = f64::from(settings.get(Param::TickRate));
         let least_ticks = (settings.ticks(self.period_ms) / PARTS_OF_A_PERIOD).max(1) as usize;

@@ -1,7 +1,7 @@
 //! The converter's times, triggers and codes (data sheet sections 24.4, 24.7 and table 24-1).
 use crate::common::Agent;
+use motorbench_board::pins::BRIDGE_PWM;
 use motorbench_chip::registers::*;
-use motorbench_core::pins::BRIDGE_PWM;
 
 const AVCC_REFERENCE: u8 = 0b0100_0000;
 /// Switched on, started, interrupt on, clock / 64.

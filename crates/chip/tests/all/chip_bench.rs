@@ -3,9 +3,9 @@ use std::f64::consts::TAU;
 
 use crate::common::execute;
 use host_sim::plant::{Bridge, DcMotor, Plant};
+use motorbench_board::pins::{CURRENT_SENSE, EMERGENCY_STOP, SUPPLY_SENSE, TACHOGENERATOR};
 use motorbench_chip::registers::*;
 use motorbench_chip::{Acs712, Bench, EncoderFault, Rig, SensorFault, Wiring};
-use motorbench_core::pins::{CURRENT_SENSE, EMERGENCY_STOP, SUPPLY_SENSE, TACHOGENERATOR};
 
 /// `drive`: half duty forward, one counter per encoder line.
 fn driving(rig: Rig) -> Bench<DcMotor> {

@@ -1,8 +1,9 @@
 //! OC1A in mode 14 (data sheet section 16.9.3), where simavr differs from the chip.
 use crate::common::Agent;
+use motorbench_board::pins::BRIDGE_PWM;
 use motorbench_chip::Outputs;
 use motorbench_chip::registers::*;
-use motorbench_core::pins::{BRIDGE_PWM, PWM_STEPS};
+use motorbench_core::HARDWARE;
 
 const DDRB: u16 = 0x24;
 const PORTB: u16 = 0x25;
@@ -20,7 +21,7 @@ fn compare(value: u16) -> [(u16, u8); 2] {
 /// Timer1 in mode 14 with 800 steps and D9 as output.
 fn running(tccr1a: u8, value: u16) -> Agent {
     let mut agent = Agent::new();
-    let [low, high] = (PWM_STEPS - 1).to_le_bytes();
+    let [low, high] = (HARDWARE.pwm_steps - 1).to_le_bytes();
     let mut setup = vec![(DDRB, BRIDGE_PWM.mask()), (ICR1H, high), (ICR1L, low)];
     setup.extend(compare(value));
     setup.extend([(TCCR1A, tccr1a), (TCCR1B, 0b0001_1001)]);

@@ -1,4 +1,4 @@
-//! `motorbench analyse`: what the linear model of a motor says.
+//! `motorbench analyse`: properties of the linear model of a motor.
 
 use super::{Failure, JSON_TO, Outputs, TERMINAL, write, write_json};
 use clap::Args;
@@ -28,10 +28,10 @@ pub struct Arguments {
     /// Prints poles, zeros, gains and time constants as JSON.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
-    /// Also as sampled with this period, the voltage held between samples.
+    /// Also prints the sampled forms for this period, with the voltage held between samples.
     #[arg(long = "period-ms", value_name = "MS", allow_negative_numbers = true)]
     period_ms: Option<f64>,
-    /// Time from a sample to its voltage; with --period-ms.
+    /// Delay from a sample to its voltage; needs --period-ms.
     #[arg(
         long = "delay-ms",
         value_name = "MS",
@@ -40,7 +40,7 @@ pub struct Arguments {
         allow_negative_numbers = true
     )]
     delay_ms: f64,
-    /// Writes the frequency responses of speed, current and angle to the voltage.
+    /// Writes the frequency responses from voltage to speed, current and angle.
     #[arg(long, value_name = "FILE.csv")]
     bode: Option<PathBuf>,
     /// Writes the responses to a step of one volt.
@@ -73,16 +73,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A transfer function of a motor, with what it leads to.
+/// A transfer function of a motor, with its poles, zeros and gain.
 type Named = (&'static str, TransferFunction);
 
 impl Arguments {
-    /// What is written where.
+    /// Its input and output.
     fn written(&self) -> Vec<PathBuf> {
         [&self.bode, &self.step, &self.json].into_iter().flatten().cloned().collect()
     }
 
-    /// The forms in `z`, if they are asked for.
+    /// The forms in `z`, if requested.
     fn sampled(&self, motor: &MotorParameters) -> Result<Option<[Named; 3]>, Failure> {
         let Some(period_ms) = self.period_ms else { return Ok(None) };
         if !PERIOD_MS.contains(&period_ms) {
@@ -105,9 +105,9 @@ impl Arguments {
     }
 }
 
-/// Sampling of loops, with decades to spare; what is far beyond tells nothing in the digits that a number has.
+/// Sampling of loops, with a wide margin; beyond it the digits of a number do not suffice.
 const PERIOD_MS: RangeInclusive<f64> = 1e-3..=1e4;
-/// Longest delay for which the form in `z` is worth writing down.
+/// Longest delay for which the form in `z` is useful.
 const MOST_PERIODS_LATE: f64 = 10.0;
 /// Points of a frequency response, and how far beyond the poles it reaches.
 const FREQUENCIES: usize = 301;
@@ -219,7 +219,7 @@ fn analysis(motor: &MotorParameters) -> String {
             step.overshoot_percent
         );
     } else {
-        text += "step    not settled in what can be simulated: the poles are too far apart\n";
+        text += "step    cannot be simulated until it settles: the poles are too far apart\n";
     }
     text
 }

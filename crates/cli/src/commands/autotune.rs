@@ -1,4 +1,4 @@
-//! `motorbench autotune`
+//! `motorbench autotune`: gains from an experiment on a board.
 
 use super::board::{PortArguments, finite, on_interrupt};
 use super::{Failure, JSON_TO, Outputs, TERMINAL, write, write_json};
@@ -20,15 +20,16 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The acceptance test: a second on the reference, of which the last quarter counts; so much of it has to come over the line.
+/// The acceptance test: a second on the reference, of which the last quarter counts; this share of the samples has to
+/// arrive.
 const TEST_S: f64 = 1.0;
 const LAST_PART: f64 = 0.25;
 const COME_SHARE: f64 = 0.9;
-/// Before it the motor comes to rest: to this share of the reference, looked at so often, for so many times.
+/// Before it the motor comes to rest: to this share of the reference, checked at this interval, this many times.
 const RESTING_SHARE: f64 = 0.05;
 const LOOK_S: f64 = 0.1;
 const MOST_LOOKS: usize = 100;
-/// What it demands.
+/// Limits of the acceptance test.
 const MOST_OVERSHOOT_PERCENT: f64 = 35.0;
 const MOST_ERROR_SHARE: f64 = 0.03;
 
@@ -38,7 +39,8 @@ const MOST_ERROR_SHARE: f64 = 0.03;
   motorbench autotune --from 6 --to 8
   motorbench autotune --relay 1 --bias 7 --reference 60 --console gains.txt
 
-A motor that sticks is told so: friction is no loop to tune.")]
+A motor that sticks is refused: its friction would be measured instead of the
+loop.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
@@ -48,16 +50,16 @@ pub struct Arguments {
     /// Voltage after the step.
     #[arg(long, value_name = "V", default_value_t = 8.0, allow_negative_numbers = true, value_parser = finite)]
     to: f64,
-    /// How long each is held.
+    /// How long each voltage is held.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold, allow_negative_numbers = true)]
     hold: f64,
-    /// Time constant that the closed loop shall have, in ms.
+    /// Wanted time constant of the closed loop, in ms.
     #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
     closed_loop: f64,
-    /// A relay experiment instead, with this swing of the voltage.
+    /// Does a relay experiment with this voltage amplitude instead of a step.
     #[arg(long, value_name = "V", value_parser = positive, allow_negative_numbers = true)]
     relay: Option<f64>,
-    /// First guess of the voltage that the relay's reference needs.
+    /// First guess of the voltage that the motor needs at the reference of the relay experiment.
     #[arg(long, value_name = "V", default_value_t = 7.0, allow_negative_numbers = true, value_parser = finite)]
     bias: f64,
     /// Speed of the relay experiment and of the acceptance test, in rad/s.
@@ -66,12 +68,12 @@ pub struct Arguments {
     /// Writes the gains as console lines, for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
     console: Option<PathBuf>,
-    /// Prints experiment, gains and test as JSON.
+    /// Prints experiment, gains and acceptance test as JSON.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
 
-/// How long a voltage may be held, in seconds: the motor has to arrive, and somebody waits.
+/// How long a voltage may be held, in seconds: the motor has to settle while the user waits.
 const HOLD_S: RangeInclusive<f64> = 0.2..=60.0;
 
 fn hold(text: &str) -> Result<f64, String> {
@@ -85,10 +87,13 @@ fn positive(text: &str) -> Result<f64, String> {
 
 fn turning(text: &str) -> Result<f64, String> {
     let turns = |speed: &f64| speed.is_finite() && *speed != 0.0;
-    text.parse().ok().filter(turns).ok_or("expected a speed other than 0: friction is no loop to tune".into())
+    text.parse()
+        .ok()
+        .filter(turns)
+        .ok_or("expected a speed other than 0: at rest friction would be measured instead of the loop".into())
 }
 
-/// A board beside which somebody stands who can stop it.
+/// A board with a user who can stop it.
 struct Attended {
     link: Link<Port>,
     stopped: Arc<AtomicBool>,
@@ -114,10 +119,10 @@ impl Board for Attended {
 /// Runs it.
 ///
 /// # Errors
-/// [`Failure`]: the board, an experiment that says nothing, or gains that do not pass.
+/// [`Failure`]: the board, a useless experiment, or gains that fail the test.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.relay.is_some() && arguments.reference < 0.0 {
-        return Err(Failure::input("--relay: its --reference is forwards, above 0; a step may go backwards"));
+        return Err(Failure::input("--relay needs a --reference above 0; only the step experiment can go backwards"));
     }
     let outputs = Outputs::new([], arguments.console.iter().chain(&arguments.json))?;
     let stopped = on_interrupt()?;
@@ -126,7 +131,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     watch_host(&mut board, &settings)?;
     let tuned = tuned(&mut board, &settings, arguments, &outputs);
     let left = leave_host(&mut board, &settings);
-    // Why it did not come to gains is the first to say.
+    // The reason for missing gains is reported first.
     tuned.and(left.map_err(Failure::from))
 }
 
@@ -139,7 +144,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     let restore = format!("set {}", before.join(" "));
     let tested = acceptance(board, settings, arguments.reference);
     if tested.is_err() {
-        // What went wrong is said below; a board that is gone has lost the gains with its supply.
+        // The reason is reported below; a board that is gone has lost the gains with its supply.
         let _ = board.command(&restore);
     }
     let (overshoot_percent, error) = tested?;
@@ -161,24 +166,24 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     outputs.say(&format!("{}\ngains\n", found.text));
     gains.iter().for_each(|(name, value)| outputs.say(&format!("  {name} {value:.6}\n")));
     outputs.say(&format!(
-        "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, at the end off by {error:.2} rad/s\n",
+        "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, error at the end {error:.2} rad/s\n",
         arguments.reference
     ));
     if !accepted {
         board.command(&restore)?;
         return Err(Failure::input(format!(
-            "not accepted: at most {MOST_OVERSHOOT_PERCENT} % and {most_error:.1} rad/s are; the board has its old gains again. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely"
+            "not accepted (limits: {MOST_OVERSHOOT_PERCENT} % overshoot, {most_error:.1} rad/s error); the old gains are restored. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely"
         )));
     }
     if let Some(path) = &arguments.console {
         write(path, &(line + "\n"))?;
     }
-    let accepted = "accepted; the board has them until its next reset:\n`motorbench connect save` keeps them\n";
+    let accepted = "accepted; the gains are lost at the next reset:\n`motorbench connect save` keeps them\n";
     outputs.say(&arguments.port.named_in(accepted));
     Ok(())
 }
 
-/// What an experiment found, for a person and for a program.
+/// Result of an experiment, as text and as JSON.
 struct Found {
     text: String,
     json: Value,
@@ -214,7 +219,7 @@ fn experiment(
     };
     let found = on_board::relay(board, settings, &relay).map_err(failed)?;
     let text = format!(
-        "relay: period {:.1} ms, ultimate gain {:.3} V s/rad, of it {:.1} ms the way to the computer and back",
+        "relay: period {:.1} ms, ultimate gain {:.3} V s/rad; {:.1} ms of the period are the way to the computer and back",
         1e3 * found.cycle.period_s,
         found.cycle.ultimate_gain_v_s_per_rad,
         1e3 * found.delay_s
@@ -229,7 +234,7 @@ fn shown(settings: &Settings, name: &str) -> String {
     format!("{name} {value}")
 }
 
-/// Lets the bridge brake the motor, which may turn from the experiment: what it has of that is no overshoot.
+/// Lets the bridge brake the motor first, which may turn from the experiment: that motion is no overshoot.
 fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(), BoardError> {
     arm(board)?;
     board.command("mode open")?;
@@ -244,7 +249,7 @@ fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> 
     board.command("disarm")
 }
 
-/// Goes to the reference from rest; overshoot in percent, and mean error at the end.
+/// Goes to the reference from rest; returns overshoot in percent, and mean error at the end.
 fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(f64, f64), BoardError> {
     come_to_rest(board, settings, reference)?;
     arm(board)?;
@@ -263,7 +268,7 @@ fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Re
     Ok((100.0 * (shares.iter().copied().fold(1.0, f64::max) - 1.0), error.abs()))
 }
 
-/// An overshoot may be in what was lost on the line.
+/// Lost samples may contain an overshoot.
 fn has_come(samples: &[Sample]) -> Result<(), BoardError> {
     let (came, missing) = (samples.len(), missing_ticks(samples));
     let sent = came as f64 + f64::from(missing);
@@ -271,7 +276,7 @@ fn has_come(samples: &[Sample]) -> Result<(), BoardError> {
         return Ok(());
     }
     Err(BoardError::Failed(format!(
-        "of the acceptance test {came} samples came and {missing} were lost on the line, so that it says nothing: use a shorter cable, another USB port, no hub"
+        "the acceptance test cannot judge: {missing} of its samples were lost on the line ({came} came). Use a shorter cable, another USB port, no hub"
     )))
 }
 

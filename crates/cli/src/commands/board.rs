@@ -1,4 +1,4 @@
-//! `motorbench ports`, `motorbench record`, `motorbench send`, and what the commands that talk to a board share.
+//! `motorbench ports`, `motorbench record`, `motorbench send`, and functions that all commands for a board share.
 
 use super::files::{beside, free_name, is_terminal, with_beside};
 use super::live::LiveArguments;
@@ -39,21 +39,21 @@ impl From<BoardError> for Failure {
     }
 }
 
-/// Which port.
+/// The port of a board.
 #[derive(Args)]
 pub struct PortArguments {
-    /// The board's port, for instance /dev/ttyACM0, COM3, or the link that `motorbench virtual` makes; without it the only
-    /// board that is plugged in, or else the simulated one.
+    /// Port of the board, for instance /dev/ttyACM0 or COM3; without it the only board on USB, or else the virtual one.
     #[arg(long)]
     port: Option<String>,
 }
 
-/// So hints begin to `connect` and to who else has the port: who makes them knows no port.
+/// Beginning of hints about `connect`, and about other programs at the port: the code that makes hints does not know
+/// the port.
 const CONNECT: &str = "`motorbench connect";
 const LSOF: &str = "`lsof PORT`";
 
 impl PortArguments {
-    /// A text whose hints go to the board that was meant, where a person has said which.
+    /// A text whose hints contain the port, if the user named one.
     pub(super) fn named_in(&self, text: &str) -> String {
         match &self.port {
             Some(port) => {
@@ -79,20 +79,21 @@ impl PortArguments {
         Ok((link, name))
     }
 
-    /// The same for a motor that will be driven, with the settings as the board has them; which of its protections are lifted
-    /// is said.
+    /// The same for a motor that will be driven; returns the settings of the board, and reports protections that are
+    /// off or weaker.
     pub(super) fn open_to_drive(&self) -> Result<(Link<Port>, String, Settings), Failure> {
         let (mut link, name) = self.open()?;
         let settings = link.settings()?;
         if let Some(lifted) = lifted_protections(&settings) {
-            let remedy = format!("{CONNECT} load` takes what is saved, {CONNECT} defaults` what is usual");
+            let remedy =
+                format!("{CONNECT} load` restores the saved settings, {CONNECT} defaults` the factory settings");
             tell(&self.named_in(&format!("{lifted}; {remedy}")));
         }
         Ok((link, name, settings))
     }
 }
 
-/// Settings that protect motor and bridge; those that protect less where they are greater, but for the lowest supply.
+/// Settings that protect motor and bridge. Greater values protect less, except for the lowest supply.
 const PROTECTIONS: [Param; 8] = [
     Param::CurrentLimit,
     Param::TripPeak,
@@ -104,8 +105,8 @@ const PROTECTIONS: [Param; 8] = [
     Param::TripSupplyHigh,
 ];
 
-/// Which protections are off, or protect less than those that the firmware has of its own: so a person has saved them, or a
-/// `record --set` has left them that was killed.
+/// Protections that are off, or weaker than the firmware's defaults: they were saved so, or a killed `record --set`
+/// left them.
 pub(super) fn lifted_protections(settings: &Settings) -> Option<String> {
     let usual = Settings::defaults();
     let lifted = PROTECTIONS.iter().filter_map(|&param| {
@@ -121,8 +122,8 @@ pub(super) fn lifted_protections(settings: &Settings) -> Option<String> {
     (!lifted.is_empty()).then(|| format!("protections are lifted: {}", lifted.join("; ")))
 }
 
-/// Switches off the motor, and then the `trip_host` that a program has left which was killed while it had the motor: else that
-/// would pass for the board's own, and a motor that still turns would have nobody who stops it.
+/// Switches off the motor, and then the `trip_host` that a killed program left. Otherwise it would pass for the board's
+/// own setting, and nobody would stop a motor that still turns.
 fn take_back_watch(link: &mut Link<Port>) -> Result<(), BoardError> {
     if link.shows("trip_host")? != Some(LOST_AFTER_MS) {
         return Ok(());
@@ -130,7 +131,7 @@ fn take_back_watch(link: &mut Link<Port>) -> Result<(), BoardError> {
     link.command("disarm")?;
     link.command("set trip_host 0")?;
     tell(&format!(
-        "the drive is off and trip_host 0 again: a program that was killed had left it at {LOST_AFTER_MS} ms"
+        "a program that was killed had left trip_host at {LOST_AFTER_MS} ms; it is 0 again, and the drive is off"
     ));
     Ok(())
 }
@@ -148,7 +149,7 @@ pub struct PortsArguments {
 /// Runs `ports`.
 ///
 /// # Errors
-/// When the system does not tell.
+/// If the system does not list its ports.
 pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
     let outputs = Outputs::new([], &arguments.json)?;
     let found = ports().map_err(Failure::machine)?;
@@ -156,7 +157,7 @@ pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
         write_json(path, &found)?;
     }
     if found.is_empty() {
-        outputs.say("no serial port here; without a board: motorbench virtual\n");
+        outputs.say("no serial port found; without a board: motorbench virtual\n");
     }
     for port in found {
         outputs.say(&format!("{:24} {}{}\n", port.port, if port.board { "board: " } else { "" }, port.what));
@@ -164,7 +165,7 @@ pub fn list(arguments: &PortsArguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// The lines that are typed, or come from a pipe. Reading blocks, and Ctrl-C and the board shall be heard meanwhile.
+/// The lines from the terminal or a pipe. Reading blocks, so it runs in a thread beside Ctrl-C and the board.
 pub(super) fn typed_lines() -> Receiver<String> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
@@ -176,7 +177,7 @@ pub(super) fn typed_lines() -> Receiver<String> {
     receiver
 }
 
-/// How long a random excitation lasts when nobody says how many parts it has.
+/// Default duration of a random excitation.
 const RANDOM_MS: u16 = 10_000;
 
 /// Excitations, by the console's names.
@@ -197,7 +198,7 @@ impl Excitation {
         Kind::from_number(self as u8).expect("in the order of the core's own list")
     }
 
-    /// How often it is played when nobody says: random ones for [`RANDOM_MS`].
+    /// Default number of repetitions: random ones for [`RANDOM_MS`].
     fn usual_count(self, period_ms: u16) -> u16 {
         match self {
             Self::Prbs | Self::Levels => RANDOM_MS.div_ceil(period_ms),
@@ -218,42 +219,41 @@ const OPEN: &str = "open";
   motorbench record --mode speed --sequence levels --amplitude 80 --out loop.csv
   motorbench record --live plotjuggler --live teleplot=192.168.1.20:47269
 
-Without --sequence it plays the 20 s that tell the most causes apart. Beside
-run.csv, or what --out names, it writes run.rig.toml, for motorbench diagnose,
-run.scenario.toml, for validate, and run.json: firmware, settings, what was
-lost. Ctrl-C stops the motor and keeps what has come.")]
+Without --sequence it plays identify, the 20 s that separate the most causes.
+Beside run.csv, or the name of --out, it writes run.rig.toml for motorbench
+diagnose, run.scenario.toml for validate, and run.json with firmware, settings
+and losses. Ctrl-C stops the motor and keeps the samples that have arrived.")]
 pub struct RecordArguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
-    /// What to play.
+    /// Excitation to play.
     #[arg(long, value_enum, default_value = "identify")]
     sequence: Excitation,
-    /// In the unit of the mode; without it eight tenths of the supply.
+    /// Amplitude in the unit of the mode; default: 80 % of the supply.
     #[arg(long, allow_negative_numbers = true, value_parser = finite)]
     amplitude: Option<f64>,
-    /// Added to it.
+    /// Offset in the unit of the mode.
     #[arg(long, default_value_t = 0.0, allow_negative_numbers = true, value_parser = finite)]
     offset: f64,
     /// How long one part lasts, in ms.
     #[arg(long, default_value_t = 500, value_parser = clap::value_parser!(u16).range(1..))]
     period: u16,
-    /// How often; without it once, and as many random levels or bits as take 10 s.
+    /// Number of repetitions; default: once, or as many random levels or bits as fill 10 s.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..))]
     count: Option<u16>,
-    /// Of random excitations.
+    /// Seed of random excitations.
     #[arg(long, default_value_t = 1)]
     seed: u16,
-    /// Who sets the voltage.
+    /// Control mode: open plays a voltage, the others a reference.
     #[arg(long, default_value = OPEN, value_parser = [OPEN, "speed", "position", "lqr_speed", "lqr_position"])]
     mode: String,
-    /// Settings to change for this recording, put back after it: NAME=VALUE. In mode open slew_limit is 500 at most unless it
-    /// is named here.
+    /// Setting for this recording alone: NAME=VALUE. In mode open, slew_limit is at most 500 unless it is set here.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = assignment)]
     set: Vec<(String, f64)>,
     /// A rig file whose nominal constants of the motor go into the new one.
     #[arg(long, value_name = "RIG.toml")]
     motor: Option<PathBuf>,
-    /// Where to, a .csv; without it the first of run.csv, run-2.csv, run-3.csv ... that is free.
+    /// Output .csv; default: the first free name of run.csv, run-2.csv, ....
     #[arg(long, value_parser = table_file)]
     out: Option<PathBuf>,
     #[command(flatten)]
@@ -285,7 +285,7 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
 /// Runs `record`.
 ///
 /// # Errors
-/// [`Failure`] when nothing could be recorded, or when the recording ended before its time; what has come is written.
+/// [`Failure`] if nothing could be recorded, or if the recording ended early; the samples that came are written.
 pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let out = &arguments.out.clone().unwrap_or_else(|| free_name("run", &BESIDE));
     let outputs = Outputs::new(&arguments.motor, with_beside(out, &BESIDE).iter().chain(&arguments.json))?;
@@ -293,7 +293,7 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
         Some(path) => read_rig(path)?.motor,
         None => NominalMotor::default(),
     };
-    // Before the motor turns: a wrong folder shall not cost a recording.
+    // Before the motor turns: a wrong folder must not cost a recording.
     let mut growing = GrowingCsv::new(out).map_err(|error| cannot_write(out, &error))?;
     let stopped = on_interrupt()?;
     let mut live = arguments.live.open()?;
@@ -303,7 +303,7 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     let done = play((arguments, out), &changed, &mut link, nominal, &mut growing, &mut live, &stop);
     let put_back = put_back(&mut link, &before, &changed);
     let finished = done.and_then(|(mut done, played)| {
-        // What is told of a recording is told of its file.
+        // Messages on a recording name its file.
         done.samples.truncate(growing.rows());
         let not_put_back = put_back.as_ref().err().map(|failure| arguments.port.named_in(&failure.message));
         finish((arguments, out, &outputs), &done, (&link.firmware, not_put_back.as_deref()), &played, nominal)
@@ -314,12 +314,12 @@ pub fn run_record(arguments: &RecordArguments) -> Result<(), Failure> {
     finished.and(put_back)
 }
 
-/// What stands beside a recording.
+/// The files beside a recording.
 const BESIDE: [&str; 3] = ["scenario.toml", "rig.toml", "json"];
 
 impl RecordArguments {
-    /// What is changed for this recording: what a person says, and where nobody regulates how fast the voltage changes. A loop's
-    /// slew limit lets an excitation reverse the motor faster than its current is folded back.
+    /// Settings changed for this recording: those of the user, and the slew limit in open loop. A loop's slew limit
+    /// would let an excitation reverse the motor faster than the current limit can react.
     fn changes(&self, before: &Settings) -> Vec<(String, f64)> {
         let slew_limit = Settings::defaults().get(Param::SlewLimit);
         let is_said = self.set.iter().any(|(name, _)| find(name.as_bytes()) == Some(Param::SlewLimit));
@@ -329,7 +329,7 @@ impl RecordArguments {
     }
 }
 
-/// Prepares the board, plays and records; what came, and what it was told to play.
+/// Prepares the board, plays and records; returns the samples and the played sequence.
 fn play(
     (arguments, out): (&RecordArguments, &Path),
     changed: &[(String, f64)],
@@ -362,31 +362,30 @@ fn play(
     bar.finish_and_clear();
     if !played.agrees(&done) {
         done.ended = Ended::Failed(
-            "the board has played another sequence than it was told: the line damages what it carries, use a shorter cable or another USB port".into(),
+            "the board played another sequence than it was sent: the line damages data. Use a shorter cable or another USB port".into(),
         );
     }
     Ok((done, played))
 }
 
-/// Gives the settings that were changed for a recording their values of before, the last first: what limits others may have
-/// been changed after them.
+/// Restores the settings that were changed for a recording, the last first: later ones may depend on earlier ones.
 ///
 /// # Errors
-/// [`Failure`] where the board keeps what was changed. One that is gone has lost that with its supply.
+/// [`Failure`] if the board keeps changed settings. A board that is gone has lost them with its supply.
 fn put_back(link: &mut Link<Port>, before: &Settings, changed: &[(String, f64)]) -> Result<(), Failure> {
     let mut known = changed.iter().rev().filter_map(|(name, _)| Some((name, find(name.as_bytes())?)));
     let done = leave_host(link, before)
         .and_then(|()| known.try_for_each(|(name, param)| link.command(&format!("set {name} {}", before.get(param)))));
     match done {
         Err(error) if !link.is_gone() => Err(Failure::machine(format!(
-            "{error}; trip_host and what was changed for the recording stay until the board's next reset{}",
+            "{error}; the changed settings and trip_host stay until the board is reset{}",
             named(changed)
         ))),
         _ => Ok(()),
     }
 }
 
-/// What was changed, in brackets; nothing of nothing.
+/// The changed settings in brackets; empty if there are none.
 fn named(changed: &[(String, f64)]) -> String {
     match changed {
         [] => String::new(),
@@ -394,14 +393,14 @@ fn named(changed: &[(String, f64)]) -> String {
     }
 }
 
-/// What a person does about a file that cannot be written while the motor turns.
+/// Advice on a file that cannot be written while the motor turns.
 const OTHER_FILE: &str = "--out names another file";
 
 pub(super) fn cannot_grow(path: &Path, error: &std::io::Error) -> String {
     format!("{}; {OTHER_FILE}", cannot_write(path, error).message)
 }
 
-/// Writes what belongs beside the recording and says what became of it.
+/// Writes the files beside the recording and reports how it ended.
 fn finish(
     (arguments, out, outputs): (&RecordArguments, &Path, &Outputs),
     done: &Record,
@@ -416,7 +415,7 @@ fn finish(
         side["not_put_back"] = why.into();
     }
     let ticks = done.samples.len() as f64 + f64::from(done.missing_ticks());
-    // The files of an earlier recording stay as they are where nothing came.
+    // The files of an earlier recording stay if no samples came.
     let written = match kept {
         0 => Ok(()),
         _ => write_each(&files_beside((arguments, out), &done.settings, nominal, played, ticks, &side)?),
@@ -433,7 +432,7 @@ fn finish(
     Ok(())
 }
 
-/// How a recording ended, and then what cannot be written any more.
+/// The end of a recording, and the files that can no longer be written.
 fn both(ended: Result<(), Failure>, written: Result<(), Unwritten>) -> Result<(), Failure> {
     let Err(unwritten) = written else { return ended };
     Err(match ended {
@@ -444,7 +443,7 @@ fn both(ended: Result<(), Failure>, written: Result<(), Unwritten>) -> Result<()
     })
 }
 
-/// What `record` can do about a trip that goes by a limit.
+/// Advice of `record` on a trip with a limit.
 fn with_limit(failure: Failure, ended: &Ended) -> Failure {
     let Ended::Tripped(trip) = ended else { return failure };
     match limit(*trip) {
@@ -456,18 +455,18 @@ fn with_limit(failure: Failure, ended: &Ended) -> Failure {
     }
 }
 
-/// Sends samples on to plotters, and no more of them once that fails: a plotter shall not cost a recording.
+/// Sends samples to plotters until that fails once: a plotter must not cost a recording.
 fn send(live: &mut Option<Live>, samples: &[Sample], settings: &Settings) {
     if let Some(Err(error)) = live.as_ref().map(|live| live.send_samples(samples, settings)) {
-        eprintln!("nothing more is sent to the plotter: {error}");
+        eprintln!("sending to the plotter has stopped: {error}");
         *live = None;
     }
 }
 
-/// Set by Ctrl-C and a closed terminal, from [`on_interrupt`] on.
+/// Set by Ctrl-C and a closed terminal, after [`on_interrupt`].
 static STOPPED: LazyLock<Arc<AtomicBool>> = LazyLock::new(Arc::default);
 
-/// Ctrl-C and a closed terminal no longer end the program; they set this, which a link that is opened goes by as well.
+/// Makes Ctrl-C and a closed terminal set this flag instead of ending the program; an opened link watches it as well.
 pub(super) fn on_interrupt() -> Result<Arc<AtomicBool>, Failure> {
     ctrlc::set_handler(|| STOPPED.store(true, Ordering::Relaxed)).map_err(Failure::machine)?;
     Ok(Arc::clone(&STOPPED))
@@ -490,11 +489,12 @@ impl Played {
         sequence.is_ok_and(|sequence| is_played(&done.samples, &sequence))
     }
 
-    /// The recording as a scenario, without a motor: mode, what the settings have of their own, and this as its reference.
+    /// The recording as a scenario, without a motor: mode, settings that differ from the defaults, and this sequence as
+    /// its reference.
     fn scenario(&self, mode: &str, settings: &Settings, ticks: f64) -> Result<String, Failure> {
         let defaults = Settings::defaults();
         let own = Param::ALL.iter().filter(|param| settings.get(**param) != defaults.get(**param));
-        // The shortest decimals that say the number.
+        // The shortest decimals of the number.
         let value = |param: &Param| settings.get(*param).to_string().parse::<f64>().map_err(Failure::machine);
         let own =
             own.map(|param| Ok((setting_name(*param), value(param)?))).collect::<Result<BTreeMap<_, _>, Failure>>()?;
@@ -504,7 +504,7 @@ impl Played {
     }
 }
 
-/// What a scenario file has of a recording.
+/// A scenario file of a recording.
 #[derive(serde::Serialize)]
 struct Course<'a> {
     duration_s: f64,
@@ -513,7 +513,7 @@ struct Course<'a> {
     reference: [&'a Played; 1],
 }
 
-/// Settings, mode, armed; the settings as the board then has them and what to play.
+/// Applies settings and mode and arms; returns the settings of the board and the sequence.
 fn prepare(
     link: &mut Link<Port>,
     arguments: &RecordArguments,
@@ -527,7 +527,7 @@ fn prepare(
     for (name, value) in changed {
         reads_back(&settings, name, *value as f32)?;
     }
-    // Off where a person says so.
+    // Off if the user says so.
     if !arguments.set.iter().any(|(name, _)| find(name.as_bytes()) == Some(Param::TripHost)) {
         watch_host(link, &settings)?;
     }
@@ -541,7 +541,7 @@ fn prepare(
     Ok((settings, Played { time_s: 0.0, kind: "sequence", order }))
 }
 
-/// A table that is measured: its other files stand beside it under its name, so that one with another ending could be one of them.
+/// A measured table (.csv): its other files have its name and other endings.
 pub(super) fn table_file(text: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(text);
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv")) {
@@ -582,7 +582,7 @@ pub(super) fn rig_and_side(
     Ok(vec![(beside(out, "rig.toml"), rig), (beside(out, "json"), pretty(side)?)])
 }
 
-/// Files that could not be written, by why not.
+/// Files that could not be written, by reason.
 pub(super) struct Unwritten(BTreeMap<String, Vec<String>>);
 
 impl Unwritten {
@@ -598,7 +598,7 @@ impl Unwritten {
     }
 }
 
-/// Writes files, whatever becomes of one of them.
+/// Writes all files, even if one of them fails.
 pub(super) fn write_each(files: &[(PathBuf, String)]) -> Result<(), Unwritten> {
     let mut failed: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for (path, text) in files {
@@ -611,11 +611,11 @@ pub(super) fn write_each(files: &[(PathBuf, String)]) -> Result<(), Unwritten> {
     if failed.is_empty() { Ok(()) } else { Err(Unwritten(failed)) }
 }
 
-/// What a recording's end adds to the files beside it takes no more than this; the disk may be full by then.
+/// The end of a recording adds at most this to the files beside it; the disk may be full by then.
 const ROOM: usize = 2048;
 
-/// Writes what stands beside a recording before its first row: those of an earlier one would tell of rows that they do not
-/// know. Each keeps room for what is known in the end.
+/// Writes the files beside a recording before its first row: those of an earlier recording would not match its rows.
+/// Each reserves room for its final content.
 pub(super) fn write_first(files: &[(PathBuf, String)]) -> Result<(), String> {
     let with_room = files.iter().map(|(path, text)| (path.clone(), format!("{text}{:ROOM$}\n", "")));
     write_each(&with_room.collect::<Vec<_>>()).map_err(|unwritten| format!("{}; {OTHER_FILE}", unwritten.named("")))
@@ -629,8 +629,8 @@ fn report((arguments, out): (&RecordArguments, &Path), done: &Record) -> String 
     let mut text = format!("{out}: {} samples, {seconds:.2} s, {missing} missing\n", done.samples.len());
     if done.losses != Losses::default() {
         let Losses { lost_frames, damaged_frames } = done.losses;
-        text += &format!("on the line {lost_frames} frames were lost, of them {damaged_frames} damaged:\n");
-        text += "a shorter cable, another USB port, no hub; or a computer that was too busy; or\n";
+        text += &format!("{lost_frames} frames were lost on the line, {damaged_frames} of them damaged:\n");
+        text += "use a shorter cable, another USB port, no hub; or the computer was too busy; or\n";
         text += &format!("{}\n", arguments.port.named_in(OTHER_READER));
     }
     let covered = done.coverage();
@@ -639,7 +639,7 @@ fn report((arguments, out): (&RecordArguments, &Path), done: &Record) -> String 
     text
 }
 
-/// What a person would do next.
+/// The next commands for the user.
 fn next(arguments: &RecordArguments, out: &Path) -> String {
     let [out, rig, scenario] =
         [out, &beside(out, "rig.toml"), &beside(out, "scenario.toml")].map(|path| quoted(&path.to_string_lossy()));
@@ -649,7 +649,7 @@ fn next(arguments: &RecordArguments, out: &Path) -> String {
     }
 }
 
-/// An end before its time is a failure, with what was kept.
+/// An early end is a failure that says what was kept.
 pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failure> {
     let kept = match kept {
         0 => "nothing of it is kept".to_string(),
@@ -664,7 +664,7 @@ pub(super) fn ended(ended: &Ended, kept: usize, out: &Path) -> Result<(), Failur
     }
 }
 
-/// Sends a file of console lines, as `motorbench design` writes them, and reads back what the board made of it.
+/// Sends a file of console lines, as `motorbench design` writes them, and reads the settings back.
 #[derive(Args)]
 #[command(after_help = "Example:
   motorbench design --rig rig.toml --speed --bandwidth-Hz 10 --console gains.txt
@@ -697,9 +697,7 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     let lines = console_lines(&text);
     if lines.is_empty() {
         let file = arguments.file.display();
-        return Err(Failure::input(format!(
-            "{file}: there is no line for the console in it, as `set speed_kp 0.05` is one"
-        )));
+        return Err(Failure::input(format!("{file} has no console line, such as `set speed_kp 0.05`")));
     }
     let (mut link, name) = arguments.port.open()?;
     let obeyed = lines.len();
@@ -724,23 +722,23 @@ pub fn run_send(arguments: &SendArguments) -> Result<(), Failure> {
     let lines_sent = if sent == 1 { "1 line".into() } else { format!("{sent} lines") };
     outputs.say(&format!("{lines_sent} sent to {name}, {confirmed}{}\n", if arguments.save { ", saved" } else { "" }));
     if lines.iter().any(|(line, _)| *line == "arm") {
-        outputs.say("the drive is off again: it stays on while connect, tune or record has the board\n");
+        outputs.say("the drive is off again; only `connect`, `tune` and `record` keep it on\n");
     }
     if checked > 0 && stdin().is_terminal() && !arguments.save {
-        outputs.say("they are lost at the next reset: --save keeps them\n");
+        outputs.say("they are lost at the next reset; --save keeps them\n");
     }
     Ok(())
 }
 
-/// Why not all lines of a file are on the board as they should be.
+/// Why not all lines of a file were accepted.
 struct Unsent {
-    /// The lines before which it obeyed.
+    /// Number of lines that were accepted before.
     obeyed: usize,
     why: Failure,
 }
 
 impl Unsent {
-    /// For a person, and with --json for a program, with what is on the board now.
+    /// As text and as JSON, with the present settings of the board.
     fn failure(self, arguments: &SendArguments, port: &str, lines: &[(&str, u32)]) -> Failure {
         let (done, left) = lines.split_at(self.obeyed);
         let place = left.first().map_or(String::new(), |(_, number)| format!(", line {number}"));
@@ -758,7 +756,7 @@ impl Unsent {
     }
 }
 
-/// What the board did of a file, and what not.
+/// The lines of a file that were done, and those that were not.
 fn told(done: &[(&str, u32)], left: &[(&str, u32)]) -> String {
     let names = |lines: &[(&str, u32)]| match lines {
         [(_, only)] => format!("line {only}"),
@@ -769,7 +767,7 @@ fn told(done: &[(&str, u32)], left: &[(&str, u32)]) -> String {
         ([], _) => "nothing of the file was done".into(),
         (done, []) => format!("done: {}", names(done)),
         (done, left) => {
-            format!("done: {}; not done: {}; {CONNECT} load` takes what was saved before", names(done), names(left))
+            format!("done: {}; not done: {}; {CONNECT} load` restores the saved settings", names(done), names(left))
         }
     }
 }
@@ -795,7 +793,7 @@ fn console_lines(text: &str) -> Vec<(&str, u32)> {
 /// 1.2e-5 of what it holds, as the tests of its console's numbers have it; what differs more was damaged on its way.
 const READ_BACK_SHARE: f32 = 2e-5;
 
-/// What is sent to the board has no check sum.
+/// Commands to the board have no check sum.
 fn reads_back(settings: &Settings, name: &str, sent: f32) -> Result<(), Failure> {
     let shown = find(name.as_bytes()).map(|param| settings.get(param));
     match shown.filter(|shown| (shown - sent).abs() > READ_BACK_SHARE * sent.abs()) {

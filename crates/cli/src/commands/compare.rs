@@ -28,26 +28,26 @@ use std::path::{Path, PathBuf};
   motorbench compare run.csv model.toml --rig rig.toml
   motorbench compare before.json after.json
 
-The last are results of identify or diagnose --json: differences in sigmas.")]
+The last example compares two results of identify or diagnose --json: their
+differences in standard deviations.")]
 pub struct Arguments {
     /// Recording (.csv), model (.toml), or constants with intervals (.json of identify or diagnose).
     first: PathBuf,
-    /// The same.
+    /// What to compare it with, of the same kinds.
     second: PathBuf,
-    /// What is known of the rig (TOML), for a recording with a model; without it the rig file beside the recording, where
-    /// there is one.
+    /// Rig file (TOML), for a recording with a model; default: the rig file beside the recording, if there is one.
     #[arg(long)]
     rig: Option<PathBuf>,
     /// A column that has another name: FILE_NAME=PROJECT_NAME.
     #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
     columns: Vec<(String, String)>,
-    /// By how much the second recording is later; left out: it is found.
+    /// Delay of the second recording; default: found.
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
     delay: Option<f64>,
-    /// Voltage of the step that two models answer.
+    /// Voltage of the step that two models are compared by.
     #[arg(long, default_value_t = 6.0, value_name = "VOLTS", allow_negative_numbers = true)]
     voltage: f64,
-    /// Draws both: over time; of models the step and the frequency response.
+    /// Draws both: recordings over time, models by step and frequency response.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -87,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         (Kind::Model, Kind::Recording) => with_model(arguments, second, first),
         (Kind::Model, Kind::Model) => models(arguments),
         (Kind::Constants, Kind::Constants) => constants(arguments),
-        _ => Err(Failure::input("constants with intervals (.json) are compared with others of their kind")),
+        _ => Err(Failure::input("a .json (constants with intervals) can be compared only with another .json")),
     }
 }
 
@@ -130,7 +130,7 @@ pub fn table(compared: &Comparison) -> String {
     text
 }
 
-/// Both over time, a panel for each channel, and below it one for what they differ by.
+/// Both over time, a panel for each channel, and below it one for their difference.
 pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
     let of_channel = |channel: &Difference| {
         let both =
@@ -148,8 +148,8 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     let recording = read_recording(recording, &arguments.columns)?;
     let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
     let model = read_model(model)?;
-    // The model was not fitted here: all of it is new to it.
-    data.kept_back.fill(true);
+    // The model was not fitted here, so all data are new to it.
+    data.held_out.fill(true);
     let prediction = free_run(&model, &data);
     let mut text = String::from("Free-running simulation of the model against the whole recording\n");
     let (mut channels, mut drawn) = (Vec::new(), Vec::new());
@@ -166,7 +166,7 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     finish(arguments, &json!({ "channels": channels }), &text, || panels(data.interval_s, &drawn))
 }
 
-/// Length of the step that models answer, in electromechanical time constants, and its samples.
+/// Length of the step response of models, in electromechanical time constants, and its samples.
 const STEP_LENGTH: f64 = 8.0;
 const STEP_SAMPLES: usize = 400;
 /// Frequencies of the magnitudes, around the motor's own.
@@ -194,7 +194,7 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
         let of = |model: &Model, index: usize| model.term(about.id).map(|term| term.values[index]);
         for (index, parameter) in about.parameters.iter().enumerate() {
             let (a, b) = (of(&models[0], index), of(&models[1], index));
-            if [a, b].into_iter().flatten().any(|value| Some(value) != parameter.unsaid) {
+            if [a, b].into_iter().flatten().any(|value| Some(value) != parameter.default) {
                 row(&format!("{}.{}", about.id, parameter.name), a, b);
             }
         }
@@ -278,7 +278,7 @@ fn constants(arguments: &Arguments) -> Result<(), Failure> {
         let value: Value = serde_json::from_str(&text).map_err(|error| failed(&error))?;
         let parameters = value["parameters"].as_object().filter(|parameters| !parameters.is_empty());
         parameters.cloned().map(Value::Object).ok_or_else(|| {
-            failed(&"no \"parameters\": expected what motorbench identify or diagnose writes with --json")
+            failed(&"no \"parameters\": expected a result of `motorbench identify --json` or `diagnose --json`")
         })
     };
     let (first, second) = (read(&arguments.first)?, read(&arguments.second)?);

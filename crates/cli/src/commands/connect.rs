@@ -1,8 +1,9 @@
-//! `motorbench connect`: a board's console, at which no drive outlives the program.
+//! `motorbench connect`: a board's console. The drive never stays on when the program ends.
 
 use super::board::{PortArguments, lifted_protections, on_interrupt, typed_lines};
 use super::{Failure, TERMINAL, tell};
 use clap::Args;
+use motorbench_core::console::explanation;
 use motorbench_core::message::Trip;
 use motorbench_data::names::trip_words;
 use motorbench_link::board::{Board as _, BoardError, LOST_AFTER_MS, cause, clear};
@@ -14,24 +15,26 @@ use std::slice;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::TryRecvError;
 
-/// How closely the board is looked at while a person thinks.
+/// Interval at which the board is read while waiting for the user.
 const LOOK_S: f64 = 0.02;
-/// Commands that would take from this program what it hears the board by, and why it does not pass them on.
+/// Commands that would take the binary stream from this program, and the reason for refusing them.
 const OF_THE_STREAM: [&str; 2] = ["stream", "record"];
-const NOT_HERE: &str = "is for other terminals (screen, tio, a serial plotter): connect has the binary stream for itself; `sequence` plays the same, motorbench tune shows it, motorbench record keeps it";
+const NOT_HERE: &str = "is not possible in connect, which uses the binary stream itself. Use `sequence` to play, `motorbench tune` to watch, `motorbench record` to record";
 /// Commands that show, change or keep settings.
+/// Commands whose answer is a list, of which the chip has the names and this program the explanations.
+const LISTS: [&str; 2] = ["help", "show"];
 const OF_SETTINGS: [&str; 5] = ["set", "show", "save", "load", "defaults"];
 
-/// Talks to a board's console: what is given, or line by line from the terminal.
+/// Sends lines to a board's console, or opens it in the terminal.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench connect
   motorbench connect --port /dev/ttyACM0 status 'show speed_kp'
 
-Without lines it takes them from the terminal or a pipe, of which a refused line
-makes exit code 1 in the end; an empty line stops the motor, Ctrl-D and Ctrl-C
-end. The drive is off in the end; without this program an armed one stops by
-itself after half a second.")]
+Without lines it reads them from the terminal or a pipe. An empty line stops
+the motor; Ctrl-D and Ctrl-C end. The exit code is 1 if a line of a pipe was
+refused. The drive is off at the end. If this program dies, an armed drive stops
+by itself after half a second.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
@@ -49,9 +52,9 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let stopped = on_interrupt()?;
     let (mut link, name) = arguments.port.open()?;
-    // What a damaged line does not let through is no reason to go without a console.
+    // A damaged line is no reason to refuse the console.
     if let Some(lifted) = link.settings().ok().as_ref().and_then(lifted_protections) {
-        tell(&format!("{lifted}; `load` takes what is saved, `defaults` what is usual"));
+        tell(&format!("{lifted}; `load` restores the saved settings, `defaults` the factory settings"));
     }
     let mut console =
         Console { link, json: arguments.json.is_some(), armed: false, watch: Watch::Unknown, refused: None };
@@ -67,14 +70,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     console.converse(&stopped)
 }
 
-/// What becomes of an armed drive when this program dies.
+/// How an armed drive stops if this program dies.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Watch {
-    /// What the board's `trip_host` says, which may be nothing.
+    /// By the board's own `trip_host`, which may be off.
     Unknown,
-    /// It stops: `trip_host` was off and is set from here.
+    /// By itself: `trip_host` was off, and this program sets it.
     Set,
-    /// What a person wants.
+    /// As the user sets it.
     Own,
 }
 
@@ -85,12 +88,12 @@ struct Console {
     /// The drive has been armed from here.
     armed: bool,
     watch: Watch,
-    /// The first line that was typed and not done.
+    /// The first typed line that failed.
     refused: Option<Failure>,
 }
 
 impl Console {
-    /// The lines that were given.
+    /// Sends the given lines.
     fn carry_out(&mut self, lines: &[String], stopped: &AtomicBool) -> Result<(), Failure> {
         for line in lines.iter().flat_map(|text| single_lines(text)) {
             if stopped.load(Ordering::Relaxed) {
@@ -108,14 +111,14 @@ impl Console {
         Ok(())
     }
 
-    /// Line by line from the terminal. Meanwhile the board hears of its host, and the person of a trip or of a board that is gone.
+    /// Reads lines from the terminal. Meanwhile it keeps the board alive and reports a trip or a lost board.
     fn converse(&mut self, stopped: &AtomicBool) -> Result<(), Failure> {
         let lines = typed_lines();
         let mut trip = Trip::None;
         while !stopped.load(Ordering::Relaxed) {
             match lines.try_recv() {
                 Ok(line) => self.answer(&line)?,
-                // A script goes by the exit code; a person has read it.
+                // A script uses the exit code; a user has read the message.
                 Err(TryRecvError::Disconnected) => {
                     return self.refused.take().filter(|_| !stdin().is_terminal()).map_or(Ok(()), Err);
                 }
@@ -125,7 +128,7 @@ impl Console {
         Err(BoardError::Interrupted.into())
     }
 
-    /// What is said to a line that was typed; one that the board refuses ends nothing.
+    /// Prints the answer to a typed line; a refused line does not end the program.
     fn answer(&mut self, line: &str) -> Result<(), BoardError> {
         let asked = not_here(line)
             .map_or_else(|| self.ask(line), |reply| Err(BoardError::Refused { line: line.into(), reply }));
@@ -135,7 +138,7 @@ impl Console {
                 self.refused.get_or_insert_with(refused);
                 vec![reply]
             }
-            // Its cause is still there.
+            // Its cause is still present.
             Err(tripped @ BoardError::Tripped(_)) => {
                 let reply = format!("error: {tripped}");
                 self.refused.get_or_insert(tripped.into());
@@ -147,17 +150,17 @@ impl Console {
         Ok(())
     }
 
-    /// Passes a line on, with the drive watched from `arm` on. The board says nothing to an empty one: it stops the motor.
+    /// Sends a line, and watches the drive from `arm` on. An empty line has no answer: it stops the motor.
     fn ask(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
         let line = if line.trim().is_empty() { "stop" } else { line };
         let words: Vec<&str> = line.split_whitespace().collect();
         let command = words.first().copied().unwrap_or_default();
-        // What is shown and kept are a person's own settings: they have nothing of the watch.
+        // The user's own settings are shown and saved, without those of this program.
         if OF_SETTINGS.contains(&command) || command == "disarm" {
             self.unwatch()?;
         }
         let replies = match command {
-            // Its word that all is saved must not come behind the answer to the next line.
+            // The confirmation of a save must not come after the answer to the next line.
             "save" if words.len() == 1 => self.link.save().map(|()| Vec::new())?,
             "clear" if words.len() == 1 => clear(&mut self.link).map(|()| Vec::new())?,
             _ => self.link.ask(line)?,
@@ -172,7 +175,7 @@ impl Console {
         Ok(replies)
     }
 
-    /// A glance at the board between two lines.
+    /// Reads the board between two lines.
     fn look(&mut self, trip: &mut Trip) -> Result<(), BoardError> {
         self.watch()?;
         self.link.stay_alive()?;
@@ -185,7 +188,7 @@ impl Console {
         Ok(())
     }
 
-    /// Has an armed drive stop by itself when this program dies, where the board's own `trip_host` is off.
+    /// Makes an armed drive stop by itself if this program dies, where the board's own `trip_host` is off.
     fn watch(&mut self) -> Result<(), BoardError> {
         if !self.armed || self.watch != Watch::Unknown {
             return Ok(());
@@ -203,7 +206,7 @@ impl Console {
         Ok(())
     }
 
-    /// The board's own `trip_host` again.
+    /// Restores the board's own `trip_host`.
     fn unwatch(&mut self) -> Result<(), BoardError> {
         if self.watch == Watch::Set {
             self.link.command("set trip_host 0")?;
@@ -215,12 +218,19 @@ impl Console {
     fn say(&self, line: &str, replies: &[String]) {
         if self.json {
             println!("{}", serde_json::json!({ "line": line, "reply": replies }));
-        } else {
-            replies.iter().for_each(|reply| println!("{reply}"));
+            return;
+        }
+        let lists = line.split_whitespace().next().is_some_and(|word| LISTS.contains(&word));
+        for reply in replies {
+            let word = reply.split_whitespace().next().unwrap_or_default();
+            match explanation(word).filter(|_| lists) {
+                Some(explanation) => println!("{reply}, {explanation}"),
+                None => println!("{reply}"),
+            }
         }
     }
 
-    /// The drive off, and the settings as a person left them.
+    /// Switches the drive off and restores the user's settings.
     fn leave(&mut self) -> Result<(), BoardError> {
         self.link.command("disarm")?;
         self.unwatch()
@@ -228,27 +238,28 @@ impl Console {
 }
 
 impl Drop for Console {
-    /// However it ended: a reader that has had enough, as `head` has, included.
+    /// Also runs when the reader of the output ends early, as `head` does.
     fn drop(&mut self) {
         if !self.armed || self.link.is_gone() {
             return;
         }
         let said = match self.leave() {
             Ok(()) => "the drive was armed; it is off now".to_string(),
-            Err(error) => format!("motorbench: {error}; look whether the motor stands"),
+            Err(error) => format!("motorbench: {error}; check that the motor has stopped"),
         };
-        // A terminal that was closed shall not keep the link from telling the board as well.
+        // A closed terminal must not prevent the link from stopping the board.
         let _ = writeln!(stderr(), "{said}");
     }
 }
 
-/// The lines of an argument, which may be a file's text; an empty one, which stops the motor, only where there is no other.
+/// The lines of an argument, which may be a file's text; an empty line, which stops the motor, only if there is no
+/// other.
 fn single_lines(text: &str) -> impl Iterator<Item = &str> {
     let is_empty = text.trim().is_empty();
     motorbench_link::lines(text).filter(move |line| is_empty || !line.trim().is_empty())
 }
 
-/// Why a line is not passed on.
+/// Why a line is not sent.
 fn not_here(line: &str) -> Option<String> {
     let command = line.split_whitespace().next().filter(|command| OF_THE_STREAM.contains(command))?;
     Some(format!("{command} {NOT_HERE}"))

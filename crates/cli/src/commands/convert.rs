@@ -1,4 +1,4 @@
-//! `motorbench convert`
+//! `motorbench convert`: recordings from and to other formats.
 
 use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write, write_json};
 use clap::{Args, ValueEnum};
@@ -18,11 +18,11 @@ use std::path::{Path, PathBuf};
   motorbench convert run.csv jug.csv --to plotjuggler
   motorbench convert sysid.json run.csv
 
-docs/reference/formats.md says what each format holds.")]
+docs/reference/formats.md describes each format.")]
 pub struct Arguments {
-    /// What is there; its ending says the format.
+    /// File to convert; its ending gives the format.
     source: PathBuf,
-    /// What is to be written; its ending says the format. - for the terminal, as CSV unless --to says another format.
+    /// File to write; its ending gives the format. - for the terminal, as CSV unless --to gives another format.
     target: PathBuf,
     /// Format of the source, whatever its ending says.
     #[arg(long, value_name = "FORMAT")]
@@ -30,19 +30,19 @@ pub struct Arguments {
     /// Format of the target, whatever its ending says.
     #[arg(long, value_name = "FORMAT")]
     to: Option<FileFormat>,
-    /// A name of the source and what it is, with a factor for other units: velocity=omega_rad_per_s*6.2832.
+    /// A source column and its channel, with a factor for other units: velocity=omega_rad_per_s*6.2832.
     #[arg(long = "map", value_name = "NAME=CHANNEL")]
     names: Vec<Mapping>,
-    /// Another name in the target: omega_rad_per_s=speed.
+    /// A channel and its name in the target: omega_rad_per_s=speed.
     #[arg(long = "rename", value_name = "CHANNEL=NAME", value_parser = renaming)]
     renamed: Vec<(Channel, String)>,
-    /// What stands between the values of a CSV source; left out: what its header has most of.
+    /// Separator of a CSV source; default: the one that its header has most of.
     #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
     delimiter: Option<u8>,
-    /// The CSV source writes 1,5 for 1.5; one between semicolons may do so without this.
+    /// The CSV source writes 1,5 for 1.5; found by itself where semicolons separate the values.
     #[arg(long)]
     decimal_comma: bool,
-    /// What stands between the values of a CSV target.
+    /// Separator of a CSV target.
     #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
     to_delimiter: Option<u8>,
     /// The CSV target writes 1,5 for 1.5, with semicolons between values.
@@ -148,7 +148,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     if !converted.ignored.is_empty() {
         let ignored = converted.ignored.join(", ");
-        outputs.say(&format!("not used, for they are no channel (--map NAME=CHANNEL): {ignored}\n"));
+        outputs
+            .say(&format!("not used, since they have no known name: {ignored}. Name them with --map NAME=CHANNEL\n"));
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `motorbench demo`
+//! `motorbench demo`: a whole session with a simulated motor.
 
 mod loops;
 mod revealed;
@@ -38,7 +38,7 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Effects of a motor and its load that the demonstration hides, beside friction and the bridge's drop.
+/// Effects of motor and load that the demonstration may hide, besides friction and the bridge's drop.
 const HIDDEN: [&str; 8] = [
     "stribeck_friction",
     "quadratic_drag",
@@ -53,7 +53,7 @@ const HIDDEN: [&str; 8] = [
 const LEVEL_V: f64 = 10.0;
 const STEP_TICKS: u32 = 500;
 const SUPPLY_V: f64 = 12.0;
-/// The sequence is over after so long; waited for is a little longer.
+/// Duration of the sequence, and a slightly longer waiting time.
 const LASTS_S: f64 = 20.0;
 #[cfg(feature = "chip")]
 const DURATION_S: f64 = LASTS_S + 0.1;
@@ -64,22 +64,21 @@ const TITLE: &str = "motorbench demo";
 /// The constant of an effect that is a time.
 const TIME: &str = "time_s";
 
-/// Without any hardware: a motor with an effect drawn at random is recorded by the firmware, understood, and controlled.
+/// Records, diagnoses and controls a simulated motor with a random hidden effect.
 #[derive(Args)]
 #[command(after_help = "Example:
   motorbench demo --report demo.html")]
 pub struct Arguments {
-    /// Draws the same motor again.
+    /// Seed of the draw: the same seed gives the same motor.
     #[arg(long)]
     seed: Option<u64>,
-    /// Where to write all of it as a page with plots; without it motorbench-demo-SEED.html, unless there is one or --json
-    /// is asked for.
+    /// Page with plots; default: motorbench-demo-SEED.html, unless that file exists or --json is given.
     #[arg(long, value_name = "FILE.html", overrides_with = "report")]
     report: Option<PathBuf>,
     /// Prints the result as JSON instead of text.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
-    /// Writes the recording for the other commands, and what a data sheet would say beside it (.rig.toml).
+    /// Writes the recording for the other commands, and beside it a rig file with values as of a data sheet (.rig.toml).
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
 }
@@ -132,7 +131,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Everything that came of it.
+/// All results.
 struct Whole {
     seed: u64,
     recorded: Recorded,
@@ -143,7 +142,7 @@ struct Whole {
 }
 
 impl Whole {
-    /// The page: the diagnosis with its plots, the loops, what was hidden, and the diagnosis once more in words.
+    /// The page: the diagnosis with its plots, the loops, the hidden effect, and the diagnosis in words.
     fn html(&self) -> String {
         let words = escaped(&page::page(&self.diagnosis));
         let words = format!("<h2>In the words of <code>diagnose</code></h2><pre>{words}</pre>\n");
@@ -171,7 +170,8 @@ fn page_is_at(path: &Path) -> String {
     format!("All of it, with plots: {}\n", path.display())
 }
 
-/// Writes a page that nobody has named, never over a file that is there, and says where it is. Nothing fails without it.
+/// Writes the page under its default name, never over an existing file, and prints its place. Errors are reported but
+/// do not fail the command.
 fn unasked(path: &Path, html: &str) -> String {
     let error = match File::create_new(path).and_then(|mut file| file.write_all(html.as_bytes())) {
         Ok(()) => return page_is_at(path),
@@ -184,9 +184,9 @@ fn unasked(path: &Path, html: &str) -> String {
     wrapped(&format!("No page with plots: {why}; --report FILE.html writes it elsewhere"), "", "")
 }
 
-/// What the linear motor gets wrong and what knowing the causes brings.
+/// The error of the linear motor, and the gain by the named causes.
 fn errors(outcome: &Outcome) -> String {
-    let mut text = row("rms error on data that no fit has seen", ["linear", "extended", "noise"]);
+    let mut text = row("rms error on held-out data", ["linear", "extended", "noise"]);
     for channel in outcome.fit["base"].keys() {
         let of = ["base", "extended", "noise_floor"].map(|which| short(outcome.fit[which][channel].rmse));
         text += &row(&format!("  {channel}"), of.each_ref().map(String::as_str));
@@ -215,7 +215,7 @@ impl Arguments {
     }
 }
 
-/// A bench that has friction and a bridge drop, and one thing more.
+/// A bench with friction, a bridge drop, and one more effect.
 fn draw(random: &mut ChaCha8Rng) -> Model {
     let pivt6 = MotorParameters::PIVT6;
     let mut about = |value: f64| value * random.random_range(0.85..1.15);
@@ -255,7 +255,7 @@ fn values(effect: &dyn Effect, scales: &Scales, random: &mut ChaCha8Rng) -> Vec<
     values
 }
 
-/// What a data sheet would say: off by up to 15 %.
+/// Values as of a data sheet: off by up to 15 %.
 fn wrong(motor: &MotorParameters, random: &mut ChaCha8Rng) -> MotorParameters {
     let mut off = |value: f64| value * random.random_range(0.85..1.15);
     MotorParameters {
@@ -267,7 +267,7 @@ fn wrong(motor: &MotorParameters, random: &mut ChaCha8Rng) -> MotorParameters {
     }
 }
 
-/// Identification needs the whole voltage: nothing limits it, and trips are as wide as they go.
+/// Settings for identification: nothing limits the voltage, and trips are as wide as possible.
 fn recording_settings() -> Settings {
     let mut settings = Settings::defaults();
     let wide = [
@@ -286,7 +286,7 @@ fn recording_settings() -> Settings {
     settings
 }
 
-/// What was recorded, and by whom.
+/// The samples, and how they were recorded.
 struct Recorded {
     samples: Vec<Sample>,
     by: String,
@@ -302,7 +302,7 @@ impl Recorded {
     }
 }
 
-/// By the firmware on the simulated chip; where that cannot be, by its control core on this computer.
+/// By the firmware on the simulated chip; if that is not available, by its control core on this computer.
 #[cfg(feature = "chip")]
 fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
     match super::firmware() {
@@ -370,7 +370,7 @@ fn record_on_host(truth: &Model, settings: Settings, why: &str) -> Result<Record
     }
 }
 
-/// Does what takes a while, and shows that on a terminal.
+/// Runs a long task and shows its progress on a terminal.
 fn working<T>(what: &'static str, work: impl FnOnce(&ProgressBar) -> T) -> T {
     let bar = super::spinner();
     bar.set_message(what);
@@ -379,7 +379,7 @@ fn working<T>(what: &'static str, work: impl FnOnce(&ProgressBar) -> T) -> T {
     done
 }
 
-/// What was drawn, by the clock of the recording, which began some time after the motor had its supply.
+/// The hidden effect by the clock of the recording, which began some time after the motor had its supply.
 fn on_clock_of(samples: &[Sample], truth: &Model, settings: &Settings) -> Model {
     let first = samples.first().map_or(0, |sample| sample.tick);
     let before_s = f64::from(first) / f64::from(settings.get(Param::TickRate));

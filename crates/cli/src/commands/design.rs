@@ -63,7 +63,7 @@ pub struct Arguments {
     #[arg(long = "settling-s", group = "how_fast", value_name = "S", allow_negative_numbers = true)]
     settling_s: Option<f64>,
     /// LQ weights (diagonal of Q): speed, current, integral of a speed loop; angle, speed, current, integral of a position
-    /// loop, in 1/(rad/s)^2, 1/A^2 and so on. Instead of a bandwidth; the PID's gains are those that cost least as well.
+    /// loop, in 1/(rad/s)^2, 1/A^2 and so on. Use them instead of a bandwidth. The PID's gains minimise the same cost.
     #[arg(
         long,
         group = "how_fast",
@@ -96,7 +96,7 @@ pub struct Arguments {
         allow_negative_numbers = true
     )]
     largest_v: Option<f64>,
-    /// The same as a part of the supply.
+    /// The same as a share of the supply.
     #[arg(long, group = "largest_voltage", requires = "largest", value_name = "DUTY", allow_negative_numbers = true)]
     largest_duty: Option<f64>,
     /// Overshoot after a step, at most.
@@ -105,12 +105,12 @@ pub struct Arguments {
     /// Current limit.
     #[arg(long = "current-limit-A", default_value_t = 1.0, value_name = "A", allow_negative_numbers = true)]
     current_limit_a: f64,
-    /// The rig has no current sensor, as with current_sensor.present = false in its file: the LQR has the current from the
-    /// firmware's observer, and what that costs against a sensor is told.
+    /// The rig has no current sensor, as with current_sensor.present = false in its file: the LQR uses the firmware's observer.
+    /// The result compares it with a sensor.
     #[arg(long)]
     no_current_sensor: bool,
-    /// Compensate voltage drop and friction: from the effects of the model file; without one from bridge.drop_V of the
-    /// rig file and --coulomb-Nm.
+    /// Compensates voltage drop and friction, by the effects of the model file. Without a model: by bridge.drop_V of the rig
+    /// file and --coulomb-Nm.
     #[arg(long)]
     compensate: bool,
     /// Coulomb friction to compensate, the same in both directions.
@@ -137,7 +137,10 @@ pub struct Arguments {
 
 fn friction(text: &str) -> Result<f64, String> {
     let is_one = |torque: &f64| torque.is_finite() && *torque >= 0.0;
-    text.parse().ok().filter(is_one).ok_or("expected 0 or more: friction brakes in both directions".into())
+    text.parse()
+        .ok()
+        .filter(is_one)
+        .ok_or("expected 0 or more: it is the magnitude of the friction in both directions".into())
 }
 
 /// Runs the command.
@@ -196,12 +199,12 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-const NOTHING_TO_COMPENSATE: &str = "nothing to compensate: of friction and drop neither the model ([effects.coulomb_friction], [effects.voltage_drop]) says anything, nor without one bridge.drop_V of the rig file or --coulomb-Nm";
+const NOTHING_TO_COMPENSATE: &str = "nothing to compensate: the model has no [effects.coulomb_friction] and no [effects.voltage_drop]. Without a model give bridge.drop_V in the rig file, or --coulomb-Nm";
 
-/// What the core is to make up for.
+/// The compensation of the core.
 struct Compensation {
     settings: Vec<CompensationSetting>,
-    /// What it is tried with, if anything is made up for: the whole model, or a motor that has these losses alone.
+    /// The plant for trying it, if anything is compensated: the whole model, or a motor with these losses alone.
     model: Option<Model>,
 }
 
@@ -214,7 +217,7 @@ impl Compensation {
         Ok(settings)
     }
 
-    /// What it brings to each design.
+    /// Its gain for each design.
     fn near_standstill(&self, designs: &[Design], settings: &Settings) -> Result<Vec<Standstill>, Failure> {
         let Some(model) = &self.model else { return Ok(Vec::new()) };
         let found =
@@ -230,7 +233,7 @@ impl Arguments {
         }
         let losses = model.map_or_else(|| self.losses(rig), Model::dry_losses);
         let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
-        // The settings are sent all the same: the board may have others from another motor.
+        // The settings are sent in any case: the board may have others from another motor.
         let model =
             (losses != DryLosses::default()).then(|| model.cloned().unwrap_or_else(|| model_of(&losses, motor)));
         Ok(Compensation { settings: settings.map_err(Failure::input)?, model })
@@ -245,7 +248,7 @@ impl Arguments {
         [(pid, !self.lqr), (lqr, !self.pid)].into_iter().filter(|(_, wanted)| *wanted).map(|(law, _)| law).collect()
     }
 
-    /// What rig file and command line say of them.
+    /// Losses from rig file and command line.
     fn losses(&self, rig: &Rig) -> DryLosses {
         DryLosses {
             friction_forward_nm: self.coulomb_nm,
@@ -278,7 +281,7 @@ impl Arguments {
         Weights::bryson(self.position, &self.largest, largest_v)
     }
 
-    /// The motor of the model, or else of the rig; what surrounds it of the rig, or else of the model; the model, if one is given.
+    /// The motor from the model or the rig; its surroundings from the rig or the model; the model, if one is given.
     fn problem(&self) -> Result<(MotorParameters, Bench, Rig, Option<Model>), Failure> {
         let (motor_file, surroundings) = match (&self.model, &self.rig) {
             (Some(model), Some(rig)) => (model, rig),
@@ -289,7 +292,7 @@ impl Arguments {
         let rig = read_rig(surroundings)?;
         let missing = |key: &str| {
             let name = surroundings.display();
-            Failure::input(format!("{name}: {key} is missing: the design needs it, add it"))
+            Failure::input(format!("{name}: {key} is missing: add it, the design needs it"))
         };
         let tachogenerator = match tachogenerator(&rig) {
             Some(gain) => Some(gain.ok_or_else(|| missing("tachogenerator.gain_V_per_krpm"))?),
@@ -298,7 +301,7 @@ impl Arguments {
         if rig.encoder.counts_per_rev.is_none() && tachogenerator.is_none() {
             let name = surroundings.display();
             return Err(Failure::input(format!(
-                "{name}: encoder.counts_per_rev is missing: the design needs it, add it; or, for a speed, tachogenerator.gain_V_per_krpm"
+                "{name}: encoder.counts_per_rev is missing: add it. A speed loop can use tachogenerator.gain_V_per_krpm instead"
             )));
         }
         let model = self.model.as_deref().map(read_model).transpose()?;
@@ -314,19 +317,19 @@ impl Arguments {
     }
 }
 
-/// A law that is not offered beside one that is.
+/// A law that is refused beside one that is offered.
 #[derive(serde::Serialize)]
 struct Refused {
     law: ControlLaw,
     why: String,
 }
 
-/// By how much a model's loop is late, a tachogenerator's lag with it where the speed comes from there.
+/// Delay of a model's loop, including a tachogenerator's lag if it measures the speed.
 fn late_s(model: &Model, by_tachogenerator: bool) -> f64 {
     model.delay_s() + if by_tachogenerator { model.tachogenerator_lag_s() } else { 0.0 }
 }
 
-/// What measures the speed in place of an encoder: of a rig that says so or has no encoder. Inside: `None` without a gain.
+/// The tachogenerator, if the rig says that it measures the speed or has no encoder. Inside: `None` without a gain.
 fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
     let given = &rig.tachogenerator;
     let takes_its_place = rig.encoder.counts_per_rev.is_none() && given.gain_v_per_krpm.is_some();
@@ -347,7 +350,7 @@ fn written((law, figures, _): &TrialWithEffects) -> serde_json::Value {
     serde_json::json!({ "law": law, "trial": figures })
 }
 
-/// Half a page.
+/// The text of half a page.
 fn page(
     designs: &[Design],
     refused: &[Refused],

@@ -1,4 +1,4 @@
-//! `motorbench diagnose`
+//! `motorbench diagnose`: names what the linear motor lacks.
 
 use super::recordings::RecordingArguments;
 use super::{
@@ -15,7 +15,7 @@ use std::io;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
-/// Shows what a simulation gets wrong, names the cause, extends the model and measures the gain.
+/// Finds what the linear model of the motor lacks, names the cause, extends the model, and measures what that gains.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench diagnose run.csv --rig rig.toml
@@ -25,13 +25,13 @@ use std::path::{Path, PathBuf};
   motorbench diagnose no_load_table.csv --rig rig.toml
   motorbench diagnose --batch runs/ --rig rig.toml > results.jsonl
 
-A table without t_s is one of steady states. --batch takes each file alone, one
-line of JSON each.")]
+A table without t_s is one of steady states. --batch diagnoses each file alone
+and prints one line of JSON for each.")]
 pub struct Arguments {
     #[command(flatten)]
     recordings: RecordingArguments,
-    /// Diagnoses each recording alone, on all cores, and prints one JSON object a line as each is done: file, rig, and outcome
-    /// or error. A folder stands for the .csv files in it. Without --rig each has the rig file beside it.
+    /// Diagnoses each recording alone, on all cores. Prints one line of JSON as each is done: file, rig, and outcome or error.
+    /// A folder stands for its .csv files. Without --rig each file uses the rig file beside it.
     #[arg(long, conflicts_with_all = ["json", "report", "model"])]
     batch: bool,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// Writes a page with plots.
     #[arg(long, value_name = "FILE.html")]
     report: Option<PathBuf>,
-    /// Writes the extended model; a file that a person has written is not replaced.
+    /// Writes the extended model; a file that motorbench did not write is not replaced.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
 }
@@ -76,7 +76,7 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))
 }
 
-/// One line for each file, in no order; a bad one does not stop the others.
+/// One line for each file, in order of completion; a bad file does not stop the others.
 fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
     let files = expanded(&args.recordings.recordings)?;
     let bar = super::bar(files.len() as u64);
@@ -106,12 +106,12 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
     }
 }
 
-/// A fault of the program in one file is that file's error, and stops no others.
+/// An internal fault in one file is that file's error, and does not stop the others.
 fn guarded<T>(study: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     panic::catch_unwind(AssertUnwindSafe(study)).unwrap_or_else(|payload| {
         let text = payload.downcast_ref::<String>().map(String::as_str);
         let why = text.or_else(|| payload.downcast_ref::<&str>().copied()).unwrap_or("no reason is known");
-        Err(format!("a fault of motorbench itself ({why}): please report it, with the recording"))
+        Err(format!("an internal fault of motorbench ({why}): please report it, with the recording"))
     })
 }
 
@@ -145,10 +145,10 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     Ok(files)
 }
 
-/// Those of a folder's entries. A folder of which a part cannot be read is not studied as if the rest were all.
+/// The recordings of a folder. If a part of the folder cannot be read, the command fails instead of leaving it out.
 fn recordings_of(entries: impl Iterator<Item = io::Result<PathBuf>>) -> io::Result<Vec<PathBuf>> {
     let mut files = entries.collect::<io::Result<Vec<PathBuf>>>()?;
-    // Who writes into a pipe may never come.
+    // A pipe may never end.
     let is_recording = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
     let is_no_file = |file: &PathBuf| file.metadata().is_ok_and(|found| !found.is_file());
     files.retain(|file| is_recording(file) && !is_no_file(file));
@@ -163,10 +163,10 @@ fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) 
         write(path, &table_report::html(&study, &table.name))?;
     }
     finish(args, outputs, &study, || table_report::page(&study))?;
-    // Everything else that was asked for is there by now.
+    // All other results are written by now.
     args.model.as_ref().map_or(Ok(()), |path| {
         Err(Failure::input(format!(
-            "{}: a table of steady states says nothing of inertia and inductance; a model needs a recording over time",
+            "{}: a table of steady states shows neither inertia nor inductance; --model needs a recording over time",
             path.display()
         )))
     })
@@ -195,7 +195,7 @@ mod tests {
         assert_eq!(guarded(|| Ok(1)), Ok(1));
         let text = String::from("min > max");
         for error in [guarded::<()>(|| panic!("min > max")), guarded(|| panic!("{text}"))] {
-            assert!(error.is_err_and(|why| why.contains("a fault of motorbench itself (min > max)")));
+            assert!(error.is_err_and(|why| why.contains("an internal fault of motorbench (min > max)")));
         }
     }
 

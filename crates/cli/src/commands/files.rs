@@ -1,4 +1,4 @@
-//! The files of one command line: none is written over another that it reads or writes, and the terminal has one thing.
+//! The files of one command line: no output replaces another file of the command, and the terminal gets one result.
 
 use super::{Failure, folder};
 use serde_json::{Map, Value};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 /// The name that stands for the standard output.
 pub(super) const TERMINAL: &str = "-";
-/// What stands behind an option --json that goes to the standard output where nothing does.
+/// Value of --json without a file: the standard output.
 pub(super) const JSON_TO: &str = "FILE.json|-";
 
 /// Whether a name stands for the standard output.
@@ -16,8 +16,8 @@ pub(super) fn is_terminal(path: &Path) -> bool {
     path == Path::new(TERMINAL)
 }
 
-/// The command line with `--json FILE.json` and `--json -` as `--json=FILE.json` and `--json=-`: without a value the option leaves
-/// what follows, a line for a board or a file that is read, where it stands.
+/// The command line with `--json FILE.json` and `--json -` as `--json=FILE.json` and `--json=-`. Without a value the
+/// option does not take the next argument, a line for a board or an input file.
 pub(super) fn with_json_joined(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut joined: Vec<OsString> = Vec::new();
     for argument in arguments {
@@ -34,17 +34,17 @@ pub(super) fn with_json_joined(arguments: impl IntoIterator<Item = OsString>) ->
     joined
 }
 
-/// Where what a command has to say goes.
+/// The outputs of a command.
 pub(super) struct Outputs {
     /// One of its results goes to the terminal, and its text does not.
     pub terminal_is_taken: bool,
 }
 
 impl Outputs {
-    /// Of a command that reads and writes these files, before it does either.
+    /// Checks the input and output files of a command before it reads or writes any.
     ///
     /// # Errors
-    /// [`Failure`] where one of them would be lost.
+    /// [`Failure`] if one of them would be overwritten.
     pub(super) fn new<'a>(
         read: impl IntoIterator<Item = &'a PathBuf>,
         written: impl IntoIterator<Item = &'a PathBuf>,
@@ -52,7 +52,7 @@ impl Outputs {
         let (terminal, files): (Vec<&PathBuf>, Vec<&PathBuf>) = written.into_iter().partition(|path| is_terminal(path));
         if terminal.len() > 1 {
             return Err(Failure::input(
-                "two results would mix on the standard output (-): write all but one of them into files",
+                "two results cannot both go to the standard output (-): write one of them into a file",
             ));
         }
         let read = read.into_iter().flat_map(|path| [path.clone()].into_iter().chain(noted_beside(path)));
@@ -61,7 +61,7 @@ impl Outputs {
         for &path in &files {
             if let Some(side) = side_file(path).filter(|side| !files.contains(&side)) {
                 return Err(Failure::input(format!(
-                    "{} is a measurement, of which {} says what was measured: choose another name for what is written, or remove both files first",
+                    "{} is a measurement (its settings are in {}) and is not overwritten: choose another name, or remove both files",
                     path.display(),
                     side.display()
                 )));
@@ -70,12 +70,12 @@ impl Outputs {
             let path = path.display();
             if read.contains(&name) {
                 return Err(Failure::input(format!(
-                    "{path} would be overwritten: choose another name for what is written"
+                    "{path} is an input and would be overwritten: choose another output name"
                 )));
             }
             if taken.contains(&name) {
                 return Err(Failure::input(format!(
-                    "{path} would be written twice (what stands beside a table has its name): choose another name for one of the two"
+                    "two outputs have the name {path} (files beside a table take its name): choose another name for one"
                 )));
             }
             taken.push(name);
@@ -91,14 +91,14 @@ impl Outputs {
     }
 }
 
-/// A table, and what stands beside it under its name: an ending each.
+/// A table, and the files beside it with its name and these endings.
 pub(super) fn with_beside(table: &Path, endings: &[&str]) -> Vec<PathBuf> {
     let others = endings.iter().map(|ending| beside(table, ending));
     [table.to_path_buf()].into_iter().chain(others).collect()
 }
 
-/// Where a measurement goes that nobody has named, as `name.csv`, `name-2.csv`, ...: it replaces nothing, nor what stands
-/// beside a table under these endings.
+/// Default name of a measurement, as `name.csv`, `name-2.csv`, ...: it replaces no file, nor one beside a table with
+/// these endings.
 pub(super) fn free_name(name: &str, endings: &[&str]) -> PathBuf {
     let numbered = (2..).map(|number| format!("{name}-{number}.csv"));
     let mut tables = std::iter::once(format!("{name}.csv")).chain(numbered).map(PathBuf::from);
@@ -106,12 +106,12 @@ pub(super) fn free_name(name: &str, endings: &[&str]) -> PathBuf {
     tables.find(is_free).expect("there is no end of names")
 }
 
-/// A file that has a table's name and another ending.
+/// A file with a table's name and another ending.
 pub(super) fn beside(table: &Path, ending: &str) -> PathBuf {
     table.with_extension(ending)
 }
 
-/// What belongs to a table that is read: its rig, which many commands read as well, and what was noted when it was measured.
+/// Files that belong to an input table: its rig file, and the side file of its measurement.
 fn noted_beside(table: &Path) -> impl Iterator<Item = PathBuf> {
     let rig = is_table(table).then(|| beside(table, "rig.toml"));
     let side = side_file(table);
@@ -123,16 +123,16 @@ fn is_table(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
 }
 
-/// What was noted of a table when it was measured, where that stands beside it: nobody can measure it again. Other files of
-/// that name are results.
+/// The side file of a measured table, if it exists: a measurement cannot be repeated. Other files of that name are
+/// results.
 pub(super) fn side_file(table: &Path) -> Option<PathBuf> {
     let path = (is_table(table) && table.exists()).then(|| beside(table, "json"))?;
     let side: Map<String, Value> = serde_json::from_slice(&fs::read(&path).ok()?).ok()?;
     ["firmware", "settings"].iter().all(|key| side.contains_key(*key)).then_some(path)
 }
 
-/// A file's own name, whatever path leads to it; one that is not there yet has it already. None of a device: nothing in it
-/// can be lost.
+/// A file's own name, whatever path leads to it, even if it does not exist yet. A device has none: nothing in it can be
+/// lost.
 fn own_name(path: &Path) -> Option<PathBuf> {
     match path.canonicalize() {
         Ok(name) => Some(name).filter(|name| name.is_file()),
@@ -157,11 +157,14 @@ mod tests {
         };
         assert_eq!(refusal("run.csv", &["a.json", "b.html"]), None);
         for same in ["run.csv", "folder/../run.csv"] {
-            assert!(refusal("run.csv", &[same]).is_some_and(|why| why.contains("run.csv would be overwritten")));
+            assert!(
+                refusal("run.csv", &[same])
+                    .is_some_and(|why| why.contains("run.csv is an input and would be overwritten"))
+            );
         }
-        // Neither is there yet.
+        // Neither exists yet.
         let twice = refusal("run.csv", &["folder/a.html", "folder/../folder/a.html"]);
-        assert!(twice.is_some_and(|why| why.contains("a.html would be written twice")));
+        assert!(twice.is_some_and(|why| why.contains("two outputs have the name") && why.contains("a.html")));
     }
 
     #[test]
@@ -177,8 +180,8 @@ mod tests {
         assert!(is_refused());
         let written = with_beside(&table, &["rig.toml", "json"]);
         let twice = Outputs::new([], written.iter().chain([&side])).err().map(|failure| failure.message);
-        assert!(twice.is_some_and(|why| why.contains("run.json would be written twice")));
-        // A measurement is replaced by another, whole, and by no result.
+        assert!(twice.is_some_and(|why| why.contains("two outputs have the name") && why.contains("run.json")));
+        // A measurement may be replaced as a whole by another, but not by a result.
         assert!(Outputs::new([], &written).is_ok());
         let other = directory.path().join("other.csv");
         let lost = Outputs::new([&other], [&table]).err().map(|failure| failure.message);
@@ -208,6 +211,6 @@ mod tests {
         assert!(Outputs::new([&null], [&terminal, &null, &null]).is_ok_and(|outputs| outputs.terminal_is_taken));
         assert!(Outputs::new([], [&null]).is_ok_and(|outputs| !outputs.terminal_is_taken));
         let mixed = Outputs::new([], [&terminal, &terminal]).err().unwrap();
-        assert!(mixed.message.contains("would mix on the standard output"), "{}", mixed.message);
+        assert!(mixed.message.contains("cannot both go to the standard output"), "{}", mixed.message);
     }
 }

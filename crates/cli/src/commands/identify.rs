@@ -1,4 +1,4 @@
-//! `motorbench identify`
+//! `motorbench identify`: the constants of the linear motor.
 
 use super::recordings::RecordingArguments;
 use super::{Failure, Outputs, may_hold_model, spinner, write_json, write_model};
@@ -16,16 +16,17 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
-/// Finds the five constants of the linear motor, with their uncertainty and with the fit on data that no fit has seen.
+/// Finds the five constants of the linear motor, with their uncertainty and the fit on held-out data.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench identify run.csv --rig rig.toml --model motor.toml
   motorbench identify a.csv b.csv --json -
-What the linear motor lacks is said by motorbench diagnose.")]
+
+`motorbench diagnose` names what the linear motor lacks.")]
 pub struct Arguments {
     #[command(flatten)]
     recordings: RecordingArguments,
-    /// Writes the motor as a model file; one that a person has written is not replaced.
+    /// Writes the motor as a model file; a file that motorbench did not write is not replaced.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -33,14 +34,14 @@ pub struct Arguments {
     json: Option<PathBuf>,
 }
 
-/// What was found. Units are in the names or beside the values.
+/// The result. Units are in the names or beside the values.
 #[derive(Serialize)]
 struct Identified {
     parameters: BTreeMap<&'static str, Constant>,
     fit: BTreeMap<&'static str, Fitted>,
-    /// Then the intervals are those of a model that does not hold.
+    /// Then the intervals belong to a model that does not hold.
     leaves_more_than_noise: bool,
-    /// What was noticed of the recording.
+    /// Notes on the recording.
     notes: Vec<String>,
 }
 
@@ -50,7 +51,7 @@ struct Constant {
     ci95: [f64; 2],
 }
 
-/// A free-running simulation against data kept back from the fit.
+/// A free-running simulation against the held-out data.
 #[derive(Serialize)]
 struct Fitted {
     rmse: f64,
@@ -80,7 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Fits without the data kept back, measures on it, and fits again to everything for the constants.
+/// Fits without the held-out data, judges on them, and fits again to all data for the constants.
 fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> (Model, Identified) {
     let prior = Prior::new(nominal, data);
     progress("fit to two thirds of the data");
@@ -96,7 +97,7 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
         quality.iter().map(|(channel, fitted)| format!("{channel} {:.1} %", fitted.fit_percent)).collect();
     progress(&format!("fit on the rest: {}; now to all of it", reached.join(", ")));
     let mut everything = data.clone();
-    everything.kept_back.fill(false);
+    everything.held_out.fill(false);
     let last = fit(&seen.model, &everything, &prior, Effort::FULL);
     let intervals = last.intervals(&everything);
     let constant = |(index, (name, value)): (usize, (&'static str, f64))| {
@@ -108,8 +109,8 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
     (last.model, Identified { parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
 }
 
-/// What a reader of the intervals has to know.
-const LEAVES_MORE: &str = "The linear motor leaves more than noise: its constants make up for what it lacks, and their intervals do not know of that. motorbench diagnose says what it is.";
+/// Warning on the intervals.
+const LEAVES_MORE: &str = "The linear motor leaves more than noise. Its constants are bent to make up for what it lacks, and their intervals do not show that. `motorbench diagnose` names the cause.";
 
 fn page(identified: &Identified) -> String {
     let mut text = String::from("The linear motor, with 95 % intervals\n");
@@ -117,7 +118,7 @@ fn page(identified: &Identified) -> String {
         let Constant { value, ci95: [low, high] } = identified.parameters[name];
         let _ = writeln!(text, "  {name:<26} {:>10}  [{}, {}]", short(value), short(low), short(high));
     }
-    text += "Free-running simulation against data that no fit has seen\n";
+    text += "Free-running simulation against held-out data\n";
     for (channel, fitted) in &identified.fit {
         let Fitted { rmse, unit, fit_percent } = fitted;
         let _ = writeln!(text, "  {channel:<26} {:>10} {unit} rms, fit {fit_percent:.1} %", short(*rmse));

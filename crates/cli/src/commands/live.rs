@@ -1,4 +1,4 @@
-//! `motorbench live`
+//! `motorbench live`: replays a recording to a plotter.
 
 use super::{Failure, JSON_TO, Outputs, TERMINAL, read_recording, write_json};
 use clap::Args;
@@ -16,15 +16,15 @@ use std::time::{Duration, Instant};
 
 The first goes to PlotJuggler on this computer (UDP Server, JSON).")]
 pub struct Arguments {
-    /// What to replay.
+    /// Recording to replay.
     recording: PathBuf,
-    /// PlotJuggler's UDP server; the default when no plotter is named.
+    /// Address of PlotJuggler's UDP server; the default if no plotter is named.
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = PLOTJUGGLER, value_parser = address)]
     udp: Option<SocketAddr>,
-    /// Teleplot's.
+    /// Address of Teleplot's UDP server.
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = TELEPLOT, value_parser = address)]
     teleplot: Option<SocketAddr>,
-    /// How many times as fast as it was recorded.
+    /// Speed of the replay, as a multiple of real time.
     #[arg(long, default_value_t = 1.0, value_parser = rate, allow_negative_numbers = true)]
     speed: f64,
     /// Prints what was sent as JSON.
@@ -41,7 +41,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let recording = read_recording(&arguments.recording, &[])?;
     let Some(time_s) = recording.time_s() else {
         return Err(Failure::input(format!(
-            "{}: no column t_s: a table of steady states has no course",
+            "{}: no column t_s: a table of steady states cannot be replayed",
             recording.name
         )));
     };
@@ -64,10 +64,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where a command for a board sends its samples while they come.
+/// Where a command for a board sends its samples.
 #[derive(Args)]
 pub(super) struct LiveArguments {
-    /// Sends what comes to PlotJuggler or Teleplot over UDP, with the board's time; on this computer or at HOST:PORT.
+    /// Sends every sample to PlotJuggler or Teleplot over UDP, with the board's time.
     #[arg(long, value_name = "plotjuggler|teleplot[=HOST:PORT]", value_parser = plotter)]
     live: Vec<(Plotter, SocketAddr)>,
 }
@@ -79,7 +79,7 @@ enum Plotter {
 }
 
 impl LiveArguments {
-    /// Ready to send, if that is wanted.
+    /// The sender, if requested.
     pub(super) fn open(&self) -> Result<Option<Live>, Failure> {
         let of = |plotter| self.live.iter().rev().find(|(which, _)| *which == plotter).map(|(_, address)| *address);
         let [plotjuggler, teleplot] = [Plotter::PlotJuggler, Plotter::Teleplot].map(of);

@@ -41,7 +41,7 @@ pub fn completions(arguments: &CompletionsArguments) -> Result<(), Failure> {
   motorbench man record | man -l -
   motorbench man --json")]
 pub struct ManArguments {
-    /// Of this command; without it of the program.
+    /// Command to describe; default: the program.
     #[arg(value_parser = named)]
     command: Option<Box<Command>>,
     /// Prints commands, arguments, values and defaults as JSON instead of the page.

@@ -81,7 +81,7 @@ enum Command {
     Man(manual::ManArguments),
 }
 
-/// What a script may go by, in the words of docs/reference/commands.md.
+/// Exit codes for scripts, in the words of docs/reference/commands.md.
 const EXIT_CODES: [(u8, &str); 4] = [
     (0, "done"),
     (1, "the input or the result is not usable: the message says which file, where in it and what to do"),
@@ -107,7 +107,7 @@ impl Failure {
         Self { message: message.to_string(), code: 1 }
     }
 
-    /// The command line is wrong, which only shows when it is carried out.
+    /// The command line is wrong, which shows only while it is carried out.
     #[cfg(all(feature = "chip", unix))]
     fn command_line(message: impl Display) -> Self {
         Self { message: message.to_string(), code: 2 }
@@ -124,7 +124,7 @@ pub fn command() -> clap::Command {
     Program::command()
 }
 
-/// Columns that the help takes to stand beside the options.
+/// Columns that the help needs beside the options.
 const BESIDE_OPTIONS: u16 = 60;
 
 /// The command line on a terminal of so many columns: on a narrow one the help stands below the options.
@@ -132,7 +132,7 @@ fn command_on(columns: u16) -> clap::Command {
     command().next_line_help(columns < BESIDE_OPTIONS)
 }
 
-/// Those of the terminal; where it does not tell them, or is none, enough.
+/// Columns of the terminal; enough if it does not report them, or is none.
 fn columns() -> u16 {
     window_size().map(|window| window.columns).ok().filter(|columns| *columns > 0).unwrap_or(u16::MAX)
 }
@@ -167,11 +167,11 @@ pub fn main() -> ExitCode {
     ExitCode::from(failure.code)
 }
 
-/// Says something beside the result; on a terminal in lines that fit it.
+/// Prints a message besides the result; on a terminal in lines that fit it.
 fn tell(text: &str) {
     let mut error = io::stderr();
     let text = if error.is_terminal() { narrow(text) } else { text.into() };
-    // The exit code says what failed as well, to who has closed the terminal.
+    // If the terminal was closed, the exit code still reports the failure.
     let _ = writeln!(error, "{text}");
 }
 
@@ -219,11 +219,11 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
     if rig.is_model {
         let path = path.display();
         tell(&format!(
-            "motorbench: {path} is a model: in the place of a rig file it gives nominal values of the motor, and its [effects] are ignored"
+            "motorbench: {path} is a model file. It is used as a rig file: its [motor] gives nominal values, its [effects] are ignored"
         ));
     }
     for key in &rig.ignored {
-        tell(&format!("motorbench: {}: {key} has no meaning in a rig file and is ignored", path.display()));
+        tell(&format!("motorbench: {}: {key} is no key of a rig file and is ignored", path.display()));
     }
     Ok(rig)
 }
@@ -234,7 +234,7 @@ fn read_recording(path: &Path, names: &[(String, String)]) -> Result<Recording, 
     if !recording.ignored.is_empty() {
         let (path, ignored) = (path.display(), recording.ignored.join(", "));
         tell(&format!(
-            "motorbench: {path}: not used, for they are no channel (--column NAME=CHANNEL, or `motorbench convert` with --map): {ignored}"
+            "motorbench: {path}: columns without a known name are not used: {ignored}. Name them with --column NAME=CHANNEL, or convert with --map"
         ));
     }
     Ok(recording)
@@ -283,7 +283,7 @@ fn may_hold_model(path: Option<&Path>) -> Result<(), Failure> {
     path.filter(by_hand).map_or(Ok(()), |path| {
         let path = path.display();
         Err(Failure::input(format!(
-            "{path}: motorbench has not written this file and does not write over it: choose another name for the model that is found"
+            "{path} was not written by motorbench and is not overwritten: choose another name for the model"
         )))
     })
 }
@@ -377,7 +377,7 @@ fn cannot_print(error: &io::Error) -> Result<(), Failure> {
 
 /// Why the standard output cannot be written, and what to do.
 fn not_printed(why: impl Display) -> Failure {
-    Failure::machine(format!("the standard output cannot be written: {why}: make room there, or send it elsewhere"))
+    Failure::machine(format!("cannot write to the standard output: {why}. Make room there, or redirect it"))
 }
 
 /// Where a file is or would be.

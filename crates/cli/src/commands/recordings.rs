@@ -13,8 +13,7 @@ pub struct RecordingArguments {
     /// theta_rad or counts, and i_A), or for diagnose one table of steady states without t_s.
     #[arg(required = true)]
     pub recordings: Vec<PathBuf>,
-    /// What is known of the rig (TOML); without it the rig file beside the first recording (run.rig.toml for run.csv), where
-    /// there is one.
+    /// Rig file (TOML); default: the one beside the first recording (run.rig.toml for run.csv), if there is one.
     #[arg(long)]
     pub rig: Option<PathBuf>,
     /// A column of the file that has another name: FILE_NAME=PROJECT_NAME.

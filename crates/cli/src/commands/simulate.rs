@@ -23,13 +23,13 @@ use std::slice;
 pub struct Arguments {
     /// The scenario; its keys are in docs/reference/scenarios.md.
     scenario: PathBuf,
-    /// Writes the recording as the firmware would have sent it, - for the terminal instead of the table.
+    /// Writes the recording as the firmware would send it, - for the terminal instead of the table.
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
-    /// Another model than the scenario's; one that `record` wrote has none.
+    /// Model to use instead of the scenario's. A scenario from `record` has none.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
-    /// Console lines, as motorbench design --console writes them: their settings instead of the scenario's.
+    /// Console lines of `motorbench design --console`; their settings replace the scenario's.
     #[arg(long, value_name = "GAINS.txt")]
     console: Option<PathBuf>,
     /// Draws reference, true and measured quantity, current and voltage.
@@ -67,7 +67,9 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write_json(path, &result)?;
     }
     match outcome.figures.is_empty() {
-        true => outputs.say(&format!("{} s without a reference to judge\n", scenario.duration_s)),
+        true => {
+            outputs.say(&format!("{} s simulated in open loop: no reference, so no figures\n", scenario.duration_s))
+        }
         false => outputs.say(&table(&outcome.figures)),
     }
     if let Some(expected) = judged(&scenario, &outcome)? {
@@ -146,7 +148,7 @@ fn table(figures: &[Figures]) -> String {
         );
         let _ = writeln!(
             text,
-            "          error {} rms, {} summed{}; asked {} V rms; peak {} A",
+            "          error {} rms, {} summed{}; voltage {} V rms; peak {} A",
             short(row.tracking_rms),
             short(row.iae),
             row.largest_error.map_or(String::new(), |largest| format!(", at most {}", short(largest))),

@@ -20,7 +20,7 @@ use std::error::Error;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// A test stand: drives a board through voltages and loads, or reads a table; powers, efficiency, losses, condition, best
+/// Test stand: drives a board through voltages and loads, or reads a table. Gives powers, efficiency, losses, condition and best
 /// operating points.
 #[derive(Args)]
 #[command(after_help = "Examples:
@@ -32,11 +32,12 @@ use std::path::{Path, PathBuf};
   motorbench stand now.csv --earlier last_year.csv --rig rig.toml \\
     --map efficiency.svg
 
-Without a table the motor on the board is driven. For each load you are asked to
-set the brake; that of motorbench virtual sets itself. Ctrl-C stops the motor
-and keeps what has come.")]
+Without a table it drives the motor on the board. For each load it asks you to
+set the brake; the brake of motorbench virtual sets itself. Ctrl-C stops the
+motor and keeps the rows that are done.")]
 pub struct Arguments {
-    /// Table with u_V, i_A and omega_rad_per_s or rpm, with a brake load_Nm; rows with the rotor held tell the winding's resistance.
+    /// Table with u_V, i_A and omega_rad_per_s or rpm; load_Nm if there is a brake. Rows with the rotor held give the winding's
+    /// resistance.
     table: Option<PathBuf>,
     #[command(flatten)]
     board: board::BoardArguments,
@@ -52,10 +53,10 @@ pub struct Arguments {
     /// A table of the same motor from an earlier test.
     #[arg(long, value_name = "TABLE.csv")]
     earlier: Option<PathBuf>,
-    /// What a study derived from the table, as it prints it: cells that its own formulas or the readings contradict are listed.
+    /// Quantities that a study derived from the table. Cells that contradict their formula or the readings are listed.
     #[arg(long, value_name = "TABLE.csv", requires = "table")]
     derived: Option<PathBuf>,
-    /// Draws the efficiency over voltage and torque that the constants found foretell.
+    /// Draws the efficiency over voltage and torque, computed with the constants found.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     map: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -90,7 +91,7 @@ fn table(path: &Path, columns: &[(String, String)]) -> Result<Recording, Failure
     let table = read_recording(path, columns)?;
     if table.time_s().is_some() {
         return Err(Failure::input(format!(
-            "{}: a recording over time (t_s); a table of steady states is expected, a row a reading. Recordings are for motorbench diagnose",
+            "{} is a recording over time (t_s). Give a table of steady states, one reading a row; for a recording use `motorbench diagnose`",
             path.display()
         )));
     }
@@ -125,7 +126,7 @@ fn write_map(path: &Path, stand: &Stand) -> Result<(), Failure> {
     let best = cells.points.iter().max_by(|a, b| a.efficiency.total_cmp(&b.efficiency)).ok_or_else(|| {
         let path = path.display();
         Failure::input(format!(
-            "{path}: no map, by the constants found the motor turns at no voltage up to {greatest_v} V: look at the table for wrong units"
+            "{path}: no map: with the constants found the motor does not turn at any voltage up to {greatest_v} V. Check the units of the table"
         ))
     })?;
     write_plot(path, &map(&cells, best).map_err(Failure::machine)?)
@@ -144,7 +145,7 @@ fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
     let failed = |what: &dyn std::fmt::Display| Failure::input(format!("{}: {what}", path.display()));
     let text = text_file::read(path, "a table (CSV) with a column resistance_ohm").map_err(|error| failed(&error))?;
     match Delimited::new(&text).column("resistance_ohm").map_err(|what| failed(&what))? {
-        none if none.is_empty() => Err(failed(&"no resistance stands in it")),
+        none if none.is_empty() => Err(failed(&"it holds no resistance")),
         resistances => Ok(resistances),
     }
 }
@@ -164,7 +165,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     let load = |load_nm| load_cell(stand, load_nm);
     let head = load_head(stand);
     let mut text = format!(
-        "Derived with the nominal constants, as stands do\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm\n",
+        "Derived with the nominal constants, as usual at test stands\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm\n",
     );
     for level in &stand.study.levels {
         let _ = writeln!(
@@ -227,7 +228,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     loads(&mut text, stand);
     text += match loaded {
         true => "\nMost efficient load at each voltage, by the constants found\n",
-        false => "\nMost efficient load at each voltage, foretold: no point of the table was loaded\n",
+        false => "\nMost efficient load at each voltage, predicted: no row of the table had a load\n",
     };
     text += "     u_V  torque_Nm     rpm    i_A    eff\n";
     for point in &stand.most_efficient {
@@ -263,7 +264,7 @@ fn loads(text: &mut String, stand: &Stand) {
         rpm(best.omega_rad_per_s)
     );
     if let Some(scale) = &stand.load_scale {
-        let _ = writeln!(text, "The currents speak of {} times the stated loads", estimate(scale));
+        let _ = writeln!(text, "The currents correspond to {} times the stated loads", estimate(scale));
     }
 }
 
@@ -279,7 +280,9 @@ fn slips(text: &mut String, slips: &[Slip]) {
     if slips.is_empty() {
         return;
     }
-    text.push_str("\nSlips of the derived table: a cell, its formula of its own row, of the readings\n");
+    text.push_str(
+        "\nErrors in the derived table: printed cell, formula with its own row,\nformula with the readings\n",
+    );
     text.push_str("     u_V                 column  printed  own row  readings\n");
     let cell = |value: Option<f64>| value.map_or("-".into(), |value| rounded(value, 5));
     for Slip { u_V, column, printed, by_row, by_readings } in slips {

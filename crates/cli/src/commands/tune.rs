@@ -18,7 +18,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
 
-/// The tuning console: live traces, gains and reference under the fingers, step tests with figures before and after.
+/// Tuning console: live traces, gains and reference to change by keys, step tests with figures before and after.
 #[derive(Args)]
 #[command(after_help = "Keys: a arm, space stop, s step test, up/down choose a gain, left/right 10 %
 less or more, -/+ reference, tab PID or LQR, u undo, w save on the board,
@@ -30,23 +30,23 @@ Examples:
   motorbench tune --json session.json
   motorbench tune --keys 'a s right s w' --json -
 
---keys needs no terminal: each key is pressed when what the one before began is
-over; a step test takes two seconds with the way back to rest. Keys are written
-as above, and space, tab, up, down, left, right. It ends with exit code 1 at the
-first that is refused, and at a trip, and with 3 where r cannot write.")]
+--keys needs no terminal: each key is pressed when the one before has finished.
+A step test takes two seconds, including the return to rest. Keys are written as
+above, and space, tab, up, down, left, right. It ends with exit code 1 at the
+first refused key or a trip, and with 3 where r cannot write.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
     /// Speed that a step test goes to, in rad/s.
     #[arg(long, default_value_t = 40.0, allow_negative_numbers = true, value_parser = finite)]
     reference: f64,
-    /// Where recordings go, a .csv, with rig and side file; those after the first get a number. Without it: tune.csv, or
-    /// the first of tune-2.csv, ... that is free.
+    /// Recordings to write (.csv), with rig and side file; those after the first get a number. Default: the first free name of
+    /// tune.csv, tune-2.csv, ...
     #[arg(long, value_parser = table_file)]
     out: Option<PathBuf>,
     #[command(flatten)]
     live: LiveArguments,
-    /// A session without a person: these keys one after another, separated by spaces.
+    /// Runs a session by a script: these keys one after another, separated by spaces.
     #[arg(long, value_name = "KEYS", value_delimiter = ' ', allow_hyphen_values = true, value_parser = key)]
     keys: Option<Vec<Key>>,
     /// Writes the session as JSON into a file when it ends, - for the terminal: step tests with figures and gains, gains
@@ -151,7 +151,7 @@ impl Keeper for Numbered {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.keys.is_none() && !std::io::stdout().is_terminal() {
         return Err(Failure::machine(
-            "tune needs a terminal, or --keys for a session without a person; for programs also: `motorbench connect`, `send` and `record`",
+            "tune needs a terminal, or --keys for a session by a script. Programs can also use `motorbench connect`, `send` and `record`",
         ));
     }
     let keeper = Numbered::new(arguments.out.clone());

@@ -23,36 +23,36 @@ use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-/// Puts measured closed loops beside the simulated ones: one plot, fit per channel, figures of both, and what remains.
+/// Compares measured closed loops with simulated ones: one plot, fit per channel, figures of both, and what the model lacks.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench validate loop.csv --scenario loop.scenario.toml \\
     --rig loop.rig.toml --model found.toml --plot both.svg
   motorbench validate pid.csv lqr.csv --model found.toml --plot laws.svg
 
-A scenario has the references and settings that were recorded; motorbench record
-writes it beside the recording: docs/reference/scenarios.md
+motorbench record writes the scenario beside the recording. It has the recorded
+references and settings: docs/reference/scenarios.md
 
-Where the simulated drive switches itself off, both are compared up to then, and
-the exit code is 1, as that of simulate.")]
+If the simulated drive switches itself off, the comparison ends there and the
+exit code is 1, as with simulate.")]
 pub struct Arguments {
-    /// Recordings of loops, each from the start of its scenario or from up to a quarter of its length before; several, of a
-    /// PID and an LQR say, come into one table.
+    /// Recordings of loops. Each begins with its scenario, or up to a quarter of its length earlier. Several, for instance of
+    /// PID and LQR, share one table.
     #[arg(required = true, value_name = "MEASURED.csv")]
     measured: Vec<PathBuf>,
-    /// The same course as a scenario, one for each recording in their order; left out: NAME.scenario.toml beside NAME.csv.
+    /// The recorded scenario, one for each recording in their order; default: NAME.scenario.toml beside NAME.csv.
     #[arg(long, value_name = "SCENARIO.toml")]
     scenario: Vec<PathBuf>,
-    /// Another model than the scenario's.
+    /// Model to use instead of the scenario's.
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
-    /// What is known of the rig (TOML); left out: NAME.rig.toml beside the first recording, where there is one.
+    /// Rig file (TOML); default: NAME.rig.toml beside the first recording, if there is one.
     #[arg(long)]
     rig: Option<PathBuf>,
     /// A column that has another name: FILE_NAME=PROJECT_NAME.
     #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
     columns: Vec<(String, String)>,
-    /// Draws all, simulated and measured.
+    /// Draws all loops, simulated and measured.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -116,7 +116,7 @@ impl Arguments {
         if self.scenario.len() != self.measured.len() {
             let (recordings, scenarios) = (self.measured.len(), self.scenario.len());
             return Err(Failure::input(format!(
-                "recordings: {recordings}, scenarios: {scenarios}: give one --scenario for each recording, in their order, or leave them out for the files that motorbench record writes beside them"
+                "recordings: {recordings}, scenarios: {scenarios}: give one --scenario for each recording, in their order. Or give none, to use the files that motorbench record writes beside them"
             )));
         }
         Ok(self.scenario.clone())
@@ -143,7 +143,7 @@ fn scenario_beside(measured: &Path) -> Result<PathBuf, Failure> {
         return Ok(scenario);
     }
     let missing = scenario.display();
-    Err(Failure::input(format!("{missing} is not there: say with --scenario which course was recorded")))
+    Err(Failure::input(format!("{missing} does not exist: give the recorded scenario with --scenario")))
 }
 
 impl Loop {
@@ -152,7 +152,7 @@ impl Loop {
         let scenario = super::scenario(scenario_file, arguments.model.as_deref())?;
         let is_not_of = |why: String| {
             let (file, scenario) = (file.display(), scenario_file.display());
-            Failure::input(format!("{file} is no recording of {scenario}: {why}; say with --scenario which it is of"))
+            Failure::input(format!("{file} is not a recording of {scenario}: {why}. Give its scenario with --scenario"))
         };
         let unknown = agrees_by_mode(&scenario, &measured, file).map_err(is_not_of)?;
         let outcome = scenario.run().map_err(Failure::input)?;
@@ -192,7 +192,7 @@ fn title(scenario: &Scenario) -> &'static str {
 }
 
 /// Of a simulated drive that has switched itself off.
-const NOTHING_BEYOND: &str = "beyond that there is nothing to compare";
+const NOTHING_BEYOND: &str = "the comparison ends there";
 
 /// The measured loop against the simulated one, whose drive may have switched itself off; and as it was compared, from the
 /// simulated one's origin.
@@ -257,7 +257,7 @@ fn agrees_by_mode(scenario: &Scenario, measured: &Recording, file: &Path) -> Res
         }
         (Some(wanted), None) => {
             let (file, column) = (file.display(), wanted.column());
-            Ok(Some(format!("{file} has no {column}: that it is of this scenario cannot be told")))
+            Ok(Some(format!("{file} has no {column}, so the program cannot check that it belongs to this scenario")))
         }
     }
 }
@@ -412,7 +412,7 @@ fn remaining(loops: &[Loop], rig: &Rig, progress: motorbench_diagnosis::diagnose
                 false => format!("the measured loop shows what the model lacks: {}", new.join(", ")),
             };
             let verdict = verdict(&diagnosis.outcome).replace('\n', " ");
-            let alone = format!("By itself, beside a motor without effects, the measured loop says: {verdict}");
+            let alone = format!("Diagnosis of the measured loop alone: {verdict}");
             vec![lacks, alone]
         }
     }
@@ -538,7 +538,7 @@ fn same_course(loops: &[Loop]) -> bool {
         })
 }
 
-/// The error summed over all references: which loop has the least, and whether the simulation foretold it.
+/// The error summed over all references: which loop has the least, and whether the simulation predicted it.
 fn ranking(loops: &[Loop]) -> String {
     // A jump is within its sequence.
     let references = |figures: &&Figures| figures.course != JUMP;
@@ -549,12 +549,12 @@ fn ranking(loops: &[Loop]) -> String {
     let each = loops.iter().zip(&sums).map(|(one, [simulated, measured])| {
         format!("{} {} ({})", one.name, rounded(*measured, 4), rounded(*simulated, 4))
     });
-    let foretold = match simulated == measured {
+    let predicted = match simulated == measured {
         true => "as simulated".to_string(),
-        false => format!("simulated it is the {}", loops[simulated].name),
+        false => format!("in simulation the {}", loops[simulated].name),
     };
     format!(
-        "Error summed over all references, measured (simulated): {}. The least has the {}, {foretold}.",
+        "Summed error over all references, measured (simulated): {}. The {} has the smallest, {predicted}.",
         each.collect::<Vec<_>>().join(", "),
         loops[measured].name
     )

@@ -25,7 +25,9 @@ While it runs it takes lines, as --with does for its start:
   effect coulomb_friction off         without it
   model FILE.toml                     another motor with its effects
   load NM, brake NM, supply V, block on|off, turn DEGREES (and hold)
-  encoder ok|unplugged|swapped, current ok|open|high|low
+  encoder ok|unplugged|swapped|a-open|b-open|a-high|b-high|a-low|b-low|shorted|
+  noisy|slipping, current ok|open|high|low|frozen, adc ok|dead, uart ok|stuck,
+  supply dip
   stop on|off (the emergency stop), reset, quit, wait S
 From elsewhere --tell says them to the board that runs, and comes back when they
 are done: turn once the rotor is there, wait after so many seconds of the chip's
@@ -98,7 +100,7 @@ pub use with_chip::run;
 #[cfg(all(feature = "chip", unix))]
 mod with_chip {
     use super::super::{cannot_write, firmware, read_rig, write_whole};
-    use super::surroundings::{ORDERS, Surroundings, Until, model_file};
+    use super::surroundings::{ORDERS, Surroundings, USUAL_SUPPLY_V, Until, model_file};
     use super::{Arguments, Failure};
     use host_sim::plant::ModelPlant;
     use motorbench_chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator};
@@ -208,7 +210,7 @@ mod with_chip {
     fn circuit(rig: Option<&Rig>) -> Circuit {
         let given = |value: Option<Option<f64>>, usual| value.flatten().unwrap_or(usual);
         Circuit {
-            supply_v: given(rig.map(|rig| rig.supply.voltage_v), 12.0),
+            supply_v: given(rig.map(|rig| rig.supply.voltage_v), USUAL_SUPPLY_V),
             counts_per_turn: given(rig.map(|rig| rig.encoder.counts_per_rev), COUNTS_PER_REV),
             tachogenerator: tachogenerator(rig),
             ..Circuit::default()
@@ -357,7 +359,7 @@ mod with_chip {
             if clock.waits(line.unread) {
                 continue;
             }
-            surroundings.push(bench);
+            surroundings.go_on(bench);
             let done = under_way.extract_if(.., |(_, until)| surroundings.is_over(bench, *until));
             done.for_each(|(order, _)| order.answer(Ok(()), arguments.json.is_some()));
             bench.run_s(SLICE_S).map_err(Failure::machine)?;

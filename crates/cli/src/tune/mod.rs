@@ -6,8 +6,8 @@ pub mod screen;
 
 use host_sim::figures::{Figures, step_figures};
 use host_sim::trial::Point;
+use motorbench_core::HARDWARE;
 use motorbench_core::message::{Mode, Sample, State, Trip};
-use motorbench_core::pins::PWM_STEPS;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
 use motorbench_data::names::{setting_name, trip_words};
@@ -520,7 +520,9 @@ impl<L: Line> Session<L> {
 
     fn no_step(&self) -> String {
         let reference = self.reference;
-        format!("no step: it goes by {reference} rad/s already. From rest: space, a, s; -/+ before a chooses another")
+        format!(
+            "no step: the reference is {reference} rad/s already. Press space, a, s to start from rest, or choose another with -/+"
+        )
     }
 
     fn finish_step(&mut self) -> Result<(), BoardError> {
@@ -628,7 +630,7 @@ impl<L: Line> Session<L> {
         let moves = sample.state.mode().is_speed();
         let supply_v = f64::from(sample.supply) / f64::from(VOLT);
         let speed = f64::from(sample.speed) * unit;
-        let duty = f64::from(sample.duty) / f64::from(PWM_STEPS);
+        let duty = f64::from(sample.duty) / f64::from(HARDWARE.pwm_steps);
         Point {
             t_s: f64::from(sample.tick) / f64::from(self.settings.get(Param::TickRate)),
             reference: if moves { f64::from(sample.reference) * unit } else { 0.0 },

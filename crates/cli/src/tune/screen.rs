@@ -3,7 +3,7 @@
 use super::{Key, LOOPS, SHOWN_S, Session, StepTest};
 use crate::terminal_plot;
 use host_sim::figures::Figures;
-use motorbench_core::pins::PWM_STEPS;
+use motorbench_core::HARDWARE;
 use motorbench_data::names::setting_name;
 use motorbench_link::Line;
 use motorbench_link::board::BoardError;
@@ -166,7 +166,8 @@ fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) {
     };
     let (reference, measured) = (trace(&|point| point.reference), trace(&|point| point.measured_rad_per_s));
     let current = trace(&|point| point.i_a);
-    let shares = session.traces.iter().step_by(every).map(|sample| f64::from(sample.duty) / f64::from(PWM_STEPS));
+    let shares =
+        session.traces.iter().step_by(every).map(|sample| f64::from(sample.duty) / f64::from(HARDWARE.pwm_steps));
     let duty: Vec<_> = points.iter().zip(shares).map(|(point, share)| (point.t_s - end_s, share)).collect();
     let title = |text: &str, last: &[(f64, f64)], unit: &str| {
         format!("{text} {} {unit}", fixed(last.last().map_or(0.0, |(_, value)| *value), 2))

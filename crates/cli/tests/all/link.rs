@@ -313,7 +313,7 @@ fn a_telemetry_that_stops_is_an_error_and_not_a_wait() {
 }
 
 #[test]
-fn the_person_ends_it() {
+fn the_user_stops_a_recording() {
     let (fake, heard) = Fake::new(Fault::None);
     let mut link = Link::start(fake).unwrap();
     let record = record(&mut link, Settings::defaults(), "sequence steps 1", &|| true, &mut |_| Ok(()));

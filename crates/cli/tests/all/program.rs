@@ -78,7 +78,7 @@ fn one_recording_is_not_taken_for_two() {
     let copy = directory.path().join("copy.csv");
     std::fs::copy(&bench.run, &copy).unwrap();
     for command in ["identify", "diagnose"] {
-        let says = predicate::str::contains("copy.csv: the same rows as")
+        let says = predicate::str::contains("copy.csv has the same rows as")
             .and(predicate::str::contains("leave one of them out"));
         motorbench(&[command, path(&bench.run), path(&copy), "--rig", path(&bench.rig)]).failure().stderr(says);
     }
@@ -91,7 +91,8 @@ fn a_window_that_is_longer_than_the_recording_is_refused() {
     let directory = TempDir::new().unwrap();
     let rig = directory.path().join("rig.toml");
     std::fs::write(&rig, "[supply]\nvoltage_V = 12\n[recording]\nspeed_window_s = 20\n").unwrap();
-    let says = predicate::str::contains("a mean over 20.000 s ([recording] speed_window_s, in seconds)");
+    let says =
+        predicate::str::contains("[recording] speed_window_s = 20.000 s is longer than any part of the recording");
     motorbench(&["diagnose", path(&bench.run), "--rig", path(&rig)]).failure().stderr(says);
 }
 
@@ -126,8 +127,8 @@ fn a_rig_file_that_contradicts_the_recording_is_told() {
     assert_eq!(told(&bench.rig), [""; 0]);
     let told = told(&wrong);
     assert_eq!(told.len(), 2, "{told:?}");
-    assert!(told[0].contains("counts_per_rev = 500, and counts and omega_rad_per_s say 2000"), "{told:?}");
-    assert!(told[1].contains("voltage_V = 24.0, and duty and u_V say 12.0"), "{told:?}");
+    assert!(told[0].contains("counts_per_rev = 500, but counts and omega_rad_per_s give 2000"), "{told:?}");
+    assert!(told[1].contains("voltage_V = 24.0, but duty and u_V give 12.0"), "{told:?}");
 }
 
 /// A model in the place of a rig file, and columns that no command knows: neither is left out silently.
@@ -141,7 +142,7 @@ fn what_is_not_used_of_a_file_is_said() {
     let lines =
         lines.lines().enumerate().map(|(line, text)| format!("{text},{}\n", if line == 0 { "temp_C" } else { "21" }));
     std::fs::write(&odd, lines.collect::<String>()).unwrap();
-    let is_model = predicate::str::contains("found.toml is a model: in the place of a rig file");
+    let is_model = predicate::str::contains("found.toml is a model file. It is used as a rig file");
     motorbench(&["identify", path(&bench.run), "--rig", path(&model)]).success().stderr(is_model);
     let unknown = || predicate::str::contains("odd.csv: not used").and(predicate::str::contains(": temp_C\n"));
     for command in
@@ -158,7 +159,7 @@ fn identify_writes_a_model_that_others_read() {
     let model = directory.path().join("found.toml");
     motorbench(&["identify", path(&bench.run), "--rig", path(&bench.rig), "--model", path(&model)])
         .success()
-        .stdout(predicate::str::contains("Free-running simulation against data that no fit has seen"))
+        .stdout(predicate::str::contains("Free-running simulation against held-out data"))
         .stderr("");
     motorbench(&["analyse", "--model", path(&model)]).success();
     assert!(motorbench_model::Model::parse(&std::fs::read_to_string(&bench.model).unwrap()).is_ok());
@@ -312,7 +313,7 @@ fn validate_sees_what_the_model_lacks() {
     assert!(bad["remaining"][0].as_str().unwrap().contains("coulomb_friction"), "{}", bad["remaining"]);
     assert!(!good["remaining"][0].as_str().unwrap().contains("coulomb_friction"), "{}", good["remaining"]);
     // The verdict is of the recording, and not of the model that has what it lacks.
-    assert!(good["remaining"][1].as_str().unwrap().starts_with("By itself, beside a motor without effects"));
+    assert!(good["remaining"][1].as_str().unwrap().starts_with("Diagnosis of the measured loop alone"));
     let rise = |which: &str| good["figures"][which][0]["rise_s"].as_f64().unwrap();
     assert!((rise("measured") / rise("simulated") - 1.0).abs() < 0.1, "{} and {}", rise("measured"), rise("simulated"));
 }
@@ -344,7 +345,7 @@ fn validate_compares_up_to_a_trip_of_the_simulation() {
     assert_eq!(found["trip"], "OverCurrentPeak", "{found}");
     let (trip_s, duration_s) = (found["trip_s"].as_f64().unwrap(), found["comparison"]["duration_s"].as_f64().unwrap());
     assert!((trip_s - duration_s).abs() < 0.003 && (0.9..1.0).contains(&trip_s), "{found}");
-    assert!(found["notes"][0].as_str().unwrap().contains("beyond that there is nothing to compare"), "{found}");
+    assert!(found["notes"][0].as_str().unwrap().contains("the comparison ends there"), "{found}");
     assert_eq!(found["figures"]["measured"][0]["course"], "step", "what was before is told");
     // What the scenario expects is a part of the course.
     std::fs::write(at("loop.toml"), scenario("expected_trip = \"OverCurrentPeak\"\n")).unwrap();
@@ -388,7 +389,7 @@ fn validate_refuses_the_recording_of_another_scenario() {
         .success()
         .stdout(says("the scenario lasts 3.00 s; the recording has 0.999 s of it"));
     // Only what this program has recorded surely has the reference.
-    validate("open.csv", "speed.toml").success().stdout(says("cannot be told"));
+    validate("open.csv", "speed.toml").success().stdout(says("cannot check that"));
     std::fs::write(at("open.json"), r#"{"firmware": "motorbench", "settings": {}}"#).unwrap();
     validate("open.csv", "speed.toml").code(1).stderr(says("the recording of an open loop"));
 }
@@ -482,7 +483,7 @@ fn validate_puts_laws_side_by_side() {
     let told = motorbench(&[&both[..], &["--model", path(&at("true.toml")), "--plot", path(&plot)]].concat()).success();
     let told = String::from_utf8(told.get_output().stdout.clone()).unwrap();
     println!("{told}");
-    assert!(told.contains("The least has the speed PID, as simulated"), "{told}");
+    assert!(told.contains("The speed PID has the smallest, as simulated"), "{told}");
     assert_eq!(told.matches("  speed LQR    measured ").count(), 5, "{told}");
     assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
     let svg = std::fs::read_to_string(&plot).unwrap();
@@ -502,7 +503,9 @@ fn validate_puts_laws_side_by_side() {
         .code(1)
         .stderr(predicate::str::contains("recordings: 2, scenarios: 1: give one --scenario for each recording"));
     std::fs::remove_file(at("lqr.scenario.toml")).unwrap();
-    motorbench(&both).code(1).stderr(predicate::str::contains("lqr.scenario.toml is not there: say with --scenario"));
+    motorbench(&both).code(1).stderr(predicate::str::contains(
+        "lqr.scenario.toml does not exist: give the recorded scenario with --scenario",
+    ));
 }
 
 #[test]
@@ -705,7 +708,10 @@ fn stand_without_a_map_has_its_evaluation() {
     motorbench(&["stand", path(&table), "--rig", path(&rig), "--map", path(&map), "--json", path(&json)])
         .code(1)
         .stdout(predicate::str::contains("Where the power goes"))
-        .stderr(predicate::str::contains("map.svg: no map").and(predicate::str::contains("at no voltage up to 12 V")));
+        .stderr(
+            predicate::str::contains("map.svg: no map")
+                .and(predicate::str::contains("does not turn at any voltage up to 12 V")),
+        );
     assert!(json.exists() && !map.exists());
 }
 
@@ -736,7 +742,7 @@ fn stand_of_the_published_study() {
     assert!((number(&slips[2], "by_row") - 12.98).abs() < 0.01 && number(&slips[2], "printed") == 13.27);
     motorbench(&arguments).success().stdout(
         predicate::str::contains("4.00 to 13.3; nominal 5.84,\n  not that mean\n")
-            .and(predicate::str::contains("Slips of the derived table"))
+            .and(predicate::str::contains("Errors in the derived table"))
             .and(predicate::function(|text: &str| text.lines().all(|line| line.chars().count() <= 80))),
     );
     motorbench(&[&table[..], &[path(&winding)]].concat())
@@ -757,7 +763,7 @@ fn a_table_has_plots_and_no_model() {
     )
     .code(1)
     .stdout(predicate::str::contains("voltage_drop: drop_V = 2.31"))
-    .stderr(predicate::str::contains("a table of steady states says nothing of inertia and inductance"));
+    .stderr(predicate::str::contains("a table of steady states shows neither inertia nor inductance"));
     let page = std::fs::read_to_string(&report).unwrap();
     assert_eq!(page.matches("<svg").count(), 2, "speed and current over voltage");
     // Five levels each, and what cannot be told from what is named beside it.
@@ -834,7 +840,7 @@ fn the_demonstration_fits_a_terminal() {
 
 /// As `motorbench man | head` does it.
 #[test]
-fn a_reader_who_has_had_enough_is_no_error() {
+fn a_reader_that_ends_early_is_no_error() {
     for arguments in [&["man"][..], &["completions", "bash"]] {
         let mut program = std::process::Command::new(env!("CARGO_BIN_EXE_motorbench"))
             .args(arguments)

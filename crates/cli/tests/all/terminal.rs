@@ -45,7 +45,7 @@ const TABLE: &[Row] = &[
         json: &["--json"],
         bad: &[
             (&["--seed", "7", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
-            (&["--csv", "a.csv", "--report", "a.rig.toml"], 1, "a.rig.toml would be written twice"),
+            (&["--csv", "a.csv", "--report", "a.rig.toml"], 1, "two outputs have the name a.rig.toml"),
             (&["--csv", "-"], 1, "give it a name"),
         ],
         ..row("demo")
@@ -56,9 +56,9 @@ const TABLE: &[Row] = &[
         bad: &[
             (&["--rig", "none.toml"], 1, "none.toml"),
             (&["--rig", "bad.toml"], 1, "bad.toml"),
-            (&["--rig", "model.toml", "--bode", "model.toml"], 1, "model.toml would be overwritten"),
-            (&["--rig", "model.toml", "--bode", "a.csv", "--step", "a.csv"], 1, "a.csv would be written twice"),
-            (&["--rig", "model.toml", "--json", "--step", "-"], 1, "would mix on the standard output"),
+            (&["--rig", "model.toml", "--bode", "model.toml"], 1, "model.toml is an input and would be overwritten"),
+            (&["--rig", "model.toml", "--bode", "a.csv", "--step", "a.csv"], 1, "two outputs have the name a.csv"),
+            (&["--rig", "model.toml", "--json", "--step", "-"], 1, "cannot both go to the standard output"),
         ],
         ..row("analyse")
     },
@@ -76,7 +76,11 @@ const TABLE: &[Row] = &[
             (&["run.csv", "run.xls"], 1, "expected .csv"),
             (&["run.csv", "run.csv", "--plot", "/nonexistent/a.svg"], 3, "/nonexistent/a.svg"),
             (&["run.csv"], 2, "<SECOND>"),
-            (&["found.json", "found.json", "--json", "found.json"], 1, "found.json would be overwritten"),
+            (
+                &["found.json", "found.json", "--json", "found.json"],
+                1,
+                "found.json is an input and would be overwritten",
+            ),
         ],
         ..row("compare")
     },
@@ -88,7 +92,7 @@ const TABLE: &[Row] = &[
             (&["bad.csv", "run.mat"], 1, "bad.csv"),
             (&["run.csv", "/nonexistent/run.mat"], 3, "make its folder first"),
             (&["run.csv", "run.mat", "--from", "xls"], 2, "xls"),
-            (&["run.csv", "./run.csv"], 1, "run.csv would be overwritten"),
+            (&["run.csv", "./run.csv"], 1, "run.csv is an input and would be overwritten"),
             (&["junk.csv", "a.mat"], 1, "this is no text; a CSV table is expected, and --from says another format"),
             (&["run.csv", "a.csv", "--rename", "omega_rad_per_s=u_V"], 1, "two columns would be called u_V"),
             (&["run.csv", "a.csv", "--map", "u_V=u_V*nan"], 2, "a number other than 0"),
@@ -109,7 +113,7 @@ const TABLE: &[Row] = &[
             (
                 &["--rig", "rig.toml", "--speed", "--bandwidth-Hz", "10", "--report", "./rig.toml"],
                 1,
-                "rig.toml would be overwritten",
+                "rig.toml is an input and would be overwritten",
             ),
         ],
         ..row("design")
@@ -136,10 +140,14 @@ const TABLE: &[Row] = &[
             (&["slow.csv"], 1, "`motorbench convert slow.csv NEW.csv --map t_s=t_s*0.001`"),
             (&["time.csv"], 1, "time.csv: no column t_s"),
             (&["glitch.csv"], 1, "glitch.csv, line 3: column omega_rad_per_s: 1e300 is no measurement"),
-            (&["run.csv", "--model", "run.csv"], 1, "run.csv would be overwritten"),
-            (&["run.csv", "--model", "model.toml"], 1, "model.toml: motorbench has not written this file"),
-            (&["run.csv", "--rig", "rig.toml", "--report", "rig.toml"], 1, "rig.toml would be overwritten"),
-            (&["run.csv", "--json", "-", "--model", "-"], 1, "would mix on the standard output"),
+            (&["run.csv", "--model", "run.csv"], 1, "run.csv is an input and would be overwritten"),
+            (&["run.csv", "--model", "model.toml"], 1, "model.toml was not written by motorbench"),
+            (
+                &["run.csv", "--rig", "rig.toml", "--report", "rig.toml"],
+                1,
+                "rig.toml is an input and would be overwritten",
+            ),
+            (&["run.csv", "--json", "-", "--model", "-"], 1, "cannot both go to the standard output"),
             (&[], 2, "<RECORDINGS>"),
         ],
         ..row("diagnose")
@@ -151,8 +159,8 @@ const TABLE: &[Row] = &[
             (&["none.csv"], 1, "none.csv"),
             (&["bad.csv"], 1, "bad.csv"),
             (&["run.csv", "--rig", "rig.toml", "--model", "/nonexistent/m.toml"], 3, "/nonexistent/m.toml"),
-            (&["run.csv", "--rig", "rig.toml", "--json", "run.csv"], 1, "run.csv would be overwritten"),
-            (&["run.csv", "--model", "model.toml"], 1, "model.toml: motorbench has not written this file"),
+            (&["run.csv", "--rig", "rig.toml", "--json", "run.csv"], 1, "run.csv is an input and would be overwritten"),
+            (&["run.csv", "--model", "model.toml"], 1, "model.toml was not written by motorbench"),
             (&[], 2, "<RECORDINGS>"),
         ],
         ..row("identify")
@@ -176,11 +184,11 @@ const TABLE: &[Row] = &[
             (&["bad.toml"], 1, "bad.toml"),
             (&["scenario.toml", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
             (&["scenario.toml", "--plot", "a.jpg"], 2, ".svg or .png"),
-            (&["model.toml"], 1, "model.toml: this is no scenario: it has no duration_s"),
-            (&["rig.toml"], 1, "rig.toml: this is no scenario: it has no duration_s"),
+            (&["model.toml"], 1, "model.toml: this is no scenario: duration_s is missing"),
+            (&["rig.toml"], 1, "rig.toml: this is no scenario: duration_s is missing"),
             (&["run.csv"], 1, "run.csv: this is CSV; a scenario or its model (TOML) is expected"),
             (&["scenario.toml", "--console", "bad.txt"], 1, "bad.txt, line 3: speed_kp"),
-            (&["scenario.toml", "--csv", "scenario.toml"], 1, "scenario.toml would be overwritten"),
+            (&["scenario.toml", "--csv", "scenario.toml"], 1, "scenario.toml is an input and would be overwritten"),
         ],
         ..row("simulate")
     },
@@ -204,7 +212,11 @@ const TABLE: &[Row] = &[
             (&["--rig", "stand.toml", "--port", "/dev/none", "--save", "stand.json"], 2, "ends in .csv"),
             (&["--rig", "stand.toml", "--port", "/dev/none", "--json", "stand.json"], 1, "choose another name"),
             (&["table.csv"], 2, "--rig"),
-            (&["table.csv", "--rig", "stand.toml", "--json", "table.csv"], 1, "table.csv would be overwritten"),
+            (
+                &["table.csv", "--rig", "stand.toml", "--json", "table.csv"],
+                1,
+                "table.csv is an input and would be overwritten",
+            ),
         ],
         ..row("stand")
     },
@@ -215,7 +227,11 @@ const TABLE: &[Row] = &[
             (&["none.csv", "--scenario", "loop.toml"], 1, "none.csv"),
             (&["loop.csv", "--scenario", "bad.toml"], 1, "bad.toml"),
             (&["loop.csv"], 1, "--scenario"),
-            (&["loop.csv", "--scenario", "loop.toml", "--json", "loop.toml"], 1, "loop.toml would be overwritten"),
+            (
+                &["loop.csv", "--scenario", "loop.toml", "--json", "loop.toml"],
+                1,
+                "loop.toml is an input and would be overwritten",
+            ),
         ],
         ..row("validate")
     },
@@ -333,7 +349,7 @@ const WITH_A_BOARD: &[Row] = &[
         json: &["--json"],
         bad: &[
             (&["nonsense"], 1, "unknown command, see help"),
-            (&["stream text 10"], 1, "stream is for other terminals"),
+            (&["stream text 10"], 1, "stream is not possible in connect"),
         ],
         // The board's own lines are as long as they are.
         for_programs: true,
@@ -376,12 +392,16 @@ const WITH_A_BOARD: &[Row] = &[
         json: &["--json", "-"],
         bad: &[
             (&["--rig", "stand.toml", "--voltages", "99"], 1, "voltage_limit"),
-            (&["--rig", "stand.toml", "--voltages", "-6,-9,9"], 1, "--voltages: 2 voltages or loads; 3 or more"),
+            (
+                &["--rig", "stand.toml", "--voltages", "-6,-9,9"],
+                1,
+                "--voltages: only 2 voltages or loads; give at least 3",
+            ),
             (&["--rig", "stand.toml", "--load-Nm=-1"], 1, "0 or more"),
             (
                 &["--rig", "stand.toml", "--voltages", "6,9,12", "--readings", "2", "--positions", "1"],
                 1,
-                "nobody answered, so that the other positions are left out",
+                "nobody answered, so the other positions are left out",
             ),
         ],
         ..row("stand")

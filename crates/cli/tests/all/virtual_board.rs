@@ -212,16 +212,12 @@ fn what_is_sent_is_read_back_and_what_is_wrong_is_named() {
     assert!(half["error"].as_str().unwrap().contains("gains.txt, line 4: "), "{half}");
     std::fs::write(&gains, "# nothing yet\n").unwrap();
     let nothing = board.run("send", &["gains.txt"]);
-    assert!(
-        text(&nothing.stderr).contains("gains.txt: there is no line for the console in it"),
-        "{}",
-        text(&nothing.stderr)
-    );
+    assert!(text(&nothing.stderr).contains("gains.txt has no console line"), "{}", text(&nothing.stderr));
     // As an editor elsewhere writes it, and without a setting.
     std::fs::write(&gains, "\u{feff}arm\r\nmode speed\r\nref 20\r\n").unwrap();
     let drive = board.run("send", &["gains.txt"]);
     let expected = format!(
-        "3 lines sent to {}, each answered by ok; no setting is among them\nthe drive is off again: it stays on while connect, tune or record has the board\n",
+        "3 lines sent to {}, each answered by ok; no setting is among them\nthe drive is off again; only `connect`, `tune` and `record` keep it on\n",
         board.port().display()
     );
     assert_eq!((drive.status.code(), text(&drive.stdout)), (Some(0), expected), "{}", text(&drive.stderr));
@@ -272,6 +268,48 @@ fn an_emergency_stop_that_is_pressed_is_named() {
     assert_eq!(talk.wait().unwrap().code(), Some(1));
     assert_eq!(board.run("connect", &["clear"]).status.code(), Some(0));
     assert_eq!(board.run("record", &STEPS).status.code(), Some(0));
+}
+
+/// What a class may break, and what is said to it; repaired, the board runs again.
+#[test]
+fn each_fault_of_the_board_is_named() {
+    let board = Board::new("faults");
+    let speed = ["--mode", "speed", "--sequence", "steps", "--amplitude", "60", "--period", "400", "--count", "2"];
+    for (fault, repaired, said) in [
+        ("encoder a-open", "encoder ok", "encoder"),
+        ("encoder b-open", "encoder ok", "encoder"),
+        ("encoder a-high", "encoder ok", "encoder"),
+        ("encoder b-low", "encoder ok", "encoder"),
+        ("encoder shorted", "encoder ok", "encoder"),
+        ("encoder noisy", "encoder ok", "encoder"),
+        ("encoder slipping", "encoder ok", "counts too few"),
+        ("adc dead", "adc ok", "converter silent"),
+    ] {
+        board.order(fault);
+        let done = board.run("record", &speed);
+        assert_eq!(done.status.code(), Some(1), "{fault}: {}", text(&done.stderr));
+        assert!(text(&done.stderr).contains(said), "{fault}: {}", text(&done.stderr));
+        board.motor_is_off();
+        board.order(repaired);
+        assert_eq!(board.run("connect", &["clear"]).status.code(), Some(0), "{fault}");
+    }
+    // A dip is seen where the supply is measured.
+    board.order("supply dip");
+    assert_eq!(board.run("connect", &["status"]).status.code(), Some(0));
+    assert!(text(&board.run("connect", &["status"]).stdout).contains("trip 0"));
+    assert_eq!(board.run("connect", &["set supply_divider 4"]).status.code(), Some(0));
+    board.order("supply dip");
+    let status = text(&board.run("connect", &["status"]).stdout);
+    assert!(status.contains("trip 7 supply out of range, ") && status.contains(" s ago; clear it"), "{status}");
+    assert_eq!(board.run("connect", &["clear"]).status.code(), Some(0));
+    // A sensor that shows what it has shown is no fault that anything sees at rest.
+    board.order("current frozen");
+    board.order("current ok");
+    // Nothing comes of a board that cannot send.
+    board.order("uart stuck");
+    assert_eq!(board.run("connect", &["status"]).status.code(), Some(1));
+    board.order("uart ok");
+    assert_eq!(board.run("record", &speed).status.code(), Some(0));
 }
 
 /// Without a name each recording has its own, with all that stands beside it.
@@ -358,7 +396,7 @@ fn settings_of_a_recording_are_put_back() {
     for mut command in drives {
         assert_eq!(board.run("connect", &["set current_limit 0 trip_peak 5", "clear"]).status.code(), Some(0));
         let said = text(&command.output().unwrap().stderr);
-        let remedy = format!("`motorbench connect --port {} load` takes what is saved", board.port().display());
+        let remedy = format!("`motorbench connect --port {} load` restores the saved settings", board.port().display());
         assert!(said.contains("protections are lifted: current_limit off") && said.contains(&remedy), "{said}");
     }
 }
@@ -407,8 +445,8 @@ fn a_person_at_the_console() {
     board.order("wait 2");
     // Two that would end what connect hears the board by, one to which a board says nothing, and settings as a person has them.
     writeln!(fingers, "stream text 10\nrecord steps 6\nstatus\n  \nshow trip_host\nsave").unwrap();
-    assert!(answers.next().unwrap().starts_with("stream is for other terminals"));
-    assert!(answers.next().unwrap().starts_with("record is for other terminals"));
+    assert!(answers.next().unwrap().starts_with("stream is not possible in connect"));
+    assert!(answers.next().unwrap().starts_with("record is not possible in connect"));
     assert_eq!(answers.next().unwrap(), "mode open armed 1 trip 0 none");
     assert!(answers.find(|line| line.starts_with("trip_host")).unwrap().starts_with("trip_host 0 "));
     // Until all is saved; then the drive is watched again.
@@ -1086,10 +1124,10 @@ fn a_tuning_session_without_a_person() {
 
     let (done, account) = session(&board, "a s + s");
     assert_eq!((done.status.code(), account["step_tests"].as_array().unwrap().len()), (Some(1), 1), "{account}");
-    assert!(text(&done.stderr).contains("no step: it goes by 35 rad/s already"), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("no step: the reference is 35 rad/s already"), "{}", text(&done.stderr));
 
     let done = board.run("tune", &["--reference", "0", "--keys", "a s"]);
-    assert!(text(&done.stderr).contains("no step: it goes by 0 rad/s already"), "{}", text(&done.stderr));
+    assert!(text(&done.stderr).contains("no step: the reference is 0 rad/s already"), "{}", text(&done.stderr));
 
     let (done, account) = session(&board, "tab right + down");
     for did in ["more       lqr_speed_kw 0.", "higher     reference 35 rad/s", "down       lqr_speed_kc 0."] {

@@ -1,4 +1,4 @@
-//! What can be told of a column of numbers, some of which may be missing, and what can be made of one.
+//! Statistics and conversions of a column of numbers, some of which may be missing.
 
 use super::Window;
 pub use motorbench_data::statistics::{greatest, median};
@@ -7,13 +7,13 @@ use std::ops::Range;
 /// Median of the magnitude of a standard normal.
 pub const NORMAL_MEDIAN: f64 = 0.6745;
 
-/// From the least to the greatest of what is not missing.
+/// Range of the values that are not missing.
 pub(super) fn width(values: &[f64]) -> f64 {
     let finite = || values.iter().copied().filter(|value| value.is_finite());
     finite().fold(f64::NEG_INFINITY, f64::max) - finite().fold(f64::INFINITY, f64::min)
 }
 
-/// Of what is not missing; 0 of nothing.
+/// Mean of the values that are not missing; 0 if there are none.
 pub(super) fn mean(values: &[f64]) -> f64 {
     let finite = || values.iter().filter(|value| value.is_finite());
     finite().sum::<f64>() / finite().count().max(1) as f64
@@ -27,7 +27,7 @@ pub fn spread(values: &[f64]) -> f64 {
     (finite().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()
 }
 
-/// Of what is not missing, about zero.
+/// Correlation about zero of the values that are not missing.
 pub(super) fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let sum = |of: fn(f64, f64) -> f64| -> f64 {
         a.iter().zip(b).map(|(a, b)| of(*a, *b)).filter(|product| product.is_finite()).sum()
@@ -74,7 +74,7 @@ pub(super) fn integrated(speed: &[f64], time_s: &[f64]) -> Vec<f64> {
     angle_rad
 }
 
-/// Mean speed over a window; missing where that is not whole.
+/// Mean speed over a window; missing where the window is incomplete.
 pub fn difference(angle_rad: &[f64], time_s: &[f64], window: Window) -> Vec<f64> {
     let of = |index: usize| {
         let (first, last) = window.rows(index, angle_rad.len())?;
@@ -83,7 +83,7 @@ pub fn difference(angle_rad: &[f64], time_s: &[f64], window: Window) -> Vec<f64>
     (0..angle_rad.len()).map(|index| of(index).unwrap_or(f64::NAN)).collect()
 }
 
-/// Rows that follow one another, put together.
+/// Consecutive rows, joined.
 pub fn runs(rows: impl Iterator<Item = usize>) -> Vec<Range<usize>> {
     let rows: Vec<usize> = rows.collect();
     rows.chunk_by(|row, next| row + 1 == *next).map(|run| run[0]..run[run.len() - 1] + 1).collect()

@@ -1,5 +1,5 @@
-//! Values of the rig file that a recording's own columns contradict: counts beside a speed or an angle say how many make a
-//! revolution, and a duty beside a voltage what the supply was.
+//! Values of the rig file that the recorded columns contradict. Counts beside a speed or an angle give the counts per
+//! revolution; a duty beside a voltage gives the supply.
 
 use super::columns::{greatest, held, median};
 use super::{GREATEST_DUTY, LONG_ROW, end_of_range, turns};
@@ -8,30 +8,30 @@ use motorbench_data::rig::Rig;
 use motorbench_text::terminal_text::short;
 use std::f64::consts::TAU;
 
-/// More than this is no rounding, ripple or sensor's tolerance.
+/// A larger deviation is no rounding, ripple or tolerance of a sensor.
 const OFF: f64 = 0.05;
-/// Of counts that are too few by less some may be lost.
+/// If fewer counts than expected come, up to this share may be lost counts.
 const LOST: f64 = 0.25;
-/// Both columns are compared over so long: beside that what filters and windows delay is little...
+/// Both columns are compared over this time, which is long against the delays of filters and windows...
 const BLOCK_S: f64 = 0.25;
-/// ... where they go so far at least, in counts.
+/// ... if the motion covers at least this many counts.
 const FEWEST_COUNTS: f64 = 50.0;
-/// Fewer blocks say nothing...
+/// Fewer blocks prove nothing...
 const FEWEST_BLOCKS: usize = 5;
-/// ... nor do such of which the usual one is off the middle by more than this part of what the middle is off.
+/// ... nor do blocks that scatter by more than this part of the deviation of their median.
 const AGREE: f64 = 0.25;
-/// A smaller share of the supply is much rounded.
+/// A smaller share of the supply has too large a rounding error.
 const SUBSTANTIAL_DUTY: f64 = 0.2;
-/// A supply that sags, or is raised by a motor that brakes, is off in many rows, and in this share of them it is not.
+/// A supply that sags, or is raised by a braking motor, deviates in many rows, but not in this share of them.
 const AS_IT_STANDS: f64 = 0.1;
 const FEWEST_ROWS: usize = 50;
 
-/// A value of the rig file, and what a recording says in its place.
+/// A value of the rig file, and the value that a recording gives.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Contradiction {
     /// Its key.
     pub key: &'static str,
-    /// The columns that say it.
+    /// The columns that contradict it.
     columns: String,
     recording: String,
     /// By the rig file.
@@ -41,15 +41,15 @@ pub struct Contradiction {
 }
 
 impl Contradiction {
-    /// What a person is told.
+    /// The note on it.
     pub fn note(&self) -> String {
         let Self { key, columns, recording, of_rig, of_data } = self;
         let cause = match *key {
-            COUNTS => "Is it after x4 decoding, and of the motor's shaft and not behind a gear?",
+            COUNTS => "Check x4 decoding, and that the encoder is on the motor's shaft, not behind a gear.",
             _ => "Was it measured at the bridge?",
         };
         format!(
-            "The rig file contradicts {recording}: {key} = {}, and {columns} say {}. {cause} Correct the rig file, or the column that is in another unit (`motorbench convert` with --map).",
+            "The rig file contradicts {recording}: it has {key} = {}, but {columns} give {}. {cause} Correct the rig file, or convert the column (`motorbench convert` with --map).",
             short(*of_rig),
             short(*of_data)
         )
@@ -59,7 +59,7 @@ impl Contradiction {
 const COUNTS: &str = "[encoder] counts_per_rev";
 const SUPPLY: &str = "[supply] voltage_V";
 
-/// What a recording says against a rig file.
+/// The contradictions between a recording and a rig file.
 pub fn contradictions(recording: &Recording, rig: &Rig) -> Vec<Contradiction> {
     [of_counts(recording, rig), of_supply(recording, rig)].into_iter().flatten().collect()
 }
@@ -81,7 +81,7 @@ fn of_counts(recording: &Recording, rig: &Rig) -> Option<Contradiction> {
     })
 }
 
-/// How far the shaft went since the row before, by what is recorded beside the counts; NaN where that is not known.
+/// Angle turned since the row before, by the column beside the counts; NaN where it is unknown.
 fn turned(recording: &Recording, time_s: &[f64]) -> Option<(Channel, Vec<f64>)> {
     if let Some(angle) = recording.get(Channel::Angle) {
         let angle = turns::angle_rad(time_s, angle).ok()?;
@@ -89,7 +89,7 @@ fn turned(recording: &Recording, time_s: &[f64]) -> Option<(Channel, Vec<f64>)> 
     }
     let of = |channel: Channel, unit: f64| {
         let mut speed: Vec<f64> = recording.get(channel)?.iter().map(|value| unit * value).collect();
-        // A reading that has come to its end says less than the shaft goes.
+        // A saturated reading shows less than the shaft turns.
         end_of_range::leave_out(&mut speed);
         let way = |(pair, times): (&[f64], &[f64])| 0.5 * (pair[0] + pair[1]) * (times[1] - times[0]);
         Some((channel, speed.windows(2).zip(time_s.windows(2)).map(way).collect()))
@@ -116,7 +116,7 @@ fn blocks(time_s: &[f64], counts: &[f64], turned_rad: &[f64]) -> Vec<(f64, f64)>
     found
 }
 
-/// The value that most agree on, where they agree well enough to say that it is not the other.
+/// The median, if the values agree well enough to exclude the other value.
 fn agreed(values: &[f64], other: f64) -> Option<f64> {
     let middle = median(values.iter().copied());
     let usual = median(values.iter().map(|value| (value / middle).ln().abs()));
@@ -151,8 +151,8 @@ fn of_supply(recording: &Recording, rig: &Rig) -> Option<Contradiction> {
     })
 }
 
-/// Slope of the voltage over the duty beside a constant voltage that whatever is in between takes; where one magnitude alone
-/// was played, the voltage over the duty.
+/// Slope of the voltage over the duty, beside a constant voltage drop. If only one magnitude was played, the voltage
+/// over the duty.
 fn supply_v(driven: &[(f64, f64)]) -> Option<f64> {
     if driven.len() < FEWEST_ROWS {
         return None;
@@ -185,7 +185,7 @@ mod tests {
         (7.0 * (2.0 * t_s).floor()).sin()
     }
 
-    /// What is read at each time; of the columns that are wanted.
+    /// The readings at each time, of the wanted columns.
     fn recording(columns: &[(Channel, &dyn Fn(f64) -> f64)]) -> Recording {
         let times = || (0..ROWS).map(|row| 1e-3 * row as f64);
         let mut recording = Recording::new("run.csv");

@@ -1,22 +1,22 @@
 //! Speeds timed by the edges of an encoder whose counts are recorded beside them, as this project's firmware does: at each tick
 //! with edges the angle between the last edge and the last one known before, over the time between the two.
 //!
-//! Such a reading is late by half of that time and by the age of its last edge. Slower than an edge a tick that is more than a
-//! tick; the counts say how many edges lie between, so that both are known, and what the reading is a mean of.
+//! Such a reading is late by half of that time and by the age of its last edge. Below one edge a tick the delay exceeds
+//! a tick. The counts give the number of edges in between, so the delay and the averaging time are known.
 
 use super::LONG_ROW;
 use super::edge_timing::{BetweenEdges, EdgeTiming, noise_of_ages};
 use super::speed_window::count_rad;
 
-/// A speed is timed so if this share of the times from edge to edge lead from row to row, and there are so many.
+/// A speed is timed so if this share of the times from edge to edge connect the rows, and there are at least this many.
 const LEAST_SHARE: f64 = 0.95;
 const FEWEST_TIMES: usize = 100;
-/// The last edge before a row is no older than this many times from edge to edge, as the reading says it.
+/// The last edge before a row is at most this many edge times old, by the reading.
 const OLDEST_STEPS: f64 = 3.0;
-/// What a program's quotient is off, as a share.
+/// Relative rounding error of a program's quotient.
 const QUOTIENT: f64 = 2e-4;
-/// A shaft is at rest where no edge comes for so long, and for as long as one that creeps at the second takes from edge to edge;
-/// but for this share at either end, when it comes to rest and breaks away within an edge.
+/// A shaft is at rest if no edge comes for this long, and for as long as a shaft at the second speed takes from edge to
+/// edge. This share is left out at either end, where it stops or starts within an edge.
 const STILL_S: f64 = 0.02;
 const CREEP_RAD_PER_S: f64 = 0.16;
 const STILL_ENDS: f64 = 0.25;
@@ -30,24 +30,24 @@ pub(super) struct Counted<'a> {
     interval_s: f64,
 }
 
-/// What a row with edges reads.
+/// A row with edges.
 #[derive(Clone, Copy)]
 struct News {
     row: usize,
-    /// Between which the last edge came.
+    /// The last edge came between these times.
     edge_s: [f64; 2],
-    /// Since the edge that is the last of the news before, where the reading says it.
+    /// Time since the last edge of the row before, where the reading gives it.
     length_s: Option<f64>,
-    /// By how much that may be wrong.
+    /// Error of that time.
     slack_s: f64,
 }
 
 /// A speed as means between edges.
 pub(super) struct Readings {
-    /// Speeds that say something of the motion, the others missing.
+    /// Speeds of the motion, the others missing.
     pub speed: Vec<f64>,
     pub timing: EdgeTiming,
-    /// What it makes of a speed that an edge may be anywhere between two bounds.
+    /// Standard deviation of the speed from the uncertain time of an edge.
     pub noise: f64,
 }
 
@@ -57,8 +57,8 @@ impl<'a> Counted<'a> {
         Self { counts, speed, time_s, step_rad, interval_s }
     }
 
-    /// The speed as means between edges; `is_told`: another recording says that it is. Otherwise none where the times from edge
-    /// to edge do not lead from row to row.
+    /// The speed as means between edges; `is_told`: another recording shows it. Otherwise `None`, if the times from
+    /// edge to edge do not connect the rows.
     pub(super) fn readings(&self, is_told: bool) -> Option<Readings> {
         let mut news = self.news();
         let (agreeing, all) = follow(&mut news);
@@ -72,12 +72,12 @@ impl<'a> Counted<'a> {
     /// Every row with edges, by itself.
     fn news(&self) -> Vec<News> {
         let quantum = count_rad(self.speed).unwrap_or(0.0);
-        // Where the last edge stands, in counts: half a count below one that was reached going up.
+        // Position of the last edge, in counts: half a count below one that was reached going up.
         let mut last_edge: Option<f64> = None;
         let mut news = Vec::new();
         for row in 1..self.counts.len() {
             let turned = self.counts[row] - self.counts[row - 1];
-            // A reading knows nothing of the edges before a pause.
+            // A reading does not contain the edges before a pause.
             if self.time_s[row] - self.time_s[row - 1] > LONG_ROW * self.interval_s || !turned.is_finite() {
                 last_edge = None;
                 continue;
@@ -95,7 +95,7 @@ impl<'a> Counted<'a> {
         news
     }
 
-    /// Between which the last edge before a row came, by that row alone.
+    /// Bounds of the time of the last edge before a row, by that row alone.
     fn edge_between(&self, row: usize) -> [f64; 2] {
         let oldest_s = OLDEST_STEPS * self.step_rad / self.speed[row].abs();
         [(self.time_s[row] - oldest_s).max(self.time_s[row - 1]), self.time_s[row]]
@@ -109,7 +109,7 @@ impl<'a> Counted<'a> {
         for (index, now) in news.iter().enumerate() {
             let row = now.row;
             let Some(read_s) = now.length_s else { continue };
-            // Of a long time the reading's last digit is more than both edges are uncertain by.
+            // For a long time the reading's last digit exceeds the uncertainty of both edges.
             let before = &news[index - 1];
             let is_rough = now.slack_s > before.width_s() + now.width_s();
             let length_s = if is_rough { now.middle_s() - before.middle_s() } else { read_s };
@@ -139,7 +139,7 @@ impl<'a> Counted<'a> {
     }
 }
 
-/// Narrows when each edge came by the edge before it and the time between the two; how many agree with that, and of how many.
+/// Narrows the time of each edge by the edge before it and the time between. Returns how many agree, and of how many.
 fn follow(news: &mut [News]) -> (usize, usize) {
     let (mut agreeing, mut all) = (0, 0);
     for index in 1..news.len() {
@@ -172,7 +172,7 @@ impl News {
         self.edge_s[1] - self.edge_s[0]
     }
 
-    /// To where an edge leads that is so much earlier; whether that is possible.
+    /// Bounds of an edge this much earlier; returns whether that is possible.
     fn narrow(&mut self, other_s: [f64; 2], later_s: f64, slack_s: f64) -> bool {
         let from_s = self.edge_s[0].max(other_s[0] + later_s - slack_s);
         let to_s = self.edge_s[1].min(other_s[1] + later_s + slack_s);
@@ -234,7 +234,7 @@ mod tests {
         columns
     }
 
-    /// Mean square of what a row says against the mean that it is taken for.
+    /// Mean square deviation of the recorded speed from the true mean between the edges.
     fn off(readings: &Readings, time_s: &[f64], fast: f64) -> f64 {
         let of_row = |row: usize| {
             let BetweenEdges { age_s, length_s } = readings.timing.between[row];
@@ -248,7 +248,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(16))]
-        /// Coarse or fine, fast or slow: what it says of the motion is what the shaft did.
+        /// Coarse or fine, fast or slow: it gives the true motion of the shaft.
         #[test]
         fn a_speed_beside_its_counts_is_known(counts_per_rev in 200_u32..4000, fast in 20.0_f64..200.0) {
             let step_rad = TAU / f64::from(counts_per_rev);

@@ -1,28 +1,28 @@
-//! Stops of a counter: for a while no edge is counted, as while another interrupt or a serial line holds a sketch up, though
-//! the motor turns on.
+//! Stops of a counter: for a while no edge is counted though the motor turns, for instance while another interrupt or a
+//! serial line blocks the program.
 //!
-//! When that happens is in no model of a motor. But it is seen in the counts themselves: a motor that stands goes slower
-//! before, and gathers speed after; a counter that stands has counted at full speed to the last edge, does so again from the
-//! first, and the bridge was asked for as much as before all the while. Where some are known, a stand of the same length is one
-//! as well that begins or ends faster than the shaft ever changes its speed.
+//! No model of a motor predicts such a stop, but the counts show it. A motor that stops slows down before and
+//! accelerates after. A blocked counter counts at full speed up to the last edge and again from the first, while the
+//! command stays as it was. If some stops are known, a standstill of the same length is one too, if it begins or ends
+//! more abruptly than the shaft can change its speed.
 
 use super::{DIFFERENCE_SPAN_S, Dataset, Output, Stretch};
 use std::ops::{Range, RangeInclusive};
 
-/// From so many counts lost on a stop is one, and so many on either side tell how fast the motor was.
+/// A stop loses at least this many counts, and at least as many on either side show the speed.
 const FEWEST_COUNTS: f64 = 8.0;
-/// Between equal times before a stop, or after it, a speed changes by less than this factor. A motor that brakes to a stand
-/// evenly, or leaves it so, goes three times as far in the farther of them.
+/// Between equal times before a stop, or after it, the speed changes by less than this factor. A motor that brakes
+/// evenly to a standstill, or starts from one, turns three times as far in the farther of them.
 const ABRUPT: f64 = 1.6;
 /// The command during a stop is at least this share of the one before.
 const STILL_DRIVEN: f64 = 0.7;
 
-/// Fewer may be anything that happened once.
+/// Fewer stops may be single events of any kind.
 const FEWEST: usize = 3;
 
-/// Rows over which a change of speed is looked for: one shows the quickest, three are rounded less.
+/// Rows over which a change of speed is evaluated: one row shows the fastest, three have less rounding.
 const SPANS: [usize; 2] = [1, 3];
-/// A second difference of whole counts is off by so many.
+/// Rounding error of a second difference of whole counts.
 const ROUNDED: f64 = 2.0;
 
 /// A stop.
@@ -30,14 +30,14 @@ const ROUNDED: f64 = 2.0;
 pub struct CounterStop {
     /// Rows with the same count.
     pub rows: Range<usize>,
-    /// Counts that the motor went on by, from its speed before and after.
+    /// Counts that the motor turned meanwhile, from its speed before and after.
     pub lost_counts: f64,
-    /// Standard error of that.
+    /// Standard error of the counts.
     pub error_counts: f64,
 }
 
 impl CounterStop {
-    /// The same in rows that have so many others before them.
+    /// The same stop, this many rows later.
     pub(super) fn later_by(self, others: usize) -> Self {
         Self { rows: self.rows.start + others..self.rows.end + others, ..self }
     }
@@ -49,7 +49,7 @@ impl CounterStop {
     }
 }
 
-/// The stops of a counter whose counts those are, missing ones as NaN. `drive` is what the bridge was asked for.
+/// The stops of a counter with these counts, missing ones as NaN. `drive`: the command of the bridge.
 pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
     let mut stops: Vec<CounterStop> = stands(counts).filter_map(|stand| stand.stop(drive)).collect();
     if stops.len() < FEWEST {
@@ -59,26 +59,26 @@ pub(super) fn find(counts: &[f64], drive: &[f64]) -> Vec<CounterStop> {
     stops
 }
 
-/// Beside stops that are known, others of their length: they begin or end too abruptly for the shaft, though it gathered
-/// speed, braked or turned round meanwhile.
+/// Further stops of the same length as known ones: they begin or end too abruptly for the shaft, even if it
+/// accelerated, braked or reversed meanwhile.
 fn like(known: &[CounterStop], counts: &[f64]) -> Vec<CounterStop> {
     let lengths = lengths_like(known);
     let as_long: Vec<Range<usize>> = of_one_count(counts).filter(|rows| lengths.contains(&rows.len())).collect();
     let most_per_row = greatest_change(counts, &as_long);
     let is_known = |rows: &Range<usize>| known.iter().any(|stop| stop.rows == *rows);
     let others = as_long.into_iter().filter(|rows| !is_known(rows)).filter_map(|rows| Stand::between(counts, rows));
-    // One row is within the stop in part.
+    // One row is only partly within the stop.
     others.filter(|stand| stand.fastest() > 2.0 * most_per_row + ROUNDED).map(|stand| stand.lost()).collect()
 }
 
-/// Lengths in rows that the stops there are have, to a row.
+/// Lengths in rows of the known stops, within one row.
 fn lengths_like(stops: &[CounterStop]) -> RangeInclusive<usize> {
     let lengths = stops.iter().map(|stop| stop.rows.len());
     let (shortest, longest) = (lengths.clone().min().unwrap_or(1), lengths.max().unwrap_or(0));
     shortest - 1..=longest + 1
 }
 
-/// By how much the counts of a row differ from those of the next at most, but for those rows and what adjoins them.
+/// Greatest change of the counts per row from one row to the next, except at these rows and their neighbours.
 fn greatest_change(counts: &[f64], but_for: &[Range<usize>]) -> f64 {
     let mut is_left_out = vec![false; counts.len()];
     for rows in but_for {
@@ -95,10 +95,10 @@ fn greatest_change(counts: &[f64], but_for: &[Range<usize>]) -> f64 {
     SPANS.into_iter().map(of_span).fold(0.0, f64::max)
 }
 
-/// Rows with the same count, and how fast it went right before and right after.
+/// Rows with the same count, and the speed right before and after.
 struct Stand {
     rows: Range<usize>,
-    /// From the row before to the row after: that much of the first and the last interval the counter counted.
+    /// From the row before to the row after: this part of the first and last interval was counted.
     counted: f64,
     before: Rate,
     after: Rate,
@@ -111,9 +111,9 @@ struct Rate {
     over: usize,
 }
 
-/// Rows one after the other with the same count.
+/// Consecutive rows with the same count.
 fn of_one_count(counts: &[f64]) -> impl Iterator<Item = Range<usize>> {
-    // Behind a stop counts are no whole ones.
+    // After a stop the counts are not whole.
     let is_same = |row: usize| counts.get(row).is_some_and(|count| (count - counts[row - 1]).abs() < 0.5);
     let ends = (1..=counts.len()).filter(move |row| !is_same(*row));
     ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end)).filter(|rows| rows.len() > 2)
@@ -121,7 +121,7 @@ fn of_one_count(counts: &[f64]) -> impl Iterator<Item = Range<usize>> {
 
 fn stands(counts: &[f64]) -> impl Iterator<Item = Stand> {
     of_one_count(counts).filter_map(|rows| {
-        // An angle that is read more seldom than it is written stands as long again before and after.
+        // An angle that is read less often than it is written also stands before and after.
         let longest = rows.len() / 2;
         let before = Rate::of(|over| turned_before(counts, &rows, over), longest)?;
         let after = Rate::of(|over| turned_after(counts, &rows, over), longest)?;
@@ -129,7 +129,7 @@ fn stands(counts: &[f64]) -> impl Iterator<Item = Stand> {
     })
 }
 
-/// Counts of so many rows before: in the row at the edge some are there and some are lost.
+/// Counts in the rows before: in the row at the edge some are counted and some are lost.
 fn turned_before(counts: &[f64], rows: &Range<usize>, over: usize) -> Option<f64> {
     Some(counts[rows.start.checked_sub(1)?] - counts[rows.start.checked_sub(1 + over)?])
 }
@@ -144,7 +144,7 @@ fn counted_around(counts: &[f64], rows: &Range<usize>) -> Option<f64> {
 }
 
 impl Rate {
-    /// Over at most `longest` rows, where it was hardly another over as many rows beyond.
+    /// Over at most `longest` rows, where the rate hardly differs over as many rows beyond.
     fn of(turned: impl Fn(usize) -> Option<f64>, longest: usize) -> Option<Self> {
         let over = (1..=longest).find(|by| turned(*by).is_some_and(|turned| turned.abs() >= FEWEST_COUNTS))?;
         let near = turned(over)?;
@@ -154,7 +154,7 @@ impl Rate {
 }
 
 impl Stand {
-    /// Whatever the rates are, of the rows right before and after.
+    /// From the rows right before and after, whatever the rates are.
     fn between(counts: &[f64], rows: Range<usize>) -> Option<Self> {
         const OVER: usize = 2;
         let rate = |turned: f64| Rate { per_row: turned / OVER as f64, over: OVER };
@@ -168,7 +168,7 @@ impl Stand {
         self.before.per_row.abs().max(self.after.per_row.abs())
     }
 
-    /// The motor was driven on, in the same sense.
+    /// Whether the motor was driven on, in the same direction.
     fn stop(&self, drive: &[f64]) -> Option<CounterStop> {
         let Self { before, after, .. } = *self;
         let slowest = before.per_row.abs().min(after.per_row.abs());
@@ -186,7 +186,7 @@ impl Stand {
         let rates = [self.before, self.after];
         let rounded = rates.map(|rate| 1.0 / rate.over as f64);
         let [before, after] = rates.map(|rate| rate.per_row);
-        // Any speed between the two is as likely; an edge more or less at either end.
+        // Any speed between the two is equally likely; one edge more or less at either end.
         let error_per_row = (before - after).hypot(rounded[0].hypot(rounded[1])) / 12_f64.sqrt();
         CounterStop {
             rows: self.rows.clone(),
@@ -205,14 +205,14 @@ fn mean(values: &[f64]) -> f64 {
 }
 
 impl Dataset {
-    /// How long a counter stood.
+    /// Duration of a stop.
     pub fn length_s(&self, stop: &CounterStop) -> f64 {
         self.time_s[stop.rows.end - 1] - self.time_s[stop.rows.start]
     }
 
     /// Stops that the counts themselves show.
     pub(super) fn find_counter_stops(&self) -> Vec<CounterStop> {
-        // Of a recorded angle, or of the counts a speed was made of.
+        // From a recorded angle, or from the counts behind a speed.
         if self.count_rad <= 0.0 {
             return Vec::new();
         }
@@ -228,13 +228,13 @@ impl Dataset {
         self.stretches.iter().flat_map(of_stretch).collect()
     }
 
-    /// No model says when a counter stands: rows in whose window it did are missing, and the angle goes on.
+    /// No model predicts a stop: rows whose window contains one are missing, and the angle continues.
     pub fn leave_out(&mut self, stops: Vec<CounterStop>) {
         let is_recorded = matches!(self.motion().output, Output::Speed | Output::TimedSpeed);
         for stop in stops {
             let stretch = self.stretch_of(stop.rows.start).cloned();
             let Some(Stretch { rows, interval_s, window }) = stretch else { continue };
-            // What a board made of a speed it had from elsewhere takes no longer than a difference of angles.
+            // A window that a speed from another source would have is no longer than that of an angle difference.
             let span = if is_recorded { (DIFFERENCE_SPAN_S / interval_s).ceil() as usize } else { window.span };
             let seen_from = stop.rows.start.saturating_sub(span).max(rows.start);
             self.leave_out_motion(seen_from..(stop.rows.end + span).min(rows.end));
@@ -244,7 +244,7 @@ impl Dataset {
         self.origin.counter_stops.sort_by_key(|stop| stop.rows.start);
     }
 
-    /// Rows in which nothing is counted for as long as in stops that are known, but for a row.
+    /// Rows in which nothing is counted for as long as in known stops, within one row.
     pub fn stands_as_long_as_stops(&self) -> Vec<Range<usize>> {
         if self.origin.counter_stops.is_empty() {
             return Vec::new();
@@ -267,7 +267,7 @@ impl Dataset {
         self.add_to_angle(&more);
     }
 
-    /// The angle goes on by what a stop has lost, to the end of its stretch.
+    /// Adds the lost counts of a stop to the angle, to the end of its stretch.
     fn add_to_angle(&mut self, stop: &CounterStop) {
         let Some(end) = self.stretch_of(stop.rows.start).map(|stretch| stretch.rows.end) else { return };
         for row in stop.rows.start..end {
@@ -292,14 +292,14 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    /// Counts of a motor with this time constant that is driven by `drive`, while those of `lost` are not counted.
+    /// Counts of a motor with this time constant driven by `drive`; the rows of `lost` are not counted.
     fn counts(drive: &[f64], time_constant_rows: f64, top: f64, lost: &[Range<usize>]) -> Vec<f64> {
         let (mut speed, mut angle, mut missed) = (0.0, 0.0_f64, 0.0);
         let mut counted = Vec::new();
         for (row, drive) in drive.iter().enumerate() {
             counted.push((angle - missed).floor());
             for _ in 0..10 {
-                // Dry friction of a tenth of the stall torque holds it and stops it.
+                // Dry friction of a tenth of the stall torque holds and stops it.
                 let driven = top * drive;
                 let friction =
                     if speed == 0.0 { driven.clamp(-0.1 * top, 0.1 * top) } else { 0.1 * top * f64::signum(speed) };

@@ -38,7 +38,7 @@ pub(super) fn leave_out(recordings: &mut [Dataset], resolution_a: Option<f64>) {
 /// What is said of it.
 pub(super) fn note(stands_at_a: f64) -> String {
     format!(
-        "i_A stands at {} A though the motor is driven and turns: its sensor is dead, and the current is taken for not recorded. Has the sensor its supply, does the motor's wire go through it, is its pin the one that is read, and its column the one that is called i_A?",
+        "i_A stays at {} A though the motor is driven and turns. The sensor seems dead, so i_A is not used. Check its supply, that the motor's wire goes through it, the pin, and the column.",
         short(stands_at_a)
     )
 }
@@ -98,7 +98,7 @@ mod tests {
             for toggles in [0.0, 1.0] {
                 let data = dataset(&[recording(|_, time_s| stands_at_a + toggles * unrest(time_s))]);
                 assert!(data.current().is_none(), "{stands_at_a}");
-                let said = format!("i_A stands at {} A", short(data.origin.dead_current_a.unwrap()));
+                let said = format!("i_A stays at {} A", short(data.origin.dead_current_a.unwrap()));
                 assert!(data.notes().iter().any(|note| note.starts_with(&said)), "{:?}", data.notes());
             }
         }

@@ -77,7 +77,7 @@ impl EdgeTiming {
     pub(super) fn note(&self) -> Option<String> {
         self.since_row_before.as_ref()?;
         Some(format!(
-            "The speed is timed by the edges of an encoder, {:.0} of them a revolution, and is compared as a mean between two of them where there was a new one: record the counts as well, they say more. [recording] speed_window_s = 0 in the rig file says that it is of the moment.",
+            "The speed is timed by encoder edges, {:.0} a revolution. It is compared as the mean between two edges. Record the counts as well: they contain more. If the speed is of the moment, set [recording] speed_window_s = 0 in the rig file.",
             TAU / self.step_rad
         ))
     }

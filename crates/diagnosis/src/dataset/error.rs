@@ -12,22 +12,22 @@ pub enum DatasetError {
     #[error("{0}")]
     OtherTime(String),
     /// One recording given as two.
-    #[error("{0}: the same rows as {1}, whose noise would count twice as evidence: leave one of them out")]
+    #[error("{0} has the same rows as {1}. Its noise would count twice as evidence: leave one of them out")]
     Twice(String, String),
     /// Nothing says what drove the motor.
-    #[error("{0}: neither u_V nor duty: record what the bridge was asked for")]
+    #[error("{0}: no column u_V or duty. Record the command of the bridge")]
     NoDrive(String),
     /// A duty alone has no volts.
     #[error("{0}: duty without u_V needs the supply: [supply] voltage_V in the rig file, or a column supply_V")]
     NoSupply(String),
     /// A duty of more than all.
     #[error(
-        "{0}: duty goes to {1}, and it is the share of the supply, from -1 to 1: `motorbench convert {0} NEW.csv --map duty=duty*0.01` if it is in percent, duty*0.00392157 if in 255 steps of a timer"
+        "{0}: duty reaches {1}; it must be a share of the supply from -1 to 1. If it is in percent: `motorbench convert {0} NEW.csv --map duty=duty*0.01`; if in 255 steps of a timer: duty*0.00392157"
     )]
     NoShare(String, f64),
     /// A reading that opposes what drives it.
     #[error(
-        "{name}: {column} goes against the voltage that drives it: one of them has the wrong sign; swap the channels of the encoder or the wires, or `motorbench convert {name} NEW.csv --map {column}={column}*-1`"
+        "{name}: {column} has the opposite sign of the voltage that drives it. Exchange the encoder's channels or the motor's wires, or `motorbench convert {name} NEW.csv --map {column}={column}*-1`"
     )]
     Backward {
         /// Which recording.
@@ -37,7 +37,7 @@ pub enum DatasetError {
     },
     /// A motion that is not said to go backwards.
     #[error(
-        "{name}: {column} never goes backwards though the voltage does: it has no sign; count both channels of the encoder (a single one knows no direction), or record one direction alone"
+        "{name}: the voltage reverses but {column} never becomes negative, so it has no sign. Count both channels of the encoder, or record one direction only"
     )]
     NoSign {
         /// Which recording.
@@ -58,7 +58,7 @@ pub enum DatasetError {
     Mixed(String, String),
     /// Too slow, or with times in another unit.
     #[error(
-        "{name}: {interval_s} s from sample to sample (t_s): nothing of a motor's dynamics is left; record at 100 Hz or more. Are the times in {unit}? Then `motorbench convert {name} NEW.csv --map t_s=t_s*{factor}`"
+        "{name}: rows are {interval_s} s apart (t_s), too far to show the motor's dynamics: record at 100 Hz or more. Are the times in {unit}? Then `motorbench convert {name} NEW.csv --map t_s=t_s*{factor}`"
     )]
     TooSlow {
         /// Which recording.
@@ -74,13 +74,11 @@ pub enum DatasetError {
     #[error("{0}: {1} samples without a gap are too few: record at least 2 s at 100 Hz or more")]
     TooShort(String, usize),
     /// A mean over more than there is.
-    #[error(
-        "{0}: the speed is to be a mean over {1:.3} s ([recording] speed_window_s, in seconds), and no part of the recording is longer"
-    )]
+    #[error("{0}: [recording] speed_window_s = {1:.3} s is longer than any part of the recording. Is it in seconds?")]
     LongWindow(String, f64),
     /// An angle or a counter that goes round too fast.
     #[error(
-        "{name}: {column} begins anew after {span:.4}, and from row to row ({interval_s:.4} s) it often goes nearly half of that or more: how far and which way cannot be told; record at least twice as often, or let the program count on"
+        "{name}: {column} wraps after {span:.4}, and often changes by half of that or more from row to row ({interval_s:.4} s). Direction and distance are then unknown. Record at least twice as often, or let the counter run on"
     )]
     Aliased {
         /// Which recording.
@@ -94,22 +92,22 @@ pub enum DatasetError {
     },
     /// The noise is greater than what moves.
     #[error(
-        "{0}: the recorded motion is little more than the noise of its sensor (a fit of {1:.0} %): drive faster, record the speed by edge timing, or sample the angle less often"
+        "{0}: the recorded motion is hardly above the noise of its sensor (fit {1:.0} %): drive faster, time the edges, or sample the angle less often"
     )]
     Drowned(String, f64),
     /// One operating point.
     #[error(
-        "{0}: neither command nor motion changes, and one operating point says nothing of a motor: play the sequence `identify` (20 s), or write means of several such points as a table of steady states (no t_s)"
+        "{0}: neither command nor motion changes, and one operating point cannot identify a motor. Record the sequence `identify` (20 s), or give the means of several such points as a table of steady states (no t_s)"
     )]
     Steady(String),
     /// The rotor is held, and nothing else was recorded.
     #[error(
-        "{0}: the motor is driven and its current answers, and nothing turns: the rotor is held. That shows resistance, inductance and the bridge's drop, and nothing of torque constant, inertia and friction: diagnose it together with a recording of the same rig that turns (`motorbench diagnose TURNING.csv {0}`)"
+        "{0}: the motor is driven and draws current but does not turn: the rotor is held. This shows resistance, inductance and drop only. Diagnose it together with a recording of the same rig that turns: `motorbench diagnose TURNING.csv {0}`"
     )]
     Held(String),
     /// Nothing happens in it.
     #[error(
-        "{0}: the motor is never driven, or what moves is less than the noise of its sensor: play the sequence `identify` (20 s), which reverses and stops"
+        "{0}: the motor is never driven, or its motion is below the noise of its sensor. Record the sequence `identify` (20 s), which reverses and stops"
     )]
     Quiet(String),
 }

@@ -1,22 +1,22 @@
-//! Recordings with the rotor held: driven, answered by the current, and nothing turns. What moves is known there, which
-//! leaves the winding and the bridge alone to be compared.
+//! Recordings with the rotor held: the motor is driven and draws current, but does not turn. Only the winding and the
+//! bridge are then compared.
 //!
-//! Where an encoder is unplugged nothing seems to turn either. Then a back-EMF takes the current back while a command stays
-//! what it is; with the rotor held the command of the moment says what flows.
+//! With an unplugged encoder nothing seems to turn either. Then the back-EMF reduces the current while the command is
+//! constant. With a held rotor the present command alone determines the current.
 
 use super::columns::{greatest, noise, spread};
 use super::{Dataset, DatasetError, Output, Stretch};
 use std::ops::Range;
 
-/// A motion within this many times its noise, or counts in its window, is none...
+/// A motion within this multiple of its noise, or these counts in its window, is none...
 const NOISES: f64 = 5.0;
 const COUNTS: f64 = 3.0;
-/// ... in all but this share of the rows in which the motor is driven: what holds a rotor gives way a little with each step.
+/// ... except in this share of the driven rows: a clamp yields a little with each step.
 const GIVES_WAY: f64 = 0.01;
-/// Driven is by this share of the greatest voltage.
+/// A row is driven from this share of the greatest voltage on.
 const DRIVEN: f64 = 0.3;
-/// Of the current's variance the command of the moment explains this share without a back-EMF: its mean in so many parts of the
-/// voltages, in rows whose command has been the same for so long that the winding has settled.
+/// Without a back-EMF the present command explains this share of the current's variance. It is computed as the mean in
+/// this many parts of the voltage range, in rows in which the winding has settled.
 const ANSWERS: f64 = 0.9;
 const PARTS: usize = 32;
 const SETTLED_S: f64 = 0.01;
@@ -42,7 +42,8 @@ impl Dataset {
         self.origin.held_rotor.iter().any(|held| held.rows.contains(&stretch.rows.start))
     }
 
-    /// Takes a recording in which nothing turns, though the current says that the motor is driven, for one with the rotor held.
+    /// Treats a recording as one with the rotor held, if nothing turns though the current shows that the motor is
+    /// driven.
     pub(super) fn recognise_held_rotor(&mut self, name: &str) {
         if !self.answers_without_motion() {
             return;
@@ -52,7 +53,7 @@ impl Dataset {
         self.origin.held_rotor.push(HeldRotor { name: name.into(), rows: 0..self.len() });
     }
 
-    /// A rotor that is held in all recordings says nothing of the motion.
+    /// If the rotor is held in all recordings, the motion is unknown.
     pub(super) fn check_that_it_turns(&self, name: &str) -> Result<(), DatasetError> {
         match self.stretches.iter().all(|stretch| self.is_held(stretch)) && !self.stretches.is_empty() {
             true => Err(DatasetError::Held(name.into())),
@@ -82,7 +83,7 @@ impl Dataset {
             && self.share_of_the_command(&current.values) > ANSWERS
     }
 
-    /// Share of what a reading varies by that the command of the moment explains.
+    /// Share of a reading's variance that the present command explains.
     fn share_of_the_command(&self, reading: &[f64]) -> f64 {
         let most_v = greatest(&self.voltage_v);
         let part = |row: usize| ((self.voltage_v[row] / most_v + 1.0) * 0.5 * (PARTS - 1) as f64).round() as usize;
@@ -102,11 +103,11 @@ impl Dataset {
     }
 }
 
-/// What is said of them.
+/// The note on them.
 pub(super) fn note(held: &[HeldRotor]) -> String {
     let names: Vec<&str> = held.iter().map(|held| &*held.name).collect();
     format!(
-        "Nothing turns in {} though the motor is driven and its current answers: the rotor is taken for held there, and the current alone is compared.",
+        "In {} the motor is driven and draws current, but does not turn. The rotor is assumed to be held, and only the current is compared.",
         names.join(", ")
     )
 }
@@ -120,8 +121,8 @@ mod tests {
 
     const RESISTANCE_OHM: f64 = 2.0;
 
-    /// Levels that change every 50 ms through a winding without inductance; the shaft turns by this share of what it would, and
-    /// by this share of that its sensor.
+    /// Levels that change every 50 ms, through a winding without inductance. The shaft turns by this share of its free
+    /// motion, and its sensor shows this share of that.
     fn recording(name: &str, column: &str, [turns, seen]: [f64; 2], unrest: f64) -> Recording {
         let mut text = format!("t_s,u_V,i_A,{column}\n");
         let (mut angle_rad, mut speed) = (0.0, 0.0);
@@ -152,7 +153,7 @@ mod tests {
             let held: Vec<bool> = data.stretches.iter().map(|stretch| data.is_held(stretch)).collect();
             assert_eq!(held, [false, true], "{column} {unrest}");
             let notes = data.notes();
-            assert!(notes.iter().any(|note| note.starts_with("Nothing turns in held.csv though")), "{notes:?}");
+            assert!(notes.iter().any(|note| note.starts_with("In held.csv the motor is driven")), "{notes:?}");
             let alone = dataset(&recordings[1..]).unwrap_err().to_string();
             assert!(
                 alone.starts_with("held.csv: ") && alone.contains("a recording of the same rig that turns"),
@@ -172,7 +173,7 @@ mod tests {
         }
     }
 
-    /// A position loop drives hard to start from rest, and leaves the way to a voltage of which friction takes most.
+    /// A position loop drives hard to start from rest. Then it continues with a voltage of which friction takes most.
     #[test]
     fn a_rotor_that_is_driven_hard_only_to_start_is_not_held() {
         let mut text = String::from("t_s,u_V,i_A,counts\n");

@@ -1,19 +1,18 @@
-//! What no shaft does, and a recording says now and then: go one way whatever the voltage, or be three times as fast for a
-//! single row.
+//! Readings that no shaft can produce: one direction whatever the voltage, or three times the speed for a single row.
 
 use super::columns::{correlation, greatest, mean};
 
-/// Substantial is this share of the greatest.
+/// A value is substantial from this share of the greatest on.
 const SUBSTANTIAL: f64 = 0.1;
-/// Both ways means so in this share of the rows.
+/// A direction counts if this share of the rows has it.
 const OFTEN: f64 = 0.05;
-/// A speed without a sign follows the magnitude of the voltage by more than this.
+/// A speed without a sign correlates with the magnitude of the voltage by more than this.
 const FOLLOWS: f64 = 0.5;
-/// A single row is no speed if it is this many times as fast as all but a hundredth.
+/// A single row is impossible if it is this many times as fast as all but a hundredth of the rows.
 const IMPOSSIBLE: f64 = 3.0;
 const ALL_BUT: f64 = 0.01;
 
-/// Whether a motion never goes backwards though its drive does.
+/// Whether a motion never reverses though its drive does.
 pub(super) fn has_no_sign(drive: &[f64], motion: &[f64]) -> bool {
     let magnitude: Vec<f64> = drive.iter().map(|volts| volts.abs()).collect();
     let follows = || correlation(&about_mean(&magnitude), &about_mean(motion)) > FOLLOWS;
@@ -22,7 +21,7 @@ pub(super) fn has_no_sign(drive: &[f64], motion: &[f64]) -> bool {
     goes(drive, 1.0) && goes(drive, -1.0) && goes(motion, 1.0) && !goes_back && follows()
 }
 
-/// Whether values are substantial in one sense in many rows.
+/// Whether many rows have substantial values of this sign.
 fn goes(values: &[f64], sense: f64) -> bool {
     let least = SUBSTANTIAL * greatest(values);
     values.iter().filter(|value| sense * **value > least).count() as f64 > OFTEN * values.len() as f64
@@ -33,7 +32,7 @@ pub(super) fn about_mean(values: &[f64]) -> Vec<f64> {
     values.iter().map(|value| value - mean).collect()
 }
 
-/// Takes out single rows of a speed that no shaft can have had, as garbled lines make them; how many there were.
+/// Removes single rows with a speed that no shaft can have, as from garbled lines. Returns their number.
 pub(super) fn take_out_impossible(speed: &mut [f64]) -> usize {
     let mut moving: Vec<f64> = speed.iter().map(|value| value.abs()).filter(|value| *value > 0.0).collect();
     moving.sort_unstable_by(f64::total_cmp);
@@ -61,10 +60,10 @@ mod tests {
         let magnitude: Vec<f64> = speed.iter().map(|speed| speed.abs()).collect();
         assert!(has_no_sign(&drive, &magnitude));
         assert!(!has_no_sign(&drive, &speed));
-        // One that has nothing to do with the voltage is another mistake.
+        // A speed without any relation to the voltage is another mistake.
         let apart: Vec<f64> = (0..drive.len()).map(|row| (row % 7) as f64).collect();
         assert!(!has_no_sign(&drive, &apart));
-        // Driven in one direction alone it needs none.
+        // Driven in one direction alone it needs no sign.
         let forwards: Vec<f64> = drive.iter().map(|volts| volts.abs()).collect();
         assert!(!has_no_sign(&forwards, &magnitude));
     }
@@ -85,7 +84,7 @@ mod tests {
                 .enumerate()
                 .all(|(row, (left, whole))| { if rows.contains(&row) { left.is_nan() } else { left == whole } })
         );
-        // A short rest of a long stand is no garble.
+        // A short motion after a long standstill is not garbled.
         let mut started = [vec![0.0; 1000], vec![50.0; 5]].concat();
         assert_eq!(take_out_impossible(&mut started), 0);
     }

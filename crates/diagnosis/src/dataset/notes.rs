@@ -1,4 +1,4 @@
-//! What is said of how the recordings were made, where the rig file does not say it.
+//! Notes on how the recordings were made, where the rig file does not say it.
 
 use super::{
     Contradiction, Dataset, EdgeTiming, EndOfRange, Output, PWM_HZ, SHORTEST_S, Stretch, dead_current, held_rotor,
@@ -7,17 +7,17 @@ use super::{
 use motorbench_data::recording::Channel;
 use motorbench_text::terminal_text::short;
 
-/// Said of commands that changed between rows.
-const BETWEEN_ROWS: &str = "The commands changed between rows, and the rows do not say when: the moments of these changes were found in the readings, in the data kept back as well, and the intervals do not know what they leave open. Write a row for each command; [recording] command_delay_s = 0 in the rig file takes them as they stand.";
+/// Note on commands that changed between rows.
+const BETWEEN_ROWS: &str = "The commands changed between rows. The times of these changes were estimated from the readings, also in the held-out data. The intervals do not contain that uncertainty. Write a row for each command. [recording] command_delay_s = 0 in the rig file takes the rows as they are.";
 
-/// Said of an angle that only a tachogenerator tells.
-const BY_RIPPLE: &str = "Where on the revolution the shaft is, the ripple of the speed says, in the data kept back as well: the speed's integral loses it. An encoder would say it.";
+/// Note on an angle that was estimated from a tachogenerator.
+const BY_RIPPLE: &str = "The angle of the shaft was estimated from the ripple of the speed, also in the held-out data. The integral of the speed is too noisy for it. An encoder would measure it.";
 
-/// Said of a speed that is no more than taken for that.
-const OVER_ITS_ROW: &str = "The speed is taken for a mean since the row before, which explains it as well as a delay would: [recording] speed_window_s in the rig file says what it is (0: of the moment).";
+/// Note on a speed that is assumed to be a mean.
+const OVER_ITS_ROW: &str = "The speed is compared as a mean since the row before; a delay would explain it as well. Set [recording] speed_window_s in the rig file to say which it is (0: of the moment).";
 
 impl Dataset {
-    /// What was found of how the recordings were made, where the rig file does not say it.
+    /// Notes on what was found about the recordings and is not in the rig file.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.origin.contradictions.iter().map(Contradiction::note).collect();
         notes.extend(self.origin.empty.iter().map(|channel| without_a_number(*channel)));
@@ -43,49 +43,49 @@ impl Dataset {
         notes.extend(self.origin.edge_timing.as_ref().and_then(EdgeTiming::note));
         if let Some(first) = self.origin.counter_stops.first() {
             notes.push(format!(
-                "In {} places the counter stood while the motor was driven on (the first at {:.3} s, for {:.3} s): those rows are not compared. What holds the program up there, an interrupt or a serial line?",
+                "The counter stood still in {} places while the motor was driven (first at {:.3} s, for {:.3} s). Those rows are not compared. Find what blocks the program there: an interrupt, or the serial line?",
                 self.origin.counter_stops.len(), self.time_s[first.rows.start], self.length_s(first)
             ));
         }
         if let Some(EndOfRange { value, rows }) = self.origin.end_of_range {
             notes.push(format!(
-                "{} runs against {} rad/s and stands there, in {:.0} % of the rows: the range of its sensor ends there. Those rows are not compared. Record slower, or with a sensor of more range.",
+                "{} stays at {} rad/s in {:.0} % of the rows: the end of its sensor's range. Those rows are not compared. Record at lower speed, or with a sensor of a wider range.",
                 self.motion().output.channel(), short(value), 100.0 * rows as f64 / self.len() as f64
             ));
         }
         if self.origin.impossible > 0 {
             notes.push(format!(
-                "{} rows are left out, each of a speed that no shaft can have had for one row alone: were lines garbled?",
+                "{} rows are left out: each has a speed that no shaft can have for a single row. Lines may be garbled.",
                 self.origin.impossible
             ));
         }
         if self.origin.without_time > 0 {
             notes.push(format!(
-                "{} rows are left out, whose t_s is no number: were lines garbled?",
+                "{} rows are left out because their t_s is no number. Lines may be garbled.",
                 self.origin.without_time
             ));
         }
         if self.span_s() < SHORTEST_S {
             notes.push(format!(
-                "{:.1} s are little to tell causes apart: play the sequence `identify` (20 s), which shows most of them.",
+                "{:.1} s are short to tell causes apart. Record the sequence `identify` (20 s).",
                 self.span_s()
             ));
         }
         if self.origin.lost_share > 0.0 {
             notes.push(format!(
-                "{:.1} % of all counts are taken for lost, by their scatter, and speeds and angles for as much greater: every constant here is one of the motor with that.",
+                "The scatter of the counts shows that {:.1} % of them are lost. Speeds and angles are corrected for that, and so are all constants.",
                 100.0 * self.origin.lost_share
             ));
         }
         if self.origin.timing.current_window_s.is_none() && self.origin.current_window_s > 0.0 {
             notes.push(format!(
-                "The current is taken for a mean over the {:.4} s before its row, which explains it as well as a lag or more inductance would: [recording] current_window_s in the rig file says what it is.",
+                "The current is compared as a mean over the {:.4} s before its row; a lag or more inductance would explain it as well. Set [recording] current_window_s in the rig file to say which it is.",
                 self.origin.current_window_s
             ));
         }
         if !self.origin.pwm_is_known && self.origin.pwm_hz != PWM_HZ {
             notes.push(format!(
-                "The PWM is taken for one of {:.0} Hz: the model explains more with it, or as much by an inductance nearer to the nominal one. It may stand for something else in the current. [bridge] pwm_Hz in the rig file says what it is.",
+                "A PWM of {:.0} Hz is assumed: the model fits better with it, or its inductance is nearer to the nominal one. Something else in the current may cause that. Set [bridge] pwm_Hz in the rig file to the true frequency.",
                 self.origin.pwm_hz
             ));
         }
@@ -94,5 +94,5 @@ impl Dataset {
 }
 
 fn without_a_number(channel: Channel) -> String {
-    format!("{} has no number in any row, and is taken for not recorded.", channel.column())
+    format!("{} has no number in any row and is not used.", channel.column())
 }

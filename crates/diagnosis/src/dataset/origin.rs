@@ -1,62 +1,62 @@
-//! How recordings came to be, by the rig file or by what they show themselves.
+//! How recordings were made, from the rig file or from the recordings themselves.
 
 use super::{Contradiction, CounterStop, EdgeTiming, EndOfRange, HeldRotor, PWM_HZ, contradictions};
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig, Timing};
 
-/// See the module. Of several recordings of one rig: what the rig file says of all of them, and what each adds.
+/// How recordings were made. For several recordings of one rig: what the rig file says of all, and what each adds.
 #[derive(Clone, Debug, Default)]
 pub struct Origin {
     /// PWM frequency.
     pub pwm_hz: f64,
-    /// Whether that is known, and not to be found.
+    /// Whether it is known; otherwise it is estimated.
     pub pwm_is_known: bool,
     /// How it was recorded.
     pub timing: Timing,
-    /// A drop of the bridge that they do not show; every model is simulated behind it.
+    /// An assumed drop of the bridge that the recordings do not show; every model is simulated behind it.
     pub hidden_drop_v: f64,
-    /// Over how long before its row each current is a mean; 0: it is that of the moment.
+    /// Averaging time of the current before each row; 0: an instantaneous value.
     pub current_window_s: f64,
-    /// Whether each row had the command that had acted before it was read; the commands here have been moved.
+    /// Whether each row was written after its command had acted; the commands here have been moved.
     pub written_after: bool,
     /// Whether an encoder counts the motion.
     pub is_counted: bool,
-    /// Where its counter stood though the motor turned...
+    /// Stops of the counter...
     pub counter_stops: Vec<CounterStop>,
-    /// ... and the rows of the motion that are missing for that, as they were read.
+    /// ... and the motion as read in the rows that are missing because of them.
     pub read_in_stops: Vec<(usize, f64)>,
-    /// Rows left out for a speed that no shaft can have had.
+    /// Number of rows left out because no shaft can have their speed.
     pub impossible: usize,
-    /// Rows left out for want of a time.
+    /// Number of rows left out because their time is missing.
     pub without_time: usize,
-    /// Where the range of a sensor of the speed ended before the motor's speed did.
+    /// The end of a speed sensor's range, if the motor exceeded it.
     pub end_of_range: Option<EndOfRange>,
-    /// Share of all counts that is taken for lost; angles and speeds are those with it.
+    /// Share of all counts that is assumed to be lost; angles and speeds here include it.
     pub lost_share: f64,
-    /// What of the rig file they contradict, each value once.
+    /// Values of the rig file that they contradict, each once.
     pub contradictions: Vec<Contradiction>,
     /// Columns in which there is no number.
     pub empty: Vec<Channel>,
     /// Recordings with the rotor held.
     pub held_rotor: Vec<HeldRotor>,
-    /// At what the reading of a current sensor that is dead stands.
+    /// Constant reading of a dead current sensor.
     pub dead_current_a: Option<f64>,
-    /// Whether the rig file says where in its window a mean speed stands.
+    /// Whether the rig file gives the position of a mean speed in its window.
     pub window_end_is_known: bool,
-    /// Whether a speed is no more than taken for a mean since the row before.
+    /// Whether a speed is assumed to be a mean since the row before.
     pub taken_over_its_row: bool,
-    /// Whether the angle was found by the ripple of the speed.
+    /// Whether the angle was estimated from the ripple of the speed.
     pub angle_by_ripple: bool,
     /// How a speed was timed by edges.
     pub edge_timing: Option<EdgeTiming>,
 }
 
 impl Origin {
-    /// What a rig file says, and nothing found yet.
+    /// From a rig file, before anything is found.
     pub(super) fn of(recording: &Recording, rig: &Rig) -> Self {
         Self {
             pwm_hz: rig.bridge.pwm_hz.unwrap_or(PWM_HZ),
-            // Who knows where in its period the current is sampled has this project's firmware, or says so.
+            // A known sampling time of the current means this project's firmware, or a rig file that gives it.
             pwm_is_known: rig.bridge.pwm_hz.is_some() || rig.recording.current_sampled_at.is_some(),
             timing: rig.recording,
             current_window_s: match rig.recording.readings {
@@ -72,7 +72,7 @@ impl Origin {
         }
     }
 
-    /// With what another recording shows, which begins after so many rows.
+    /// Adds another recording, which begins after this many rows.
     pub(super) fn append(&mut self, other: Self, before: usize) {
         self.counter_stops.extend(other.counter_stops.into_iter().map(|stop| stop.later_by(before)));
         self.read_in_stops.extend(other.read_in_stops.into_iter().map(|(row, read)| (row + before, read)));

@@ -1,10 +1,10 @@
-//! The same recordings taken otherwise: in another scale, another reading of what the rig file leaves open.
+//! The same recordings with another interpretation: another scale, or another choice of what the rig file leaves open.
 
-use super::{Dataset, KEPT_BACK, KEPT_BACK_EVERY, Output, Stretch, Window, row_order};
+use super::{Dataset, HELD_OUT, HELD_OUT_EVERY, Output, Stretch, Window, row_order};
 use motorbench_data::rig::Readings;
 
 impl Dataset {
-    /// The same with each command in the row in which it was written; none where the rig file says when a command acts.
+    /// With each command in the row in which it was written; `None` if the rig file says when a command acts.
     pub fn with_commands_as_written(&self) -> Option<Self> {
         if self.origin.timing.command_delay_s.is_some() {
             return None;
@@ -16,7 +16,7 @@ impl Dataset {
         Some(other)
     }
 
-    /// The same with commands that changed in the middle before these rows.
+    /// With commands that changed in the middle before these rows.
     pub fn with_commands_between(&self, rows: &[usize]) -> Self {
         let mut other = self.clone();
         other.earlier_s = vec![0.0; self.len()];
@@ -26,14 +26,14 @@ impl Dataset {
         other
     }
 
-    /// The same with what had been counted without losses.
+    /// With the counts as they would be without losses.
     pub fn with_counts_lost(&self, lost_share: f64) -> Self {
         let mut other = self.with_motion_times(1.0 / (1.0 - lost_share));
         other.origin.lost_share = lost_share;
         other
     }
 
-    /// The same with every angle and speed so many times as great.
+    /// With every angle and speed multiplied.
     pub fn with_motion_times(&self, factor: f64) -> Self {
         let mut all = self.clone();
         all.count_rad *= factor;
@@ -44,7 +44,7 @@ impl Dataset {
         all
     }
 
-    /// The same with every current so many times as great.
+    /// With every current multiplied.
     pub fn with_current_times(&self, factor: f64) -> Self {
         let mut all = self.clone();
         let currents = all.measured.iter_mut().filter(|measured| measured.output == Output::Current);
@@ -52,14 +52,14 @@ impl Dataset {
         all
     }
 
-    /// The same behind a bridge with a drop that they do not show.
+    /// Behind a bridge with a drop that the recordings do not show.
     pub fn behind_a_drop(&self, drop_v: f64) -> Self {
         let mut all = self.clone();
         all.origin.hidden_drop_v = drop_v;
         all
     }
 
-    /// The same with every voltage so many times as great.
+    /// With every voltage multiplied.
     pub fn with_voltage_times(&self, factor: f64) -> Self {
         let mut all = self.clone();
         all.voltage_v.iter_mut().chain(&mut all.supply_v).for_each(|voltage| *voltage *= factor);
@@ -67,7 +67,7 @@ impl Dataset {
         all
     }
 
-    /// The same with the row in the middle of a mean speed's window and not at its end, where neither the columns nor the rig
+    /// With the row in the middle of a mean speed's window instead of at its end, where neither the columns nor the rig
     /// file say which.
     pub fn with_window_centred(&self) -> Option<Self> {
         if self.motion().output != Output::MeanSpeed || self.origin.window_end_is_known {
@@ -81,7 +81,7 @@ impl Dataset {
         Some(other)
     }
 
-    /// The same with the speed timed the other way, or as a mean since the row before, where nothing says what it is.
+    /// With the speed timed in the other way, or as a mean since the row before, where nothing says what it is.
     pub fn with_other_speed_reading(&self) -> Option<Self> {
         if self.origin.timing.readings == Readings::Mean || self.origin.timing.speed_window_s.is_some() {
             return None;
@@ -100,15 +100,15 @@ impl Dataset {
         self.measured[index].output = Output::MeanSpeed;
         self.stretches.iter_mut().for_each(|stretch| stretch.window = Window::up_to_now(1));
         (self.origin.window_end_is_known, self.origin.taken_over_its_row) = (true, true);
-        // Of a recorded angle there is nothing to be made.
+        // A recorded angle leaves no choice.
         if self.count_rad <= 0.0 {
             self.integrate_mean_speed();
         }
     }
 
-    /// The same data with each of the other parts kept back in turn.
-    pub fn with_others_kept_back(&self) -> impl Iterator<Item = Self> {
-        (0..KEPT_BACK_EVERY).filter(|part| *part != KEPT_BACK).map(|part| {
+    /// The same data with each of the other parts held out in turn.
+    pub fn with_others_held_out(&self) -> impl Iterator<Item = Self> {
+        (0..HELD_OUT_EVERY).filter(|part| *part != HELD_OUT).map(|part| {
             let mut other = self.clone();
             other.keep_back(part);
             other

@@ -1,4 +1,4 @@
-//! Recordings into a data set: what drove the motor, what moved, and over what each reading is a mean.
+//! Converts recordings into a data set: the command, the motion, and the averaging window of each reading.
 
 use super::columns::{correlation, greatest, held, integrated, median};
 use super::counted_edges::Counted;
@@ -16,24 +16,25 @@ use std::ops::Range;
 
 /// A pause of this many intervals begins a new stretch...
 const GAP_INTERVALS: f64 = 10.0;
-/// ... unless it is no longer than this and the command after it is the one before: then that was held.
+/// ... unless it is at most this long and the command after it is the one before: then the command was held.
 const LONGEST_HELD_S: f64 = 1.0;
-/// A command missing for longer than this means that the bridge was off.
+/// If a command is missing for longer than this, the bridge was off.
 const OPEN_BRIDGE_S: f64 = 0.02;
-/// A motion that goes against its drive to this correlation is no motor's: that takes energy from what drives it.
+/// A motion with this correlation against its drive is impossible: a motor takes energy from its drive.
 const BACKWARD: f64 = -0.2;
 
-/// What one recording tells of how the speeds of all are made.
+/// What one recording shows about how all speeds were made.
 #[derive(Clone, Copy)]
 enum SpeedReading {
-    /// A difference of counts over so long.
+    /// A difference of counts over this window.
     Mean { window_s: f64 },
-    /// Timed by edges that are so far from each other.
+    /// Timed by edges at this distance.
     Timed { step_rad: f64 },
 }
 
 impl Dataset {
-    /// Recordings one by one. How a speed was made in some, it was made in all of them: too little may move in the others.
+    /// Reads the recordings one by one. The way in which a speed was made is the same in all: in some of them too
+    /// little may move to show it.
     pub(super) fn each(recordings: &[Recording], rig: &Rig) -> Result<Vec<Self>, DatasetError> {
         let of = |recording| Self::of(recording, rig, None);
         let mut each = recordings.iter().map(of).collect::<Result<Vec<_>, _>>()?;
@@ -97,7 +98,7 @@ impl Dataset {
         self.supply_v = match (recording.get(Channel::Supply), nominal_v, voltage) {
             (Some(measured), _, _) => held(measured),
             (None, Some(volts), _) => vec![volts; command.len()],
-            // The greatest voltage is at most the supply; it only sets the scale of the duty.
+            // The greatest voltage is at most the supply; it only scales the duty.
             (None, None, Some(voltage)) => vec![greatest(voltage).max(1e-3); command.len()],
             (None, None, None) => return Err(DatasetError::NoSupply(recording.name.clone())),
         };
@@ -160,7 +161,7 @@ impl Dataset {
             self.count_rad = speed_window::count_rad(angle).unwrap_or(0.0);
         }
         Ok(match (speed, angle) {
-            // Then the angle says more.
+            // Then the angle contains more.
             (Some(speed), Some(angle)) if speed_window::is_made_of(&speed, &angle, self.interval_s) => {
                 self.add_difference(&angle, time_s)
             }
@@ -176,7 +177,7 @@ impl Dataset {
         window
     }
 
-    /// A speed, and over which window it was taken where it is a difference of counts.
+    /// Adds a speed, with the window over which it was taken if it is a difference of counts.
     fn add_speed(
         &mut self,
         mut speed: Vec<f64>,
@@ -209,7 +210,7 @@ impl Dataset {
         Window { span, ahead: ahead.unwrap_or(0).min(span) }
     }
 
-    /// A speed of this project's firmware, if the counts beside it lead from edge to edge; whether it is one.
+    /// Adds a speed of this project's firmware, if the counts beside it connect edge to edge. Returns whether it did.
     fn add_counted_speed(
         &mut self,
         speed: &[f64],
@@ -229,10 +230,10 @@ impl Dataset {
         true
     }
 
-    /// A speed that is timed by edges, or one of the moment.
+    /// Adds a speed that is timed by edges, or an instantaneous one.
     fn add_timed_speed(&mut self, speed: Vec<f64>, time_s: &[f64], rig: &Rig, told: Option<SpeedReading>) {
         let timed = match told {
-            // The firmware says what its readings are.
+            // The firmware documents its readings.
             _ if rig.recording.readings == Readings::Mean => None,
             Some(SpeedReading::Timed { step_rad }) => Some(Timed::new(&speed, time_s, step_rad)),
             _ => Timed::recognised(&speed, time_s, rig.encoder.counts_per_rev),
@@ -252,7 +253,7 @@ impl Dataset {
         }
     }
 
-    /// What polls an encoder at its fastest stands as well, and has a law; that is a speed of counts.
+    /// A sensor that is polled too slowly saturates as well, but regularly: that is a speed of counts.
     fn add_speed_of_the_moment(&mut self, mut speed: Vec<f64>) {
         self.origin.end_of_range = end_of_range::leave_out(&mut speed);
         self.add(Output::Speed, speed);
@@ -282,9 +283,9 @@ impl Dataset {
         Ok(())
     }
 
-    /// What a motor that nothing else drives never does: give energy back all the time.
+    /// What a motor without an external drive never does: return energy all the time.
     pub(super) fn check_signs(&self, name: &str, recorded: &[Channel]) -> Result<(), DatasetError> {
-        // In a short piece it may just be turning round.
+        // In a short piece it may just be reversing.
         if self.load_nm.iter().any(|load| *load != 0.0) || self.span_s() < SHORTEST_S {
             return Ok(());
         }

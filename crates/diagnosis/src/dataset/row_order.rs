@@ -1,41 +1,41 @@
-//! Which command stands beside a reading: the one that follows it, or the one that came before.
+//! Which command stands beside a reading: the one that follows it, or the one that acted before.
 //!
-//! A program that reads its sensors, computes a command and writes both has the reading first and the command after it; that
-//! is what [`Dataset`] holds. A program that sets a voltage, waits, reads and writes has the command that *has* acted in each
-//! row. Everything then seems to move a row before it is driven, which no constant of a motor explains. The impulse response
-//! tells: nothing answers a command that has not been given.
+//! A program may read its sensors, compute a command and write both. Then the reading comes first, as [`Dataset`]
+//! assumes. Another sets a voltage, waits, reads and writes: each row then has the command that *has* acted. The motion
+//! seems to begin a row before its command, which no constant of a motor explains. The impulse response shows it: no
+//! reading responds to a command that has not been given.
 
 use super::{Dataset, Output, Stretch};
 use nalgebra::{DMatrix, DVector};
 
-/// What is said of such a recording.
-pub const WRITTEN_AFTER: &str = "The motor answers each command in the row in which it stands: these rows were written after their command had acted, and the commands were moved to the row before. [recording] command_delay_s = 0 in the rig file takes them as they stand.";
+/// Note on such a recording.
+pub const WRITTEN_AFTER: &str = "Each row was written after its command had acted, so the commands were moved one row earlier. [recording] command_delay_s = 0 in the rig file takes the rows as they are.";
 
-/// Rows after its change in which a command's answer is looked for; later ones are a matter of the levels.
+/// Rows after a change of the command in which its response is evaluated; later ones depend on the levels.
 const ROWS: usize = 12;
-/// The answer in the command's own row counts from this many standard errors on...
+/// The response in the command's own row counts from this many standard errors on...
 const LEAST_SIGMAS: f64 = 8.0;
-/// ... if it is this share of the greatest in any row: a feedback of the readings themselves is far smaller, and so is what
-/// a winding answers before a sensor that is read a little after the command. A motion begins slowly.
+/// ... if it is this share of the greatest in any row. A feedback of the readings is far smaller, and so is the
+/// response of a winding before a sensor that is read shortly after the command. A motion begins slowly.
 const LEAST_SHARE_OF_CURRENT: f64 = 0.2;
 const LEAST_SHARE_OF_MOTION: f64 = 0.08;
 /// Rows for each coefficient, at least.
 const ROWS_PER_COEFFICIENT: usize = 10;
 
-/// Coefficients: changes of the command a row ahead, in the row itself and in those before; levels a row before of reading,
-/// motion and command, and a constant.
+/// Coefficients: changes of the command a row ahead, in the row itself and in those before; levels of reading, motion
+/// and command a row before; a constant.
 const AHEAD: usize = 0;
 const OWN: usize = 1;
 const LAST_CHANGE: usize = OWN + ROWS;
 const LEVELS: usize = 4;
 const COEFFICIENTS: usize = LAST_CHANGE + 1 + LEVELS;
 
-/// Whether the command in a row had acted before the row was read.
+/// Whether the command of a row had acted before the row was read.
 pub(super) fn is_written_after(data: &Dataset) -> bool {
     let Some(answers) = Answers::of(data) else { return false };
     let (own, own_error) = answers.coefficient(OWN);
     let (ahead, _) = answers.coefficient(AHEAD);
-    // The level of a row holds the change that led to it.
+    // The level of a row contains the change that led to it.
     let (level, _) = answers.coefficient(COEFFICIENTS - 1);
     let later = (OWN + 1..=LAST_CHANGE).map(|row| answers.coefficient(row).0 + level);
     let greatest = later.fold(own.max(ahead), f64::max);
@@ -43,12 +43,12 @@ pub(super) fn is_written_after(data: &Dataset) -> bool {
     own > LEAST_SIGMAS * own_error && own > least_share * greatest && own > 2.0 * ahead.abs()
 }
 
-/// Which row commands are moved to.
+/// The direction in which commands are moved.
 #[derive(Clone, Copy)]
 pub(super) enum Towards {
-    /// The one that was read before they acted; the last keeps its own as well.
+    /// To the row that was read before they acted; the last row also keeps its own.
     Before,
-    /// Back from there; the first keeps what it has.
+    /// Back from there; the first row keeps what it has.
     After,
 }
 
@@ -68,26 +68,26 @@ fn moved<T: Copy>(values: &mut [T], towards: Towards) {
     }
 }
 
-/// How a reading changes after a change of the command: least squares, with errors that hold where the scatter is not the
-/// same everywhere (White, Econometrica 48 (1980)).
+/// Response of a reading to a change of the command: least squares, with standard errors that hold for uneven scatter
+/// (White, Econometrica 48 (1980)).
 struct Answers {
     values: DVector<f64>,
     covariance: DMatrix<f64>,
 }
 
 impl Answers {
-    /// Of the current, which answers first, or of the motion; `None` where neither tells.
+    /// The response of the current, which responds first, or of the motion; `None` if neither shows one.
     fn of(data: &Dataset) -> Option<Self> {
         let motion = data.motion();
         let longest = data.stretches.iter().map(|stretch| stretch.window.span).max().unwrap_or(0);
         let reading = match (data.current(), motion.output) {
             (Some(current), _) => current,
-            // A difference over several rows blurs what is looked for.
+            // A difference over several rows would blur the response.
             (None, Output::AngleDifference) if longest > 1 => return None,
             (None, Output::MeanSpeed) => return None,
             (None, _) => motion,
         };
-        // A window may reach ahead, and what is yet to come would answer every command before it is given.
+        // A window may reach ahead: then every command would seem to act before it is given.
         let motion_before = 1 + if motion.output == Output::MeanSpeed { longest } else { 0 };
         let first = ROWS.max(motion_before) + 1;
         let rows = || data.stretches.iter().flat_map(|Stretch { rows, .. }| rows.start + first..rows.end - 1);
@@ -117,7 +117,7 @@ impl Answers {
             normal.ger(1.0, &regressors, &regressors, 1.0);
             moments.axpy(*change, &regressors, 1.0);
         }
-        // Volts, amperes and radians a second: each in its own size.
+        // Volts, amperes and radians a second have different sizes.
         let sizes = DVector::from_fn(COEFFICIENTS, |index, _| f64::sqrt(normal[(index, index)]).max(f64::MIN_POSITIVE));
         let scaled = DMatrix::from_fn(COEFFICIENTS, COEFFICIENTS, |row, column| {
             normal[(row, column)] / (sizes[row] * sizes[column]) + if row == column { 1e-9 } else { 0.0 }

@@ -1,37 +1,37 @@
-//! Speeds that a program has made of an encoder's counts: differences over some rows, a multiple of one count each.
+//! Speeds that a program computed from an encoder's counts: differences over some rows, multiples of one count each.
 //!
-//! Such a speed is late by half its window, or not at all where the window reaches as far ahead as back. Taken for the speed
-//! of the moment it looks like a delay, a gap or another winding.
+//! Such a speed is late by half its window, or not at all if the window reaches as far ahead as back. Taken as an
+//! instantaneous speed it looks like a delay, a gap or another winding.
 
 use std::f64::consts::TAU;
 
-/// Longest window that is looked for.
+/// Longest window that is tried.
 const LONGEST_S: f64 = 0.1;
-/// So many rows in motion have to agree...
+/// At least this many rows in motion have to agree...
 const LEAST_SHARE: f64 = 0.98;
 const FEWEST_ROWS: usize = 50;
-/// ... and of all in which a count comes one in so many: the few of one peak may agree by chance, being alike.
+/// ... and one in this many of all rows with a count: the few rows of one peak may agree by chance.
 const ONE_IN: usize = 40;
-/// ... and a window of which fewer do after so many is given up.
+/// ... and a window is rejected if fewer rows agree after this many...
 const HOPELESS_SHARE: f64 = 0.9;
 /// ... to this part of a count.
 const CLOSE: f64 = 0.1;
-/// A least step has at most so many parts, and the next greater ones are up to this many times it.
+/// A least step has at most this many parts; the next greater steps are up to this many times it.
 const MOST_PARTS: u32 = 4;
 const NEXT_GREATER: f64 = 6.0;
-/// Two speeds of the same counts are closer to each other than this part of one; one timed by edges is not.
+/// Two speeds of the same counts differ by less than this part of a count; a speed timed by edges does not.
 const SAME: f64 = 0.25;
-/// Rows with fewer counts in the window say nothing.
+/// Rows with fewer counts in the window contain too little.
 const FEWEST_COUNTS: f64 = 3.0;
 /// Intervals are equal when they differ by less than this share.
 const EVEN: f64 = 0.01;
 
-/// Rows over which a mean speed is taken.
+/// The rows over which a mean speed is taken.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Window {
-    /// How many intervals.
+    /// Number of intervals.
     pub span: usize,
-    /// How many of them after the row in which it stands.
+    /// Number of them after its row.
     pub ahead: usize,
 }
 
@@ -41,7 +41,7 @@ impl Window {
         Self { span, ahead: 0 }
     }
 
-    /// First and last row of the window of a row, where it is whole.
+    /// First and last row of the window of a row, where it is complete.
     pub(super) fn rows(self, row: usize, rows: usize) -> Option<(usize, usize)> {
         let last = row + self.ahead;
         (last < rows).then_some((last.checked_sub(self.span)?, last))
@@ -52,17 +52,17 @@ impl Window {
         Some(time_s[last] - time_s[first])
     }
 
-    /// What is said of a speed that was found to be made over it.
+    /// The note on a speed that was found to be taken over it.
     pub(super) fn note(self, interval_s: f64) -> String {
         let [span_s, ahead_s] = [self.span, self.ahead].map(|rows| rows as f64 * interval_s);
         format!(
-            "The speed is a difference of counts over {:.3} s, {:.3} s of them after its row, and is compared as that: record the counts as well, they say more. [recording] speed_window_s and speed_ahead_s in the rig file say what it is.",
+            "The speed is compared as a difference of counts over {:.3} s, of which {:.3} s lie after its row. Record the counts as well: they contain more. [recording] speed_window_s and speed_ahead_s in the rig file override this.",
             span_s, ahead_s
         )
     }
 }
 
-/// Whether a speed is a difference of the angle over some window, and says nothing that the angle does not.
+/// Whether a speed is a difference of the angle over some window, and contains nothing more.
 pub(super) fn is_made_of(speed: &[f64], angle_rad: &[f64], interval_s: f64) -> bool {
     let Some(count_rad) = count_rad(angle_rad) else { return false };
     let counts = |window: Window, row: usize| {
@@ -79,8 +79,8 @@ pub(super) fn is_made_of(speed: &[f64], angle_rad: &[f64], interval_s: f64) -> b
     spans(interval_s).any(|span| (0..=span).any(|ahead| agrees(Window { span, ahead })))
 }
 
-/// The step of an angle: the least that was made, or the part of it of which the next greater ones are whole numbers as well.
-/// Rows that are far apart may show none of one count.
+/// The step of an angle: the least change, or a part of it of which the next greater changes are multiples too. Rows
+/// that are far apart may contain no change of a single count.
 pub(super) fn count_rad(angle_rad: &[f64]) -> Option<f64> {
     let steps = || angle_rad.windows(2).map(|pair| (pair[1] - pair[0]).abs()).filter(|step| *step > 0.0);
     let least = Some(steps().fold(f64::INFINITY, f64::min)).filter(|least| least.is_finite())?;
@@ -90,16 +90,16 @@ pub(super) fn count_rad(angle_rad: &[f64]) -> Option<f64> {
     Some(parts.find(|part| in_all(*part).all(is_whole)).unwrap_or(least))
 }
 
-/// What is found of the window of a speed.
+/// What is known of the window of a speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Found {
-    /// How many intervals it has.
+    /// Number of its intervals.
     pub span: usize,
-    /// How many of them are after the row; even intervals do not tell.
+    /// Number of them after the row; even intervals do not show it.
     pub ahead: Option<usize>,
 }
 
-/// The window of a speed, if it is one of counts: every speed is a whole number of them.
+/// The window of a speed, if it comes from counts: every speed is a whole number of them.
 pub(super) fn of_counts(speed: &[f64], time_s: &[f64], interval_s: f64, counts_per_rev: f64) -> Option<Found> {
     let is_even = |pair: &[f64]| ((pair[1] - pair[0]) / interval_s - 1.0).abs() < EVEN;
     let are_even = time_s.windows(2).all(is_even);
@@ -119,7 +119,7 @@ pub(super) fn of_counts(speed: &[f64], time_s: &[f64], interval_s: f64, counts_p
     found.next().map(|Window { span, ahead }| Found { span, ahead: Some(ahead) })
 }
 
-/// The angle of which a mean speed was made, where the first window was as fast as its row says.
+/// The angle behind a mean speed; the first window is assumed to have the speed of its row.
 pub(super) fn angle_rad(speed: &[f64], window: Window, time_s: &[f64]) -> Vec<f64> {
     let mut angle_rad = vec![0.0; speed.len()];
     for row in 0..speed.len() {
@@ -250,7 +250,7 @@ mod tests {
             let data = Dataset::new(&recordings, &rig).unwrap();
             let centred = data.with_window_centred().unwrap();
             // Whichever is first, the rig file has not said it.
-            prop_assert!(data.notes().iter().any(|note| note.starts_with("The speed is a difference of counts")));
+            prop_assert!(data.notes().iter().any(|note| note.starts_with("The speed is compared as a difference of counts")));
             for (data, ahead) in [(data, 0), (centred, span / 2)] {
                 prop_assert_eq!(data.motion().output, Output::MeanSpeed);
                 let window = Window { span, ahead };

@@ -1,29 +1,29 @@
-//! Counters that wrap and angles within one revolution, as they go on beyond.
+//! Unwraps counters that overflow and angles within one revolution.
 
 use super::LONG_ROW;
 use super::columns::{median, width};
 use std::f64::consts::TAU;
 
-/// By how much an angle within a revolution may be beyond it.
+/// An angle within a revolution may exceed it by this much.
 const ROUNDED: f64 = 1e-3;
-/// Wrap-arounds of counters whose steps from row to row are small beside them.
+/// Overflow spans of counters whose steps from row to row are small against them.
 const LONG_SPANS: [f64; 2] = [65_536.0, 4_294_967_296.0];
 /// A counter of one byte.
 const BYTE: f64 = 256.0;
-/// A step of more than this share of the span may as well be one the other way round.
+/// A step of more than this share of the span may as well be one in the other direction.
 const MOST_OF_SPAN: f64 = 0.4;
-/// As many steps as that are more than a glitch.
+/// This many such steps are more than a glitch.
 const AMBIGUOUS_SHARE: f64 = 0.01;
 
-/// What begins anew after this, too fast to be told how far it went.
+/// A column that wraps after this span, too fast to tell how far it went.
 #[derive(Debug, PartialEq)]
 pub(super) struct Ambiguous {
     pub span: f64,
 }
 
-/// A counter without its wrap-arounds; missing values stay missing.
+/// A counter without its overflows; missing values stay missing.
 pub(super) fn counts(time_s: &[f64], counts: &[f64], per_rev: f64) -> Result<Vec<f64>, Ambiguous> {
-    // One that a sketch sets back with each revolution, or that is a byte.
+    // One that a program resets with each revolution, or a counter of one byte.
     let goes_round = |span: &f64| width(counts) < *span && steps(counts).any(|step| step.abs() > 0.5 * span);
     if let Some(span) = [BYTE, per_rev].into_iter().find(goes_round) {
         return the_shorter_way(time_s, counts, span);
@@ -32,7 +32,7 @@ pub(super) fn counts(time_s: &[f64], counts: &[f64], per_rev: f64) -> Result<Vec
     Ok(without_jumps(time_s, counts, |Step { way, .. }| span_of(way).map_or(0.0, |span| span * way.signum())))
 }
 
-/// An angle that is recorded within one revolution, as it goes on beyond; missing values stay missing.
+/// An angle that is recorded within one revolution, unwrapped; missing values stay missing.
 pub(super) fn angle_rad(time_s: &[f64], angle_rad: &[f64]) -> Result<Vec<f64>, Ambiguous> {
     match width(angle_rad) <= TAU * (1.0 + ROUNDED) {
         true => the_shorter_way(time_s, angle_rad, TAU),
@@ -40,7 +40,7 @@ pub(super) fn angle_rad(time_s: &[f64], angle_rad: &[f64]) -> Result<Vec<f64>, A
     }
 }
 
-/// Whichever way round is nearer; over missing rows, whichever is nearer to going on as before.
+/// In the nearer direction; over missing rows, in the one nearer to the previous speed.
 fn the_shorter_way(time_s: &[f64], values: &[f64], span: f64) -> Result<Vec<f64>, Ambiguous> {
     let usual_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
     let expected = |step: &Step| if step.time_s > LONG_ROW * usual_s { step.rate_before * step.time_s } else { 0.0 };
@@ -63,11 +63,11 @@ fn steps(values: &[f64]) -> impl Iterator<Item = f64> {
 struct Step {
     way: f64,
     time_s: f64,
-    /// How fast it went before.
+    /// The previous speed.
     rate_before: f64,
 }
 
-/// Values less what `jump` says of each step from one that is there to the next.
+/// The values less the `jump` of each step between existing values.
 fn without_jumps(time_s: &[f64], values: &[f64], jump: impl Fn(Step) -> f64) -> Vec<f64> {
     let (mut last, mut offset, mut rate_before) = (None, 0.0, 0.0);
     let mut continued = |(at_s, value): (f64, f64)| {

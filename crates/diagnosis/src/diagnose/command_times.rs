@@ -1,6 +1,6 @@
-//! When commands changed, where rows are fewer than commands: a loop that runs ten times as often as it writes rows, or a program
-//! that counts the time of a step and the time of a row by two clocks. The rows say what the command was, and not since when;
-//! the motion says that.
+//! Estimates when the commands changed, where rows are fewer than commands. Examples: a loop that runs ten times as
+//! often as it writes rows; a program that times its steps and its rows by two clocks. The rows give the command, but
+//! not since when it acts; the motion shows that.
 
 use super::judge::{NOT_NOISE, above_floor};
 use crate::dataset::{Dataset, LONG_ROW};
@@ -8,26 +8,28 @@ use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
 use motorbench_model::Model;
 
-/// Rows that are closer hardly lack commands, unless one is missing...
+/// At shorter row intervals commands are hardly missing, unless a row is missing...
 const SHORTEST_ROW_S: f64 = 1.5e-3;
-/// ... which a long row says, or commands and rows go by two clocks: then they change in no more than this share of the rows.
+/// ... which shows as a long row, or commands and rows have separate clocks: then they change in at most this share of
+/// the rows.
 const RARELY: f64 = 0.05;
-/// A change by this share of the greatest voltage has a moment of its own; smaller ones are taken for halfway between the rows.
+/// A change by this share of the greatest voltage gets a time of its own; smaller ones are put in the middle between
+/// the rows.
 const LEAST_CHANGE: f64 = 0.002;
-/// What a change does is looked at for so long.
+/// The response to a change is evaluated for this long.
 const ANSWER_S: f64 = 0.1;
-/// Moments and model are found in turn, so often.
+/// Times and model are estimated in turn, this often.
 const ROUNDS: usize = 5;
-/// What is shifted to see what it does, as a share of the row.
+/// Shift for the numerical derivative, as a share of the row.
 const SHIFT: f64 = 0.1;
-/// Moments have to bring the cost down to this share of that of commands that stand with their rows...
+/// The estimated times have to lower the cost to this share of that with the commands at their rows...
 const LEAST_GAIN: f64 = 0.5;
-/// ... where rows are close, and hardly lack commands, to this one...
+/// ... to this share for short row intervals, where commands are hardly missing...
 const LEAST_GAIN_OF_CLOSE_ROWS: f64 = 0.2;
-/// ... and those that were found by a poorer model to this share of what it was.
+/// ... and times found with a poorer model, to this share of their previous cost.
 const CLOSER: f64 = 0.98;
 
-/// Finds when the commands changed, if that explains most of a rest; whether it did.
+/// Estimates when the commands changed, if that explains most of the rest. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     if above_floor(data, found) < NOT_NOISE {
         return false;
@@ -53,22 +55,21 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     explains
 }
 
-/// The data with commands that changed at moments of their own, and the rows before which they did: all of them, or those that
-/// are longer than others.
+/// The data with estimated command times, and the rows before which they changed: all rows, or only the long ones.
 fn with_commands_between(recorded: &Dataset) -> Vec<(Dataset, Vec<usize>)> {
     let Some(data) = recorded.with_commands_as_written() else { return Vec::new() };
     let data = &data;
     let all = sought(data, |_| true);
     let of_long_rows = sought(data, |row| data.time_s[row] - data.time_s[row - 1] > LONG_ROW * data.interval_s);
     let rows = data.len() as f64;
-    // What looks as if it had been written after its command at close rows mostly was.
+    // At short row intervals, rows that seem to be written after their command mostly were.
     let are_rare = (all.len() as f64) < RARELY * rows && !recorded.origin.written_after;
     let any = data.interval_s >= SHORTEST_ROW_S || are_rare;
     let ways = [any.then_some(all), (!of_long_rows.is_empty()).then_some(of_long_rows)];
     ways.into_iter().flatten().map(|sought| (data.with_commands_between(&sought), sought)).collect()
 }
 
-/// The same with the moments that the readings say, and what the model costs with them.
+/// The data with the times that the readings give, and the cost of the model with them.
 fn with_moments(mut data: Dataset, sought: &[usize], prior: &Prior, model: &Model) -> (Dataset, f64) {
     let mut best = fit(model, &data, prior, Effort::TRIAL);
     for _ in 0..ROUNDS {
@@ -78,7 +79,7 @@ fn with_moments(mut data: Dataset, sought: &[usize], prior: &Prior, model: &Mode
     (data, best.cost)
 }
 
-/// Rows with commands that are far from those before, of those that are `chosen`.
+/// The `chosen` rows whose command differs clearly from the one before.
 fn sought(data: &Dataset, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
     let volts = &data.voltage_v;
     let greatest_v = volts.iter().fold(0.0, |greatest: f64, volts| greatest.max(volts.abs()));
@@ -87,8 +88,8 @@ fn sought(data: &Dataset, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
     rows.filter(|row| changes(*row) && chosen(*row)).collect()
 }
 
-/// The moments that bring the model closest to what was measured after each change, one step of least squares; where that says
-/// nothing, the middle between the rows.
+/// The times that bring the model closest to the measurement after each change, by one step of least squares. Without
+/// information, the middle between the rows.
 fn moments(data: &Dataset, model: &Model, changes: &[usize]) -> Vec<f64> {
     let row_s = |row: usize| data.time_s[row] - data.time_s[row - 1];
     let mut shifted = data.clone();
@@ -102,7 +103,7 @@ fn moments(data: &Dataset, model: &Model, changes: &[usize]) -> Vec<f64> {
     for (row, end) in changes.iter().copied().zip(ends) {
         let answer = row..end.min(row + (ANSWER_S / data.interval_s) as usize + 1);
         let shift_s = shifted.earlier_s[row] - data.earlier_s[row];
-        // Anywhere in the row: a spread of its length over the root of twelve.
+        // Anywhere in the row: a standard deviation of its length over the root of twelve.
         let known = 12.0 / row_s(row).powi(2);
         let (mut normal, mut towards) = (known, known * (0.5 * row_s(row) - data.earlier_s[row]));
         for (output, measured) in data.measured.iter().enumerate() {
@@ -110,7 +111,7 @@ fn moments(data: &Dataset, model: &Model, changes: &[usize]) -> Vec<f64> {
             for index in answer.clone() {
                 let slope = (moved[output][index] - as_is[output][index]) / shift_s;
                 let left = measured.values[index] - as_is[output][index];
-                // Neither a missing reading nor a mean over rows that are not there says anything.
+                // Missing readings, and means over rows that do not exist, contain no information.
                 if slope.is_finite() && left.is_finite() {
                     normal += weight * slope * slope;
                     towards += weight * slope * left;
@@ -133,10 +134,10 @@ mod tests {
 
     const FINE_S: f64 = 1e-3;
     const FINE_ROWS: usize = 2000;
-    /// Of so many a row is written.
+    /// One row is written for this many steps.
     const ONE_OF: usize = 10;
 
-    /// Rows of a command and of readings as a program writes them.
+    /// Rows of commands and readings as a program writes them.
     fn dataset(interval_s: f64, rows: impl Iterator<Item = [f64; 3]>) -> Dataset {
         let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
         for (row, [volts, speed, current]) in rows.enumerate() {
@@ -146,7 +147,7 @@ mod tests {
         Dataset::new(&[recording], &Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").unwrap()).unwrap()
     }
 
-    /// The mean over a window that begins before the recording is in the readings and in no simulation.
+    /// The mean over a window that begins before the recording is in the readings, but in no simulation.
     #[test]
     fn a_change_before_the_first_mean_has_a_moment() {
         let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
@@ -165,7 +166,7 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(16))]
-        /// Against commands that were held for a time of their own each, in milliseconds.
+        /// Compared with commands that are held for a given time each, in milliseconds.
         #[test]
         fn the_moments_of_steps_are_found(holds in prop::collection::vec((60usize..200, -10.0_f64..10.0), 20)) {
             let commands = || holds.iter().flat_map(|(hold, volts)| std::iter::repeat_n(*volts, *hold)).take(FINE_ROWS);
@@ -188,7 +189,7 @@ mod tests {
                 let (before, after) = (data.voltage_v[row - 1], data.voltage_v[row]);
                 let back = (1..=ONE_OF).find(|back| fine.voltage_v[ONE_OF * row - back] != after).unwrap();
                 let off_s = data.earlier_s[row] - (back - 1) as f64 * FINE_S;
-                // Half a millisecond of a step of 10 V.
+                // The effect of half a millisecond of a step of 10 V.
                 prop_assert!((off_s * (after - before)).abs() < 5e-3, "{row}: {off_s} s of {} V", after - before);
             }
         }

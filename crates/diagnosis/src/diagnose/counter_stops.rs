@@ -1,5 +1,5 @@
-//! Counts missed because the counter stood for a while, which [`Dataset::counter_stops`] are. No term of a model says when it
-//! will, so the cause is named from the stops themselves.
+//! Names missed counts from stops of the counter ([`Dataset::counter_stops`]). No model predicts when a stop happens,
+//! so the evidence is in the stops themselves.
 
 use super::judge::rmse;
 use super::outcome::{Cause, Estimate, RmseGain, confidence};
@@ -9,23 +9,23 @@ use crate::identify::{Effort, Fit, Prior, Z95, fit};
 use motorbench_model::Model;
 use std::collections::BTreeMap;
 
-/// What they are.
+/// Identifier of the cause.
 pub const ID: &str = "missed_counts";
 
-/// Rows before a stop, and after it, that say what a model gets wrong of the speed there.
+/// Number of rows before and after a stop that show the speed error of the model there.
 const BESIDE: usize = 6;
-/// A stop is looked at anew if so many counts more or fewer are lost.
+/// A stop is evaluated again if its lost counts change by this much.
 const MOVED_COUNTS: f64 = 2.0;
 
-/// A stand during which a model says that so many counts were passed, of so many standard errors, is a stop...
+/// A standstill of the counter is a stop if the model passes this many counts, at this many standard errors...
 const LEAST_COUNTS: f64 = 5.0;
 const LEAST_SIGMAS: f64 = 4.0;
-/// ... if right before it, and right after, the motor turned at this share of its speed some rows away at least.
+/// ... and if the motor turned right before and right after it at no less than this share of its speed some rows away.
 const STILL_TURNING: f64 = 0.7;
-/// Rows that are right before or after.
+/// Number of rows that count as right before or right after.
 const NEXT: usize = 2;
 
-/// The same by a motor without any effect: what it gets wrong beside a stop makes up for most of what it lacks.
+/// The same with a motor without any effect: its errors beside a stop compensate for most of what it lacks.
 pub(super) fn settle_by_linear_motor(data: &mut Dataset, prior: &Prior) {
     if !data.origin.counter_stops.is_empty() {
         let linear = fit(&Model::linear(prior.motor), data, prior, Effort::TRIAL);
@@ -33,8 +33,8 @@ pub(super) fn settle_by_linear_motor(data: &mut Dataset, prior: &Prior) {
     }
 }
 
-/// Counts lost on known stops by how fast a model says that the shaft turned meanwhile, and stops that by that are others;
-/// whether that changed any. A speed that is changed by a command, or by a wave, is no straight line from before to after.
+/// Updates the lost counts of known stops by the simulated speed, and finds further stops by it. Returns whether
+/// anything changed. After a change of the command, or with a wave, the speed during a stop is no straight line.
 pub(super) fn settle(data: &mut Dataset, found: &Fit) -> bool {
     let predicted = &found.prediction[data.motion_index()];
     let others = others(data, predicted);
@@ -53,7 +53,7 @@ pub(super) fn settle(data: &mut Dataset, found: &Fit) -> bool {
     is_changed
 }
 
-/// Where stops are known: others of the same length.
+/// Further stops of the same length as known ones.
 fn others(data: &Dataset, predicted: &[f64]) -> Vec<CounterStop> {
     let stands = data.stands_as_long_as_stops().into_iter();
     let as_stop = |rows| {
@@ -65,7 +65,7 @@ fn others(data: &Dataset, predicted: &[f64]) -> Vec<CounterStop> {
     stands.filter_map(as_stop).collect()
 }
 
-/// Counts lost, and the standard error of that.
+/// Lost counts and their standard error.
 fn lost_by_model(data: &Dataset, predicted: &[f64], stop: &CounterStop) -> Option<[f64; 2]> {
     let stretch = data.stretch_of(stop.rows.start)?;
     let (before, after) = (stop.rows.start.checked_sub(1)?, stop.rows.end);
@@ -83,13 +83,13 @@ fn lost_by_model(data: &Dataset, predicted: &[f64], stop: &CounterStop) -> Optio
     Some([(turned_rad - counted_rad) / data.count_rad, 1.0_f64.hypot(uncertain_rad / data.count_rad)])
 }
 
-/// Mean of the nearest that are there; nothing if none is.
+/// Mean of the nearest values that exist; `None` if there are none.
 fn mean_beside(nearest_first: impl Iterator<Item = f64>) -> Option<f64> {
     let seen: Vec<f64> = nearest_first.filter(|value| value.is_finite()).take(BESIDE).collect();
     (!seen.is_empty()).then(|| seen.iter().sum::<f64>() / seen.len() as f64)
 }
 
-/// Whether the motor was neither braking to a stand before nor leaving one after.
+/// Whether the motor was neither braking to a standstill before nor starting from one after.
 fn is_abrupt(data: &Dataset, stand: &CounterStop) -> bool {
     let speed = &data.motion().values;
     let before = speed[..stand.rows.start].iter().rev();
@@ -97,13 +97,13 @@ fn is_abrupt(data: &Dataset, stand: &CounterStop) -> bool {
     turns_on(before) && turns_on(after)
 }
 
-/// Whether the nearest speeds are hardly below the mean of those farther off.
+/// Whether the nearest speeds are hardly below the mean of those farther away.
 fn turns_on<'a>(nearest_first: impl Iterator<Item = &'a f64> + Clone) -> bool {
     let mean = |rows: usize| nearest_first.clone().take(rows).sum::<f64>() / rows as f64;
     mean(NEXT) / mean(BESIDE) > STILL_TURNING
 }
 
-/// What stops of the counter are named.
+/// The cause that stops of the counter are reported as.
 pub fn cause(data: &Dataset, prediction: &Prediction) -> Option<Cause> {
     let stops = &data.origin.counter_stops;
     if stops.is_empty() {
@@ -133,7 +133,7 @@ pub fn cause(data: &Dataset, prediction: &Prediction) -> Option<Cause> {
     })
 }
 
-/// How far the motor turned, both ways, with what was lost.
+/// Total angle of the motor in both directions, lost counts included.
 fn path_rad(data: &Dataset) -> f64 {
     let of_stretch = |rows: std::ops::Range<usize>| {
         data.angle_rad[rows].windows(2).map(|pair| (pair[1] - pair[0]).abs()).sum::<f64>()
@@ -141,7 +141,7 @@ fn path_rad(data: &Dataset) -> f64 {
     data.stretches.iter().map(|stretch| of_stretch(stretch.rows.clone())).sum()
 }
 
-/// Error of the motion on data kept back, as it was read and without the stops.
+/// Error of the motion on held-out data, as read and without the stops.
 fn gain(data: &Dataset, prediction: &Prediction) -> BTreeMap<&'static str, RmseGain> {
     let output = data.motion_index();
     let mut as_read = data.clone();

@@ -1,5 +1,5 @@
-//! Over how long a program has averaged the current before each row (a period of the PWM, a burst of conversions), where the
-//! rig file does not say it. Such a reading is late by half of that, which no sensor's filter need explain.
+//! Estimates the time over which a program averaged the current before each row (a PWM period, a burst of conversions),
+//! where the rig file does not give it. Such a reading is late by half of that time, which is not a lag of the sensor.
 
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
@@ -8,20 +8,20 @@ use maybe_rayon::prelude::*;
 use motorbench_data::rig::Readings;
 use motorbench_model::{Model, Term};
 
-/// Windows looked at first; the longest is a period of the slowest PWM of an Uno's timers.
+/// Windows tried first; the longest is a period of the slowest PWM of an Uno's timers.
 const LOOKED_AT_S: [f64; 6] = [0.2e-3, 0.4e-3, 0.7e-3, 1.0e-3, 1.5e-3, 2.05e-3];
-/// Then closer and closer around the best.
+/// Then finer steps around the best.
 const CLOSER: [f64; 3] = [1.2, 1.1, 1.05];
-/// What makes the current late by no longer than the longest window does may be a window.
+/// A lag of the current up to half of the longest window may be a window.
 const LATEST_S: f64 = 1.25e-3;
-/// A window has to bring the cost down to this share of it where nothing is late.
+/// A window has to lower the cost to this share of that without any delay.
 const LEAST_GAIN: f64 = 0.99;
-/// Where something remains that a window does not explain either, to this share: a part of anything is late.
+/// If a rest remains that a window does not explain, to this share: a part of anything may be a delay.
 const LEAST_BESIDE: f64 = 0.6;
 /// An inductance this many times the nominal one may be a window.
 const EXCESSIVE_INDUCTANCE: f64 = 1.2;
 
-/// Sets the window, if one explains what would be a lag, a rest, or too much inductance; whether it did.
+/// Sets the window if it explains a lag, a rest, or an excessive inductance. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     let is_open = data.origin.timing.readings == Readings::Instant
         && data.origin.timing.current_sampled_at.is_none()

@@ -1,46 +1,50 @@
-//! How far a motor is from its data sheet: farther than one errs, and something else has been made up for.
+//! Distance of a motor from its data sheet. If it exceeds the tolerance of data sheets, the constants compensate for a
+//! missing effect.
 
 use super::DATA_SHEET_TOLERANCE;
 use super::judge::{NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
 use crate::identify::{Fit, Prior};
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::unit::Unit;
 
 /// Standard deviation of the logarithm of a nominal viscous friction.
 const VISCOUS_SPREAD: f64 = 0.5;
-/// Squares of the deviations of R, k and J from their nominal values, in standard deviations, that no data sheet explains:
-/// as many for each that has one.
-const STRANGE_EACH: f64 = 8.0;
-/// Constants that say how large a motor is. What an inductance is depends on the frequency it is measured at.
-pub(super) const OF_SIZE: [&str; 3] = ["resistance_ohm", "torque_constant_Nm_per_A", "inertia_kg_m2"];
+/// Squared deviations of R, k and J from their nominal values, in standard deviations, for each nominal value: more is
+/// implausible.
+const IMPLAUSIBLE_EACH: f64 = 8.0;
+/// Resistance, torque constant and inertia, by their units: they show the size of a motor. An inductance depends on the
+/// frequency of its measurement.
+pub(super) const OF_SIZE: [Unit; 3] = [Unit::Ohm, Unit::NewtonMetrePerAmpere, Unit::KilogramMetre2];
 
-/// What speaks against a fit: something remains, its motor is strange. The fewer of these the better, the first before the second.
+/// Reasons against a fit: a rest remains; its motor is implausible. Fewer are better, and the first weighs more.
 pub(super) fn doubts(data: &Dataset, prior: &Prior, fit: &Fit) -> [bool; 2] {
-    [above_floor(data, fit) > NOT_NOISE, is_strange(prior, fit)]
+    [above_floor(data, fit) > NOT_NOISE, is_implausible(prior, fit)]
 }
 
-/// Whether the motor is another one than the rig's: then something that is not in the model has been made up for.
-pub(super) fn is_strange(prior: &Prior, fit: &Fit) -> bool {
+/// Whether the motor is far from the rig's: then its constants compensate for an effect outside the model.
+pub(super) fn is_implausible(prior: &Prior, fit: &Fit) -> bool {
     let given = off_data_sheet(prior, fit).count().max(1);
-    strangeness(prior, fit) > STRANGE_EACH * given as f64
+    squared_deviations(prior, fit) > IMPLAUSIBLE_EACH * given as f64
 }
 
-/// Whether several of the motor's constants are farther from the data sheet than it is wrong by itself: more likely something
-/// else has been made up for.
+/// Whether several constants are beyond the tolerance of the data sheet: then they more likely compensate for something
+/// else.
 pub(super) fn has_wrong_values(prior: &Prior, fit: &Fit) -> bool {
     off_data_sheet(prior, fit).filter(|(_, off)| off.abs() > DATA_SHEET_TOLERANCE).count() > 1
 }
 
-/// Logarithms of resistance, torque constant and inertia over those of them that the data sheet gives.
-pub(super) fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = (&'static str, f64)> {
-    let constants = fit.model.motor.named().into_iter().zip(prior.nominal.values());
-    let of_size = constants.filter(|((name, _), _)| OF_SIZE.contains(name));
-    of_size.filter_map(|((name, found), nominal)| Some((name, (found / nominal?).ln())))
+/// Logarithms of found over nominal resistance, torque constant and inertia, of those that are nominal, with their units.
+pub(super) fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = (Unit, f64)> {
+    let found = fit.model.motor.named().map(|(_, found)| found);
+    let constants = MotorParameters::UNITS.into_iter().zip(found).zip(prior.nominal.values());
+    let of_size = constants.filter(|((unit, _), _)| OF_SIZE.contains(unit));
+    of_size.filter_map(|((unit, found), nominal)| Some((unit, (found / nominal?).ln())))
 }
 
-/// Squares of the motor's deviations from its data sheet, in standard deviations. Of viscous friction a data sheet says
-/// little; many times as much is another friction.
-pub(super) fn strangeness(prior: &Prior, fit: &Fit) -> f64 {
+/// Squared deviations of the motor from its data sheet, in standard deviations. A data sheet says little about viscous
+/// friction, but many times its value is another friction.
+pub(super) fn squared_deviations(prior: &Prior, fit: &Fit) -> f64 {
     let values = |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
     let spread = [prior.spread[0], prior.spread[2], prior.spread[3]];
     let off = values(&fit.model.motor).into_iter().zip(values(&prior.motor)).zip(spread);

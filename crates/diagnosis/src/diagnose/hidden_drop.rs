@@ -1,37 +1,39 @@
-//! A drop behind a command that has one magnitude, as random levels of plus and minus the same voltage have: it then takes the
-//! same share of every pulse, and a motor of which resistance, torque constant, inertia and all torques are smaller by that share
-//! turns exactly as one without a drop. The readings say nothing of it; nominal values do, and what bridges usually take.
+//! A voltage drop behind a command of one magnitude, such as random levels of plus and minus the same voltage. The drop
+//! then takes the same share of every pulse. A motor with resistance, torque constant, inertia and all torques smaller
+//! by that share turns exactly as one without a drop. So the drop is estimated from nominal values and usual bridges,
+//! not from the readings.
 
 use super::data_sheet::off_data_sheet;
-use super::scale::Quantity;
 use crate::dataset::{Dataset, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_data::rig::Bridge;
 use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
+use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
 
-/// What such a drop would be named.
+/// Identifier of such a drop.
 pub const ID: &str = "voltage_drop";
-/// What bridges take, and its standard deviation: nothing if of MOSFETs, two to three volts if of bipolar transistors.
+/// Usual drop of bridges and its standard deviation: almost zero with MOSFETs, two to three volts with bipolar
+/// transistors.
 const USUAL_V: (f64, f64) = (1.6, 1.2);
-/// The same deviation of a drop that the rig file gives.
+/// Standard deviation of a drop that the rig file gives.
 const GIVEN_SPREAD_V: f64 = 0.3;
-/// A bridge leaves this share of the voltage at least.
+/// A bridge leaves at least this share of the voltage.
 const LEAST_LEFT: f64 = 0.3;
 
-/// What is taken for the drop.
+/// The assumed drop.
 #[derive(Clone, Copy, Debug)]
 pub struct HiddenDrop {
     drop_v: f64,
-    /// Standard deviation of the logarithm of what the bridge leaves.
+    /// Standard deviation of the logarithm of the voltage that the bridge leaves.
     spread: f64,
-    /// Greatest that is as plausible.
+    /// Greatest plausible drop.
     most_v: f64,
 }
 
 impl HiddenDrop {
-    /// Of data that do not show it, by the constants that were found without one.
+    /// The drop for data that do not show it, from the constants found without one.
     pub fn of(data: &Dataset, prior: &Prior, bridge: &Bridge, found: &Fit) -> Option<Self> {
         if !data.has_one_magnitude() {
             return None;
@@ -46,27 +48,27 @@ impl HiddenDrop {
         Some(Self { drop_v: drop_v(asked_over_left), spread, most_v: drop_v(asked_over_left + Z95 * spread) })
     }
 
-    /// The data behind it.
+    /// The data with this drop in front of the motor.
     pub fn before(&self, data: &Dataset) -> Dataset {
         data.behind_a_drop(self.drop_v)
     }
 
-    /// By how much a constant is uncertain by it, as by a supply: standard deviations of the logarithm.
-    pub fn uncertainty(&self, constant: &str) -> f64 {
-        Quantity::Voltage.power(constant).abs() * self.spread
+    /// Uncertainty of a constant of a unit from the drop, as from a supply voltage: standard deviations of the logarithm.
+    pub fn uncertainty(&self, unit: Unit) -> f64 {
+        Quantity::Voltage.power(unit).abs() * self.spread
     }
 
-    /// What is said of it.
+    /// The note on it.
     pub fn note(&self) -> String {
         format!(
-            "The command has one magnitude: a voltage drop of the bridge ({ID}) only scales it then, and cannot be told from a motor whose resistance, torque constant, inertia and friction are all greater. {} V are taken for it here and in the model, by the nominal values and by what bridges usually lose; it may be up to {} V, and the intervals know that. Record with two magnitudes, or with zero in between: then it is found.",
+            "The command has only one magnitude, so the voltage drop of the bridge ({ID}) cannot be measured. {} V are assumed, from the nominal values and from usual bridges. It may be up to {} V; the intervals contain that. Record with two magnitudes, or with pauses at zero.",
             short(self.drop_v),
             short(self.most_v)
         )
     }
 }
 
-/// A model of such data, with the drop for whoever has other data.
+/// The model with the assumed drop, for use with other data.
 pub fn also_in(model: Model, data: &Dataset) -> Model {
     match data.origin.hidden_drop_v {
         0.0 => model,
@@ -74,7 +76,8 @@ pub fn also_in(model: Model, data: &Dataset) -> Model {
     }
 }
 
-/// Mean and standard deviation of a logarithm that was known to so much, and is in each logarithm of found over nominal as well.
+/// Combines a prior (mean and standard deviation of a logarithm) with the logarithms of found over nominal, which
+/// contain it too.
 fn with_nominal_values((mean, spread): (f64, f64), off: impl Iterator<Item = f64>) -> (f64, f64) {
     let weight = |spread: f64| spread.powi(-2);
     let known = (weight(spread) * mean, weight(spread));

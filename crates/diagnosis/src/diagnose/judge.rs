@@ -1,4 +1,4 @@
-//! Judging models on data that no fit has seen.
+//! Judges models on held-out data.
 
 use super::random_losses;
 use crate::dataset::{Dataset, Measured};
@@ -7,30 +7,31 @@ use crate::identify::Fit;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// Stretches of this length count as independent.
+/// Parts of this length count as independent.
 const BLOCK_S: f64 = 0.1;
-/// Above this multiple of the noise floor something is missing.
+/// Above this multiple of the noise floor an effect is missing.
 pub const NOT_NOISE: f64 = 1.15;
 
-/// A simpler explanation that costs no more than this many times as much is as good.
+/// A simpler model whose cost is at most this multiple counts as equally good.
 pub(super) const AS_GOOD: f64 = 1.02;
 
-/// What one model gains over another on the data kept back.
+/// What one model gains over another on the held-out data.
 #[derive(Clone, Debug)]
 pub struct Gain {
-    /// The gain over its standard error if the better model is right: then the gain is uncertain only by what the
-    /// difference of the two predictions has in common with the residuals by chance. Residuals may be correlated within a
-    /// block, and an effect may show in a few blocks alone (after Diebold and Mariano 1995).
+    /// The gain over its standard error, if the better model is right. The gain is then uncertain only by the chance
+    /// correlation of the prediction difference with the residuals. Residuals may be correlated within a block, and an
+    /// effect may show in a few blocks alone (after Diebold and Mariano 1995).
     pub sigmas: f64,
-    /// That standard error.
+    /// The standard error of the gain.
     pub error: f64,
-    /// Fall of the mean square error over what is left and what is tolerated, of the quantity that gains most.
+    /// Fall of the mean square error, relative to the remaining and the tolerated error, of the quantity that gains
+    /// most.
     pub share: f64,
     /// Root mean square errors before and after, in the order of [`Dataset::measured`].
     pub rmse: Vec<(f64, f64)>,
 }
 
-/// Compares two predictions on the data kept back.
+/// Compares two predictions on the held-out data.
 pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
     let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
     let rmse: Vec<(f64, f64)> =
@@ -39,9 +40,9 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
     for start in (0..data.len()).step_by(block) {
         let mut chance = 0.0;
         for (output, measured) in data.measured.iter().enumerate() {
-            // Noise is what the better model leaves; a weight that favours neither.
+            // The noise is what the better model leaves; this weight favours neither model.
             let scale = measured.least_error(measured.noise).max(rmse[output].0.min(rmse[output].1));
-            for index in (start..(start + block).min(data.len())).filter(|index| data.kept_back[*index]) {
+            for index in (start..(start + block).min(data.len())).filter(|index| data.held_out[*index]) {
                 let left = (measured.values[index] - after[output][index]) / scale;
                 let change = (after[output][index] - before[output][index]) / scale;
                 if left.is_finite() && change.is_finite() {
@@ -63,22 +64,22 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
     }
 }
 
-/// Gain over its standard error on several parts of the data together.
+/// Gain over its standard error for several parts of the data together.
 pub fn sigmas_together(parts: &[Gain]) -> f64 {
     let total: f64 = parts.iter().map(|part| part.sigmas * part.error).sum();
     let error = parts.iter().map(|part| part.error.powi(2)).sum::<f64>().sqrt();
     if error > 0.0 { total / error } else { 0.0 }
 }
 
-/// Root mean square error of one quantity on the data kept back.
+/// Root mean square error of one quantity on the held-out data.
 pub fn rmse(data: &Dataset, prediction: &Prediction, output: usize) -> f64 {
     let mut sum = 0.0;
     let mut count = 0.0;
-    for ((value, predicted), kept_back) in
-        data.measured[output].values.iter().zip(&prediction[output]).zip(&data.kept_back)
+    for ((value, predicted), held_out) in
+        data.measured[output].values.iter().zip(&prediction[output]).zip(&data.held_out)
     {
         let difference = value - predicted;
-        if *kept_back && difference.is_finite() {
+        if *held_out && difference.is_finite() {
             sum += difference * difference;
             count += 1.0;
         }
@@ -86,24 +87,24 @@ pub fn rmse(data: &Dataset, prediction: &Prediction, output: usize) -> f64 {
     (sum / f64::max(count, 1.0)).sqrt()
 }
 
-/// Standard deviation of the noise in what a model leaves of a quantity.
+/// Standard deviation of the noise in the residual of a quantity.
 pub fn noise(data: &Dataset, residual: &[f64], output: usize) -> f64 {
     let of_sensor = data.measured[output].noise_in(residual);
     let of_losses = (output == data.motion_index()).then(|| random_losses::noise_rad_per_s(data, residual)).flatten();
     of_sensor.max(of_losses.unwrap_or(0.0))
 }
 
-/// Error over noise floor of the worst channel.
+/// Error over noise floor, for the worst channel.
 pub fn above_floor(data: &Dataset, fit: &Fit) -> f64 {
     worst(data, fit, Measured::least_error)
 }
 
-/// Error over noise of the worst channel, be it more than a model is asked to know or not.
+/// Error over noise, for the worst channel, even below the error that is tolerated of a model.
 pub fn above_noise(data: &Dataset, fit: &Fit) -> f64 {
     worst(data, fit, |_, noise| noise)
 }
 
-/// Greatest error over what `floor` makes of a channel's noise.
+/// Greatest ratio of the error to `floor` of a channel's noise.
 fn worst(data: &Dataset, fit: &Fit, floor: impl Fn(&Measured, f64) -> f64) -> f64 {
     let ratio = |output: usize| {
         let noise = noise(data, &fit.residual_of(data, output), output);
@@ -112,10 +113,10 @@ fn worst(data: &Dataset, fit: &Fit, floor: impl Fn(&Measured, f64) -> f64) -> f6
     (0..data.measured.len()).map(ratio).fold(0.0, f64::max)
 }
 
-/// 100 (1 - |y - prediction| / |y - mean y|) on the data kept back.
+/// 100 (1 - |y - prediction| / |y - mean y|) on the held-out data.
 pub fn fit_percent(data: &Dataset, prediction: &Prediction, output: usize) -> f64 {
     let seen =
-        data.measured[output].values.iter().zip(&data.kept_back).filter(|(value, kept)| **kept && value.is_finite());
+        data.measured[output].values.iter().zip(&data.held_out).filter(|(value, kept)| **kept && value.is_finite());
     let values: Vec<f64> = seen.map(|(value, _)| *value).collect();
     let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
     let spread = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / values.len().max(1) as f64).sqrt();
@@ -125,12 +126,12 @@ pub fn fit_percent(data: &Dataset, prediction: &Prediction, output: usize) -> f6
 /// Resamples of the block bootstrap.
 const RESAMPLES: usize = 200;
 
-/// 95 % interval of the root mean square error, by drawing blocks of the data kept back with replacement.
+/// 95 % interval of the root mean square error, by drawing blocks of the held-out data with replacement.
 pub fn rmse_interval(data: &Dataset, prediction: &Prediction, output: usize) -> [f64; 2] {
     let block = (BLOCK_S / data.interval_s).max(1.0) as usize;
     let mut blocks: Vec<(f64, f64)> = Vec::new();
     for start in (0..data.len()).step_by(block) {
-        let range = (start..(start + block).min(data.len())).filter(|index| data.kept_back[*index]);
+        let range = (start..(start + block).min(data.len())).filter(|index| data.held_out[*index]);
         let squares = range.map(|index| (data.measured[output].values[index] - prediction[output][index]).powi(2));
         let (sum, count) = squares.filter(|v| v.is_finite()).fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
         if count > 0.0 {

@@ -1,10 +1,10 @@
-//! What is missing: the torque and the voltage over time that would make the model agree with the measurement, and where a
-//! remaining disagreement acts.
+//! The discrepancy of the model: the torque and the voltage over time that would make it agree with the measurement,
+//! and where it acts.
 //!
-//! The residual of a free-running model obeys the motor's own linear equations, driven by what the model lacks. A Kalman
-//! filter with that lack as a random walk, and the smoother of Rauch, Tung and Striebel (1965), give it back; which place of
-//! the lack makes the residual most likely says where it acts. (Kristensen, Madsen and Jorgensen, Automatica 40 (2004): the
-//! diffusion term points at the deficient equation.)
+//! The residual of a free-running model obeys the motor's own linear equations, driven by the discrepancy. A Kalman
+//! filter estimates it as a random walk, with the smoother of Rauch, Tung and Striebel (1965). The place whose
+//! discrepancy makes the residual most likely is where it acts. (Kristensen, Madsen and Jorgensen, Automatica 40
+//! (2004): the diffusion term points at the deficient equation.)
 
 use crate::dataset::{Dataset, Output, Stretch, Window, difference};
 use motorbench_model::catalogue::ActsOn;
@@ -12,24 +12,26 @@ use motorbench_model::motor::MotorParameters;
 use nalgebra::{Matrix3, Vector3};
 use std::cmp::Ordering;
 
-/// Tried standard deviations of the walk over a second, as shares of the lack's own size.
+/// Standard deviations of the walk over a second that are tried, as shares of the discrepancy's own size.
 const WALKS: [f64; 4] = [0.1, 1.0, 10.0, 100.0];
 
-/// A winding is taken to warm up in this share of the recording: slower it does not show, faster it hardly can be.
+/// A winding warms up in this share of the recording. A slower warm-up does not show, and a faster one is hardly
+/// possible.
 const WARMING: f64 = 0.3;
 
-/// A lack over time.
+/// The discrepancy over time.
 #[derive(Clone, Debug)]
 pub struct Lack {
     /// Where it acts.
     pub acts_on: ActsOn,
     /// Its value at each sample, in the unit of where it acts (Nm, V, A, rad/s).
     pub values: Vec<f64>,
-    /// Logarithm of the likelihood of the residual with it.
+    /// Log-likelihood of the residual with it.
     pub log_likelihood: f64,
 }
 
-/// The lack at one place that makes the residual most likely. `residual`: measured minus simulated, per quantity.
+/// The discrepancy at one place that makes the residual most likely. `residual`: measured minus simulated, per
+/// quantity.
 pub fn lack(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_on: ActsOn) -> Lack {
     let size = typical(data, motor, residual, acts_on);
     let mut best: Option<(f64, Filter)> = None;
@@ -45,7 +47,7 @@ pub fn lack(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts
     Lack { acts_on, values: filter.smoothed(), log_likelihood }
 }
 
-/// Size of a lack that would explain the residual.
+/// Size of a discrepancy that would explain the residual.
 fn typical(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_on: ActsOn) -> f64 {
     let spread = |wanted: fn(Output) -> bool| {
         data.measured.iter().zip(residual).find(|(measured, _)| wanted(measured.output)).map_or(
@@ -68,17 +70,17 @@ fn typical(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_
     }
 }
 
-/// States: errors of current and speed, the lack.
+/// States: errors of current and speed, and the discrepancy.
 struct Filter {
     /// Of each stretch.
     steps: Vec<Step>,
     walk_per_s: f64,
-    /// Row of each measured quantity: what it sees of the states.
+    /// Observation row of each measured quantity: its weights of the states.
     rows: Vec<(Vector3<f64>, f64)>,
     history: Vec<Moment>,
 }
 
-/// From one row of a stretch to the next.
+/// Transition from one row of a stretch to the next.
 struct Step {
     /// Where the stretch ends.
     end: usize,
@@ -86,7 +88,7 @@ struct Step {
     walk_variance: f64,
 }
 
-/// State and covariance before and after the sample was seen.
+/// State and covariance before and after the update by the sample.
 type Moment = (Vector3<f64>, Matrix3<f64>, Vector3<f64>, Matrix3<f64>);
 
 impl Filter {
@@ -107,7 +109,7 @@ impl Filter {
             let row = if current { Vector3::new(1.0, 0.0, bias) } else { Vector3::new(0.0, 1.0, bias) };
             (row, measured.least_error(measured.noise).powi(2))
         });
-        // Nothing changes the speed of a rotor that is held.
+        // The speed of a held rotor does not change.
         let mut held_rates = rates;
         held_rates.row_mut(1).fill(0.0);
         let step = |stretch: &Stretch| Step {
@@ -118,7 +120,7 @@ impl Filter {
         Self { steps: data.stretches.iter().map(step).collect(), walk_per_s, rows: rows.collect(), history: Vec::new() }
     }
 
-    /// Filters forward; the logarithm of the likelihood of what was measured.
+    /// Filters forward and returns the log-likelihood of the measurement.
     fn run(&mut self, data: &Dataset, residual: &[Vec<f64>], keep: bool) -> f64 {
         let mut state = Vector3::zeros();
         let mut unknown = Matrix3::zeros();
@@ -126,7 +128,7 @@ impl Filter {
         let mut covariance = unknown;
         let mut log_likelihood = 0.0;
         for index in 0..data.len() {
-            // The simulation begins anew with each stretch, and so does what it lacks.
+            // The simulation restarts with each stretch, and so does its discrepancy.
             if self.begins(index) {
                 (state, covariance) = (Vector3::zeros(), unknown);
             }
@@ -163,7 +165,7 @@ impl Filter {
         &self.steps[stretch.min(self.steps.len() - 1)]
     }
 
-    /// The lack, seen with the whole recording.
+    /// The discrepancy, smoothed over the whole recording.
     fn smoothed(&self) -> Vec<f64> {
         let last = self.history.len() - 1;
         let (mut state, mut values) = (self.history[last].2, vec![0.0; self.history.len()]);
@@ -176,7 +178,7 @@ impl Filter {
             }
             let (predicted, predicted_covariance, ..) = &self.history[index + 1];
             let (_, _, filtered, covariance) = &self.history[index];
-            // The speed of a rotor that is held would make the matrix singular.
+            // The speed of a held rotor would make the matrix singular.
             let mut regular = *predicted_covariance;
             for place in 0..3 {
                 let variance = regular[(place, place)];
@@ -194,26 +196,26 @@ impl Filter {
     }
 }
 
-/// Names of two things it can depend on...
+/// Names of two quantities that it can depend on...
 const TIME: &str = "time";
 const WARMTH: &str = "warmth of the winding";
-/// ... of which the latter has to explain so many times as much.
+/// ... the second of which has to explain this many times as much.
 const MORE_THAN_TIME: f64 = 1.2;
 
-/// Something that a lack can depend on.
+/// A quantity that the discrepancy can depend on.
 #[derive(Clone, Debug)]
 pub struct Dependence {
-    /// On what.
+    /// Name of the quantity.
     pub on: &'static str,
     /// Unit of the axis.
     pub unit: &'static str,
-    /// Share of the lack's variance that a curve over it explains.
+    /// Share of the discrepancy's variance that a curve over it explains.
     pub share: f64,
-    /// The curve: means of the axis and of the lack in each bin.
+    /// The curve: means of the axis and of the discrepancy in each bin.
     pub curve: Vec<(f64, f64)>,
 }
 
-/// The lack against everything it can depend on, best first.
+/// The discrepancy against every quantity it can depend on, best first.
 pub fn dependences(data: &Dataset, values: &[f64]) -> Vec<Dependence> {
     let motion = &data.motion().values;
     let angle: Vec<f64> = data.angle_rad.iter().map(|angle| angle.rem_euclid(std::f64::consts::TAU)).collect();
@@ -231,14 +233,14 @@ pub fn dependences(data: &Dataset, values: &[f64]) -> Vec<Dependence> {
         found.push(dependence("current", "A", &current.values, values, 24));
         found.push(dependence(WARMTH, "A2", &warmth(&current.values), values, 24));
     }
-    // Warmth has a course over time by itself: it has to say more than that.
+    // Temperature itself changes with time, so it has to explain more than time does.
     let of_time = found.iter().find(|dependence| dependence.on == TIME).map_or(0.0, |time| time.share);
     let comes_after = |dependence: &Dependence| dependence.on == WARMTH && dependence.share < MORE_THAN_TIME * of_time;
     found.sort_by(|a, b| (comes_after(a), b.share).partial_cmp(&(comes_after(b), a.share)).unwrap_or(Ordering::Equal));
     found
 }
 
-/// What the winding's temperature follows: the square of the current, low-passed.
+/// What the winding's temperature follows: the low-passed square of the current.
 fn warmth(current_a: &[f64]) -> Vec<f64> {
     let share = 1.0 / (WARMING * current_a.len() as f64).max(1.0);
     let mut warmth = 0.0;
@@ -256,7 +258,7 @@ fn dependence(on: &'static str, unit: &'static str, axis: &[f64], values: &[f64]
     let finite = || axis.iter().zip(values).filter(|(x, y)| x.is_finite() && y.is_finite());
     let (low, high) = finite().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), (x, _)| (l.min(*x), h.max(*x)));
     let width = ((high - low) / bins as f64).max(f64::MIN_POSITIVE);
-    // Of the axis, of the values, and how many.
+    // Sums of the axis and of the values, and their number.
     let mut sums = vec![(0.0, 0.0, 0.0); bins];
     for (x, y) in finite() {
         let bin = (((x - low) / width) as usize).min(bins - 1);

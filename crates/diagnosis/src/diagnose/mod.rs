@@ -1,11 +1,12 @@
-//! Given measured data: what the simulation gets wrong, by what cause, and what the model gains by it.
+//! Diagnosis of recordings: what the simulation gets wrong, which effect causes it, and what the extended model gains.
 //!
-//! 1. The linear motor is fitted in free run ([`identify`](crate::identify)) to two thirds of the data; the last third, in
-//!    blocks spread over the recording, only judges; but when a load comes is read from all.
-//! 2. Effects of the catalogue are added while they earn their place on the data kept back, then checked backward and
-//!    against every rival ([`mod@select`]).
-//! 3. What remains above the sensors' noise is located by the lack that makes it most likely ([`missing`]).
-//! 4. The constants that are reported are fitted once more to all the data.
+//! 1. The linear motor is fitted in free run ([`identify`](crate::identify)) to two thirds of the data. The last third,
+//!    in blocks spread over the recording, is held out for judging. Only the time of a load step is read from all data.
+//! 2. Effects of the catalogue are added while they improve the fit of the held-out data. Then each one is checked
+//!    backward and against every rival ([`mod@select`]).
+//! 3. What remains above the sensors' noise is located: the discrepancy at the torque or at the voltage that makes it
+//!    most likely ([`missing`]).
+//! 4. The reported constants are fitted once more to all the data.
 
 mod command_times;
 mod counter_stops;
@@ -34,6 +35,7 @@ use motorbench_model::Model;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::unit::Unit;
 use motorbench_text::terminal_text::short;
 use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
 use random_losses::RandomLosses;
@@ -43,45 +45,43 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// A model that explains less than this of the motion, with nothing but noise left, has had nothing to explain.
+/// A model that explains less than this of the motion, and leaves only noise, cannot be judged: the recording is mostly
+/// noise.
 const LEAST_FIT_PERCENT: f64 = 20.0;
-/// A name is not trusted while what it explains is less than this multiple of what remains unexplained: the largest part
-/// of something unknown often looks like something known.
+/// A name needs at least this multiple of the unexplained rest. The largest part of an unknown effect often resembles a
+/// known one.
 pub(crate) const LEAST_OF_REST: f64 = 3.0;
-/// The share of it that is enough for what hardly any bench is without, where it is certain by itself: in the place of
-/// something unknown it was found in none of eighteen benches without it.
+/// The multiple for effects that nearly every bench has, if they are significant by themselves. In place of an unknown
+/// effect none of eighteen benches without them showed one.
 const LEAST_OF_USUAL: f64 = 0.5;
-/// The multiple for what any course over time has in it: right names had a hundred, wrong ones up to six.
+/// The multiple for an effect that fits any course over time. Right names had a hundred, wrong ones up to six.
 const LEAST_OF_ANY_COURSE: f64 = 20.0;
-/// The multiple for a fault of a sensor beside what is too little to be called missing: there the law of a torque may be another
-/// one than is named, and no sensor is to blame for what mends the difference. Right names had three and more, wrong ones one.
+/// The multiple for a fault of a sensor beside a rest below the threshold. There the law of a torque may differ from
+/// the named one, and a sensor's fault would absorb the difference. Right names had three and more, wrong ones one.
 const LEAST_OF_SMALL_REST: f64 = 2.0;
-/// With this evidence an effect is there, though how strong it is may be unknown. Right names have more, wrong ones that were
-/// seen less.
+/// With this evidence an effect is real, though its strength may be unknown. Right names had more, wrong names less.
 const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
-/// Data sheets are wrong by this much without being wrong: logarithm of found over nominal.
+/// Tolerance of a data sheet: logarithm of found over nominal.
 pub const DATA_SHEET_TOLERANCE: f64 = 0.25;
-/// A value is called wrong when it is so many standard errors beyond that...
+/// A value is called wrong when it is this many standard errors beyond the tolerance...
 const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
-/// ... of which each (of a logarithm) is at least this: the tolerance itself is no sharp bound.
+/// ... and each standard error (of a logarithm) counts at least as this: the tolerance itself is not sharp.
 const LEAST_SPREAD: f64 = 0.02;
-/// A value that is off by more than this factor is rather in another unit, or counted otherwise.
+/// A value that is off by more than this factor is probably in another unit, or decoded otherwise.
 const OTHER_UNIT: f64 = 2.5;
 
-/// By so much in the logarithm of its likelihood a sensor has to explain what remains better than the bench does to be blamed.
-const CLEARLY: f64 = 10.0;
+/// A sensor is blamed if it explains the rest better than torque or voltage by this much log-likelihood.
+const LEAST_LOG_LIKELIHOOD_GAIN: f64 = 10.0;
 
-/// On what something depends that no curve explains.
+/// Stands for the dependence of a rest that no curve explains.
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
-/// An inductance shows from an electrical time constant of this share of the time between rows on.
+/// An inductance is visible if its electrical time constant is at least this share of the time between rows.
 const LEAST_ROWS: f64 = 0.3;
-/// The constant that says when a current answers.
-const INDUCTANCE_H: &str = "inductance_H";
-
-/// What is said of constants that were found beside something unknown.
-const BESIDE_UNEXPLAINED: &str = "While that is missing all constants, those of the motor too, hold only roughly: their intervals know of the noise and not of what is missing.";
-/// An error this many times the sensor's noise is told, though it is too little for a name.
-const WORTH_TELLING: f64 = 1.5;
+/// Advice on constants that were found beside an unknown effect.
+const BESIDE_UNEXPLAINED: &str =
+    "Until this is explained, all constants are approximate. Their intervals contain the noise, not the missing cause.";
+/// An error this many times the sensor's noise is reported, even if it is too small for a name.
+const REPORTED_ABOVE_NOISE: f64 = 1.5;
 
 /// A diagnosis with everything that a report shows.
 pub struct Diagnosis {
@@ -91,15 +91,15 @@ pub struct Diagnosis {
     pub model: Model,
     /// The recordings as they were used.
     pub data: Dataset,
-    /// What the linear motor says.
+    /// Prediction of the linear motor.
     pub base: Prediction,
-    /// What the extended model says, fitted without the data kept back.
+    /// Prediction of the extended model, fitted without the held-out data.
     pub extended: Prediction,
     /// Constants of the linear motor fitted alone.
     pub base_model: Model,
     /// What the linear motor lacks, with its constants as found beside the effects.
     pub lacks: Vec<missing::Lack>,
-    /// What was added in turn, with the errors after it.
+    /// What was added step by step, with the errors after each step.
     pub steps: Vec<select::Step>,
 }
 
@@ -110,19 +110,19 @@ pub struct Diagnosis {
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
     let prior = Prior::new(&rig.motor, &data);
-    let mut understood = certain(data, &prior, &[], progress);
-    let losses = understood.random_losses();
+    let mut interpret = interpret_trusted(data, &prior, &[], progress);
+    let losses = interpret.random_losses();
     if let Some(losses) = losses {
         progress("with the counts that are lost");
-        understood = certain(understood.data.with_counts_lost(losses.share), &prior, &[], progress);
+        interpret = interpret_trusted(interpret.data.with_counts_lost(losses.share), &prior, &[], progress);
     }
-    let hidden_drop = HiddenDrop::of(&understood.data, &prior, &rig.bridge, &understood.selection.last);
+    let hidden_drop = HiddenDrop::of(&interpret.data, &prior, &rig.bridge, &interpret.selection.last);
     if let Some(drop) = hidden_drop {
         progress("behind a drop that the data do not show");
-        understood = certain(drop.before(&understood.data), &prior, &[], progress);
+        interpret = interpret_trusted(drop.before(&interpret.data), &prior, &[], progress);
     }
-    let (scale, understood) = in_its_scale(understood, &prior, progress);
-    let Understood { data, selection, fullest, last, intervals } = understood;
+    let (scale, interpret) = with_corrected_scale(interpret, &prior, progress);
+    let Interpretation { data, selection, fullest, last, intervals } = interpret;
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
@@ -142,7 +142,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         &prior,
         (&selection, &fullest),
         (&last.model, &intervals),
-        Taken { losses, scale, hidden_drop, late_h: late_h(&data, &last.model) },
+        Corrections { losses, scale, hidden_drop, sampling_uncertainty_h: sampling_uncertainty_h(&data, &last.model) },
     );
     let model = losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model));
     Ok(Diagnosis {
@@ -157,50 +157,51 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     })
 }
 
-/// As what the data were taken, other than they were recorded.
+/// How the data were corrected before the fit.
 #[derive(Clone, Copy)]
-struct Taken {
-    /// What an inductance is uncertain by when in its period a current is read.
-    late_h: f64,
+struct Corrections {
+    /// Uncertainty of the inductance where the PWM phase of the current samples is unknown.
+    sampling_uncertainty_h: f64,
     losses: Option<RandomLosses>,
     scale: Option<Scale>,
     hidden_drop: Option<HiddenDrop>,
 }
 
-impl Taken {
-    /// The interval of a constant with what it is uncertain by that.
-    fn widened(&self, constant: &str, value: f64, ci95: [f64; 2]) -> [f64; 2] {
-        let of_losses = self.losses.map_or(0.0, |losses| losses.uncertainty(constant));
-        let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(constant));
-        let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(constant));
-        let of_reading = if constant == INDUCTANCE_H { self.late_h / value } else { 0.0 };
+impl Corrections {
+    /// The interval of a constant, widened by the uncertainty of these corrections.
+    fn widened(&self, unit: Unit, value: f64, ci95: [f64; 2]) -> [f64; 2] {
+        let of_losses = self.losses.map_or(0.0, |losses| losses.uncertainty(unit));
+        let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(unit));
+        let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(unit));
+        // The winding's is the only inductance.
+        let of_reading = if unit == Unit::Henry { self.sampling_uncertainty_h / value } else { 0.0 };
         let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_reading) * value;
         [(value - (value - ci95[0]).hypot(besides)).max(0.0), value + (ci95[1] - value).hypot(besides)]
     }
 }
 
-/// A current that is read anywhere in a period of the PWM is as much too late as a winding of more inductance is.
-fn late_h(data: &Dataset, model: &Model) -> f64 {
+/// Uncertainty of the inductance if the current is sampled anywhere in a PWM period: the unknown delay acts as more
+/// inductance.
+fn sampling_uncertainty_h(data: &Dataset, model: &Model) -> f64 {
     let is_open = data.current().is_some() && data.origin.timing.current_sampled_at.is_none();
-    // Standard deviation of what is anywhere in it.
-    // Of rows that come faster each is elsewhere in it.
+    // Standard deviation of a uniform distribution over the period, or over the row interval if that is shorter.
     let anywhere_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
     if is_open { model.motor.resistance_ohm * anywhere_s / 12.0_f64.sqrt() } else { 0.0 }
 }
 
-/// What is understood of data.
-struct Understood {
+/// How the data are interpreted, and the model that explains them so.
+struct Interpretation {
     data: Dataset,
     selection: Selection,
-    /// The model with all that was selected, what was not trusted as well.
+    /// The model with everything that was selected, untrusted effects included.
     fullest: Fit,
-    /// The trusted one, fitted to all of them.
+    /// The model with the trusted effects alone, fitted to all data.
     last: Fit,
     intervals: Vec<Interval>,
 }
 
-impl Understood {
-    /// Counts lost at all speeds alike, where nothing else says that counts are lost.
+impl Interpretation {
+    /// A constant share of lost counts, where no other effect explains lost counts.
     fn random_losses(&self) -> Option<RandomLosses> {
         let Self { data, selection, .. } = self;
         let is_named = selection.last.model.has(counter_stops::ID) || !data.origin.counter_stops.is_empty();
@@ -211,24 +212,29 @@ impl Understood {
     }
 }
 
-/// The same in the scale that the nominal values say, where the data are better understood by that.
-fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress) -> (Option<Scale>, Understood) {
-    let doubts = |way: &Understood| data_sheet::doubts(&way.data, prior, &way.selection.last);
+/// The interpretation in the scale that the nominal values suggest, if the data fit better in it.
+fn with_corrected_scale(
+    recorded: Interpretation,
+    prior: &Prior,
+    progress: select::Progress,
+) -> (Option<Scale>, Interpretation) {
+    let doubts = |way: &Interpretation| data_sheet::doubts(&way.data, prior, &way.selection.last);
     let of = |fit: &Fit| Scale::of(&recorded.data, prior, fit);
-    // In a scale that is far off the search may have gone astray.
-    let has_gone_astray = doubts(&recorded).contains(&true);
-    let scale = of(&recorded.selection.last).or_else(|| of(&recorded.selection.base).filter(|_| has_gone_astray));
+    // In a scale that is far off the search may have failed.
+    let search_may_have_failed = doubts(&recorded).contains(&true);
+    let scale =
+        of(&recorded.selection.last).or_else(|| of(&recorded.selection.base).filter(|_| search_may_have_failed));
     let Some(scale) = scale else { return (None, recorded) };
     progress("in another scale");
-    let corrected = certain(scale.corrected(&recorded.data), prior, &[], progress);
-    // Something unknown drags all constants with it, as unknown commands do, though hardly into another unit.
+    let corrected = interpret_trusted(scale.corrected(&recorded.data), prior, &[], progress);
+    // An unknown effect, or unknown command times, bias all constants, but hardly by as much as another unit does.
     let [has_rest, _] = doubts(&corrected);
     if (has_rest || corrected.data.has_moments()) && !scale.is_another_unit() {
         return (None, recorded);
     }
-    // Nothing but the nominal values tells of a scale: a motor that is farther from them speaks against it.
-    let off = |way: &Understood| data_sheet::strangeness(prior, &way.selection.last);
-    let rank = |way: &Understood| (doubts(way), way.selection.last.cost);
+    // Only the nominal values show a scale: if the motor is farther from them afterwards, the scale is wrong.
+    let off = |way: &Interpretation| data_sheet::squared_deviations(prior, &way.selection.last);
+    let rank = |way: &Interpretation| (doubts(way), way.selection.last.cost);
     if off(&corrected) < off(&recorded) && rank(&corrected) < rank(&recorded) {
         (Some(scale), corrected)
     } else {
@@ -236,39 +242,44 @@ fn in_its_scale(recorded: Understood, prior: &Prior, progress: select::Progress)
     }
 }
 
-/// The data as they are understood best by effects that are there without doubt. What turns out to be nothing is taken back;
-/// where it had the place of another law, as of a spring when there is no gap, the data are looked at anew without it.
-fn certain(data: Dataset, prior: &Prior, not: &[&'static str], progress: select::Progress) -> Understood {
-    let (seen, mut selection) = best_understood(data.clone(), prior, not, progress);
+/// The best interpretation with trusted effects alone. An effect whose strength may be zero is removed. If it held the
+/// place of another law (a spring without a gap, for instance), the search is repeated without it.
+fn interpret_trusted(
+    data: Dataset,
+    prior: &Prior,
+    excluded_ids: &[&'static str],
+    progress: select::Progress,
+) -> Interpretation {
+    let (seen, mut selection) = best_interpretation(data.clone(), prior, excluded_ids, progress);
     let fullest = selection.last.clone();
-    distrust(&seen, prior, &mut selection);
+    remove_untrusted(&seen, prior, &mut selection);
     progress("intervals");
     let mut everything = seen.clone();
-    everything.kept_back.fill(false);
+    everything.held_out.fill(false);
     loop {
         let last = fit(&selection.last.model, &everything, prior, Effort::FULL);
         let intervals = last.intervals(&everything);
         let nothing = |standing: &Standing| may_be_nothing(standing, &last.model, &intervals);
         match selection.standings.iter().position(nothing) {
             Some(index) => match selection.standings[index].id {
-                id if is_of_a_scale(id) => take_back(&seen, prior, &mut selection, index),
-                id => return certain(data, prior, &[not, &[id]].concat(), progress),
+                id if is_of_a_scale(id) => remove_effect(&seen, prior, &mut selection, index),
+                id => return interpret_trusted(data, prior, &[excluded_ids, &[id]].concat(), progress),
             },
-            None => return Understood { data: seen, selection, fullest, last, intervals },
+            None => return Interpretation { data: seen, selection, fullest, last, intervals },
         }
     }
 }
 
-/// The data with what the rig file leaves open of how they were recorded as they are understood best, and what they are
-/// understood by: down to the noise, by the motor of the rig, by few effects.
-fn best_understood(
+/// The best choice of what the rig file leaves open about the recording. It is judged by the rest above the noise, the
+/// distance from the data sheet, and the number of effects.
+fn best_interpretation(
     data: Dataset,
     prior: &Prior,
-    not: &[&'static str],
+    excluded_ids: &[&'static str],
     progress: select::Progress,
 ) -> (Dataset, Selection) {
     let centred = data.with_window_centred();
-    let ways = [Some(data), centred].into_iter().flatten().map(|data| understood(data, prior, not, progress));
+    let ways = [Some(data), centred].into_iter().flatten().map(|data| interpret(data, prior, excluded_ids, progress));
     let rank = |(data, selection): &(Dataset, Selection)| {
         let last = &selection.last;
         (data_sheet::doubts(data, prior, last), last.model.terms.len(), last.cost)
@@ -276,7 +287,8 @@ fn best_understood(
     ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
 }
 
-/// What the rig file leaves open, by what is understood so far; each says whether the data have changed by it.
+/// Settings that the rig file leaves open, in the order in which they are estimated from the current fit. Each returns
+/// whether it changed the data.
 const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 10] = [
     command_times::settle,
     |data, _, found| counter_stops::settle(data, found),
@@ -290,13 +302,13 @@ const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 10] = [
     command_times::settle,
 ];
 
-fn understood(
+fn interpret(
     mut data: Dataset,
     prior: &Prior,
-    not: &[&'static str],
+    excluded_ids: &[&'static str],
     progress: select::Progress,
 ) -> (Dataset, Selection) {
-    let anew = |data: &Dataset| select(data, prior, &[&excluded(data), not].concat(), progress);
+    let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
     pwm_frequency::settle_at_first(&mut data, prior);
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);
@@ -308,7 +320,7 @@ fn understood(
     (data, selection)
 }
 
-/// Effects that these channels say nothing of.
+/// Effects that do not show in these channels.
 fn excluded(data: &Dataset) -> Vec<&'static str> {
     let channels = Channels {
         current: data.current().is_some(),
@@ -328,14 +340,15 @@ pub fn residuals(data: &Dataset, prediction: &Prediction) -> Vec<Vec<f64>> {
     data.measured.iter().zip(prediction).map(difference).collect()
 }
 
-/// Takes back names that explain too little beside what remains ([`Rest::outweighs`]): where something big is unknown, small things are not known. Beside a
-/// rest that is none to speak of a name stays that has made it so.
-fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
+/// Removes effects that explain too little beside the rest ([`Rest::outweighs`]): while something large is unknown,
+/// small effects cannot be trusted. Beside a rest below the threshold, an effect stays if the rest would exceed the
+/// threshold without it.
+fn remove_untrusted(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     while let Some(rest) = Rest::of(data, &selection.last) {
         let mut weak = (0..selection.standings.len()).filter(|index| rest.outweighs(&selection.standings[*index]));
         let without = |index: usize| {
             let mut without = selection.clone();
-            take_back(data, prior, &mut without, index);
+            remove_effect(data, prior, &mut without, index);
             (rest.is_missing || above_floor(data, &without.last) < NOT_NOISE).then_some(without)
         };
         let Some(without) = weak.find_map(without) else { return };
@@ -343,28 +356,28 @@ fn distrust(data: &Dataset, prior: &Prior, selection: &mut Selection) {
     }
 }
 
-/// Whether an effect may be no more than a part of something unknown.
-fn is_of_any_course(id: &str) -> bool {
-    effect(id).is_some_and(|effect| effect.is_of_any_course())
+/// Whether an effect can fit any course over time, and so a part of an unknown effect.
+fn fits_any_course(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.about().fits_any_course)
 }
 
-/// Whether an effect is a sensor's.
+/// Whether an effect is a fault of a sensor.
 fn is_of_a_sensor(id: &str) -> bool {
-    effect(id).is_some_and(|effect| effect.about().acts_on.is_of_a_sensor())
+    effect(id).is_some_and(|effect| effect.about().sensor.is_some())
 }
 
-/// What a model leaves of each measured quantity beyond the noise.
+/// The rest: what a model leaves of each measured quantity beyond the noise.
 struct Rest {
-    /// Whether it is so much that something is missing.
+    /// Whether it exceeds the threshold, so that an effect is missing.
     is_missing: bool,
-    /// Squares of what the quantities are weighed by.
+    /// Squares of the weights of the quantities.
     units: Vec<f64>,
-    /// The sum of all, in these.
+    /// Weighted sum over all quantities.
     weight: f64,
 }
 
 impl Rest {
-    /// Of a model that leaves more than noise.
+    /// The rest of a model that leaves more than noise.
     fn of(data: &Dataset, fit: &Fit) -> Option<Self> {
         let outputs = 0..data.measured.len();
         let floors: Vec<f64> =
@@ -381,12 +394,12 @@ impl Rest {
         Some(Self { is_missing, units, weight })
     }
 
-    /// Whether a name explains too little beside it.
+    /// Whether an effect explains too little beside this rest.
     fn outweighs(&self, standing: &Standing) -> bool {
         let explained = standing.gain.rmse.iter().zip(&self.units);
         let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
         let least = match self.is_missing {
-            true if is_of_any_course(standing.id) => LEAST_OF_ANY_COURSE,
+            true if fits_any_course(standing.id) => LEAST_OF_ANY_COURSE,
             true if USUAL.contains(&standing.id) && standing.gain.sigmas > NAMED_SIGMAS => LEAST_OF_USUAL,
             true => LEAST_OF_REST,
             false if is_of_a_sensor(standing.id) => LEAST_OF_SMALL_REST,
@@ -396,8 +409,8 @@ impl Rest {
     }
 }
 
-/// Whether the interval of an effect's strength holds nothing at all, and not because the data say nothing of the scale that
-/// it is linear in, as of all torques: then the effect itself is beyond doubt.
+/// Whether the interval of an effect's strength contains zero. It does not count if the data only lack the scale that
+/// the strength is proportional to, such as that of all torques: then the effect itself is beyond doubt.
 fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) -> bool {
     let Some(index) = model.terms.iter().position(|term| term.id() == standing.id) else { return false };
     let effect = model.terms[index].effect;
@@ -413,16 +426,16 @@ fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) ->
         known.peek().is_some() && known.all(|holds_nothing| holds_nothing)
     };
     !(is_of_a_scale(standing.id) && standing.gain.sigmas > BEYOND_DOUBT_SIGMAS)
-        && effect.strengths().into_iter().any(may_be_nothing)
+        && effect.about().strengths().into_iter().any(may_be_nothing)
 }
 
-/// Whether an effect's strength is a factor of what it does.
+/// Whether an effect is proportional to its strength.
 fn is_of_a_scale(id: &str) -> bool {
     effect(id).is_some_and(|effect| effect.about().linear_in > 0)
 }
 
-/// Takes a name back.
-fn take_back(data: &Dataset, prior: &Prior, selection: &mut Selection, index: usize) {
+/// Removes an effect and refits the others.
+fn remove_effect(data: &Dataset, prior: &Prior, selection: &mut Selection, index: usize) {
     let taken = selection.standings.remove(index);
     let last = fit(&selection.last.model.without(taken.id), data, prior, Effort::CHECK);
     for standing in &mut selection.standings {
@@ -438,14 +451,11 @@ impl Outcome {
         prior: &Prior,
         (selection, fullest): (&Selection, &Fit),
         (model, intervals): (&Model, &[Interval]),
-        taken: Taken,
+        corrections: Corrections,
     ) -> Self {
-        let Taken { losses, scale, hidden_drop, .. } = taken;
+        let Corrections { losses, scale, hidden_drop, .. } = corrections;
         let mut causes: Vec<Cause> =
-            selection.standings.iter().map(|standing| cause(data, standing, model, intervals)).collect();
-        for (constant, Estimate { value, ci95 }) in causes.iter_mut().flat_map(|cause| &mut cause.parameters) {
-            *ci95 = ci95.map(|ci95| taken.widened(constant, *value, ci95));
-        }
+            selection.standings.iter().map(|standing| cause(data, standing, model, intervals, &corrections)).collect();
         if !model.has(counter_stops::ID) {
             causes.extend(counter_stops::cause(data, &selection.last.prediction));
         }
@@ -454,14 +464,11 @@ impl Outcome {
         }
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
-        let mut parameters = parameters(model, &prior.nominal, intervals);
-        for (constant, Parameter { value, ci95, .. }) in &mut parameters {
-            *ci95 = taken.widened(constant, *value, *ci95);
-        }
+        let parameters = parameters(model, &prior.nominal, intervals, &corrections);
         causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
         if unexplained.is_none() {
-            // While something is missing it falsifies the constants as well.
+            // An unexplained effect biases the constants as well.
             let shows = |cause: &Cause| {
                 !is_of_the_reading(&cause.effect, data, model) && !is_between_rows(&cause.effect, data, &model.motor)
             };
@@ -482,14 +489,14 @@ impl Outcome {
         outcome
     }
 
-    /// What is left where nothing is missing: more than the noise, and too little for a name.
+    /// Note on an error above the noise that is too small for a name.
     fn small_rest(&self) -> Option<String> {
         let (reached, floor) = (&self.fit["extended"], &self.fit["noise_floor"]);
         let times = |(channel, quality): (&&'static str, &Quality)| (quality.rmse / floor[channel].rmse, *channel);
         let (times, channel) = reached.iter().map(times).max_by(|a, b| a.0.total_cmp(&b.0))?;
-        (self.unexplained.is_none() && times > WORTH_TELLING).then(|| {
+        (self.unexplained.is_none() && times > REPORTED_ABOVE_NOISE).then(|| {
             format!(
-                "The error left in {channel} is {times:.1} times its sensor's noise, yet less than {:.0} % of what it ranges over: something small may be missing that is not looked for.",
+                "The error left in {channel} is {times:.1} times the noise of its sensor, but less than {:.0} % of its range. A small effect may be missing; effects that small are not searched for.",
                 100.0 * TOLERANCE
             )
         })
@@ -505,7 +512,7 @@ impl Outcome {
         }
         if self.causes.iter().any(Cause::is_value) && self.parameters.values().any(is_other_unit) {
             advice.push(
-                "So far off is rather a unit than a motor: is i_A in amperes, a speed in rad/s and not in rpm, counts_per_rev after x4 decoding, and the sensor on the motor's shaft and not behind a gear?".into(),
+                "A value this far off is probably a wrong unit. Check: i_A in amperes; speed in rad/s, not rpm; counts_per_rev after x4 decoding; the sensor on the motor's shaft, not behind a gear.".into(),
             );
         }
         advice
@@ -527,7 +534,7 @@ impl Outcome {
         advice.extend(self.advice_on_values());
         if let Some(unexplained) = &self.unexplained {
             advice.push(format!(
-                "Something is missing that has no name here: {}. Look at the report's plots of what is missing.",
+                "An effect outside the catalogue is missing: {}. See the plots of what remains in the report (--report).",
                 unexplained.place()
             ));
             advice.push(BESIDE_UNEXPLAINED.into());
@@ -539,35 +546,35 @@ impl Outcome {
         let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
         if !(reverses(1.0) && reverses(-1.0)) {
             advice.push(
-                "The motor never reverses here: what differs between directions, and friction from other losses, shows only in a recording through zero both ways (sequence `identify`).".into(),
+                "The motor never reverses in this recording. Friction and differences between directions show only when it passes zero both ways: record the sequence `identify`.".into(),
             );
         }
         advice
     }
 }
 
-/// Whether found and nominal are in other units, rather than of another motor.
+/// Whether a value is so far from its nominal value that another unit is likelier than another motor.
 fn is_other_unit(parameter: &Parameter) -> bool {
     parameter.nominal.is_some_and(|nominal| (parameter.value / nominal).ln().abs() > OTHER_UNIT.ln())
 }
 
-/// Whether an effect is a delay of less than a row where rows were written after their commands had acted: it tells where in
-/// its row a command acts, and is no delay of the bridge.
+/// Whether an effect is a delay shorter than a row, where rows were written after their commands had acted. It then
+/// gives the time within the row at which the command acts, not a delay of the bridge.
 fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
     let delay_s = model.term(id).map_or(0.0, |term| term.effect.delay_s(&term.values));
     data.origin.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
 }
 
-/// Whether a wrong value is an inductance that the frequency of the PWM, the windows of current and speed or the moments of the
-/// commands may have made: where the rig file does not give them, only both together are certain.
+/// Whether a wrong value is an inductance that may come from an assumed PWM frequency, averaging window or command
+/// time: the rig file does not give these, so only the combination is known.
 fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
-    let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on == ActsOn::Voltage);
+    let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on.contains(&ActsOn::Voltage));
     let of_pwm = || !data.origin.pwm_is_known && shows_pwm();
     let of_window = || data.origin.timing.current_window_s.is_none() && data.origin.current_window_s > 0.0;
     cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments() || data.origin.taken_over_its_row)
 }
 
-/// In words.
+/// The place in words.
 pub fn acts_on_words(acts_on: ActsOn) -> &'static str {
     match acts_on {
         ActsOn::Torque => "the torque",
@@ -577,14 +584,20 @@ pub fn acts_on_words(acts_on: ActsOn) -> &'static str {
     }
 }
 
-fn cause(data: &Dataset, standing: &Standing, model: &Model, intervals: &[Interval]) -> Cause {
+fn cause(
+    data: &Dataset,
+    standing: &Standing,
+    model: &Model,
+    intervals: &[Interval],
+    corrections: &Corrections,
+) -> Cause {
     let rival_sigmas = standing.rival.as_ref().map_or(f64::INFINITY, |(_, gain)| gain.sigmas.max(0.0));
     let sigmas = standing.gain.sigmas.min(if standing.same.is_empty() { rival_sigmas } else { f64::INFINITY });
     let channels = data.measured.iter().map(|measured| measured.output.channel());
     Cause {
         effect: standing.id.into(),
         confidence: confidence(sigmas) / (1.0 + standing.same.len() as f64),
-        parameters: constants(standing.id, model, intervals),
+        parameters: constants(standing.id, model, intervals, corrections),
         gain: channels
             .zip(&standing.gain.rmse)
             .map(|(channel, (before, after))| (channel, RmseGain { rmse_before: *before, rmse_after: *after }))
@@ -599,15 +612,16 @@ fn cause(data: &Dataset, standing: &Standing, model: &Model, intervals: &[Interv
     }
 }
 
-/// Constants of an effect with their intervals, and the amplitude of a wave.
-fn constants(id: &str, model: &Model, intervals: &[Interval]) -> BTreeMap<String, Estimate> {
+/// Constants of an effect with their intervals; the two of a wave as one amplitude.
+fn constants(id: &str, model: &Model, intervals: &[Interval], corrections: &Corrections) -> BTreeMap<String, Estimate> {
     let Some(term_index) = model.terms.iter().position(|term| term.id() == id) else { return BTreeMap::new() };
     let term = &model.terms[term_index];
     let interval = |index| intervals.iter().find(|interval| interval.place == Place::Term(term_index, index));
     let mut constants: BTreeMap<String, Estimate> = term
-        .said()
-        .map(|(index, name, value)| {
-            (name.to_string(), Estimate { value, ci95: interval(index).map(|interval| interval.ci95) })
+        .without_defaults()
+        .map(|(index, parameter, value)| {
+            let ci95 = interval(index).map(|interval| corrections.widened(parameter.unit, value, interval.ci95));
+            (parameter.name.to_string(), Estimate { value, ci95 })
         })
         .collect();
     let wave = term.effect.about().parameters[0].name.strip_prefix("cosine_");
@@ -615,32 +629,39 @@ fn constants(id: &str, model: &Model, intervals: &[Interval]) -> BTreeMap<String
         let amplitude = cosine.value.hypot(sine.value);
         let half = |interval: &Interval| 0.5 * (interval.ci95[1] - interval.ci95[0]) * interval.value / amplitude;
         let half = half(cosine).hypot(half(sine));
-        let ci95 = Some([(amplitude - half).max(0.0), amplitude + half]);
+        let ci95 = [(amplitude - half).max(0.0), amplitude + half];
+        let ci95 = Some(corrections.widened(term.effect.about().parameters[0].unit, amplitude, ci95));
         constants.insert(format!("amplitude_{unit}"), Estimate { value: amplitude, ci95 });
     }
     constants
 }
 
-fn parameters(model: &Model, nominal: &NominalMotor, intervals: &[Interval]) -> BTreeMap<&'static str, Parameter> {
+fn parameters(
+    model: &Model,
+    nominal: &NominalMotor,
+    intervals: &[Interval],
+    corrections: &Corrections,
+) -> BTreeMap<&'static str, Parameter> {
     let nominal = nominal.values();
     let named = model.motor.named().into_iter().enumerate();
     named
         .map(|(index, (name, value))| {
             let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
             let ci95 = interval.map_or([value, value], |interval| interval.ci95);
+            let ci95 = corrections.widened(MotorParameters::UNITS[index], value, ci95);
             (name, Parameter { nominal: nominal[index], value, ci95 })
         })
         .collect()
 }
 
-/// Whether a cause is an inductance, of rows so far apart that a current is where it goes to whatever that is.
+/// Whether a cause is the inductance, and the rows are too far apart to show it: the current has settled in each row.
 fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParameters) -> bool {
     effect == INDUCTANCE && TimeConstants::of(motor).electromagnetic_s < LEAST_ROWS * data.interval_s
 }
 
-/// Nominal values that are further off than a data sheet's tolerance.
+/// Nominal values that are off by more than a data sheet's tolerance.
 fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
-    // How many standard errors beyond what is tolerated.
+    // Number of standard errors beyond the tolerance.
     let sigmas_beyond = |name: &str| {
         let parameter = parameters.get(name)?;
         let off = (parameter.value / parameter.nominal?).ln().abs();
@@ -676,8 +697,8 @@ fn value_cause(id: &str, constant: &str, estimate: Estimate, sigmas: f64) -> Cau
     }
 }
 
-/// What remains, and where: what the fullest model lacks, since a drop or a friction that nobody trusts beside something
-/// greater would be found in place of that.
+/// What remains and where, judged by the fullest model: otherwise an untrusted drop or friction would be reported in
+/// place of the larger rest.
 fn unexplained(data: &Dataset, selection: &Selection, fullest: &Fit) -> Option<Unexplained> {
     if above_floor(data, &selection.last) < NOT_NOISE {
         return None;
@@ -688,8 +709,9 @@ fn unexplained(data: &Dataset, selection: &Selection, fullest: &Fit) -> Option<U
         places.extend([ActsOn::Voltage, ActsOn::CurrentSensor]);
     }
     let lacks = places.into_iter().map(|place| missing::lack(data, &fullest.model.motor, &left, place));
-    let likelihood =
-        |lack: &missing::Lack| lack.log_likelihood - if lack.acts_on.is_of_a_sensor() { CLEARLY } else { 0.0 };
+    let likelihood = |lack: &missing::Lack| {
+        lack.log_likelihood - if lack.acts_on.is_of_a_sensor() { LEAST_LOG_LIKELIHOOD_GAIN } else { 0.0 }
+    };
     let lack = lacks.max_by(|a, b| likelihood(a).total_cmp(&likelihood(b)))?;
     let dependence = missing::dependences(data, &lack.values).into_iter().next()?;
     let rest = |output: usize| {
@@ -723,7 +745,7 @@ fn fits(data: &Dataset, selection: &Selection) -> BTreeMap<&'static str, BTreeMa
         let rmse = judge::noise(data, &selection.last.residual_of(data, output), output);
         let reached = judge::fit_percent(data, &selection.last.prediction, output);
         let after = judge::rmse(data, &selection.last.prediction, output);
-        // The same spread of the signal, the floor in place of the error.
+        // With the same spread of the signal and the floor in place of the error.
         let fit_percent = 100.0 - (100.0 - reached) * rmse / after.max(f64::MIN_POSITIVE);
         (kind.channel(), Quality { rmse, ci95: None, unit: kind.unit(), fit_percent })
     });
@@ -738,7 +760,7 @@ fn fits(data: &Dataset, selection: &Selection) -> BTreeMap<&'static str, BTreeMa
 mod tests {
     use super::*;
 
-    /// An outcome with a torque constant so many times the nominal one, as it was found.
+    /// An outcome with a torque constant of this multiple of the nominal one.
     fn with_torque_constant(found_over_nominal: f64) -> Outcome {
         let value = 0.07 * found_over_nominal;
         let found = Parameter { nominal: Some(0.07), value, ci95: [0.99 * value, 1.01 * value] };
@@ -748,7 +770,7 @@ mod tests {
         Outcome { verdict: Verdict::Explained, causes, unexplained: None, parameters, fit, advice: Vec::new() }
     }
 
-    /// An oscilloscope's capture is shorter than anything warms up in.
+    /// A capture of an oscilloscope is shorter than any warm-up.
     #[test]
     fn what_warms_up_may_be_fitted_to_a_tenth_of_a_second() {
         let mut text = String::from("t_s,u_V,omega_rad_per_s,i_A\n");
@@ -776,7 +798,7 @@ mod tests {
         );
         assert!((other_motor.causes[0].evidence_sigmas - 11.0).abs() < 0.05, "{:?}", other_motor.causes);
         let in_rpm = with_torque_constant(60.0 / std::f64::consts::TAU).advice_on_values();
-        assert!(in_rpm.len() == 1 && in_rpm[0].contains("not in rpm"), "{in_rpm:?}");
+        assert!(in_rpm.len() == 1 && in_rpm[0].contains("not rpm"), "{in_rpm:?}");
         assert!(with_torque_constant(1.1).advice_on_values().is_empty());
     }
 }

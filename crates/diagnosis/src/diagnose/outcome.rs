@@ -12,13 +12,14 @@ use std::collections::BTreeMap;
 pub struct Outcome {
     /// What came out.
     pub verdict: Verdict,
-    /// Of a recording the effects found, strongest first, then wrong values; of a table in the order of its balances.
+    /// For a recording: the effects found, strongest first, then wrong values. For a table: in the order of its
+    /// balances.
     pub causes: Vec<Cause>,
-    /// What remains without a name.
+    /// The rest that no effect explains.
     pub unexplained: Option<Unexplained>,
     /// Constants of the linear motor.
     pub parameters: BTreeMap<&'static str, Parameter>,
-    /// Errors on data kept back, of `base`, `extended` and `noise_floor`, per channel.
+    /// Errors on held-out data of `base`, `extended` and `noise_floor`, per channel.
     pub fit: BTreeMap<&'static str, BTreeMap<&'static str, Quality>>,
     /// What to do next.
     pub advice: Vec<String>,
@@ -28,13 +29,13 @@ pub struct Outcome {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// The linear motor with its found constants is as good as the sensors.
+    /// The linear motor with its found constants reaches the noise of the sensors.
     Sufficient,
-    /// With the causes named the model is as good as the sensors.
+    /// With the named causes the model reaches the noise of the sensors.
     Explained,
-    /// The causes named hold, and something remains.
+    /// The named causes hold, but a rest remains.
     PartlyExplained,
-    /// Something is missing that has no name here.
+    /// No effect of the catalogue explains the rest.
     Unexplained,
 }
 
@@ -47,13 +48,13 @@ pub struct Cause {
     pub confidence: f64,
     /// Its constants.
     pub parameters: BTreeMap<String, Estimate>,
-    /// Errors on data kept back without it and with it, everything else fitted in both, per channel.
+    /// Errors on held-out data without it and with it, everything else fitted in both, per channel.
     pub gain: BTreeMap<&'static str, RmseGain>,
-    /// Effects, or a wrong value, that explain this data as well in its place.
+    /// Effects, or a wrong value, that would explain this data equally well.
     pub not_separable_from: Vec<&'static str>,
-    /// What it gains in standard errors of the gain.
+    /// Gain in standard errors of the gain.
     pub evidence_sigmas: f64,
-    /// The next best in its place, and by how many standard errors it is worse.
+    /// The best alternative, and by how many standard errors it is worse.
     pub runner_up: Option<RunnerUp>,
 }
 
@@ -64,19 +65,19 @@ impl Cause {
     }
 }
 
-/// Confidence in what has this many standard errors.
+/// Confidence that corresponds to this many standard errors.
 pub fn confidence(sigmas: f64) -> f64 {
     1.0 - (-sigmas / 3.0).exp()
 }
 
-/// The next best.
+/// The best alternative to a cause.
 #[derive(Clone, Debug, Serialize)]
 pub struct RunnerUp {
     /// Identifier of the catalogue.
     pub effect: &'static str,
     /// By how much it is worse, in standard errors.
     pub worse_by_sigmas: f64,
-    /// By how much its mean square error is greater, as a share of what the cause leaves, of the channel that differs most.
+    /// Its additional mean square error as a share of what the cause leaves, for the channel that differs most.
     pub worse_by_share: f64,
 }
 
@@ -85,8 +86,8 @@ pub struct RunnerUp {
 pub struct Estimate {
     /// Most plausible value.
     pub value: f64,
-    /// Interval that holds the true one in 95 of 100 recordings; `null` for what no fit has moved: whole
-    /// numbers and laws that were tried, constants that were held.
+    /// Interval that contains the true value in 95 of 100 recordings. `null` for what was not fitted: whole numbers,
+    /// laws that were tried, constants that were held.
     pub ci95: Option<[f64; 2]>,
 }
 
@@ -98,14 +99,14 @@ pub struct RmseGain {
     pub rmse_after: f64,
 }
 
-/// What remains without a name.
+/// The rest that no effect explains.
 #[derive(Clone, Debug, Serialize)]
 pub struct Unexplained {
     /// Where it acts.
     pub acts_on: ActsOn,
-    /// What it depends on most; `nothing seen` when no curve explains a tenth of it, of a table half.
+    /// What it depends on most; `nothing seen` if no curve explains a tenth of it (for a table, half).
     pub depends_on: String,
-    /// Share of the mean square error that remains, noise taken off, of the channel where it is greatest.
+    /// Share of the mean square error that remains without the noise, for the channel where it is greatest.
     pub share: f64,
 }
 
@@ -123,7 +124,7 @@ pub struct Parameter {
     pub nominal: Option<f64>,
     /// Found.
     pub value: f64,
-    /// Interval that holds the true one in 95 of 100 recordings; without a width for a value that was held fixed.
+    /// Interval that contains the true value in 95 of 100 recordings; of zero width for a value that was held fixed.
     #[serde(serialize_with = "interval_or_null")]
     pub ci95: [f64; 2],
 }

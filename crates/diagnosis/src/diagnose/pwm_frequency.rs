@@ -1,5 +1,5 @@
-//! The frequency of the PWM, where the rig file does not give it. It shows where a drop or diodes stop the current within each
-//! period; what it changes there, another inductance changes as well.
+//! Estimates the frequency of the PWM, where the rig file does not give it. It shows where a drop or diodes stop the
+//! current within a period. Another inductance has a similar effect there.
 
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::dataset::{Dataset, PWM_HZ};
@@ -8,19 +8,19 @@ use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
 
-/// Of an Uno's timers with the usual settings, and of this project's firmware.
+/// Frequencies of an Uno's timers with the usual settings, and of this project's firmware.
 const USUAL_HZ: [f64; 6] = [490.0, 980.0, 1960.0, 3920.0, 7810.0, PWM_HZ];
-/// Another frequency is fitted where it changes the cost by this share as it stands...
+/// Another frequency is fitted if it changes the present cost by this share...
 const SHOWS: f64 = 1e-3;
-/// ... and of those that are as good as the best the inductance nearest to its nominal value decides, if it is nearer by this
-/// factor than the one there is.
+/// ... and among those as good as the best, the inductance nearest to its nominal value decides, if it is nearer than
+/// the present one by this factor.
 const NEARER: f64 = 1.3;
-/// While something remains, and before anything is known, it has to bring the cost down to this share: what is missing makes
-/// some winding or other look better by little.
-const CLEARLY: f64 = 0.6;
+/// While a rest remains, and before any effect is known, it has to lower the cost to this share: a missing effect makes
+/// some winding fit a little better.
+const LEAST_LOG_LIKELIHOOD_GAIN: f64 = 0.6;
 
-/// Sets the one with which the nominal motor behind a bridge with a drop explains clearly more, be its off phase one that brakes
-/// or one that coasts.
+/// Sets the frequency with which the nominal motor, behind a bridge with a drop, fits clearly better. Its off phase may
+/// brake or coast.
 pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     if data.origin.pwm_is_known {
         return;
@@ -32,21 +32,22 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     let models: Vec<Model> = [Some(slow), coasting].into_iter().flatten().collect();
     let fits = models.into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL));
     let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least");
-    data.origin.pwm_hz = likelier_hz(data, prior, &best, CLEARLY).unwrap_or(data.origin.pwm_hz);
+    data.origin.pwm_hz = likelier_hz(data, prior, &best, LEAST_LOG_LIKELIHOOD_GAIN).unwrap_or(data.origin.pwm_hz);
 }
 
-/// Sets the one with which a model explains more, or as much with a likelier winding; whether it is another one.
+/// Sets the frequency with which a model fits better, or equally well with a more plausible winding. Returns whether it
+/// changed.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     if data.origin.pwm_is_known {
         return false;
     }
-    let least_gain = if above_floor(data, found) < NOT_NOISE { f64::INFINITY } else { CLEARLY };
+    let least_gain = if above_floor(data, found) < NOT_NOISE { f64::INFINITY } else { LEAST_LOG_LIKELIHOOD_GAIN };
     let other = likelier_hz(data, prior, found, least_gain);
     data.origin.pwm_hz = other.unwrap_or(data.origin.pwm_hz);
     other.is_some()
 }
 
-/// With one that brings the cost down to `least_gain` of what it is.
+/// Chooses one that lowers the cost to `least_gain` of the present one.
 fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit, least_gain: f64) -> Option<f64> {
     let fits = USUAL_HZ.into_par_iter().filter(|hz| *hz != data.origin.pwm_hz).filter_map(|hz| {
         let mut other = data.clone();
@@ -54,7 +55,7 @@ fn likelier_hz(data: &Dataset, prior: &Prior, found: &Fit, least_gain: f64) -> O
         let as_it_stands = fit(&found.model, &other, prior, Effort::NONE);
         let shows = (as_it_stands.cost / found.cost - 1.0).abs() > SHOWS;
         let mut model = found.model.clone();
-        // A period's ripple stays what it is.
+        // The current ripple of a period stays the same.
         model.motor.inductance_h *= data.origin.pwm_hz / hz;
         shows.then(|| (hz, fit(&model, &other, prior, Effort::TRIAL)))
     });

@@ -1,52 +1,52 @@
-//! Counts missed at random, each edge with some probability. The mean of what is lost is a term of the model
-//! (`catalogue/missed_counts.rs`), or a wrong torque constant; the scatter is in none: it is noise, and known by that noise.
+//! Counts missed at random: each edge is lost with some probability. The mean loss is a term of the model
+//! (`catalogue/missed_counts.rs`), or a wrong torque constant. The scatter is noise, and this module recognises it.
 //!
-//! What the model leaves of the angle goes its way at random then: from window to window it changes by independent steps,
-//! whose variance is that of the counts lost, as many as the share lost of those counted. Rounding to whole counts, and rows
-//! read at uneven times, leave an angle that is uneven but stays where it is; a motor that the model does not describe goes
-//! on from one window into the next.
+//! The residual angle is then a random walk: from window to window it changes by independent steps. Their variance is
+//! that of the lost counts, proportional to the counts and the share lost. Rounding, and rows read at uneven times,
+//! give an uneven angle that does not drift. A motor that the model does not describe continues from one window into
+//! the next.
 //!
-//! A share that is the same at all speeds cannot be told from constants of another motor by what the motor does: by the
-//! scatter alone. The data are looked at anew then, with as many counts more.
+//! A share that is equal at all speeds cannot be told from other motor constants by the motion, only by the scatter.
+//! The data are then diagnosed again with the lost counts added.
 
 use super::counter_stops::ID;
 use super::outcome::{Cause, Estimate, RmseGain, confidence};
-use super::scale::Quantity;
 use crate::dataset::{Dataset, Output};
 use crate::identify::Z95;
 use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
+use motorbench_model::unit::{Quantity, Unit};
 use std::collections::BTreeMap;
 
-/// Fewer counts in a window are rounded too evenly to be told from others.
+/// With fewer counts in a window their rounding is too regular.
 const FEWEST_COUNTS: f64 = 2.0;
 /// Fewest windows.
 const FEWEST: usize = 400;
-/// By how much correlations may be off what independent steps have.
+/// Tolerance of the correlations against those of independent steps.
 const LOOSE: f64 = 0.08;
-/// Lags at which independent steps have none.
+/// Lags at which independent steps have no correlation.
 const FAR: [usize; 2] = [3, 4];
-/// The share lost of the slower half and of the faster half is the same to this factor.
+/// The shares lost in the slower and the faster half agree to this factor.
 const EVEN: f64 = 1.5;
-/// Blocks for the error of the share, and with how many of its errors it is beyond doubt.
+/// Number of blocks for the error of the share, and the multiple of its error at which it is beyond doubt.
 const BLOCKS: usize = 20;
 const LEAST_SIGMAS: f64 = 8.0;
-/// Smaller shares are named by nobody.
+/// Smaller shares are not named.
 const LEAST_SHARE: f64 = 0.005;
-/// Greater ones leave no encoder.
+/// With a greater share the encoder would not work at all.
 const MOST: f64 = 0.9;
 
-/// A change of what the model leaves of the angle from one window to the next, in counts.
+/// A change of the residual angle from one window to the next, in counts.
 #[derive(Clone, Copy, Debug)]
 struct Change {
     counts: f64,
-    /// The same from the window after.
+    /// The change to the window after that.
     next: f64,
-    /// And from those [`FAR`] on.
+    /// The changes [`FAR`] windows later and beyond.
     far: [f64; 2],
     /// Counts in the two windows together.
     counted: f64,
-    kept_back: bool,
+    held_out: bool,
 }
 
 /// Mean squares and products of changes.
@@ -68,25 +68,25 @@ impl Moments {
         }
     }
 
-    /// Whether steps are independent, from window to window, beside an angle that is uneven: then a change and the next one
-    /// have between half and two thirds in common, against each other, and far ones nothing.
+    /// Whether the steps are independent from window to window, apart from an uneven angle. Then a change and the next
+    /// one have between half and two thirds in common, with opposite sign, and distant ones nothing.
     fn are_of_independent_steps(&self) -> bool {
         let share = -self.next / self.square;
         (0.5 - LOOSE..2.0 / 3.0 + LOOSE).contains(&share) && self.far.iter().all(|far| far.abs() < LOOSE * self.square)
     }
 
-    /// Variance of what a window leaves: of its step, and of the angle at both ends.
+    /// Variance of the change over a window: of its step, and of the angle at both ends.
     fn of_window(&self) -> f64 {
         (self.square + self.next).max(0.0)
     }
 
-    /// Variance of its step alone.
+    /// Variance of the step alone.
     fn of_step(&self) -> f64 {
         2.0 * self.square + 3.0 * self.next
     }
 }
 
-/// Changes that a residual of the motion has, where a model with counts in it leaves one.
+/// Changes in a residual of the motion, if the motion is counted.
 fn changes(data: &Dataset, residual: &[f64]) -> Vec<Change> {
     let motion = data.motion();
     let mut changes = Vec::new();
@@ -105,7 +105,7 @@ fn changes(data: &Dataset, residual: &[f64]) -> Vec<Change> {
                 next: change(row + span),
                 far: FAR.map(|windows| change(row + windows * span)),
                 counted: counted(row) + counted(row + span),
-                kept_back: data.kept_back[row],
+                held_out: data.held_out[row],
             };
             let is_whole = [one.counts, one.next, one.far[0], one.far[1]].iter().all(|value| value.is_finite());
             if is_whole && one.counted >= 2.0 * FEWEST_COUNTS {
@@ -116,7 +116,7 @@ fn changes(data: &Dataset, residual: &[f64]) -> Vec<Change> {
     changes
 }
 
-/// The same where they are what counts lost at random make of them.
+/// The same, if they are as randomly lost counts make them.
 fn random_changes(data: &Dataset, residual: &[f64]) -> Option<Vec<Change>> {
     let changes = changes(data, residual);
     let all = Moments::of(changes.iter());
@@ -124,16 +124,16 @@ fn random_changes(data: &Dataset, residual: &[f64]) -> Option<Vec<Change>> {
     are_random.then_some(changes)
 }
 
-/// Standard deviation of the scatter in a residual of the motion on data kept back; `None` where it is not what counts lost at
-/// random make of it.
+/// Standard deviation of the scatter in a residual of the motion on held-out data; `None` if randomly lost counts do
+/// not explain it.
 pub fn noise_rad_per_s(data: &Dataset, residual: &[f64]) -> Option<f64> {
     let changes = random_changes(data, residual)?;
-    let any_kept_back = changes.iter().any(|change| change.kept_back);
-    let judged = Moments::of(changes.iter().filter(|change| change.kept_back || !any_kept_back));
+    let any_held_out = changes.iter().any(|change| change.held_out);
+    let judged = Moments::of(changes.iter().filter(|change| change.held_out || !any_held_out));
     Some(judged.of_window().sqrt() * data.count_rad / data.stretches.first()?.window_s())
 }
 
-/// Counts of which a share is lost at random, at all speeds alike.
+/// A constant share of counts that is lost at random.
 #[derive(Clone, Copy, Debug)]
 pub struct RandomLosses {
     /// Of all counts.
@@ -143,7 +143,7 @@ pub struct RandomLosses {
 }
 
 impl RandomLosses {
-    /// What the scatter of a residual says beyond doubt.
+    /// The share that the scatter of a residual shows beyond doubt.
     pub fn of(data: &Dataset, residual: &[f64]) -> Option<Self> {
         let mut changes = random_changes(data, residual)?;
         let parts: Vec<f64> = changes.chunks(changes.len().div_ceil(BLOCKS)).map(share).collect();
@@ -158,12 +158,13 @@ impl RandomLosses {
         (is_even && is_certain).then_some(Self { share: share_of_all, error })
     }
 
-    /// By how much a constant is uncertain by them: standard deviations of the logarithm.
-    pub fn uncertainty(&self, constant: &str) -> f64 {
-        Quantity::Motion.power(constant).abs() * self.error / (1.0 - self.share)
+    /// Uncertainty of a constant of a unit from these losses: standard deviations of the logarithm.
+    pub fn uncertainty(&self, unit: Unit) -> f64 {
+        Quantity::Motion.power(unit).abs() * self.error / (1.0 - self.share)
     }
 
-    /// What they are named. `rmse`: error of the motion, to which they add noise that no model takes off.
+    /// The cause that they are reported as. `rmse`: error of the motion, which contains their noise; no model can
+    /// predict it.
     pub fn cause(&self, data: &Dataset, rmse: f64) -> Cause {
         let half = Z95 * self.error;
         let share = Estimate { value: self.share, ci95: Some([self.share - half, self.share + half]) };
@@ -179,16 +180,16 @@ impl RandomLosses {
         }
     }
 
-    /// A model of which as many counts fewer are read.
+    /// A model whose sensor reads as many counts less.
     pub fn also_in(&self, model: &Model) -> Model {
         let effect = effect(ID).expect("an effect of the catalogue");
-        // Of all, from the slowest on, all at once.
+        // From the lowest speed on, all at once.
         model.with(effect, vec![self.share, 0.0, 1.0, 0.0])
     }
 }
 
-/// Variance of the steps over the counts that were counted meanwhile: of `n` edges each lost with probability `p` that is
-/// `n p (1 - p)`, and `n (1 - p)` are counted.
+/// Variance of the steps over the counts in the same time. Of `n` edges, each lost with probability `p`, the variance
+/// is `n p (1 - p)`, and `n (1 - p)` are counted.
 fn share(changes: &[Change]) -> f64 {
     let counted: f64 = changes.iter().map(|change| 0.5 * change.counted).sum();
     Moments::of(changes.iter()).of_step() * changes.len() as f64 / counted

@@ -1,6 +1,6 @@
-//! Where on the revolution the shaft is, where only a tachogenerator says it. The integral of a speed loses the angle: in 20 s
-//! its noise makes half a radian, and a ripple sampled too rarely more, which at 14 ripples a revolution is a whole one. The
-//! ripple itself says where the shaft is: stretch by stretch its phase is tracked, and the angle is corrected by it.
+//! Finds the angle of the shaft where only a tachogenerator is recorded. The integral of the speed drifts: in 20 s its
+//! noise makes half a radian, and a ripple sampled too rarely makes more. At 14 ripples a revolution half a radian is a
+//! whole ripple. So the phase of the ripple is tracked stretch by stretch, and corrects the angle.
 
 use crate::dataset::{Dataset, Output, Stretch};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
@@ -9,25 +9,25 @@ use motorbench_model::catalogue::{Effect, Parameter, effect};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
-/// What is tracked.
+/// Identifier of the tracked effect.
 const ID: &str = "tacho_ripple";
-/// The phase is that of the ripple within so many cells of this length.
+/// The phase is estimated over this many cells of this length.
 const CELL_S: f64 = 0.1;
 const CELLS: usize = 4;
-/// What the model gets wrong more slowly than this is no ripple.
+/// Slower errors of the model are not ripple.
 const SLOW_S: f64 = 0.2;
-/// Ripples that a window has at least: fewer follow anything that a model leaves.
+/// A window has at least this many ripples; fewer follow any error of the model.
 const FEWEST_RIPPLES: f64 = 3.0;
-/// A number of ripples explains this many times as much as most do, and as the next best does.
+/// The right number of ripples explains this multiple of what most numbers explain, and of the next best.
 const CLEAR: [f64; 2] = [3.0, 1.5];
-/// A window tells the phase where it explains this many times the square of the noise.
+/// A window gives the phase if it explains this multiple of the squared noise.
 const TELLS_PHASE: f64 = 12.0;
-/// Corrections, each by what the one before leaves.
+/// Number of corrections, each from the rest of the one before.
 const ROUNDS: usize = 2;
-/// The ripple with the corrected angle has to bring the cost down to this share.
+/// The ripple with the corrected angle has to lower the cost to this share.
 const LEAST_GAIN: f64 = 0.9;
 
-/// Corrects the angle, if a ripple with it explains what none did, or one more than it did; whether it did.
+/// Corrects the angle if a ripple with it explains more than without. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     let is_integrated = data.motion().output == Output::Speed && data.count_rad <= 0.0;
     let Some(effect) = effect(ID).filter(|_| is_integrated) else { return false };
@@ -42,7 +42,7 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     explains
 }
 
-/// The data with the angle that the ripple says, and the effect's values to start with.
+/// The data with the angle from the ripple, and starting values of the effect.
 fn with_angle_by_ripple(data: &Dataset, found: &Fit, effect: &dyn Effect) -> Option<(Dataset, Vec<f64>)> {
     let place = effect.about().parameters.iter().position(Parameter::is_number)?;
     let starts = effect.starts(&scales(&found.model.motor, data));
@@ -64,7 +64,7 @@ fn with_angle_by_ripple(data: &Dataset, found: &Fit, effect: &dyn Effect) -> Opt
     Some((other, start))
 }
 
-/// What a model leaves of the speed, over the angle.
+/// The residual of the speed over the angle.
 struct Ripple<'a> {
     data: &'a Dataset,
     speed: &'a [f64],
@@ -72,7 +72,7 @@ struct Ripple<'a> {
     angle_rad: Vec<f64>,
 }
 
-/// Sums of a cell for least squares of the rest on speed times cosine and sine.
+/// Sums of a cell for the least squares of the residual on speed times cosine and sine.
 #[derive(Clone, Copy, Default)]
 struct Sums {
     normal: [f64; 3],
@@ -89,7 +89,7 @@ impl Sums {
         }
     }
 
-    /// Cosine's and sine's factor, and by how much they lower the sum of squares; `None` of too few ripples.
+    /// Factors of cosine and sine, and by how much they lower the sum of squares; `None` if there are too few ripples.
     fn solved(self, ripples_per_rev: f64) -> Option<([f64; 2], f64)> {
         let [cc, cs, ss] = self.normal;
         let determinant = cc * ss - cs * cs;
@@ -149,7 +149,7 @@ impl<'a> Ripple<'a> {
         sums
     }
 
-    /// By how much so many ripples, of a phase of their own in each window, lower the sum of squares.
+    /// By how much this number of ripples, with a separate phase in each window, lowers the sum of squares.
     fn explained(&self, ripples_per_rev: f64) -> f64 {
         let of_stretch = |stretch: &Stretch| -> f64 {
             let windows = self.windows(&stretch.rows, ripples_per_rev);
@@ -158,7 +158,7 @@ impl<'a> Ripple<'a> {
         self.data.stretches.iter().map(of_stretch).sum::<f64>() / CELLS as f64
     }
 
-    /// Turns the angle to where the ripple is everywhere a cosine.
+    /// Shifts the angle so that the ripple is a cosine everywhere.
     fn correct(&mut self, ripples_per_rev: f64) {
         let finite = || self.left.iter().filter(|left| left.is_finite());
         let squares: f64 = finite().map(|left| left * left).sum();
@@ -170,7 +170,7 @@ impl<'a> Ripple<'a> {
                 if explains > TELLS_PHASE * noise {
                     let phase = sine.atan2(cosine);
                     let before = phases.last().map_or(phase, |(_, before)| *before);
-                    // The nearest of all that look the same.
+                    // The nearest of all equivalent phases.
                     phases.push((middle, before + (phase - before + PI).rem_euclid(TAU) - PI));
                 }
             }
@@ -192,7 +192,7 @@ fn slow(rest: &[f64], rows: usize) -> Vec<f64> {
     (0..rest.len()).map(mean).collect()
 }
 
-/// Straight between points in order; beyond them as the last one is, without any nothing.
+/// Linear between points in order, constant beyond them, zero without any.
 fn between(points: &[(f64, f64)], at: f64) -> f64 {
     let next = points.partition_point(|(place, _)| *place < at);
     match (next.checked_sub(1).map(|before| points[before]), points.get(next)) {

@@ -1,6 +1,6 @@
-//! A recording in another scale than its rig file says: a current in milliamperes, counts after another decoding, a supply of
-//! other volts. A motor in another scale is a motor as well, and moves the same; but all of its constants are off their
-//! nominal values by powers of one and the same factor, as those of no other motor are.
+//! Recognises a recording in another scale than its rig file says: a current in milliamperes, counts with another
+//! decoding, another supply voltage. A motor in another scale moves the same. But all its constants differ from their
+//! nominal values by powers of one factor, which no real motor does.
 
 use super::data_sheet::{OF_SIZE, off_data_sheet};
 use super::outcome::{Cause, Estimate};
@@ -8,76 +8,46 @@ use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, hidden_drop, value_
 use crate::dataset::{Dataset, Output, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_model::Model;
+use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
 use std::f64::consts::TAU;
 
-/// Three constants that are off by the same factor to this are off by nothing else.
+/// Three constants that agree on one factor to this tolerance are in another scale.
 const SAME_FACTOR: f64 = 0.06;
-/// Those of a data sheet are off one and the same factor by this at most...
+/// Constants of a data sheet differ from a common factor by at most this...
 const NEARLY: f64 = 0.3;
-/// ... or by this part of it: what a thousand times the current is taken for may leave much.
+/// ... or by this part of it: at a factor of a thousand much may remain.
 const ROUGHLY: f64 = 0.1;
-/// Counts are lost at all speeds if of this share of the greatest one...
+/// Counts are lost at all speeds if at this share of the greatest speed...
 const FROM_STANDSTILL: f64 = 0.05;
-/// ... nearly as great a part is lost.
+/// ... nearly the same share is lost.
 const EVEN: f64 = 0.9;
-/// What the constants that tell of a scale are called where one is wrong by itself, in the order of [`OF_SIZE`].
+/// Names of the constants that show a scale, where one is wrong by itself, in the order of [`OF_SIZE`].
 const VALUES: [&str; 3] = ["parameter:resistance", "parameter:torque_constant", "parameter:inertia"];
-/// Factors that people get wrong by, with what is behind them: of counts, of another speed, of a current.
+/// Usual wrong factors: of counts, of a speed's unit, of a current's unit.
 const DECODINGS: [f64; 2] = [2.0, 4.0];
 const SPEED_UNITS: [f64; 3] = [60.0 / TAU, 360.0 / TAU, 1.0 / TAU];
 const MILLIAMPERES: [f64; 1] = [1000.0];
-/// A factor that is one of them to this is that one: one in twenty of data sheets is further off.
+/// A factor within this of a usual one is that one: one data sheet in twenty is further off.
 const KNOWN: f64 = 0.18;
 /// Quantiles of Student's distribution for a 95 % interval with one and with two degrees of freedom.
 const STUDENT: [f64; 2] = [12.7, 4.30];
 
-/// Powers of recorded over true in a constant, of the voltage, the current and the motion, by the unit its name ends with.
-const UNITS: [(&str, [f64; 3]); 12] = [
-    ("_Nm_per_A", [1.0, 0.0, -1.0]),
-    ("_Nm_s2", [1.0, 1.0, -3.0]),
-    ("_Nm_s", [1.0, 1.0, -2.0]),
-    ("_kg_m2", [1.0, 1.0, -2.0]),
-    ("_Nm", [1.0, 1.0, -1.0]),
-    ("_ohm", [1.0, -1.0, 0.0]),
-    ("_H", [1.0, -1.0, 0.0]),
-    ("_rad_per_s", [0.0, 0.0, 1.0]),
-    ("_rad", [0.0, 0.0, 1.0]),
-    ("_per_W", [-1.0, -1.0, 0.0]),
-    ("_V", [1.0, 0.0, 0.0]),
-    ("_A", [0.0, 1.0, 0.0]),
-];
-
-/// What was recorded in another scale.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Quantity {
-    Voltage,
-    Current,
-    Motion,
-}
-
-impl Quantity {
-    /// Power of recorded over true in a constant that is found.
-    pub fn power(self, constant: &str) -> f64 {
-        UNITS.iter().find(|(unit, _)| constant.ends_with(unit)).map_or(0.0, |(_, powers)| powers[self as usize])
-    }
-}
-
-/// A quantity and by how much it is off.
+/// A quantity and its wrong factor.
 #[derive(Clone, Copy, Debug)]
 pub struct Scale {
     quantity: Quantity,
     /// Logarithm of recorded over true.
     recorded_over_true: f64,
-    /// Half of its 95 % interval.
+    /// Half the width of its 95 % interval.
     half: f64,
-    /// Whether it cannot be several wrong values as well.
+    /// Whether several wrong nominal values are excluded as an explanation.
     is_beyond_doubt: bool,
 }
 
 impl Scale {
-    /// The one that the constants of a motor have in common beside their nominal values, if they have one. Without a current
-    /// nothing is told of scales but by the nominal values themselves.
+    /// The scale that the constants have in common against their nominal values, if there is one. Without a current
+    /// only the nominal values themselves show a scale, so there is none.
     pub fn of(data: &Dataset, prior: &Prior, fit: &Fit) -> Option<Self> {
         data.current()?;
         let off = off(data, prior, fit);
@@ -87,13 +57,13 @@ impl Scale {
         Some(best.of_a_known_factor(data))
     }
 
-    /// From logarithms of found over nominal.
-    fn common(off: &[(&str, f64)], quantity: Quantity) -> Option<Self> {
-        let of_scale: Vec<(f64, f64)> = off.iter().map(|(constant, off)| (quantity.power(constant), *off)).collect();
+    /// The same from logarithms of found over nominal.
+    fn common(off: &[(Unit, f64)], quantity: Quantity) -> Option<Self> {
+        let of_scale: Vec<(f64, f64)> = off.iter().map(|(unit, off)| (quantity.power(*unit), *off)).collect();
         let degrees = off.len().checked_sub(1)?;
         let concerned = || of_scale.iter().filter(|(power, _)| *power != 0.0);
-        // A load on the shaft and a bridge in series are more of two of them as well.
-        if concerned().count() < OF_SIZE.iter().filter(|constant| quantity.power(constant) != 0.0).count() {
+        // A load on the shaft, or a bridge in series, also raises two of them.
+        if concerned().count() < OF_SIZE.iter().filter(|unit| quantity.power(**unit) != 0.0).count() {
             return None;
         }
         let squares: f64 = concerned().map(|(power, _)| power * power).sum();
@@ -102,21 +72,21 @@ impl Scale {
         let worst = greatest(&rests);
         let is_the_same = off.len() == OF_SIZE.len() && worst < 0.5 * SAME_FACTOR && x.abs() > DATA_SHEET_TOLERANCE;
         let is_beyond_doubt = is_the_same || x.abs() > OTHER_UNIT.ln();
-        // One value that is off alone is no scale; nor is one that is off without having to do with it.
+        // A single value that is off is no scale; nor is one that is off but does not depend on the quantity.
         let are_all_off = of_scale.iter().all(|(power, off)| (off.abs() > DATA_SHEET_TOLERANCE) == (*power != 0.0));
         let is_one = is_the_same || worst < NEARLY.max(ROUGHLY * x.abs()) && (is_beyond_doubt || are_all_off);
         let spread = (rests.iter().map(|rest| rest * rest).sum::<f64>() / degrees as f64).sqrt();
-        // By how they agree with each other; no worse than data sheets are.
+        // Estimated from their agreement, but no worse than data sheets are.
         let half = (STUDENT[degrees - 1] * spread).clamp(SAME_FACTOR, Z95 * NOMINAL_SPREAD) / squares.sqrt();
         is_one.then_some(Self { quantity, recorded_over_true: x, half, is_beyond_doubt })
     }
 
-    /// Whether it is off by more than any motor's data sheet is.
+    /// Whether the factor exceeds any error of a data sheet.
     pub fn is_another_unit(&self) -> bool {
         self.recorded_over_true.abs() > OTHER_UNIT.ln()
     }
 
-    /// By the factor that people get wrong by where it is one.
+    /// With the usual wrong factor, where the factor is close to one.
     fn of_a_known_factor(mut self, data: &Dataset) -> Self {
         let known: &[f64] = match self.quantity {
             Quantity::Motion if self.is_of_counts(data) => &DECODINGS,
@@ -130,7 +100,7 @@ impl Scale {
         self
     }
 
-    /// What was recorded, in the scale that the nominal values say.
+    /// The data in the scale that the nominal values give.
     pub fn corrected(&self, data: &Dataset) -> Dataset {
         let factor = (-self.recorded_over_true).exp();
         match self.quantity {
@@ -140,13 +110,14 @@ impl Scale {
         }
     }
 
-    /// By how much a constant is uncertain by it: standard deviations of the logarithm.
-    pub fn uncertainty(&self, constant: &str) -> f64 {
-        self.quantity.power(constant).abs() * self.half / Z95
+    /// Uncertainty of a constant of a unit from it: standard deviations of the logarithm.
+    pub fn uncertainty(&self, unit: Unit) -> f64 {
+        self.quantity.power(unit).abs() * self.half / Z95
     }
 
-    /// What it is named. A supply and counts per revolution are values of the rig file; of a recorded column it is the factor to
-    /// take it by. `data`: as corrected; `hides_a_drop`: and whether a drop would be no more than another supply in them.
+    /// The cause that it is reported as. Supply and counts per revolution are values of the rig file; for a recorded
+    /// column it is the correction factor. `data`: as corrected; `hides_a_drop`: whether a drop would act as another
+    /// supply in them.
     pub fn cause(&self, data: &Dataset, hides_a_drop: bool) -> Cause {
         let estimate =
             |value: f64| Estimate { value, ci95: Some([-self.half, self.half].map(|off| value * off.exp())) };
@@ -159,38 +130,38 @@ impl Scale {
             Quantity::Motion => ("speed_scale", "true_over_recorded", true_over_recorded),
         };
         let cause = value_cause(id, constant, estimate(value), sigmas);
-        // Where fewer are counted than the rig file says, they may also be lost, the same share at all speeds.
+        // Fewer counts than the rig file says may also be lost counts, the same share at all speeds.
         let may_be_lost = self.is_of_counts(data) && self.recorded_over_true < 0.0;
         let mut not_separable_from: Vec<&'static str> = may_be_lost.then_some(counter_stops::ID).into_iter().collect();
         if hides_a_drop && self.quantity == Quantity::Voltage {
             not_separable_from.push(hidden_drop::ID);
         }
         if !self.is_beyond_doubt {
-            let concerned = OF_SIZE.iter().zip(VALUES).filter(|(constant, _)| self.quantity.power(constant) != 0.0);
+            let concerned = OF_SIZE.iter().zip(VALUES).filter(|(unit, _)| self.quantity.power(**unit) != 0.0);
             not_separable_from.extend(concerned.map(|(_, value)| value));
         }
         Cause { not_separable_from, ..cause }
     }
 
-    /// What to look at.
+    /// The advice on it.
     pub fn advice(&self, data: &Dataset) -> String {
         let great_or_small = if self.recorded_over_true > 0.0 { "great" } else { "small" };
         let size = format!("{} times too {great_or_small}", short(self.recorded_over_true.abs().exp()));
         let question = match self.quantity {
             Quantity::Motion if self.is_of_counts(data) => format!(
-                "By all constants of the motor the counts are {size} for [encoder] counts_per_rev: is that after x4 decoding (2 or 4 times too small: fewer edges are counted), and the encoder on the motor's shaft and not behind a gear?"
+                "All constants of the motor say that the counts are {size} for [encoder] counts_per_rev. Check x4 decoding (2 or 4 times too small: fewer edges are counted), and that the encoder is on the motor's shaft, not behind a gear."
             ),
             Quantity::Motion => format!(
-                "By all constants of the motor the speed is {size}: is it in rad/s (9.55 times too great: in rpm; 57.3: in degrees; 6.28 times too small: in revolutions), and measured on the motor's shaft and not behind a gear?"
+                "All constants of the motor say that the speed is {size}. Check the unit (9.55 times too great: rpm; 57.3: degrees; 6.28 times too small: revolutions), and that it is measured on the motor's shaft, not behind a gear."
             ),
             Quantity::Current => format!(
-                "By all constants of the motor the current is {size}: is it in amperes (1000 times too great: in mA), and by the sensor's own sensitivity (an ACS712 has 185, 100 or 66 mV/A)?"
+                "All constants of the motor say that the current is {size}. Check the unit (1000 times too great: mA), and the sensitivity of the sensor (an ACS712 has 185, 100 or 66 mV/A)."
             ),
             Quantity::Voltage => format!(
-                "By all constants of the motor the voltage is {size}: measure the supply at the bridge under load, and write it into [supply] voltage_V; a column u_V is brought to volts by --map u_V=u_V*FACTOR."
+                "All constants of the motor say that the voltage is {size}. Measure the supply at the bridge under load and write it into [supply] voltage_V. Convert a column u_V with --map u_V=u_V*FACTOR."
             ),
         };
-        format!("{question} All that is said here, and the model, are in the scale corrected by that.")
+        format!("{question} This result and the model use the corrected scale.")
     }
 
     fn is_of_counts(&self, data: &Dataset) -> bool {
@@ -198,14 +169,14 @@ impl Scale {
     }
 }
 
-/// Logarithms of found over nominal. Counts lost at all speeds are another scale by another name.
-fn off(data: &Dataset, prior: &Prior, fit: &Fit) -> Vec<(&'static str, f64)> {
+/// Logarithms of found over nominal. Counts lost at all speeds are equivalent to another scale.
+fn off(data: &Dataset, prior: &Prior, fit: &Fit) -> Vec<(Unit, f64)> {
     let counted = (1.0 - lost_at_all_speeds(&fit.model, data)).ln();
-    let with_lost = |(constant, off)| (constant, off + Quantity::Motion.power(constant) * counted);
+    let with_lost = |(unit, off)| (unit, off + Quantity::Motion.power(unit) * counted);
     off_data_sheet(prior, fit).map(with_lost).collect()
 }
 
-/// Share of the counts that a model has lost from standstill on.
+/// Share of the counts that a model loses at all speeds.
 fn lost_at_all_speeds(model: &Model, data: &Dataset) -> f64 {
     let speed_rad_per_s = greatest(&data.motion().values);
     let lost = |speed: f64| {
@@ -220,8 +191,8 @@ fn lost_at_all_speeds(model: &Model, data: &Dataset) -> f64 {
 mod tests {
     use super::*;
 
-    /// The scales that constants so many times the nominal ones have in common: of resistance, torque constant, inertia; NaN
-    /// where there is no nominal one.
+    /// The scales that constants of these multiples of the nominal ones have in common: resistance, torque constant,
+    /// inertia. NaN: no nominal value.
     fn scales_of(found_over_nominal: [f64; 3]) -> Vec<(Quantity, f64)> {
         let off = OF_SIZE.into_iter().zip(found_over_nominal).map(|(constant, off)| (constant, off.ln()));
         let off: Vec<_> = off.filter(|(_, off)| off.is_finite()).collect();
@@ -234,16 +205,16 @@ mod tests {
     fn a_scale_is_what_all_constants_have_in_common() {
         let [(Quantity::Voltage, third)] = scales_of([1.33; 3])[..] else { panic!("another supply") };
         assert!((third - 1.33).abs() < 1e-9, "{third}");
-        // Beside a data sheet that is wrong by up to a fifth.
+        // With a data sheet that is wrong by up to a fifth.
         let [(Quantity::Motion, quarter)] = scales_of([0.9, 4.4, 14.0])[..] else { panic!("counts after x4 decoding") };
         assert!((quarter - 0.25).abs() < 0.03, "{quarter}");
         let [(Quantity::Current, milli)] = scales_of([1.1e-3, 1.0, 850.0])[..] else { panic!("milliamperes") };
         assert!((milli - 1000.0).abs() < 150.0, "{milli}");
     }
 
-    /// With a load on the shaft, and a bridge whose resistance is in series.
+    /// A load on the shaft, and a bridge whose resistance is in series.
     #[test]
-    fn more_of_two_values_is_no_scale() {
+    fn two_raised_values_are_no_scale() {
         for values in [[2.0, f64::NAN, 2.0], [4.0, f64::NAN, 4.0], [2.0, 1.0, 2.0]] {
             assert_eq!(scales_of(values), [], "{values:?}");
         }

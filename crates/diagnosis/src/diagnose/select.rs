@@ -1,11 +1,11 @@
-//! Which effects the data ask for: forward by what the derivatives promise, fitted in free run, judged on data kept back;
-//! then backward, and against every rival.
+//! Selects effects. Forward: candidates by their derivatives, fitted in free run, judged on held-out data. Backward:
+//! every effect is checked without it and against every rival.
 
 mod backward;
 mod forward;
 mod winding;
 
-use super::data_sheet::{doubts, has_wrong_values, is_strange};
+use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{Gain, NOT_NOISE, above_floor, gain};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
@@ -16,16 +16,17 @@ use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{CATALOGUE, Effect};
 use motorbench_model::{Model, Term};
 
-/// Effects at most.
+/// Largest number of effects.
 const MOST_EFFECTS: usize = 7;
-/// An effect is worth trying further with this significance.
+/// An effect is tried further with this significance...
 const LEAST_SIGMAS: f64 = 3.0;
-/// And with at least this share of the error that is left.
+/// ... and if it explains at least this share of the remaining error.
 const LEAST_SHARE: f64 = 0.02;
 /// Two models closer than this cannot be told apart.
 const SAME_SIGMAS: f64 = 2.5;
 const SAME_SHARE: f64 = 0.02;
-/// Another law of an effect, or a rival, is fitted further if as it stands it costs no more than this many times what there is.
+/// Another law of an effect, or a rival, is fitted further if its cost so far is at most this multiple of the present
+/// one.
 const NEAR: f64 = 10.0;
 
 /// A step from one model to a larger one.
@@ -33,7 +34,7 @@ const NEAR: f64 = 10.0;
 pub struct Step {
     /// The effects that were added.
     pub added: Vec<&'static str>,
-    /// What they gained on data kept back.
+    /// Their gain on held-out data.
     pub gain: Gain,
 }
 
@@ -44,16 +45,16 @@ impl Step {
     }
 }
 
-/// What holds of one effect in the final model.
+/// The evidence for one effect in the final model.
 #[derive(Clone, Debug)]
 pub struct Standing {
-    /// Which.
+    /// Its identifier.
     pub id: &'static str,
-    /// What the model gains by it, all others refitted without it.
+    /// The gain by it over a model without it, all others refitted.
     pub gain: Gain,
-    /// The best rival in its place, and what the effect gains over it.
+    /// Its best rival, and the gain of the effect over it.
     pub rival: Option<(&'static str, Gain)>,
-    /// Effects that serve as well in its place.
+    /// Effects that explain as much in its place.
     pub same: Vec<&'static str>,
 }
 
@@ -64,19 +65,19 @@ pub struct Selection {
     pub base: Fit,
     /// What was added in turn.
     pub steps: Vec<Step>,
-    /// The model with everything that earns its place.
+    /// The model with every effect that passed.
     pub last: Fit,
-    /// What holds of each of its effects.
+    /// The evidence for each of its effects.
     pub standings: Vec<Standing>,
 }
 
 /// A model, and the steps that led to it.
 type Way = (Fit, Vec<Step>);
 
-/// Called with a sentence whenever the work goes on.
+/// Called with a sentence when a step of the work begins.
 pub type Progress<'a> = &'a (dyn Fn(&str) + Sync);
 
-/// Selects.
+/// Selects the effects.
 pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progress) -> Selection {
     progress("linear motor");
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
@@ -87,7 +88,7 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
         let without = [excluded, &[of_any_course]].concat();
         way = chooser.better(way, Chooser { excluded: &without, ..chooser }.way(&base));
     }
-    if chooser.is_strange(&way.0)
+    if chooser.is_implausible(&way.0)
         && let Some(other) = chooser.beside_nominal(&way.0)
     {
         let step = Step::new(&way.0, &other, chooser.gain(&way.0, &other));
@@ -96,7 +97,7 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     }
     let (mut last, steps) = way;
     progress("to the end");
-    last = chooser.or_instead_of_inductance(chooser.to_the_end(last));
+    last = chooser.replace_excessive_inductance(chooser.to_the_end(last));
     let (last, standings) = chooser.backward(last);
     Selection { base, steps, last, standings }
 }
@@ -109,7 +110,7 @@ struct Chooser<'a> {
 }
 
 impl Chooser<'_> {
-    /// From the linear fit by what is significant; where that leaves doubts, by other ways as well: the best.
+    /// Adds significant effects to the linear fit. If doubts remain, it also tries other ways and takes the best.
     fn way(&self, base: &Fit) -> Way {
         let is_doubtful = |(fit, _): &Way| self.doubts(fit) != ([false; 2], false);
         let mut way = self.forward(base.clone(), Vec::new(), Lead::Significance);
@@ -133,8 +134,8 @@ impl Chooser<'_> {
         (doubts(self.data, self.prior, fit), has_wrong_values(self.prior, fit))
     }
 
-    /// What one fit gains over another. An effect whose term needs finer steps gains nothing by the steps themselves: the
-    /// other one is simulated with the same.
+    /// What one fit gains over another. If an effect's term needs finer time steps, both models are simulated with
+    /// them, so that the steps gain nothing.
     fn gain(&self, before: &Fit, after: &Fit) -> Gain {
         let step_s = [longest_step_s(&before.model), longest_step_s(&after.model)];
         let at = |fit: &Fit, own_s: f64| {
@@ -146,7 +147,7 @@ impl Chooser<'_> {
         gain(self.data, prediction(0, &before.prediction), prediction(1, &after.prediction))
     }
 
-    /// Effects that these channels say something of.
+    /// Effects that show in these channels.
     fn possible(&self) -> impl Iterator<Item = &'static dyn Effect> {
         CATALOGUE.iter().copied().filter(|effect| !self.excluded.contains(&effect.about().id))
     }
@@ -172,7 +173,7 @@ impl Chooser<'_> {
             .collect()
     }
 
-    /// Fits until nothing is gained, also from where some effect may come to a better end.
+    /// Fits until nothing is gained, also from starting points where an effect may converge to a better solution.
     fn to_the_end(&self, mut last: Fit) -> Fit {
         last = self.or_other_laws(last, |_| true);
         last = fit(&last.model, self.data, self.prior, Effort::FULL);
@@ -190,8 +191,7 @@ impl Chooser<'_> {
         last
     }
 
-    /// The effects that are chosen with another of their laws, where that comes to a better end, or to one as good with fewer
-    /// constants.
+    /// The chosen effects with another of their laws, where that fits better, or equally well with fewer constants.
     fn or_other_laws(&self, mut found: Fit, chosen: impl Fn(&Term) -> bool) -> Fit {
         let scales = scales(&found.model.motor, self.data);
         for index in 0..found.model.terms.len() {
@@ -216,13 +216,13 @@ impl Chooser<'_> {
         found
     }
 
-    /// What was just added has been tried with one law and beside one motor; this is the best of all.
+    /// The newest effect was tried with one law and beside one motor; this returns the best of all its laws.
     fn with_added_at_its_best(&self, found: Fit, added: impl Fn(&Term) -> bool) -> Fit {
         self.or_from_nominal(self.or_other_laws(found, added))
     }
 
-    /// While something remains: the same effects beside the nominal motor, if that comes to a better end. A motor that was
-    /// fitted while an effect was missing does not always come back.
+    /// While a rest remains: the same effects beside the nominal motor, if that fits better. A motor fitted while an
+    /// effect was missing does not always return to the right constants.
     fn or_from_nominal(&self, found: Fit) -> Fit {
         if above_floor(self.data, &found) < NOT_NOISE {
             return found;
@@ -232,8 +232,8 @@ impl Chooser<'_> {
         if other.cost < found.cost { other } else { found }
     }
 
-    fn is_strange(&self, fit: &Fit) -> bool {
-        is_strange(self.prior, fit)
+    fn is_implausible(&self, fit: &Fit) -> bool {
+        is_implausible(self.prior, fit)
     }
 }
 
@@ -242,6 +242,6 @@ fn is_same(gain: &Gain) -> bool {
     gain.sigmas < SAME_SIGMAS || gain.share < SAME_SHARE
 }
 
-fn earns_its_place(gain: &Gain) -> bool {
+fn has_evidence(gain: &Gain) -> bool {
     gain.sigmas > LEAST_SIGMAS && gain.share > LEAST_SHARE
 }

@@ -1,18 +1,18 @@
-//! What a speed is where the rig file does not say it: of the moment, a mean since the row before, or timed by edges one way
-//! or the other. A mean is late by half its length, which no delay need explain.
+//! Determines what a speed is where the rig file does not give it: an instantaneous value, a mean since the row before,
+//! or a speed timed by edges in one of two ways. A mean is late by half its length, which is not a delay of the bridge.
 
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Prior, fit};
 use motorbench_model::Term;
 
-/// Where there is none a reading has to bring the cost down to this share of it: rows are mostly short beside a motor, and many
-/// causes are a little less wrong a little later.
+/// Without a delay, another reading has to lower the cost to this share. Rows are mostly short beside the motor's time
+/// constant, and many causes fit a little better with a small delay.
 const LEAST_GAIN: f64 = 0.9;
 
-/// Takes the speed for the other reading, if that explains what would be a delay or a rest; whether it did.
+/// Takes the other reading of the speed, if it explains a delay or a rest. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    // A mean over a row is late by no more than one.
+    // A mean over a row is late by at most one row.
     let is_short = |late_s: f64| late_s > 0.0 && late_s < data.interval_s;
     let late = found.model.terms.iter().find(|term| is_short(term.effect.speed_late_s(&term.values))).map(Term::id);
     let has_rest = above_floor(data, found) > NOT_NOISE;

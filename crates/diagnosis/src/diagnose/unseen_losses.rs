@@ -1,8 +1,8 @@
-//! Counts lost in bursts that the counts themselves do not show: too short for that, or while the motor came to a stand.
+//! Counts lost in bursts that the counts alone do not show: they are too short, or fall in a braking phase.
 //!
-//! A model that is right otherwise shows them. What it leaves is noise but for a few moments, and in each of those less is
-//! counted than the shaft turns: never more, never the other way, and at the end at once as much as before, as no shaft with
-//! an inertia can. Nothing in the current says that it was held.
+//! A model that is right otherwise shows them. Its residual is noise but for a few moments, and in each of these fewer
+//! counts come than the shaft turns. They are never more and never of the other sign. At the end the full speed is back
+//! at once, as no shaft with inertia can do. The current does not show a held shaft.
 
 use super::judge::noise;
 use super::residuals;
@@ -11,24 +11,24 @@ use crate::identify::Fit;
 use motorbench_model::linear::motor_model::TimeConstants;
 use std::ops::Range;
 
-/// The model is right otherwise while the middle half of what it leaves is no more than this multiple of the noise.
+/// The model is right otherwise if the middle half of its residual is at most this multiple of the noise.
 const RIGHT_OTHERWISE: f64 = 1.5;
-/// A moment stands out from so many standard deviations on...
+/// A moment stands out from this many standard deviations on...
 const STANDS_OUT: f64 = 6.0;
-/// ... so many counts, and what no model is asked to know better.
+/// ... or from this many counts, beyond the error that is tolerated of a model.
 const LEAST_COUNTS: f64 = 2.5;
-/// No more of all rows may.
+/// At most this share of all rows may stand out.
 const MOST_ROWS: f64 = 0.1;
 /// Of the moments that stand out, at least this share are losses.
 const LEAST_SHARE: f64 = 0.9;
-/// In the middle of one, as much of what the shaft turns is counted at most: several short ones may be one moment.
+/// In the middle of a burst at most this share of the turned angle is counted; several short bursts may be one moment.
 const MOST_COUNTED: f64 = 0.5;
-/// Fewer that end too abruptly for a shaft may be anything...
+/// Fewer abrupt ends than this prove nothing...
 const FEWEST_ABRUPT: usize = 3;
-/// ... if the speed came back by this factor more than a shaft could in that time.
+/// ... and an end is abrupt if the speed returns faster by this factor than a shaft could.
 const ABRUPT: f64 = 1.4;
 
-/// Leaves those rows out; whether there were any.
+/// Leaves these rows out. Returns whether there were any.
 pub(super) fn settle(data: &mut Dataset, found: &Fit) -> bool {
     let stops = Losses::of(data, found).stops();
     let is_any = !stops.is_empty();
@@ -36,17 +36,17 @@ pub(super) fn settle(data: &mut Dataset, found: &Fit) -> bool {
     is_any
 }
 
-/// What a model says of the motion, and by how much less is measured.
+/// The simulated motion, and by how much less is measured.
 struct Losses<'a> {
     data: &'a Dataset,
     found: &'a Fit,
     predicted: &'a [f64],
-    /// Measured minus simulated, per quantity, and what most of that is.
+    /// Measured minus simulated, per quantity, and its usual size.
     residuals: Vec<Vec<f64>>,
     usual: Vec<f64>,
-    /// In the sense of the motion.
+    /// In the direction of the motion.
     shortfall: Vec<f64>,
-    /// Beyond this it stands out.
+    /// Beyond this a row stands out.
     threshold: f64,
 }
 
@@ -64,7 +64,7 @@ impl<'a> Losses<'a> {
         Self { data, found, predicted, residuals, usual, shortfall, threshold }
     }
 
-    /// Where the counter stood, if that is what stands out.
+    /// The stops of the counter, if they are what stands out.
     fn stops(&self) -> Vec<CounterStop> {
         if self.data.count_rad <= 0.0 || !self.is_right_otherwise() {
             return Vec::new();
@@ -80,7 +80,7 @@ impl<'a> Losses<'a> {
         let rows: usize = moments.iter().map(|(_, rows)| rows.len()).sum();
         let is_rare = rows as f64 <= MOST_ROWS * self.data.len() as f64;
         let abrupt = losses.iter().filter(|(stretch, rows)| self.is_abrupt(stretch, rows)).count();
-        // Where some have been seen already, the others need not show by themselves what they are.
+        // If some are already known, the others need not prove by themselves that they are losses.
         let are_known = abrupt >= FEWEST_ABRUPT || !self.data.origin.counter_stops.is_empty();
         match is_rare && are_known && losses.len() as f64 >= LEAST_SHARE * moments.len() as f64 {
             true => losses.into_iter().map(|(stretch, rows)| self.stop(stretch, rows)).collect(),
@@ -95,12 +95,12 @@ impl<'a> Losses<'a> {
         })
     }
 
-    /// Rows one after the other that stand out.
+    /// Consecutive rows that stand out.
     fn moments(&self, stretch: &Stretch) -> Vec<Range<usize>> {
         runs(stretch.rows.clone().filter(|row| self.shortfall[*row].abs() > self.threshold))
     }
 
-    /// Less is measured than turned, and as much less is counted; the current is what it has to be.
+    /// Whether less is measured than turned, as much less is counted, and the current fits the model.
     fn is_loss(&self, stretch: &Stretch, rows: &Range<usize>) -> bool {
         let falls_short =
             |row: usize| (0.0..=self.predicted[row].abs() + self.threshold).contains(&self.shortfall[row]);
@@ -111,7 +111,7 @@ impl<'a> Losses<'a> {
             && self.current_is_usual(rows)
     }
 
-    /// Where it goes on for longer than the windows of its first and last rows, nothing is counted between these.
+    /// If it lasts longer than the windows of its first and last rows, nothing is counted between them.
     fn stands_within(&self, stretch: &Stretch, rows: &Range<usize>) -> bool {
         let span = stretch.window.span.max(1);
         let counted_share = |row: usize| 1.0 - self.shortfall[row] / self.predicted[row].abs();
@@ -128,11 +128,11 @@ impl<'a> Losses<'a> {
         own <= STANDS_OUT * self.usual[current]
     }
 
-    /// No shaft gathers so much speed in so short a time, be its load behind a gap or a spring.
+    /// No shaft gains so much speed in so short a time, even with a load behind a gap or a spring.
     fn is_abrupt(&self, stretch: &Stretch, rows: &Range<usize>) -> bool {
         let model = &self.found.model;
         let time_constant_s = TimeConstants::of(&model.motor).electromechanical_s * model.motor_share();
-        // From inside the moment to the first row after it.
+        // From inside the burst to the first row after it.
         let back = stretch.window.span.max(1) + 1;
         let inside = self.shortfall[rows.end.saturating_sub(back).max(rows.start)..rows.end]
             .iter()
@@ -141,7 +141,7 @@ impl<'a> Losses<'a> {
         inside * by_a_shaft > ABRUPT * self.threshold
     }
 
-    /// What was turned and not counted: a speed from elsewhere may fail by itself.
+    /// The angle that was turned and not counted; a speed from another sensor may fail by itself.
     fn lost_rad(&self, stretch: &Stretch, rows: &Range<usize>) -> f64 {
         let seen = seen_in(stretch, rows);
         let motion = self.data.motion();
@@ -161,7 +161,7 @@ impl<'a> Losses<'a> {
         let span = stretch.window.span.max(1);
         let start = (moment.start + stretch.window.ahead).saturating_sub(1).max(stretch.rows.start);
         let end = (moment.end + stretch.window.ahead + 1).saturating_sub(span).clamp(start + 2, stretch.rows.end);
-        // One count at either end, and what the model is uncertain by.
+        // One count at either end, and the uncertainty of the model.
         let uncertain_rad = self.threshold / STANDS_OUT * (moment.len() as f64).sqrt() * stretch.interval_s;
         CounterStop {
             rows: start..end,
@@ -171,13 +171,13 @@ impl<'a> Losses<'a> {
     }
 }
 
-/// From before the first count that is missing to after the last.
+/// From before the first missing count to after the last.
 fn seen_in(stretch: &Stretch, rows: &Range<usize>) -> Range<usize> {
     let span = stretch.window.span.max(1);
     rows.start.saturating_sub(span).max(stretch.rows.start)..(rows.end + span).min(stretch.rows.end - 1)
 }
 
-/// Standard deviation of what most values are.
+/// Standard deviation of most values, robust against the others.
 fn of_most(values: &[f64]) -> f64 {
     median(values.iter().map(|value| value.abs())) / NORMAL_MEDIAN
 }

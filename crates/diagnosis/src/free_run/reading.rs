@@ -1,4 +1,4 @@
-//! What the sensors of a model say of a motion.
+//! Readings of a model's sensors from its motion.
 
 use super::{Motion, Prediction};
 use crate::dataset::{BetweenEdges, Dataset, Output, Stretch, difference};
@@ -29,7 +29,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
     data.measured
         .iter()
         .map(|measured| match measured.output {
-            // Each of them is measured once at most.
+            // Each is measured once at most.
             Output::Current => std::mem::take(&mut motion.current_a),
             Output::Speed => std::mem::take(&mut motion.speed_rad_per_s),
             Output::MeanSpeed | Output::AngleDifference => mean_speed(&motion, data),
@@ -38,8 +38,8 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
         .collect()
 }
 
-/// What the shaft's speed does between rows beside the straight line: the way says its mean. Nothing is said of it where no
-/// effect asks for it.
+/// The deviation of the speed from a straight line between rows, from the turned angle. It is computed only if an
+/// effect needs it.
 fn shaft_bulges(model: &Model, motion: &Motion, data: &Dataset) -> Vec<Bulge> {
     let mut bulges = Vec::new();
     if model.tachogenerator_lag_s() == 0.0 {
@@ -68,7 +68,7 @@ fn mean_current(model: &Model, motion: &Motion, data: &Dataset) -> Vec<f64> {
     means
 }
 
-/// Readings as they were so long before, by what is between each two.
+/// Readings delayed by this time, by interpolation.
 fn read_late(readings: &mut [f64], data: &Dataset, late_s: f64) {
     for row in data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1).rev()) {
         let share = (late_s / (data.time_s[row] - data.time_s[row - 1])).min(1.0);
@@ -76,7 +76,7 @@ fn read_late(readings: &mut [f64], data: &Dataset, late_s: f64) {
     }
 }
 
-/// Mean current over the last `window_s` of some rows and the one after them, or all of that where it is shorter.
+/// Mean current over the last `window_s` of these rows and the one after them, or over all of that if it is shorter.
 fn mean_current_before(motion: &Motion, time_s: &[f64], rows: Range<usize>, window_s: f64, winding_s: f64) -> f64 {
     let (mut charge, mut length_s) = (0.0, 0.0);
     for first in rows.rev() {
@@ -113,7 +113,7 @@ fn mean_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     speed
 }
 
-/// Means between the edges that the recording tells.
+/// Means between the edges that the recording gives.
 fn timed_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     let mut speed = vec![f64::NAN; data.len()];
     let Some(timing) = &data.origin.edge_timing else { return speed };
@@ -131,7 +131,7 @@ fn timed_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     speed
 }
 
-/// Lets one sensor's effect act on the readings of one stretch.
+/// Applies one sensor's effect to the readings of one stretch.
 fn falsify(
     term: &Term,
     model: &Model,

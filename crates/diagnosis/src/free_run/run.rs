@@ -1,4 +1,4 @@
-//! The motor of a model on its way through one stretch of the data.
+//! Simulates the motor of a model through one stretch of the data.
 
 use super::{Course, Motion, Steps, inertia_kg_m2, longest_step_s};
 use crate::dataset::{Dataset, Measured, Output, Stretch, Window};
@@ -9,21 +9,22 @@ use motorbench_model::{LinearStep, SAME_LENGTH_S};
 use motorbench_model::{Model, Term};
 use std::ops::Range;
 
-/// Longest step of a recording at 200 Hz or more; slower ones take a tenth of their interval, at most the second.
+/// Longest step for recordings at 200 Hz or more; slower ones take a tenth of their interval, at most the second value.
 const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
-/// A change of the voltage is a leap from this share of the supply on.
+/// A voltage change is a jump from this share of the supply on.
 const LEAP: f64 = 0.1;
-/// Whatever torque acts on it, a rotor that is held stays where it is, as one of this inertia does.
+/// A held rotor is simulated with this inertia, so that no torque moves it.
 const HELD_KG_M2: f64 = 1e9;
-/// From so many standard deviations of the noise on a first reading is another than zero.
+/// From this many standard deviations of the noise on, a first reading differs from zero.
 const NOT_ZERO: f64 = 5.0;
 
 fn first(values: &[f64]) -> f64 {
     values.iter().take(5).copied().find(|value| value.is_finite()).unwrap_or(0.0)
 }
 
-/// Speed at the start of a stretch. Means over a window that begins there say it of its middle and not of its start: two, one
-/// after the other, lead back to that, but not through a stand: what begins to move within the second stood before.
+/// Speed at the start of a stretch. A mean over a window that begins there gives the speed of its middle. Two
+/// successive means are extrapolated back to the start, but not through a standstill: a shaft that begins to move
+/// within the second one stood before.
 fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
     let values = &motion.values[stretch.rows.clone()];
     if matches!(motion.output, Output::Speed | Output::TimedSpeed) {
@@ -40,14 +41,14 @@ fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
     }
 }
 
-/// A term of the model at work on the motor.
+/// A term of the model, with its state.
 struct Acting<'a> {
     effect: &'static dyn Effect,
     values: &'a [f64],
     state: Vec<f64>,
 }
 
-/// The motor of a model on its way through one stretch of the data.
+/// The motor of a model in one stretch of the data.
 pub(super) struct Run<'a> {
     model: &'a Model,
     data: &'a Dataset,
@@ -60,19 +61,19 @@ pub(super) struct Run<'a> {
     current_a: f64,
     speed_rad_per_s: f64,
     angle_rad: f64,
-    /// By how much the measured angle is behind.
+    /// By how much the measured angle lags behind.
     lost_rad: f64,
-    /// What the model says is wrong with that angle.
+    /// Error of that angle by the model's sensor.
     angle_sensor: Vec<&'a Term>,
     /// Mean of the current since the sample before.
     mean_a: f64,
-    /// By how much the mean of the current since the sample before is above the middle between the two.
+    /// Mean of the current since the sample before, less the mean of the two samples.
     bulge_a: f64,
-    /// By how much the current where it is sampled differs from its mean over the PWM period.
+    /// Difference of the current at its sampling time from its mean over the PWM period.
     ripple_a: f64,
     /// The PWM without a duty.
     undriven: Ripple,
-    /// What the step before was under.
+    /// Conditions of the previous step.
     before: Option<(Instant, Balance)>,
     /// Whether a command may begin to act within a step.
     acts_within: bool,
@@ -114,7 +115,7 @@ impl<'a> Run<'a> {
             speed_rad_per_s,
             angle_rad: 0.0,
             lost_rad: 0.0,
-            angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == ActsOn::AngleSensor).collect(),
+            angle_sensor: terms.iter().filter(|term| term.effect.about().acts_on == [ActsOn::AngleSensor]).collect(),
             mean_a: 0.0,
             bulge_a: 0.0,
             ripple_a: 0.0,
@@ -141,7 +142,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Where the shaft is when its sensor reads `angle_rad`, by what the model says of the sensor.
+    /// Angle of the shaft when its sensor reads `angle_rad`, by the model of the sensor.
     fn shaft_rad(&self, angle_rad: f64) -> f64 {
         let counted_rad = angle_rad + self.lost_rad;
         let ahead = self.angle_sensor.iter().map(|term| term.effect.ahead_rad(&term.values, counted_rad));
@@ -176,12 +177,13 @@ impl<'a> Run<'a> {
         self.bulge_a = self.mean_a - 0.5 * (first_a + self.current_a);
     }
 
-    /// One step, from so long after sample `index` on and so long; what it was under, and the mean of the current on the way.
+    /// One step, from this time after sample `index`, of this length; returns its conditions and the mean current over
+    /// it.
     fn simulate(&mut self, index: usize, course: &Course, (since_s, length_s): (f64, f64)) -> (Instant, Balance, f64) {
         let data = self.data;
         let interval_s = data.time_s[index + 1] - data.time_s[index];
         self.step.set_length(&self.model.motor, self.inertia_kg_m2, length_s);
-        // The middle of the step stands for it.
+        // The middle of the step represents it.
         let share = (since_s + 0.5 * length_s) / interval_s;
         let half = 0.5 * length_s / interval_s;
         let (voltage_v, duty) = self.command(index, since_s - self.delay_s, length_s);
@@ -203,7 +205,7 @@ impl<'a> Run<'a> {
         (at, terms, mean_a)
     }
 
-    /// Its terms, and the mean of the current on the way.
+    /// Its terms, and the mean current over the step.
     fn advance(&mut self, at: &mut Instant, load_nm: f64) -> (Balance, f64) {
         let motor = &self.model.motor;
         let ripple = self.undriven.with_duty(at.duty);
@@ -226,9 +228,9 @@ impl<'a> Run<'a> {
         (terms, reached.mean_a)
     }
 
-    /// Another duty comes with a new period, at whose begin the current is what it was: it is the mean that leaps, by what the
-    /// ripple has above it there. Of one way and the other that is the whole ripple, and fades with the winding, as though
-    /// that were of less inductance.
+    /// A new duty begins with a new period. The current is continuous there, so its mean jumps by the difference of the
+    /// ripple. Between the two directions that is the whole ripple. It decays with the winding, as with a smaller
+    /// inductance.
     fn change_duty(&mut self, voltage_v: f64, duty: f64) {
         let Some((at, terms)) = self.before.filter(|(at, _)| at.duty != duty && !at.open) else { return };
         let begun = self.above_mean_a(&at, &terms, 0.0);
@@ -237,7 +239,7 @@ impl<'a> Run<'a> {
         self.current_a += begun - self.above_mean_a(&at, &terms, 0.0);
     }
 
-    /// By how much the current, where in the period it is sampled, is above its mean.
+    /// Current at its sampling time in the period, less its mean.
     fn above_mean_a(&self, at: &Instant, terms: &Balance, sampled_at: f64) -> f64 {
         if at.open || at.duty == 0.0 {
             return 0.0;
@@ -246,8 +248,9 @@ impl<'a> Run<'a> {
         terms.ripple.sampled_a(at.current_a, sampled_at, &volts) - at.current_a
     }
 
-    /// When after sample `index` the parts of a step begin, and how long they are: between two the bridge opens or closes, or the
-    /// voltage leaps. Its mean over the step would turn a current round too early, and a drop with it.
+    /// Start times and lengths of the parts of a step after sample `index`: between two parts the bridge opens or
+    /// closes, or the voltage jumps. A mean voltage over the whole step would reverse the current too early, and the
+    /// drop with it.
     fn pieces(&self, index: usize, since_s: f64, length_s: f64) -> [Option<(f64, f64)>; 2] {
         let whole = [Some((since_s, length_s)), None];
         if !self.acts_within {
@@ -267,7 +270,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The sample whose command acts so long after sample `index`.
+    /// The sample whose command acts at this time after sample `index`.
     fn acting_at(&self, index: usize, offset_s: f64) -> usize {
         let data = self.data;
         if !self.acts_within {
@@ -299,7 +302,7 @@ impl<'a> Run<'a> {
                 duty += data.duty[sample] * (end_s - since_s);
                 end_s = since_s;
             }
-            // Before a start from rest nothing acted.
+            // Before a start from rest no command acted.
             if since_s <= from_s || sample == self.range.start {
                 return (voltage / length_s, duty / length_s);
             }
@@ -317,7 +320,7 @@ mod tests {
     use std::f64::consts::TAU;
     use std::fmt::Write as _;
 
-    /// As a recording that begins with a step, before a delay has passed.
+    /// A recording that begins with a step, before the delay has passed.
     #[test]
     fn what_begins_to_move_within_the_second_window_stood_before() {
         let mut text = String::from("t_s,duty,counts\n");
@@ -332,7 +335,7 @@ mod tests {
     }
 
     proptest! {
-        /// A stretch that begins in motion begins as fast as that, and one from rest at rest.
+        /// A stretch that begins in motion starts at that speed, and one from rest at zero.
         #[test]
         fn a_stretch_begins_as_fast_as_its_counts_say(speed in -300.0_f64..300.0, from_rest: bool) {
             let mut text = String::from("t_s,u_V,counts\n");
@@ -348,7 +351,7 @@ mod tests {
             let rig = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 2000\n";
             let data = Dataset::new(&[recording], &Rig::parse("rig.toml", rig).unwrap()).unwrap();
             let first = first_speed(data.motion(), &data.stretches[0]);
-            // A count over the window, at the worst.
+            // One count over the window in the worst case.
             prop_assert!((first - start).abs() < 2.0 * TAU / 2000.0 / 5e-3, "{first} {start}");
         }
     }

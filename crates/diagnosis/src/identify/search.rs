@@ -1,5 +1,5 @@
-//! The way down from a start: Levenberg and Marquardt's method. The sensitivities are simulated at each step or, where the
-//! effort says so and the step is short, corrected by what it changed (Broyden, Mathematics of Computation 19 (1965)).
+//! Levenberg and Marquardt's method from one start. The sensitivities are simulated at each step. If the effort allows
+//! it and the step is short, they are corrected by the change instead (Broyden, Mathematics of Computation 19 (1965)).
 
 use super::sensitivities::Sensitivities;
 use super::{Effort, Fit, Prior, Unknown, prior_cost, square, torque_scale, unknowns, weighted_residual};
@@ -9,14 +9,14 @@ use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
 
-/// A step is tried with so many dampings...
+/// A step is tried with this many dampings...
 const TRIES: usize = 6;
-/// ... with sensitivities that were only corrected, with so many.
+/// ... and with this many if the sensitivities were only corrected.
 const TRIES_CORRECTED: usize = 2;
-/// A step that gains more than this share of the cost leads to where the sensitivities are others.
+/// A step that gains more than this share of the cost needs new sensitivities.
 const FAR: f64 = 0.8;
 
-/// A fit on its way.
+/// A fit in progress.
 pub(super) struct Search<'a> {
     data: &'a Dataset,
     unknowns: Vec<Unknown>,
@@ -24,7 +24,7 @@ pub(super) struct Search<'a> {
     damping: f64,
 }
 
-/// Where it is.
+/// The present point.
 struct Point {
     model: Model,
     prediction: Prediction,
@@ -32,7 +32,7 @@ struct Point {
     cost: f64,
 }
 
-/// Sensitivities, and whether they are those of the place or corrected ones of another.
+/// Sensitivities, and whether they belong to this point or are corrected ones of another.
 struct Known {
     sensitivities: Sensitivities,
     is_simulated: bool,
@@ -49,7 +49,7 @@ impl Point {
 
 impl<'a> Search<'a> {
     pub fn new(start: &Model, data: &'a Dataset, prior: &Prior) -> Self {
-        let mut model = start.clone().with_the_known();
+        let mut model = start.clone().with_prior_means();
         let unknowns = unknowns(&model, data, prior);
         for unknown in &unknowns {
             let coordinate = unknown.get(&model);
@@ -76,7 +76,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Steps until none gains any more. Returns the sensitivities if those simulated last still hold.
+    /// Steps until none gains any more. Returns the sensitivities if the last simulated ones still hold.
     fn descend(&mut self, effort: Effort) -> Option<Sensitivities> {
         let simulated = |search: &Self| Known {
             sensitivities: Sensitivities::simulated(
@@ -87,7 +87,7 @@ impl<'a> Search<'a> {
             ),
             is_simulated: true,
         };
-        // Without a scale of the torques they leave out what a step changes along it.
+        // Without a scale of the torques, they leave out the change along it.
         let corrects = effort.corrects && !torque_scale::is_unknown(self.data);
         let mut known = simulated(self);
         let mut gained_before = f64::INFINITY;
@@ -121,20 +121,20 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Goes to the most plausible scale of all torques, where the data say nothing of it.
+    /// Moves to the most plausible scale of all torques, where the data do not contain it.
     fn settle(&mut self) {
         if torque_scale::is_unknown(self.data) {
             self.take_if_better(torque_scale::most_plausible(&self.at.model, &self.unknowns));
         }
     }
 
-    /// Goes to a model if it costs less than the present one; the point that it has left then.
+    /// Moves to a model if it costs less than the present one; returns the previous point.
     fn take_if_better(&mut self, model: Model) -> Option<Point> {
         let there = Point::new(model, self.data, &self.unknowns);
         (there.cost < self.at.cost).then(|| std::mem::replace(&mut self.at, there))
     }
 
-    /// One step; the point that it has left, `None` when no step is better.
+    /// One step; returns the previous point, `None` if no step is better.
     fn step(&mut self, known: &Known) -> Option<Point> {
         let normal = &known.sensitivities.normal;
         let gradient = known.sensitivities.gradient(&self.at.model, &self.at.residual, &self.unknowns);

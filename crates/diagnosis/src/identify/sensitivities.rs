@@ -9,23 +9,24 @@ use nalgebra::{DMatrix, DVector};
 
 /// Relative step of the finite differences.
 const DIFFERENCE: f64 = 2e-3;
-/// The same of a model whose events come sooner or later: as far as a few of them together, since each by itself leads astray.
+/// The same for a model with events that shift in time: long enough to average over several of them, since a single one
+/// misleads.
 const DIFFERENCE_OVER_EVENTS: f64 = 4e-2;
 
 /// One column an unknown.
 #[derive(Clone, Debug)]
 pub(super) struct Sensitivities {
     pub columns: Vec<Vec<f64>>,
-    /// Of the sum of squares and of what was known before, about half its second derivatives.
+    /// Approximately half the second derivatives of the sum of squares and the prior.
     pub normal: DMatrix<f64>,
 }
 
 impl Sensitivities {
-    /// By finite differences, on all cores.
+    /// Computed by finite differences, on all cores.
     pub fn simulated(model: &Model, data: &Dataset, unknowns: &[Unknown], steps: Steps) -> Self {
         let base = Base::new(model, data, steps);
-        // Without a current the data are nearly silent of some directions: there the error of a difference from one side
-        // would decide.
+        // Without a current the data hardly depend on some directions: there the error of a one-sided difference would
+        // decide.
         let both_sides = data.current().is_none();
         let has_events = model.terms.iter().any(|term| term.effect.has_events());
         let difference = if has_events { DIFFERENCE_OVER_EVENTS } else { DIFFERENCE };
@@ -55,8 +56,8 @@ impl Sensitivities {
         Self { columns, normal }
     }
 
-    /// Corrects them by a step that moved the unknowns by `moved` and the residuals by `changed`: they are to say just that
-    /// of it, and across it what they did (Broyden's rule). What was known before stays in the normal matrix.
+    /// Corrects them after a step that moved the unknowns by `moved` and the residuals by `changed`. They match this
+    /// change in its direction and stay as they were across it (Broyden's rule). The prior stays in the normal matrix.
     pub fn correct(&mut self, moved: &[f64], changed: &[f64]) {
         let length: f64 = moved.iter().map(|moved| moved * moved).sum();
         if length == 0.0 {

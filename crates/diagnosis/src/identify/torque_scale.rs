@@ -7,6 +7,8 @@
 use super::{Place, Unknown, dot, prior_cost};
 use crate::dataset::Dataset;
 use motorbench_model::Model;
+use motorbench_model::motor::MotorParameters;
+use motorbench_model::unit::Quantity;
 
 /// Golden section.
 const SECTION: f64 = 0.618_033_988_749_895;
@@ -19,19 +21,12 @@ pub(super) fn is_unknown(data: &Dataset) -> bool {
     data.current().is_none() && data.load_nm.iter().all(|load_nm| *load_nm == 0.0)
 }
 
-/// With which power of the scale a constant goes, by its unit.
-fn exponent(name: &str) -> f64 {
-    let torque = name.contains("_Nm") && !name.contains("_per_A") || name.ends_with("_kg_m2");
-    let current = name.ends_with("_A") && !name.ends_with("_per_A");
-    let per_power_or_current = ["_ohm", "_ohm_s", "_H", "_per_W"].iter().any(|unit| name.ends_with(unit));
-    f64::from(i8::from(torque || current) - i8::from(per_power_or_current))
-}
-
+/// With which power of the scale a constant goes. Voltages and motions stay, so that the scale is that of the current.
 fn exponent_of(place: Place, model: &Model) -> f64 {
-    match place {
-        Place::Motor(index) => exponent(model.motor.named()[index].0),
-        Place::Term(term, index) => exponent(model.terms[term].effect.about().parameters[index].name),
-    }
+    Quantity::Current.power(match place {
+        Place::Motor(index) => MotorParameters::UNITS[index],
+        Place::Term(term, index) => model.terms[term].effect.about().parameters[index].unit,
+    })
 }
 
 /// Takes out of the sensitivities what they say of the scale. It is shared out as the columns' own errors are: in proportion
@@ -109,9 +104,9 @@ mod tests {
 
     /// With any effect, the motor turns the same at any scale: the units tell how each constant goes with it.
     #[test]
-    fn no_reading_depends_on_it() {
+    fn no_reading_depends_on_the_torque_scale() {
         let (data, prior) = without_a_current();
-        for effect in CATALOGUE.iter().filter(|effect| effect.sensor() != Some(Sensor::Current)) {
+        for effect in CATALOGUE.iter().filter(|effect| effect.about().sensor != Some(Sensor::Current)) {
             let linear = Model::linear(prior.motor);
             let model = linear.with_start(*effect, &scales(&prior.motor, &data));
             let other = scaled(&model, &unknowns(&model, &data, &prior), 0.4);
@@ -124,7 +119,7 @@ mod tests {
     }
 
     #[test]
-    fn what_was_known_before_decides_on_it() {
+    fn the_prior_decides_the_torque_scale() {
         let (data, prior) = without_a_current();
         let model = Model::linear(prior.motor);
         let unknowns = unknowns(&model, &data, &prior);

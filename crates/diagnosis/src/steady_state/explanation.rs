@@ -1,8 +1,8 @@
-//! What takes the voltage that nominal resistance and back-EMF leave: every few of the terms that may, and which of these
-//! explanations hold.
+//! Explains the voltage that nominal resistance and back-EMF leave: every combination of a few possible terms is
+//! fitted, and tested.
 //!
-//! One holds when none of the other terms, added to it, is significant beside the noise that the best foretelling one leaves.
-//! Of those that hold the one with the fewest terms is named; the others of that size are what the table cannot tell it from:
+//! A combination holds if no other term, added to it, is significant beside the noise of the best predicting one. Of
+//! those that hold, the one with the fewest terms is named. Others of that size cannot be told from it by the table:
 //! which of them fits best is chance.
 
 use super::Winding;
@@ -14,17 +14,17 @@ use std::collections::BTreeMap;
 
 /// A term of the voltage, linear in its constant.
 pub(super) struct Term {
-    /// In the words of the catalogue and of `parameter:`.
+    /// Identifier of the catalogue, or `parameter:NAME`.
     pub effect: &'static str,
     pub constant: &'static str,
     of: fn(&Level) -> f64,
     nominal: fn(r: f64, k: f64) -> f64,
-    /// Whether its constant is what a held winding shows.
+    /// Whether a held winding shows its constant.
     is_resistance: bool,
 }
 
-/// In the order in which they are named where a table cannot tell them apart: every bridge drops a voltage, a data sheet's
-/// constant is of another motor, a winding of several times its resistance is burnt.
+/// The order of naming where a table cannot tell them apart. Every bridge has a voltage drop; the constant of a data
+/// sheet may belong to another motor; a winding of several times its resistance is burnt.
 pub(super) const TERMS: [Term; 4] = [
     Term { effect: "voltage_drop", constant: "drop_V", of: |_| 1.0, nominal: |_, _| 0.0, is_resistance: false },
     Term {
@@ -49,58 +49,57 @@ pub(super) const TERMS: [Term; 4] = [
         is_resistance: false,
     },
 ];
-/// What the published study of the PIVT-6 takes for its cause is rare in a motor: it is named only where the constants of one
-/// do not hold.
+/// A resistance that grows with speed is rare in a motor. It is named only if constant parameters do not hold.
 const RARE: usize = 3;
-/// More terms than this say nothing of a table.
+/// A table cannot determine more terms than this.
 const MOST_TERMS: usize = 3;
-/// An explanation from which a term is missing by this many standard errors comes after one of as many terms from which none
-/// is: not enough to name that term, and enough to prefer the other.
+/// An explanation that lacks a term at this many standard errors ranks behind one of the same size that lacks none.
+/// That is too little to name the term, but enough to prefer the other.
 const DOUBTED_SIGMAS: f64 = 2.0;
 
-/// The winding turned on by a little has another resistance by so much: brushes touch other segments.
+/// Spread of the resistance over rotor positions: the brushes touch other segments.
 const OTHER_POSITION: f64 = 0.1;
-/// A winding that is held and one that turns are alike to this share: one is warmer, its brushes slide.
+/// A held and a turning winding agree to this share: one is warmer, and its brushes slide.
 const HELD_AS_TURNING: f64 = 0.02;
 
 /// An explanation of the missing voltage.
 #[derive(Clone, Debug, Serialize)]
 pub struct Explanation {
-    /// What it takes, in the words of the catalogue and of `parameter:`.
+    /// Its terms: identifiers of the catalogue, or `parameter:NAME`.
     pub terms: Vec<&'static str>,
     /// Its constants.
     pub constants: BTreeMap<&'static str, Estimate>,
-    /// How far each term is from nothing, in standard errors.
+    /// Distance of each term from zero, in standard errors.
     pub sigmas: Vec<f64>,
-    /// Weighted sum of squares over degrees of freedom; near 1 when it is enough.
+    /// Weighted sum of squares over degrees of freedom; near 1 if it suffices.
     pub chi2_per_dof: f64,
-    /// How far the term that it lacks most is from nothing, in standard errors.
+    /// Distance from zero of the term that it lacks most, in standard errors.
     pub lacks_sigmas: f64,
-    /// Error of the voltage at a level that the fit has not seen.
+    /// Error of the voltage at a level left out of the fit.
     pub left_out_rmse_v: f64,
-    /// What it leaves of the voltage at each level.
+    /// Its residual of the voltage at each level.
     #[serde(skip)]
     pub(super) left_v: Vec<f64>,
 }
 
 impl Explanation {
-    /// Whether the table asks for nothing more.
+    /// Whether the table needs no further term.
     pub(super) fn holds(&self) -> bool {
         self.lacks_sigmas < NEEDED_SIGMAS
     }
 
-    /// What comes first is named.
+    /// Order of naming; the first is named.
     fn place(&self) -> (bool, bool, usize, bool) {
         let lawless = self.terms.contains(&TERMS[RARE].effect);
         (!self.holds(), lawless, self.terms.len(), self.lacks_sigmas > DOUBTED_SIGMAS)
     }
 
-    /// What in place of one of its terms explains the table as well.
+    /// Terms that explain the table as well in place of one of its terms.
     pub(super) fn instead_of(&self, term: &str, all: &[Self]) -> Vec<&'static str> {
         self.replacements(term, all).filter(|(_, other)| other.holds()).map(|(rival, _)| rival).collect()
     }
 
-    /// What comes closest in place of one of its terms, and the explanation with it.
+    /// The best alternative to one of its terms, and the explanation with it.
     pub(super) fn next_best<'a>(&self, term: &str, all: &'a [Self]) -> Option<(&'static str, &'a Self)> {
         let order = |(_, a): &(_, &Self), (_, b): &(_, &Self)| {
             b.holds().cmp(&a.holds()).then(a.left_out_rmse_v.total_cmp(&b.left_out_rmse_v))
@@ -108,7 +107,7 @@ impl Explanation {
         self.replacements(term, all).min_by(order)
     }
 
-    /// Those in which another term stands for one of its own, and everything else is kept.
+    /// Explanations with another term in place of one of its own, and all others kept.
     fn replacements<'a>(&self, term: &str, all: &'a [Self]) -> impl Iterator<Item = (&'static str, &'a Self)> {
         let kept = self.all_but(term);
         all.iter().filter(move |other| other.terms.len() == self.terms.len()).filter_map(move |other| {
@@ -117,8 +116,8 @@ impl Explanation {
         })
     }
 
-    /// The same without one of its terms, everything else fitted anew; without more of them where that has constants of no
-    /// motor.
+    /// The same without one of its terms, all others fitted again; without more of them where that gives constants of
+    /// no motor.
     pub(super) fn without<'a>(&self, term: &str, all: &'a [Self]) -> &'a Self {
         let kept = self.all_but(term);
         let less = all.iter().filter(|other| other.terms.iter().all(|other| kept.contains(other)));
@@ -133,13 +132,13 @@ impl Explanation {
     }
 }
 
-/// The equation of the voltages: a row a level, with the rotor turning and held, and one for the winding where its
-/// resistance was measured apart.
+/// The voltage equations: one row a level, with the rotor turning and held, and one for the winding if its resistance
+/// was measured separately.
 struct Equation {
     columns: Vec<Vec<f64>>,
     missing: Vec<f64>,
     errors: Errors,
-    /// The first so many rows are levels of a turning motor.
+    /// The first this many rows are levels of a turning motor.
     turning: usize,
 }
 
@@ -166,7 +165,7 @@ impl Equation {
         Line::new(&self.of(terms), &self.missing, &self.errors)
     }
 
-    /// Of the terms that are not there.
+    /// Distances from zero of the terms outside the explanation.
     fn lacks_sigmas(&self, terms: &[usize], noise: Noise) -> f64 {
         let others = (0..TERMS.len()).filter(|term| !terms.contains(term));
         let with = others.filter_map(|other| self.line(&[terms, &[other]].concat()));
@@ -198,12 +197,12 @@ impl Equation {
 struct Fit {
     terms: Vec<usize>,
     line: Line,
-    /// How far each row is from what the others foretell; that of the winding in ohms.
+    /// Deviation of each row from the prediction by the others; that of the winding in ohms.
     left_out_v: Vec<f64>,
 }
 
 impl Fit {
-    /// Nothing where there are too few levels for it, or a constant comes out that no motor has.
+    /// `None` if there are too few levels, or if a constant comes out that no motor has.
     fn new(equation: &Equation, terms: Vec<usize>, (r, k): (f64, f64)) -> Option<Self> {
         let line = equation.line(&terms).filter(|_| terms.len() < equation.missing.len())?;
         let left_out_v = left_out(&equation.of(&terms), &equation.missing, &equation.errors)?;
@@ -224,7 +223,7 @@ fn winding_error_ohm(winding: &Winding) -> f64 {
     (spread_ohm / count.sqrt()).max(HELD_AS_TURNING * winding.mean_ohm)
 }
 
-/// All that can be fitted, the one to name first; the nominal values are always among them.
+/// All possible explanations, the one to name first; the nominal values are always among them.
 pub(super) fn explanations(
     turning: &[Level],
     held: &[Level],

@@ -1,18 +1,19 @@
-//! Fits that are linear in few constants, and how sure these are.
+//! Fits that are linear in few constants, with their uncertainty.
 
 use crate::diagnose::outcome::Estimate;
 use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, Normal, StudentsT};
 
-/// Columns whose smallest singular value is below this share of the largest are one and the same.
+/// Columns whose smallest singular value is below this share of the largest are linearly dependent.
 const SAME_COLUMNS: f64 = 1e-9;
-/// As many standard errors as a double can tell from certainty.
+/// Largest number of standard errors that double precision can represent as a probability.
 const MOST_SIGMAS: f64 = 37.0;
 
 /// Standard errors of the points of a line, one a point.
 #[derive(Clone, Debug)]
 pub enum Errors {
-    /// From the scatter of readings: a point may be off by more (what warms or drifts is the same in all readings at it).
+    /// From the scatter of readings: a point may be off by more, since warming or drift is the same in all its
+    /// readings.
     AtLeast(Vec<f64>),
     /// Only their ratios are known.
     InProportion(Vec<f64>),
@@ -33,7 +34,7 @@ impl Errors {
     }
 }
 
-/// By what the stated errors are to be multiplied, and the number of points too many that this is known from.
+/// Factor for the stated errors, and the degrees of freedom behind it.
 #[derive(Clone, Copy, Debug)]
 pub struct Noise {
     scale: f64,
@@ -42,7 +43,7 @@ pub struct Noise {
 
 /// Constants of a fit by weighted least squares.
 pub struct Line {
-    /// What is to be fitted, one for each level.
+    /// The target of the fit, one value for each level.
     pub values: DVector<f64>,
     covariance: DMatrix<f64>,
     chi2: f64,
@@ -51,7 +52,7 @@ pub struct Line {
 }
 
 impl Line {
-    /// Nothing where the columns cannot be told apart. `columns`: each as long as `target`.
+    /// `None` if the columns cannot be told apart. `columns`: each as long as `target`.
     pub fn new(columns: &[&[f64]], target: &[f64], errors: &Errors) -> Option<Self> {
         let rows: Vec<usize> = (0..target.len()).collect();
         let (values, covariance) = solve(columns, target, errors.each(), &rows)?;
@@ -65,22 +66,22 @@ impl Line {
         })
     }
 
-    /// Near 1 where the line goes through the points as closely as their errors say.
+    /// Near 1 if the line passes the points as closely as their errors say.
     pub fn chi2_per_dof(&self) -> f64 {
         self.chi2 / self.dof as f64
     }
 
-    /// What it leaves of each point of the columns that it was fitted to.
+    /// Residual of each point of the fitted columns.
     pub fn left(&self, columns: &[&[f64]], target: &[f64]) -> Vec<f64> {
         (0..target.len()).map(|row| target[row] - predicted(columns, &self.values, row)).collect()
     }
 
-    /// What the points say: they lie off by more than their errors.
+    /// With the errors that the points show: they lie off by more than stated.
     pub fn noise(&self) -> Noise {
         Noise { scale: self.chi2_per_dof().sqrt().max(self.least_scale), dof: self.dof }
     }
 
-    /// The interval of Student's distribution around a constant; none where there is no point too many.
+    /// The interval of Student's distribution around a constant; `None` without degrees of freedom.
     pub fn estimate(&self, index: usize) -> Estimate {
         let (value, Noise { scale, dof }) = (self.values[index], self.noise());
         let quantile = StudentsT::new(0.0, 1.0, dof as f64).ok().map(|student| student.inverse_cdf(0.975));
@@ -88,8 +89,8 @@ impl Line {
         Estimate { value, ci95: half.map(|half| [value - half, value + half]) }
     }
 
-    /// How far a constant is from nothing, as that many standard errors of a normal distribution would be by chance: of few
-    /// points it takes more.
+    /// Distance of a constant from zero, as the equivalent number of standard errors of a normal distribution: few
+    /// points need more.
     pub fn sigmas(&self, index: usize, noise: Noise) -> f64 {
         let error = noise.scale * self.covariance[(index, index)].sqrt();
         let Ok(student) = StudentsT::new(0.0, 1.0, noise.dof as f64) else { return 0.0 };
@@ -98,7 +99,7 @@ impl Line {
     }
 }
 
-/// How far each point is off a line through all others.
+/// Deviation of each point from a line through all others.
 pub fn left_out(columns: &[&[f64]], target: &[f64], errors: &Errors) -> Option<Vec<f64>> {
     let off = |out: usize| {
         let rows: Vec<usize> = (0..target.len()).filter(|row| *row != out).collect();

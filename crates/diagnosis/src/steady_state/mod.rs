@@ -1,9 +1,9 @@
 //! Tables of steady states: voltage, current and speed without time.
 //!
-//! At rest from all change the two equations are `u = R i + k w + drop` and `k i = b w + friction + load`. A table says which
-//! of their terms are needed, how large they are, and which it cannot tell apart: without load the current hardly changes,
-//! so that a resistance and a constant drop are one and the same, and so are a larger back-EMF constant and a resistance
-//! that grows with the speed. A brake whose torque is known tells them apart.
+//! In steady state the two equations are `u = R i + k w + drop` and `k i = b w + friction + load`. A table shows which
+//! of their terms are needed, how large they are, and which cannot be told apart. Without load the current hardly
+//! changes. Then a resistance cannot be told from a constant drop, nor a larger back-EMF constant from a resistance
+//! that grows with the speed. A brake of known torque separates them.
 
 mod explanation;
 mod line;
@@ -31,20 +31,21 @@ pub use winding::Winding;
 
 /// Readings whose voltages differ by less than this share of the greatest are one level.
 const SAME_LEVEL: f64 = 0.005;
-/// Fewer levels say nothing of a line.
+/// Fewer levels cannot determine a line.
 pub const FEWEST_LEVELS: usize = 3;
-/// A term is needed when it is this many standard errors from nothing.
+/// A term is needed if it is this many standard errors from zero.
 const NEEDED_SIGMAS: f64 = 3.0;
-/// Levels of one test are alike to this share of the voltage: winding and grease warm from one to the next. What is left below
-/// it asks for no name.
+/// Levels of one test agree to this share of the voltage: winding and grease warm from one to the next. A smaller rest
+/// is not named.
 const ALIKE_SHARE: f64 = 0.01;
 /// Rows whose back-EMF is less than this share of the voltage: the rotor is held or hardly turns.
 const NEARLY_AT_REST: f64 = 0.05;
-/// Rows at less than this share of the greatest voltage: nothing drives the motor, and the current is what its sensor is off by.
+/// Rows at less than this share of the greatest voltage: nothing drives the motor, and the current is the offset of its
+/// sensor.
 const UNDRIVEN: f64 = SAME_LEVEL;
-/// A single reading may be off by this share; only the ratios of such errors count.
+/// A single reading may be off by this share; only the ratios of such errors matter.
 const ONE_READING: f64 = 0.01;
-/// Readings that are all the same to more digits than this are written with fewer.
+/// Readings that agree to more digits than this are rounded.
 const ROUNDED: f64 = 1e-6;
 
 /// Means of the readings at one voltage under one load, and what follows from them.
@@ -77,30 +78,30 @@ pub struct Level {
     pub k_mot_rad_per_s_per_V: f64,
     /// (P_in - P_out) / I^2, which has been called the dynamic resistance.
     pub dynamic_resistance_ohm: f64,
-    /// What the nominal resistance and back-EMF leave of the voltage.
+    /// The voltage that nominal resistance and back-EMF leave.
     pub missing_V: f64,
     /// Standard error of the current.
     #[serde(skip)]
     pub current_error: f64,
-    /// Standard error of the missing voltage: what the shaft does is in current and speed, and cancels in it.
+    /// Standard error of the missing voltage: variations of the shaft change current and speed, and cancel in it.
     #[serde(skip)]
     pub voltage_error: f64,
 }
 
-/// What a table says.
+/// Result of a table.
 #[derive(Clone, Debug, Serialize)]
 pub struct Study {
-    /// The contract of every diagnosis.
+    /// The diagnosis, in the same form as for recordings.
     #[serde(flatten)]
     pub outcome: Outcome,
     /// The derived table.
     pub levels: Vec<Level>,
-    /// Everything that was tried for the missing voltage, best first.
+    /// All explanations of the missing voltage, best first.
     pub explanations: Vec<Explanation>,
-    /// Place among them of the one that is named.
+    /// Index of the named one among them.
     #[serde(skip)]
     named: usize,
-    /// What the levels are the means of.
+    /// The rows whose means the levels are.
     #[serde(skip)]
     pub rows: Rows,
     /// Resistance and torque constant of the rig file.
@@ -109,18 +110,18 @@ pub struct Study {
     /// The current at each level by viscous friction alone, and with dry friction.
     #[serde(skip)]
     pub friction_a: Option<[Vec<f64>; 2]>,
-    /// Coulomb friction as fitted, whether or not it has a name beside what remains.
+    /// Coulomb friction as fitted, even if it is not named.
     #[serde(skip)]
     pub coulomb_nm: f64,
 }
 
 impl Study {
-    /// What the causes are taken from.
+    /// The explanation from which the causes are taken.
     pub fn named(&self) -> &Explanation {
         &self.explanations[self.named]
     }
 
-    /// What else holds with as many terms.
+    /// Another explanation that holds with as many terms.
     pub fn as_good(&self) -> Option<&Explanation> {
         let named = self.named();
         let is_as_good = |other: &&Explanation| other.holds() && other.terms.len() == named.terms.len();
@@ -144,11 +145,13 @@ pub enum StudyError {
     },
     /// Voltage and speed alone.
     #[error(
-        "{0}: a table without i_A: what the voltage lacks may be a drop, R i or another back-EMF constant, and of voltage and speed at rest from all change none can be told from the others. Measure the current at each voltage, or record over time (t_s), where voltage and speed alone still separate much"
+        "{0}: the table has no i_A. Voltage and speed in steady state cannot tell a drop, the resistance and the back-EMF constant apart. Measure the current at each voltage, or record over time (t_s)"
     )]
     NoCurrent(String),
     /// Too few voltages.
-    #[error("{name}: {levels} voltages or loads; {FEWEST_LEVELS} or more are needed to tell a line from an offset")]
+    #[error(
+        "{name}: only {levels} voltages or loads; give at least {FEWEST_LEVELS}, so that a slope and an offset can be separated"
+    )]
     TooFew {
         /// Which table.
         name: String,
@@ -165,7 +168,7 @@ pub enum StudyError {
     Sign(#[from] DatasetError),
 }
 
-/// What may be what is missing.
+/// Candidates for the missing columns.
 fn unknown(ignored: &[String]) -> String {
     match ignored.first() {
         None => "it has no other columns than those that are known here".into(),
@@ -173,13 +176,13 @@ fn unknown(ignored: &[String]) -> String {
     }
 }
 
-/// Studies a table. `winding`: its resistance where that was measured apart, for instance with the rotor held; the rows of
-/// the table in which it is held are told apart here.
+/// Studies a table. `winding`: its resistance, if it was measured separately, for instance with the rotor held. Rows of
+/// the table with the rotor held are recognised here.
 ///
 /// # Errors
 /// [`StudyError`].
 pub fn study(table: &Recording, rig: &Rig, winding: Option<&Winding>) -> Result<Study, StudyError> {
-    // First what no key of the rig file mends.
+    // First the mistakes that no key of the rig file corrects.
     columns(table)?;
     let (r, k) = nominal(rig)?;
     let rows = rows(table, k)?;
@@ -200,7 +203,7 @@ pub fn nominal(rig: &Rig) -> Result<(f64, f64), StudyError> {
     rig.motor.resistance_ohm.zip(rig.motor.torque_constant_nm_per_a).ok_or(StudyError::NoNominal)
 }
 
-/// What turns the current into torque: the nominal constant, unless loads show how far that is off.
+/// The constant from current to torque: the nominal one, unless loads show how far that is off.
 fn torque_constant(levels: &[Level], best: &Explanation, nominal: f64) -> f64 {
     let found = best.constants.get("back_emf_constant_V_s").filter(|_| is_loaded(levels));
     found.map_or(nominal, |constant| constant.value)
@@ -233,7 +236,7 @@ impl Row {
     }
 }
 
-/// Rows of a table that say something.
+/// The usable rows of a table.
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// The rotor turns.
@@ -254,7 +257,7 @@ pub fn hardly_turns(u_v: f64, emf_v: f64) -> bool {
     emf_v.abs() <= NEARLY_AT_REST * u_v.abs()
 }
 
-/// The rows of a table that say something. `k`: a back-EMF constant, for which rows turn.
+/// The usable rows of a table. `k`: the back-EMF constant that decides which rows turn.
 ///
 /// # Errors
 /// [`StudyError`], when a column is missing or has the wrong sign.
@@ -272,8 +275,8 @@ pub fn rows(table: &Recording, k: f64) -> Result<Rows, StudyError> {
     Ok(Rows { turning, held })
 }
 
-/// Means of the readings at each voltage and load, with what follows from the nominal constants. Both directions count as one:
-/// what differs between them, an offset of the current or friction, is scatter of their mean.
+/// Means of the readings at each voltage and load, with the quantities from the nominal constants. Both directions
+/// count as one: their difference, from an offset of the current or from friction, is scatter of the mean.
 pub fn levels(name: &str, rows: &Rows, r: f64, k: f64) -> Result<Vec<Level>, StudyError> {
     let greatest_v = rows.greatest_v();
     let mut groups: Vec<Vec<Row>> = Vec::new();
@@ -293,7 +296,7 @@ pub fn levels(name: &str, rows: &Rows, r: f64, k: f64) -> Result<Vec<Level>, Stu
     Ok(levels)
 }
 
-/// The scatter of the readings at all levels together: at one of few readings it is itself mostly chance.
+/// The scatter of the readings at all levels together: at a level of few readings it is mostly chance.
 fn set_errors(levels: &mut [Level], groups: &[Vec<Row>], r: f64, k: f64) {
     let dof = groups.iter().map(|group| group.len() - 1).sum::<usize>();
     let scatter = |of: &dyn Fn(&Row) -> f64| {
@@ -339,7 +342,7 @@ fn mean(rows: &[Row], of: impl Fn(&Row) -> f64) -> f64 {
     rows.iter().map(of).sum::<f64>() / rows.len() as f64
 }
 
-/// Of readings in one direction, still without errors.
+/// Means of readings in one direction, without errors so far.
 fn level(readings: &[Row], r: f64, k: f64) -> Level {
     let of = |of: fn(&Row) -> f64| mean(readings, of);
     let (u, i, w) = (of(|row| row.u_v), of(|row| row.i_a), of(|row| row.omega_rad_per_s));
@@ -364,7 +367,7 @@ fn level(readings: &[Row], r: f64, k: f64) -> Level {
     }
 }
 
-/// Standard errors of something at each level.
+/// Standard errors of a quantity at each level.
 pub fn errors(levels: &[Level], of: impl Fn(&Level) -> f64) -> Errors {
     let each = levels.iter().map(of).collect();
     match levels.iter().any(|level| level.readings > 1) {
@@ -373,16 +376,17 @@ pub fn errors(levels: &[Level], of: impl Fn(&Level) -> f64) -> Errors {
     }
 }
 
-/// Torque balance beside the load: Coulomb and viscous friction, with how many standard errors the former is from nothing.
+/// Torque balance beside the load: Coulomb and viscous friction, and the distance of the former from zero in standard
+/// errors.
 struct Friction {
     coulomb: Estimate,
     viscous: Estimate,
     sigmas: f64,
     gain: RmseGain,
-    /// What both leave of the torque at each level, and how far a curve in that is from nothing.
+    /// Residual of the torque at each level with both, and the distance of a curve in it from zero.
     left_nm: Vec<f64>,
     lacks_sigmas: f64,
-    /// At each level by viscous friction alone, and by both.
+    /// Current at each level with viscous friction alone, and with both.
     currents_a: [Vec<f64>; 2],
 }
 
@@ -432,7 +436,7 @@ fn friction(levels: &[Level], k: f64) -> Option<Friction> {
     })
 }
 
-/// Which explanation is named: the best, less the terms that explain too little beside what it leaves without a name.
+/// The named explanation: the best, without terms that explain too little beside its unexplained rest.
 fn trusted(levels: &[Level], explanations: &[Explanation]) -> usize {
     let best = &explanations[0];
     let mut named = best;
@@ -445,7 +449,7 @@ fn trusted(levels: &[Level], explanations: &[Explanation]) -> usize {
     explanations.iter().position(|one| one.terms == named.terms).expect("it is one of them")
 }
 
-/// Errors at a voltage left out by one explanation and by a better one.
+/// Errors at a voltage left out, of one explanation and of a better one.
 fn gain(before: &Explanation, after: &Explanation) -> RmseGain {
     RmseGain { rmse_before: before.left_out_rmse_v, rmse_after: after.left_out_rmse_v }
 }
@@ -551,7 +555,7 @@ fn advice(levels: &[Level], unexplained: Option<&Unexplained>) -> Vec<String> {
     let mut advice: Vec<String> = unexplained
         .map(|rest| {
             format!(
-                "Something is missing that has no name here: {}. While it is missing the constants hold only roughly.",
+                "An effect outside the catalogue is missing: {}. Until it is explained, the constants are approximate.",
                 rest.place()
             )
         })
@@ -559,15 +563,15 @@ fn advice(levels: &[Level], unexplained: Option<&Unexplained>) -> Vec<String> {
         .collect();
     if most_a < 2.0 * least_a {
         advice.push(format!(
-            "The current only goes from {} to {} A: a resistance and a constant voltage drop cannot be told apart, nor a back-EMF constant and a resistance that grows with speed. Hold the rotor and step the voltage (resistance, drop), or brake the shaft at one speed (what grows with the current is resistance).",
+            "The current only goes from {} to {} A. That cannot separate a resistance from a constant voltage drop, nor a back-EMF constant from a resistance that grows with speed. Hold the rotor and step the voltage to measure resistance and drop. Or brake the shaft at one speed: the slope of the voltage over the current is the resistance.",
             short(least_a), short(most_a)
         ));
     }
     advice.push(
-        "Turn the shaft from outside and measure the open terminals: that is the back-EMF constant, and with a known speed the scale of the tachogenerator, which these points cannot tell from each other.".into(),
+        "Turn the shaft from outside and measure the voltage of the open terminals. It gives the back-EMF constant, and at a known speed the scale of the tachogenerator. These points cannot separate the two.".into(),
     );
     advice.push(
-        "(P_in - P_out) / I^2 is a resistance only if nothing but a resistance takes the voltage: it contains the drop divided by the current and every error of the back-EMF constant times the speed.".into(),
+        "(P_in - P_out) / I^2 is the resistance only if nothing else takes voltage. It also contains the drop divided by the current, and the back-EMF constant's error times the speed, divided by the current.".into(),
     );
     advice
 }

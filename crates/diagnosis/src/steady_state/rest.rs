@@ -1,4 +1,4 @@
-//! What a table leaves without a name: in which of the two balances, and what it goes with.
+//! The unexplained rest of a table: in which of the two balances it acts, and what it depends on.
 
 use super::line::{Errors, Line, rms};
 use super::{ALIKE_SHARE, Explanation, Friction, Level, NEEDED_SIGMAS};
@@ -9,34 +9,36 @@ use motorbench_model::catalogue::ActsOn;
 /// A figure of a level.
 type Column = fn(&Level) -> f64;
 
-/// What a rest may go with, in words.
+/// Quantities that a rest may depend on, in words.
 const AXES: [(&str, Column); 4] = [
     ("voltage", |level| level.u_V),
     ("speed", |level| level.omega_rad_per_s),
     ("current", |level| level.i_A),
     ("load", |level| level.load_Nm),
 ];
-/// Powers of the curve that is laid through it, and levels beyond its constants: few levels bear no more than a parabola.
+/// Powers of the curve through it, and the levels needed beyond its constants: few levels allow no more than a
+/// parabola.
 const MOST_POWERS: usize = 4;
 const LEVELS_TOO_MANY: usize = 3;
-/// Of few levels any curve explains something: half of a rest is seen to go with a column...
+/// With few levels any curve explains something. A rest depends on a column if a curve explains half of it...
 const LEAST_SHARE: f64 = 0.5;
-/// ... and with another as well that explains it but for this share: without a load voltage, speed and current go together.
+/// ... and on another as well that explains all but this share: without a load voltage, speed and current change
+/// together.
 const AS_WELL: f64 = 0.05;
 
-/// What one balance leaves.
+/// The rest of one balance.
 pub(super) struct Rest {
     acts_on: ActsOn,
-    /// Errors at a level left out, that of the readings among them.
+    /// Errors at a level left out, including those of the readings.
     left: f64,
     noise: f64,
-    /// Beside the greatest of what it is an error of.
+    /// Relative to the greatest value of its quantity.
     of_greatest: f64,
     depends_on: String,
 }
 
 impl Rest {
-    /// Of the voltages, by the explanation that is named; `fullest`: the one that was there before names were taken back.
+    /// The rest of the voltages with the named explanation; `fullest`: the one before untrusted terms were removed.
     pub fn of_voltage(levels: &[Level], named: &Explanation, fullest: &Explanation) -> Option<Self> {
         let most_v = greatest(levels, |level| level.u_V);
         let (left, noise) = (named.left_out_rmse_v, rms_of(levels, |level| level.voltage_error));
@@ -49,7 +51,7 @@ impl Rest {
         })
     }
 
-    /// Of the torques, beside friction: more than the levels differ by, and a curve is in it.
+    /// The rest of the torques beside friction, if it exceeds the scatter of the levels and contains a curve.
     pub fn of_torque(levels: &[Level], friction: &Friction) -> Option<Self> {
         let most_a = greatest(levels, |level| level.i_A);
         let (left, noise) = (friction.gain.rmse_after, rms_of(levels, |level| level.current_error));
@@ -62,7 +64,7 @@ impl Rest {
         })
     }
 
-    /// Whether a name of the same balance explains too little beside it.
+    /// Whether a term of the same balance explains too little beside it.
     pub fn outweighs(&self, gain: &RmseGain) -> bool {
         let explained = gain.rmse_before.powi(2) - gain.rmse_after.powi(2);
         explained < LEAST_OF_REST * (self.left.powi(2) - self.noise.powi(2))
@@ -73,7 +75,7 @@ impl Rest {
         if other.of_greatest > self.of_greatest { other } else { self }
     }
 
-    /// In the words of every diagnosis.
+    /// In the form of every diagnosis.
     pub fn told(self) -> Unexplained {
         let share = 1.0 - (self.noise.min(self.left) / self.left).powi(2);
         Unexplained { acts_on: self.acts_on, depends_on: self.depends_on, share }
@@ -88,7 +90,7 @@ fn rms_of(levels: &[Level], of: Column) -> f64 {
     rms(&levels.iter().map(of).collect::<Vec<_>>())
 }
 
-/// The column that a curve explains most by, and those that it explains as much by.
+/// The column over which a curve explains most, and those that explain as much.
 fn goes_with(levels: &[Level], left: &[f64]) -> String {
     let shares: Vec<(&str, f64)> = AXES.iter().map(|(name, of)| (*name, explained_share(levels, left, *of))).collect();
     let most = shares.iter().map(|(_, share)| *share).fold(0.0, f64::max);
@@ -99,7 +101,7 @@ fn goes_with(levels: &[Level], left: &[f64]) -> String {
     as_much.collect::<Vec<_>>().join(" or ")
 }
 
-/// Share of the variance that a curve over a column explains, less what one through anything would.
+/// Share of the variance that a curve over a column explains, less what a curve through random values would.
 fn explained_share(levels: &[Level], left: &[f64], of: Column) -> f64 {
     let most = greatest(levels, of).max(f64::MIN_POSITIVE);
     let column = |power: usize| levels.iter().map(|level| (of(level) / most).powi(power as i32)).collect::<Vec<_>>();
@@ -108,12 +110,12 @@ fn explained_share(levels: &[Level], left: &[f64], of: Column) -> f64 {
     let columns: Vec<&[f64]> = columns.iter().map(Vec::as_slice).collect();
     let alike = Errors::InProportion(vec![1.0; levels.len()]);
     let variance = |powers: usize| Some(Line::new(&columns[..=powers], left, &alike)?.chi2_per_dof());
-    // A column of few values bears fewer powers.
+    // A column of few values allows fewer powers.
     let curve = (1..columns.len()).rev().find_map(variance);
     curve.zip(variance(0)).filter(|(_, all)| *all > 0.0).map_or(0.0, |(curve, all)| 1.0 - curve / all)
 }
 
-/// How far from nothing a curve over speed or load is, beside the columns of a balance of torques.
+/// Distance from zero of a curve over speed or load, beside the columns of a torque balance.
 pub(super) fn curve_sigmas(levels: &[Level], columns: [&[f64]; 2], target_nm: &[f64], errors: &Errors) -> f64 {
     let curves: [Column; 2] = [|level| level.omega_rad_per_s.powi(2), |level| level.load_Nm];
     let sigmas = curves.into_iter().filter_map(|of| {

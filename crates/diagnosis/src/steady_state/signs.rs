@@ -1,10 +1,10 @@
-//! What no table of a motor shows that nothing else drives: a motion or a current against its voltage.
+//! Signs that a motor without an external drive never has: a motion or a current against its voltage.
 
 use super::NEARLY_AT_REST;
 use crate::dataset::{DatasetError, greatest};
 use motorbench_data::recording::{Channel, Recording};
 
-/// Refuses it in the words that recordings get.
+/// Refuses such a table with the same messages as recordings.
 pub(super) fn check(table: &Recording, voltage: &[f64], current: &[f64], speed: &[f64]) -> Result<(), DatasetError> {
     // A weight may turn a motor against its voltage.
     if table.get(Channel::LoadTorque).is_some_and(|load| load.iter().any(|load| *load != 0.0)) {
@@ -18,7 +18,7 @@ pub(super) fn check(table: &Recording, voltage: &[f64], current: &[f64], speed: 
     if opposes(voltage, speed) {
         return Err(DatasetError::Backward { name, column: motion });
     }
-    // An offset of the sensor may be more than a motor without load draws: some rows say nothing, all together do.
+    // The offset of the sensor may exceed the no-load current: single rows prove nothing, all together do.
     let power_w: f64 =
         voltage.iter().zip(current).map(|(u_v, i_a)| u_v * i_a).filter(|power_w| !power_w.is_nan()).sum();
     if power_w < 0.0 {
@@ -32,7 +32,7 @@ fn goes_both_ways(values: &[f64]) -> bool {
     values.iter().any(|value| *value > least) && values.iter().any(|value| *value < -least)
 }
 
-/// Whether a speed goes against its voltage in any row in which the motor turns.
+/// Whether a speed opposes its voltage in any row in which the motor turns.
 fn opposes(voltage: &[f64], speed: &[f64]) -> bool {
     let least = NEARLY_AT_REST * greatest(speed);
     voltage.iter().zip(speed).any(|(u_v, omega)| u_v * omega < 0.0 && omega.abs() > least)
@@ -56,16 +56,14 @@ mod tests {
     fn a_motion_or_a_current_against_its_voltage_is_refused() {
         assert_eq!(said("3,0.13,180\n6,0.16,360\n9,0.19,540\n-9,-0.19,-540\n12,0.22,720\n"), "well");
         let backward = said("3,0.13,-180\n6,0.16,-360\n9,0.19,-540\n12,0.22,-720\n");
-        assert!(
-            backward.starts_with("t.csv: rpm goes against the voltage that drives it: one of them has the wrong sign")
-        );
+        assert!(backward.starts_with("t.csv: rpm has the opposite sign of the voltage that drives it"));
         assert!(backward.contains("--map rpm=rpm*-1"), "{backward}");
-        // One row alone, as a slip of the hand makes it.
-        assert!(said("3,0.13,180\n6,0.16,-360\n9,0.19,540\n12,0.22,720\n").contains("rpm goes against"));
+        // A single row, as from a slip of the pen.
+        assert!(said("3,0.13,180\n6,0.16,-360\n9,0.19,540\n12,0.22,720\n").contains("rpm has the opposite sign"));
         let current = said("3,-0.13,180\n6,-0.16,360\n9,-0.19,540\n12,-0.22,720\n");
-        assert!(current.contains("i_A goes against the voltage"), "{current}");
+        assert!(current.contains("i_A has the opposite sign of the voltage"), "{current}");
         let no_sign = said("-12,-0.22,720\n-6,-0.16,360\n6,0.16,360\n12,0.22,720\n");
-        assert!(no_sign.contains("rpm never goes backwards though the voltage does"), "{no_sign}");
+        assert!(no_sign.contains("the voltage reverses but rpm never becomes negative"), "{no_sign}");
     }
 
     /// Whatever the rig file has: none of its keys would help.
@@ -75,7 +73,7 @@ mod tests {
             let table = Recording::parse("t.csv", format!("{head}\n0.2,100\n0.4,200\n").as_bytes(), &[]).unwrap();
             let error = study(&table, &Rig::default(), None).unwrap_err().to_string();
             assert!(
-                error.starts_with("t.csv: a table without i_A") && error.contains("Measure the current"),
+                error.starts_with("t.csv: the table has no i_A") && error.contains("Measure the current"),
                 "{error}"
             );
         }

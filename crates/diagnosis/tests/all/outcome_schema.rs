@@ -1,4 +1,4 @@
-//! `docs/reference/diagnosis.schema.json` is what programs are promised: results of every kind keep to it, and it refuses others.
+//! Results of every kind match `docs/reference/diagnosis.schema.json`, and the schema refuses invalid ones.
 
 use hidden_effects::{Channels, Effect, Recipe, draw};
 use jsonschema::Validator;
@@ -19,7 +19,7 @@ fn validator() -> Validator {
     jsonschema::validator_for(&schema()).unwrap()
 }
 
-/// What is wrong with a result.
+/// The errors of a result.
 fn errors(outcome: &Value) -> Vec<String> {
     validator().iter_errors(outcome).map(|error| format!("{}: {error}", error.instance_path())).collect()
 }

@@ -1,5 +1,5 @@
-//! The published no-load study of the PIVT-6 (examples/pivt6): its derived table is reproduced, its slip found, and
-//! what its model gets wrong named, with what these points cannot separate.
+//! The published no-load study of the PIVT-6 (examples/pivt6): its derived table is reproduced, and its wrong cell
+//! found. The error of its model is named, with the causes that these points cannot separate.
 
 use motorbench_diagnosis::diagnose::outcome::Verdict;
 use motorbench_diagnosis::steady_state::{Study, study};

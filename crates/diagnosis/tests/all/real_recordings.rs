@@ -1,5 +1,5 @@
-//! What others have measured, where their recordings are at hand beside this project: `../shared/recordings/`. What comes out
-//! is in docs/explanation/how-it-was-tried.md.
+//! Published recordings of other motors, if they are beside this project: `../shared/recordings/`. The results are in
+//! docs/explanation/how-it-was-tried.md.
 
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
@@ -25,7 +25,7 @@ fn diagnosed(files: &[PathBuf], supply_v: f64) -> Result<Diagnosis, DatasetError
     diagnose(&recordings, &rig, &|_| ())
 }
 
-/// What names an effect: itself, or one that the report says it cannot be told from.
+/// Identifiers that count as a name of an effect: itself, or one that the report says it cannot be told from.
 fn names(diagnosis: &Diagnosis, id: &str) -> bool {
     diagnosis.outcome.causes.iter().any(|cause| cause.effect == id || cause.not_separable_from.contains(&id))
 }

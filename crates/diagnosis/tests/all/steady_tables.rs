@@ -1,7 +1,7 @@
-//! Tables of steady states of motors that are drawn: what the nominal values leave is named, and nothing else.
+//! Tables of steady states of randomly drawn motors: the missing terms are named, and no others.
 //!
-//! The tables are solved here from the power balance, not from the equations of the study; a fresh draw each time must clear
-//! a bound that an honest run misses less than once in ten thousand.
+//! The tables are computed here from the power balance, not from the equations of the study. Each fresh draw must reach
+//! a bound that a correct program misses less than once in ten thousand.
 
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
@@ -160,8 +160,8 @@ fn a_resistance_is_found_where_loads_or_a_held_winding_tell_it_from_a_drop() {
     assert!(right >= FEWEST_RIGHT, "{right}");
 }
 
-/// What no term takes has no name: it is said where it acts and what it goes with, and a drop that is less than a third of it
-/// is none.
+/// A rest that no term explains has no name. Its place and its dependence are reported, and a drop smaller than a third
+/// of it is not named.
 #[test]
 fn what_remains_of_a_table_is_located() {
     let rest = |lost_v: fn(f64) -> f64, drag_nm_s2: f64, loads_nm: &[f64]| {

@@ -1,6 +1,6 @@
-//! Actuation delay: the voltage comes later than the recording says.
+//! Actuation delay: the voltage comes later than the recorded command.
 
-use super::{About, ActsOn, Channels, Effect, INDUCTANCE, Parameter, Scales, Simplification};
+use super::{About, ActsOn, Channels, INDUCTANCE, Law, Parameter, Scales, Search, Simplification, Unit};
 
 /// See the module.
 pub struct ActuationDelay;
@@ -8,8 +8,8 @@ pub struct ActuationDelay;
 static ABOUT: About = About {
     id: "actuation_delay",
     title: "a delay between command and voltage",
-    acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::within("delay_s", 0.0, 0.2)],
+    acts_on: &[ActsOn::Voltage],
+    parameters: &[Parameter::within("delay_s", Unit::Second, 0.0, 0.2)],
     linear_in: 0,
     law: "u(t - delay_s)",
     looks_like: "After each step of the command both current and speed wait",
@@ -17,42 +17,35 @@ static ABOUT: About = About {
     experiment: "Steps with the current measured: a delay shifts the response, an inductance or a filter rounds it",
     remedy: "Bandwidth below 0.3 / delay; a Smith predictor or the delay's states in the LQR",
     source: "Astrom and Hagglund, Advanced PID Control (2006)",
+    // A new duty takes effect when the next period of the PWM begins.
+    simplification: Simplification::of_own(5e-3),
+    is_delay: true,
+    ..About::DEFAULT
 };
 
-impl Effect for ActuationDelay {
+impl Law for ActuationDelay {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![2.0 * scales.interval_s.min(0.005)]]
-    }
-
-    /// By a speed a winding, a lag and a wait can hardly be told apart.
-    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
-        // Of a lag, its time constant.
-        [INDUCTANCE, "current_lag", "speed_lag"].contains(&rival).then(|| vec![values[0]])
-    }
-
-    /// Moments that are sought are as late as a delay would make them.
-    fn shows_in(&self, channels: &Channels) -> bool {
-        !channels.moments
-    }
-
-    /// A duty is taken over when the next period of the PWM begins.
-    fn simplification(&self) -> Simplification {
-        Simplification { own: 5e-3, inertia: 0.0, viscous_friction: 0.0 }
     }
 
     fn delay_s(&self, values: &[f64]) -> f64 {
         values[0]
     }
+}
 
-    fn acts_on_motor(&self) -> bool {
-        false
+impl Search for ActuationDelay {
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![2.0 * scales.interval_s.min(0.005)]]
     }
 
-    fn changes_motion(&self) -> bool {
-        true
+    /// The speed alone can hardly tell an inductance, a lag and a delay apart.
+    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        // The value of a rival lag is its time constant.
+        [INDUCTANCE, "current_lag", "speed_lag"].contains(&rival).then(|| vec![values[0]])
+    }
+
+    /// Where the moments of the commands are estimated, they include a delay.
+    fn can_show_in(&self, channels: &Channels) -> bool {
+        !channels.moments
     }
 }

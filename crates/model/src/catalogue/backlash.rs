@@ -1,26 +1,25 @@
-//! Backlash: the load hangs behind a gap in a gear or a coupling; the sensor sees the motor.
+//! Backlash: a gear or a coupling has a gap between motor and load; the sensor is at the motor.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales, Simplification};
+use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
 use crate::motor::MotorParameters;
 use crate::oppose_motion;
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 /// The least gap that counts as one: a sixth of a degree.
 const LEAST_GAP_RAD: f64 = 3e-3;
-/// A blow lasts a millisecond; this follows the flanks as they meet and part.
+/// Longest part of a step: a blow lasts a millisecond, and this follows the flanks as they meet and part.
 const LONGEST_PART_S: f64 = 25e-6;
-/// Where the steps themselves are short, somebody wants it finer.
+/// Fewest parts of a step. Where the steps themselves are short, the caller wants a finer result.
 const LEAST_PARTS: f64 = 4.0;
-/// Of the inertia, behind the gap.
+/// Greatest share of the inertia behind the gap.
 pub(super) const MOST_SHARE: f64 = 0.95;
-/// The drive is held over a step.
+/// Longest step: the driving torque is constant over it.
 const LONGEST_STEP_S: f64 = 0.5e-3;
 
 /// Contacts to begin with: natural frequency in hertz and damping ratio.
 const HARD: [f64; 2] = [300.0, 0.4];
 const SOFT: [f64; 2] = [90.0, 0.3];
-/// How long a blow lasts, and what follows it.
+/// How long a blow and its ringing last.
 const BLOW_S: f64 = 2e-3;
 
 /// The two sides of the gap over one step of the simulation.
@@ -28,7 +27,7 @@ struct Sides {
     half_gap_rad: f64,
     motor_kg_m2: f64,
     load_kg_m2: f64,
-    /// Of load and motor against each other in contact: square of the natural frequency, and decay rate.
+    /// In contact: square of the natural frequency of load and motor against each other, and twice their decay rate.
     stiffness_per_s2: f64,
     damping_per_s: f64,
     twist_rad: f64,
@@ -36,7 +35,7 @@ struct Sides {
     load_rad_per_s: f64,
 }
 
-/// What becomes of depth and slip in contact over a whole step, when nothing drives: computed once for a length.
+/// Free response of depth and slip in contact over a whole step: computed once for each length of a step.
 #[derive(Clone, Copy)]
 struct InContact {
     length_s: f64,
@@ -93,14 +92,14 @@ impl Sides {
         self.motor_rad_per_s - self.load_rad_per_s
     }
 
-    /// Acceleration against each other by the contact; the flanks push and do not pull.
+    /// Relative acceleration by the contact. The flanks push and do not pull.
     fn parting_per_s2(&self) -> f64 {
         let depth_rad = self.depth_rad();
         let parting = self.stiffness_per_s2 * depth_rad + self.damping_per_s * self.slip_rad_per_s();
         if depth_rad * parting > 0.0 { parting } else { 0.0 }
     }
 
-    /// Takes both over `length_s` under what else drives the motor; returns the mean torque that it exerts on the load.
+    /// Takes motor and load over a step under the other torques on the motor. Returns the mean torque on the load.
     fn take(&mut self, contact: &InContact, drive_nm: f64, terms: &Balance) -> f64 {
         let before_rad_per_s = self.load_rad_per_s;
         if !self.stays_as_it_is(contact, drive_nm, terms) {
@@ -109,7 +108,7 @@ impl Sides {
         self.load_kg_m2 * (self.load_rad_per_s - before_rad_per_s) / contact.length_s
     }
 
-    /// The whole step in closed form where the motor turns and the flanks neither meet nor part; `false`: they do.
+    /// Takes the whole step in closed form, if the motor turns and the flanks neither meet nor part; says whether it did.
     fn stays_as_it_is(&mut self, contact: &InContact, drive_nm: f64, terms: &Balance) -> bool {
         let speed = self.motor_rad_per_s;
         let friction_nm = if speed > 0.0 { terms.dry_forward_nm.max(0.0) } else { -terms.dry_backward_nm.max(0.0) };
@@ -157,7 +156,7 @@ impl Sides {
     }
 }
 
-/// What the motor itself exerts, on the mean over a step in which its current approaches what voltage and speed let flow.
+/// Mean torque of the motor itself over a step, in which the current approaches its steady value at this voltage and speed.
 fn own_nm(motor: &MotorParameters, at: &Instant, balance: &Balance) -> f64 {
     let resistance_ohm = motor.resistance_ohm + balance.resistance_ohm;
     let emf_v = motor.torque_constant_nm_per_a * at.speed_rad_per_s;
@@ -165,13 +164,13 @@ fn own_nm(motor: &MotorParameters, at: &Instant, balance: &Balance) -> f64 {
     let drop_v = balance.dry_drop_v.max(0.0);
     let lost_v = if at.current_a == 0.0 { driving_v.clamp(-drop_v, drop_v) } else { drop_v.copysign(at.current_a) };
     let half_steps = 0.5 * at.step_s * resistance_ohm / motor.inductance_h;
-    // The mean of an exponential approach, after Pade.
+    // Mean of an exponential approach, by the approximation of Pade.
     let approached = if at.open { 0.0 } else { half_steps / (1.0 + half_steps) };
     let mean_a = at.current_a + (driving_v - lost_v) / resistance_ohm * approached;
     motor.torque_constant_nm_per_a * mean_a - motor.viscous_friction_nm_s * at.speed_rad_per_s
 }
 
-/// Whether a blow and what follows it are in one row.
+/// Whether a blow and its ringing fall within one row.
 fn hides_blows(scales: &Scales) -> bool {
     scales.interval_s >= BLOW_S
 }
@@ -182,14 +181,14 @@ pub struct Backlash;
 static ABOUT: About = About {
     id: "backlash",
     title: "backlash between motor and load",
-    acts_on: ActsOn::Torque,
+    acts_on: &[ActsOn::Torque],
     parameters: &[
-        // Below, the flanks are as good as always in contact.
-        Parameter::within("gap_rad", LEAST_GAP_RAD, 1.0),
-        Parameter::within("load_inertia_share", 0.0, MOST_SHARE),
-        // Below, it would be a springy shaft; above, all blows are alike.
-        Parameter::within("contact_Hz", 40.0, 1000.0),
-        Parameter::within("contact_damping", 0.05, 0.95),
+        // Below, the flanks are practically always in contact.
+        Parameter::within("gap_rad", Unit::Radian, LEAST_GAP_RAD, 1.0),
+        Parameter::within("load_inertia_share", Unit::One, 0.0, MOST_SHARE),
+        // Below, it would be a springy shaft; above, the blows of all contacts look alike.
+        Parameter::within("contact_Hz", Unit::Hertz, 40.0, 1000.0),
+        Parameter::within("contact_damping", Unit::One, 0.05, 0.95),
     ],
     linear_in: 0,
     law: "The load follows only in contact: a stiff spring with a dead zone of gap_rad; contact_Hz and contact_damping: frequency and damping ratio of load and motor in contact",
@@ -198,61 +197,25 @@ static ABOUT: About = About {
     experiment: "Reverse slowly from rest with an encoder on each side, or feel the play by hand",
     remedy: "Slow reversals; no derivative on the motor side at the gap; a dead-zone inverse in position control",
     source: "Nordin and Gutman, Automatica 38 (2002)",
+    // Many gaps predict blows that nearly fit.
+    simplification: Simplification::of_own(8e-2),
+    // Neither a gap of nothing nor a gap before no load is backlash.
+    strengths: &[0..1, 1..2],
+    has_events: true,
+    ..About::DEFAULT
 };
 
-impl Effect for Backlash {
+impl Law for Backlash {
     fn about(&self) -> &'static About {
         &ABOUT
     }
 
-    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        let starts = |gaps_rad: &[f64], shares: &[f64], contact: [f64; 2]| -> Vec<Vec<f64>> {
-            let of_share = |share: f64| gaps_rad.iter().map(move |gap_rad| [[*gap_rad, share], contact].concat());
-            shares.iter().flat_map(|share| of_share(*share)).collect()
-        };
-        if hides_blows(scales) {
-            let (gaps_rad, shares) = ([0.02, 0.035, 0.06, 0.09, 0.13, 0.2, 0.3], [0.3, 0.55]);
-            return [HARD, SOFT].iter().flat_map(|contact| starts(&gaps_rad, &shares, *contact)).collect();
-        }
-        [starts(&[0.02, 0.05, 0.12], &[0.4], HARD), starts(&[0.12, 0.3], &[0.4], SOFT)].concat()
-    }
-
-    fn starts_fitted(&self, scales: &Scales) -> usize {
-        if hides_blows(scales) { 6 } else { 1 }
-    }
-
-    /// A fit finds a gap that it is told to a fifth, and then only beside a load that is about right.
-    fn neighbours(&self, start: &[f64]) -> Vec<Vec<f64>> {
-        let scaled =
-            |[gap, share]: [f64; 2]| [&[gap * start[0], (share * start[1]).min(MOST_SHARE)], &start[2..]].concat();
-        [[1.2, 1.0], [1.0 / 1.2, 1.0], [1.0, 1.25], [1.0, 0.8]].map(scaled).to_vec()
-    }
-
-    /// Blows that nearly fit are many.
-    fn simplification(&self) -> Simplification {
-        Simplification { own: 8e-2, inertia: 0.0, viscous_friction: 0.0 }
-    }
-
-    /// The blows that a gap foretells a little too early or too late fit the readings as badly as none. Where a blow is in one
-    /// row, wrong gaps beside wrong loads come near it as well.
-    fn elsewhere(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
-        let near = [0.9, 1.1].map(|factor| [&[factor * values[0]], &values[1..]].concat());
-        if !hides_blows(scales) {
-            return near.to_vec();
-        }
-        let gaps = [0.5, 0.7, 0.9, 1.1, 1.4].map(|factor| factor * values[0]);
-        let shares = [0.7, 1.0, 1.4, 1.9].map(|factor| (factor * values[1]).min(MOST_SHARE));
-        let sides = gaps.into_iter().flat_map(|gap| shares.map(|share| [gap, share]));
-        let with_contacts = sides.flat_map(|sides| [HARD, SOFT].map(|contact| [sides, contact].concat()));
-        near.into_iter().chain(with_contacts).collect()
-    }
-
-    /// Twist, speed of the load, and what becomes of a step in contact.
+    /// Twist, speed of the load, and the free response of a step in contact.
     fn states(&self) -> usize {
         7
     }
 
-    /// The load has the shaft's speed, wherever in the gap it is.
+    /// The load starts with the shaft's speed and in the middle of the gap.
     fn begins(&self, speed_rad_per_s: f64) -> Vec<f64> {
         let mut states = vec![0.0; self.states()];
         states[1] = speed_rad_per_s;
@@ -267,16 +230,7 @@ impl Effect for Backlash {
         1.0 - values[1]
     }
 
-    /// A gap before nothing is none either.
-    fn strengths(&self) -> Vec<Range<usize>> {
-        [0, 1].map(|constant| constant..constant + 1).to_vec()
-    }
-
-    fn has_events(&self) -> bool {
-        true
-    }
-
-    /// What else drives the motor decides when the flanks meet.
+    /// The other torques on the motor decide when the flanks meet.
     fn turn(&self, _values: &[f64]) -> i8 {
         2
     }
@@ -297,5 +251,44 @@ impl Effect for Backlash {
         let drive_nm = balance.torque_nm + own_nm(motor, at, balance);
         balance.torque_nm -= sides.take(&InContact::remembered(memory), drive_nm, balance);
         motion.copy_from_slice(&[sides.twist_rad, sides.load_rad_per_s]);
+    }
+}
+
+impl Search for Backlash {
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        let starts = |gaps_rad: &[f64], shares: &[f64], contact: [f64; 2]| -> Vec<Vec<f64>> {
+            let of_share = |share: f64| gaps_rad.iter().map(move |gap_rad| [[*gap_rad, share], contact].concat());
+            shares.iter().flat_map(|share| of_share(*share)).collect()
+        };
+        if hides_blows(scales) {
+            let (gaps_rad, shares) = ([0.02, 0.035, 0.06, 0.09, 0.13, 0.2, 0.3], [0.3, 0.55]);
+            return [HARD, SOFT].iter().flat_map(|contact| starts(&gaps_rad, &shares, *contact)).collect();
+        }
+        [starts(&[0.02, 0.05, 0.12], &[0.4], HARD), starts(&[0.12, 0.3], &[0.4], SOFT)].concat()
+    }
+
+    fn starts_fitted(&self, scales: &Scales) -> usize {
+        if hides_blows(scales) { 6 } else { 1 }
+    }
+
+    /// A fit converges from a gap that is right to a fifth, beside a load that is about right.
+    fn neighbours(&self, start: &[f64]) -> Vec<Vec<f64>> {
+        let scaled =
+            |[gap, share]: [f64; 2]| [&[gap * start[0], (share * start[1]).min(MOST_SHARE)], &start[2..]].concat();
+        [[1.2, 1.0], [1.0 / 1.2, 1.0], [1.0, 1.25], [1.0, 0.8]].map(scaled).to_vec()
+    }
+
+    /// Blows that are predicted a little too early or too late fit as badly as no blows. Where a blow falls within one row, a
+    /// wrong gap beside a wrong load fits nearly as well.
+    fn elsewhere(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
+        let near = [0.9, 1.1].map(|factor| [&[factor * values[0]], &values[1..]].concat());
+        if !hides_blows(scales) {
+            return near.to_vec();
+        }
+        let gaps = [0.5, 0.7, 0.9, 1.1, 1.4].map(|factor| factor * values[0]);
+        let shares = [0.7, 1.0, 1.4, 1.9].map(|factor| (factor * values[1]).min(MOST_SHARE));
+        let sides = gaps.into_iter().flat_map(|gap| shares.map(|share| [gap, share]));
+        let with_contacts = sides.flat_map(|sides| [HARD, SOFT].map(|contact| [sides, contact].concat()));
+        near.into_iter().chain(with_contacts).collect()
     }
 }

@@ -1,7 +1,7 @@
-//! Bridge asymmetry: of the two ways through a bridge one gives less, by a transistor that no longer saturates, a bad joint or a
-//! pulse that is lengthened one way and shortened the other.
+//! Bridge asymmetry: the bridge gives less voltage in one direction than in the other. Causes are a transistor that no longer
+//! saturates, a bad joint, or pulses whose length differs between the directions.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -10,8 +10,8 @@ pub struct BridgeAsymmetry;
 static ABOUT: About = About {
     id: "bridge_asymmetry",
     title: "a bridge that gives less one way",
-    acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::signed("backward_share")],
+    acts_on: &[ActsOn::Voltage],
+    parameters: &[Parameter::signed("backward_share", Unit::One)],
     linear_in: 1,
     law: "Backwards (1 + backward_share) times as much as forwards; the way that gives more gives u",
     looks_like: "The missing voltage is in proportion to the voltage one way, and nothing the other; the motor is faster one way than the other, most at full duty",
@@ -19,15 +19,12 @@ static ABOUT: About = About {
     experiment: "Measure the bridge's output with a meter at the same duty both ways, the motor unplugged and plugged in",
     remedy: "The bridge's other channel, or another bridge; until then a command scaled up the weaker way",
     source: "Texas Instruments, L293D data sheet (saturation voltages and propagation delays that differ between the two ways)",
+    ..About::DEFAULT
 };
 
-impl Effect for BridgeAsymmetry {
+impl Law for BridgeAsymmetry {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        [-0.1, 0.1].map(|share| vec![share]).to_vec()
     }
 
     fn contribute(
@@ -38,10 +35,16 @@ impl Effect for BridgeAsymmetry {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        // No way through a bridge gives more than was asked for.
+        // The bridge gives no more than the command in either direction.
         balance.voltage_v += match values[0] {
             share if share < 0.0 => share * at.voltage_v.min(0.0),
             share => -share / (1.0 + share) * at.voltage_v.max(0.0),
         };
+    }
+}
+
+impl Search for BridgeAsymmetry {
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        [-0.1, 0.1].map(|share| vec![share]).to_vec()
     }
 }

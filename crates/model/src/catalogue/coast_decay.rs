@@ -1,13 +1,13 @@
-//! Coasting off phase: with the PWM on the enable pin the current flows back through the diodes and stops. Or the program
-//! takes the enable away only where it asks for nothing, and brakes between pulses.
+//! Coasting off phase: with the PWM on the enable pin the current flows back through the diodes and stops. A program may also
+//! disable the bridge at zero duty only, and brake between pulses.
 
-use super::{About, ActsOn, Balance, Effect, Instant, OffPhase, Parameter, Scales};
+use super::{About, ActsOn, Balance, Instant, Law, OffPhase, Parameter, Scales, Search, Unit};
 use crate::motor::MotorParameters;
 
-/// Free-wheeling diode.
+/// Forward voltage of a free-wheeling diode.
 const DIODE_V: f64 = 1.0;
 
-/// A smaller duty is none.
+/// Least duty that counts as one.
 const LEAST_DUTY: f64 = 1e-3;
 
 /// See the module.
@@ -16,10 +16,10 @@ pub struct CoastDecay;
 static ABOUT: About = About {
     id: "coast_decay",
     title: "an off phase of the PWM that coasts",
-    acts_on: ActsOn::Voltage,
-    // Supply and diodes are known, to some tenths of a volt.
+    acts_on: &[ActsOn::Voltage],
+    // Supply and diodes are known to some tenths of a volt.
     parameters: &[
-        Parameter { known: Some((1.0, 0.03)), ..Parameter::within("share", 0.94, 1.06) },
+        Parameter { known: Some((1.0, 0.03)), ..Parameter::within("share", Unit::One, 0.94, 1.06) },
         Parameter::choice("at_zero_duty"),
     ],
     linear_in: 0,
@@ -29,40 +29,24 @@ static ABOUT: About = About {
     experiment: "Same recording with the PWM on the inputs (sign-magnitude, slow decay)",
     remedy: "Drive the inputs and leave enable high: the classic wiring makes the motor nonlinear",
     source: "ST L293D data sheet; Mohan, Electric Machines and Drives (2012)",
+    is_of_switching: true,
+    changes_everything: true,
+    // A drop takes voltage from the pulse. With another motor that looks like more voltage in the off phase.
+    held_beside: Some("voltage_drop"),
+    ..About::DEFAULT
 };
 
-impl Effect for CoastDecay {
+impl Law for CoastDecay {
     fn about(&self) -> &'static About {
         &ABOUT
     }
 
-    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![1.0, 0.0], vec![1.0, 1.0]]
-    }
-
-    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![values[0], 1.0 - values[1]]]
-    }
-
-    fn is_of_switching(&self) -> bool {
-        true
-    }
-
-    /// What the diodes take is the bridge's own, whatever the share.
+    /// The drop of the diodes belongs to the bridge, whatever the share.
     fn off_phase(&self, values: &[f64]) -> Option<OffPhase> {
         Some(if values[1] > 0.0 { OffPhase::CoastsAtZeroDuty } else { OffPhase::Coasts })
     }
 
-    fn changes_everything(&self) -> bool {
-        true
-    }
-
-    /// A drop leaves less of the supply in the pulse: with a motor of another size, that is more of it in the off phase.
-    fn known_beside(&self) -> Option<&'static str> {
-        Some("voltage_drop")
-    }
-
-    /// What the bridge drops in the pulse counts there alone.
+    /// The drop of the transistors acts in the pulse alone, so it has to be known here.
     fn turn(&self, _values: &[f64]) -> i8 {
         1
     }
@@ -80,5 +64,15 @@ impl Effect for CoastDecay {
         }
         let recovered_v = at.supply_v + 2.0 * DIODE_V;
         balance.off_excess_v += values[0] * (recovered_v - balance.dry_drop_v);
+    }
+}
+
+impl Search for CoastDecay {
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![1.0, 0.0], vec![1.0, 1.0]]
+    }
+
+    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![values[0], 1.0 - values[1]]]
     }
 }

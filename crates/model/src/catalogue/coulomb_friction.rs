@@ -1,6 +1,6 @@
 //! Coulomb friction: bearings and brushes resist with a constant torque, and hold the shaft below it.
 
-use super::{About, ActsOn, Balance, DryLosses, Effect, Instant, Parameter, Scales, Simplification};
+use super::{About, ActsOn, Balance, DryLosses, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -9,8 +9,8 @@ pub struct CoulombFriction;
 static ABOUT: About = About {
     id: "coulomb_friction",
     title: "Coulomb friction",
-    acts_on: ActsOn::Torque,
-    parameters: &[Parameter::positive("torque_Nm")],
+    acts_on: &[ActsOn::Torque],
+    parameters: &[Parameter::positive("torque_Nm", Unit::NewtonMetre)],
     linear_in: 1,
     law: "T = torque_Nm sign(w); at rest it balances up to torque_Nm",
     looks_like: "The missing torque is a step at zero speed; the motor does not start below a voltage; speed stops within a finite time",
@@ -18,20 +18,14 @@ static ABOUT: About = About {
     experiment: "A slow ramp through zero both ways with the current measured: friction shows in the current, a voltage drop does not",
     remedy: "Feed-forward of torque_Nm R / k volts in the direction of the reference, smooth around zero; integral action against what remains",
     source: "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994)",
+    // Real contacts bend by some milliradians before they slip, and spring back when they stop.
+    simplification: Simplification { own: 3.5e-3, inertia: 2.2e-3, viscous_friction: 5e-3 },
+    ..About::DEFAULT
 };
 
-impl Effect for CoulombFriction {
+impl Law for CoulombFriction {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    /// Real contacts bend by some milliradians before they slip, and spring back when they stop.
-    fn simplification(&self) -> Simplification {
-        Simplification { own: 3.5e-3, inertia: 2.2e-3, viscous_friction: 5e-3 }
-    }
-
-    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![0.03 * scales.stall_torque_nm()]]
     }
 
     fn dry_losses(&self, values: &[f64]) -> DryLosses {
@@ -42,7 +36,7 @@ impl Effect for CoulombFriction {
         true
     }
 
-    /// What scales it comes after it.
+    /// Effects that scale it come after it.
     fn turn(&self, _values: &[f64]) -> i8 {
         -2
     }
@@ -57,5 +51,11 @@ impl Effect for CoulombFriction {
     ) {
         balance.dry_forward_nm += values[0];
         balance.dry_backward_nm += values[0];
+    }
+}
+
+impl Search for CoulombFriction {
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.03 * scales.stall_torque_nm()]]
     }
 }

@@ -1,12 +1,12 @@
-//! Drop asymmetry: the transistors of a bridge that carry a current one way drop more than those of the other, or a dead time
-//! takes more of its pulses.
+//! Drop asymmetry: the transistors that carry the current in one direction drop more than the others, or a dead time takes
+//! more of their pulses.
 
-use super::{About, ActsOn, Alone, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Alone, Balance, Instant, Law, Parameter, Scales, Search, Unit};
 use crate::motor::MotorParameters;
 
-/// A usual one, for a start.
+/// A usual difference, to start from.
 const USUAL_V: f64 = 0.3;
-/// And a torque in its place.
+/// A usual torque that looks like it.
 pub(super) const USUAL_TORQUE_NM: f64 = 1e-3;
 
 /// See the module.
@@ -15,8 +15,8 @@ pub struct DropAsymmetry;
 static ABOUT: About = About {
     id: "drop_asymmetry",
     title: "a voltage drop that differs between directions",
-    acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::signed("difference_V")],
+    acts_on: &[ActsOn::Voltage],
+    parameters: &[Parameter::signed("difference_V", Unit::Volt)],
     linear_in: 1,
     law: "The drop is greater by difference_V / 2 while the current flows forwards and smaller by as much backwards",
     looks_like: "The missing voltage is a step over the current that is higher on one side; the motor is faster one way than the other, by the same at every duty",
@@ -24,27 +24,16 @@ static ABOUT: About = About {
     experiment: "Hold the rotor and measure the voltage at the motor's terminals, the same duties both ways",
     remedy: "Separate feed-forward of the drop for the two directions of the current; a MOSFET bridge",
     source: "Texas Instruments, L293D data sheet (saturation voltages of source and sink transistors)",
+    requires: Some(("voltage_drop", Alone::Never)),
+    ..About::DEFAULT
 };
 
-impl Effect for DropAsymmetry {
+impl Law for DropAsymmetry {
     fn about(&self) -> &'static About {
         &ABOUT
     }
 
-    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![USUAL_V]]
-    }
-
-    /// Without a current the torques that are the same both ways look the same.
-    fn instead_of(&self, rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
-        ["load_torque", "friction_asymmetry"].contains(&rival).then(|| vec![USUAL_V])
-    }
-
-    fn stands_on(&self) -> Option<(&'static str, Alone)> {
-        Some(("voltage_drop", Alone::Never))
-    }
-
-    /// A drop that is as much greater one way as it is smaller the other is a voltage in series, whatever flows.
+    /// The drop is greater one way and smaller the other by as much: that is a voltage in series.
     fn contribute(
         &self,
         values: &[f64],
@@ -54,5 +43,16 @@ impl Effect for DropAsymmetry {
         balance: &mut Balance,
     ) {
         balance.voltage_v -= 0.5 * values[0];
+    }
+}
+
+impl Search for DropAsymmetry {
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![USUAL_V]]
+    }
+
+    /// Without a measured current, a torque that keeps its sign looks the same.
+    fn instead_of(&self, rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
+        ["load_torque", "friction_asymmetry"].contains(&rival).then(|| vec![USUAL_V])
     }
 }

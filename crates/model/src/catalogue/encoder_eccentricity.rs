@@ -1,6 +1,6 @@
-//! Encoder eccentricity: the disc turns off its centre; the angle is wrong by a wave a revolution.
+//! Encoder eccentricity: the disc is off centre, so the measured angle is wrong by one wave a revolution.
 
-use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
+use super::{About, ActsOn, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Unit};
 
 /// See the module.
 pub struct EncoderEccentricity;
@@ -8,8 +8,8 @@ pub struct EncoderEccentricity;
 static ABOUT: About = About {
     id: "encoder_eccentricity",
     title: "an eccentric encoder disc",
-    acts_on: ActsOn::AngleSensor,
-    parameters: &[Parameter::signed("cosine_rad"), Parameter::signed("sine_rad")],
+    acts_on: &[ActsOn::AngleSensor],
+    parameters: &[Parameter::signed("cosine_rad", Unit::Radian), Parameter::signed("sine_rad", Unit::Radian)],
     linear_in: 2,
     law: "angle reading = a + cosine_rad cos(a) + sine_rad sin(a)",
     looks_like: "The speed wobbles once a revolution, in proportion to the speed, while the current does not",
@@ -17,20 +17,14 @@ static ABOUT: About = About {
     experiment: "The wobble in proportion to the speed: a torque's falls with the speed",
     remedy: "Table of correction over the angle; average over whole revolutions; a second reading head",
     source: "Ellis, Control System Design Guide (2012)",
+    falsifies_angle: true,
+    sensor: Some(Sensor::Encoder),
+    ..About::DEFAULT
 };
 
-impl Effect for EncoderEccentricity {
+impl Law for EncoderEccentricity {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![0.02, 0.02]]
-    }
-
-    /// What depends on the shaft's angle is not where the reading says.
-    fn changes_motion(&self) -> bool {
-        true
     }
 
     fn ahead_rad(&self, values: &[f64], angle_rad: f64) -> f64 {
@@ -38,7 +32,7 @@ impl Effect for EncoderEccentricity {
             let (sine, cosine) = angle_rad.sin_cos();
             values[0] * cosine + values[1] * sine
         };
-        // Of the reading first: it is nearly that of the shaft.
+        // The angle of the shaft in two steps: the reading is close to it.
         ahead_rad(angle_rad - ahead_rad(angle_rad))
     }
 
@@ -46,5 +40,11 @@ impl Effect for EncoderEccentricity {
         let (sine, cosine) = at.angle_rad.sin_cos();
         readings.angle_rad += values[0] * cosine + values[1] * sine;
         readings.speed_rad_per_s *= 1.0 - values[0] * sine + values[1] * cosine;
+    }
+}
+
+impl Search for EncoderEccentricity {
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.02, 0.02]]
     }
 }

@@ -1,7 +1,7 @@
-//! Friction asymmetry: brushes set at an angle and preloaded bearings rub more in one direction.
+//! Friction asymmetry: brushes at an angle and preloaded bearings rub more in one direction.
 
 use super::drop_asymmetry::USUAL_TORQUE_NM;
-use super::{About, ActsOn, Alone, Balance, DryLosses, Effect, Instant, Parameter, Scales, Simplification};
+use super::{About, ActsOn, Alone, Balance, DryLosses, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -10,8 +10,8 @@ pub struct FrictionAsymmetry;
 static ABOUT: About = About {
     id: "friction_asymmetry",
     title: "friction that differs between directions",
-    acts_on: ActsOn::Torque,
-    parameters: &[Parameter::signed("difference_Nm")],
+    acts_on: &[ActsOn::Torque],
+    parameters: &[Parameter::signed("difference_Nm", Unit::NewtonMetre)],
     linear_in: 1,
     law: "Coulomb friction is greater by difference_Nm / 2 forwards and smaller by as much backwards",
     looks_like: "Friction curve with unequal branches; the same voltage gives different speeds forwards and backwards",
@@ -19,29 +19,15 @@ static ABOUT: About = About {
     experiment: "Measure the torque that just does not move the shaft, both ways, by hand or with the motor off on an incline: a load acts without motion, friction does not",
     remedy: "Separate feed-forward levels for the two directions",
     source: "Kelly, Llamas, Campa, IEEE Trans. Instrumentation and Measurement 49 (2000)",
+    // It is a small difference of two frictions, each of which bends before it slips.
+    simplification: Simplification::of_own(5e-3),
+    requires: Some(("coulomb_friction", Alone::Never)),
+    ..About::DEFAULT
 };
 
-impl Effect for FrictionAsymmetry {
+impl Law for FrictionAsymmetry {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    /// A small difference of two frictions, each of which bends before it slips.
-    fn simplification(&self) -> Simplification {
-        Simplification { own: 5e-3, inertia: 0.0, viscous_friction: 0.0 }
-    }
-
-    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![0.02 * scales.stall_torque_nm()]]
-    }
-
-    /// While the motor turns it is the same as a load, and without a current as a drop.
-    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
-        match rival {
-            "load_torque" => Some(vec![2.0 * values[0]]),
-            "drop_asymmetry" => Some(vec![USUAL_TORQUE_NM]),
-            _ => None,
-        }
     }
 
     fn dry_losses(&self, values: &[f64]) -> DryLosses {
@@ -52,10 +38,6 @@ impl Effect for FrictionAsymmetry {
         }
     }
 
-    fn stands_on(&self) -> Option<(&'static str, Alone)> {
-        Some(("coulomb_friction", Alone::Never))
-    }
-
     fn contribute(
         &self,
         values: &[f64],
@@ -64,8 +46,23 @@ impl Effect for FrictionAsymmetry {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        // Of a difference of more than all friction none is left the other way: friction does not drive.
+        // Friction does not drive: a difference of more than all friction leaves none in the other direction.
         balance.dry_forward_nm = (balance.dry_forward_nm + 0.5 * values[0]).max(0.0);
         balance.dry_backward_nm = (balance.dry_backward_nm - 0.5 * values[0]).max(0.0);
+    }
+}
+
+impl Search for FrictionAsymmetry {
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![0.02 * scales.stall_torque_nm()]]
+    }
+
+    /// While the motor turns it looks like a load; without a measured current it looks like a drop.
+    fn instead_of(&self, rival: &str, values: &[f64]) -> Option<Vec<f64>> {
+        match rival {
+            "load_torque" => Some(vec![2.0 * values[0]]),
+            "drop_asymmetry" => Some(vec![USUAL_TORQUE_NM]),
+            _ => None,
+        }
     }
 }

@@ -1,9 +1,9 @@
 //! Friction that falls as grease and brushes warm up.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
 use crate::motor::MotorParameters;
 
-/// No bearing warms up faster.
+/// Least time constant: no bearing warms up faster.
 const LEAST_S: f64 = 0.5;
 
 /// See the module.
@@ -12,9 +12,9 @@ pub struct FrictionWarmup;
 static ABOUT: About = About {
     id: "friction_warmup",
     title: "friction that falls while the motor warms up",
-    acts_on: ActsOn::Torque,
+    acts_on: &[ActsOn::Torque],
     parameters: &[
-        Parameter::within("excess_share", 0.0, 20.0),
+        Parameter::within("excess_share", Unit::One, 0.0, 20.0),
         Parameter::slow("time_constant_s", LEAST_S, 1e4),
         Parameter::choice("dry_only"),
     ],
@@ -25,24 +25,15 @@ static ABOUT: About = About {
     experiment: "Record again at once, without a pause: warm friction stays low; and after an hour's rest",
     remedy: "Warm up before tuning; integral action; tune for the warm motor with margin for the cold one",
     source: "Harnoy, Bearing Design in Machinery (2002)",
+    ..About::DEFAULT
 };
 
-impl Effect for FrictionWarmup {
+impl Law for FrictionWarmup {
     fn about(&self) -> &'static About {
         &ABOUT
     }
 
-    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        [0.12, 0.35].map(|share| vec![0.4, (share * scales.duration_s).max(LEAST_S), 0.0]).to_vec()
-    }
-
-    /// Grease warms up as a whole, brushes and seals rub dry.
-    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
-        vec![vec![values[0], values[1], 1.0 - values[2]]]
-    }
-
-    /// After the Coulomb friction, before what differs between directions or falls off with speed: grease has no part in
-    /// that.
+    /// It scales the Coulomb friction, and neither its asymmetry nor the Stribeck excess.
     fn turn(&self, _values: &[f64]) -> i8 {
         -1
     }
@@ -61,5 +52,16 @@ impl Effect for FrictionWarmup {
         }
         balance.dry_forward_nm *= 1.0 + excess;
         balance.dry_backward_nm *= 1.0 + excess;
+    }
+}
+
+impl Search for FrictionWarmup {
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        [0.12, 0.35].map(|share| vec![0.4, (share * scales.duration_s).max(LEAST_S), 0.0]).to_vec()
+    }
+
+    /// Grease changes viscous and dry friction alike; brushes and seals have dry friction alone.
+    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        vec![vec![values[0], values[1], 1.0 - values[2]]]
     }
 }

@@ -1,6 +1,6 @@
 //! Unbalance under gravity: an arm, a crank or an eccentric mass on a horizontal shaft.
 
-use super::{About, ActsOn, Effect, Parameter, Scales, Wave};
+use super::{About, ActsOn, Law, Parameter, Scales, Search, Unit, Wave};
 
 /// See the module.
 pub struct GravityUnbalance;
@@ -8,8 +8,8 @@ pub struct GravityUnbalance;
 static ABOUT: About = About {
     id: "gravity_unbalance",
     title: "an unbalanced mass under gravity",
-    acts_on: ActsOn::Torque,
-    parameters: &[Parameter::signed("cosine_Nm"), Parameter::signed("sine_Nm")],
+    acts_on: &[ActsOn::Torque],
+    parameters: &[Parameter::signed("cosine_Nm", Unit::NewtonMetre), Parameter::signed("sine_Nm", Unit::NewtonMetre)],
     linear_in: 2,
     law: "T = cosine_Nm cos(a) + sine_Nm sin(a)",
     looks_like: "The missing torque folded over a revolution is one wave; the shaft comes to rest at one angle",
@@ -17,19 +17,23 @@ static ABOUT: About = About {
     experiment: "Turn the bench so that the shaft stands upright: gravity disappears, everything else stays",
     remedy: "Feed-forward of m g r sin(a); balance the load",
     source: "Leonhard, Control of Electrical Drives (2001)",
+    responds_linearly: true,
+    ..About::DEFAULT
 };
 
-impl Effect for GravityUnbalance {
+impl Law for GravityUnbalance {
     fn about(&self) -> &'static About {
         &ABOUT
     }
 
+    fn wave(&self, values: &[f64]) -> Option<Wave> {
+        Some(Wave { against_nm: [values[0], values[1]], periods_per_rev: 1.0 })
+    }
+}
+
+impl Search for GravityUnbalance {
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         let torque_nm = 0.02 * scales.stall_torque_nm();
         vec![vec![torque_nm, torque_nm]]
-    }
-
-    fn wave(&self, values: &[f64]) -> Option<Wave> {
-        Some(Wave { against_nm: [values[0], values[1]], periods_per_rev: 1.0 })
     }
 }

@@ -1,6 +1,6 @@
-//! Load step: something takes hold of the shaft, or lets it go, during the recording.
+//! Load step: a load comes or goes during the recording.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -9,8 +9,8 @@ pub struct LoadStep;
 static ABOUT: About = About {
     id: "load_step",
     title: "a load that came or went during the recording",
-    acts_on: ActsOn::Torque,
-    parameters: &[Parameter::signed("torque_Nm"), Parameter::positive("time_s")],
+    acts_on: &[ActsOn::Torque],
+    parameters: &[Parameter::signed("torque_Nm", Unit::NewtonMetre), Parameter::positive("time_s", Unit::Second)],
     linear_in: 1,
     law: "T = torque_Nm from time_s on, a moment that is found in all data, those kept back included",
     looks_like: "The missing torque jumps at one moment and stays",
@@ -18,29 +18,15 @@ static ABOUT: About = About {
     experiment: "Repeat the recording: a load that was applied comes at another time or not at all",
     remedy: "Integral action; the observer's estimate of the load as feed-forward",
     source: "Leonhard, Control of Electrical Drives (2001)",
+    // A load that comes and goes has a first time at which it comes.
+    fits_any_course: true,
+    responds_linearly: true,
+    ..About::DEFAULT
 };
 
-impl Effect for LoadStep {
+impl Law for LoadStep {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        let torque_nm = 0.02 * scales.stall_torque_nm();
-        (1..30).map(|part| vec![torque_nm, f64::from(part) / 30.0 * scales.duration_s]).collect()
-    }
-
-    fn spacing(&self, scales: &Scales) -> Option<(usize, f64)> {
-        Some((1, scales.duration_s / 30.0))
-    }
-
-    /// What comes and goes has a first time that it comes.
-    fn is_of_any_course(&self) -> bool {
-        true
-    }
-
-    fn is_outer_torque(&self) -> bool {
-        true
     }
 
     fn contribute(
@@ -51,8 +37,19 @@ impl Effect for LoadStep {
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
-        // Comes within one step, in proportion, so that the time can be fitted.
+        // Within its step it acts in proportion, so that a fit can move the time.
         let share = ((at.time_s + at.step_s - values[1]) / at.step_s).clamp(0.0, 1.0);
         balance.torque_nm -= share * values[0];
+    }
+}
+
+impl Search for LoadStep {
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        let torque_nm = 0.02 * scales.stall_torque_nm();
+        (1..30).map(|part| vec![torque_nm, f64::from(part) / 30.0 * scales.duration_s]).collect()
+    }
+
+    fn spacing(&self, scales: &Scales) -> Option<(usize, f64)> {
+        Some((1, scales.duration_s / 30.0))
     }
 }

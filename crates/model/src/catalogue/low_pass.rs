@@ -1,47 +1,50 @@
-//! A low-pass of the first order in front of a reading, of which [`current_lag`](super::current_lag) and
-//! [`speed_lag`](super::speed_lag) are made.
+//! A first-order low-pass in front of a reading: the law of [`current_lag`](super::current_lag) and
+//! [`speed_lag`](super::speed_lag).
 //!
-//! A capacitor follows the quantity itself, also between two readings. A program follows its readings: each by itself
-//! (exponential smoothing), or the mean of each two (bilinear transform, what `butter(1, …)` of MATLAB and SciPy makes).
+//! A capacitor follows the quantity itself, also between two readings. A program filters its readings: each one
+//! (exponential smoothing), or the mean of each two (bilinear transform, as `butter(1, …)` of MATLAB and SciPy).
 
-use super::{Parameter, Scales};
+use super::{Parameter, Scales, Unit};
 use crate::between_rows::Bulge;
 
 /// Its constants.
-pub(super) static PARAMETERS: [Parameter; 3] =
-    [Parameter::within("time_constant_s", 0.0, 1.0), Parameter::choice("in_program"), Parameter::choice("bilinear")];
+pub(super) static PARAMETERS: [Parameter; 3] = [
+    Parameter::within("time_constant_s", Unit::Second, 0.0, 1.0),
+    Parameter::choice("in_program"),
+    Parameter::choice("bilinear"),
+];
 /// Its laws in one line.
 pub(super) const LAW: &str = "first-order lag with time_constant_s; of the readings alone with in_program = 1, as butter(1) filters with bilinear = 1";
 
 /// The capacitor, the program, and the program by the bilinear transform: in_program and bilinear.
 const LAWS: [[f64; 2]; 3] = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]];
-/// A shorter time constant, as a share of the time between two readings, is none.
+/// Least time constant, as a share of the time between two readings.
 const LEAST_OF_STEP: f64 = 1e-6;
-/// The bilinear transform has the corner as an angle below a quarter of a turn.
+/// Greatest angle of the corner frequency: the bilinear transform needs less than a quarter of a turn.
 const WIDEST_CORNER_RAD: f64 = 1.5;
-/// A program filters last, a capacitor as its sensor's others do.
+/// The turn of a program: it filters last. A capacitor has a turn among its sensor's effects.
 const PROGRAM: i8 = 2;
 
-/// To begin with.
+/// Values to start from.
 pub(super) fn starts(scales: &Scales) -> Vec<Vec<f64>> {
     [0.002_f64, 0.008].map(|time_constant_s| vec![time_constant_s.max(0.5 * scales.interval_s), 0.0, 0.0]).to_vec()
 }
 
-/// The same by the other laws.
+/// The same time constant by the other laws.
 pub(super) fn other_laws(values: &[f64]) -> Vec<Vec<f64>> {
     let laws = LAWS.into_iter().filter(|law| law[..] != values[1..]);
     laws.map(|law| vec![values[0], law[0], law[1]]).collect()
 }
 
-/// Its turn, `of_sensor` where it is no program's.
+/// Its turn: that of a program, or `of_sensor`.
 pub(super) fn turn(values: &[f64], of_sensor: i8) -> i8 {
     if values[1] > 0.0 { PROGRAM } else { of_sensor }
 }
 
-/// What it keeps: what had passed at the last reading, and what was there.
+/// Its memory: output and input at the last reading.
 pub(super) const STATES: usize = 2;
 
-/// What has passed of a reading, `step_s` after the last one. `bulge`: the quantity between the two.
+/// Filters a reading, `step_s` after the last one. `bulge`: the course of the quantity between the two.
 pub(super) fn pass(values: &[f64], step_s: f64, bulge: Bulge, state: &mut [f64], reading: &mut f64) {
     let [time_constant_s, in_program, bilinear] = [values[0], values[1], values[2]];
     let (passed, last, now) = (state[0], state[1], *reading);
@@ -61,7 +64,7 @@ pub(super) fn pass(values: &[f64], step_s: f64, bulge: Bulge, state: &mut [f64],
     state.copy_from_slice(&[*reading, now]);
 }
 
-/// What a reading keeps of the one before, by a low-pass of so many time constants a step, its corner kept in place.
+/// Share of the output before that is left, for a step of so many time constants. The corner frequency is kept in place.
 fn left_by_bilinear(steps: f64) -> f64 {
     let corner = (0.5 * steps).min(WIDEST_CORNER_RAD).tan();
     (1.0 - corner) / (1.0 + corner)
@@ -71,8 +74,7 @@ fn left_by_bilinear(steps: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Against the differential equations in small steps, for a winding that settles between two readings while its voltage
-    /// goes on rising.
+    /// Against the differential equation in small steps, with a current that settles between two readings and goes on rising.
     #[test]
     fn the_capacitor_follows_what_it_is_given() {
         let (interval_s, time_constant_s, winding_s) = (1e-3, 4e-3, 0.3e-3);

@@ -1,21 +1,21 @@
-//! Missed counts: edges come faster than they are counted, or while nobody counts.
+//! Missed counts: edges come faster than they are counted, or while the counter is held up.
 //!
-//! A counter that polls loses what exceeds its rate; one that is interrupted now and then loses a share of all. One that is
-//! held up for longer stands meanwhile: when is in no term, so that is found in the counts (`dataset/counter_stops.rs`), or in
-//! what a model leaves (`diagnose/unseen_losses.rs`). Where each edge is lost or not by chance, as by disturbances, that scatters
-//! besides (`diagnose/random_losses.rs`).
+//! A counter that polls loses what exceeds its rate. A counter that is interrupted now and then loses a share of all edges.
+//! A counter that is held up for longer stands still meanwhile. No term says when: the stops are found in the counts
+//! (`dataset/counter_stops.rs`) or in the residual (`diagnose/unseen_losses.rs`). Edges that are lost at random add scatter
+//! (`diagnose/random_losses.rs`).
 
-use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales};
+use super::{About, ActsOn, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Unit};
 
-/// Share of the threshold over which the loss of all counts sets in at least, so that the threshold can be fitted.
+/// Least share of the threshold over which the loss of all counts sets in, so that a fit can move the threshold.
 const EDGE: f64 = 0.01;
-/// The same where it comes up gradually, for a start.
+/// The same where the loss comes up gradually, to start from.
 const GRADUAL: f64 = 0.5;
 
-/// Share of the greatest speed below which a threshold is none.
+/// A threshold below this share of the greatest speed counts as zero.
 const SLOWEST: f64 = 0.02;
 
-/// Thresholds at which all counts may suffer that seemed to suffer the more the faster, as multiples.
+/// Multiples of a threshold that are tried when a share of all counts replaces a share of the excess.
 const LATER: [f64; 3] = [1.0, 1.07, 1.15];
 
 /// See the module.
@@ -24,12 +24,12 @@ pub struct MissedCounts;
 static ABOUT: About = About {
     id: "missed_counts",
     title: "encoder counts lost",
-    acts_on: ActsOn::AngleSensor,
+    acts_on: &[ActsOn::AngleSensor],
     parameters: &[
-        Parameter::within("lost_share", 0.0, 1.0),
-        Parameter::positive("threshold_rad_per_s"),
+        Parameter::within("lost_share", Unit::One, 0.0, 1.0),
+        Parameter::positive("threshold_rad_per_s", Unit::RadianPerSecond),
         Parameter::choice("of_all"),
-        Parameter::of_another_law("onset_share", 10.0),
+        Parameter::of_another_law("onset_share", Unit::One, 10.0),
     ],
     linear_in: 1,
     law: "of the speed above threshold_rad_per_s the share lost_share is not counted; with of_all = 1 the share of all counts, coming up over onset_share of the threshold above it; or none is counted for stop_s, stops_per_s times a second",
@@ -38,19 +38,52 @@ static ABOUT: About = About {
     experiment: "Mark the shaft and count revolutions by eye or with a second sensor",
     remedy: "Count in hardware or in interrupts; fewer lines; a lower top speed. Where half or three quarters are lost at all speeds, the rig file's counts_per_rev is of more edges than are counted",
     source: "Petrella and others, Speed Measurement Algorithms, IEEE ISIE (2007)",
+    falsifies_angle: true,
+    sensor: Some(Sensor::Encoder),
+    ..About::DEFAULT
 };
 
-impl Effect for MissedCounts {
+impl Law for MissedCounts {
     fn about(&self) -> &'static About {
         &ABOUT
     }
 
+    fn states(&self) -> usize {
+        1
+    }
+
+    fn lost_rad_per_s(&self, values: &[f64], speed_rad_per_s: f64) -> f64 {
+        let [lost_share, threshold_rad_per_s, of_all, onset_share] = [values[0], values[1], values[2], values[3]];
+        let speed = speed_rad_per_s.abs();
+        let excess_rad_per_s = (speed - threshold_rad_per_s).max(0.0);
+        let edge_rad_per_s = (onset_share.max(EDGE) * threshold_rad_per_s).max(f64::MIN_POSITIVE);
+        let counted_of = match of_all > 0.0 {
+            true => speed * (excess_rad_per_s / edge_rad_per_s).min(1.0),
+            false => excess_rad_per_s,
+        };
+        lost_share * counted_of * speed_rad_per_s.signum()
+    }
+
+    /// It acts after an eccentric disc, which moves the edges themselves.
+    fn turn(&self, _values: &[f64]) -> i8 {
+        1
+    }
+
+    fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
+        let lost_rad_per_s = self.lost_rad_per_s(values, readings.speed_rad_per_s);
+        readings.speed_rad_per_s -= lost_rad_per_s;
+        state[0] += lost_rad_per_s * at.step_s;
+        readings.angle_rad -= state[0];
+    }
+}
+
+impl Search for MissedCounts {
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         let law = |of_all: f64| move |share: f64| vec![0.08, share * scales.speed_rad_per_s, of_all, 0.0];
         [0.0, 0.4, 0.55, 0.7, 0.85].map(law(0.0)).into_iter().chain([0.4, 0.55, 0.7, 0.85].map(law(1.0))).collect()
     }
 
-    /// With as many lost at full speed. Where the loss sets in at once, it sets in later.
+    /// With as many counts lost at full speed. A loss that sets in at once has a higher threshold.
     fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
         let [lost_share, threshold_rad_per_s, of_all, onset_share] = [values[0], values[1], values[2], values[3]];
         let excess_share = (1.0 - threshold_rad_per_s / scales.speed_rad_per_s).max(0.05);
@@ -72,41 +105,8 @@ impl Effect for MissedCounts {
         if values[2] > 0.0 { [0.93, 1.07].map(moved).to_vec() } else { Vec::new() }
     }
 
-    /// A share of the counts at all speeds is another encoder.
+    /// A share of the counts that is lost at all speeds looks like an encoder with fewer lines.
     fn is_a_scale(&self, values: &[f64], scales: &Scales) -> bool {
         values[1] < SLOWEST * scales.speed_rad_per_s
-    }
-
-    fn states(&self) -> usize {
-        1
-    }
-
-    /// What depends on the shaft's angle is not where the counts say.
-    fn changes_motion(&self) -> bool {
-        true
-    }
-
-    fn lost_rad_per_s(&self, values: &[f64], speed_rad_per_s: f64) -> f64 {
-        let [lost_share, threshold_rad_per_s, of_all, onset_share] = [values[0], values[1], values[2], values[3]];
-        let speed = speed_rad_per_s.abs();
-        let excess_rad_per_s = (speed - threshold_rad_per_s).max(0.0);
-        let edge_rad_per_s = (onset_share.max(EDGE) * threshold_rad_per_s).max(f64::MIN_POSITIVE);
-        let counted_of = match of_all > 0.0 {
-            true => speed * (excess_rad_per_s / edge_rad_per_s).min(1.0),
-            false => excess_rad_per_s,
-        };
-        lost_share * counted_of * speed_rad_per_s.signum()
-    }
-
-    /// An encoder that is off its centre has its counts where it has them.
-    fn turn(&self, _values: &[f64]) -> i8 {
-        1
-    }
-
-    fn sense(&self, values: &[f64], at: &Sampling, state: &mut [f64], readings: &mut Readings) {
-        let lost_rad_per_s = self.lost_rad_per_s(values, readings.speed_rad_per_s);
-        readings.speed_rad_per_s -= lost_rad_per_s;
-        state[0] += lost_rad_per_s * at.step_s;
-        readings.angle_rad -= state[0];
     }
 }

@@ -1,7 +1,7 @@
-//! Shaft compliance: the load hangs on a springy shaft, belt or coupling; the sensor sees the motor.
+//! Shaft compliance: a springy shaft, belt or coupling drives the load; the sensor is at the motor.
 
 use super::backlash::MOST_SHARE;
-use super::{About, ActsOn, Balance, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
 use crate::motor::MotorParameters;
 use std::ops::Range;
 
@@ -19,12 +19,12 @@ pub struct ShaftCompliance;
 static ABOUT: About = About {
     id: "shaft_compliance",
     title: "a springy shaft between motor and load",
-    acts_on: ActsOn::Torque,
+    acts_on: &[ActsOn::Torque],
     parameters: &[
         // Above, a shaft counts as stiff; more damped, it does not ring.
-        Parameter::within("resonance_Hz", 1.0, 120.0),
-        Parameter::within("load_inertia_share", 0.0, MOST_SHARE),
-        Parameter::within("damping_ratio", 0.0, 0.3),
+        Parameter::within("resonance_Hz", Unit::Hertz, 1.0, 120.0),
+        Parameter::within("load_inertia_share", Unit::One, 0.0, MOST_SHARE),
+        Parameter::within("damping_ratio", Unit::One, 0.0, 0.3),
     ],
     linear_in: 0,
     law: "Two masses on a spring: resonance_Hz with the motor free, load_inertia_share of the whole inertia behind the spring",
@@ -33,24 +33,13 @@ static ABOUT: About = About {
     experiment: "A chirp through the resonance: a spring rings at one frequency whatever the amplitude, a gap does not",
     remedy: "Notch filter at the resonance or a bandwidth well below it; acceleration limits on the reference",
     source: "Leonhard, Control of Electrical Drives (2001)",
+    strengths: &[Range { start: 1, end: 2 }],
+    ..About::DEFAULT
 };
 
-impl Effect for ShaftCompliance {
+impl Law for ShaftCompliance {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        [8.0, 12.0, 18.0, 27.0, 40.0, 60.0].map(|resonance_hz| vec![resonance_hz, 0.4, 0.05]).to_vec()
-    }
-
-    /// Between two starts there may be a resonance that rings like neither.
-    fn elsewhere(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
-        [0.7, 0.85, 1.2, 1.4].map(|factor| vec![factor * values[0], values[1], values[2]]).to_vec()
-    }
-
-    fn strengths(&self) -> Vec<Range<usize>> {
-        vec![Range { start: 1, end: 2 }]
     }
 
     /// Twist, and speed of the load.
@@ -85,5 +74,16 @@ impl Effect for ShaftCompliance {
         let pull_nm = stiffness * state[0] + damping * (at.speed_rad_per_s - state[1]);
         state[1] += at.step_s * pull_nm / load_kg_m2;
         state[0] += at.step_s * (at.speed_rad_per_s - state[1]);
+    }
+}
+
+impl Search for ShaftCompliance {
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        [8.0, 12.0, 18.0, 27.0, 40.0, 60.0].map(|resonance_hz| vec![resonance_hz, 0.4, 0.05]).to_vec()
+    }
+
+    /// The resonance may lie between two starts.
+    fn elsewhere(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        [0.7, 0.85, 1.2, 1.4].map(|factor| vec![factor * values[0], values[1], values[2]]).to_vec()
     }
 }

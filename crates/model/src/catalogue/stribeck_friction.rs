@@ -1,14 +1,14 @@
-//! Stribeck friction: it takes more to break loose than to keep moving; the excess falls off with speed.
+//! Stribeck friction: the torque to break loose is greater than the torque to keep moving. The excess falls off with speed.
 
-use super::{About, ActsOn, Alone, Balance, Effect, Instant, Parameter, Scales, Simplification};
+use super::{About, ActsOn, Alone, Balance, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
 use crate::motor::MotorParameters;
 
-/// An excess that reaches farther up would be Coulomb friction, or drag.
+/// Greatest Stribeck speed, as a share of the no-load speed: an excess above would be Coulomb friction or drag.
 const MOST_OF_SPEED: f64 = 0.1;
-/// The Stribeck speed of an exponential over that of the bell that is down to half at the same speed.
+/// Stribeck speed of the exponential over that of the bell, where both fall to half at the same speed.
 const EXPONENTIAL_OVER_BELL: f64 = 1.2;
 
-/// What sticks now and then has no smooth cost: a fit stops within so much of the excess, or of the speed, of where it belongs.
+/// Sticking makes the cost uneven: a fit stops within these factors of the right excess or speed.
 const ELSEWHERE: [f64; 2] = [0.7, 1.4];
 
 /// See the module.
@@ -17,9 +17,9 @@ pub struct StribeckFriction;
 static ABOUT: About = About {
     id: "stribeck_friction",
     title: "Stribeck friction (breakaway above the Coulomb level)",
-    acts_on: ActsOn::Torque,
+    acts_on: &[ActsOn::Torque],
     parameters: &[
-        Parameter::positive("excess_torque_Nm"),
+        Parameter::positive("excess_torque_Nm", Unit::NewtonMetre),
         Parameter::of_speed("stribeck_speed_rad_per_s", MOST_OF_SPEED),
         Parameter::choice("exponential"),
     ],
@@ -30,48 +30,16 @@ static ABOUT: About = About {
     experiment: "Very slow ramps through zero, several times, starting at other angles: cogging depends on the angle, Stribeck friction does not",
     remedy: "Compensation up to the Coulomb level only (more makes it hunt); an impulse or dither to break loose; integral action off at standstill",
     source: "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994); the exponential: Tustin, Journal IEE 94 (1947)",
+    // Real contacts bend before they slip; here the shaft breaks loose at once.
+    simplification: Simplification::of_own(0.024),
+    // It is an excess over the Coulomb level. Without one it is often no more than the rest of a wave over the angle.
+    requires: Some(("coulomb_friction", Alone::Rarely)),
+    ..About::DEFAULT
 };
 
-impl Effect for StribeckFriction {
+impl Law for StribeckFriction {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        let excess_nm = 0.03 * scales.stall_torque_nm();
-        [0.01, 0.03, 0.1].map(|share| vec![excess_nm, share * scales.speed_rad_per_s, 0.0]).to_vec()
-    }
-
-    /// With half the excess at the same speed.
-    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
-        let is_exponential = values[2] > 0.0;
-        let speed_rad_per_s =
-            values[1] * if is_exponential { 1.0 / EXPONENTIAL_OVER_BELL } else { EXPONENTIAL_OVER_BELL };
-        vec![vec![values[0], speed_rad_per_s, f64::from(!is_exponential)]]
-    }
-
-    /// Both laws, with another excess or another speed.
-    fn elsewhere(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
-        let laws = [vec![values.to_vec()], self.other_laws(values, scales)].concat();
-        let varied = |law: &Vec<f64>| {
-            let at = |constant: usize, factor: f64| {
-                let mut other = law.clone();
-                other[constant] *= factor;
-                other
-            };
-            [0, 1].into_iter().flat_map(|constant| ELSEWHERE.map(|factor| at(constant, factor))).collect::<Vec<_>>()
-        };
-        laws.iter().flat_map(varied).collect()
-    }
-
-    /// Bristles that bend before they slip smooth what here breaks loose at once.
-    fn simplification(&self) -> Simplification {
-        Simplification { own: 0.024, inertia: 0.0, viscous_friction: 0.0 }
-    }
-
-    /// What it adds falls off to the Coulomb level; beside a wave over the angle the excess alone is what the wave leaves.
-    fn stands_on(&self) -> Option<(&'static str, Alone)> {
-        Some(("coulomb_friction", Alone::Rarely))
     }
 
     fn contribute(
@@ -87,5 +55,34 @@ impl Effect for StribeckFriction {
         let excess_nm = values[0] * (-power).exp();
         balance.dry_forward_nm += excess_nm;
         balance.dry_backward_nm += excess_nm;
+    }
+}
+
+impl Search for StribeckFriction {
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        let excess_nm = 0.03 * scales.stall_torque_nm();
+        [0.01, 0.03, 0.1].map(|share| vec![excess_nm, share * scales.speed_rad_per_s, 0.0]).to_vec()
+    }
+
+    /// The other law, with half the excess at the same speed.
+    fn other_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        let is_exponential = values[2] > 0.0;
+        let speed_rad_per_s =
+            values[1] * if is_exponential { 1.0 / EXPONENTIAL_OVER_BELL } else { EXPONENTIAL_OVER_BELL };
+        vec![vec![values[0], speed_rad_per_s, f64::from(!is_exponential)]]
+    }
+
+    /// Both laws, each with another excess or another speed.
+    fn elsewhere(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
+        let laws = [vec![values.to_vec()], self.other_laws(values, scales)].concat();
+        let varied = |law: &Vec<f64>| {
+            let at = |constant: usize, factor: f64| {
+                let mut other = law.clone();
+                other[constant] *= factor;
+                other
+            };
+            [0, 1].into_iter().flat_map(|constant| ELSEWHERE.map(|factor| at(constant, factor))).collect::<Vec<_>>()
+        };
+        laws.iter().flat_map(varied).collect()
     }
 }

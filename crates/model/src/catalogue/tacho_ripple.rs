@@ -1,9 +1,9 @@
-//! Tachogenerator ripple: its commutator lets the voltage fall between segments.
+//! Tachogenerator ripple: its voltage falls while its commutator changes over between segments.
 
-use super::{About, ActsOn, Effect, Parameter, Readings, Sampling, Scales, Sensor};
+use super::{About, ActsOn, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Unit};
 use crate::Term;
 
-/// Most commutator ripples a revolution that are looked for.
+/// Most ripples a revolution that are looked for.
 const MOST_RIPPLES: u8 = 40;
 
 /// See the module.
@@ -12,10 +12,10 @@ pub struct TachoRipple;
 static ABOUT: About = About {
     id: "tacho_ripple",
     title: "ripple of the tachogenerator",
-    acts_on: ActsOn::AngleSensor,
+    acts_on: &[ActsOn::AngleSensor],
     parameters: &[
-        Parameter::signed("cosine_share"),
-        Parameter::signed("sine_share"),
+        Parameter::signed("cosine_share", Unit::One),
+        Parameter::signed("sine_share", Unit::One),
         Parameter::tried("ripples_per_rev"),
     ],
     linear_in: 2,
@@ -25,28 +25,28 @@ static ABOUT: About = About {
     experiment: "Compare with an encoder, or look whether the ripple's share stays the same at all speeds",
     remedy: "Filter below the ripple's frequency, or a notch that moves with the speed",
     source: "Data sheets of tachogenerators (ripple share)",
+    sensor: Some(Sensor::Tachogenerator),
+    ..About::DEFAULT
 };
 
-impl Effect for TachoRipple {
+impl Law for TachoRipple {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
-        (1..=MOST_RIPPLES).map(|ripples| vec![0.02, 0.02, f64::from(ripples)]).collect()
-    }
-
-    fn sensor(&self) -> Option<Sensor> {
-        Some(Sensor::Tachogenerator)
-    }
-
-    /// Once a revolution they are the same, and an encoder has no commutator.
-    fn yields_to(&self, values: &[f64], rival: &str, _others: &[Term]) -> bool {
-        rival == "encoder_eccentricity" && values[2] == 1.0
     }
 
     fn sense(&self, values: &[f64], at: &Sampling, _state: &mut [f64], readings: &mut Readings) {
         let (sine, cosine) = (values[2] * at.angle_rad).sin_cos();
         readings.speed_rad_per_s *= 1.0 + values[0] * cosine + values[1] * sine;
+    }
+}
+
+impl Search for TachoRipple {
+    fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
+        (1..=MOST_RIPPLES).map(|ripples| vec![0.02, 0.02, f64::from(ripples)]).collect()
+    }
+
+    /// One ripple a revolution looks like an eccentric disc, and is more likely one.
+    fn yields_to(&self, values: &[f64], rival: &str, _others: &[Term]) -> bool {
+        rival == "encoder_eccentricity" && values[2] == 1.0
     }
 }

@@ -1,13 +1,13 @@
 //! Voltage drop: bridge transistors and brush contacts take a nearly constant voltage while current flows.
 //!
-//! A bridge that switches drops it at every moment: a current that swings through zero within each period of the PWM loses
-//! it both ways. Behind a filter, a linear amplifier or in a program's averages the drop follows the mean current, and comes
+//! In a switched bridge the drop acts at every moment. A current that swings through zero within a PWM period loses it in both
+//! directions. Behind a filter, in a linear amplifier or in a program's averages, the drop follows the mean current and comes
 //! up over a knee.
 
-use super::{About, ActsOn, Balance, Channels, DryLosses, Effect, Instant, Parameter, Scales};
+use super::{About, ActsOn, Balance, Channels, DryLosses, Instant, Law, Parameter, Scales, Search, Unit};
 use crate::motor::MotorParameters;
 
-/// Knees that are tried, as shares of the greatest current; 0: at every moment.
+/// Knees that are tried, as shares of the greatest current; 0: the drop acts at every moment.
 const KNEES: [f64; 3] = [0.0, 5e-4, 1e-2];
 
 /// See the module.
@@ -16,8 +16,11 @@ pub struct VoltageDrop;
 static ABOUT: About = About {
     id: "voltage_drop",
     title: "a voltage drop in bridge or brushes",
-    acts_on: ActsOn::Voltage,
-    parameters: &[Parameter::positive("drop_V"), Parameter::of_another_law("knee_A", f64::INFINITY)],
+    acts_on: &[ActsOn::Voltage],
+    parameters: &[
+        Parameter::positive("drop_V", Unit::Volt),
+        Parameter::of_another_law("knee_A", Unit::Ampere, f64::INFINITY),
+    ],
     linear_in: 1,
     law: "U = drop_V sign(i), or drop_V tanh(i / knee_A) of the mean current",
     looks_like: "The missing voltage is a step at zero current; no current at all below a command voltage",
@@ -25,34 +28,19 @@ static ABOUT: About = About {
     experiment: "Hold the rotor and step the voltage: the line of current over voltage misses zero by the drop",
     remedy: "Feed-forward of the drop in the direction of the current; a MOSFET bridge",
     source: "ST L293D data sheet (saturation voltages); Mohan, Electric Machines and Drives (2012)",
+    ..About::DEFAULT
 };
 
-impl Effect for VoltageDrop {
+impl Law for VoltageDrop {
     fn about(&self) -> &'static About {
         &ABOUT
-    }
-
-    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        with_knees(0.05 * scales.voltage_v, scales)
-    }
-
-    fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
-        let mut laws = with_knees(values[0], scales);
-        // A fit has moved its knee.
-        laws.retain(|law| law[1] != values[1]);
-        laws
-    }
-
-    /// Of one voltage it is one share.
-    fn shows_in(&self, channels: &Channels) -> bool {
-        !channels.one_magnitude
     }
 
     fn dry_losses(&self, values: &[f64]) -> DryLosses {
         DryLosses { bridge_drop_v: values[0], ..DryLosses::default() }
     }
 
-    /// One that follows the mean current is not the switched bridge's.
+    /// A drop that follows the mean current is not that of a switched bridge.
     fn is_dry_losses_alone(&self, values: &[f64]) -> bool {
         values[1] == 0.0
     }
@@ -67,6 +55,24 @@ impl Effect for VoltageDrop {
     ) {
         balance.dry_drop_v += values[0];
         balance.knee_a = balance.knee_a.max(values[1]);
+    }
+}
+
+impl Search for VoltageDrop {
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
+        with_knees(0.05 * scales.voltage_v, scales)
+    }
+
+    fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
+        let mut laws = with_knees(values[0], scales);
+        // A fit moves the knee: the law with a moved knee stays in the list.
+        laws.retain(|law| law[1] != values[1]);
+        laws
+    }
+
+    /// At a single voltage the drop only scales it.
+    fn can_show_in(&self, channels: &Channels) -> bool {
+        !channels.one_magnitude
     }
 }
 

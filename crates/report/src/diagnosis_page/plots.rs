@@ -1,4 +1,4 @@
-//! The drawings of a report.
+//! The plots of a report.
 
 use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, escaped};
 use motorbench_diagnosis::dataset::Dataset;
@@ -121,8 +121,8 @@ pub fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
         let mut chart = axes(area, 72, (horizontal, "time, s"), up)?;
         let mut start = 0;
         while start < data.len() {
-            let kept = data.kept_back[start];
-            let end = (start..data.len()).find(|index| data.kept_back[*index] != kept).unwrap_or(data.len());
+            let kept = data.held_out[start];
+            let end = (start..data.len()).find(|index| data.held_out[*index] != kept).unwrap_or(data.len());
             if kept {
                 let corners = [(time_s(data, start), vertical.start), (time_s(data, end), vertical.end)];
                 chart.draw_series([Rectangle::new(corners, BLACK.mix(0.06).filled())])?;

@@ -1,4 +1,4 @@
-//! The drawings of a table's report: what was measured, and what the nominal constants and those found make of it.
+//! The plots of a table's report: measured values, nominal constants, and found constants.
 
 use crate::diagnosis_page::plots::{AFTER, BEFORE, MEASURED, SMALL_NUMBERS_WIDTH, axes, drawn, range};
 use crate::web_page::PLOT_SIZE;

@@ -1,6 +1,7 @@
-//! The winding while the rotor creeps: a hand, or a brake, holds it back to a turn in some seconds while a current flows. Each
-//! of some currents is held for a whole turn; in each sector of the turn the voltage that the back-EMF leaves lies on a line
-//! over the current, whose slope is the resistance there. Commutation within a sector is averaged, as no held rotor does it.
+//! Measures the winding while the rotor turns slowly: a hand or a brake holds it back to a few seconds a revolution,
+//! while a current flows. Each current is held for a whole revolution. In each sector the voltage without the back-EMF
+//! lies on a line over the current, whose slope is the resistance there. This averages the commutation within a sector,
+//! which a held rotor does not.
 
 use super::{Driver, Findings, Person, Reading, Window};
 use motorbench_core::message::Sample;
@@ -8,26 +9,26 @@ use motorbench_core::settings::Param;
 use motorbench_link::board::Board;
 use motorbench_link::record::Ended;
 
-/// Currents, as shares of the largest, each for a turn.
+/// Currents as shares of the largest, each for one revolution.
 const SHARES: [f64; 4] = [0.55, 0.7, 0.85, 1.0];
-/// The voltage rises in steps of this share of what the largest current needs, until the current flows.
+/// The voltage rises in steps of this share of the voltage for the largest current, until the current flows.
 const STEP: f64 = 0.05;
 const STEP_WINDOW_S: f64 = 0.1;
-/// A rotor that has not made its turn after this long is not turned.
+/// If the revolution takes longer than this, the rotor is not being turned.
 const TURN_PATIENCE_S: f64 = 60.0;
-/// A back-EMF of a larger share of the voltage is no creeping.
+/// With a back-EMF of a larger share of the voltage the rotor turns too fast.
 const MOST_EMF: f64 = 0.3;
-/// Shorter stretches within a sector do not count: its rim.
+/// Shorter stretches within a sector do not count: its edges.
 const FEWEST_SAMPLES: usize = 20;
 
 impl<B: Board, P: Person> Driver<'_, B, P> {
-    /// One position a sector; none where the person does not want to, or the rotor does not creep.
+    /// One position a sector; `None` if the operator refuses, or the rotor turns too fast.
     pub(super) fn creep(&mut self, sectors: usize, findings: &mut Findings) -> Result<(), Ended> {
         if !self.is_done("hold the rotor back so that it creeps, a turn in some seconds; press Enter")? {
             self.leaves_out("the slow turns", findings);
             return Ok(());
         }
-        // A motor that hardly turns is what it looks for.
+        // A motor that hardly turns is expected here.
         self.set(Param::TripStall, 0.0)?;
         self.arm()?;
         let turned = self.turns(sectors)?;
@@ -68,7 +69,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         Ok(windows)
     }
 
-    /// A whole turn at a voltage; false when it does not come about.
+    /// A whole revolution at a voltage; false if it is not completed.
     fn turn(&mut self, voltage_v: f64, windows: &mut [Vec<Window>]) -> Result<bool, Ended> {
         let rev = self.settings.get(Param::CountsPerRev) as i32;
         let rate_hz = f64::from(self.settings.get(Param::TickRate));
@@ -99,7 +100,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
     }
 
-    /// Keeps a turn that was slow enough, without the back-EMF.
+    /// Keeps a revolution that was slow enough, without the back-EMF.
     fn crept(
         &mut self,
         voltage_v: f64,

@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
+use motorbench_board::pins::EMERGENCY_STOP;
 use motorbench_chip::{Chip, Outputs, Program, World, assemble};
-use motorbench_core::pins::EMERGENCY_STOP;
 
 /// Assembles a program of `chip-programs`.
 pub fn elf(name: &str) -> PathBuf {

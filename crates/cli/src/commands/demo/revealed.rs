@@ -73,7 +73,10 @@ impl Revealed {
 type Name = (&'static str, &'static str);
 
 fn constants(model: &Model) -> Vec<(Name, f64)> {
-    let effects = model.terms.iter().flat_map(|term| term.said().map(|(_, name, value)| ((term.id(), name), value)));
+    let effects = model
+        .terms
+        .iter()
+        .flat_map(|term| term.without_defaults().map(|(_, parameter, value)| ((term.id(), parameter.name), value)));
     effects.chain(model.motor.named().map(|(name, value)| (("", name), value))).collect()
 }
 

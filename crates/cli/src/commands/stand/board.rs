@@ -38,26 +38,26 @@ const BESIDE: [&str; 2] = [POSITIONS, "json"];
 pub(super) struct BoardArguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
-    /// Voltages to go to; without it 3/8 to 8/8 of the board's voltage_limit.
+    /// Voltages to measure at; default: 3/8 to 8/8 of the board's voltage_limit.
     #[arg(long, value_name = "V,V,...", value_delimiter = ',', allow_hyphen_values = true, conflicts_with = "table")]
     voltages: Vec<f64>,
-    /// The same voltages backwards as well.
+    /// Measures the same voltages backwards as well.
     #[arg(long, conflicts_with = "table")]
     both_directions: bool,
-    /// Torques of a brake at the shaft; at each, which you are asked to set, all voltages are gone to.
+    /// Torques of a brake. You are asked to set each one; then all voltages are measured.
     #[arg(long = "load-Nm", value_name = "NM,NM,...", value_delimiter = ',', conflicts_with = "table")]
     loads_nm: Vec<f64>,
-    /// Averages at each voltage, each of 0.2 s or a whole revolution.
+    /// Number of averages at each voltage, each over 0.2 s or a whole revolution.
     #[arg(long, value_name = "COUNT", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..), conflicts_with = "table")]
     readings: u16,
-    /// Measures the winding at so many positions, at which you are asked to hold the rotor.
+    /// Measures the winding at this many rotor positions; you are asked to hold the rotor at each.
     #[arg(long, value_name = "COUNT", default_value_t = 0, conflicts_with = "table")]
     positions: u16,
-    /// Measures the winding in so many sectors of a turn while you let the rotor creep, a turn in some seconds.
+    /// Measures the winding in this many sectors of a revolution while you turn the rotor slowly, a few seconds a revolution.
     #[arg(long, value_name = "SECTORS", default_value_t = 0, value_parser = clap::value_parser!(u16).range(..=360), conflicts_with = "table")]
     slow_turn: u16,
-    /// Where the table goes; beside it the positions (.positions.csv) and firmware, settings and losses (.json). Without it:
-    /// stand.csv, or the first of stand-2.csv, ... that is free.
+    /// Table to write; beside it the positions (.positions.csv), and firmware, settings and losses (.json). Default: the first
+    /// free name of stand.csv, stand-2.csv, ...
     #[arg(long, value_name = "TABLE.csv", value_parser = table_file, conflicts_with = "table")]
     save: Option<PathBuf>,
 }
@@ -147,7 +147,7 @@ fn whole(findings: &Findings, save: &Path) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::input(format!(
-        "nobody answered, so that {} are left out; {} has the rest. Run it where somebody can press Enter, or without --positions, --slow-turn and --load-Nm",
+        "nobody answered, so {} are left out; {} has the rest. Run it in a terminal, or without --positions, --slow-turn and --load-Nm",
         findings.left_out.join(" and "),
         save.display()
     )))
@@ -180,7 +180,7 @@ fn same_encoder(rig: &Rig, settings: &Settings) -> Result<(), Failure> {
     let board = f64::from(settings.get(Param::CountsPerRev));
     match rig.encoder.counts_per_rev {
         Some(rig) if (rig / board - 1.0).abs() > SAME_COUNTS => Err(Failure::input(format!(
-            "the rig file says {rig} counts a turn, the board {board}: mend the rig file, or `motorbench connect 'set counts_per_rev {rig}' save`"
+            "the rig file has {rig} counts a revolution, the board {board}. Correct the rig file, or `motorbench connect 'set counts_per_rev {rig}' save`"
         ))),
         _ => Ok(()),
     }

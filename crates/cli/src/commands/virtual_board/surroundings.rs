@@ -4,7 +4,7 @@ use super::Failure;
 use crate::commands::read_model;
 use host_sim::plant::{BridgeLosses, ModelPlant};
 use motorbench_chip::{Bench, EncoderFault, ResetCause, SensorFault};
-use motorbench_core::pins::CPU_HZ;
+use motorbench_core::HARDWARE;
 use motorbench_data::rig::Rig;
 use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
@@ -19,15 +19,20 @@ const PUSH_NM: f64 = 1e-3;
 const HAND_RAD_PER_S: f64 = 30.0;
 /// What a supply for such motors gives.
 const SUPPLY_V: RangeInclusive<f64> = 0.0..=40.0;
+/// What it gives when nothing is said.
+pub(super) const USUAL_SUPPLY_V: f64 = 12.0;
 /// How far a hand turns the rotor, and how long a script waits.
 const TURN_DEGREES: RangeInclusive<f64> = 0.0..=36_000.0;
 const WAIT_S: RangeInclusive<f64> = 0.0..=1e6;
+/// A dip of the supply: to this voltage, for so long.
+const DIP_V: f64 = 3.0;
+const DIP_S: f64 = 0.05;
 /// Dry friction of the motor when none is given.
 const COULOMB_NM: f64 = 0.012;
 /// The lines' first words.
 pub(super) const ORDERS: &str =
-    "motor, effect, model, load, brake, supply, block, turn, encoder, current, stop,\nreset, wait, quit";
-const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, brake NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped, current ok|open|high|low, stop on|off, reset, wait S or quit";
+    "motor, effect, model, load, brake, supply, block, turn, encoder, current, adc,\nuart, stop, reset, wait, quit";
+const EXPECTED: &str = "expected motor NAME=VALUE, effect NAME CONSTANT=VALUE|off, model FILE.toml, load NM, brake NM, supply V, block on|off, turn DEGREES, encoder ok|unplugged|swapped|a-open|b-open|a-high|b-high|a-low|b-low|shorted|noisy|slipping, current ok|open|high|low|frozen, adc ok|dead, uart ok|stuck, supply dip, stop on|off, reset, wait S or quit";
 
 /// The file of a line that names one, which may have spaces in its name.
 pub(super) fn model_file(order: &str) -> Option<&str> {
@@ -53,6 +58,9 @@ pub(super) struct Surroundings {
     brake_nm: f64,
     /// Angle to which the rotor is turned, to be held there, and with which torque by now.
     turning: Option<(f64, f64)>,
+    supply_v: f64,
+    /// Cycle at which the supply comes back.
+    dips_until: Option<u64>,
 }
 
 impl Surroundings {
@@ -69,7 +77,8 @@ impl Surroundings {
                 (Model::linear(MotorParameters::PIVT6).with(friction, vec![COULOMB_NM]), BridgeLosses::L293D)
             }
         };
-        Ok(Self { model, bridge, load_nm: 0.0, brake_nm: 0.0, turning: None })
+        let supply_v = rig.and_then(|(_, rig)| rig.supply.voltage_v).unwrap_or(USUAL_SUPPLY_V);
+        Ok(Self { model, bridge, load_nm: 0.0, brake_nm: 0.0, turning: None, supply_v, dips_until: None })
     }
 
     /// The motor, without what hands do at its shaft.
@@ -129,18 +138,31 @@ impl Surroundings {
                 return Ok(Until::Turned);
             }
             ["wait", duration_s] => {
-                let cycles = within(duration_s, WAIT_S, "s")? * f64::from(CPU_HZ);
+                let cycles = within(duration_s, WAIT_S, "s")? * f64::from(HARDWARE.clock_hz);
                 return Ok(Until::Cycle(bench.cycle() + cycles as u64));
             }
-            ["supply", supply_v] => bench.set_supply_v(within(supply_v, SUPPLY_V, "V")?),
+            ["supply", "dip"] => {
+                let end = bench.cycle() + (DIP_S * f64::from(HARDWARE.clock_hz)) as u64;
+                self.dips_until = Some(end);
+                bench.set_supply_v(DIP_V.min(self.supply_v));
+                return Ok(Until::Cycle(end));
+            }
+            ["supply", supply_v] => {
+                self.supply_v = within(supply_v, SUPPLY_V, "V")?;
+                self.dips_until = None;
+                bench.set_supply_v(self.supply_v);
+            }
             ["block", on @ ("on" | "off")] => bench.block_rotor(on == "on"),
             ["stop", on @ ("on" | "off")] => bench.press_emergency_stop(on == "on"),
-            ["encoder", "ok"] => bench.set_encoder_fault(None),
-            ["encoder", "unplugged"] => bench.set_encoder_fault(Some(EncoderFault::Unplugged)),
-            ["encoder", "swapped"] => bench.set_encoder_fault(Some(EncoderFault::Swapped)),
+            ["encoder", fault] if encoder_fault(fault).is_some() => {
+                bench.set_encoder_fault(encoder_fault(fault).flatten());
+            }
             ["current", "ok"] => bench.set_current_sensor_fault(None),
             ["current", "open"] => bench.set_current_sensor_fault(Some(SensorFault::Open)),
             ["current", "high"] => bench.set_current_sensor_fault(Some(SensorFault::PinnedV(5.0))),
+            ["current", "frozen"] => bench.freeze_current_sensor(),
+            ["adc", state @ ("ok" | "dead")] => bench.set_converter_dead(state == "dead"),
+            ["uart", state @ ("ok" | "stuck")] => bench.set_transmitter_stuck(state == "stuck"),
             ["current", "low"] => bench.set_current_sensor_fault(Some(SensorFault::PinnedV(0.0))),
             ["reset"] => bench.reset(ResetCause::External),
             _ => return Err(format!("{order}: {EXPECTED}")),
@@ -163,8 +185,17 @@ impl Surroundings {
         SUPPLY_V.end() / motor.resistance_ohm * motor.torque_constant_nm_per_a
     }
 
+    /// What goes on by itself: a supply that comes back, a hand at the rotor.
+    pub(super) fn go_on(&mut self, bench: &mut Bench<ModelPlant>) {
+        if self.dips_until.is_some_and(|end| bench.cycle() >= end) {
+            self.dips_until = None;
+            bench.set_supply_v(self.supply_v);
+        }
+        self.push(bench);
+    }
+
     /// A hand that turns the rotor pushes harder until it turns, not too fast, and holds it where it shall be.
-    pub(super) fn push(&mut self, bench: &mut Bench<ModelPlant>) {
+    fn push(&mut self, bench: &mut Bench<ModelPlant>) {
         let Some((until_rad, torque_nm)) = &mut self.turning else { return };
         let now = bench.now();
         let there = now.angle_rad >= *until_rad;
@@ -220,6 +251,23 @@ impl Surroundings {
         };
         Model::parse(&file.to_string()).map_err(|error| without_line(error.to_string().trim_end()))
     }
+}
+
+/// The encoder's fault of this name, or none at all; an open line is held high by its pull-up.
+fn encoder_fault(name: &str) -> Option<Option<EncoderFault>> {
+    Some(Some(match name {
+        "ok" => return Some(None),
+        "unplugged" => EncoderFault::Unplugged,
+        "swapped" => EncoderFault::Swapped,
+        "a-open" | "a-high" => EncoderFault::AStuck(true),
+        "a-low" => EncoderFault::AStuck(false),
+        "b-open" | "b-high" => EncoderFault::BStuck(true),
+        "b-low" => EncoderFault::BStuck(false),
+        "shorted" => EncoderFault::Shorted,
+        "noisy" => EncoderFault::Noisy,
+        "slipping" => EncoderFault::Slipping,
+        _ => return None,
+    }))
 }
 
 /// Puts `NAME=VALUE` pairs into a section.

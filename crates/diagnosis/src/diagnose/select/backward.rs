@@ -1,35 +1,36 @@
-//! Backward: what no longer earns its place is dropped, and a rival takes the place of what is worse.
+//! Backward: drops effects without evidence, and replaces an effect by a better rival.
 
 use super::winding::looks_like_inductance;
-use super::{Chooser, Gain, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, earns_its_place, is_same};
+use super::{Chooser, Gain, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same};
 use crate::dataset::{Dataset, Measured};
-use crate::diagnose::data_sheet::strangeness;
+use crate::diagnose::data_sheet::squared_deviations;
 use crate::diagnose::judge::{NOT_NOISE, sigmas_together};
 use crate::identify::{Effort, Fit, fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Alone, CATALOGUE, INDUCTANCE, Parameter, effect};
 use motorbench_model::{Model, Term};
 
-/// An effect is named with this significance, everything else being there: many effects are tried, and residuals have long tails. On
-/// benches invented for the purpose right names have more than ten.
+/// Significance needed to name an effect, all others being present. Many effects are tried, and residuals have long
+/// tails. Right names have more than ten on generated benches.
 pub(in crate::diagnose) const NAMED_SIGMAS: f64 = 6.0;
-/// Or, where the data kept back leave it open, with this one on all data. More is asked of three times as much: what a
-/// model does wrong everywhere repeats itself.
+/// If the held-out data are not decisive: significance needed on all data. It is higher because three times as much
+/// data repeats a systematic error of the model.
 const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
-/// An effect that is rarely without the one that it stands on has at least this without; those that were wrong had ten.
+/// Significance of an effect whose usual companion is absent; wrong names had ten.
 const ALONE_SIGMAS: f64 = 50.0;
-/// A law that looks like an effect's and is none is the better one with this significance, however little it gains.
+/// A similar law outside the catalogue is the better one with this significance, however small its gain.
 const OTHER_LAW_SIGMAS: f64 = 3.0;
-/// An effect that makes the error of a quantity so many times greater, beyond the noise, explains one at the cost of another.
+/// An effect that raises the error of one quantity by this factor beyond the noise explains another quantity at its
+/// cost.
 const SPOILT: f64 = 1.5;
-/// Rivals fitted in place of each effect found; beside the best only those that promise this share of what it gains.
+/// Number of rivals fitted in place of an effect. Beside the best, only those that promise this share of its gain.
 const RIVALS: usize = 3;
 const RIVAL_SHARE: f64 = 0.7;
-/// So many more squares of the deviations from the data sheet than with an effect speak for it as well: it is rather there
-/// than such a motor.
-const STRANGER: f64 = 18.0;
-/// Of a wave, so many other numbers of periods are looked at; it is none if more than half of them gain this share of what
-/// it gains, and leave less than this many times what it leaves.
+/// If a model without the effect needs this many more squared deviations from the data sheet, that counts for the
+/// effect: it is likelier than such a motor.
+const IMPLAUSIBLE_SQUARES: f64 = 18.0;
+/// For a wave, this many other numbers of periods are tried. It is rejected if more than half of them gain this share
+/// of its gain and leave less than this multiple of its rest.
 const OTHER_NUMBERS: usize = 6;
 const GAINED_BY_ANY: f64 = 0.5;
 const LEFT_BY_ANY: f64 = 2.0;
@@ -38,15 +39,15 @@ const LEFT_BY_ANY: f64 = 2.0;
 struct Check {
     id: &'static str,
     without: Fit,
-    /// What the effect gains over it.
+    /// The gain of the effect over it.
     own: Gain,
-    /// Whether what it stands on is there.
+    /// Whether the effect that it depends on is present.
     stands: bool,
     is_named: bool,
 }
 
 impl Chooser<'_> {
-    /// Drops what no longer earns its place and puts a rival where it is better; says of the others what holds.
+    /// Drops effects without evidence and replaces those with a better rival. Returns the evidence for the others.
     pub(super) fn backward(&self, mut current: Fit) -> (Fit, Vec<Standing>) {
         let mut replacements = 0;
         'again: loop {
@@ -69,10 +70,10 @@ impl Chooser<'_> {
         }
     }
 
-    /// Drops what does not earn its name, the weakest first, until everything left does.
+    /// Drops effects without enough evidence, the weakest first.
     fn pruned(&self, mut current: Fit) -> (Fit, Vec<Check>) {
         loop {
-            // Beside what has come and gone since, the usual law may do.
+            // After other effects have come and gone, the usual law may suffice.
             current = self.or_other_laws(current, Term::has_another_law);
             (self.progress)(&format!("checking {} effects", current.model.terms.len()));
             let ids: Vec<_> = current.model.terms.iter().map(|term| term.id()).collect();
@@ -90,10 +91,10 @@ impl Chooser<'_> {
         }
     }
 
-    /// What says as much as an effect whose ground has gone: a drop that differs between directions is none without a drop,
-    /// but a friction that does looks like it.
+    /// A replacement for an effect whose companion has gone. A drop that differs between directions needs a drop, but a
+    /// friction that differs looks like it.
     fn in_its_place(&self, current: &Fit, check: &Check) -> Option<Fit> {
-        if check.stands || !earns_its_place(&check.own) {
+        if check.stands || !has_evidence(&check.own) {
             return None;
         }
         let rivals = self.rivals(current, &check.without, check.id).into_iter().map(|(_, rival)| rival);
@@ -101,15 +102,16 @@ impl Chooser<'_> {
         as_good.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// What the model would be without one of its effects.
+    /// The model without one of its effects.
     fn check(&self, current: &Fit, id: &'static str) -> Check {
         let without = fit(&current.model.without(id), self.data, self.prior, Effort::CHECK);
         let mut own = self.gain(&without, current);
-        // Without it only another motor fits: then the data sheet speaks for it as well.
-        let stranger = strangeness(self.prior, &without) - strangeness(self.prior, current);
-        let keeps_the_motor = !self.is_strange(current) && (self.is_strange(&without) || stranger > STRANGER);
+        // If only another motor fits without it, the data sheet counts for the effect as well.
+        let more_deviation = squared_deviations(self.prior, &without) - squared_deviations(self.prior, current);
+        let keeps_the_motor =
+            !self.is_implausible(current) && (self.is_implausible(&without) || more_deviation > IMPLAUSIBLE_SQUARES);
         if keeps_the_motor {
-            own.sigmas = own.sigmas.max(0.0).hypot(strangeness(self.prior, &without).sqrt());
+            own.sigmas = own.sigmas.max(0.0).hypot(squared_deviations(self.prior, &without).sqrt());
         }
         let stands = match effect(id).and_then(|effect| current.model.alone(effect)) {
             None => true,
@@ -129,9 +131,9 @@ impl Chooser<'_> {
         let is_named = stands
             && !term.effect.is_a_scale(&term.values, &scales(&current.model.motor, self.data))
             && !self.spoils(&own)
-            && (keeps_the_motor || keeps_the_winding() || earns_its_place(&own) && is_certain())
-            && self.owes_it_to_its_number(current, &without, id)
-            && self.owes_it_to_its_law(current, &without, id);
+            && (keeps_the_motor || keeps_the_winding() || has_evidence(&own) && is_certain())
+            && self.number_matters(current, &without, id)
+            && self.law_matters(current, &without, id);
         Check { id, without, own, stands, is_named }
     }
 
@@ -143,20 +145,20 @@ impl Chooser<'_> {
         own.rmse.iter().zip(&self.data.measured).any(is_spoilt)
     }
 
-    /// What an effect gains on all data, each part judged by fits that have not seen it.
-    fn sigmas_on_all(&self, current: &Fit, without: &Fit, on_kept_back: &Gain) -> f64 {
+    /// Gain of an effect on all data, each part judged by fits that did not use it.
+    fn sigmas_on_all(&self, current: &Fit, without: &Fit, on_held_out: &Gain) -> f64 {
         let on_other = |data: Dataset| {
             let anew = |found: &Fit| fit(&found.model, &data, self.prior, Effort::AGAIN);
             Chooser { data: &data, ..*self }.gain(&anew(without), &anew(current))
         };
-        let mut parts: Vec<Gain> = self.data.with_others_kept_back().map(on_other).collect();
-        parts.push(on_kept_back.clone());
+        let mut parts: Vec<Gain> = self.data.with_others_held_out().map(on_other).collect();
+        parts.push(on_held_out.clone());
         sigmas_together(&parts)
     }
 
-    /// Whether another number of periods would do worse, where an effect has one: a wave of which any number does as well
-    /// only shakes a model loose that sticks too long.
-    fn owes_it_to_its_number(&self, current: &Fit, without: &Fit, id: &str) -> bool {
+    /// Whether other numbers of periods would do worse, if an effect has such a number. If any number does as well, the
+    /// wave only helps the simulated motor out of standstill.
+    fn number_matters(&self, current: &Fit, without: &Fit, id: &str) -> bool {
         let term = current.model.term(id).expect("one of its own terms");
         let Some(index) = term.effect.about().parameters.iter().position(Parameter::is_number) else { return true };
         let starts = term.effect.starts(&scales(&without.model.motor, self.data)).into_iter();
@@ -173,19 +175,19 @@ impl Chooser<'_> {
         2 * as_good <= looked_at.len()
     }
 
-    /// Whether no law that only looks like its own, and has no name, would do better.
-    fn owes_it_to_its_law(&self, current: &Fit, without: &Fit, id: &str) -> bool {
+    /// Whether no similar law outside the catalogue does better.
+    fn law_matters(&self, current: &Fit, without: &Fit, id: &str) -> bool {
         let term = current.model.term(id).expect("one of its own terms");
-        let others = term.effect.not_its_own(&term.values, &scales(&current.model.motor, self.data));
+        let others = term.effect.similar_laws(&term.values, &scales(&current.model.motor, self.data));
         others.into_iter().all(|(other, values)| {
             let other = fit(&without.model.with(other, values), self.data, self.prior, Effort::CHECK);
             self.gain(current, &other).sigmas < OTHER_LAW_SIGMAS
         })
     }
 
-    /// Whether a rival is to take the place of `id`: it explains more, or as much with fewer constants or more plausibly.
+    /// Whether a rival replaces `id`: it explains more, or as much with fewer constants or more plausibly.
     fn is_better(&self, current: &Fit, id: &str, (rival_id, rival): &(&'static str, Fit)) -> bool {
-        if self.is_strange(rival) && !self.is_strange(current) {
+        if self.is_implausible(rival) && !self.is_implausible(current) {
             return false;
         }
         let over = self.gain(current, rival);
@@ -221,7 +223,7 @@ impl Chooser<'_> {
             false => (rival, found),
         };
         let is_there = |(rival, found): &(&str, Fit)| found.model.term(rival).is_some_and(Term::is_there);
-        // Friction that is there one way alone and a load against it make up for a friction that is missing both ways.
+        // Friction in one direction and a load against it together resemble friction in both directions.
         let makes_sense = |(_, found): &(&str, Fit)| {
             found.model.terms.iter().all(|term| found.model.alone(term.effect) != Some(Alone::Never))
         };
@@ -242,8 +244,8 @@ impl Chooser<'_> {
 
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {
         let over = rivals.iter().map(|(rival, fit)| (*rival, fit, self.gain(fit, current)));
-        // What serves as well with a motor that is not the rig's does not serve.
-        let another_motor = |fit: &Fit| self.is_strange(fit) && !self.is_strange(current);
+        // A rival that needs a motor unlike the rig's does not count.
+        let another_motor = |fit: &Fit| self.is_implausible(fit) && !self.is_implausible(current);
         let mut over: Vec<_> = over
             .filter(|(_, fit, gain)| !(is_same(gain) && another_motor(fit)))
             .map(|(rival, _, gain)| (rival, gain))

@@ -1,40 +1,41 @@
-//! Forward: what the derivatives promise is fitted in free run, and added while it earns its place.
+//! Forward: fits the candidates in free run and adds those with evidence.
 
-use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, earns_its_place};
+use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, has_evidence};
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise};
 use crate::identify::{Effort, Fit, fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::{Model, Term};
 
-/// Effects fitted at each step, of those that promise most.
+/// Number of candidates fitted at each step, the most promising ones.
 const TRIED: usize = 4;
-/// At each step only effects are fitted that promise this share of what the best does.
+/// At each step only effects that promise this share of the best one's promise are fitted.
 const TRIED_SHARE: f64 = 0.2;
-/// While something remains, so many effects are added on trust: two that hide each other earn their places together.
-const MOST_AHEAD: usize = 3;
+/// While a rest remains, this many effects are added without evidence: two that hide each other show it only together.
+const MOST_WITHOUT_EVIDENCE: usize = 3;
 /// They have to lower the cost to this share.
-const LEAST_AHEAD: f64 = 0.9;
-/// What lowers it to this share, and yet here and there makes it worse, has not been fitted to the end.
+const LEAST_COST_WITHOUT_EVIDENCE: f64 = 0.9;
+/// If the cost falls to this share but rises in places, the fit has not converged yet.
 const NOT_THERE_YET: f64 = 0.5;
 
-/// What says which effect is added next.
+/// The rule for the next effect.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Lead {
-    /// The lowest cost of those that earn their place by themselves.
+    /// The lowest cost among those with evidence of their own.
     Significance,
-    /// The lowest cost: what sticks in a few places gains most there, and is not significant before the rest is right.
+    /// The lowest cost. An effect at standstill gains most in a few places, and becomes significant only when the rest
+    /// is right.
     Cost,
 }
 
 impl Chooser<'_> {
-    /// Adds effects to a model, as long as one is worth it, and tells the steps.
+    /// Adds effects to a model while one has evidence, and records the steps.
     pub(super) fn forward(&self, mut current: Fit, mut steps: Vec<Step>, lead: Lead) -> Way {
         let mut ahead = 0;
         while steps.len() < MOST_EFFECTS {
             let mut fits = self.candidates(&current, steps.is_empty());
             let significant = |fits: &[Fit]| match lead {
-                Lead::Significance => self.first_that_earns_its_place(&current, fits),
+                Lead::Significance => self.first_with_evidence(&current, fits),
                 Lead::Cost => None,
             };
             let mut chosen = significant(&fits);
@@ -45,11 +46,11 @@ impl Chooser<'_> {
                 chosen = significant(&fits[..1]);
             }
             if chosen.is_none()
-                && (ahead < MOST_AHEAD || lead == Lead::Cost)
+                && (ahead < MOST_WITHOUT_EVIDENCE || lead == Lead::Cost)
                 && above_floor(self.data, &current) > NOT_NOISE
             {
                 ahead += 1;
-                let best = fits.first().filter(|best| best.cost < LEAST_AHEAD * current.cost);
+                let best = fits.first().filter(|best| best.cost < LEAST_COST_WITHOUT_EVIDENCE * current.cost);
                 chosen = best.map(|best| (0, self.gain(&current, best)));
             }
             let Some((chosen, gain)) = chosen else { break };
@@ -61,7 +62,7 @@ impl Chooser<'_> {
         (current, steps)
     }
 
-    /// Fits with one effect more, of those that promise most, the best first.
+    /// Fits with one more effect, of the most promising ones, the best first.
     fn candidates(&self, current: &Fit, is_linear_fit: bool) -> Vec<Fit> {
         let mut promises = self.promises(current);
         promises.truncate(TRIED);
@@ -77,19 +78,19 @@ impl Chooser<'_> {
         fits
     }
 
-    fn first_that_earns_its_place(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
+    fn first_with_evidence(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
         let gains = fits.iter().map(|fit| self.gain(current, fit));
-        gains.enumerate().find(|(_, gain)| earns_its_place(gain))
+        gains.enumerate().find(|(_, gain)| has_evidence(gain))
     }
 
-    /// Fits from the nominal motor: of the effects that leave nothing of the linear fit, and of the two that hardly any
-    /// bench is without, together and with the former.
+    /// Fits from the nominal motor, with effects of which the linear fit leaves no trace. Also with the two effects of
+    /// nearly every bench, alone and together with the former.
     fn fresh(&self, base: &Fit) -> Vec<Fit> {
         let effort = Effort::TRIAL.useless_above(base.cost);
         let scales = scales(&self.prior.motor, self.data);
         let nominal = Model::linear(self.prior.motor);
-        // Their rarer laws only where something remains: most that look like one at first are none.
-        let mut models = self.with_what_changes_everything(&nominal, &scales);
+        // Their rarer laws only if a rest remains: most that look like one at first are none.
+        let mut models = self.with_global_effects(&nominal, &scales);
         models.retain(|model| !model.terms.last().is_some_and(Term::has_another_law));
         if self.usual().count() == USUAL.len() {
             let bare = models.clone().into_iter().chain([nominal]);
@@ -98,18 +99,18 @@ impl Chooser<'_> {
         models.into_par_iter().map(|model| fit(&model, self.data, self.prior, effort)).collect()
     }
 
-    /// Where the way from the linear fit has led to a dead end or to a strange motor, another: from the nominal motor, each
-    /// effect together with the two that hardly any bench is without, or with one that changes everything. The best, of
-    /// those with a motor that is not strange if there are any.
+    /// Another start, if the way from the linear fit failed or gave an implausible motor. From the nominal motor, each
+    /// effect is combined with the two of nearly every bench, or with one that changes the whole motion. The best is
+    /// taken, if possible with a plausible motor.
     pub(super) fn anew(&self, base: &Fit) -> Option<(Fit, Step)> {
         (self.progress)("other ways");
         let scales = scales(&self.prior.motor, self.data);
         let usual = |model| self.with_usual(model, &scales);
         let nominal = Model::linear(self.prior.motor);
-        let changed = self.with_what_changes_everything(&nominal, &scales);
+        let changed = self.with_global_effects(&nominal, &scales);
         let beginnings = [usual(nominal.clone())].into_iter().chain(changed.iter().cloned());
         let models = beginnings.flat_map(|from| {
-            // Of an effect with alternatives the one that promises most.
+            // Of an effect with alternative laws, the one that promises most.
             let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
             let others = promises.into_iter().map(|promise| (CATALOGUE[promise.effect], promise.start));
             others.map(|(effect, start)| from.with(effect, start)).collect::<Vec<_>>()
@@ -119,10 +120,10 @@ impl Chooser<'_> {
             .into_par_iter()
             .map(|model| fit(&model, self.data, self.prior, Effort::TRIAL))
             .collect();
-        let key = |fit: &Fit| (self.is_strange(fit), fit.cost);
+        let key = |fit: &Fit| (self.is_implausible(fit), fit.cost);
         let best =
             |fits: Vec<Fit>| fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"));
-        // From so far away a trial does not arrive, with many effects at once not even near.
+        // From so far away a trial fit does not converge, and with many effects at once it does not come near.
         let whole = changed.into_iter().map(usual);
         let last: Vec<Model> = [best(fits)?.model].into_iter().chain(whole).collect();
         let last = last.into_par_iter().map(|model| fit(&model, self.data, self.prior, Effort::AGAIN)).collect();
@@ -131,14 +132,15 @@ impl Chooser<'_> {
         Some((best, step))
     }
 
-    /// What was found, beside the nominal motor and with an effect that changes everything in place of those of the voltage,
-    /// a usual drop or none besides: a great drop and a motor of half the size make up for a bridge that coasts.
+    /// The effects found, beside the nominal motor, with an effect that changes the whole motion in place of those of
+    /// the voltage, with or without a usual drop. A large drop and a motor of half the size resemble a bridge that
+    /// coasts.
     pub(super) fn beside_nominal(&self, found: &Fit) -> Option<Fit> {
         let scales = scales(&self.prior.motor, self.data);
         let mut nominal = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
-        nominal.terms.retain(|term| term.effect.about().acts_on != ActsOn::Voltage);
-        let changed = self.with_what_changes_everything(&nominal, &scales);
-        let of_the_bridge = self.usual().filter(|effect| effect.about().acts_on == ActsOn::Voltage);
+        nominal.terms.retain(|term| term.effect.about().acts_on != [ActsOn::Voltage]);
+        let changed = self.with_global_effects(&nominal, &scales);
+        let of_the_bridge = self.usual().filter(|effect| effect.about().acts_on == [ActsOn::Voltage]);
         let besides: Vec<Model> = of_the_bridge
             .flat_map(|effect| changed.iter().map(move |model| model.with_start(effect, &scales)))
             .collect();
@@ -146,14 +148,14 @@ impl Chooser<'_> {
         fits.map(|model| fit(&model, self.data, self.prior, Effort::FULL)).min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
-    /// An effect that follows any course and yet leaves more than noise: what comes at some moment is the first to seize what
-    /// two others do together.
+    /// An effect that fits any course over time and still leaves more than noise: a change at some moment is the first
+    /// to absorb what two others cause together.
     pub(super) fn of_any_course(&self, fit: &Fit) -> Option<&'static str> {
-        let id = fit.model.terms.iter().find(|term| term.effect.is_of_any_course())?.id();
+        let id = fit.model.terms.iter().find(|term| term.effect.about().fits_any_course)?.id();
         (above_noise(self.data, fit) > NOT_NOISE).then_some(id)
     }
 
-    /// The effects that hardly any bench is without.
+    /// The effects that nearly every bench has.
     fn usual(&self) -> impl Iterator<Item = &'static dyn Effect> {
         self.possible().filter(|effect| USUAL.contains(&effect.about().id))
     }
@@ -162,9 +164,10 @@ impl Chooser<'_> {
         self.usual().fold(model, |model, effect| model.with_start(effect, scales))
     }
 
-    /// A model with each effect that changes everything and that it does not have, with each of its laws.
-    fn with_what_changes_everything(&self, model: &Model, scales: &Scales) -> Vec<Model> {
-        let effects = self.possible().filter(|effect| effect.changes_everything() && !model.has(effect.about().id));
+    /// Models with each effect that changes the whole motion and is absent so far, with each of its laws.
+    fn with_global_effects(&self, model: &Model, scales: &Scales) -> Vec<Model> {
+        let effects =
+            self.possible().filter(|effect| effect.about().changes_everything && !model.has(effect.about().id));
         effects
             .flat_map(|effect| effect.starts(scales).into_iter().map(move |start| (effect, start)))
             .map(|(effect, start)| model.with(effect, start))

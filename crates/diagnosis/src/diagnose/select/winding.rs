@@ -1,4 +1,4 @@
-//! An inductance far above the nominal one: more likely an effect that looks like it.
+//! An inductance far above the nominal one is likelier an effect that looks like it.
 
 use super::{Chooser, is_same};
 use crate::identify::{Effort, Fit, fit};
@@ -6,13 +6,13 @@ use motorbench_model::catalogue::{INDUCTANCE, effect};
 
 /// An inductance this many times the nominal one may be an effect.
 const EXCESSIVE_INDUCTANCE: f64 = 1.35;
-/// Spread of the logarithm of an inductance that is held.
-const CERTAIN: f64 = 0.01;
+/// Spread of the logarithm of an inductance that is held fixed.
+const HELD_SPREAD: f64 = 0.01;
 
 impl Chooser<'_> {
-    /// In place of an inductance that no data sheet has: an effect that looks like it, where that says as much.
-    pub(super) fn or_instead_of_inductance(&self, found: Fit) -> Fit {
-        let found = self.or_beside_nominal_inductance(found);
+    /// In place of an implausible inductance: an effect that looks like it, if it explains as much.
+    pub(super) fn replace_excessive_inductance(&self, found: Fit) -> Fit {
+        let found = self.restart_from_nominal_inductance(found);
         let Some(excess_h) = self.excessive_inductance_h(&found) else { return found };
         let excess_s = excess_h / found.model.motor.resistance_ohm;
         let others = self.possible().filter(|effect| !found.model.has(effect.about().id));
@@ -29,8 +29,9 @@ impl Chooser<'_> {
         }
     }
 
-    /// Where an effect, or a search without one, has left the inductance what it had become: all anew from the nominal one.
-    fn or_beside_nominal_inductance(&self, found: Fit) -> Fit {
+    /// If the inductance stayed implausible with an effect, or after a search without one: restarts from the nominal
+    /// one.
+    fn restart_from_nominal_inductance(&self, found: Fit) -> Fit {
         if self.excessive_inductance_h(&found).is_none() {
             return found;
         }
@@ -40,7 +41,7 @@ impl Chooser<'_> {
         if other.cost < found.cost { other } else { found }
     }
 
-    /// By how much the inductance is above the nominal one, where that is much.
+    /// Excess of the inductance over the nominal one, where it is large.
     pub(super) fn excessive_inductance_h(&self, fit: &Fit) -> Option<f64> {
         let nominal_h = self.prior.nominal.inductance_h?;
         let found_h = fit.model.motor.inductance_h;
@@ -49,14 +50,14 @@ impl Chooser<'_> {
 
     pub(super) fn with_nominal_inductance(&self, found: &Fit) -> Fit {
         let mut prior = self.prior.clone();
-        prior.spread[1] = CERTAIN;
+        prior.spread[1] = HELD_SPREAD;
         let mut model = found.model.clone();
         model.motor.inductance_h = prior.motor.inductance_h;
         fit(&model, self.data, &prior, Effort::CHECK)
     }
 }
 
-/// Whether an effect can look like more inductance than the winding has.
+/// Whether an effect can look like additional inductance.
 pub(super) fn looks_like_inductance(id: &str) -> bool {
     effect(id).is_some_and(|effect| effect.instead_of(INDUCTANCE, &[0.0]).is_some())
 }

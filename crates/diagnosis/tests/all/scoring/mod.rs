@@ -1,5 +1,5 @@
-//! What to hide, and what was hidden against what was named. The diagnosis sees the texts of the recording and of the rig
-//! file alone.
+//! Draws the hidden effects, and compares them with the named ones. The diagnosis sees only the texts of recording and
+//! rig file.
 
 use hidden_effects::{Channels, Effect, Excitation, Mistake, Recipe, Trial, random_effects};
 use motorbench_data::recording::Recording;

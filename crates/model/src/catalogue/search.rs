@@ -1,0 +1,111 @@
+//! How a diagnosis searches for an effect: starts for its constants, and what else may explain the same data.
+
+use super::Effect;
+use crate::Term;
+use crate::motor::MotorParameters;
+
+/// What a recording has, for the effects that need it to be seen.
+#[derive(Clone, Copy, Debug)]
+pub struct Channels {
+    /// A current.
+    pub current: bool,
+    /// A speed, not an angle.
+    pub speed: bool,
+    /// An angle or a speed from counts.
+    pub counts: bool,
+    /// Moments of commands between its rows, which are sought in its readings.
+    pub moments: bool,
+    /// One voltage, this way and that, and nothing else that happens.
+    pub one_magnitude: bool,
+}
+
+/// Sizes of a recording and of the motor as far as it is known, from which an effect takes plausible values.
+#[derive(Clone, Copy, Debug)]
+pub struct Scales {
+    /// The linear motor found so far.
+    pub motor: MotorParameters,
+    /// Greatest voltage.
+    pub voltage_v: f64,
+    /// Greatest speed.
+    pub speed_rad_per_s: f64,
+    /// Greatest voltage of the supply.
+    pub supply_v: f64,
+    /// Greatest current, measured or computed.
+    pub current_a: f64,
+    /// Length.
+    pub duration_s: f64,
+    /// Time between samples.
+    pub interval_s: f64,
+    /// Frequency of the PWM.
+    pub pwm_hz: f64,
+}
+
+impl Scales {
+    /// Torque at standstill and full voltage.
+    pub fn stall_torque_nm(&self) -> f64 {
+        self.motor.torque_constant_nm_per_a * self.voltage_v / self.motor.resistance_ohm
+    }
+
+    /// Speed at which the supply's whole voltage is back-EMF.
+    pub fn no_load_rad_per_s(&self) -> f64 {
+        self.supply_v / self.motor.torque_constant_nm_per_a
+    }
+}
+
+/// How a diagnosis searches for an effect. Only [`starts`](Self::starts) has to be given.
+pub trait Search {
+    /// Plausible values to begin a fit from: one set for each alternative of its nonlinear constants.
+    fn starts(&self, scales: &Scales) -> Vec<Vec<f64>>;
+
+    /// A constant that needs a close start, and the distance of its [`starts`](Self::starts).
+    fn spacing(&self, _scales: &Scales) -> Option<(usize, f64)> {
+        None
+    }
+
+    /// Starts around one. An effect with too many starts to try them all is searched from neighbour to neighbour.
+    fn neighbours(&self, _start: &[f64]) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
+    /// From so many of its starts a fit is tried: those that promise most.
+    fn starts_fitted(&self, _scales: &Scales) -> usize {
+        1
+    }
+
+    /// Values near those found, from which another fit may come to a better end.
+    fn elsewhere(&self, _values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
+    /// The values that come closest by its other laws, where it has a choice.
+    fn other_laws(&self, _values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
+    /// Similar laws that are not in the catalogue, with the values that come closest. The effect is named only where none of
+    /// them explains more.
+    fn similar_laws(&self, _values: &[f64], _scales: &Scales) -> Vec<(&'static dyn Effect, Vec<f64>)> {
+        Vec::new()
+    }
+
+    /// The values with which it comes closest to a rival that has `values`: another effect, or
+    /// [`INDUCTANCE`](super::INDUCTANCE).
+    fn instead_of(&self, _rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// Whether a rival that explains the data as well is the more plausible name. `others`: the rest of the model.
+    fn yields_to(&self, _values: &[f64], _rival: &str, _others: &[Term]) -> bool {
+        false
+    }
+
+    /// Whether with such values it only scales a quantity, which other constants of the motor can do as well.
+    fn is_a_scale(&self, _values: &[f64], _scales: &Scales) -> bool {
+        false
+    }
+
+    /// Whether a recording of these channels can show it, beside that its sensor is recorded.
+    fn can_show_in(&self, _channels: &Channels) -> bool {
+        true
+    }
+}
