@@ -19,11 +19,14 @@ use search::Search;
 use sensitivities::Sensitivities;
 pub use speed_window::with_window_settled;
 use std::sync::OnceLock;
+pub use torque_scale::is_unknown as has_unknown_torque_scale;
+pub use uncertainty::{Derived, Uncertainty};
 
 mod search;
 mod sensitivities;
 mod speed_window;
 mod torque_scale;
+mod uncertainty;
 
 /// Standard deviation of the logarithm of a nominal value.
 pub const NOMINAL_SPREAD: f64 = 0.2;
@@ -685,26 +688,5 @@ impl Fit {
             Place::Motor(_) => SYSTEMATIC,
             Place::Term(term, _) => self.model.terms[term].effect.simplification().own.hypot(of_the_pwm),
         }
-    }
-
-    /// Value and 95 % interval of every fitted constant, from statistics, steps and simplifications.
-    pub fn intervals(&self, data: &Dataset) -> Vec<Interval> {
-        let covariances = BLOCKS_S.map(|block_s| self.covariance(data, block_s));
-        let shift = self.shift_of_coarse_steps(data);
-        self.unknowns
-            .iter()
-            .enumerate()
-            .map(|(index, unknown)| {
-                let here = unknown.get(&self.model);
-                let systematic = self.simplified(unknown.place, data) * if unknown.logarithmic { 1.0 } else { here };
-                let variance = covariances.iter().map(|covariance| covariance[(index, index)]).fold(0.0, f64::max);
-                let half = Z95 * variance.sqrt().hypot(shift[index]).hypot(systematic);
-                let value =
-                    |coordinate: f64| if unknown.logarithmic { coordinate.exp() } else { coordinate * unknown.size };
-                // A constant cannot leave its range.
-                let bound = |coordinate: f64| value(coordinate).clamp(unknown.min, unknown.max);
-                Interval { place: unknown.place, value: value(here), ci95: [bound(here - half), bound(here + half)] }
-            })
-            .collect()
     }
 }

@@ -28,7 +28,9 @@ pub mod linear;
 mod linear_step;
 pub mod motor;
 pub mod pwm_period;
+mod steady_voltage;
 pub mod unit;
 
 pub use extended::{Model, ModelError, Term};
 pub use linear_step::{LinearStep, Reached, SAME_LENGTH_S, oppose_motion};
+pub use steady_voltage::Direction;

@@ -27,11 +27,17 @@ pub enum Unit {
     RadianPerSecond,
     Second,
     Hertz,
+    /// Speed over voltage.
+    RadianPerSecondPerVolt,
+    /// Voltage over speed.
+    VoltSecondPerRadian,
+    /// Voltage over acceleration.
+    VoltSecond2PerRadian,
 }
 
 impl Unit {
     /// All units.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 20] = [
         Self::One,
         Self::Volt,
         Self::Ampere,
@@ -49,6 +55,9 @@ impl Unit {
         Self::RadianPerSecond,
         Self::Second,
         Self::Hertz,
+        Self::RadianPerSecondPerVolt,
+        Self::VoltSecondPerRadian,
+        Self::VoltSecond2PerRadian,
     ];
 
     /// How a name with this unit ends.
@@ -71,6 +80,9 @@ impl Unit {
             Self::RadianPerSecond => "_rad_per_s",
             Self::Second => "_s",
             Self::Hertz => "_Hz",
+            Self::RadianPerSecondPerVolt => "_rad_per_s_per_V",
+            Self::VoltSecondPerRadian => "_V_s_per_rad",
+            Self::VoltSecond2PerRadian => "_V_s2_per_rad",
         }
     }
 
@@ -88,7 +100,8 @@ impl Unit {
             Self::NewtonMetreSecond | Self::KilogramMetre2 => [1, 1, -2],
             Self::NewtonMetreSecond2 => [1, 1, -3],
             Self::NewtonMetreSecond3 => [1, 1, -4],
-            Self::NewtonMetrePerAmpere => [1, 0, -1],
+            Self::NewtonMetrePerAmpere | Self::VoltSecondPerRadian | Self::VoltSecond2PerRadian => [1, 0, -1],
+            Self::RadianPerSecondPerVolt => [-1, 0, 1],
             Self::Radian | Self::RadianPerSecond => [0, 0, 1],
         }
     }

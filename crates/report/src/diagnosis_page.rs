@@ -1,10 +1,11 @@
 //! The result as one self-contained HTML file: measured and simulated before and after, what is missing, the gains, the
 //! intervals. Readable on a phone, printable, no external request.
 
-use crate::diagnosis_text::{against_nominal, estimate, how_much_worse, title, verdict};
+use crate::diagnosis_text::{against_nominal, estimate, how_much_worse, scale_words, title, verdict};
 use crate::web_page::{code, document, escaped, list, table};
-use motorbench_diagnosis::dataset::Dataset;
+use motorbench_diagnosis::dataset::{Dataset, greatest};
 use motorbench_diagnosis::diagnose::Diagnosis;
+use motorbench_diagnosis::diagnose::determined::to_start;
 use motorbench_diagnosis::diagnose::missing::dependences;
 use motorbench_diagnosis::diagnose::outcome::Outcome;
 use motorbench_model::catalogue::effect;
@@ -31,6 +32,7 @@ pub fn report_with(page_title: &str, diagnosis: &Diagnosis, names: &[String], se
     gains(&mut html, diagnosis);
     lacks(&mut html, diagnosis);
     residuals(&mut html, diagnosis);
+    determined(&mut html, outcome, greatest(&diagnosis.data.supply_v));
     intervals(&mut html, outcome);
     html += "<h2>What to do</h2>";
     html += &list(outcome.advice.iter().map(String::as_str));
@@ -150,6 +152,22 @@ fn gains_in_figures(diagnosis: &Diagnosis) -> String {
     table(&header.iter().map(String::as_str).collect::<Vec<_>>(), rows)
 }
 
+/// What the data determine whatever the scale of torque and resistance.
+fn determined(html: &mut String, outcome: &Outcome, supply_v: f64) {
+    if outcome.determined.is_empty() {
+        return;
+    }
+    *html += "<h2>What the data determine</h2>";
+    if let Some(sentence) = to_start(&outcome.determined, supply_v) {
+        *html += &format!("<p>{sentence}</p>");
+    }
+    let rows = outcome.determined.iter().map(|(name, found)| {
+        let [low, high] = found.ci95;
+        [code([*name]), short(found.value), format!("{} to {}", short(low), short(high)), found.unit.into()]
+    });
+    *html += &table(&["", "found", "95 % interval", "unit"], rows);
+}
+
 fn intervals(html: &mut String, outcome: &Outcome) {
     let rows = outcome.parameters.iter().map(|(name, parameter)| {
         let interval = parameter.interval();
@@ -158,6 +176,7 @@ fn intervals(html: &mut String, outcome: &Outcome) {
             parameter.nominal.map_or("-".into(), short),
             short(parameter.value),
             interval.map_or("not fitted".into(), |[low, high]| format!("{} to {}", short(low), short(high))),
+            scale_words(parameter.scale).unwrap_or("measured").into(),
         ]
     });
     *html += "<h2>The motor</h2>";
@@ -165,5 +184,5 @@ fn intervals(html: &mut String, outcome: &Outcome) {
         *html += "<p>Found over nominal, with 95 % intervals; grey: the tolerance of data sheets.</p>";
         *html += &plots::found_over_nominal(&outcome.parameters);
     }
-    *html += &table(&["", "nominal", "found", "95 % interval"], rows);
+    *html += &table(&["", "nominal", "found", "95 % interval", "scale"], rows);
 }

@@ -1,7 +1,8 @@
 //! The result as a short text for a terminal.
 
-use motorbench_diagnosis::dataset::TOLERANCE;
-use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome, RunnerUp, Unexplained, Verdict};
+use motorbench_diagnosis::dataset::{TOLERANCE, greatest};
+use motorbench_diagnosis::diagnose::determined::{AllDetermined, Determined, to_start};
+use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome, RunnerUp, ScaleOrigin, Unexplained, Verdict};
 use motorbench_diagnosis::diagnose::{DATA_SHEET_TOLERANCE, Diagnosis};
 use motorbench_model::catalogue::effect;
 use motorbench_text::terminal_text::{rounded, short, wrapped};
@@ -12,6 +13,13 @@ pub fn page(diagnosis: &Diagnosis) -> String {
     let outcome = &diagnosis.outcome;
     let mut text = String::new();
     let _ = writeln!(text, "{}\n", verdict(outcome));
+    if !outcome.determined.is_empty() {
+        text.push_str(&determined_lines(&outcome.determined));
+        if let Some(sentence) = to_start(&outcome.determined, greatest(&diagnosis.data.supply_v)) {
+            text.push_str(&wrapped(&sentence, "  ", "  "));
+        }
+        text.push('\n');
+    }
     for (number, cause) in outcome.causes.iter().enumerate() {
         text.push_str(&cause_lines(number + 1, cause, outcome));
     }
@@ -73,6 +81,18 @@ pub fn estimate(estimate: &Estimate) -> String {
         }
         None => short(estimate.value),
     }
+}
+
+/// What the data determine whatever the scale of torque and resistance; nothing if that is nothing.
+pub fn determined_lines(all: &AllDetermined) -> String {
+    let mut text = String::new();
+    if !all.is_empty() {
+        text.push_str("What the data determine, with 95 % intervals\n");
+    }
+    for (name, Determined { value, ci95, .. }) in all {
+        let _ = writeln!(text, "  {name:28} {}", estimate(&Estimate { value: *value, ci95: Some(*ci95) }));
+    }
+    text
 }
 
 fn cause_lines(number: usize, cause: &Cause, outcome: &Outcome) -> String {
@@ -144,9 +164,19 @@ fn parameters(outcome: &Outcome) -> String {
         let interval = parameter
             .interval()
             .map_or("not fitted".into(), |[low, high]| format!("{} .. {}", short(low), short(high)));
-        let _ = writeln!(text, "  {name:28} {nominal:>10} {:>10}   {interval}", short(parameter.value));
+        let scale = scale_words(parameter.scale).map_or(String::new(), |words| format!(", {words}"));
+        let _ = writeln!(text, "  {name:28} {nominal:>10} {:>10}   {interval}{scale}", short(parameter.value));
     }
     text
+}
+
+/// Where the scale of a constant comes from, if not from the data.
+pub fn scale_words(scale: ScaleOrigin) -> Option<&'static str> {
+    match scale {
+        ScaleOrigin::Measured => None,
+        ScaleOrigin::Nominal => Some("scale of the rig file"),
+        ScaleOrigin::Unknown => Some("scale unknown"),
+    }
 }
 
 /// Of a wrong value: what it was taken for, and by how much it is beyond what a data sheet may be wrong by.
@@ -178,7 +208,7 @@ mod tests {
 
     #[test]
     fn a_wrong_value_is_told_beside_the_nominal_one() {
-        let found = Parameter { nominal: Some(0.07), value: 0.112, ci95: [0.11, 0.114] };
+        let found = Parameter { nominal: Some(0.07), value: 0.112, ci95: [0.11, 0.114], scale: ScaleOrigin::Measured };
         let estimate = Estimate { value: found.value, ci95: Some(found.ci95) };
         let cause = Cause {
             effect: "parameter:torque_constant".into(),
@@ -193,6 +223,7 @@ mod tests {
             verdict: Verdict::Explained,
             causes: vec![cause.clone()],
             unexplained: None,
+            determined: AllDetermined::new(),
             parameters: BTreeMap::from([("torque_constant_Nm_per_A", found)]),
             fit: BTreeMap::new(),
             advice: Vec::new(),

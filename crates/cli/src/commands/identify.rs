@@ -5,11 +5,13 @@ use super::{Failure, Outputs, may_hold_model, spinner, write_json, write_model};
 use clap::Args;
 use motorbench_data::rig::NominalMotor;
 use motorbench_diagnosis::dataset::Dataset;
+use motorbench_diagnosis::diagnose::determined::{AllDetermined, determined};
 use motorbench_diagnosis::diagnose::judge;
 use motorbench_diagnosis::free_run::free_run;
 use motorbench_diagnosis::identify::{Effort, Place, Prior, fit, with_window_settled};
 use motorbench_model::Model;
 use motorbench_model::motor::MotorParameters;
+use motorbench_report::diagnosis_text::determined_lines;
 use motorbench_text::terminal_text::{short, wrapped};
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -37,6 +39,8 @@ pub struct Arguments {
 /// The result. Units are in the names or beside the values.
 #[derive(Serialize)]
 struct Identified {
+    /// What the data determine, whatever the scale of torque and resistance.
+    determined: AllDetermined,
     parameters: BTreeMap<&'static str, Constant>,
     fit: BTreeMap<&'static str, Fitted>,
     /// Then the intervals belong to a model that does not hold.
@@ -96,24 +100,26 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
     let reached: Vec<String> =
         quality.iter().map(|(channel, fitted)| format!("{channel} {:.1} %", fitted.fit_percent)).collect();
     progress(&format!("fit on the rest: {}; now to all of it", reached.join(", ")));
-    let mut everything = data.clone();
-    everything.held_out.fill(false);
+    let everything = data.with_nothing_held_out();
     let last = fit(&seen.model, &everything, &prior, Effort::FULL);
-    let intervals = last.intervals(&everything);
+    let uncertainty = last.uncertainty(&everything);
+    let intervals = uncertainty.intervals();
+    let determined = determined(&uncertainty, &everything, |_, _, ci95| ci95);
     let constant = |(index, (name, value)): (usize, (&'static str, f64))| {
         let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
         (name, Constant { value, ci95: interval.map_or([value, value], |interval| interval.ci95) })
     };
     let parameters = last.model.motor.named().into_iter().enumerate().map(constant).collect();
     let leaves_more_than_noise = judge::above_floor(data, &seen) > judge::NOT_NOISE;
-    (last.model, Identified { parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
+    (last.model, Identified { determined, parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
 }
 
 /// Warning on the intervals.
 const LEAVES_MORE: &str = "The linear motor leaves more than noise. Its constants are bent to make up for what it lacks, and their intervals do not show that. `motorbench diagnose` names the cause.";
 
 fn page(identified: &Identified) -> String {
-    let mut text = String::from("The linear motor, with 95 % intervals\n");
+    let mut text = determined_lines(&identified.determined);
+    text += "The linear motor, with 95 % intervals\n";
     for (name, _) in MotorParameters::PIVT6.named() {
         let Constant { value, ci95: [low, high] } = identified.parameters[name];
         let _ = writeln!(text, "  {name:<26} {:>10}  [{}, {}]", short(value), short(low), short(high));

@@ -67,6 +67,13 @@ impl Dataset {
         all
     }
 
+    /// With nothing held out, for the constants that are reported.
+    pub fn with_nothing_held_out(&self) -> Self {
+        let mut other = self.clone();
+        other.held_out.fill(false);
+        other
+    }
+
     /// With the row in the middle of a mean speed's window instead of at its end, where neither the columns nor the rig
     /// file say which.
     pub fn with_window_centred(&self) -> Option<Self> {

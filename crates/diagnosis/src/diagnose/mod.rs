@@ -12,6 +12,7 @@ mod command_times;
 mod counter_stops;
 mod current_window;
 mod data_sheet;
+pub mod determined;
 mod hidden_drop;
 pub mod judge;
 pub mod missing;
@@ -26,7 +27,8 @@ mod unseen_losses;
 
 use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE};
 use crate::free_run::{Prediction, free_run};
-use crate::identify::{Effort, Fit, Interval, Place, Prior, Z95, fit};
+use crate::identify::{Effort, Fit, Interval, Place, Prior, Uncertainty, Z95, fit};
+use determined::AllDetermined;
 use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
 use motorbench_data::recording::Recording;
@@ -37,7 +39,9 @@ use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::Unit;
 use motorbench_text::terminal_text::short;
-use outcome::{Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence};
+use outcome::{
+    Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, ScaleOrigin, Unexplained, Verdict, confidence,
+};
 use random_losses::RandomLosses;
 use scale::Scale;
 use select::{NAMED_SIGMAS, Selection, Standing, select};
@@ -141,8 +145,8 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         &data,
         &prior,
         (&selection, &fullest),
-        (&last.model, &intervals),
-        Corrections { losses, scale, hidden_drop, sampling_uncertainty_h: sampling_uncertainty_h(&data, &last.model) },
+        &Found::of(&last, &intervals, &data, &prior),
+        Corrections { losses, scale, hidden_drop, sampling_uncertainty: sampling_uncertainty(&data, &last.model) },
     );
     let model = losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model));
     Ok(Diagnosis {
@@ -157,11 +161,35 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     })
 }
 
+/// The model that is reported, and how well it is known.
+struct Found<'a> {
+    model: &'a Model,
+    intervals: &'a [Interval],
+    uncertainty: Uncertainty<'a>,
+    scales: [ScaleOrigin; 5],
+    data: Dataset,
+}
+
+impl<'a> Found<'a> {
+    /// `last`: fitted to all of the data.
+    fn of(last: &'a Fit, intervals: &'a [Interval], data: &Dataset, prior: &Prior) -> Self {
+        let data = data.with_nothing_held_out();
+        let uncertainty = last.uncertainty(&data);
+        let scales = determined::scales(&uncertainty, &data, &prior.nominal);
+        Self { model: &last.model, intervals, uncertainty, scales, data }
+    }
+
+    fn determined(&self, corrections: &Corrections) -> AllDetermined {
+        let widened = |unit, value, ci95| corrections.widened(unit, value, ci95);
+        determined::determined(&self.uncertainty, &self.data, widened)
+    }
+}
+
 /// How the data were corrected before the fit.
 #[derive(Clone, Copy)]
 struct Corrections {
-    /// Uncertainty of the inductance where the PWM phase of the current samples is unknown.
-    sampling_uncertainty_h: f64,
+    /// Relative uncertainty of the inductance where the PWM phase of the current samples is unknown.
+    sampling_uncertainty: f64,
     losses: Option<RandomLosses>,
     scale: Option<Scale>,
     hidden_drop: Option<HiddenDrop>,
@@ -174,19 +202,19 @@ impl Corrections {
         let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(unit));
         let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(unit));
         // The winding's is the only inductance.
-        let of_reading = if unit == Unit::Henry { self.sampling_uncertainty_h / value } else { 0.0 };
+        let of_reading = if unit == Unit::Henry { self.sampling_uncertainty } else { 0.0 };
         let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_reading) * value;
         [(value - (value - ci95[0]).hypot(besides)).max(0.0), value + (ci95[1] - value).hypot(besides)]
     }
 }
 
-/// Uncertainty of the inductance if the current is sampled anywhere in a PWM period: the unknown delay acts as more
+/// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period: the unknown delay acts as more
 /// inductance.
-fn sampling_uncertainty_h(data: &Dataset, model: &Model) -> f64 {
+fn sampling_uncertainty(data: &Dataset, model: &Model) -> f64 {
     let is_open = data.current().is_some() && data.origin.timing.current_sampled_at.is_none();
     // Standard deviation of a uniform distribution over the period, or over the row interval if that is shorter.
     let anywhere_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
-    if is_open { model.motor.resistance_ohm * anywhere_s / 12.0_f64.sqrt() } else { 0.0 }
+    if is_open { anywhere_s / 12.0_f64.sqrt() / TimeConstants::of(&model.motor).electromagnetic_s } else { 0.0 }
 }
 
 /// How the data are interpreted, and the model that explains them so.
@@ -254,11 +282,10 @@ fn interpret_trusted(
     let fullest = selection.last.clone();
     remove_untrusted(&seen, prior, &mut selection);
     progress("intervals");
-    let mut everything = seen.clone();
-    everything.held_out.fill(false);
+    let everything = seen.with_nothing_held_out();
     loop {
         let last = fit(&selection.last.model, &everything, prior, Effort::FULL);
-        let intervals = last.intervals(&everything);
+        let intervals = last.uncertainty(&everything).intervals();
         let nothing = |standing: &Standing| may_be_nothing(standing, &last.model, &intervals);
         match selection.standings.iter().position(nothing) {
             Some(index) => match selection.standings[index].id {
@@ -450,9 +477,10 @@ impl Outcome {
         data: &Dataset,
         prior: &Prior,
         (selection, fullest): (&Selection, &Fit),
-        (model, intervals): (&Model, &[Interval]),
+        found: &Found,
         corrections: Corrections,
     ) -> Self {
+        let Found { model, intervals, .. } = *found;
         let Corrections { losses, scale, hidden_drop, .. } = corrections;
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals, &corrections)).collect();
@@ -464,7 +492,7 @@ impl Outcome {
         }
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
-        let parameters = parameters(model, &prior.nominal, intervals, &corrections);
+        let parameters = parameters(found, &prior.nominal, &corrections);
         causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
         if unexplained.is_none() {
@@ -480,8 +508,15 @@ impl Outcome {
             (false, true) => Verdict::PartlyExplained,
             (true, true) => Verdict::Unexplained,
         };
-        let mut outcome =
-            Self { verdict, causes, unexplained, parameters, fit: fits(data, selection), advice: Vec::new() };
+        let mut outcome = Self {
+            verdict,
+            causes,
+            unexplained,
+            determined: found.determined(&corrections),
+            parameters,
+            fit: fits(data, selection),
+            advice: Vec::new(),
+        };
         outcome.advice = outcome.advice(data);
         outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
@@ -636,20 +671,16 @@ fn constants(id: &str, model: &Model, intervals: &[Interval], corrections: &Corr
     constants
 }
 
-fn parameters(
-    model: &Model,
-    nominal: &NominalMotor,
-    intervals: &[Interval],
-    corrections: &Corrections,
-) -> BTreeMap<&'static str, Parameter> {
+fn parameters(found: &Found, nominal: &NominalMotor, corrections: &Corrections) -> BTreeMap<&'static str, Parameter> {
     let nominal = nominal.values();
+    let Found { model, intervals, scales, .. } = found;
     let named = model.motor.named().into_iter().enumerate();
     named
         .map(|(index, (name, value))| {
             let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
             let ci95 = interval.map_or([value, value], |interval| interval.ci95);
             let ci95 = corrections.widened(MotorParameters::UNITS[index], value, ci95);
-            (name, Parameter { nominal: nominal[index], value, ci95 })
+            (name, Parameter { nominal: nominal[index], value, ci95, scale: scales[index] })
         })
         .collect()
 }
@@ -763,11 +794,19 @@ mod tests {
     /// An outcome with a torque constant of this multiple of the nominal one.
     fn with_torque_constant(found_over_nominal: f64) -> Outcome {
         let value = 0.07 * found_over_nominal;
-        let found = Parameter { nominal: Some(0.07), value, ci95: [0.99 * value, 1.01 * value] };
+        let ci95 = [0.99 * value, 1.01 * value];
+        let found = Parameter { nominal: Some(0.07), value, ci95, scale: ScaleOrigin::Measured };
         let parameters = BTreeMap::from([("torque_constant_Nm_per_A", found)]);
         let causes = wrong_values(&parameters);
-        let fit = BTreeMap::new();
-        Outcome { verdict: Verdict::Explained, causes, unexplained: None, parameters, fit, advice: Vec::new() }
+        Outcome {
+            verdict: Verdict::Explained,
+            causes,
+            unexplained: None,
+            determined: AllDetermined::new(),
+            parameters,
+            fit: BTreeMap::new(),
+            advice: Vec::new(),
+        }
     }
 
     /// A capture of an oscilloscope is shorter than any warm-up.

@@ -3,6 +3,7 @@
 //! Every number has its unit in its name or beside it. `null` stands for what could not be computed.
 
 use super::acts_on_words;
+use super::determined::AllDetermined;
 use motorbench_model::catalogue::ActsOn;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
@@ -17,6 +18,9 @@ pub struct Outcome {
     pub causes: Vec<Cause>,
     /// The rest that no effect explains.
     pub unexplained: Option<Unexplained>,
+    /// What the data determine whatever the scale of torque and resistance; what they do not is left out. Empty for a
+    /// table.
+    pub determined: AllDetermined,
     /// Constants of the linear motor.
     pub parameters: BTreeMap<&'static str, Parameter>,
     /// Errors on held-out data of `base`, `extended` and `noise_floor`, per channel.
@@ -117,6 +121,18 @@ impl Unexplained {
     }
 }
 
+/// Where the scale of a constant comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ScaleOrigin {
+    /// The data have it.
+    Measured,
+    /// Nominal values of the rig file.
+    Nominal,
+    /// Only a usual size was assumed.
+    Unknown,
+}
+
 /// A constant of the linear motor.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Parameter {
@@ -127,6 +143,8 @@ pub struct Parameter {
     /// Interval that contains the true value in 95 of 100 recordings; of zero width for a value that was held fixed.
     #[serde(serialize_with = "interval_or_null")]
     pub ci95: [f64; 2],
+    /// Where its scale comes from.
+    pub scale: ScaleOrigin,
 }
 
 impl Parameter {

@@ -17,7 +17,7 @@ const WIDEST: f64 = 4.0;
 const CLOSENESS: f64 = 1e-4;
 
 /// Whether nothing measured has the scale in it.
-pub(super) fn is_unknown(data: &Dataset) -> bool {
+pub fn is_unknown(data: &Dataset) -> bool {
     data.current().is_none() && data.load_nm.iter().all(|load_nm| *load_nm == 0.0)
 }
 

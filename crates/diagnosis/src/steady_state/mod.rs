@@ -18,8 +18,9 @@ use line::{left_out, rms};
 use rest::{Rest, curve_sigmas};
 
 use crate::dataset::DatasetError;
+use crate::diagnose::determined::AllDetermined;
 use crate::diagnose::outcome::{
-    Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, Unexplained, Verdict, confidence,
+    Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, ScaleOrigin, Unexplained, Verdict, confidence,
 };
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
@@ -481,6 +482,7 @@ fn outcome(
         verdict,
         causes,
         unexplained,
+        determined: AllDetermined::new(),
         parameters: parameters(rig, named, friction),
         fit: fit(levels, nominal, named, friction),
         advice,
@@ -511,8 +513,9 @@ fn parameters(rig: &Rig, best: &Explanation, friction: Option<&Friction>) -> BTr
     let mut add = |name, nominal: Option<f64>, estimate: Option<&Estimate>| {
         let value = estimate.map(|estimate| estimate.value).or(nominal);
         if let Some(value) = value {
-            let ci95 = estimate.and_then(|estimate| estimate.ci95).unwrap_or([value, value]);
-            found.insert(name, Parameter { nominal, value, ci95 });
+            let interval = estimate.and_then(|estimate| estimate.ci95);
+            let scale = if interval.is_some() { ScaleOrigin::Measured } else { ScaleOrigin::Nominal };
+            found.insert(name, Parameter { nominal, value, ci95: interval.unwrap_or([value, value]), scale });
         }
     };
     add("resistance_ohm", rig.motor.resistance_ohm, best.constants.get("resistance_ohm"));

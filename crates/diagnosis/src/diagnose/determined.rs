@@ -1,0 +1,159 @@
+//! What a recording determines by itself: gain, time constants, dead band and delay of the motor as the voltage sees it.
+//!
+//! Ohms, newton metres and kilogram square metres need a scale besides, which a measured current gives, or the rig file.
+//! These quantities do not. A quantity is determined if the data narrow it to less than half of what was known before.
+
+use super::outcome::ScaleOrigin;
+use crate::dataset::{Dataset, greatest};
+use crate::identify::{Derived, Uncertainty, Z95, has_unknown_torque_scale};
+use motorbench_data::rig::NominalMotor;
+use motorbench_model::linear::motor_model::{TimeConstants, speed};
+use motorbench_model::motor::MotorParameters;
+use motorbench_model::unit::{Quantity::Current as CurrentScale, Unit};
+use motorbench_model::{Direction, Model};
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// Data that leave more than this share of what was known before did not determine a quantity.
+const MOST_OF_PRIOR: f64 = 0.5;
+/// Full range of a PWM value of 8 bits.
+const PWM_FULL: f64 = 255.0;
+
+/// A quantity that the data determine.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Determined {
+    /// Most plausible value.
+    pub value: f64,
+    /// Interval that contains the true value in 95 of 100 recordings.
+    pub ci95: [f64; 2],
+    /// Unit of both.
+    pub unit: &'static str,
+}
+
+/// Quantities by their names in the JSON.
+pub type AllDetermined = BTreeMap<&'static str, Determined>;
+
+/// A quantity that may be determined.
+struct Quantity {
+    name: &'static str,
+    unit: &'static str,
+    /// A constant of this unit is as uncertain besides the fit.
+    scale: Unit,
+    /// Its error is a share of its value.
+    is_relative: bool,
+    of: fn(&Model, &Dataset) -> f64,
+}
+
+const fn relative(name: &'static str, unit: &'static str, scale: Unit, of: fn(&Model, &Dataset) -> f64) -> Quantity {
+    Quantity { name, unit, scale, is_relative: true, of }
+}
+
+const fn voltage(name: &'static str, of: fn(&Model, &Dataset) -> f64) -> Quantity {
+    Quantity { name, unit: "V", scale: Unit::Volt, is_relative: false, of }
+}
+
+const QUANTITIES: [Quantity; 10] = [
+    relative("gain_rad_per_s_per_V", "rad/s/V", Unit::RadianPerSecondPerVolt, |model, _| gain(&model.motor)),
+    relative("time_constant_s", "s", Unit::Second, |model, _| time_constant_s(&model.motor)),
+    // What makes the inductance uncertain makes this.
+    relative("electrical_time_constant_s", "s", Unit::Henry, |model, _| {
+        TimeConstants::of(&model.motor).electromagnetic_s
+    }),
+    voltage("dead_band_forward_V", |model, data| model.dead_band_v(Direction::Forward, supply_v(data))),
+    voltage("dead_band_reverse_V", |model, data| model.dead_band_v(Direction::Reverse, supply_v(data))),
+    voltage("breakaway_V", breakaway_v),
+    Quantity { name: "delay_s", unit: "s", scale: Unit::Second, is_relative: false, of: |model, _| model.delay_s() },
+    voltage("kS", |model, data| {
+        let [forward, reverse] = [Direction::Forward, Direction::Reverse];
+        0.5 * (model.dead_band_v(forward, supply_v(data)) + model.dead_band_v(reverse, supply_v(data)))
+    }),
+    relative("kV", "V s/rad", Unit::VoltSecondPerRadian, |model, _| 1.0 / gain(&model.motor)),
+    relative("kA", "V s^2/rad", Unit::VoltSecond2PerRadian, |model, _| {
+        time_constant_s(&model.motor) / gain(&model.motor)
+    }),
+];
+
+/// Steady speed per volt beyond the dead band.
+fn gain(motor: &MotorParameters) -> f64 {
+    speed(motor).dc_gain()
+}
+
+/// Of the speed, with the viscous friction, without the inductance.
+fn time_constant_s(motor: &MotorParameters) -> f64 {
+    motor.inertia_kg_m2 * motor.resistance_ohm / motor.torque_constant_nm_per_a * gain(motor)
+}
+
+fn supply_v(data: &Dataset) -> f64 {
+    greatest(&data.supply_v)
+}
+
+/// The larger one of both directions: what surely starts it.
+fn breakaway_v(model: &Model, data: &Dataset) -> f64 {
+    [Direction::Forward, Direction::Reverse]
+        .map(|way| model.breakaway_v(way, supply_v(data)))
+        .into_iter()
+        .fold(0.0, f64::max)
+}
+
+impl Quantity {
+    fn interval(&self, derived: &Derived) -> [f64; 2] {
+        let half = Z95 * derived.deviation;
+        if self.is_relative {
+            [-half, half].map(|off| derived.value * (off / derived.value).exp())
+        } else {
+            [(derived.value - half).max(0.0), derived.value + half]
+        }
+    }
+}
+
+/// Whether the data say more of it than was known before.
+fn is_determined(derived: &Derived) -> bool {
+    derived.deviation < MOST_OF_PRIOR * derived.prior_deviation
+}
+
+/// Where the scales of R, L, k, J and b come from: without a measured current or a known load the data only know their
+/// ratios.
+pub fn scales(uncertainty: &Uncertainty, data: &Dataset, nominal: &NominalMotor) -> [ScaleOrigin; 5] {
+    let given = nominal.values();
+    let of_current = |index: usize| CurrentScale.power(MotorParameters::UNITS[index]) != 0.0;
+    let is_any_given = (0..5).any(|index| of_current(index) && given[index].is_some());
+    std::array::from_fn(|index| {
+        let is_unknown = has_unknown_torque_scale(data) && of_current(index);
+        let is_narrowed = is_determined(&uncertainty.of(|model| model.motor.named()[index].1));
+        match (is_unknown, is_narrowed) {
+            (false, true) => ScaleOrigin::Measured,
+            (true, _) if is_any_given => ScaleOrigin::Nominal,
+            (false, false) if given[index].is_some() => ScaleOrigin::Nominal,
+            _ => ScaleOrigin::Unknown,
+        }
+    })
+}
+
+/// What the data of a fit determine. `widened` adds what is uncertain besides the fit: to the interval of a value of this
+/// unit.
+pub fn determined(
+    uncertainty: &Uncertainty,
+    data: &Dataset,
+    widened: impl Fn(Unit, f64, [f64; 2]) -> [f64; 2],
+) -> AllDetermined {
+    let found = |quantity: &Quantity| {
+        let derived = uncertainty.of(|model| (quantity.of)(model, data));
+        let ci95 = widened(quantity.scale, derived.value, quantity.interval(&derived));
+        is_determined(&derived)
+            .then_some((quantity.name, Determined { value: derived.value, ci95, unit: quantity.unit }))
+    };
+    QUANTITIES.iter().filter_map(found).collect()
+}
+
+/// What a person needs to know to drive it: the least voltages, also as a PWM value of 8 bits.
+pub fn to_start(all: &AllDetermined, supply_v: f64) -> Option<String> {
+    let breakaway_v = all.get("breakaway_V")?.value;
+    let turning_v = all.get("dead_band_forward_V")?.value.max(all.get("dead_band_reverse_V")?.value);
+    let least = f64::max(breakaway_v, turning_v);
+    (turning_v > 0.0).then(|| {
+        format!(
+            "It needs {least:.1} V (PWM {:.0} of 255) to start, {turning_v:.1} V to keep turning.",
+            (PWM_FULL * least / supply_v).ceil()
+        )
+    })
+}
