@@ -30,13 +30,12 @@ impl ObserverConfig {
     /// From `winding_time`, `torque_constant` and `resistance`.
     #[inline(always)]
     pub fn quantised(q: &mut Quantiser) -> Self {
-        if !q.is_on(Param::WindingTime) {
-            return Self::default();
-        }
         q.of(256.0 * AMPERE / VOLT).over(Param::Resistance);
         let of_voltage = q.round(Param::Resistance, i16::MAX as u16) as i16;
         q.of(256.0 * AMPERE / FULL_RANGE).times(Param::SpeedRange).times(Param::TorqueConstant).over(Param::Resistance);
-        let of_speed = q.round(Param::TorqueConstant, i16::MAX as u16) as i16;
+        // The trips may know a constant that this format does not hold.
+        let is_used = q.is_on(Param::WindingTime);
+        let of_speed = if is_used { q.round(Param::TorqueConstant, i16::MAX as u16) as i16 } else { 0 };
         Self { of_voltage, of_speed, winding: LowPassConfig::quantised(q, Param::WindingTime) }
     }
 }

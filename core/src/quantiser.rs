@@ -217,11 +217,14 @@ impl<'a> Quantiser<'a> {
     }
 
     /// The formula's value rounded; zero and the limit stand for what is beyond. For what only watches: a value that the
-    /// format does not hold is no reason to refuse the settings.
+    /// format does not hold is no reason to refuse the settings. `param`: any of the formula.
     #[inline(never)]
     #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
-    pub fn clamp(&mut self, limit: u16) -> u16 {
-        (self.value + 0.5).clamp(0.0, limit as f32) as u16
+    pub fn clamp(&mut self, param: Param, limit: u16) -> u16 {
+        let before = self.first_error;
+        let bits = self.saturate(param, limit);
+        self.first_error = before;
+        bits
     }
 
     /// One over the formula's value and `more`, bits of [`crate::units::Fraction`].

@@ -91,9 +91,9 @@ impl TripsConfig {
         self.continuous = continuous;
         self.heat_limit = (call_mul_i16(continuous, continuous) << 1 >> 16) as i16;
         self.heat_rate = heat_rate(q);
-        self.resistive = q.of(256.0 * VOLT / AMPERE).times(Param::Resistance).saturate(Param::Resistance, u16::MAX);
+        self.resistive = q.of(256.0 * VOLT / AMPERE).times(Param::Resistance).clamp(Param::Resistance, u16::MAX);
         q.of(256.0 * VOLT / FULL_RANGE).times(Param::SpeedRange).times(Param::TorqueConstant);
-        self.back_emf = q.clamp(u16::MAX);
+        self.back_emf = q.clamp(Param::TorqueConstant, u16::MAX);
         let supply = q.bits(Param::SupplyVoltage);
         self.driven = supply >> 2;
         self.turning = self.driven.max(LARGEST_DROP);
