@@ -39,13 +39,16 @@ mod firmware {
     }
 
     impl Uno {
-        /// Takes the next sample that has come; false if there is none.
-        fn take_sample(&mut self, sample: &mut Sample) -> bool {
-            let taken = tick::take_sample(sample);
-            if taken {
+        /// Sends the next sample that is wanted, and passes over those before it that are not.
+        #[inline(never)]
+        fn send_sample(&mut self, console: &mut Console) {
+            let mut sample = Sample::default();
+            while tick::take_sample(&mut sample) {
                 self.supply = sample.supply;
+                if console.telemetry(&sample, self) {
+                    break;
+                }
             }
-            taken
         }
 
         /// Shows the tick that the main loop goes round.
@@ -155,14 +158,15 @@ mod firmware {
             tick::skip_samples();
         }
         console.greet(&mut uno);
-        let mut sample = Sample::default();
         loop {
             uno.keep_alive();
-            if uno.take_sample(&mut sample) {
-                console.telemetry(&sample, &mut uno);
-            }
+            uno.send_sample(&mut console);
             while let Some(byte) = serial::read() {
                 console.receive(byte, &mut uno);
+                // Several lines may wait, each of which takes a tick or two: their samples need room.
+                if byte < b' ' {
+                    uno.send_sample(&mut console);
+                }
             }
             console.poll(&mut uno);
             board::idle(&peripherals);

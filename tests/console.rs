@@ -152,10 +152,16 @@ fn a_recording_leaves_out_what_was_before_the_sequence() {
         host.sent.clear();
         let still = Sample { state: State(State::ARMED | 1), ..Sample::default() };
         let plays = Sample { state: State(State::ARMED | State::PLAYING | 1), ..Sample::default() };
-        (0..before).for_each(|_| console.telemetry(&still, &mut host));
-        (0..playing).for_each(|_| console.telemetry(&plays, &mut host));
+        for _ in 0..before {
+            console.telemetry(&still, &mut host);
+        }
+        for _ in 0..playing {
+            console.telemetry(&plays, &mut host);
+        }
         assert!(!host.sent.windows(5).any(|bytes| bytes == b"done:"), "{before} {playing}");
-        (0..=WAITING).for_each(|_| console.telemetry(&still, &mut host));
+        for _ in 0..=WAITING {
+            console.telemetry(&still, &mut host);
+        }
         let sent = String::from_utf8_lossy(&host.sent).into_owned();
         assert!(sent.contains(&format!("done: {playing} samples")), "{before} {playing}: {sent}");
     }

@@ -33,9 +33,8 @@ impl ObserverConfig {
         q.of(256.0 * AMPERE / VOLT).over(Param::Resistance);
         let of_voltage = q.round(Param::Resistance, i16::MAX as u16) as i16;
         q.of(256.0 * AMPERE / FULL_RANGE).times(Param::SpeedRange).times(Param::TorqueConstant).over(Param::Resistance);
-        // The trips may know a constant that this format does not hold.
-        let is_used = q.is_on(Param::WindingTime);
-        let of_speed = if is_used { q.round(Param::TorqueConstant, i16::MAX as u16) as i16 } else { 0 };
+        // A back-EMF of less than half a bit is none; one that is not used may be of any size.
+        let of_speed = q.saturate_or_zero(Param::TorqueConstant, i16::MAX as u16) as i16;
         Self { of_voltage, of_speed, winding: LowPassConfig::quantised(q, Param::WindingTime) }
     }
 }

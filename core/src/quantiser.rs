@@ -216,15 +216,11 @@ impl<'a> Quantiser<'a> {
         self.round(param, limit)
     }
 
-    /// The formula's value rounded; zero and the limit stand for what is beyond. For what only watches: a value that the
-    /// format does not hold is no reason to refuse the settings. `param`: any of the formula.
+    /// The same; what is below half a bit is zero.
     #[inline(never)]
     #[cfg_attr(target_arch = "avr", unsafe(link_section = ".lowtext.quantise"))]
-    pub fn clamp(&mut self, param: Param, limit: u16) -> u16 {
-        let before = self.first_error;
-        let bits = self.saturate(param, limit);
-        self.first_error = before;
-        bits
+    pub fn saturate_or_zero(&mut self, param: Param, limit: u16) -> u16 {
+        if self.value < 0.5 { 0 } else { self.saturate(param, limit) }
     }
 
     /// One over the formula's value and `more`, bits of [`crate::units::Fraction`].

@@ -91,9 +91,10 @@ impl TripsConfig {
         self.continuous = continuous;
         self.heat_limit = (call_mul_i16(continuous, continuous) << 1 >> 16) as i16;
         self.heat_rate = heat_rate(q);
-        self.resistive = q.of(256.0 * VOLT / AMPERE).times(Param::Resistance).clamp(Param::Resistance, u16::MAX);
+        self.resistive = q.of(256.0 * VOLT / AMPERE).times(Param::Resistance).saturate(Param::Resistance, u16::MAX);
         q.of(256.0 * VOLT / FULL_RANGE).times(Param::SpeedRange).times(Param::TorqueConstant);
-        self.back_emf = q.clamp(Param::TorqueConstant, u16::MAX);
+        // Too small a constant for this format is one that is not known.
+        self.back_emf = q.saturate_or_zero(Param::TorqueConstant, u16::MAX);
         let supply = q.bits(Param::SupplyVoltage);
         self.driven = supply >> 2;
         self.turning = self.driven.max(LARGEST_DROP);
@@ -167,8 +168,11 @@ pub struct TripsState {
     heat: i32,
     /// Back-EMF, less a quarter of the voltage, that the voltage implied when it was last looked at.
     implied: i16,
-    /// That voltage was negative.
-    backward: bool,
+    /// Negative where the voltage was.
+    direction: i8,
+    /// Negative once the voltage has changed its direction since: then it drives the current first, and implies nothing until
+    /// that has settled. Nor is it braking any more.
+    reversed: i8,
     /// The last square that was taken, in bits of current squared over 2^15.
     squared: i16,
     still: u16,
@@ -193,8 +197,8 @@ pub struct TripsState {
     flags: u8,
 }
 
-/// Ticks the current signal may touch a rail.
-const RAIL_TICKS: u8 = 3;
+/// Looks, in every other tick, in which the current signal may touch a rail.
+const RAIL_LOOKS: u8 = 2;
 /// What need not come at once is looked at by turns.
 const TURNS: u8 = 4;
 /// Looks at the encoder's lines for one at whether the shaft is held.
@@ -230,13 +234,16 @@ impl TripsState {
         let current = magnitude(seen.current);
         self.flags |= seen.flags;
         let urgent = self.urgent(config, seen, current, armed);
-        let trip = match seen.turn % (2 * TURNS) {
-            0 | 4 => self.lines(config, seen, armed),
-            1 => self.imply(config, seen, current, armed),
-            5 => self.motion(config, seen),
-            2 | 6 => self.board(config, seen, armed),
-            3 => self.held(config, seen, current, armed),
-            _ => self.heat_up(config),
+        let turn = seen.turn % (2 * TURNS);
+        let trip = if turn % 2 == 0 {
+            self.every_other_tick(config, seen, armed, turn)
+        } else {
+            match turn {
+                1 => self.imply(config, seen, current, armed),
+                3 => self.held(config, seen, current, armed),
+                5 => self.motion(config, seen),
+                _ => self.heat_up(config),
+            }
         };
         if urgent != Trip::None { urgent } else { trip }
     }
@@ -252,10 +259,16 @@ impl TripsState {
         if peak && armed {
             return Trip::OverCurrentPeak;
         }
-        if for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_TICKS) || peak {
-            return Trip::SensorRange;
-        }
-        Trip::None
+        if peak { Trip::SensorRange } else { Trip::None }
+    }
+
+    /// The direction of the voltage, the rails of the current sensor; and by turns what may wait.
+    #[inline(always)]
+    fn every_other_tick(&mut self, config: &TripsConfig, seen: &Observation, armed: bool, turn: u8) -> Trip {
+        self.reversed |= (seen.voltage >> 8) as i8 ^ self.direction;
+        let railed = for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_LOOKS);
+        let trip = if turn % TURNS == 0 { self.lines(config, seen, armed) } else { self.board(config, seen, armed) };
+        if railed { Trip::SensorRange } else { trip }
     }
 
     /// Main loop, stack, converter, host and supply.
@@ -319,8 +332,12 @@ impl TripsState {
     fn imply(&mut self, config: &TripsConfig, seen: &Observation, current: i16, armed: bool) -> Trip {
         let drive = magnitude(seen.voltage);
         self.implied = NOTHING;
-        self.backward = seen.voltage < 0;
-        if armed && drive >= config.known_from {
+        let direction = (seen.voltage >> 8) as i8;
+        let reversed = core::mem::take(&mut self.reversed) | direction ^ self.direction;
+        self.direction = direction;
+        if reversed < 0 {
+            self.against = 0;
+        } else if armed && drive >= config.known_from {
             self.implied = saturating_sub_i16(drive - (drive >> 2), scaled(current, config.resistive));
         }
         Trip::None
@@ -329,7 +346,10 @@ impl TripsState {
     /// Whether the shaft turns as fast as has been implied four ticks ago.
     #[inline(always)]
     fn motion(&mut self, config: &TripsConfig, seen: &Observation) -> Trip {
-        let along = along(self.backward, seen.speed);
+        let along = along(self.direction < 0, seen.speed);
+        if self.reversed < 0 {
+            self.implied = NOTHING;
+        }
         let known = config.back_emf != 0 || self.quiet >= QUIET || along < STILL;
         let missing = saturating_sub_i16(self.implied, scaled(along, config.back_emf));
         if !known || missing <= config.turning {
@@ -382,7 +402,8 @@ impl TripsState {
     #[inline(always)]
     fn turns_against(&mut self, config: &TripsConfig, along: i16) -> bool {
         let speed = magnitude(along);
-        if along >= STILL {
+        // A speed that is timed by edges fades slowly on a shaft that rests.
+        if along >= STILL || self.quiet >= QUIET {
             self.against = 0;
         } else if self.against == 0 || speed < saturating_sub_i16(self.against_speed, FALLING) {
             self.against = 1;
@@ -505,6 +526,34 @@ mod tests {
             settings.set(param, value).unwrap();
         }
         settings
+    }
+
+    /// A motor under a binary sequence of 6 V either way, each bit so many ticks long: what identifies it best.
+    fn driven_by_bits(bit_ticks: u32, first: u32) -> impl Fn(u32) -> Observation {
+        const STEPS: u32 = 20;
+        let (mut register, mut current, mut speed) = (0xace1_u16, 0.0_f64, 0.0_f64);
+        let rows: Vec<Observation> = (0..10_000)
+            .map(|tick| {
+                if (tick + first) % bit_ticks == 0 {
+                    let bit = (register ^ register >> 2 ^ register >> 3 ^ register >> 5) & 1;
+                    register = register >> 1 | bit << 15;
+                }
+                let volts = if register & 1 != 0 { 6.0 } else { -6.0 };
+                let seen = Observation {
+                    voltage: (volts * VOLT) as i16,
+                    current: (current * f64::from(AMPERE)) as i16,
+                    speed: (speed * f64::from(FULL_RANGE) / 512.0) as i16,
+                    ..healthy()
+                };
+                for _ in 0..STEPS {
+                    let step_s = 1e-3 / f64::from(STEPS);
+                    current += step_s * (f64::from(volts) - 5.84 * current - 0.072 * speed) / 11.68e-3;
+                    speed += step_s * (0.072 * current - 5e-6 * speed) / 2.22e-5;
+                }
+                seen
+            })
+            .collect();
+        move |tick| rows[tick as usize]
     }
 
     #[test]
@@ -656,6 +705,8 @@ mod tests {
             Observation { voltage: 5120, speed: 0, current: amps(0.43), edges, ..healthy() }
         };
         assert_eq!(trips_after(&known(), dither), None);
+        // At rest under 3.2 V, with what is left of the speed that it had the other way.
+        quiet(Observation { voltage: 3300, speed: -2, edges: RESTS, current: amps(0.13), ..healthy() });
         // Creeping at 1 rpm: three counts in 90 ms.
         let creep = |tick: u32| {
             let came = tick.is_multiple_of(30);
@@ -663,6 +714,14 @@ mod tests {
             Observation { voltage: 5120, speed: 7, current: amps(0.43), edges, ..healthy() }
         };
         assert_eq!(trips_after(&known(), creep), None);
+        let large = [(Param::TripPeak, 5.0), (Param::TripContinuous, 3.0)];
+        for settings in [with(&large), with(&[large[0], large[1], (Param::TorqueConstant, 0.0)])] {
+            for bit_ticks in [1, 2, 3, 4, 5, 8, 10, 12, 16, 20, 24, 50] {
+                for first in 0..8 {
+                    assert_eq!(trips_after(&settings, driven_by_bits(bit_ticks, first)), None, "{bit_ticks} {first}");
+                }
+            }
+        }
         // Turned back by a load, against 6 V: the current is larger than that of a held shaft.
         let driven_back = |_| Observation { speed: -300, current: amps(0.66), ..healthy() };
         assert_eq!(trips_after(&with(&[(Param::TripRunaway, 0.0), (Param::TripContinuous, 1.0)]), driven_back), None);

@@ -198,7 +198,7 @@ texts! { Say SAYINGS:
     Ok "ok";
     Error "error: ";
     UnknownCommand "unknown command, see help";
-    LineRefused "line too long or not plain ASCII";
+    LineRefused "line too long or not ASCII";
     Usage "expected %0 %1";
     NoSuchSetting "no such setting, see show";
     TripLatched "trip %T %t, %A s ago; clear it";
@@ -212,7 +212,7 @@ texts! { Say SAYINGS:
     PeriodLimit "expected PERIOD 0..%L";
     CountLimit "expected COUNT 0..%L";
     Build "%3 %b";
-    NoReference "mode is off: choose a mode";
+    NoReference "mode is off";
     ZeroRefused "zero refused: a current flows";
     Command "%0 %1";
     Setting "%3 %x %4 %l..%h";
@@ -255,7 +255,7 @@ texts! { Word WORDS:
     TooSmall "is below its range";
     RoundsToZero "would round to zero in fixed point";
     NotPowerOfTwo "must be a power of two";
-    NotAllowed "is not an allowed value";
+    NotAllowed "is not allowed";
     NotFinite "must be a number";
     Version env!("CARGO_PKG_VERSION");
     Modes "off";
@@ -400,31 +400,34 @@ impl Console {
         }
     }
 
-    /// Streams a sample, if that is wanted.
+    /// Streams a sample, if that is wanted; says whether anything was sent.
     #[inline(never)]
-    pub fn telemetry(&mut self, sample: &Sample, machine: &mut impl Machine) {
+    pub fn telemetry(&mut self, sample: &Sample, machine: &mut impl Machine) -> bool {
         if self.stream == Stream::Off {
-            return;
+            return false;
         }
         if self.recording {
             if sample.state.has(State::PLAYING) {
                 self.countdown = 0;
             } else if self.countdown <= 1 {
-                return self.end_recording(machine);
+                self.end_recording(machine);
+                return true;
             }
         }
         if self.countdown > 1 {
             self.countdown -= 1;
-            return;
+            return false;
         }
         self.countdown = self.divider;
         if self.stream == Stream::Text {
             self.sample = *sample;
             self.print(Say::Plot, machine);
-            return self.end_line(machine);
+            self.end_line(machine);
+            return true;
         }
         self.recorded += 1;
         send_frame(&mut self.framer, protocol::SAMPLE, protocol::pack(sample), machine);
+        true
     }
 
     /// The sequence is over: the count, and back to text.

@@ -144,7 +144,7 @@ fn what_is_not_used_of_a_file_is_said() {
     std::fs::write(&odd, lines.collect::<String>()).unwrap();
     let is_model = predicate::str::contains("found.toml is a model file. It is used as a rig file");
     motorbench(&["identify", path(&bench.run), "--rig", path(&model)]).success().stderr(is_model);
-    let unknown = || predicate::str::contains("odd.csv: not used").and(predicate::str::contains(": temp_C\n"));
+    let unknown = || predicate::str::contains("odd.csv: columns without a known name are not used: temp_C.");
     for command in
         [&["identify", path(&odd), "--rig", path(&bench.rig)][..], &["compare", path(&odd), path(&bench.run)]]
     {

@@ -203,7 +203,7 @@ const TABLE: &[Row] = &[
             (&["none.csv", "--rig", "stand.toml"], 1, "none.csv"),
             (&["junk.csv", "--rig", "stand.toml"], 1, "this is no text"),
             (&["empty.csv", "--rig", "stand.toml"], 1, "the file is empty"),
-            (&["run.csv", "--rig", "stand.toml"], 1, "run.csv: a recording over time (t_s)"),
+            (&["run.csv", "--rig", "stand.toml"], 1, "run.csv is a recording over time (t_s)"),
             (&["--rig", "bare.toml"], 1, "write them there from a data sheet"),
             (&["table.csv", "--rig", "bad.toml"], 1, "bad.toml"),
             (&["table.csv", "--rig", "typo.toml"], 1, "typo.toml: line 1: unknown key moter; did you mean motor?"),
@@ -316,7 +316,7 @@ const TABLE: &[Row] = &[
         bad: &[
             (&["--port", "/dev/none"], 3, "motorbench ports"),
             (&["--port", "/dev/none", "--from", "-6", "--to", "-8", "--reference", "-60"], 3, "motorbench ports"),
-            (&["--relay", "1", "--reference", "-60"], 1, "forwards"),
+            (&["--relay", "1", "--reference", "-60"], 1, "a --reference above 0"),
             (&["--hold", "0.05"], 2, "0.2 to 60 seconds"),
             (&["--hold", "-1"], 2, "0.2 to 60 seconds"),
             (&["--relay", "-1"], 2, "above 0"),
