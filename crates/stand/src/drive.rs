@@ -12,7 +12,7 @@ mod creep;
 use motorbench_core::HARDWARE;
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
-use motorbench_data::names::setting_name as name;
+use motorbench_data::names::setting_name;
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{NominalMotor, Timing};
 use motorbench_data::telemetry;
@@ -213,7 +213,7 @@ struct Driver<'a, B: Board, P: Person> {
 
 impl<B: Board, P: Person> Driver<'_, B, P> {
     fn set(&mut self, param: Param, value: f32) -> Result<(), Ended> {
-        Ok(self.board.command(&format!("set {} {value}", name(param)))?)
+        Ok(self.board.command(&format!("set {} {value}", setting_name(param)))?)
     }
 
     fn prepare(&mut self) -> Result<(), Ended> {
@@ -235,7 +235,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
         leave_host(self.board, self.settings)?;
         for param in [Param::SlewLimit, Param::TripStall, Param::TripEncoder] {
-            self.board.command(&format!("set {} {}", name(param), self.settings.get(param)))?;
+            self.board.command(&format!("set {} {}", setting_name(param), self.settings.get(param)))?;
         }
         Ok(())
     }

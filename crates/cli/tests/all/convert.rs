@@ -3,6 +3,7 @@
 
 use assert_cmd::Command;
 use motorbench_data::recording::{Channel, Recording};
+use motorbench_files::recording;
 use predicates::prelude::*;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -19,7 +20,7 @@ fn read(name: &str, more: &[&str]) -> Recording {
     let directory = TempDir::new().unwrap();
     let target = directory.path().join("run.csv");
     convert(&data(name), &target, more).success();
-    motorbench_files::recording(&target, &[]).unwrap()
+    recording(&target, &[]).unwrap()
 }
 
 /// The spin-up of make.py.
@@ -68,7 +69,7 @@ fn a_log_that_ends_within_a_record() {
         std::fs::write(at("cut.wpilog"), &log[..log.len() - missing]).unwrap();
         let said = predicate::str::contains("is cut: what is before it is whole");
         convert(&at("cut.wpilog"), &at("cut.csv"), &[]).success().stdout(said);
-        assert_eq!(motorbench_files::recording(&at("cut.csv"), &[]).unwrap().len(), 19, "{missing} bytes are missing");
+        assert_eq!(recording(&at("cut.csv"), &[]).unwrap().len(), 19, "{missing} bytes are missing");
     }
     std::fs::write(at("cut.wpilog"), &log[..10]).unwrap();
     convert(&at("cut.wpilog"), &at("cut.csv"), &[]).code(1);
@@ -83,8 +84,7 @@ fn a_table_with_decimal_commas_is_read_again() {
     let to = ["--to-delimiter", ";", "--to-decimal-comma"];
     convert(&at("run.csv"), &at("commas.csv"), &to).success();
     convert(&at("commas.csv"), &at("again.csv"), &[]).success();
-    let [run, again] =
-        ["run.csv", "again.csv"].map(|name| motorbench_files::recording(&at(name), &[]).unwrap().to_csv());
+    let [run, again] = ["run.csv", "again.csv"].map(|name| recording(&at(name), &[]).unwrap().to_csv());
     assert_eq!(run, again);
 }
 
@@ -150,10 +150,7 @@ fn sysids_unit_is_for_its_display() {
     std::fs::write(&degrees, shown).unwrap();
     let target = directory.path().join("run.csv");
     convert(&degrees, &target, &[]).success();
-    assert_eq!(
-        motorbench_files::recording(&target, &[]).unwrap().get(Channel::Speed),
-        read("sysid.json", &[]).get(Channel::Speed)
-    );
+    assert_eq!(recording(&target, &[]).unwrap().get(Channel::Speed), read("sysid.json", &[]).get(Channel::Speed));
     std::fs::write(&degrees, text.replace("\"Simple\"", "\"Drivetrain\"")).unwrap();
     convert(&degrees, &target, &[]).code(1).stderr(predicate::str::contains("a drivetrain has two motors"));
 }
@@ -214,7 +211,7 @@ fn what_cannot_be_read_says_what_to_do() {
     fails("complex.mat", "u_V: expected a vector of real numbers");
     fails("matrix.npy", "an array without names");
     fails("robot.wpilog", "no known channel among NT:/motor/velocity, NT:/motor/volts, messages");
-    fails("make.py", "its ending says no format");
+    fails("make.py", "no format has this ending");
     convert(&data("plain.mat"), &target, &["--map", "u_V=volts"])
         .code(2)
         .stderr(predicate::str::contains("no channel is called \"volts\""));

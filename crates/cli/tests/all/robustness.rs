@@ -4,6 +4,7 @@
 
 use crate::board::{Board, MOTORBENCH, rows, text};
 use motorbench_data::recording::Channel;
+use motorbench_files::recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serialport::{SerialPort, TTYPort};
@@ -128,7 +129,7 @@ fn whole_or_counted(board: &Board, done: &Output) {
     let side = board.side_file();
     let [samples, missing] = ["samples", "missing_ticks"].map(|name| side[name].as_u64().unwrap());
     let path = board.folder.join("run.csv");
-    let recording = motorbench_files::recording(&path, &[]).unwrap();
+    let recording = recording(&path, &[]).unwrap();
     let time_s = recording.time_s().unwrap();
     assert_eq!((samples as usize, rows(&path)), (time_s.len(), time_s.len()));
     let ticks = 1 + (1000.0 * time_s.last().unwrap()).round() as u64;
@@ -267,7 +268,7 @@ fn a_full_disk_stops_the_motor_and_keeps_what_was_written() {
     board.motor_is_off();
     let csv = std::fs::read_to_string(board.folder.join("run.csv")).unwrap();
     assert!(csv.ends_with('\n') && csv.len() > 20_000 && csv.len() <= 64 * 512, "{} bytes", csv.len());
-    let recording = motorbench_files::recording(&board.folder.join("run.csv"), &[]).unwrap();
+    let recording = recording(&board.folder.join("run.csv"), &[]).unwrap();
     assert!(recording.len() > 300, "{} samples", recording.len());
     assert_eq!(board.side_file()["samples"].as_u64().unwrap() as usize, recording.len());
 }
@@ -284,7 +285,7 @@ fn a_full_disk_ends_a_recording_out_of_the_tuning_console() {
     let message = text(&done.stderr);
     assert_eq!(done.status.code(), Some(3), "{message}");
     let [csv, rig] = ["tune.csv", "tune.rig.toml"].map(|name| board.folder.join(name));
-    let recording = motorbench_files::recording(&csv, &[]).unwrap();
+    let recording = recording(&csv, &[]).unwrap();
     let kept = format!("make room on the disk; --out names another file; tune.csv: {} samples", recording.len());
     assert!(recording.len() > 300 && message.contains(&kept), "{message}");
     let json = |name: &str| -> serde_json::Value {

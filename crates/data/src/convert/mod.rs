@@ -16,30 +16,60 @@ use std::path::Path;
 
 pub use csv::Dialect;
 
-/// A format, by the ending of the file's name unless it is said.
+/// A file format. The ending of the file's name gives it, unless the user names another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// A table with a header line (.csv, .tsv, .txt).
+    /// A table with a header line.
     Csv,
-    /// `PlotJuggler`'s CSV: times in `__time`, cells may be empty.
+    /// CSV of `PlotJuggler`.
     Plotjuggler,
-    /// Legacy JSON of `WPILib` `SysId`: four tests, rotations (.json).
+    /// Legacy JSON of `WPILib` `SysId`.
     Sysid,
-    /// `WPILib` data log 1.0 (.wpilog).
+    /// `WPILib` data log.
     Wpilog,
-    /// MATLAB level 5, one vector for each channel (.mat).
+    /// MATLAB level 5.
     Mat,
-    /// `NumPy`, one structured array (.npy).
+    /// `NumPy`, one array.
     Npy,
-    /// `NumPy`, one array for each channel (.npz).
+    /// `NumPy`, several arrays.
     Npz,
 }
 
 impl Format {
-    /// The format that the ending of a file's name says.
+    /// All formats.
+    pub const ALL: [Self; 7] =
+        [Self::Csv, Self::Plotjuggler, Self::Sysid, Self::Wpilog, Self::Mat, Self::Npy, Self::Npz];
+
+    /// Its name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Plotjuggler => "plotjuggler",
+            Self::Sysid => "sysid",
+            Self::Wpilog => "wpilog",
+            Self::Mat => "mat",
+            Self::Npy => "npy",
+            Self::Npz => "npz",
+        }
+    }
+
+    /// What a file of this format holds, for a help text.
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::Csv => "A table with a header line (.csv, .tsv, .txt)",
+            Self::Plotjuggler => "CSV of PlotJuggler: times in `__time`, cells may be empty",
+            Self::Sysid => "Legacy JSON of WPILib SysId: four tests, rotations (.json)",
+            Self::Wpilog => "WPILib data log 1.0 (.wpilog)",
+            Self::Mat => "MATLAB level 5, one vector for each channel (.mat)",
+            Self::Npy => "NumPy, one structured array (.npy)",
+            Self::Npz => "NumPy, one array for each channel (.npz)",
+        }
+    }
+
+    /// The format that the ending of a file's name gives.
     ///
     /// # Errors
-    /// [`ConvertError`] for an ending that says none.
+    /// [`ConvertError`] for an ending that no format has.
     pub fn of_path(path: &Path) -> Result<Self, ConvertError> {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
         match ending.as_str() {
@@ -52,7 +82,7 @@ impl Format {
             _ => Err(ConvertError::new(
                 path.display(),
                 Fault::whole(
-                    "its ending says no format: expected .csv, .tsv, .txt, .json (SysId), .wpilog, .mat, .npy or .npz, or say it with --from or --to",
+                    "no format has this ending: expected .csv, .tsv, .txt, .json (SysId), .wpilog, .mat, .npy or .npz. Or give the format with --from or --to",
                 ),
             )),
         }
