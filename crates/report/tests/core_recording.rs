@@ -1,5 +1,5 @@
-//! What the core itself records of a motor is diagnosed as it is: from excitation through sensors and fixed point to the
-//! name of the cause, and nothing that the core's own sampling could be mistaken for.
+//! Given a recording by the core of a motor with an effect, the diagnosis names the effect. The recording has passed
+//! excitation, sensors and fixed point, and no property of the core's sampling is taken for a cause.
 
 use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
 use host_sim::trial::Trial;
