@@ -8,7 +8,7 @@ use motorbench_data::recording::Channel;
 use motorbench_files::text_file;
 use std::path::{Path, PathBuf};
 
-/// Converts recordings from and to CSV of other kinds, PlotJuggler, WPILib SysId and WPILOG, MATLAB and NumPy.
+/// Converts recordings from and to CSV of other programs, PlotJuggler, WPILib SysId and WPILOG, MATLAB and NumPy.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench convert log.wpilog run.csv --map velocity=omega_rad_per_s*6.2832 \\
@@ -25,10 +25,10 @@ pub struct Arguments {
     source: PathBuf,
     /// File to write; its ending gives the format. - for the terminal, as CSV unless --to gives another format.
     target: PathBuf,
-    /// Format of the source, instead of the one of its ending.
+    /// Format of the source, if its ending does not give it.
     #[arg(long, value_name = "FORMAT", value_parser = format_name())]
     from: Option<Format>,
-    /// Format of the target, instead of the one of its ending.
+    /// Format of the target, if its ending does not give it.
     #[arg(long, value_name = "FORMAT", value_parser = format_name())]
     to: Option<Format>,
     /// A source column and its channel, with a factor for other units: velocity=omega_rad_per_s*6.2832.
@@ -37,19 +37,19 @@ pub struct Arguments {
     /// A channel and its name in the target: omega_rad_per_s=speed.
     #[arg(long = "rename", value_name = "CHANNEL=NAME", value_parser = renaming)]
     renamed: Vec<(Channel, String)>,
-    /// Separator of a CSV source; default: the one that its header has most of.
+    /// Separator of a CSV source; default: the most frequent one in its header.
     #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
     delimiter: Option<u8>,
-    /// The CSV source writes 1,5 for 1.5; found by itself where semicolons separate the values.
+    /// The CSV source has decimal commas (1,5 for 1.5). Found automatically if semicolons separate the values.
     #[arg(long)]
     decimal_comma: bool,
     /// Separator of a CSV target.
     #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
     to_delimiter: Option<u8>,
-    /// The CSV target writes 1,5 for 1.5, with semicolons between values.
+    /// The CSV target gets decimal commas (1,5 for 1.5), with semicolons between values.
     #[arg(long)]
     to_decimal_comma: bool,
-    /// Prints what was converted as JSON.
+    /// Prints a summary as JSON.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
@@ -100,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let written = convert::write(recording, to, &arguments.renamed, dialect).map_err(Failure::input)?;
     let target = &arguments.target;
     write(target, &written)?;
-    // It has a place for four tests only.
+    // SysId holds four tests only.
     let tests = (to == Format::Sysid)
         .then(|| convert::read(&name, &written, to, &Names::default(), Dialect::default()))
         .transpose()

@@ -1,6 +1,6 @@
-//! `motorbench stand`
+//! `motorbench stand`: evaluates a table of steady states, or measures one on a board.
 
-mod board;
+mod measure;
 
 use super::{Failure, Outputs, mapping, plot_file, read_recording, read_rig, write_json, write_plot};
 use clap::Args;
@@ -11,7 +11,7 @@ use motorbench_diagnosis::steady_state::Winding;
 use motorbench_files::text_file;
 use motorbench_report::diagnosis_text::estimate;
 use motorbench_report::web_page::axis_label;
-use motorbench_stand::derived::Slip;
+use motorbench_stand::derived::WrongCell;
 use motorbench_stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
 use motorbench_text::terminal_text::{fixed, rounded, short, wrapped};
 use plotters::coord::Shift;
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// resistance.
     table: Option<PathBuf>,
     #[command(flatten)]
-    board: board::BoardArguments,
+    board: measure::BoardArguments,
     /// Nominal resistance_ohm and torque_constant_Nm_per_A under [motor] (TOML).
     #[arg(long)]
     rig: PathBuf,
@@ -98,7 +98,8 @@ fn table(path: &Path, columns: &[(String, String)]) -> Result<Recording, Failure
     Ok(table)
 }
 
-/// Evaluates a table and prints or writes what was asked for. `resistances_ohm`: of the winding, where measured apart.
+/// Evaluates a table and prints or writes the requested results. `resistances_ohm`: of the winding, if measured
+/// separately.
 fn report(
     arguments: &Arguments,
     outputs: &Outputs,
@@ -116,7 +117,7 @@ fn report(
         write_json(path, &stand)?;
     }
     outputs.say(&page(&stand, rig.motor.resistance_ohm));
-    // Last: a table of which there is no map has its evaluation.
+    // The map comes last, so that a table without a map still has its evaluation.
     arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))
 }
 
@@ -150,12 +151,12 @@ fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
     }
 }
 
-/// Head of the column that only a table with loads has.
+/// Head of a column that only a table with loads has.
 fn load_head(stand: &Stand) -> &'static str {
     if stand.loaded.is_empty() { "" } else { "  load_Nm" }
 }
 
-/// A cell of it.
+/// A cell of that column.
 fn load_cell(stand: &Stand, load_nm: f64) -> String {
     if stand.loaded.is_empty() { String::new() } else { format!(" {load_nm:8.4}") }
 }
@@ -268,15 +269,15 @@ fn loads(text: &mut String, stand: &Stand) {
     }
 }
 
-/// Nominal resistance, and whether it is the mean of the positions, to the digits that it is given with.
+/// Nominal resistance with its given digits, and whether it is the mean of the positions.
 fn against_mean(nominal_ohm: f64, winding: &Winding) -> String {
     let digits = nominal_ohm.to_string().split_once('.').map_or(0, |(_, decimals)| decimals.len());
     let is_mean = format!("{:.digits$}", winding.mean_ohm) == format!("{nominal_ohm:.digits$}");
     if is_mean { short(nominal_ohm) } else { format!("{}, not that mean", short(nominal_ohm)) }
 }
 
-/// Cells of a derived table that are wrong.
-fn slips(text: &mut String, slips: &[Slip]) {
+/// Wrong cells of a derived table.
+fn slips(text: &mut String, slips: &[WrongCell]) {
     if slips.is_empty() {
         return;
     }
@@ -285,7 +286,7 @@ fn slips(text: &mut String, slips: &[Slip]) {
     );
     text.push_str("     u_V                 column  printed  own row  readings\n");
     let cell = |value: Option<f64>| value.map_or("-".into(), |value| rounded(value, 5));
-    for Slip { u_V, column, printed, by_row, by_readings } in slips {
+    for WrongCell { u_V, column, printed, by_row, by_readings } in slips {
         let (row, readings) = (cell(*by_row), cell(*by_readings));
         let _ = writeln!(text, "  {u_V:6.2} {column:>22} {:>8} {row:>8} {readings:>9}", rounded(*printed, 5));
     }
@@ -324,20 +325,20 @@ fn condition(text: &mut String, stand: &Stand) {
     }
 }
 
-/// Blue, the stronger the larger this share of the best efficiency.
+/// Blue; stronger for a larger share of the best efficiency.
 fn shade(share: f64) -> ShapeStyle {
     RGBColor(0, 114, 178).mix(share.clamp(0.0, 1.0)).filled()
 }
 
 /// Shades of the map, from a quarter of the best efficiency on.
 const SHADES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
-/// Where they begin, how far they are apart, and how large they are.
+/// Position, distance and size of their legend.
 const SHADES_AT: (i32, i32) = (96, 36);
 const SHADES_APART: i32 = 100;
 const SHADE_SIZE: (i32, i32) = (24, 16);
 const MAP_LETTERS: (&str, i32) = ("sans-serif", 16);
 
-/// What the shades of the map mean, above it.
+/// Legend of the map's shades, above it.
 fn shades(area: &DrawingArea<SVGBackend, Shift>, best: f64) -> Result<(), Box<dyn Error>> {
     for (share, index) in SHADES.into_iter().zip(0..) {
         let (left, top) = (SHADES_AT.0 + index * SHADES_APART, SHADES_AT.1);
@@ -349,7 +350,7 @@ fn shades(area: &DrawingArea<SVGBackend, Shift>, best: f64) -> Result<(), Box<dy
     Ok(())
 }
 
-/// Efficiency over voltage and torque: the darker the more, the point is the best.
+/// Efficiency over voltage and torque: darker is better, the point is the best.
 fn map(map: &EfficiencyMap, best: &OperatingPoint) -> Result<String, Box<dyn Error>> {
     let EfficiencyMap { step_v, step_nm, points } = map;
     let greatest_v = points.iter().map(|point| point.u_V).fold(0.0, f64::max) + 0.5 * step_v;
