@@ -162,18 +162,32 @@ fn load_cell(stand: &Stand, load_nm: f64) -> String {
 }
 
 fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
-    let loaded = !stand.loaded.is_empty();
-    let load = |load_nm| load_cell(stand, load_nm);
+    let mut text = String::new();
+    nominal_levels(&mut text, stand);
+    losses(&mut text, stand);
+    causes(&mut text, stand);
+    winding(&mut text, stand, nominal_ohm);
+    wrong_cells(&mut text, &stand.slips);
+    directions(&mut text, stand);
+    condition(&mut text, stand);
+    loads(&mut text, stand);
+    most_efficient(&mut text, stand);
+    text
+}
+
+/// The levels with the formulas of a test stand.
+fn nominal_levels(text: &mut String, stand: &Stand) {
     let head = load_head(stand);
-    let mut text = format!(
-        "Derived with the nominal constants, as usual at test stands\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm\n",
+    let _ = writeln!(
+        text,
+        "Derived with the nominal constants, as usual at test stands\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm"
     );
     for level in &stand.study.levels {
         let _ = writeln!(
             text,
             "  {:6.2}{} {:6.2} {:7.1} {:6.2} {:7.2} {:5.2} {:9.4} {:6.2} {:9.2}",
             level.u_V,
-            load(level.load_Nm),
+            load_cell(stand, level.load_Nm),
             level.emf_V,
             level.rpm,
             level.p_in_W,
@@ -184,7 +198,11 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             level.dynamic_resistance_ohm
         );
     }
-    let shaft = if loaded { "    shaft" } else { "" };
+}
+
+fn losses(text: &mut String, stand: &Stand) {
+    let (head, is_loaded) = (load_head(stand), !stand.loaded.is_empty());
+    let shaft = if is_loaded { "    shaft" } else { "" };
     let _ = writeln!(
         text,
         "\nWhere the power goes by the constants found, W\n     u_V{head}{shaft}  winding     drop  dry fr.  viscous     rest"
@@ -194,8 +212,8 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             text,
             "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:>8}",
             losses.u_V,
-            load(losses.load_Nm),
-            if loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
+            load_cell(stand, losses.load_Nm),
+            if is_loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
             losses.winding_W,
             losses.drop_W,
             losses.coulomb_W,
@@ -203,41 +221,45 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             fixed(losses.rest_W, 3)
         );
     }
-    text += "\nCauses\n";
+}
+
+fn causes(text: &mut String, stand: &Stand) {
+    text.push_str("\nCauses\n");
     for cause in &stand.study.outcome.causes {
         let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
-        text += &wrapped(&format!("{}: {}", cause.effect, constants.collect::<Vec<_>>().join(", ")), "  ", "    ");
+        let line = format!("{}: {}", cause.effect, constants.collect::<Vec<_>>().join(", "));
+        text.push_str(&wrapped(&line, "  ", "    "));
     }
-    if let Some(winding) = &stand.winding {
-        let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = winding.resistances_ohm.iter().copied().fold(0.0, f64::max);
-        let line = format!(
-            "Winding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
-            winding.resistances_ohm.len(),
-            short(winding.mean_ohm),
-            short(winding.spread_ohm),
-            short(least),
-            short(most),
-            nominal_ohm.map_or("unknown".into(), |nominal| against_mean(nominal, winding))
-        );
-        text.push('\n');
-        text += &wrapped(&line, "", "  ");
-    }
-    slips(&mut text, &stand.slips);
-    directions(&mut text, stand);
-    condition(&mut text, stand);
-    loads(&mut text, stand);
-    text += match loaded {
-        true => "\nMost efficient load at each voltage, by the constants found\n",
-        false => "\nMost efficient load at each voltage, predicted: no row of the table had a load\n",
-    };
-    text += "     u_V  torque_Nm     rpm    i_A    eff\n";
+}
+
+fn winding(text: &mut String, stand: &Stand, nominal_ohm: Option<f64>) {
+    let Some(winding) = &stand.winding else { return };
+    let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = winding.resistances_ohm.iter().copied().fold(0.0, f64::max);
+    let line = format!(
+        "Winding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
+        winding.resistances_ohm.len(),
+        short(winding.mean_ohm),
+        short(winding.spread_ohm),
+        short(least),
+        short(most),
+        nominal_ohm.map_or("unknown".into(), |nominal| against_mean(nominal, winding))
+    );
+    text.push('\n');
+    text.push_str(&wrapped(&line, "", "  "));
+}
+
+fn most_efficient(text: &mut String, stand: &Stand) {
+    text.push_str(match stand.loaded.is_empty() {
+        false => "\nMost efficient load at each voltage, by the constants found\n",
+        true => "\nMost efficient load at each voltage, predicted: no row of the table had a load\n",
+    });
+    text.push_str("     u_V  torque_Nm     rpm    i_A    eff\n");
     for point in &stand.most_efficient {
         let OperatingPoint { u_V, torque_Nm, omega_rad_per_s, i_A, efficiency } = point;
         let rpm = rpm(*omega_rad_per_s);
         let _ = writeln!(text, "  {u_V:6.2} {torque_Nm:10.4} {rpm:7.0} {i_A:6.2} {efficiency:6.2}");
     }
-    text
 }
 
 /// Efficiency over load at each voltage.
@@ -277,7 +299,7 @@ fn against_mean(nominal_ohm: f64, winding: &Winding) -> String {
 }
 
 /// Wrong cells of a derived table.
-fn slips(text: &mut String, slips: &[WrongCell]) {
+fn wrong_cells(text: &mut String, slips: &[WrongCell]) {
     if slips.is_empty() {
         return;
     }
