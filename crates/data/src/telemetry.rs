@@ -12,6 +12,16 @@ use std::f64::consts::TAU;
 /// Step of the firmware's current reading at 185 mV/A: one converter step divided by the conversions in a sum.
 const CURRENT_STEP_A: f64 = converter::STEP_V as f64 / (2.0 * converter::BLOCK as f64) / 0.185;
 
+/// Settings of a recording for an identification: nothing limits the excitation, and only the current trips remain.
+pub const IDENTIFICATION_SETTINGS: [(Param, f32); 6] = [
+    (Param::CurrentLimit, 0.0),
+    (Param::TripPeak, 5.0),
+    (Param::TripContinuous, 3.0),
+    (Param::TripEncoder, 0.0),
+    (Param::TripStall, 0.0),
+    (Param::SlewLimit, 30_000.0),
+];
+
 /// One bit of the measured or commanded speed, in rad/s.
 pub fn speed_bit_rad_per_s(settings: &Settings) -> f64 {
     f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)

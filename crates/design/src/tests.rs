@@ -7,6 +7,14 @@ use host_sim::trial::Trial;
 use motorbench_model::Model;
 use motorbench_model::linear::motor_model;
 
+/// Bandwidth of each law for the paper's motor.
+const BANDWIDTHS_HZ: [(ControlLaw, f64); 4] = [
+    (ControlLaw::SpeedPid, 10.0),
+    (ControlLaw::SpeedLqr, 10.0),
+    (ControlLaw::PositionPid, 5.0),
+    (ControlLaw::PositionLqr, 5.0),
+];
+
 fn pivt6(law: ControlLaw, hz: f64, overshoot_percent: f64) -> Result<Design, DesignError> {
     let specification = Specification { speed: Speed::BandwidthHz(hz), overshoot_percent, current_limit_a: 1.0 };
     design(&MotorParameters::PIVT6, &Bench::default(), law, &specification)
@@ -15,12 +23,7 @@ fn pivt6(law: ControlLaw, hz: f64, overshoot_percent: f64) -> Result<Design, Des
 /// Figures of each law on the paper's motor. They are fixed here so that a change of the method shows.
 #[test]
 fn every_law_for_the_papers_motor() {
-    for (law, hz) in [
-        (ControlLaw::SpeedPid, 10.0),
-        (ControlLaw::SpeedLqr, 10.0),
-        (ControlLaw::PositionPid, 5.0),
-        (ControlLaw::PositionLqr, 5.0),
-    ] {
+    for (law, hz) in BANDWIDTHS_HZ {
         let design = pivt6(law, hz, 10.0).unwrap();
         println!("{law:?}: {:?} {:?} {:?}", design.figures, design.robustness, design.trial);
         assert!((0.99 * hz..1.05 * hz).contains(&design.figures.bandwidth_hz));
@@ -38,12 +41,7 @@ fn every_law_for_the_papers_motor() {
 /// The core in fixed point follows the linear loop with the gains that it holds. The page shows both curves.
 #[test]
 fn the_core_follows_the_linear_loop() {
-    for (law, hz) in [
-        (ControlLaw::SpeedPid, 10.0),
-        (ControlLaw::SpeedLqr, 10.0),
-        (ControlLaw::PositionPid, 5.0),
-        (ControlLaw::PositionLqr, 5.0),
-    ] {
+    for (law, hz) in BANDWIDTHS_HZ {
         let design = pivt6(law, hz, 10.0).unwrap();
         let worst = farthest_from_linear(&design, &MotorParameters::PIVT6);
         println!("{law:?}: core and linear loop differ by {:.2} % of the step at most", 100.0 * worst);

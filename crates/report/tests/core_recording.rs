@@ -15,14 +15,7 @@ use motorbench_model::motor::MotorParameters;
 
 fn settings() -> Settings {
     let mut settings = Settings::defaults();
-    for (param, value) in [
-        (Param::CurrentLimit, 0.0),
-        (Param::TripPeak, 5.0),
-        (Param::TripContinuous, 3.0),
-        (Param::TripEncoder, 0.0),
-        (Param::TripStall, 0.0),
-        (Param::SlewLimit, 30_000.0),
-    ] {
+    for (param, value) in telemetry::IDENTIFICATION_SETTINGS {
         settings.set(param, value).unwrap();
     }
     settings

@@ -9,7 +9,7 @@ use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::NominalMotor;
-use motorbench_data::telemetry;
+use motorbench_data::telemetry::{self, IDENTIFICATION_SETTINGS};
 use motorbench_design::compensation::{OutOfRange, compensation};
 use motorbench_design::fixed_point::SettingList;
 use motorbench_design::law::ControlLaw;
@@ -21,15 +21,6 @@ use motorbench_link::board::{Board, BoardError, samples_of, untripped, watch_hos
 use motorbench_report::panels::{Panel, panels};
 use std::fmt::Write as _;
 
-/// Settings for the identification: nothing limits the excitation.
-const IDENTIFYING: [(Param, f32); 6] = [
-    (Param::CurrentLimit, 0.0),
-    (Param::TripPeak, 5.0),
-    (Param::TripContinuous, 3.0),
-    (Param::TripEncoder, 0.0),
-    (Param::TripStall, 0.0),
-    (Param::SlewLimit, 30_000.0),
-];
 /// The `identify` sequence: amplitude in volts, a hold in milliseconds, and its number of holds.
 const AMPLITUDE_V: f64 = 10.0;
 const HOLD_MS: u16 = 500;
@@ -119,7 +110,7 @@ pub fn thesis(
 /// Plays the sequence; returns the recording and its settings.
 fn identify(board: &mut impl Board) -> Result<(Recording, Settings), ThesisError> {
     let mut list = SettingList::default();
-    for (param, value) in IDENTIFYING {
+    for (param, value) in IDENTIFICATION_SETTINGS {
         list.set(param, value.into())?;
     }
     prepare(board, &list)?;

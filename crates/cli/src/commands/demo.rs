@@ -18,7 +18,7 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
 use motorbench_data::names::trip_words;
 use motorbench_data::rig::{NominalMotor, Rig};
-use motorbench_data::telemetry;
+use motorbench_data::telemetry::{self, IDENTIFICATION_SETTINGS};
 use motorbench_diagnosis::diagnose::outcome::Outcome;
 use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
 #[cfg(feature = "chip")]
@@ -270,17 +270,8 @@ fn wrong(motor: &MotorParameters, random: &mut ChaCha8Rng) -> MotorParameters {
 /// Settings for identification: nothing limits the voltage, and trips are as wide as possible.
 fn recording_settings() -> Settings {
     let mut settings = Settings::defaults();
-    let wide = [
-        (Param::SupplyVoltage, SUPPLY_V as f32),
-        (Param::VoltageLimit, SUPPLY_V as f32),
-        (Param::SlewLimit, 30_000.0),
-        (Param::CurrentLimit, 0.0),
-        (Param::TripPeak, 5.0),
-        (Param::TripContinuous, 3.0),
-        (Param::TripStall, 0.0),
-        (Param::TripEncoder, 0.0),
-    ];
-    for (param, value) in wide {
+    let supply = [(Param::SupplyVoltage, SUPPLY_V as f32), (Param::VoltageLimit, SUPPLY_V as f32)];
+    for (param, value) in supply.into_iter().chain(IDENTIFICATION_SETTINGS) {
         settings.set(param, value).expect("within the settings' ranges");
     }
     settings
