@@ -89,7 +89,7 @@ impl Draw {
         let rig = Rig { settings, tachogenerator: self.bench.tachogenerator };
         let tried = |shape| {
             let candidate = search.gentlest(shape, &specification).ok()?;
-            tried(&self.motor, &rig, law, &specification, candidate).ok()
+            quantised(&self.motor, &rig, law, &specification, candidate).ok()
         };
         search.shapes().into_iter().find_map(tried).expect("one that the reversal was asked of")
     }
