@@ -74,7 +74,7 @@ pub enum DesignError {
     },
     /// With gains rounded to the core's formats, the loop misses the specification.
     #[error(
-        "with gains rounded to the core's formats, the {law} has a bandwidth of {bandwidth_hz:.3} Hz, settles in {settling_s:.3} s and overshoots by {overshoot_percent:.1} %: ask for a faster loop"
+        "with gains rounded to the core's formats, the {law} misses the specification: bandwidth {bandwidth_hz:.3} Hz, settling {settling_s:.3} s, overshoot {overshoot_percent:.1} %. Ask for a faster loop"
     )]
     Quantised {
         /// Which law.

@@ -1,9 +1,9 @@
 //! The loop as the core samples it: motor, hold, delay, sensors of speed and current, derivative filter, integral.
 //!
 //! At a tick the core takes its inputs and computes the law; the bridge follows [`DRIVE_DELAY_S`] later. The encoder
-//! gives the position at the tick. It gives the speed as the mean over the last tick, or over the time between edges if
-//! there is less than one edge a tick. A tachogenerator gives the speed at one instant ([`SpeedPath::Converted`]). The
-//! current is the mean of conversions during the last tick.
+//! gives the position at the tick, and the speed as the mean over the last tick. With less than one edge a tick, it is
+//! the mean between edges. A tachogenerator gives the speed at one instant ([`SpeedPath::Converted`]). The current is
+//! the mean of conversions during the last tick.
 
 use super::law::{ControlLaw, Signal};
 use super::observer::CurrentObserver;

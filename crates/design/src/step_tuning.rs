@@ -40,7 +40,7 @@ pub enum StepError {
     NoStep,
     /// The speed does not follow the voltage.
     #[error(
-        "the speed changes by {change_rad_per_s:.3} rad/s after a change of the voltage by {change_v:.3} V: check the sign of the encoder, or take a larger step"
+        "the speed changes by {change_rad_per_s:.3} rad/s after a step of {change_v:.3} V: check the sign of the encoder, or take a larger step"
     )]
     NoResponse {
         /// Of the speed.

@@ -119,7 +119,7 @@ impl Tachogenerator {
         }
         if no_load_rad_per_s < FEWEST_STEPS * resolution {
             return refuse(format!(
-                "one step of the converter is {resolution:.3} rad/s, the motor's no-load speed is {no_load_rad_per_s:.1}, and at least {FEWEST_STEPS} steps are needed: amplify the voltage or use an encoder"
+                "one step of the converter is {resolution:.3} rad/s, the motor's no-load speed is {no_load_rad_per_s:.1}. At least {FEWEST_STEPS} steps are needed: amplify the voltage or use an encoder"
             ));
         }
         Ok(())
@@ -173,7 +173,7 @@ mod tests {
         assert!(Tachogenerator::new(3.0).check(166.0, 1000.0).is_ok());
         for (message, expected) in [
             (refused(3.0, 415.0, 1000.0), "ends at 332 rad/s, the motor's no-load speed is 415: lower supply"),
-            (refused(0.05, 166.0, 1000.0), "at least 100 steps are needed, amplify"),
+            (refused(0.05, 166.0, 1000.0), "At least 100 steps are needed: amplify"),
             (refused(3.0, 166.0, 2000.0), "use 1000 Hz"),
         ] {
             println!("{message}");

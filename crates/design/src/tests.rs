@@ -356,8 +356,8 @@ fn a_coarse_encoder_is_no_reason_to_refuse() {
     }
 }
 
-/// Weights from a search give the same gains to the last bit if they are given by hand: for every law, and for motors
-/// unlike the paper's.
+/// Weights from a search give the same gains to the last bit if they are given by hand. This holds for every law, and
+/// for motors unlike the paper's.
 #[test]
 fn weights_found_are_the_same_gains_when_given() {
     let slow = MotorParameters { inertia_kg_m2: 20.0 * MotorParameters::PIVT6.inertia_kg_m2, ..MotorParameters::PIVT6 };

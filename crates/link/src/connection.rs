@@ -279,7 +279,7 @@ impl<L: Line> Link<L> {
                 return asked.0;
             }
         }
-        unreachable!("it has an end")
+        unreachable!("the loop only ends by its return")
     }
 
     /// Also returns whether frames were lost meanwhile, and others came.
@@ -399,7 +399,7 @@ impl<L: Line> Link<L> {
                 return Err(other_settings(lines.len(), Param::COUNT - unknown));
             }
         }
-        Err(damaged_line(self.losses(), "the settings do not come whole"))
+        Err(damaged_line(self.losses(), "the list of settings stays incomplete"))
     }
 
     /// The part of an answer that has come.
@@ -455,7 +455,7 @@ impl<L: Line> Link<L> {
                 Err(error) => return Err(error),
             }
         }
-        unreachable!("it has an end")
+        unreachable!("the loop only ends by its return")
     }
 
     /// Processes the bytes that have come.

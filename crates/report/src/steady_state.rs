@@ -94,7 +94,7 @@ pub fn page(study: &Study) -> String {
         text += &wrapped(&format!("{}: {}", cause.effect, parameters(cause)), "  ", "    ");
         if !cause.not_separable_from.is_empty() {
             let others = cause.not_separable_from.join(", ");
-            text += &wrapped(&format!("not to be told from: {others}"), "    ", "    ");
+            text += &wrapped(&format!("cannot be told from: {others}"), "    ", "    ");
         }
     }
     if let Some(unexplained) = &study.outcome.unexplained {
@@ -117,7 +117,7 @@ pub fn html(study: &Study, name: &str) -> String {
     body += &drawings(study);
     body += "<h2>Causes</h2>\n";
     body += &table(
-        &["cause", "constants", "not to be told from"],
+        &["cause", "constants", "cannot be told from"],
         study.outcome.causes.iter().map(|cause| {
             let others = code(cause.not_separable_from.iter().map(|id| &**id));
             [

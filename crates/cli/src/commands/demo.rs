@@ -178,7 +178,7 @@ fn unasked(path: &Path, html: &str) -> String {
         Err(error) => error,
     };
     let why = match error.kind() {
-        ErrorKind::AlreadyExists => format!("{} is there and is left as it is", path.display()),
+        ErrorKind::AlreadyExists => format!("{} exists and is not replaced", path.display()),
         _ => super::cannot_write(path, &error).message,
     };
     wrapped(&format!("No page with plots: {why}; --report FILE.html writes it elsewhere"), "", "")
@@ -342,7 +342,7 @@ fn record_on_host(truth: &Model, settings: Settings, why: &str) -> Result<Record
     let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
     trial.enter(Mode::OpenLoop);
     let sequence = Sequence::new(Kind::Identify, (LEVEL_V * f64::from(VOLT)) as i16, 0, STEP_TICKS, 1, 1)
-        .expect("a constant that is right");
+        .expect("the sequence is a valid constant");
     trial.tick(Some(Request::Play(sequence)));
     let mut samples = Vec::new();
     working(RECORDING, |_| {

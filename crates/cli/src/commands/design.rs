@@ -62,8 +62,9 @@ pub struct Arguments {
     /// Longest time to settle within 2 % after a step.
     #[arg(long = "settling-s", group = "how_fast", value_name = "S", allow_negative_numbers = true)]
     settling_s: Option<f64>,
-    /// LQ weights (diagonal of Q): speed, current, integral of a speed loop; angle, speed, current, integral of a position
-    /// loop, in 1/(rad/s)^2, 1/A^2 and so on. Use them instead of a bandwidth. The PID's gains minimise the same cost.
+    /// LQ weights (diagonal of Q). Order for a speed loop: speed, current, integral; for a position loop: angle, speed,
+    /// current, integral. Units: 1/(rad/s)^2, 1/A^2 and so on. Use them instead of a bandwidth. The PID's gains
+    /// minimise the same cost.
     #[arg(
         long,
         group = "how_fast",
@@ -76,8 +77,8 @@ pub struct Arguments {
     /// LQ weight of the voltage (R), in 1/V^2; with --q.
     #[arg(long, requires = "q", value_name = "R", allow_negative_numbers = true)]
     r: Option<f64>,
-    /// Weights by Bryson's rule: the largest acceptable deviation of each state, in the order of --q and in its unit
-    /// (rad/s, A, rad; rad, rad/s, A, rad s). inf gives a state no weight.
+    /// Weights by Bryson's rule: the largest acceptable deviation of each state, in the order of --q. Units of a speed
+    /// loop: rad/s, A, rad; of a position loop: rad, rad/s, A, rad s. inf gives a state no weight.
     #[arg(
         long,
         group = "how_fast",

@@ -104,7 +104,7 @@ pub(super) fn free_name(name: &str, endings: &[&str]) -> PathBuf {
     let numbered = (2..).map(|number| format!("{name}-{number}.csv"));
     let mut tables = std::iter::once(format!("{name}.csv")).chain(numbered).map(PathBuf::from);
     let is_free = |table: &PathBuf| with_beside(table, endings).iter().all(|file| !file.exists());
-    tables.find(is_free).expect("there is no end of names")
+    tables.find(is_free).expect("numbers do not run out")
 }
 
 /// A file with a table's name and another ending.

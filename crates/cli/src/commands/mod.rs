@@ -404,7 +404,7 @@ fn cannot_write(path: &Path, error: &io::Error) -> Failure {
 /// A description of the present task with its duration; visible on a terminal only.
 fn spinner() -> ProgressBar {
     let bar = ProgressBar::new_spinner();
-    bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {msg}").expect("a constant that is right"));
+    bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {msg}").expect("the template is a valid constant"));
     bar.enable_steady_tick(TICK);
     bar
 }
@@ -412,7 +412,9 @@ fn spinner() -> ProgressBar {
 /// The progress of a task of known size; visible on a terminal only.
 fn bar(length: u64) -> ProgressBar {
     let bar = ProgressBar::new(length);
-    bar.set_style(ProgressStyle::with_template("{bar:40} {percent} % {elapsed}").expect("a constant that is right"));
+    bar.set_style(
+        ProgressStyle::with_template("{bar:40} {percent} % {elapsed}").expect("the template is a valid constant"),
+    );
     bar
 }
 

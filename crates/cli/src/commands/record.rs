@@ -188,7 +188,8 @@ fn play(
     let mut coverage = Coverage::new(&settings);
     let bar = bar(ticks.into());
     bar.set_style(
-        ProgressStyle::with_template("{bar:40} {percent} % {elapsed}\n{msg}").expect("a constant that is right"),
+        ProgressStyle::with_template("{bar:40} {percent} % {elapsed}\n{msg}")
+            .expect("the template is a valid constant"),
     );
     let mut done = record(link, settings, &played.order.line(), stop, &mut |came| {
         bar.inc(came.len() as u64);

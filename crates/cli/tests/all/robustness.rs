@@ -1,6 +1,6 @@
-//! Faults between a board and the program, with the real firmware: a line that damages, cuts and delays, a busy
-//! computer, a full disk, a board with other firmware. Nothing is lost silently, the motor stops, and the message says
-//! what to do. (Unplugged, reset, tripped, busy: `tests/virtual_board.rs`.)
+//! Faults between a board and the program, with the real firmware. The line damages, cuts and delays; the computer is
+//! busy; the disk is full; the board has other firmware. Nothing is lost silently, the motor stops, and the message
+//! says what to do. (Unplugged, reset, tripped, busy: `tests/virtual_board.rs`.)
 
 use crate::board::{Board, MOTORBENCH, rows, text};
 use motorbench_data::recording::Channel;

@@ -9,7 +9,7 @@ use motorbench_core::message::Trip;
 use rayon::prelude::*;
 
 /// Ranges of random motors, two decades each, uniform in the logarithm: resistance in ohm, L/R in s, torque constant in
-/// Nm/A, electromechanical time constant in s, viscous friction relative to the braking by the back-EMF.
+/// Nm/A, electromechanical time constant in s. The last is viscous friction relative to the braking by the back-EMF.
 const DECADES: [[f64; 2]; 5] = [[0.2, 20.0], [0.1e-3, 10e-3], [0.005, 0.5], [5e-3, 0.5], [1e-3, 1e-1]];
 
 /// A random motor in [`DECADES`]. Its encoder can be counted by the chip, and its specification suits its own time

@@ -16,8 +16,8 @@ fn with_a_tachogenerator_the_loop_has_its_delay_its_steps_and_its_ripple() {
         let with_encoder = pivt6(law, 10.0, 10.0).unwrap();
         let with_tacho = design(&motor, &stand(), law, &specification).unwrap();
         assert!((0.99 * 10.0..1.05 * 10.0).contains(&with_tacho.figures.bandwidth_hz));
-        // With the same gains, low-pass and conversion reduce the margin by their delay: half a tick more than the mean
-        // over a tick, plus 3.2 ms. It is less if the current is fed back as well, which they do not delay.
+        // With the same gains, low-pass and conversion reduce the margin by their delay: half a tick more than the
+        // mean, plus 3.2 ms. It is less if the current is fed back as well, which they do not delay.
         let margin_s =
             |sampling: &Sampling| robustness::check(&motor, law, sampling, &with_tacho.held).unwrap().margins.delay_s;
         let lost_s = margin_s(&with_encoder.sampling) - margin_s(&with_tacho.sampling);

@@ -55,7 +55,8 @@ impl Revealed {
         let farthest = motor.into_iter().max_by(|one, other| one.relative_error().total_cmp(&other.relative_error()));
         let effects =
             effects.into_iter().map(|constant| constant.row(&format!("{} {}", constant.effect, constant.name)));
-        let farthest = farthest.map(|constant| constant.row(&format!("of the motor, off by most: {}", constant.name)));
+        let farthest =
+            farthest.map(|constant| constant.row(&format!("of the motor, largest error: {}", constant.name)));
         row(HEADING, COLUMNS) + &effects.chain(farthest).collect::<String>()
     }
 
