@@ -1,7 +1,7 @@
 //! The program as a user runs it. It is one binary, so that tests that wait for a terminal run in parallel to those
 //! that compute.
 
-#[cfg(unix)]
+#[cfg(all(unix, feature = "chip"))]
 mod board;
 #[path = "../common/motor.rs"]
 mod motor;

@@ -3,8 +3,6 @@
 //! In a block of ` ```text `, a line that begins with `$ ` is a command. A backslash at its end continues it in the
 //! next line. Its output follows; a line `...` stands for any lines. Numbers may differ in their last digits.
 
-#[cfg(feature = "chip")]
-#[cfg(feature = "chip")]
 use motorbench_cli::commands::command;
 use motorbench_data::recording::Channel;
 use std::path::{Path, PathBuf};

@@ -3,7 +3,6 @@
 
 mod table;
 
-#[cfg(feature = "chip")]
 use crate::motor::PIVT6_TOML;
 use motorbench_data::rig::NominalMotor;
 use motorbench_data::telemetry;
