@@ -399,7 +399,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("page.html");
         assert!(unasked(&path, "first").ends_with("page.html\n"));
-        assert!(unasked(&path, "second").contains("left as it is"));
+        assert!(unasked(&path, "second").contains("is not replaced"));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "first");
         let said = unasked(&directory.path().join("none/page.html"), "third");
         assert!(

@@ -102,7 +102,7 @@ mod tests {
         let unwritten = || Unwritten([(why.to_owned(), vec!["run.json".to_owned()])].into());
         let ended = Failure::machine(format!("run.csv{why}; run.csv holds what had come"));
         let told = with_unwritten(Err(ended), Err(unwritten())).unwrap_err().message;
-        assert!(told.matches("make room").count() == 1 && told.ends_with("at its beginning: run.json"), "{told}");
+        assert!(told.matches("make room").count() == 1 && told.ends_with("of its beginning: run.json"), "{told}");
         let told = with_unwritten(Ok(()), Err(unwritten())).unwrap_err().message;
         assert!(told.ends_with(&format!("run.json{why}")), "{told}");
     }

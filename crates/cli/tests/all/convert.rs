@@ -210,7 +210,7 @@ fn what_cannot_be_read_says_what_to_do() {
         convert(&data(name), &target, &[]).code(1).stderr(predicate::str::contains(words));
     };
     fails("complex.mat", "u_V: expected a vector of real numbers");
-    fails("matrix.npy", "an array without names");
+    fails("matrix.npy", "the array has no field names");
     fails("robot.wpilog", "no known channel among NT:/motor/velocity, NT:/motor/volts, messages");
     fails("make.py", "no format has this ending");
     convert(&data("plain.mat"), &target, &["--map", "u_V=volts"])
