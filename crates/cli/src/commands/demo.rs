@@ -16,6 +16,7 @@ use motorbench_core::message::State;
 use motorbench_core::message::{Mode, Request, Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
+use motorbench_data::names::setting_name;
 use motorbench_data::names::trip_words;
 use motorbench_data::rig::{NominalMotor, Rig};
 use motorbench_data::telemetry::{self, IDENTIFICATION_SETTINGS};
@@ -325,7 +326,7 @@ fn record_on_chip(elf: &std::path::Path, truth: &Model, settings: &Settings) -> 
     let mut board = motorbench_chip::ChipBoard::start(bench)?;
     let defaults = Settings::defaults();
     for param in Param::ALL.iter().copied().filter(|param| settings.get(*param) != defaults.get(*param)) {
-        board.command(&format!("set {} {}", motorbench_data::names::setting_name(param), settings.get(param)))?;
+        board.command(&format!("set {} {}", setting_name(param), settings.get(param)))?;
     }
     board.command("arm")?;
     board.command("mode open")?;

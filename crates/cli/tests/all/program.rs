@@ -144,7 +144,7 @@ fn what_is_not_used_of_a_file_is_said() {
     std::fs::write(&odd, lines.collect::<String>()).unwrap();
     let is_model = predicate::str::contains("found.toml is a model file. It is used as a rig file");
     motorbench(&["identify", path(&bench.run), "--rig", path(&model)]).success().stderr(is_model);
-    let unknown = || predicate::str::contains("odd.csv: not used").and(predicate::str::contains(": temp_C\n"));
+    let unknown = || predicate::str::contains("odd.csv: columns without a known name are not used: temp_C.");
     for command in
         [&["identify", path(&odd), "--rig", path(&bench.rig)][..], &["compare", path(&odd), path(&bench.run)]]
     {
@@ -258,7 +258,7 @@ fn compare_tells_models_and_their_constants_apart() {
     let sigmas = json_of(&["compare", path(&a), path(&b), "--json", "-"])["parameters"][0]["sigmas"].as_f64().unwrap();
     motorbench(&["compare", path(&a), path(&b), "--plot", path(&plot)])
         .code(1)
-        .stderr(predicate::str::contains("leave --plot out"));
+        .stderr(predicate::str::contains("omit --plot"));
     // Each is known to 0.1, so their difference to 0.1 times the root of 2.
     assert!((sigmas - 3.0 / 2.0_f64.sqrt()).abs() < 1e-9, "{sigmas}");
 }
@@ -411,7 +411,7 @@ fn the_demonstration_fits_a_terminal() {
     let page = directory.path().join("motorbench-demo-7.html");
     assert!(text.ends_with("motorbench-demo-7.html\n") && page.exists(), "{text}");
     std::fs::write(&page, "somebody's").unwrap();
-    assert!(demo(&[]).contains("left as it is"));
+    assert!(demo(&[]).contains("is not replaced"));
     assert_eq!((std::fs::read_to_string(&page).unwrap().as_str(), files()), ("somebody's", 1));
 }
 
