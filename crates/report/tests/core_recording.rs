@@ -5,7 +5,7 @@ use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
 use host_sim::trial::Trial;
 use motorbench_core::excitation::{Kind, Sequence};
 use motorbench_core::message::{Mode, Request, Sample};
-use motorbench_core::settings::{Param, Settings};
+use motorbench_core::settings::Settings;
 use motorbench_core::units::VOLT;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::NominalMotor;
