@@ -528,7 +528,7 @@ mod tests {
         assert_eq!((read.len(), read.without_time), (990, 10));
         assert!(read.time_s().unwrap().iter().eq(read.get(Channel::Voltage).unwrap()), "whole rows are");
         let refused = parse(&csv(2)).unwrap_err().to_string();
-        assert!(refused.starts_with("test.csv: t_s is no number in 20 of 1000 rows: "), "{refused}");
+        assert!(refused.starts_with("test.csv: t_s is no number in 20 of 1000 rows. "), "{refused}");
         assert!(!refused.contains("micros()"), "{refused}");
         assert_eq!(parse(&csv(0)).unwrap().without_time, 0);
     }
@@ -540,7 +540,7 @@ mod tests {
             parse(&format!("{header}\n{rows}")).unwrap().advice_on_time()
         };
         let long = advice("t_ms,u_V", 100).unwrap();
-        assert!(long.contains("--column t_ms=t_s;") && long.contains("--map t_ms=t_s*0.001`"), "{long}");
+        assert!(long.contains("--column t_ms=t_s.") && long.contains("--map t_ms=t_s*0.001`"), "{long}");
         for (header, rows) in [("time,u_V", 20), ("t_s,u_V", 100), ("temperature_C,u_V", 100), ("load,u_V", 100)] {
             assert_eq!(advice(header, rows), None, "{header}");
         }

@@ -174,7 +174,7 @@ mod tests {
         for (message, expected) in [
             (refused(3.0, 415.0, 1000.0), "ends at 332 rad/s, the motor's no-load speed is 415: lower supply"),
             (refused(0.05, 166.0, 1000.0), "At least 100 steps are needed: amplify"),
-            (refused(3.0, 166.0, 2000.0), "use 1000 Hz"),
+            (refused(3.0, 166.0, 2000.0), "set 1000 Hz"),
         ] {
             println!("{message}");
             assert!(message.starts_with("the tachogenerator: ") && message.contains(expected), "{message}");
