@@ -172,7 +172,9 @@ mod tests {
         assert_eq!(columns("u_V;omega_rad_per_s;k_mot_rad_per_s_per_V\n10;100,0;9,00\n"), ["k_mot_rad_per_s_per_V"]);
         assert_eq!(columns("u_V,emf_V\n10,7.2\n"), [""; 0]);
         let error = |table: &str| slips(table, &[], 0.072).unwrap_err();
-        assert!(error("u_V,eta\n10,0.5\n").starts_with("has none of the columns rpm, omega_rad_per_s, emf_V"));
+        assert!(
+            error("u_V,eta\n10,0.5\n").starts_with("the table has none of the columns rpm, omega_rad_per_s, emf_V")
+        );
         assert_eq!(error("rpm\n1\n"), "the table needs a column u_V, but has rpm");
     }
 }

@@ -68,10 +68,10 @@ fn what_the_firmware_cannot_do_with_a_tachogenerator_is_refused() {
         |bench: &Bench, law| design(&MotorParameters::PIVT6, bench, law, &specification).unwrap_err().to_string();
     let none = Bench { tachogenerator: None, ..stand() };
     for (message, expected) in [
-        (refused(&stand(), ControlLaw::PositionPid), "the position PID needs an encoder, and the rig has none"),
-        (refused(&none, ControlLaw::SpeedPid), "the speed PID needs an encoder, and the rig has none"),
+        (refused(&stand(), ControlLaw::PositionPid), "the position PID needs an encoder, and the rig file has none"),
+        (refused(&none, ControlLaw::SpeedPid), "the speed PID needs an encoder, and the rig file has none"),
         (refused(&Bench { supply_v: 30.0, ..stand() }, ControlLaw::SpeedLqr), "the converter ends at 332 rad/s"),
-        (refused(&Bench { tick_rate_hz: 2000.0, ..stand() }, ControlLaw::SpeedPid), "use 1000 Hz"),
+        (refused(&Bench { tick_rate_hz: 2000.0, ..stand() }, ControlLaw::SpeedPid), "set 1000 Hz"),
     ] {
         println!("{message}");
         assert!(message.contains(expected), "{message}");
