@@ -220,7 +220,7 @@ fn bad_input_is_refused_each_with_its_own_message() {
         ),
         (
             refused(motor, Bench { counts_per_rev: Some(20_000.0), ..Bench::default() }, good),
-            "the chip counts 100000: lower the supply or use a coarser encoder",
+            "the chip can count 100000: lower the supply or use a coarser encoder",
         ),
         (
             refused(motor, Bench { tick_rate_hz: 1500.0, ..Bench::default() }, good),
@@ -413,7 +413,7 @@ fn given_weights_are_checked() {
             refused(ControlLaw::SpeedLqr, &[1e-30, 0.0, 1e-30], 1.0, 10.0),
             "the largest weight is 1e30 times the smallest",
         ),
-        (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by 36.7 %"),
+        (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by at least 36.7 %"),
         (refused(ControlLaw::PositionLqr, &[1.0, 0.0, 1.0], 1.0, 10.0), "the weights are those of a speed loop"),
     ] {
         println!("{message}");
