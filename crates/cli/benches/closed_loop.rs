@@ -1,5 +1,5 @@
-//! What a closed-loop second costs: the core at 1 kHz, the motor under a 20 kHz PWM, encoder and current sensor as on
-//! the chip. `benches/peers/compare.py` runs the same beside SciPy and Numba.
+//! Time of a closed-loop second: the core at 1 kHz, the motor under a 20 kHz PWM, encoder and current sensor as on the
+//! chip. `benches/peers/compare.py` runs the same with SciPy and Numba.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use host_sim::plant::{ModelPlant, Plant};
@@ -10,7 +10,7 @@ use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
 use std::path::Path;
 
-/// Up to speed, and reversal.
+/// Run-up, and reversal.
 fn second(scenario: &Scenario, plant: ModelPlant) -> f64 {
     let mut trial = Trial::new(plant, scenario.settings).expect("settings of a scenario");
     trial.enter(scenario.mode);

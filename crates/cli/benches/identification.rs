@@ -1,5 +1,5 @@
-//! What understanding a recording costs: 20 s at 1 kHz as the core records them, of a motor with Coulomb friction behind
-//! a bridge with a drop. `benches/peers/compare.py` runs the fits beside SciPy's least squares on a compiled model.
+//! Time of an identification of 20 s at 1 kHz, recorded by the core with a motor with Coulomb friction and a bridge
+//! drop. `benches/peers/compare.py` compares the fits with SciPy's least squares on a compiled model.
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use motorbench_data::rig::NominalMotor;
@@ -16,7 +16,7 @@ fn identification(criterion: &mut Criterion) {
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches/peers/steps.toml");
     let scenario = motorbench_files::scenario(&scenario, None).expect("the scenario of the benchmark");
     let recording = scenario.run().expect("runs").recording;
-    // Where the fits start: every constant a tenth off.
+    // Start of the fits: every constant is off by a tenth.
     let mut nominal = scenario.model.motor;
     nominal.resistance_ohm *= 1.1;
     nominal.inductance_h *= 0.9;
@@ -31,7 +31,7 @@ fn identification(criterion: &mut Criterion) {
         .with(effect("coulomb_friction").expect("an effect of the catalogue"), vec![0.004])
         .with(effect("voltage_drop").expect("an effect of the catalogue"), vec![1.0]);
 
-    // What is timed must be right. Worst is the inductance: its time constant is two samples.
+    // The timed result must be right. The inductance is the least certain: its time constant is two samples.
     let found = fit(&extended, &data, &prior, Effort::FULL).model.motor.named();
     for ((name, found), (_, truth)) in found.iter().zip(scenario.model.motor.named()).take(4) {
         println!("{name}: {:+.2} % off", 100.0 * (found / truth - 1.0));
@@ -54,7 +54,7 @@ fn identification(criterion: &mut Criterion) {
             ))
         })
     });
-    // It is to take time in proportion to the length. Each has noise of its own.
+    // The time should be proportional to the length. Each recording has its own noise.
     let mut noisy = scenario;
     noisy.noise.current_a = 0.01;
     for times in [1, 2, 4] {

@@ -2,7 +2,8 @@
 //!
 //! `cargo run --release -p motorbench --features chip --example thesis -- DIRECTORY`
 //!
-//! prints what was found, the gains and the tables, and writes `thesis_pid.svg` and `thesis_lqr.svg` into the directory.
+//! It prints the constants, the gains and the tables, and writes `thesis_pid.svg` and `thesis_lqr.svg` into the
+//! directory.
 
 #[path = "../../../tests/thesis/mod.rs"]
 mod set_up;

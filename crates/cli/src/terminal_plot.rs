@@ -1,5 +1,5 @@
-//! Plots in a terminal, told apart without colour: in a pipe they are plain text. ratatui draws them, which the tuning console
-//! needs anyway.
+//! Plots for a terminal. They use no colour, so in a pipe they are plain text. ratatui draws them, which the tuning
+//! console needs anyway.
 
 use motorbench_text::terminal_text::COLUMNS;
 use ratatui::buffer::Buffer;
@@ -8,21 +8,21 @@ use ratatui::style::{Color, Style};
 use ratatui::symbols::Marker;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Widget};
 
-/// Least range of an axis.
+/// Smallest range of an axis.
 const LEAST: f64 = 0.1;
 /// Columns between two plots side by side.
 const BETWEEN: u16 = 2;
 
-/// Times in s, and the values then.
+/// Times in s, with their values.
 pub type Trace = [(f64, f64)];
 
-/// From the lowest to the highest value of all traces, zero among them.
+/// Range of all traces, with zero.
 pub fn range<'a>(traces: impl IntoIterator<Item = &'a Trace>) -> [f64; 2] {
     let values = traces.into_iter().flatten().map(|(_, value)| *value);
     values.fold([-LEAST, LEAST], |[low, high], value| [low.min(value), high.max(value)])
 }
 
-/// What is followed, dots, and what follows it, a line.
+/// The reference as dots, and the following quantity as a line.
 pub fn chart<'a>([dots, line]: [&'a Trace; 2], times_s: [f64; 2], values: [f64; 2]) -> Chart<'a> {
     let dataset = |marker, color, data| {
         Dataset::default().marker(marker).graph_type(GraphType::Line).style(Style::new().fg(color)).data(data)
@@ -59,7 +59,7 @@ mod tests {
         let lines: Vec<Vec<char>> = text.lines().map(|line| line.chars().collect()).collect();
         assert!(lines.len() == 8 && lines.iter().all(|line| line.len() <= COLUMNS), "{text}");
         assert!(text.lines().next().is_some_and(|title| title.contains("before") && title.contains("after")), "{text}");
-        // Which rows have dots, and which a line: left half, right half.
+        // Rows with dots, and rows with a line: left half, right half.
         let rows = |columns: std::ops::Range<usize>, is: fn(&char) -> bool| -> Vec<usize> {
             let has = |line: &Vec<char>| line.iter().take(columns.end).skip(columns.start).any(is);
             (1..8).filter(|row| has(&lines[*row])).collect()

@@ -1,5 +1,4 @@
-//! Pages and plots as a person sees them: in Chromium without a window, over the DevTools protocol, on a phone, in print, and
-//! on a screen.
+//! Pages and plots in Chromium without a window, over the DevTools protocol: on a phone, in print, and on a screen.
 
 #[path = "common/motor.rs"]
 mod motor;
@@ -16,18 +15,18 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// Of the narrowest phones that are common, and the paper of a page of A4 between margins of 15 mm, at 96 px an inch.
+/// Width of the narrowest common phones, and of an A4 page between margins of 15 mm, at 96 px an inch.
 const PHONE: (u32, u32) = (390, 844);
 const A4: (u32, u32) = (680, 1009);
 const SCREEN: (u32, u32) = (1280, 900);
-/// Letters that are lower than this are not read.
+/// Smallest letters that can be read.
 const SMALLEST_LETTERS_PX: f64 = 9.0;
-/// A table of numbers with more columns scrolls in its frame on a phone; whatever else is read without.
+/// On a phone a table of numbers with more columns scrolls in its frame. Everything else is read without scrolling.
 const PHONE_COLUMNS: usize = 6;
-/// A letter may stand out of its plot, and two texts into each other, by so much.
+/// Tolerance for letters outside of their plot, and for overlapping texts.
 const TOLERANCE_PX: f64 = 1.5;
 
-/// Finds the texts of all plots, what is too wide, and names that go on in the next line within a word.
+/// Finds the texts of all plots, elements that are too wide, and names that are broken within a word.
 const LOOK: &str = r"JSON.stringify({
     title: document.title,
     width: document.documentElement.scrollWidth,
@@ -72,16 +71,16 @@ struct Seen {
     texts: usize,
     cut: Vec<Cut>,
     broken: Vec<String>,
-    /// Captions that may stand on another sheet than their plot.
+    /// Captions that may be printed on another sheet than their plot.
     parted: Vec<String>,
     plots: Vec<Plot>,
 }
 
-/// What is wider than its frame: it scrolls on a screen, and is cut off in print.
+/// Elements wider than their frame: they scroll on a screen, and are cut off in print.
 #[derive(Deserialize)]
 struct Cut {
     text: String,
-    /// Of a table.
+    /// Elements of a table.
     columns: usize,
 }
 
@@ -91,7 +90,7 @@ struct Plot {
     #[serde(rename = "box")]
     area: [f64; 4],
     breaks: String,
-    /// Lines that something is drawn over.
+    /// Lines with something drawn over them.
     covered: usize,
     lines: usize,
     texts: Vec<Text>,
@@ -105,13 +104,13 @@ struct Text {
     area: [f64; 4],
 }
 
-/// By how much the smaller extent of the common part of two areas is positive.
+/// Smaller extent of the common part of two areas; positive if they overlap.
 fn common([left, top, right, bottom]: [f64; 4], other: [f64; 4]) -> f64 {
     (right.min(other[2]) - left.max(other[0])).min(bottom.min(other[3]) - top.max(other[1]))
 }
 
 impl Plot {
-    /// What makes it hard to read.
+    /// Problems for a reader.
     fn faults(&self) -> Vec<String> {
         let mut faults = Vec::new();
         let [left, top, right, bottom] = self.area;
@@ -140,14 +139,14 @@ impl Plot {
     }
 }
 
-/// A page in the browser, and what the browser complained of.
+/// A page in the browser, and the browser's complaints.
 struct Page {
     tab: Arc<Tab>,
     heard: Arc<Mutex<Vec<String>>>,
 }
 
 impl Page {
-    /// Opens a file; whatever goes to the console, is thrown, or asked of anybody else is written down.
+    /// Opens a file and collects console messages, exceptions and requests to other hosts.
     fn open(browser: &Browser, file: &Path) -> Self {
         let url = format!("file://{}", file.display());
         let (tab, heard) = (browser.new_tab().unwrap(), Arc::new(Mutex::new(Vec::new())));
@@ -252,7 +251,7 @@ fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String
     faults
 }
 
-/// A plot that is a file of its own, on a screen.
+/// A plot in a file of its own, on a screen.
 fn plot_faults(browser: &Browser, file: &Path) -> Vec<String> {
     let page = Page::open(browser, file);
     let screen = page.seen(SCREEN, false, "screen");
@@ -266,13 +265,13 @@ fn plot_faults(browser: &Browser, file: &Path) -> Vec<String> {
 
 fn browser() -> Option<Browser> {
     let Ok(path) = headless_chrome::browser::default_executable() else {
-        println!("skipped: no browser to look at the pages with; install the package chromium (scripts/setup browser)");
+        println!("skipped: no browser for the pages; install the package chromium (scripts/setup browser)");
         return None;
     };
     let arguments = ["--hide-scrollbars", "--allow-file-access-from-files"].map(OsStr::new);
     let options = LaunchOptions {
         path: Some(path),
-        // Chromium's sandbox refuses root, which containers run as; it is given this program's own pages only.
+        // Chromium's sandbox refuses root, which containers use. The browser only opens the program's own pages.
         sandbox: false,
         window_size: Some(SCREEN),
         args: arguments.to_vec(),
@@ -355,7 +354,7 @@ fn plots_are_read_on_a_screen() {
     none(&plots.map(|name| (name.to_string(), plot_faults(&browser, &files.at(name)))));
 }
 
-/// What the looks above would not see, they could not find.
+/// The checks above can fail: here they find prepared problems.
 #[test]
 fn a_bad_page_is_found_bad() {
     let Some(browser) = browser() else { return };

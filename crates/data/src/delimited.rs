@@ -1,22 +1,21 @@
-//! Tables of text as spreadsheets and other programs write them: what stands between values, decimal commas, a first line
-//! `sep=;`.
+//! Text tables of spreadsheets and other programs: separators, decimal commas, a first line `sep=;`.
 
 use csv::{Error, ErrorKind, Reader, ReaderBuilder, Trim};
 
-/// A table's text, and how it is taken apart.
+/// The text of a table, and its dialect.
 #[derive(Clone, Copy, Debug)]
 pub struct Delimited<'a> {
-    /// What stands between values.
+    /// Separator of values.
     pub delimiter: u8,
-    /// From the header line on.
+    /// The text from the header line on.
     text: &'a str,
-    /// Lines before that.
+    /// Number of lines before it.
     skipped: u64,
 }
 
 impl<'a> Delimited<'a> {
-    /// What stands between values is said by a spreadsheet's first line `sep=;`, or is the one of comma, semicolon and tab that
-    /// the header line has most of.
+    /// Finds the separator. A spreadsheet's first line `sep=;` gives it. Otherwise it is the one of comma, semicolon
+    /// and tab that is most frequent in the header line.
     pub fn new(text: &'a str) -> Self {
         let said = text.strip_prefix("sep=").and_then(|rest| rest.split_once('\n'));
         if let Some((sign, text)) = said
@@ -27,18 +26,18 @@ impl<'a> Delimited<'a> {
         Self { delimiter: likely_delimiter(text), text, skipped: 0 }
     }
 
-    /// Whether a number may have a comma in it: only semicolons leave it to the decimals.
+    /// Whether numbers may have a decimal comma. Only semicolons as separators allow it.
     pub fn has_decimal_commas(&self) -> bool {
         self.delimiter == b';'
     }
 
-    /// Takes it apart; lines that begin with # are left out.
+    /// Splits the table; lines that begin with # are left out.
     pub fn reader(&self) -> Reader<&'a [u8]> {
         let mut reader = ReaderBuilder::new();
         reader.delimiter(self.delimiter).comment(Some(b'#')).trim(Trim::All).from_reader(self.text.as_bytes())
     }
 
-    /// Line of the file, of a line that the reader counts.
+    /// Line number in the file for a line number of the reader.
     pub fn line(&self, of_reader: Option<&csv::Position>) -> u64 {
         of_reader.map_or(1, csv::Position::line) + self.skipped
     }
@@ -46,33 +45,33 @@ impl<'a> Delimited<'a> {
     /// Names of the columns.
     ///
     /// # Errors
-    /// What is wrong, and where.
+    /// The fault and its place.
     pub fn header(&self) -> Result<Vec<String>, String> {
         let mut reader = self.reader();
         let header = reader.headers().map_err(|error| self.failure(&error))?;
         Ok(header.iter().map(String::from).collect())
     }
 
-    /// The numbers of one column; missing ones are left out.
+    /// The numbers of one column, without missing ones.
     ///
     /// # Errors
-    /// What is wrong, and where.
+    /// The fault and its place.
     pub fn column(&self, name: &str) -> Result<Vec<f64>, String> {
         let mut values: Vec<f64> = self.cells(name)?.into_iter().map(|cell| cell.value).collect();
         values.retain(|value| !value.is_nan());
         Ok(values)
     }
 
-    /// The cells of one column, also those that are missing.
+    /// The cells of one column, with missing ones.
     ///
     /// # Errors
-    /// What is wrong, and where.
+    /// The fault and its place.
     pub fn cells(&self, name: &str) -> Result<Vec<Cell>, String> {
         let header = self.header()?;
         let place = header
             .iter()
             .position(|column| column == name)
-            .ok_or_else(|| format!("a column {name} is expected; there are {}", header.join(", ")))?;
+            .ok_or_else(|| format!("the table needs a column {name}, but has {}", header.join(", ")))?;
         let mut cells = Vec::new();
         for row in self.reader().records() {
             let row = row.map_err(|error| self.failure(&error))?;
@@ -90,27 +89,27 @@ impl<'a> Delimited<'a> {
     }
 }
 
-/// A number as it is written.
+/// A number as text.
 #[derive(Clone, Debug)]
 pub struct Cell {
-    /// With the digits that it is given to.
+    /// Number of digits that are given.
     pub text: String,
-    /// NaN where it is missing.
+    /// NaN if it is missing.
     pub value: f64,
 }
 
 fn likely_delimiter(table: &str) -> u8 {
     let header = table.lines().find(|line| !line.starts_with('#')).unwrap_or_default();
     let count = |delimiter: &u8| header.bytes().filter(|byte| byte == delimiter).count();
-    // Of equally many the last.
+    // `max_by_key` returns the last of several equal ones.
     (*b"\t;,").into_iter().max_by_key(count).unwrap_or(b',')
 }
 
-/// What is wrong with a row, without its place.
+/// Fault of a row, without its place.
 pub fn fault(error: &Error) -> String {
     match error.kind() {
         ErrorKind::UnequalLengths { expected_len, len, .. } => {
-            format!("{len} values, where the header line has {expected_len}")
+            format!("{len} values, but the header line has {expected_len}")
         }
         _ => error.to_string(),
     }
@@ -141,9 +140,9 @@ mod tests {
             assert_eq!(read(text).unwrap(), [5.8, 6.1], "{text}");
         }
         let message = |text: &str| read(text).unwrap_err();
-        assert_eq!(message("ohm,deg\n1,2\n"), "a column resistance_ohm is expected; there are ohm, deg");
+        assert_eq!(message("ohm,deg\n1,2\n"), "the table needs a column resistance_ohm, but has ohm, deg");
         let third = "line 3, column resistance_ohm: expected a number, found \"x\"";
         assert_eq!(message("sep=;\nresistance_ohm\nx\n"), third);
-        assert_eq!(message("a,resistance_ohm\n1,2\n1\n"), "line 3: 1 values, where the header line has 2");
+        assert_eq!(message("a,resistance_ohm\n1,2\n1\n"), "line 3: 1 values, but the header line has 2");
     }
 }

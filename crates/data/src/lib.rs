@@ -1,4 +1,5 @@
-//! Recordings, rig files, formats of other tools and a board's telemetry: text and bytes in, tables out. Opens no file.
+//! Recordings, rig files, formats of other tools and a board's telemetry. Text and bytes go in, tables come out. It
+//! opens no file.
 //!
 //! ```
 //! use motorbench_data::recording::{Channel, Recording};
@@ -13,8 +14,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! The three types to know: [`recording::Recording`] (columns with units), [`rig::Rig`] (what it was recorded on),
-//! [`convert::Format`] (what other tools write).
+//! The three types to know: [`recording::Recording`] (columns with units), [`rig::Rig`] (the rig of a recording),
+//! [`convert::Format`] (formats of other tools).
 
 pub mod convert;
 pub mod delimited;

@@ -1,7 +1,7 @@
-//! Recordings: the project's one format, CSV with units in the column names.
+//! Recordings in the project's own format: CSV with units in the column names.
 //!
-//! A recording has a column `t_s`; a table of steady states has none. What was not measured has no column, a sample that
-//! is missing is empty or `nan`.
+//! A recording has a column `t_s`; a table of steady states has none. An unmeasured quantity has no column. A missing
+//! sample is empty or `nan`.
 
 use crate::delimited::{self, Delimited};
 use crate::text_encoding;
@@ -10,14 +10,14 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Read;
 
-/// What a column holds. Name and unit of each stand here alone.
+/// The quantity of a column. Its name and unit are defined here only.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Channel {
     /// Time since the start.
     Time,
     /// Duty of the bridge, -1 to 1.
     Duty,
-    /// Mean voltage that was asked of the bridge, or applied.
+    /// Mean voltage that was commanded to the bridge, or applied.
     Voltage,
     /// Encoder counts.
     Counts,
@@ -35,7 +35,7 @@ pub enum Channel {
     SpeedReference,
     /// Reference of a position loop.
     AngleReference,
-    /// Torque that a load is known to have exerted against positive rotation.
+    /// Known torque of a load against positive rotation.
     LoadTorque,
 }
 
@@ -74,7 +74,7 @@ impl Channel {
         }
     }
 
-    /// What it is, for a person: the title of an axis, with its unit.
+    /// Description for a person: the title of an axis, with its unit.
     pub fn title(self) -> &'static str {
         match self {
             Self::Time => "time, s",
@@ -92,10 +92,11 @@ impl Channel {
         }
     }
 
-    /// Magnitude beyond which a value is a slip or a glitch, and no measurement: of no small motor's bench by far.
+    /// Largest plausible magnitude. A larger value is an error or a glitch: it is far beyond the bench of a small
+    /// motor.
     fn greatest(self) -> f64 {
         match self {
-            // Nanoseconds since 1970 are still a time.
+            // Nanoseconds since 1970 are allowed as time.
             Self::Time => 1e19,
             Self::Duty | Self::Voltage | Self::Current | Self::Supply | Self::LoadTorque => 1e6,
             Self::Speed | Self::SpeedReference => 1e7,
@@ -105,12 +106,12 @@ impl Channel {
         }
     }
 
-    /// What is said against a value that nothing has measured.
+    /// The message about a value that cannot be a measurement.
     fn refusal(self, value: f64) -> Option<String> {
         let (column, greatest) = (self.column(), self.greatest());
         (value.abs() > greatest).then(|| {
             format!(
-                "column {column}: {value:e} is no measurement (more than {greatest:e}): leave the cell empty, as for a sample that is missing, or mend its unit"
+                "column {column}: {value:e} cannot be a measurement (more than {greatest:e}): leave the cell empty if the sample is missing, or correct its unit"
             )
         })
     }
@@ -121,11 +122,11 @@ impl Channel {
     }
 }
 
-/// How the names of columns begin that most likely hold the time.
+/// Usual beginnings of the names of time columns.
 const TIMES: [&str; 8] = ["time", "t_", "t(", "t [", "zeit", "milli", "micro", "second"];
-/// More rows without a time than this share are no garbled lines.
+/// Largest share of rows without a time. More are not explained by garbled lines.
 const MOST_WITHOUT_TIME: f64 = 0.01;
-/// Rows of a table of steady states that may have a time of day beside it.
+/// Largest number of rows of a table of steady states. It may have a time of day.
 const LONGEST_TABLE: usize = 80;
 
 /// Columns of equal length. See the module.
@@ -134,11 +135,11 @@ pub struct Recording {
     /// Where it came from, for messages.
     pub name: String,
     columns: BTreeMap<Channel, Vec<f64>>,
-    /// Column names that have no meaning here.
+    /// Names of columns without a known meaning.
     pub ignored: Vec<String>,
-    /// Columns in which there is no number: not recorded.
+    /// Columns without any number; they count as not recorded.
     pub empty: Vec<Channel>,
-    /// Rows that were left out for want of a time.
+    /// Number of rows that were left out because they have no time.
     pub without_time: usize,
 }
 
@@ -148,27 +149,27 @@ pub enum RecordingError {
     /// The file cannot be read.
     #[error("{name}: {source}")]
     Read {
-        /// Which file.
+        /// The file.
         name: String,
-        /// What the system said.
+        /// The message of the operating system.
         source: std::io::Error,
     },
-    /// Not a table of numbers.
+    /// The file is not a table of numbers.
     #[error("{name}, line {line}: {message}")]
     Line {
-        /// Which file.
+        /// The file.
         name: String,
         /// Line of the file, from 1.
         line: u64,
-        /// What is wrong with it.
+        /// The fault.
         message: String,
     },
     /// The table as a whole is of no use.
     #[error("{name}: {message}")]
     Table {
-        /// Which file.
+        /// The file.
         name: String,
-        /// What is wrong with it.
+        /// The fault.
         message: String,
     },
 }
@@ -190,7 +191,7 @@ impl Recording {
         self.columns.insert(channel, values);
     }
 
-    /// The values of a channel, missing ones as NaN.
+    /// The values of a channel, with missing ones as NaN.
     pub fn get(&self, channel: Channel) -> Option<&[f64]> {
         self.columns.get(&channel).map(Vec::as_slice)
     }
@@ -215,9 +216,9 @@ impl Recording {
         self.len() == 0
     }
 
-    /// Whether it is the same, whatever its file is called.
+    /// Whether the content is the same; the name of the file does not count.
     pub fn has_the_rows_of(&self, other: &Self) -> bool {
-        // By their bits: missing samples are the same as well.
+        // Compared by bits, so that missing samples are equal.
         let same = |(channel, own): (&Channel, &Vec<f64>)| {
             let bits = |value: &f64| value.to_bits();
             other.get(*channel).is_some_and(|others| own.iter().map(bits).eq(others.iter().map(bits)))
@@ -225,7 +226,7 @@ impl Recording {
         self.columns.len() == other.columns.len() && self.columns.iter().all(same)
     }
 
-    /// The rows before a time that is counted from the first.
+    /// The rows before a time, counted from the first.
     #[must_use]
     pub fn before(&self, end_s: f64) -> Self {
         let time_s = self.time_s().unwrap_or_default();
@@ -239,13 +240,13 @@ impl Recording {
     /// `("speed", "omega_rad_per_s")`.
     ///
     /// # Errors
-    /// [`RecordingError`], which names the line.
+    /// [`RecordingError`] with the line.
     pub fn parse(name: &str, mut text: impl Read, names: &[(String, String)]) -> Result<Self, RecordingError> {
         let mut bytes = Vec::new();
         text.read_to_end(&mut bytes).map_err(|source| RecordingError::Read { name: name.into(), source })?;
         let no_text = || {
             let message = format!(
-                "this is no text; a CSV table is expected, and `motorbench convert {} NEW.csv` makes one of other formats",
+                "this is not text, but a CSV table is expected: `motorbench convert {} NEW.csv` converts other formats",
                 quoted(name)
             );
             RecordingError::Table { name: name.into(), message }
@@ -286,7 +287,7 @@ impl Recording {
         Ok(recording)
     }
 
-    /// Single rows whose time is no number, as garbled lines make them.
+    /// Removes single rows whose time is no number; garbled lines cause them.
     fn leave_rows_without_time_out(&mut self) {
         let has_time: Vec<bool> = self.time_s().unwrap_or_default().iter().map(|t_s| !t_s.is_nan()).collect();
         let without = has_time.iter().filter(|has_time| !**has_time).count();
@@ -300,7 +301,7 @@ impl Recording {
         self.without_time = without;
     }
 
-    /// Of columns without a number nothing is known; what is left has at least one.
+    /// A column without any number counts as not recorded. At least one column is left.
     fn leave_empty_out(&mut self) {
         let is_empty = |values: &Vec<f64>| values.iter().all(|value| value.is_nan());
         if !self.columns.values().all(is_empty) {
@@ -309,8 +310,8 @@ impl Recording {
         }
     }
 
-    /// What is to be done where a column for the time has another name: `None` where there is one, where there is nothing that
-    /// looks like it, and of few rows, which a person has read.
+    /// Advice for a table whose time column may have another name. `None` if there is a time column, if no column
+    /// resembles one, or for few rows.
     pub fn advice_on_time(&self) -> Option<String> {
         let looks_like_time = |name: &&String| TIMES.iter().any(|time| name.to_lowercase().starts_with(time));
         if self.time_s().is_some() || self.len() < LONGEST_TABLE {
@@ -319,7 +320,7 @@ impl Recording {
         let found = self.ignored.iter().find(looks_like_time)?;
         let (name, quoted, rows) = (&self.name, quoted(&self.name), self.len());
         Some(format!(
-            "{name}: no column t_s, and {rows} rows are no table of steady states. Is {found} the time in seconds? Then --column {found}=t_s; in milliseconds `motorbench convert {quoted} NEW.csv --map {found}=t_s*0.001`"
+            "{name}: there is no column t_s, and {rows} rows are too many for a table of steady states. If {found} is the time in seconds, add --column {found}=t_s. If it is in milliseconds: `motorbench convert {quoted} NEW.csv --map {found}=t_s*0.001`"
         ))
     }
 
@@ -331,7 +332,7 @@ impl Recording {
         let error = |message| RecordingError::Line { name: self.name.clone(), line: 1, message };
         if let Some(delimiter) = header.get(0).filter(|_| header.len() == 1).and_then(other_delimiter) {
             return Err(error(format!(
-                "its values stand between {delimiter} and not between commas: `motorbench convert {} NEW.csv` makes the project's CSV of it, with --decimal-comma where numbers are 1,5",
+                "its separator is {delimiter} instead of a comma: `motorbench convert {} NEW.csv` makes the project's CSV of it, with --decimal-comma if numbers are written 1,5",
                 quoted(&self.name)
             )));
         }
@@ -342,7 +343,7 @@ impl Recording {
             }
             if !header.iter().any(|column| column == from) {
                 let there = header.iter().collect::<Vec<_>>().join(", ");
-                return Err(error(format!("there is no column \"{from}\" to be read as {to}; there are {there}")));
+                return Err(error(format!("there is no column \"{from}\" to read as {to}; there are {there}")));
             }
         }
         if header.is_empty() {
@@ -363,7 +364,7 @@ impl Recording {
         }
         if channels.iter().all(Option::is_none) {
             return Err(error(format!(
-                "no known column among {}; expected any of {}, or say which column is which (for instance --column {}=omega_rad_per_s)",
+                "no known column among {}; expected any of {}, or map one (for instance --column {}=omega_rad_per_s)",
                 self.ignored.join(", "),
                 known(),
                 self.ignored.last().map_or("speed", String::as_str)
@@ -388,14 +389,14 @@ impl Recording {
         let without = time_s.iter().filter(|t_s| t_s.is_nan()).count();
         if without > 0 {
             return Err(error(format!(
-                "t_s is no number in {without} of {} rows: a few lines that were garbled are left out, these are too many; which column is the time?",
+                "t_s is no number in {without} of {} rows. A few garbled lines are left out, but these are too many: check which column is the time",
                 time_s.len()
             )));
         }
         for (row, pair) in time_s.windows(2).enumerate() {
             if pair[1] <= pair[0] {
                 return Err(error(format!(
-                    "sample {}: t_s goes from {} to {}; time has to increase from sample to sample (times in whole milliseconds of faster rows? write t_s from micros())",
+                    "sample {}: t_s goes from {} to {}, but time must increase from sample to sample. If rows are faster than whole milliseconds, record t_s with micros()",
                     row + 2,
                     pair[0],
                     pair[1]
@@ -410,7 +411,7 @@ impl Recording {
         self.csv_header() + &self.csv_rows(0)
     }
 
-    /// The first line of the CSV.
+    /// The header line of the CSV.
     pub fn csv_header(&self) -> String {
         self.columns.keys().map(|channel| channel.column()).collect::<Vec<_>>().join(",") + "\n"
     }
@@ -440,7 +441,7 @@ impl Recording {
     }
 }
 
-/// What stands between the names of a header line that is all one name.
+/// The probable separator of a header line that was read as a single name.
 fn other_delimiter(header: &str) -> Option<&'static str> {
     [(';', "semicolons"), ('|', "bars")].into_iter().find_map(|(sign, name)| header.contains(sign).then_some(name))
 }
@@ -470,28 +471,28 @@ mod tests {
         let message = |text| parse(text).unwrap_err().to_string();
         assert!(message("t_s,u_V\n0,1\n1,x\n").contains("line 3: column u_V: expected a number, found \"x\""));
         assert!(message("t_s,u_V\r\n0,1\r\n1,x\r\n").contains("line 3: column u_V"));
-        assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3: 1 values, where the header line has 2"));
-        assert!(message("t_s,u_V\n0,1\n0,1\n").contains("time has to increase"));
+        assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3: 1 values, but the header line has 2"));
+        assert!(message("t_s,u_V\n0,1\n0,1\n").contains("time must increase"));
         assert!(message("a,b\n0,1\n").contains("no known column"));
         let bars = message("t_s|u_V\n0|1\n");
         assert!(bars.contains("`motorbench convert test.csv NEW.csv`"), "{bars}");
         let german = message("# from a scope\nt_s;u_V\n0;1,5\n1;1.000,5\n");
         assert!(german.contains("line 4: column u_V: expected a number, found \"1.000,5\""), "{german}");
-        // Between tabs a comma may as well stand between thousands.
+        // With tabs as separators a comma may separate thousands.
         assert!(message("t_s\tu_V\n0\t1,500\n").contains("line 2: column u_V"));
         assert!(message("t_s,u_V\n").contains("no samples"));
         for (column, value) in [("omega_rad_per_s", "1e300"), ("omega_rad_per_s", "-1e12"), ("i_A", "1e7")] {
             let found = parse(&format!("t_s,{column}\n0,1\n1,{value}\n")).unwrap_err().to_string();
-            assert!(found.contains(&format!("line 3: column {column}: {value} is no measurement")), "{found}");
+            assert!(found.contains(&format!("line 3: column {column}: {value} cannot be a measurement")), "{found}");
         }
         let unreadable = Recording::parse("test.npy", &b"\x93NUMPY\x01\0"[..], &[]).unwrap_err().to_string();
         assert!(
-            unreadable.contains("no text; a CSV table is expected, and `motorbench convert test.npy"),
+            unreadable.contains("not text, but a CSV table is expected: `motorbench convert test.npy"),
             "{unreadable}"
         );
         let after_separator = message("sep=;\r\nt_s;u_V\r\n0;1,5\r\n1;x\r\n");
         assert!(after_separator.contains("line 4: column u_V"), "{after_separator}");
-        // A counter of 32 bits, and a clock since 1970.
+        // A 32-bit counter, and a clock since 1970.
         assert!(parse("t_s,counts\n1.7e9,4294967295\n1.8e9,nan\n").is_ok());
     }
 
@@ -513,7 +514,7 @@ mod tests {
     fn a_column_without_a_number_was_not_recorded() {
         let read = parse("t_s,u_V,i_A\n0,1,nan\n1,2,\n").unwrap();
         assert_eq!((read.get(Channel::Current), &read.empty[..]), (None, &[Channel::Current][..]));
-        // It is still a table of two rows.
+        // It is still a table with two rows.
         assert_eq!(parse("u_V,i_A\nnan,\n,\n").unwrap().len(), 2);
     }
 
@@ -527,7 +528,7 @@ mod tests {
         assert_eq!((read.len(), read.without_time), (990, 10));
         assert!(read.time_s().unwrap().iter().eq(read.get(Channel::Voltage).unwrap()), "whole rows are");
         let refused = parse(&csv(2)).unwrap_err().to_string();
-        assert!(refused.starts_with("test.csv: t_s is no number in 20 of 1000 rows: "), "{refused}");
+        assert!(refused.starts_with("test.csv: t_s is no number in 20 of 1000 rows. "), "{refused}");
         assert!(!refused.contains("micros()"), "{refused}");
         assert_eq!(parse(&csv(0)).unwrap().without_time, 0);
     }
@@ -539,7 +540,7 @@ mod tests {
             parse(&format!("{header}\n{rows}")).unwrap().advice_on_time()
         };
         let long = advice("t_ms,u_V", 100).unwrap();
-        assert!(long.contains("--column t_ms=t_s;") && long.contains("--map t_ms=t_s*0.001`"), "{long}");
+        assert!(long.contains("--column t_ms=t_s.") && long.contains("--map t_ms=t_s*0.001`"), "{long}");
         for (header, rows) in [("time,u_V", 20), ("t_s,u_V", 100), ("temperature_C,u_V", 100), ("load,u_V", 100)] {
             assert_eq!(advice(header, rows), None, "{header}");
         }
@@ -551,7 +552,7 @@ mod tests {
         let read = Recording::parse("x", "t_s,speed,foo\n0,1,2\n".as_bytes(), &names).unwrap();
         assert_eq!(read.get(Channel::Speed), Some(&[1.0][..]));
         assert_eq!(read.ignored, ["foo"]);
-        // As spreadsheets write it.
+        // A table in the format of spreadsheets.
         let read = Recording::parse("x", "\u{feff}speed,t_s\r\n1,0\r\n".as_bytes(), &names).unwrap();
         assert_eq!(read.get(Channel::Speed), Some(&[1.0][..]));
         let wrong = Recording::parse("x", "t_s,foo\n0,1\n".as_bytes(), &names).unwrap_err().to_string();

@@ -36,7 +36,7 @@ use motorbench_model::motor::{self, MotorParameters, NonPhysical};
 use motorbench_text::keys;
 use serde::{Deserialize, Serialize};
 
-/// A rig file. Everything is optional; what a recording needs of it is asked for when it is needed.
+/// A rig file. Every key is optional; a missing one is reported by the command that needs it.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Rig {
@@ -55,16 +55,16 @@ pub struct Rig {
     /// Tachogenerator.
     #[serde(skip_serializing_if = "is_default")]
     pub tachogenerator: Tachogenerator,
-    /// How the recording was made.
+    /// Timing of the recording program.
     #[serde(skip_serializing_if = "is_default")]
     pub recording: Timing,
     /// Nominal constants of the motor.
     #[serde(skip_serializing_if = "is_default")]
     pub motor: NominalMotor,
-    /// Keys of the file that have no meaning here.
+    /// Keys of the file without a meaning here.
     #[serde(skip)]
     pub ignored: Vec<String>,
-    /// Whether it has the effects of a model, which mean as little.
+    /// Whether the file has the effects of a model, which are not used either.
     #[serde(skip)]
     pub is_model: bool,
 }
@@ -86,13 +86,13 @@ pub struct Supply {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Bridge {
-    /// Its name, for the reader.
+    /// Its name, for a person.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub kind: Option<String>,
-    /// Voltage it loses while driving, as its data sheet says.
+    /// Voltage drop while driving, from its data sheet.
     #[serde(rename = "drop_V", skip_serializing_if = "Option::is_none")]
     pub drop_v: Option<f64>,
-    /// What the off phase of the PWM does.
+    /// State of the bridge in the off phase of the PWM.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub decay: Option<Decay>,
     /// PWM frequency.
@@ -100,13 +100,13 @@ pub struct Bridge {
     pub pwm_hz: Option<f64>,
 }
 
-/// What the off phase of the PWM does.
+/// State of the bridge in the off phase of the PWM.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Decay {
     /// The motor is short-circuited: sign-magnitude drive with slow decay.
     Slow,
-    /// Every switch open: PWM on the enable pin.
+    /// All switches are open: PWM on the enable pin.
     Coast,
 }
 
@@ -126,7 +126,7 @@ pub struct CurrentSensor {
     /// Step of its reading, in amperes.
     #[serde(rename = "resolution_A", skip_serializing_if = "Option::is_none")]
     pub resolution_a: Option<f64>,
-    /// `false` where there is none: a design then observes the current.
+    /// `false` if there is no sensor. A design then observes the current.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub present: Option<bool>,
 }
@@ -138,10 +138,10 @@ pub struct Tachogenerator {
     /// Volts at 1000 revolutions a minute, before the firmware's divider by two.
     #[serde(rename = "gain_V_per_krpm", skip_serializing_if = "Option::is_none")]
     pub gain_v_per_krpm: Option<f64>,
-    /// Amplitude of its ripple over the mean.
+    /// Amplitude of its ripple relative to the mean.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ripple: Option<f64>,
-    /// `true` where a loop has its speed from it although there is an encoder.
+    /// `true` if a loop uses it for the speed although there is an encoder.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub feedback: Option<bool>,
     /// Commutator ripples per revolution.
@@ -149,38 +149,38 @@ pub struct Tachogenerator {
     pub ripples_per_rev: Option<f64>,
 }
 
-/// How the program that recorded works.
+/// Timing of the recording program.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Timing {
-    /// From a sample to the voltage it records.
+    /// Time from a sample to the voltage that it records.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub command_delay_s: Option<f64>,
-    /// What speed and current of a sample are.
+    /// Meaning of speed and current of a sample.
     #[serde(skip_serializing_if = "is_default")]
     pub readings: Readings,
-    /// Where in the PWM period, from 0 at the start of a pulse to 1, the current is sampled; without it the reading is
+    /// Where in the PWM period the current is sampled, from 0 (start of a pulse) to 1. Without this key the reading is
     /// the mean.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub current_sampled_at: Option<f64>,
-    /// By how much the mean of the current is of an earlier time than since the sample before.
+    /// The mean of the current ends this much before its sample.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub current_late_s: Option<f64>,
-    /// Over how long before its row the program averages the current; 0: not at all.
+    /// Length of the average of the current before its row; 0: no average.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub current_window_s: Option<f64>,
     /// Length of the window over which a speed is a difference of counts.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_window_s: Option<f64>,
-    /// How much of that is after the row.
+    /// Part of that window after the row.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub speed_ahead_s: Option<f64>,
 }
 
 impl Timing {
-    /// Of this project's firmware on its board: the bridge follows with the third PWM period after the sample; speed and current
-    /// are means over the tick before it, that of the current of eight of ten conversions, at the end of the off phase. The
-    /// simulated chip shows both.
+    /// Timing of this project's firmware on its board, as the simulated chip shows it. The bridge follows with the
+    /// third PWM period after the sample. Speed and current are means over the last tick. The current is the mean of
+    /// eight of ten conversions, at the end of the off phase.
     pub const FIRMWARE: Self = Self {
         command_delay_s: Some(0.12e-3),
         current_late_s: Some(0.033e-3),
@@ -191,18 +191,18 @@ impl Timing {
         speed_ahead_s: None,
     };
 
-    /// Of its control core on the host, which has a tick's longest delay and conversions all over the tick.
+    /// Timing of its control core on the host: a tick's longest delay, and conversions throughout the tick.
     pub const CORE_ON_HOST: Self = Self { command_delay_s: Some(0.2e-3), current_late_s: None, ..Self::FIRMWARE };
 }
 
-/// What a reading is.
+/// Meaning of a reading.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Readings {
-    /// The value of the sample's moment.
+    /// The value at the time of the sample.
     #[default]
     Instant,
-    /// The mean since the sample before.
+    /// The mean since the previous sample.
     Mean,
 }
 
@@ -242,59 +242,59 @@ pub enum RigError {
     /// It cannot be read.
     #[error("{path}: {source}")]
     Read {
-        /// Which file.
+        /// The file.
         path: String,
-        /// What the system said.
+        /// The message of the operating system.
         source: std::io::Error,
     },
     /// It is not TOML, or a value has the wrong type.
     #[error("{path}: {message}")]
     Syntax {
-        /// Which file.
+        /// The file.
         path: String,
-        /// Where and why.
+        /// Place and reason.
         message: String,
     },
-    /// A key that is none, and looks like one.
+    /// A key that is unknown, but resembles a known one.
     #[error("{path}: line {line}: unknown key {key}; did you mean {meant}?")]
     UnknownKey {
-        /// Which file.
+        /// The file.
         path: String,
-        /// Where.
+        /// The line.
         line: usize,
-        /// What stands there, with its table.
+        /// The key with its table.
         key: String,
-        /// The nearest key of this table.
+        /// The most similar key of this table.
         meant: &'static str,
     },
-    /// A constant that no motor has.
+    /// An impossible constant of the motor.
     #[error("{path}: motor.{source}")]
     Motor {
-        /// Which file.
+        /// The file.
         path: String,
-        /// Which, and what it has to be.
+        /// The constant, and its rule.
         source: NonPhysical,
     },
-    /// A value that nothing can have.
+    /// An impossible value.
     #[error("{path}: {key} = {value}: it must be a positive number{unless_zero}")]
     Value {
-        /// Which file.
+        /// The file.
         path: String,
-        /// Which key.
+        /// The key.
         key: &'static str,
-        /// What it was.
+        /// The value.
         value: f64,
-        /// `" or zero"` where zero is allowed.
+        /// `" or zero"` if zero is allowed.
         unless_zero: &'static str,
     },
-    /// A share that is none.
+    /// A share outside 0 to 1.
     #[error("{path}: {key} = {value}: it must be a share of the PWM period, 0 to 1")]
     Share {
-        /// Which file.
+        /// The file.
         path: String,
-        /// Which key.
+        /// The key.
         key: &'static str,
-        /// What it was.
+        /// The value.
         value: f64,
     },
 }
@@ -303,7 +303,7 @@ impl Rig {
     /// Reads the text of a rig file; `name` is for its errors.
     ///
     /// # Errors
-    /// [`RigError`], which names line or key.
+    /// [`RigError`] with the line or the key.
     pub fn parse(name: &str, text: &str) -> Result<Self, RigError> {
         let syntax = |error: toml::de::Error| RigError::Syntax { path: name.into(), message: keys::explained(&error) };
         let mut ignored = Vec::new();
@@ -318,7 +318,7 @@ impl Rig {
         Ok(rig)
     }
 
-    /// Refuses what is ignored by a slip of the pen alone.
+    /// Refuses keys that are probably mistyped.
     fn check_ignored(&self, path: &str, text: &str) -> Result<(), RigError> {
         for ignored in &self.ignored {
             let (table, key) = ignored.rsplit_once('.').unwrap_or(("", ignored));
@@ -400,7 +400,7 @@ impl Rig {
     }
 }
 
-/// Zero is a place in the period as any other.
+/// Zero is a valid place in the period.
 const CURRENT_SAMPLED_AT: &str = "recording.current_sampled_at";
 
 /// Keys besides those of [`Rig::numbers`].
@@ -413,7 +413,7 @@ const OTHER_KEYS: [&str; 6] = [
     CURRENT_SAMPLED_AT,
 ];
 
-/// A constant of the motor that a file does not give.
+/// A constant of the motor that the file does not give.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("motor.{0} is missing: add it, or identify the motor from a recording")]
 pub struct MissingConstant(pub &'static str);
@@ -422,7 +422,7 @@ impl NominalMotor {
     /// All five constants.
     ///
     /// # Errors
-    /// The first that is missing, by its name in the file.
+    /// The first missing constant, by its name in the file.
     pub fn parameters(&self) -> Result<MotorParameters, MissingConstant> {
         let given = |name, value: Option<f64>| value.ok_or(MissingConstant(name));
         Ok(MotorParameters {
@@ -482,14 +482,15 @@ mod tests {
         }
     }
 
-    /// As the notes on a recording advise where a speed is one of the moment.
+    /// The notes on a recording advise this value for a speed of the moment.
     #[test]
     fn a_window_of_no_length_is_none() {
         let rig = Rig::parse("rig.toml", "[recording]\nspeed_window_s = 0").unwrap();
         assert_eq!(rig.recording.speed_window_s, Some(0.0));
     }
 
-    /// A slip that would read as a missing constant is named with its line; every key of the example is one.
+    /// A mistyped key that would read as a missing constant is reported with its line. Every key of the example is
+    /// known.
     #[test]
     fn a_mistyped_key_is_named_with_its_line_and_the_one_that_was_meant() {
         let message = |text: &str| Rig::parse("rig.toml", text).unwrap_err().to_string();
@@ -513,7 +514,7 @@ mod tests {
             .collect();
         let rig = Rig::parse("rig.toml", &every).unwrap();
         assert!(rig.ignored.is_empty(), "{:?}", rig.ignored);
-        // Written again they are all there: no key is missing in the list.
+        // After writing, all of them are there: the list misses no key.
         let written: toml::Table = toml::to_string(&rig).unwrap().parse().unwrap();
         let count: usize = written.values().map(|table| table.as_table().unwrap().len()).sum();
         assert_eq!(count, rig.keys().count());

@@ -1,4 +1,4 @@
-//! From the firmware's samples to a recording in SI units.
+//! Converts the firmware's samples to a recording in SI units.
 
 use crate::recording::{Channel, Recording};
 use crate::rig::{CurrentSensor, Encoder, NominalMotor, Rig, Supply, Tachogenerator, Timing};
@@ -9,15 +9,25 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, FULL_RANGE, VOLT};
 use std::f64::consts::TAU;
 
-/// Step of the firmware's current reading at 185 mV/A: a step of the converter over the conversions in a sum.
+/// Step of the firmware's current reading at 185 mV/A: one converter step divided by the conversions in a sum.
 const CURRENT_STEP_A: f64 = converter::STEP_V as f64 / (2.0 * converter::BLOCK as f64) / 0.185;
 
-/// A bit of the speed that the core measures or is asked for, in rad/s.
+/// Settings of a recording for an identification: nothing limits the excitation, and only the current trips remain.
+pub const IDENTIFICATION_SETTINGS: [(Param, f32); 6] = [
+    (Param::CurrentLimit, 0.0),
+    (Param::TripPeak, 5.0),
+    (Param::TripContinuous, 3.0),
+    (Param::TripEncoder, 0.0),
+    (Param::TripStall, 0.0),
+    (Param::SlewLimit, 30_000.0),
+];
+
+/// One bit of the measured or commanded speed, in rad/s.
 pub fn speed_bit_rad_per_s(settings: &Settings) -> f64 {
     f64::from(settings.get(Param::SpeedRange)) / f64::from(FULL_RANGE)
 }
 
-/// What one bit of a reference stands for in a mode: V, rad/s or rad.
+/// One bit of a reference in a mode: V, rad/s or rad.
 pub fn reference_bit(mode: Mode, settings: &Settings) -> f64 {
     match mode {
         mode if mode.is_position() => TAU / f64::from(settings.get(Param::CountsPerRev)),
@@ -26,7 +36,7 @@ pub fn reference_bit(mode: Mode, settings: &Settings) -> f64 {
     }
 }
 
-/// The mode that samples were driven in last. A trip or a stop at the end leaves no mode, and takes no reference away.
+/// The last mode in which samples were driven. A trip or a stop at the end has no mode, but the reference stays.
 pub fn driven_mode(samples: &[Sample]) -> Mode {
     let mut modes = samples.iter().rev().map(|sample| sample.state.mode());
     modes.find(|mode| *mode != Mode::Off).unwrap_or(Mode::Off)
@@ -37,8 +47,8 @@ pub fn recording(name: &str, samples: &[Sample], settings: &Settings) -> Recordi
     recording_of(name, samples, settings, driven_mode(samples))
 }
 
-/// The samples as a recording with the reference of `mode`. While the bridge is off, duty and voltage are missing: nothing
-/// drives the motor then.
+/// The samples as a recording with the reference of `mode`. While the bridge is off, duty and voltage are missing,
+/// since nothing drives the motor.
 pub fn recording_of(name: &str, samples: &[Sample], settings: &Settings, mode: Mode) -> Recording {
     let get = |param| f64::from(settings.get(param));
     let rate_hz = get(Param::TickRate);
@@ -65,12 +75,12 @@ pub fn recording_of(name: &str, samples: &[Sample], settings: &Settings, mode: M
     recording
 }
 
-/// The same of a rig whose control core ran on the host.
+/// The same for a rig whose control core ran on the host.
 pub fn rig_of_core(settings: &Settings, motor: NominalMotor) -> Rig {
     Rig { recording: Timing::CORE_ON_HOST, ..rig(settings, motor) }
 }
 
-/// What the settings say of the rig of a board, with nominal constants of the motor.
+/// The rig of a board by its settings, with nominal constants of the motor.
 pub fn rig(settings: &Settings, motor: NominalMotor) -> Rig {
     let tachogenerator = match settings.get(Param::SpeedSensor) {
         0.0 => Tachogenerator::default(),

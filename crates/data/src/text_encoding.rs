@@ -1,7 +1,7 @@
-//! Bytes of a file to its text.
+//! Converts the bytes of a file to text.
 
-/// A text in the encodings that editors, spreadsheets and shells write: UTF-8 with and without byte order mark, UTF-16 with it,
-/// and where it is neither, Latin-1; with line ends of one character. `None`: it is no text.
+/// Reads the encodings of editors, spreadsheets and shells: UTF-8 with or without a byte order mark, UTF-16 with one,
+/// otherwise Latin-1. Line ends become one character. `None`: it is not text.
 pub fn decoded(bytes: Vec<u8>) -> Option<String> {
     let text = match &bytes[..] {
         [0xef, 0xbb, 0xbf, rest @ ..] => String::from_utf8(rest.to_vec()).ok(),
@@ -9,7 +9,7 @@ pub fn decoded(bytes: Vec<u8>) -> Option<String> {
         [0xfe, 0xff, rest @ ..] => utf_16(rest, u16::from_be_bytes),
         _ => String::from_utf8(bytes).or_else(|error| latin_1(error.as_bytes()).ok_or(error)).ok(),
     };
-    // Readers of tables miscount lines that end with two.
+    // Table readers miscount lines that end with two characters.
     text.map(|text| if text.contains('\r') { text.replace("\r\n", "\n") } else { text })
 }
 
@@ -18,7 +18,7 @@ fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Option<String> {
     String::from_utf16(&units).ok()
 }
 
-/// Of a byte for each letter; control characters are of no text.
+/// One byte for each letter. Text has no control characters.
 fn latin_1(bytes: &[u8]) -> Option<String> {
     let is_text = |byte: &u8| matches!(byte, b'\t' | b'\r' | b'\n' | 0x20..=0x7e | 0x80..);
     bytes.iter().all(is_text).then(|| bytes.iter().copied().map(char::from).collect())

@@ -24,8 +24,8 @@ pub fn model_of(losses: &DryLosses, motor: &MotorParameters) -> Model {
     there.fold(Model::linear(*motor), |model, (id, value)| model.with(known(id), vec![value]))
 }
 
-/// Slow motion about standstill: part of the no-load speed (or a turn), time of the profile, time in each direction,
-/// repetitions.
+/// Slow motion about standstill: part of the no-load speed (or a revolution), time of the profile, time in each
+/// direction, repetitions.
 const SLOW_SPEED_PART: f64 = 0.03;
 const SLOW_TURN_RAD: f64 = 0.6;
 const SLOW_S: f64 = 0.25;
@@ -37,7 +37,7 @@ const SLOW_WAYS: usize = 4;
 pub struct Standstill {
     /// Which law.
     pub law: ControlLaw,
-    /// Between plus and minus this, in rad/s or rad.
+    /// Amplitude of the reference, in rad/s or rad.
     pub reference: f64,
     /// Root mean square error in rad/s or rad without the compensation; `null`: a trip came.
     pub without: Option<f64>,
@@ -46,7 +46,7 @@ pub struct Standstill {
 }
 
 impl Standstill {
-    /// As text.
+    /// The comparison as text.
     pub fn text(&self) -> String {
         let unit = if self.law.is_position() { "rad" } else { "rad/s" };
         let number = |value: Option<f64>| value.map_or("a trip".into(), |value| format!("{value:.3} {unit}"));
@@ -60,8 +60,9 @@ impl Standstill {
     }
 }
 
-/// Simulates the core with a model whose losses are compensated, following a slow reference about standstill, with the
-/// settings as they are and with the compensation's set to zero; with the ripple of a tachogenerator where that measures.
+/// Simulates the core with a model whose losses are compensated, while it follows a slow reference about standstill. It
+/// compares the settings as they are with the same settings without compensation. If a tachogenerator measures the
+/// speed, its ripple is included.
 ///
 /// # Errors
 /// A setting the core cannot hold.
@@ -88,7 +89,7 @@ pub fn near_standstill(
         }
         let mut trial = Trial::of_model(model, settings)?;
         if let Some(tachogenerator) = tachogenerator {
-            tachogenerator.onto(&mut trial);
+            tachogenerator.set_ripple(&mut trial);
         }
         trial.enter(law.mode());
         let ways = [reference, -reference].into_iter().cycle().take(SLOW_WAYS);
@@ -114,7 +115,7 @@ pub struct CompensationSetting {
 
 /// A loss that exceeds the core's compensation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{name} would be {value:.2} V, the core adds between 0 and 8 V: check the model's friction and bridge drop")]
+#[error("{name} would be {value:.2} V, but the core adds 0 to 8 V: check friction and bridge drop of the model")]
 pub struct OutOfRange {
     /// The setting.
     pub name: String,
@@ -122,11 +123,12 @@ pub struct OutOfRange {
     pub value: f64,
 }
 
-/// Part of the known losses that is compensated. Full compensation would cause a limit cycle: friction of a motor
-/// varies by about this much over a turn and with its temperature.
+/// Part of the known losses that is compensated. Full compensation would cause a limit cycle: the friction of a motor
+/// varies by about this much over a revolution and with temperature.
 pub const PART: f64 = 0.8;
 
-/// Settings of the compensation: friction torque as the voltage at rest that balances it, `c R / k`, and the drop.
+/// Settings of the compensation. Friction torque is given as the voltage at rest that balances it, `c R / k`. The drop
+/// follows.
 ///
 /// # Errors
 /// [`OutOfRange`].
@@ -159,7 +161,7 @@ mod tests {
     use crate::specification::{Specification, Speed};
     use crate::{Bench, design};
 
-    /// What the compensation gains on the paper's motor with friction behind the L293D, for every law.
+    /// Improvement by the compensation on the paper's motor with friction behind the L293D, for every law.
     #[test]
     fn tracking_near_standstill_gains_by_a_factor() {
         let motor = MotorParameters::PIVT6;
@@ -174,7 +176,7 @@ mod tests {
             }
             let found = near_standstill(&model_of(&losses, &motor), &settings, law, None).unwrap();
             print!("{}", found.text());
-            // Stuck for too long without it, a loop trips.
+            // Without compensation a loop can stick so long that it trips.
             let with = found.with.unwrap();
             assert!(found.without.is_none_or(|without| with < 0.6 * without), "{found:?}");
         }

@@ -1,18 +1,19 @@
-//! What a missing current sensor costs an LQR. For one specification it compares loops with the current measured, with
-//! that of the core's observer, with that of a Kalman filter, and without it.
+//! The cost of a missing current sensor for an LQR. For one specification it compares four loops: current measured,
+//! current from the core's observer, current from a Kalman filter, and no current.
 //!
-//! The core runs all but the Kalman filter. The gains are not quantised, so that the four differ only in the current.
+//! The core can run all but the Kalman filter. The gains are not quantised, so the four loops differ only in the
+//! current.
 
 use super::law::{ControlLaw, Signal};
 use super::observer::{CurrentObserver, Unknown};
 use super::robustness::{self, Robustness};
-use super::sampled_loop::{Gains, SampledLoop, Seen};
+use super::sampled_loop::{Gains, MotorTiming, SampledLoop};
 use super::search::{Candidate, Search};
 use super::specification::{Specification, Speed};
 use motorbench_model::motor::MotorParameters;
 use serde::Serialize;
 
-/// Assumptions of the Kalman filter that are tried; the one with the most robust loop is taken.
+/// Assumptions of the Kalman filter that are tried. The one with the most robust loop is used.
 const FILTERS: [Unknown; 4] = [
     Unknown { voltage: 1.0, torque: 0.1, speed: 0.1 },
     Unknown { voltage: 1.0, torque: 0.1, speed: 1.0 },
@@ -37,8 +38,7 @@ pub enum CurrentFrom {
 }
 
 impl CurrentFrom {
-    /// In tables.
-    /// As a table has it.
+    /// Name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Sensor => "measured",
@@ -52,49 +52,54 @@ impl CurrentFrom {
 /// A robust loop for the specification.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LoopWith {
-    /// From reference to output, -3 dB.
+    /// From reference to output, at -3 dB.
     #[serde(rename = "bandwidth_Hz")]
     pub bandwidth_hz: f64,
-    /// After a plain step, within 2 %.
+    /// Settling time of a plain step, within 2 %.
     pub settling_s: f64,
-    /// Of the plain step.
+    /// Overshoot of the plain step.
     pub overshoot_percent: f64,
     /// Modulus margin.
     pub modulus: f64,
-    /// The smallest with parameters +-30 %, the observer's own unchanged.
+    /// Smallest modulus margin with parameters +-30 %; the observer's own parameters stay.
     pub worst_modulus: f64,
     /// Delay margin.
     pub delay_s: f64,
     /// Largest voltage of a plain step of 1 rad/s or 1 rad.
     #[serde(rename = "peak_V_per_unit")]
     pub peak_v_per_unit: f64,
-    /// Integral of the error after a load torque has come, in rad (speed) or rad s (position) a Nm.
+    /// Integral of the error after a step of the load torque, in rad (speed) or rad s (position) for each Nm.
     pub error_integral_per_nm: f64,
 }
 
 /// One line of the comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// Where the current is from.
+    /// Source of the current.
     pub current: CurrentFrom,
     /// `None` if no loop that is fast enough is robust.
     #[serde(rename = "loop")]
     pub found: Option<LoopWith>,
 }
 
-/// The four loops of an LQR; none of a PID, which does not use the current.
-pub fn compare(motor: &MotorParameters, seen: Seen, law: ControlLaw, specification: &Specification) -> Vec<Comparison> {
+/// The four loops of an LQR. Empty for a PID, which does not use the current.
+pub fn compare(
+    motor: &MotorParameters,
+    timing: MotorTiming,
+    law: ControlLaw,
+    specification: &Specification,
+) -> Vec<Comparison> {
     let current: Vec<bool> = law.feedback().iter().map(|(_, signal)| *signal == Signal::Current).collect();
     if !current.contains(&true) {
         return Vec::new();
     }
     let all = vec![true; current.len()];
     let without: Vec<bool> = current.iter().map(|is_current| !is_current).collect();
-    let with = |used, observer| best(&Search { motor, law, seen, used, observer }, specification);
-    let observer = CurrentObserver::of_core(motor, &seen);
+    let with = |used, observer| best(&Search { motor, law, timing, used, observer }, specification);
+    let observer = CurrentObserver::of_core(motor, &timing);
     let filtered = FILTERS
         .iter()
-        .filter_map(|unknown| with(&all, Some(CurrentObserver::new(motor, &seen, unknown).ok()?)))
+        .filter_map(|unknown| with(&all, Some(CurrentObserver::new(motor, &timing, unknown).ok()?)))
         .max_by(|a, b| a.worst_modulus.total_cmp(&b.worst_modulus));
     vec![
         Comparison { current: CurrentFrom::Sensor, found: with(&all, None) },
@@ -104,7 +109,7 @@ pub fn compare(motor: &MotorParameters, seen: Seen, law: ControlLaw, specificati
     ]
 }
 
-/// The first shape of weights with a robust loop that is fast enough, as a design takes it.
+/// The first shape of weights with a robust loop that is fast enough, as a design uses it.
 fn best(search: &Search, specification: &Specification) -> Option<LoopWith> {
     let overshoot = specification.overshoot_percent;
     let candidates: Box<dyn Iterator<Item = Candidate>> = match specification.speed {
@@ -135,7 +140,7 @@ fn loop_with(search: &Search, candidate: &Candidate, robustness: &Robustness) ->
     }
 }
 
-/// Largest voltage and current of a plain step of one.
+/// Largest voltage and current of a plain unit step.
 pub fn plain_step_peaks(sampled: &SampledLoop, gains: &Gains) -> [f64; 2] {
     let plain = sampled.closed(gains).step_response(PLAIN_STEP_TICKS);
     let voltage = plain.row(1).iter().map(|fed_back| (fed_back + gains.reference).abs()).fold(0.0, f64::max);
@@ -170,7 +175,7 @@ pub fn table(law: ControlLaw, comparison: &[Comparison]) -> String {
     text
 }
 
-/// Of the peak voltage of a plain step, and of the error summed after a load torque.
+/// Columns of the peak voltage of a plain step and of the summed error after a load torque.
 pub fn units(law: ControlLaw) -> [&'static str; 2] {
     if law.is_position() { ["V/rad", "rad s/Nm"] } else { ["V s/rad", "rad/Nm"] }
 }
@@ -182,24 +187,24 @@ mod tests {
     fn loops(motor: &MotorParameters, hz: f64) -> [LoopWith; 4] {
         let specification =
             Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: 1.0 };
-        let comparison = compare(motor, Seen::by_encoder(1e-3), ControlLaw::SpeedLqr, &specification);
+        let comparison = compare(motor, MotorTiming::by_encoder(1e-3), ControlLaw::SpeedLqr, &specification);
         print!("{}", table(ControlLaw::SpeedLqr, &comparison));
         [0, 1, 2, 3].map(|at: usize| comparison[at].found.unwrap())
     }
 
-    /// A current that follows the voltage within 2 ms tells a 10 Hz loop little.
+    /// A current that follows the voltage within 2 ms adds little to a 10 Hz loop.
     #[test]
     fn a_slow_loop_gains_little_by_sensor_or_observer() {
         let [measured, observer, kalman, without] = loops(&MotorParameters::PIVT6, 10.0);
         for other in [measured, observer, kalman] {
             assert!((other.modulus - without.modulus).abs() < 0.1, "{other:?} {without:?}");
-            // What the gain on the current takes under a load, the integral has to make up for.
+            // Under a load the integral must compensate what the gain on the current subtracts.
             let error = other.error_integral_per_nm / without.error_integral_per_nm;
             assert!((1.0..1.1).contains(&error), "{other:?} {without:?}");
         }
     }
 
-    /// With 5 ms and a 20 Hz loop the current leads the speed by enough to matter, and the observer brings nearly all of it.
+    /// With 5 ms and a 20 Hz loop the current leads the speed enough to matter. The observer gives nearly all of that.
     #[test]
     fn where_the_current_is_slow_the_observer_is_worth_nearly_the_sensor() {
         let motor = MotorParameters { inductance_h: 29.2e-3, inertia_kg_m2: 4.4e-5, ..MotorParameters::PIVT6 };
@@ -212,7 +217,7 @@ mod tests {
         assert!(observer.error_integral_per_nm < 0.5 * without.error_integral_per_nm, "{observer:?} {without:?}");
     }
 
-    /// By the core, with an LQR whose gain on the current takes more volts under a load than the winding does.
+    /// The core with an LQR whose gain on the current takes more volts under a load than the winding does.
     #[test]
     fn the_error_after_a_load_is_what_the_core_sums() {
         use crate::{Bench, design, ideal};
@@ -231,12 +236,12 @@ mod tests {
             trial.enter(design.law.mode());
             trial.follow(60.0, 1.0);
             trial.surroundings.load_torque_nm = LOAD_NM;
-            // What is left when it has settled is the resolution of speed and duty, and sums up as well.
+            // After settling, the resolution of speed and duty leaves a rest that sums up as well.
             let [settling_rad, settled_rad] = [0.5, 0.5].map(|duration_s| {
                 1e-3 * trial.follow(60.0, duration_s).iter().map(|point| 60.0 - point.omega_rad_per_s).sum::<f64>()
             });
             let summed = (settling_rad - settled_rad) / LOAD_NM;
-            println!("current measured {current_measured}: {summed:.3} rad/Nm on the core, {said:.3} said");
+            println!("current measured {current_measured}: {summed:.3} rad/Nm on the core, {said:.3} predicted");
             assert!((summed / said - 1.0).abs() < 0.05, "{summed} {said}");
         }
     }
@@ -246,6 +251,6 @@ mod tests {
         let specification =
             Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
         let (motor, law) = (MotorParameters::PIVT6, ControlLaw::SpeedPid);
-        assert!(compare(&motor, Seen::by_encoder(1e-3), law, &specification).is_empty());
+        assert!(compare(&motor, MotorTiming::by_encoder(1e-3), law, &specification).is_empty());
     }
 }

@@ -1,4 +1,4 @@
-//! A design as the core holds it: settings, and the gains in its fixed-point formats.
+//! Settings of a design, and its gains in the core's fixed-point formats.
 
 use super::law::{ControlLaw, Signal, setting_name, setting_unit};
 use super::observer::winding_time_ms;
@@ -14,32 +14,33 @@ use motorbench_model::linear::motor_model;
 use motorbench_model::motor::MotorParameters;
 use nalgebra::Complex;
 
-/// Largest speed over the motor's no-load speed that the speed's format has to hold.
+/// Range of the speed format, relative to the no-load speed.
 const SPEED_HEADROOM: f64 = 1.25;
-/// Edges the encoder's interrupt handler can take.
+/// Edge rate that the encoder's interrupt handler can take.
 const MAX_EDGES_PER_S: f64 = 100_000.0;
-/// Part of the current limit that a change of the reference takes at most. With inertia and torque constant 30 % off it
-/// is 0.6, which the thermal trip takes without end.
+/// Largest part of the current limit that a change of the reference uses. With inertia and torque constant 30 % off it
+/// becomes 0.6, which the thermal trip allows without end.
 pub const ACCELERATION_PART: f64 = 0.32;
-/// The thermal trip's and the peak trip's current over the current limit, as in the core's defaults.
+/// Current of the thermal trip and of the peak trip relative to the current limit, as in the core's defaults.
 const TRIP_CONTINUOUS: f64 = 0.6;
 const TRIP_PEAK: f64 = 1.2;
-/// Volts of position error that the position's range has to hold, in supplies: beyond, the voltage is at its limit.
+/// Range of the position error, as voltage in supplies. Beyond it the voltage is at its limit.
 const POSITION_SUPPLIES: f64 = 4.0;
-/// Ticks in which the voltage may rise to the supply: no limit to a loop's own motion, but to jumps.
+/// Ticks in which the voltage may rise to the supply. That limits jumps, but not the loop's own motion.
 const SLEW_TICKS: f64 = 4.0;
-/// Widths of the friction compensation's fading in the range of speed: twice the narrowest the core holds.
+/// Number of widths of the friction compensation's transition in the speed range: twice the narrowest that the core
+/// holds.
 const WIDTHS_A_RANGE: f64 = 256.0;
-/// A tachogenerator that fits every range, where the speed comes from the encoder.
+/// Tachogenerator gain that fits every range, for rigs that take the speed from the encoder.
 const UNUSED_TACHO_GAIN: f32 = 100.0;
-/// Speed of the position's profile where no encoder tells a position: it fits with every acceleration.
+/// Speed of the position profile on a rig without an encoder. It fits every acceleration.
 const UNUSED_CRUISE_RAD_PER_S: f64 = 1.0;
-/// Settings in a line for the console.
+/// Number of settings in one console line.
 const SETTINGS_A_LINE: usize = 3;
-/// Digits with which settings are given on the console.
+/// Significant digits of settings on the console.
 const DIGITS: i32 = 5;
 
-/// A number as it is given on the console.
+/// A number rounded as the console gives it.
 pub fn rounded(value: f64) -> f64 {
     if value == 0.0 {
         return 0.0;
@@ -48,12 +49,12 @@ pub fn rounded(value: f64) -> f64 {
     (value * unit).round() / unit
 }
 
-/// Settings, in the order in which they are given.
+/// Settings, in the order in which they are sent.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SettingList {
-    /// Everything that is not at its default is in `changed`.
+    /// All settings. Those that differ from the defaults are in `changed`.
     pub all: Settings,
-    /// What the design sets.
+    /// Settings that the design sets.
     pub changed: Vec<Param>,
 }
 
@@ -77,13 +78,13 @@ impl SettingList {
         Ok(())
     }
 
-    /// Lowers the position PID's feed-forward to a part of itself; says whether there was any worth lowering.
+    /// Multiplies the position PID's feed-forward by `part`. Returns whether it was large enough to matter.
     ///
     /// # Errors
     /// [`DesignError::Setting`] below the setting's range.
-    pub fn feed_less_forward(&mut self, law: ControlLaw, part: f64) -> Result<bool, DesignError> {
+    pub fn reduce_feed_forward(&mut self, law: ControlLaw, part: f64) -> Result<bool, DesignError> {
         let (feed_forward, derivative) = (self.all.get(Param::PositionKff), self.all.get(Param::PositionKd));
-        // Less than this does not even make up for the derivative, and is no cause of overshoot.
+        // A smaller one does not even cancel the derivative and cannot cause overshoot.
         if law != ControlLaw::PositionPid || feed_forward <= 0.5 * derivative {
             return Ok(false);
         }
@@ -91,7 +92,7 @@ impl SettingList {
         Ok(true)
     }
 
-    /// Slows the reference's profile down to a part of its acceleration.
+    /// Multiplies the acceleration of the reference's profile by `part`.
     ///
     /// # Errors
     /// [`DesignError::Setting`] below the setting's range.
@@ -99,8 +100,8 @@ impl SettingList {
         self.set(Param::Acceleration, part * f64::from(self.all.get(Param::Acceleration)))
     }
 
-    /// Adds what another design on the same rig sets. A gain that one of them switches off gives way to the other's,
-    /// and of two accelerations the smaller is kept.
+    /// Adds the settings of another design on the same rig. A gain that one of them switches off is taken from the
+    /// other. Of two accelerations the smaller is kept.
     pub fn merge(&mut self, other: &Self) {
         for &param in &other.changed {
             let (own, others) = (self.all.get(param), other.all.get(param));
@@ -115,8 +116,8 @@ impl SettingList {
         }
     }
 
-    /// Lines for the console, which takes each as a whole and refuses one that does not fit what it has: in an order that a
-    /// board with its defaults takes.
+    /// Console lines in an order that a board with its defaults accepts. The console takes a line as a whole and
+    /// refuses one that does not fit its other settings.
     pub fn commands(&self) -> Vec<String> {
         let (mut lines, mut taken) = (Vec::new(), Settings::defaults());
         let mut waiting = self.changed.clone();
@@ -134,7 +135,7 @@ impl SettingList {
         format!("set {}", params.iter().map(pair).collect::<Vec<_>>().join(" "))
     }
 
-    /// The next of the settings that wait. What does not fit them yet goes before where it can by itself, else with them.
+    /// The next line of settings. If other settings must change first, they come before it, or in the same line.
     fn next_line(&self, taken: &Settings, waiting: &[Param]) -> Vec<Param> {
         let refused = |params: &[Param]| {
             let mut settings = *taken;
@@ -159,7 +160,7 @@ impl SettingList {
     }
 }
 
-/// What the core says against a setting, with what to do about it.
+/// The refusal of the core as an error with advice.
 pub(super) fn refusal(error: BuildError, value: f64) -> DesignError {
     let why = match error.rule {
         Rule::TooLarge => "is larger than its format holds",
@@ -178,14 +179,14 @@ pub(super) fn refusal(error: BuildError, value: f64) -> DesignError {
     }
 }
 
-/// Advice on a setting that the core cannot hold, by the quantity that it follows from.
+/// Advice on a setting that the core cannot hold. It names the quantity that the setting follows from.
 fn advice(error: BuildError) -> &'static str {
     use Rule::{NotAllowed, NotFinite, NotPowerOfTwo, RoundsToZero, TooLarge, TooSmall};
     match (error.param, error.rule) {
         (_, NotPowerOfTwo | NotAllowed | NotFinite) => "check the model and the rig",
         (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, TooLarge) => "lower current-limit-A",
         (Param::CurrentLimit | Param::TripPeak | Param::TripContinuous, _) => "raise current-limit-A",
-        (Param::Acceleration, TooLarge) => "check the model's inertia and torque constant, or lower current-limit-A",
+        (Param::Acceleration, TooLarge) => "check inertia and torque constant of the model, or lower current-limit-A",
         (Param::Acceleration, _) => {
             "raise --current-limit-A (the profile uses a third of it), or correct inertia and torque constant of the model"
         }
@@ -201,17 +202,17 @@ fn advice(error: BuildError) -> &'static str {
             | Param::CompFrictionWidth
             | Param::CruiseSpeed,
             _,
-        ) => "check supply and encoder of the rig, resistance and torque constant of the model",
+        ) => "check supply and encoder of the rig, and resistance and torque constant of the model",
         (_, TooLarge) => "ask for a slower loop",
         (_, TooSmall | RoundsToZero) => "ask for a faster loop",
     }
 }
 
-/// The rig's settings: ranges, limits, trips, reference profile.
+/// Settings of the rig: ranges, limits, trips, reference profile.
 ///
 /// # Errors
-/// [`DesignError::Setting`] where the rig does not fit the core, [`DesignError::TooFast`] where the encoder does not,
-/// [`DesignError::Tachogenerator`] where that does not.
+/// [`DesignError::Setting`] if the core cannot hold a setting of the rig, [`DesignError::TooFast`] for the encoder,
+/// [`DesignError::Tachogenerator`] for the tachogenerator.
 pub fn rig_settings(
     motor: &MotorParameters,
     bench: &Bench,
@@ -253,7 +254,7 @@ pub fn rig_settings(
     Ok(list)
 }
 
-/// Where the speed comes from. Always said, so that a board on which another sensor was used comes back.
+/// Sets the source of the speed. It is always set, since the board may have used another one.
 fn set_speed_sensor(
     list: &mut SettingList,
     motor: &MotorParameters,
@@ -296,7 +297,7 @@ pub fn law_settings(
     match law {
         ControlLaw::SpeedPid => list.set(Param::SpeedB, gains.reference / proportional)?,
         ControlLaw::SpeedLqr => list.set(Param::LqrSpeedKr, gains.reference)?,
-        // What the derivative takes away at a constant speed, and the back-EMF.
+        // The derivative's part at a constant speed, and the back-EMF.
         ControlLaw::PositionPid => {
             list.set(Param::PositionKff, gains.feedback[1] + 1.0 / motor_model::speed(motor).dc_gain())?;
         }
@@ -305,15 +306,15 @@ pub fn law_settings(
     if let Some(filter) = law.filter() {
         list.set(filter, 1e3 * sampling.filter_s)?;
     }
-    // The integral time: what was cut off is forgotten as fast as the integral builds up.
+    // The integral time: the anti-windup discharges the integral as fast as it charges.
     let tracking_ms = (1e3 * proportional / integral).clamp(5e3 * sampling.period_s, 5e3);
     list.set(law.tracking(), tracking_ms)?;
     fit(&mut list, law)?;
     Ok(list)
 }
 
-/// Large enough for the errors that matter to a loop of the speed asked for, and fine enough to see a count. The same
-/// for every law, so that they can be changed on the fly.
+/// Range of the position: large enough for the errors that matter to the loop, and fine enough for one count. All laws
+/// share it, so that they can be switched while the motor turns.
 fn position_range(motor: &MotorParameters, bench: &Bench, specification: &Specification, counts_per_rev: f64) -> f64 {
     let asked_rad_per_s = specification.speed.rad_per_s(motor, 1.0 / bench.tick_rate_hz);
     let at = Complex::new(0.0, asked_rad_per_s);
@@ -323,8 +324,8 @@ fn position_range(motor: &MotorParameters, bench: &Bench, specification: &Specif
     power_of_two(POSITION_SUPPLIES * supply_rad).min(finest).clamp(1.0, 4096.0)
 }
 
-/// Whether a range is too fine for the few counts of an encoder: the core scales counts by a sixteen-bit number that a
-/// range divides, so that what is too large is the scale and not the range.
+/// Whether a range is too fine for an encoder of few counts. The core scales counts by a 16-bit factor that grows as
+/// the range shrinks, so the error "too large" is about the factor.
 fn is_too_fine(error: BuildError) -> bool {
     error.rule == Rule::TooLarge && matches!(error.param, Param::SpeedRange | Param::PositionRange)
 }
@@ -337,8 +338,8 @@ fn double_range(list: &mut SettingList, range: Param) -> Result<(), DesignError>
     list.set(range, doubled)
 }
 
-/// Doubles ranges that are too fine for the encoder, switches off the gains of other laws that do not fit the ranges of
-/// this rig, and puts the unused tachogenerator's within its format, until all settings can be held.
+/// Adjusts settings until the core can hold all of them. It doubles ranges that are too fine for the encoder, switches
+/// off gains of other laws, and limits the unused tachogenerator gain.
 fn fit(list: &mut SettingList, law: ControlLaw) -> Result<(), DesignError> {
     let others = |param: Param| {
         let laws = ControlLaw::ALL.into_iter().filter(|other| *other != law);
@@ -361,7 +362,7 @@ fn fit(list: &mut SettingList, law: ControlLaw) -> Result<(), DesignError> {
     }
 }
 
-/// The gains as the core holds them, in engineering units, and the sampling with the filter as it holds it.
+/// Gains in engineering units and the sampling, with the core's rounding.
 ///
 /// # Errors
 /// [`DesignError::Setting`] for a gain the core cannot hold.
@@ -391,7 +392,7 @@ pub fn read_back(list: &SettingList, law: ControlLaw) -> Result<(Gains, Sampling
     Ok((Gains { feedback, reference }, sampling))
 }
 
-/// How the laws come by the speed with these settings.
+/// Speed measurement of the laws with these settings.
 ///
 /// # Errors
 /// [`DesignError::Setting`] for a low-pass the core cannot hold.
@@ -407,14 +408,14 @@ pub fn speed_path(list: &SettingList) -> Result<SpeedPath, DesignError> {
     Ok(SpeedPath::Converted { filter_s, filter_part: held_part(part, Param::SpeedFilter, filter_s)? })
 }
 
-/// The part of its way that the core's low-pass goes in a tick.
+/// Coefficient of the core's low-pass for one tick.
 fn held_part(part: f64, param: Param, filter_s: f64) -> Result<f64, DesignError> {
     let one = scale(Fraction::FRAC_NBITS);
     let bits = quantise(part as f32, one, u16::MAX).map_err(|rule| refusal(rule.of(param), filter_s))?;
     Ok(f64::from(bits) / f64::from(one))
 }
 
-/// Bits of one in a format with so many fractional bits.
+/// The number 1 in a format with so many fractional bits.
 fn scale(fractional_bits: u32) -> f32 {
     (1u32 << fractional_bits) as f32
 }

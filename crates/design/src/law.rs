@@ -19,10 +19,10 @@ pub enum ControlLaw {
     PositionLqr,
 }
 
-/// The signal that a feedback gain acts on.
+/// The signal of a feedback gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Signal {
-    /// Position, from the encoder's count at the tick.
+    /// Position: the encoder's count at the tick.
     Position,
     /// Speed, as the encoder measures it: the mean over the tick.
     Speed,
@@ -37,10 +37,10 @@ pub enum Signal {
 }
 
 impl ControlLaw {
-    /// All four.
+    /// All four laws.
     pub const ALL: [Self; 4] = [Self::SpeedPid, Self::SpeedLqr, Self::PositionPid, Self::PositionLqr];
 
-    /// Its feedback gains, as `u = kr r - sum(gain * signal)`; first the controlled quantity, last the integral.
+    /// Its feedback gains in `u = kr r - sum(gain * signal)`. The controlled quantity comes first, the integral last.
     pub fn feedback(self) -> &'static [(Param, Signal)] {
         match self {
             Self::SpeedPid => &[
@@ -105,7 +105,7 @@ impl ControlLaw {
         }
     }
 
-    /// For people.
+    /// Name for a person.
     pub fn title(self) -> &'static str {
         match self {
             Self::SpeedPid => "speed PID",
@@ -116,7 +116,7 @@ impl ControlLaw {
     }
 }
 
-/// A setting's unit.
+/// Unit of a setting.
 pub fn setting_unit(param: Param) -> String {
     text(param, Text::Unit).map(char::from).collect()
 }

@@ -1,43 +1,43 @@
-//! An estimate of the current where it is not measured, from speed and voltage: the core's observer of the armature
-//! (`motorbench_core::observer`), and a Kalman filter in steady state, with which it is compared.
+//! Estimates of a current that is not measured, from speed and voltage. There are two: the core's observer of the
+//! armature (`motorbench_core::observer`), and a steady-state Kalman filter for comparison.
 //!
 //! ```text
 //! x(k+1) = A x(k) + B u(k) + w(k)        y(k) = C x(k) + v(k)
 //! estimate(k|k) = estimate(k|k-1) + M (y(k) - C estimate(k|k-1))
 //! estimate(k+1|k) = A estimate(k|k) + B u(k)
 //! ```
-//! `x` is speed, current, the voltages on their way and the measured speed `y`, as [`motor_seen`] has them; `w` (a voltage
-//! and a torque that the model does not know) and `v` are white. The less is known of the torque, the more the filter becomes
-//! the armature alone: what accelerates the motor then says nothing of its current.
+//! `x` is speed, current, the voltages on their way and the measured speed `y`, in the order of [`motor_with_speed_sensor`]. `w` (an
+//! unknown voltage and torque) and `v` are white noise. The larger the unknown torque, the more the filter becomes the
+//! armature alone, since the acceleration then says little about the current.
 
-use super::sampled_loop::{Seen, SpeedPath, motor_seen};
+use super::sampled_loop::{MotorTiming, SpeedPath, motor_with_speed_sensor};
 use motorbench_model::linear::Matrix;
 use motorbench_model::linear::riccati::{self, NoSolution};
 use motorbench_model::linear::state_space::Discrete;
 use motorbench_model::motor::MotorParameters;
 
-/// Places of the current and of the voltage that has been on its way for longest.
+/// Index of the current, and of the voltage that has been on its way for longest.
 const CURRENT: usize = 1;
 const VOLTAGE: usize = 2;
-/// A winding faster than that follows the voltage within the tick; zero would be the sensor.
+/// Shortest winding time. A faster winding follows the voltage within the tick; zero would select the sensor.
 const LEAST_WINDING_TIME_MS: f64 = 1e-3;
 
-/// Standard deviations of what the model does not know, relative to each other, as voltages: in the armature, as the
-/// torque that a voltage brings about at standstill, and as the back-EMF of the measured speed's error.
+/// Standard deviations of the unknown quantities relative to each other, as voltages. The torque counts as the voltage
+/// that causes it at standstill, the error of the measured speed as its back-EMF.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unknown {
-    /// In the armature.
+    /// Unknown voltage in the armature.
     pub voltage: f64,
-    /// At the shaft.
+    /// Unknown torque at the shaft.
     pub torque: f64,
-    /// In the measurement.
+    /// Error of the measured speed.
     pub speed: f64,
 }
 
 /// The observer as a system of its own: `z(k+1) = A z(k) + b u(k) + g y(k)`, `current(k) = c z(k) + d y(k)`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurrentObserver {
-    /// `A`; `z` is the estimate of [`motor_seen`]'s states before the measurement.
+    /// `A`; `z` is the estimate of [`motor_with_speed_sensor`]'s states before the measurement.
     pub a: Matrix,
     /// `b`, one column.
     pub of_voltage: Matrix,
@@ -49,20 +49,20 @@ pub struct CurrentObserver {
     pub direct: f64,
 }
 
-/// The core's `winding_time` with which its low-pass is the winding's own, in ms: `a = T / (time + T) = 1 - exp(-T R / L)`.
+/// The core's `winding_time` in ms with which its low-pass matches the winding: `a = T / (time + T) = 1 - exp(-T R /
+/// L)`.
 pub fn winding_time_ms(motor: &MotorParameters, period_s: f64) -> f64 {
     let time_s = period_s / (period_s * motor.resistance_ohm / motor.inductance_h).exp_m1();
     (1e3 * time_s).max(LEAST_WINDING_TIME_MS)
 }
 
 impl CurrentObserver {
-    /// The core's: `i(k) = (1 - a) i(k-1) + a (u(k-1) - k w(k)) / R`, in the places of [`motor_seen`]'s current and its
-    /// youngest voltage.
-    pub fn of_core(motor: &MotorParameters, seen: &Seen) -> Self {
-        let states = motor_seen(motor, seen).a.nrows();
-        // The core knows of no delay: it takes the voltage of the tick before.
+    /// The core's observer: `i(k) = (1 - a) i(k-1) + a (u(k-1) - k w(k)) / R`, with the states of [`motor_with_speed_sensor`].
+    pub fn of_core(motor: &MotorParameters, timing: &MotorTiming) -> Self {
+        let states = motor_with_speed_sensor(motor, timing).a.nrows();
+        // The core does not know the delay: it uses the voltage of the previous tick.
         let youngest = states - 2;
-        let part = seen.period_s / (1e-3 * winding_time_ms(motor, seen.period_s) + seen.period_s);
+        let part = timing.period_s / (1e-3 * winding_time_ms(motor, timing.period_s) + timing.period_s);
         let conductance = part / motor.resistance_ohm;
         let of_speed = -conductance * motor.torque_constant_nm_per_a;
         let mut observer = Self {
@@ -83,21 +83,21 @@ impl CurrentObserver {
     /// The Kalman filter.
     ///
     /// # Errors
-    /// [`NoSolution`] if the current does not show in the speed.
-    pub fn new(motor: &MotorParameters, seen: &Seen, unknown: &Unknown) -> Result<Self, NoSolution> {
-        let system = motor_seen(motor, seen);
+    /// [`NoSolution`] if the speed does not depend on the current.
+    pub fn new(motor: &MotorParameters, timing: &MotorTiming, unknown: &Unknown) -> Result<Self, NoSolution> {
+        let system = motor_with_speed_sensor(motor, timing);
         let (a, b, c) = (&system.a, &system.b, &system.c);
         let states = a.nrows();
-        // What a volt that acts for the whole tick does, and a torque: on the mean over the tick by half, on a conversion
-        // that is as old as the tick not at all.
+        // Effect of a constant volt and of a constant torque during one tick. The mean over the tick shows half of it.
+        // A conversion that is one tick old shows none.
         let waiting = VOLTAGE..states - 1;
         let next = if waiting.len() > 1 { a.column(VOLTAGE + 1) } else { b.column(0) };
         let mut voltage = a.column(VOLTAGE) + next;
         voltage.rows_mut(VOLTAGE, waiting.len()).fill(0.0);
-        let per_volt = motor.torque_constant_nm_per_a / motor.resistance_ohm / motor.inertia_kg_m2 * seen.period_s;
+        let per_volt = motor.torque_constant_nm_per_a / motor.resistance_ohm / motor.inertia_kg_m2 * timing.period_s;
         let mut torque = nalgebra::DVector::zeros(states);
         torque[0] = per_volt;
-        if seen.speed == SpeedPath::Mean {
+        if timing.speed == SpeedPath::Mean {
             torque[states - 1] = 0.5 * per_volt;
         }
         let scatter = unknown.speed / motor.torque_constant_nm_per_a;
@@ -115,7 +115,7 @@ impl CurrentObserver {
     }
 }
 
-/// `M` (states x outputs) of a system whose outputs are measured, by the dual Riccati equation.
+/// `M` (states x outputs) for a system with measured outputs, from the dual Riccati equation.
 ///
 /// # Errors
 /// [`NoSolution`] if an unstable mode does not show in the outputs, or `measurement` is singular.
@@ -140,14 +140,14 @@ mod tests {
         assert!((gain - 0.5 * (5.0_f64.sqrt() - 1.0)).abs() < 1e-12, "{gain}");
     }
 
-    /// From a wrong start, and with the motor driven to and fro, the estimate comes to the motor's own current.
+    /// From a wrong start, and with the motor driven in both directions, the estimate converges to the motor's current.
     #[test]
     fn the_current_follows_from_speed_and_voltage() {
         let motor = MotorParameters::PIVT6;
-        let system = motor_seen(&motor, &Seen::by_encoder(1e-3));
+        let system = motor_with_speed_sensor(&motor, &MotorTiming::by_encoder(1e-3));
         for (voltage, torque) in [(1.0, 0.1), (0.1, 1.0)] {
             let unknown = Unknown { voltage, torque, speed: 0.1 };
-            let observer = CurrentObserver::new(&motor, &Seen::by_encoder(1e-3), &unknown).unwrap();
+            let observer = CurrentObserver::new(&motor, &MotorTiming::by_encoder(1e-3), &unknown).unwrap();
             assert!(spectral_radius(&observer.a) < 0.99);
             let mut x = nalgebra::DVector::zeros(system.a.nrows());
             let mut z = nalgebra::DVector::repeat(x.len(), 3.0);
@@ -167,7 +167,7 @@ mod tests {
         }
     }
 
-    /// The core's own arithmetic with the settings of a design, compared with the observer that the design assumes.
+    /// The core's arithmetic with the settings of a design, compared with the observer that the design assumes.
     #[test]
     fn the_core_observes_what_the_design_says() {
         use motorbench_core::observer::{ObserverConfig, ObserverState};
@@ -188,7 +188,7 @@ mod tests {
             let config = Quantiser::build(&settings, ObserverConfig::quantised).unwrap();
             let range = f64::from(settings.get(Param::SpeedRange));
             let mut core = ObserverState::default();
-            let observer = CurrentObserver::of_core(&motor, &Seen::by_encoder(period_s));
+            let observer = CurrentObserver::of_core(&motor, &MotorTiming::by_encoder(period_s));
             let mut z = nalgebra::DVector::zeros(observer.a.nrows());
             let mut before_v = 0.0;
             for tick in 0..400 {

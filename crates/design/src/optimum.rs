@@ -1,37 +1,38 @@
-//! The gains of least cost that a law can have: linear-quadratic control when not every state is fed back.
+//! The gains of least cost for a law: linear-quadratic control if not every state is fed back.
 //!
-//! With every state fed back the Riccati equation gives the gains. The core feeds back what it measures: not the
-//! voltage that is still on its way, not the speed between two ticks. Among the gains on the measured signals the
-//! cheapest are found by the iteration of Anderson and Moore (Anderson and Moore, Linear Optimal Control, 1971; Makila
-//! and Toivonen, "Computational methods for parametric LQ problems", IEEE Trans. Automatic Control 32, 1987), which
-//! starts from the Riccati solution seen through the signals.
+//! If every state is fed back, the Riccati equation gives the gains. The core feeds back only what it measures. It does
+//! not know the voltages on their way, nor the speed between two ticks.
+//!
+//! The cheapest gains on the measured signals are found by the iteration of Anderson and Moore. It starts from the
+//! Riccati solution, projected onto the signals. Sources: Anderson and Moore, Linear Optimal Control, 1971; Makila and
+//! Toivonen, "Computational methods for parametric LQ problems", IEEE Trans. Automatic Control 32, 1987.
 
 use super::sampled_loop::SampledLoop;
 use motorbench_model::linear::Matrix;
 use motorbench_model::linear::riccati::{self, lyapunov};
 use nalgebra::DVector;
 
-/// Iterations; usual are 10 to 30.
+/// Largest number of iterations; usually it takes 10 to 30.
 const MAX_ITERATIONS: usize = 80;
-/// Halvings of a step that does not lower the cost.
+/// Largest number of halvings of a step that does not lower the cost.
 const MAX_HALVINGS: usize = 12;
-/// Relative gain below which there is nothing more to be had.
+/// Relative improvement at which the iteration ends.
 const CONVERGED: f64 = 1e-9;
-/// Part of the signals' covariance added to its diagonal: two signals that always agree share their gain.
+/// Part of the signals' covariance that is added to its diagonal. Two signals that always agree then share their gain.
 const RIDGE: f64 = 1e-10;
 
-/// Gains and what they cost.
+/// Gains and their cost.
 #[derive(Clone, Debug)]
 pub struct Optimum {
-    /// A gain for each signal; zero where it is not used.
+    /// A gain for each signal; zero if it is not used.
     pub feedback: Vec<f64>,
     /// Expected cost.
     pub cost: f64,
 }
 
-/// The gains on the signals marked in `used` that cost least: `weights` on the states, one on the square of the
-/// voltage; from [`SampledLoop::deviations`] of `scales`, each as likely as the others. `None` if no stabilising gains
-/// were found.
+/// The cheapest gains on the signals that `used` marks. `weights` act on the states, one acts on the square of the
+/// voltage. The start is one of [`SampledLoop::deviations`] in units of `scales`, all equally likely. `None` if no
+/// stabilising gains were found.
 pub fn optimum(sampled: &SampledLoop, weights: &Matrix, scales: &DVector<f64>, used: &[bool]) -> Option<Optimum> {
     let problem = Problem::new(sampled, weights, scales, used)?;
     let mut best = problem.start()?;
@@ -59,14 +60,14 @@ struct Problem {
     /// The used signals.
     c: Matrix,
     q: Matrix,
-    /// Covariance of what it starts from.
+    /// Covariance of the initial state.
     start: Matrix,
-    /// Scale of each used signal, and its place among all.
+    /// Scale of each used signal, and its index among all signals.
     signals: Vec<(f64, usize)>,
     all_signals: usize,
 }
 
-/// A stabilising gain with what belongs to it.
+/// A stabilising gain with its cost matrices.
 struct State {
     gain: Matrix,
     cost: f64,
@@ -99,17 +100,17 @@ impl Problem {
         })
     }
 
-    /// The full feedback, fitted to the signals in the covariance it brings about.
+    /// The full feedback, fitted to the signals with the covariance that it causes.
     fn start(&self) -> Option<State> {
         let one = Matrix::identity(1, 1);
         let full = riccati::feedback(&self.a, &self.b, &self.q, &one).ok()?;
         let covariance = lyapunov(&(&self.a - &self.b * &full), &self.start)?;
         let fitted = self.fit(&full, &covariance)?;
-        // Seldom the fit does not stabilise; less of what it feeds back does.
+        // Sometimes the fit does not stabilise; a smaller feedback does.
         (0..MAX_HALVINGS).find_map(|halving| self.state_of(&fitted * 0.5_f64.powi(halving as i32)))
     }
 
-    /// The gains on the signals that come closest to a feedback of all states.
+    /// The gains on the signals that are closest to a feedback of all states.
     fn fit(&self, full: &Matrix, covariance: &Matrix) -> Option<Matrix> {
         let mut signal = &self.c * covariance * self.c.transpose();
         let ridge = RIDGE * signal.trace();
@@ -120,7 +121,7 @@ impl Problem {
         Some(signal.cholesky()?.solve(&mixed.transpose()).transpose())
     }
 
-    /// Where the conditions of the optimum, with everything else held, have their solution.
+    /// The solution of the optimum's conditions while everything else is held.
     fn improved(&self, state: &State) -> Option<Matrix> {
         let covariance = lyapunov(&state.closed, &self.start)?;
         let weight = 1.0 + (self.b.transpose() * &state.p * &self.b)[(0, 0)];

@@ -4,8 +4,8 @@
 //! u = bias + d  while y < reference + h going up,   u = bias - d  while y > reference - h going down
 //! Ku = 4 d / (pi sqrt(a^2 - h^2)),  Tu = period of the cycle,  a = amplitude of y
 //! ```
-//! The reference lies away from standstill, and the bias is found on the way: it moves until both halves of the cycle
-//! are equally long. So Coulomb friction, which is constant at a speed of one sign, only shifts the bias.
+//! The reference is far from standstill, and the bias is found during the experiment. It moves until both halves of the
+//! cycle are equally long. Coulomb friction is constant while the speed keeps its sign, so it only shifts the bias.
 
 use super::law::setting_name;
 use host_sim::plant::Plant;
@@ -19,14 +19,14 @@ use std::f64::consts::PI;
 /// A relay experiment on the speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Relay {
-    /// Speed about which it cycles; its lowest speed must stay above zero.
+    /// Speed of the cycle's centre. Its lowest speed must stay above zero.
     pub reference_rad_per_s: f64,
     /// First guess of the mean voltage.
     pub bias_v: f64,
-    /// Swing of the voltage to either side, positive. So small that the current does not reverse: a bridge's drop, which
-    /// changes its sign with the current, would make the swing smaller and the gain found larger.
+    /// Amplitude of the relay's voltage, positive. It must be so small that the current does not reverse. Otherwise the
+    /// drop of the bridge changes its sign, the effective amplitude is smaller, and the gain is found too large.
     pub amplitude_v: f64,
-    /// Half width of the hysteresis, not negative; above the noise of the speed.
+    /// Half width of the hysteresis, not negative. It must exceed the noise of the speed.
     pub hysteresis_rad_per_s: f64,
     /// Longest time it may take.
     pub timeout_s: f64,
@@ -35,11 +35,11 @@ pub struct Relay {
 /// The limit cycle that was found.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LimitCycle {
-    /// Half the distance from the lowest to the highest speed.
+    /// Half the range of the speed.
     pub amplitude_rad_per_s: f64,
     /// Its period.
     pub period_s: f64,
-    /// Mean voltage that it takes to turn at the reference.
+    /// Mean voltage that holds the reference.
     #[serde(rename = "bias_V")]
     pub bias_v: f64,
     /// Gain at which a proportional controller would oscillate.
@@ -47,7 +47,7 @@ pub struct LimitCycle {
     pub ultimate_gain_v_s_per_rad: f64,
 }
 
-/// Why there is no limit cycle to go by.
+/// Why there is no usable limit cycle.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum RelayError {
     /// The relay does not move the speed across the reference.
@@ -68,27 +68,28 @@ pub enum RelayError {
         /// The amplitude.
         amplitude_rad_per_s: f64,
     },
-    /// The motor stopped on the way, where friction is not constant.
+    /// The motor stopped during the cycle, where friction is not constant.
     #[error(
         "the motor nearly stops within the cycle, so friction causes the cycle, not the loop: raise the reference, or lower the relay's amplitude"
     )]
     Standstill,
-    /// The core switched off.
+    /// The core switched the drive off.
     #[error("the trip {0:?} came: lower the relay's amplitude or the reference")]
     Tripped(Trip),
 }
 
-/// Cycles of which the last are evaluated, once the bias has settled.
+/// Number of cycles, of which the last ones are evaluated, after the bias has settled.
 const CYCLES: usize = 12;
 const EVALUATED: usize = 4;
-/// Part of the imbalance of the halves by which the bias is corrected.
+/// Share of the imbalance by which the bias is corrected in each cycle.
 const BIAS_STEP: f64 = 0.5;
 
-/// Part of the reference below which the speed must not fall: near standstill friction is not constant, the measured
-/// speed follows a stop only as fast as edges fail to come, and a cycle in which the motor sticks says nothing of the loop.
+/// Smallest allowed speed relative to the reference. Near standstill friction is not constant, and the measured speed
+/// reacts to a stop only as fast as edges are missing. A cycle in which the motor sticks does not characterise the
+/// loop.
 const SLOWEST_PART: f64 = 0.25;
 
-/// What happened between two rising switches.
+/// The interval between two rising switches.
 #[derive(Clone, Copy)]
 struct Cycle {
     high_ticks: u32,
@@ -101,7 +102,7 @@ impl Cycle {
     const NEW: Self = Self { high_ticks: 0, low_ticks: 0, highest: f64::NEG_INFINITY, lowest: f64::INFINITY };
 }
 
-/// The relay at work: speeds in, voltages out, wherever the motor is.
+/// The relay as a state machine: it takes speeds and returns voltages, for a real or a simulated motor.
 pub struct Switching {
     relay: Relay,
     bias_v: f64,
@@ -111,17 +112,17 @@ pub struct Switching {
 }
 
 impl Switching {
-    /// Begins high.
+    /// The voltage starts high.
     pub fn new(relay: &Relay) -> Self {
         Self { relay: *relay, bias_v: relay.bias_v, high: true, cycle: Cycle::NEW, cycles: Vec::new() }
     }
 
-    /// Voltage at present.
+    /// Present voltage.
     pub fn voltage_v(&self) -> f64 {
         if self.high { self.bias_v + self.relay.amplitude_v } else { self.bias_v - self.relay.amplitude_v }
     }
 
-    /// Takes the speed that was measured, `ticks` after the one before. Whether the voltage is another now.
+    /// Takes a measured speed, `ticks` after the last one. Returns whether the voltage changed.
     pub fn observe(&mut self, speed_rad_per_s: f64, ticks: u32) -> bool {
         let cycle = &mut self.cycle;
         cycle.highest = cycle.highest.max(speed_rad_per_s);
@@ -135,7 +136,7 @@ impl Switching {
         if !self.high && error > self.relay.hysteresis_rad_per_s {
             self.high = true;
             let (up, down) = (f64::from(cycle.high_ticks), f64::from(cycle.low_ticks));
-            // Longer up than down: it takes more voltage to stay there.
+            // Longer up than down: the bias is too low.
             self.bias_v += BIAS_STEP * self.relay.amplitude_v * (up - down) / (up + down);
             self.cycles.push(std::mem::replace(&mut self.cycle, Cycle::NEW));
             return true;
@@ -143,7 +144,7 @@ impl Switching {
         false
     }
 
-    /// The limit cycle, once there have been enough; ticks of `tick_s`.
+    /// The limit cycle, after enough cycles, with ticks of `tick_s`.
     pub fn found(&self, tick_s: f64) -> Option<Result<LimitCycle, RelayError>> {
         let enough = self.cycles.len() >= CYCLES;
         enough.then(|| evaluate(&self.cycles[CYCLES - EVALUATED..], &self.relay, self.bias_v, tick_s))
@@ -173,7 +174,7 @@ pub fn experiment<P: Plant>(trial: &mut Trial<P>, relay: &Relay) -> Result<Limit
 }
 
 impl Relay {
-    /// The error of one that does not cycle.
+    /// The error of a loop without a limit cycle.
     pub fn no_cycle(&self) -> RelayError {
         RelayError::NoCycle { reference_rad_per_s: self.reference_rad_per_s, timeout_s: self.timeout_s }
     }
@@ -203,14 +204,15 @@ fn evaluate(cycles: &[Cycle], relay: &Relay, bias_v: f64, tick_s: f64) -> Result
 }
 
 /// Gains of the speed PID from a limit cycle, by the rule of Tyreus and Luyben (1992): `Kp = Ku / 3.2`, `Ti = 2.2 Tu`.
-/// Gentler than Ziegler and Nichols; for a loop that is to be followed by nothing else. Setting names and values.
+/// It is gentler than the rule of Ziegler and Nichols, and meant for a loop without an outer loop. Returns setting
+/// names and values.
 pub fn tyreus_luyben(cycle: &LimitCycle) -> Vec<(String, f64)> {
     let kp = cycle.ultimate_gain_v_s_per_rad / 3.2;
     let ti_s = 2.2 * cycle.period_s;
     speed_pi(kp, ti_s)
 }
 
-/// A PI controller under the names of the speed PID's settings.
+/// A PI controller as settings of the speed PID.
 pub(super) fn speed_pi(kp: f64, ti_s: f64) -> Vec<(String, f64)> {
     [
         (Param::SpeedKp, kp),
@@ -247,13 +249,13 @@ mod tests {
     const RELAY: Relay =
         Relay { reference_rad_per_s: 60.0, bias_v: 5.0, amplitude_v: 1.0, hysteresis_rad_per_s: 0.1, timeout_s: 5.0 };
 
-    /// Friction and bridge shift the bias and hardly the cycle, and the gains make a robust loop.
+    /// Friction and bridge shift the bias but hardly change the cycle, and the gains give a robust loop.
     #[test]
     fn gains_with_and_without_friction() {
         let free = experiment(&mut trial(0.0, BridgeLosses::IDEAL), &RELAY).unwrap();
         let stiff = experiment(&mut trial(0.015, BridgeLosses::L293D), &Relay { bias_v: 8.0, ..RELAY }).unwrap();
         println!("{free:?}\n{stiff:?}");
-        // 60 rad/s take k w + R b w / k; friction and drop another R c / k + 2.6 V.
+        // 60 rad/s need k w + R b w / k; friction and drop add R c / k + 2.6 V.
         assert!((free.bias_v - 4.34).abs() < 0.15, "{free:?}");
         assert!((stiff.bias_v - free.bias_v - 1.22 - 2.55).abs() < 0.2, "{stiff:?}");
         assert!((stiff.ultimate_gain_v_s_per_rad / free.ultimate_gain_v_s_per_rad - 1.0).abs() < 0.15);

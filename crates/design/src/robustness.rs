@@ -1,4 +1,4 @@
-//! The robustness that a loop needs before it is offered.
+//! Robustness that a design must have.
 
 use super::law::ControlLaw;
 use super::sampled_loop::{Gains, SampledLoop, Sampling};
@@ -6,15 +6,15 @@ use motorbench_model::linear::frequency_response::Margins;
 use motorbench_model::motor::MotorParameters;
 use serde::Serialize;
 
-/// Smallest distance of the loop's frequency response from -1. Implies a gain margin of 2 and a phase margin of 29
+/// Smallest distance of the loop's frequency response from -1. It implies a gain margin of 2 and a phase margin of 29
 /// degrees (Astrom and Hagglund, Advanced PID Control, 4.6: peak sensitivity 2).
 pub const SMALLEST_MODULUS: f64 = 0.5;
-/// Further delay the loop must take, in ticks: a late tick, or a speed measured over two ticks.
+/// Additional delay that the loop must tolerate, in ticks: for a late tick, or a speed measured over two ticks.
 pub const SMALLEST_DELAY_TICKS: f64 = 1.0;
-/// The same with parameters off. Closer to -1, the lag of the speed between two edges near standstill is enough for a
-/// limit cycle of several counts.
+/// The smallest distance with parameters that are off. If it is smaller, the lag of the speed near standstill can cause
+/// a limit cycle of several counts.
 pub const SMALLEST_MODULUS_OFF: f64 = 0.3;
-/// Error of every parameter that the loop must take, all at once in any combination.
+/// Relative error of every parameter that the loop must tolerate, in all combinations at once.
 pub const PARAMETER_ERROR: f64 = 0.3;
 
 /// How robust a loop is.
@@ -30,7 +30,7 @@ pub struct Robustness {
     pub worst_modulus: f64,
 }
 
-/// What a loop does not withstand.
+/// A margin that a loop lacks.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Weakness {
     /// It is unstable with the parameters as they are.
@@ -41,7 +41,7 @@ pub enum Weakness {
     },
     /// Too close to -1.
     #[error(
-        "its modulus margin is {found:.2} (gain margin {gain:.1}, phase margin {phase_deg:.0} degrees), at least {SMALLEST_MODULUS} is needed"
+        "its modulus margin is {found:.2} (gain margin {gain:.1}, phase margin {phase_deg:.0} degrees), but at least {SMALLEST_MODULUS} is needed"
     )]
     Modulus {
         /// Modulus margin.
@@ -51,12 +51,12 @@ pub enum Weakness {
         /// Phase margin.
         phase_deg: f64,
     },
-    /// Too little delay makes it unstable.
-    #[error("a further delay of {:.2} ms makes it unstable, at least {:.2} ms are needed", .found_s * 1e3, .needed_s * 1e3)]
+    /// A small additional delay makes it unstable.
+    #[error("an additional delay of {:.2} ms makes it unstable, but it must tolerate {:.2} ms", .found_s * 1e3, .needed_s * 1e3)]
     Delay {
         /// Delay margin.
         found_s: f64,
-        /// What is needed.
+        /// Delay margin that is needed.
         needed_s: f64,
     },
     /// Other parameters make it unstable.
@@ -67,7 +67,7 @@ pub enum Weakness {
     },
     /// Other parameters bring it too close to -1.
     #[error(
-        "with parameters 30 % off the model its modulus margin is {found:.2}, at least {SMALLEST_MODULUS_OFF} is needed"
+        "with parameters 30 % off the model its modulus margin is {found:.2}, but at least {SMALLEST_MODULUS_OFF} is needed"
     )]
     ParametersModulus {
         /// Modulus margin.
@@ -75,7 +75,7 @@ pub enum Weakness {
     },
 }
 
-/// Judges a loop with the gains as the core holds them.
+/// Checks a loop with the gains in the core's formats.
 ///
 /// # Errors
 /// The first [`Weakness`].

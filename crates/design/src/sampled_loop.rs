@@ -1,9 +1,9 @@
 //! The loop as the core samples it: motor, hold, delay, sensors of speed and current, derivative filter, integral.
 //!
-//! Within a tick: inputs are taken, the law is computed, and [`DRIVE_DELAY_S`] later the bridge follows. The encoder
-//! gives the position at the tick and the speed as the mean over the tick before (with fewer than one edge a tick, over
-//! the time between edges), or a tachogenerator the speed as it was at one instant ([`SpeedPath::Converted`]); the current
-//! is the mean of conversions spread over the tick before.
+//! At a tick the core takes its inputs and computes the law; the bridge follows [`DRIVE_DELAY_S`] later. The encoder
+//! gives the position at the tick, and the speed as the mean over the last tick. With less than one edge a tick, it is
+//! the mean between edges. A tachogenerator gives the speed at one instant ([`SpeedPath::Converted`]). The current is
+//! the mean of conversions during the last tick.
 
 use super::law::{ControlLaw, Signal};
 use super::observer::CurrentObserver;
@@ -16,58 +16,58 @@ use motorbench_model::motor::MotorParameters;
 use nalgebra::{Complex, DVector};
 use std::f64::consts::PI;
 
-/// Points of a frequency response that is drawn.
+/// Number of points of a frequency response in a plot.
 const FREQUENCIES: usize = 400;
-/// Lowest frequency judged, relative to the highest.
+/// Lowest frequency that is evaluated, relative to the highest.
 const LOWEST: f64 = 1e-5;
 
-/// How a law comes by the speed.
+/// Source of the measured speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SpeedPath {
-    /// From the encoder: the mean over the tick before.
+    /// From the encoder: the mean over the last tick.
     Mean,
-    /// From a tachogenerator: converted once a tick, behind the core's low-pass. The converter's round is not tied to the
-    /// tick, so the conversion counts as old as it may be: one tick.
+    /// From a tachogenerator: converted once a tick, then filtered by the core's low-pass. The converter is not
+    /// synchronised with the tick. The model assumes the oldest possible conversion: one tick.
     Converted {
         /// Time constant of the low-pass; 0: none.
         filter_s: f64,
-        /// Part of the way it goes in a tick.
+        /// Coefficient of the low-pass for one tick.
         filter_part: f64,
     },
 }
 
-/// How a motor is driven and its speed seen, whatever the law.
+/// Delay and speed measurement of a motor, for any law.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct MotorTiming {
     /// Time between two ticks.
     pub period_s: f64,
-    /// By how much the voltage comes later than after [`DRIVE_DELAY_S`].
+    /// Delay of the voltage beyond [`DRIVE_DELAY_S`].
     pub delay_s: f64,
     /// How the speed is measured.
     pub speed: SpeedPath,
 }
 
-impl Seen {
-    /// By an encoder, behind a bridge that follows the core at once.
+impl MotorTiming {
+    /// An encoder, and a bridge that follows the core at once.
     pub fn by_encoder(period_s: f64) -> Self {
         Self { period_s, delay_s: 0.0, speed: SpeedPath::Mean }
     }
 }
 
-/// How a law is sampled.
+/// Sampling of a law.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampling {
     /// Time between two ticks.
     pub period_s: f64,
-    /// By how much the voltage comes later than after [`DRIVE_DELAY_S`].
+    /// Delay of the voltage beyond [`DRIVE_DELAY_S`].
     pub delay_s: f64,
-    /// How the law comes by the speed.
+    /// How the speed is measured.
     pub speed: SpeedPath,
-    /// Part of the way the PID's derivative filter goes in a tick; any number for an LQR.
+    /// Coefficient of the PID's derivative filter for one tick; unused by an LQR.
     pub filter_part: f64,
     /// Time constant of that filter.
     pub filter_s: f64,
-    /// What estimates the current where it is not measured.
+    /// Estimates a current that is not measured.
     pub observer: Option<CurrentObserver>,
 }
 
@@ -88,7 +88,7 @@ pub struct Gains {
     pub reference: f64,
 }
 
-/// Everything outside the gains as one linear system with the voltage as its input.
+/// Everything except the gains as one linear system with the voltage as its input.
 #[derive(Clone, Debug)]
 pub struct SampledLoop {
     /// States: see [`SampledLoop::scales`].
@@ -100,7 +100,7 @@ pub struct SampledLoop {
     period_s: f64,
 }
 
-/// Where the states stand.
+/// Indices of the states.
 #[derive(Clone, Copy, Debug)]
 struct Places {
     speed: usize,
@@ -112,7 +112,7 @@ struct Places {
     mean_current: usize,
     filter: usize,
     integral: usize,
-    /// First state of the current's observer; at the end if there is none.
+    /// First state of the current observer; the number of states if there is none.
     estimate: usize,
     size: usize,
 }
@@ -140,18 +140,18 @@ impl Places {
         self.position.unwrap_or(self.speed)
     }
 
-    /// What shows in the measured speed, which is the last.
-    fn seen(&self) -> impl Iterator<Item = usize> + Clone {
+    /// States that affect the measured speed, which is the last of them.
+    fn measured_speed_states(&self) -> impl Iterator<Item = usize> + Clone {
         [self.speed, self.current].into_iter().chain(self.measured_speed - self.waiting..=self.measured_speed)
     }
 
-    /// What the law takes for the controlled quantity.
+    /// What the law uses as the controlled quantity.
     fn measured_output(&self) -> usize {
         self.position.unwrap_or(self.measured_speed)
     }
 }
 
-/// An armature's speed, current and their integrals.
+/// Speed, current and their integrals for an armature.
 fn with_integrals(armature: &StateSpace) -> StateSpace {
     let mut a = Matrix::zeros(4, 4);
     a.view_mut((0, 0), (2, 2)).copy_from(&armature.a);
@@ -161,13 +161,13 @@ fn with_integrals(armature: &StateSpace) -> StateSpace {
     StateSpace { a, b, c: Matrix::identity(4, 4) }
 }
 
-/// The motor as its measured speed shows it: speed, current, voltages on their way, measured speed; from the voltage to the
-/// last.
-pub fn motor_seen(motor: &MotorParameters, seen: &Seen) -> Discrete {
-    let Seen { period_s, delay_s, speed } = *seen;
+/// The motor as the speed sensor sees it. States: speed, current, voltages on their way, measured speed. Input:
+/// voltage; output: measured speed.
+pub fn motor_with_speed_sensor(motor: &MotorParameters, timing: &MotorTiming) -> Discrete {
+    let MotorTiming { period_s, delay_s, speed } = *timing;
     let sampling = Sampling { speed, delay_s, ..Sampling::new(period_s, 0.0) };
     let sampled = SampledLoop::new(motor, ControlLaw::SpeedLqr, &sampling);
-    let seen: Vec<usize> = sampled.places.seen().collect();
+    let seen: Vec<usize> = sampled.places.measured_speed_states().collect();
     let mut c = Matrix::zeros(1, seen.len());
     c[(0, seen.len() - 1)] = 1.0;
     Discrete { a: sampled.a.select_rows(&seen).select_columns(&seen), b: sampled.b.select_rows(&seen), c, period_s }
@@ -183,8 +183,8 @@ impl SampledLoop {
             Places::new(law, plant.a.nrows() - 4, sampling.observer.as_ref().map_or(0, |observer| observer.a.nrows()));
         let mut a = Matrix::zeros(places.size, places.size);
         let mut b = Matrix::zeros(places.size, 1);
-        // Rows of the plant (speed, current, angle, charge, voltages waiting) and what they are here. The angle and
-        // the charge begin each tick at zero where only their change counts.
+        // Maps rows of the plant (speed, current, angle, charge, voltages on their way) to states of the loop. Angle
+        // and charge start each tick at zero if only their change matters.
         let first_waiting = places.measured_speed - places.waiting;
         let columns = |column: usize| match column {
             0 | 1 => Some(column),
@@ -250,7 +250,7 @@ impl SampledLoop {
         &self.signals
     }
 
-    /// What a constant load torque of 1 Nm adds to the states in each tick, in the loop of this motor and sampling.
+    /// Change of the states in each tick by a constant load torque of 1 Nm, for this motor and sampling.
     pub fn load(&self, motor: &MotorParameters, sampling: &Sampling) -> DVector<f64> {
         let braked = Matrix::from_row_slice(2, 1, &[-1.0 / motor.inertia_kg_m2, 0.0]);
         let armature = StateSpace { b: braked, ..motor_model::armature(motor) };
@@ -268,13 +268,13 @@ impl SampledLoop {
         load
     }
 
-    /// Integral of the error when the loop has made up for a load: what the integral has come to.
+    /// Integral of the error after the loop has compensated a load: the value that the integral has reached.
     pub fn error_integral(&self, gains: &Gains, load: &DVector<f64>) -> Option<f64> {
         let moved = Matrix::identity(self.states(), self.states()) - self.closed(gains).a;
         moved.lu().solve(load).map(|settled| settled[self.places.integral].abs())
     }
 
-    /// Weights on the squares of the states, with one on that of the voltage.
+    /// Weights on the squares of the states; the square of the voltage has weight one.
     pub fn weights(&self, weights: &Weights) -> Matrix {
         let [angle, speed, current, integral] = weights.relative();
         let Places { position, .. } = self.places;
@@ -292,7 +292,7 @@ impl SampledLoop {
         q
     }
 
-    /// What the states amount to at about a volt in a loop of `speed_rad_per_s`: scales for numerical work.
+    /// Size of the states at about one volt in a loop of `speed_rad_per_s`: scales for numerical work.
     pub fn scales(&self, motor: &MotorParameters, speed_rad_per_s: f64) -> DVector<f64> {
         let (speed, current) = (1.0 / motor.torque_constant_nm_per_a, 1.0 / motor.resistance_ohm);
         let mut scales = DVector::repeat(self.states(), 1.0);
@@ -310,22 +310,22 @@ impl SampledLoop {
             scales[position] = speed / speed_rad_per_s;
             scales[self.places.integral] /= speed_rad_per_s;
         }
-        // The observer's states are the motor's own, in its order.
+        // The observer's states are those of the motor, in the same order.
         if self.places.estimate < self.states() {
-            let seen = self.places.seen().map(|place| scales[place]).collect::<Vec<_>>();
+            let seen = self.places.measured_speed_states().map(|place| scales[place]).collect::<Vec<_>>();
             seen.iter().enumerate().for_each(|(at, scale)| scales[self.places.estimate + at] = *scale);
         }
         scales
     }
 
-    /// What a loop starts from, a column each, in units of the scales: speed, current, position and integral as they were
-    /// for long, so that sensors, filters and observer agree with them. A measured speed that differs from the speed would
-    /// be an error of the sensor, and the loop that costs least would guard against it.
+    /// Initial states of a loop, one in each column, in units of the scales: speed, current, position and integral.
+    /// Each has been constant for long, so sensors, filters and observer agree with it. Otherwise the optimum would
+    /// guard against sensor errors.
     pub fn deviations(&self) -> Matrix {
         let Places { speed, current, position, measured_speed, mean_current, filter, integral, estimate, .. } =
             self.places;
         let estimated = |seen: usize| (estimate < self.states()).then(|| estimate + seen);
-        let last_seen = self.places.seen().count() - 1;
+        let last_seen = self.places.measured_speed_states().count() - 1;
         let of_speed = [Some(speed), Some(measured_speed), Some(filter), estimated(0), estimated(last_seen)];
         let of_current = [Some(current), Some(mean_current), estimated(1), None, None];
         let alone = |place: Option<usize>| [place, None, None, None, None];
@@ -361,39 +361,39 @@ impl SampledLoop {
         spectral_radius(&self.closed(gains).a)
     }
 
-    /// The loop opened at the voltage, to be drawn.
+    /// Frequency response of the loop, opened at the voltage, for a plot.
     pub fn open_loop(&self, gains: &Gains) -> Vec<BodePoint> {
-        let [from, to] = self.judged();
-        bode(response(&self.opened(gains)), log_spaced(from, to, FREQUENCIES))
+        let [from, to] = self.frequency_range();
+        bode(response(&self.open_loop_system(gains)), log_spaced(from, to, FREQUENCIES))
     }
 
     /// Margins of a stable loop.
     pub fn margins(&self, gains: &Gains) -> Margins {
-        let (open, closed) = (self.opened(gains), self.closed(gains));
-        // Peaks of the response stand at its own poles, those of the sensitivity at the closed loop's.
+        let (open, closed) = (self.open_loop_system(gains), self.closed(gains));
+        // Peaks of the response are at its own poles, those of the sensitivity at the closed loop's.
         let poles: Vec<_> = [&open, &closed].into_iter().flat_map(poles_rad_per_s).collect();
-        Margins::of(&Sweep::new(response(&open), self.judged(), &poles))
+        Margins::of(&Sweep::new(response(&open), self.frequency_range(), &poles))
     }
 
     /// From the reference to the controlled quantity.
     pub fn bandwidth_rad_per_s(&self, gains: &Gains) -> Option<f64> {
         let closed = self.closed(gains);
-        Sweep::new(response(&closed), self.judged(), &poles_rad_per_s(&closed)).bandwidth_rad_per_s()
+        Sweep::new(response(&closed), self.frequency_range(), &poles_rad_per_s(&closed)).bandwidth_rad_per_s()
     }
 
-    /// From the voltage to what the gains make of it.
-    fn opened(&self, gains: &Gains) -> Discrete {
+    /// From the voltage to the feedback of the gains.
+    fn open_loop_system(&self, gains: &Gains) -> Discrete {
         Discrete { a: self.a.clone(), b: self.b.clone(), c: self.feedback_row(gains), period_s: self.period_s }
     }
 
-    /// Frequencies that are judged, in rad/s: up to half the sampling frequency, where the response ends.
-    fn judged(&self) -> [f64; 2] {
+    /// Range of evaluated frequencies, in rad/s, up to half the sampling frequency.
+    fn frequency_range(&self) -> [f64; 2] {
         let highest = PI / self.period_s;
         [LOWEST * highest, highest]
     }
 }
 
-/// The first input's response at the first output.
+/// Response from the first input to the first output.
 fn response(system: &Discrete) -> impl Fn(f64) -> Complex<f64> {
     move |omega| system.at(omega).map_or(Complex::new(f64::NAN, 0.0), |values| values[(0, 0)])
 }
@@ -420,7 +420,7 @@ fn signals(law: ControlLaw, places: &Places, sampling: &Sampling) -> Matrix {
             },
             Signal::Integral => add(places.integral, 1.0),
             Signal::Derivative => {
-                // The speed minus the filter before it moves on.
+                // The speed minus the filter's state before this tick.
                 let rate = 1.0 / (sampling.filter_s + sampling.period_s);
                 add(places.measured_speed, rate);
                 add(places.filter, -rate);
@@ -438,7 +438,7 @@ fn signals(law: ControlLaw, places: &Places, sampling: &Sampling) -> Matrix {
 mod tests {
     use super::*;
 
-    /// Without feedback the model's mean speed is the mean of the exact response of the motor to a step.
+    /// Without feedback the model's mean speed is the mean of the motor's exact step response.
     #[test]
     fn what_the_sensors_see_is_the_mean_over_the_tick() {
         let motor = MotorParameters::PIVT6;
@@ -448,7 +448,7 @@ mod tests {
         c[(1, sampled.places.mean_current)] = 1.0;
         let system = Discrete { a: sampled.a.clone(), b: sampled.b.clone(), c, period_s: 1e-3 };
         let sampled = system.step_response(40);
-        // The same in steps of 1 us, with the step 0.2 ms late.
+        // The same with the step 0.2 ms late, in steps of 1 us.
         let fine = motor_model::armature(&motor).discretise(1e-6, 0.2e-3).step_response(40_001);
         for tick in 1..40 {
             for signal in 0..2 {

@@ -1,15 +1,17 @@
 //! Weights for a specification, and gains for weights.
 //!
-//! The cost is `sum(u^2 + (s^2 q^2 + d^2 y^2) / |G(js)|^2)` for a speed `y` with integral `q`, and
-//! `sum(u^2 + (e^2 s^2 q^2 + y^2 + d^2 y'^2 / s^2) / |G(js)|^2)` for a position. `G` is the motor's transfer function
-//! from voltage to `y`, so `s` is about the bandwidth of the loop; `d` damps; `e` is how fast the integral is within it.
-//! A shape is a pair of `d` and `e`; `s` is the smallest that is fast enough. What follows from the weights follows from
-//! nothing else, so that weights that were found give the same gains when they are given by hand.
+//! The cost is `sum(u^2 + (s^2 q^2 + d^2 y^2) / |G(js)|^2)` for a speed `y` with integral `q`. For a position it is
+//! `sum(u^2 + (e^2 s^2 q^2 + y^2 + d^2 y'^2 / s^2) / |G(js)|^2)`. `G` is the motor's transfer function from voltage to
+//! `y`, so `s` is about the bandwidth of the loop. `d` adds damping. `e` is the speed of the integral relative to the
+//! loop. A shape is a pair of `d` and `e`; `s` is the smallest that is fast enough.
+//!
+//! Gains, filter and figures depend on nothing but the weights. So weights from a search give the same gains if they
+//! are given by hand.
 
 use super::law::{ControlLaw, Signal};
 use super::observer::CurrentObserver;
 use super::optimum::{Optimum, optimum};
-use super::sampled_loop::{Gains, SampledLoop, Sampling, Seen};
+use super::sampled_loop::{Gains, MotorTiming, SampledLoop, Sampling};
 use super::specification::{Specification, Speed};
 use super::weights::{MOST_DAMPING, Weights};
 use motorbench_model::linear::motor_model;
@@ -19,21 +21,21 @@ use nalgebra::{Complex, DVector};
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-/// Halvings of the interval of `s`, in its logarithm.
+/// Number of bisections of the interval of `s`, on a logarithmic scale.
 const BISECTIONS: usize = 14;
-/// Interval of `s` around the speed asked for, as factors.
+/// Interval of `s` relative to the requested speed.
 const SLOWEST: f64 = 0.02;
 const FASTEST: f64 = 10.0;
-/// The law acts once a tick; beyond this part of a turn in a tick the delay governs everything.
+/// Largest `s` as a fraction of a revolution in one tick. Beyond it the delay dominates.
 pub(super) const LARGEST_TURN: f64 = 1.0;
-/// A derivative that saves less of the cost is left out: it feeds noise through for nothing.
+/// Smallest share of the cost that a derivative must save. Otherwise it is left out, since it only amplifies noise.
 const DERIVATIVE_SAVES: f64 = 0.02;
-/// Length of a step response, in times of 1/s at least, and in samples at most.
+/// Length of a step response: at least so many times 1/s, at most so many samples.
 const RESPONSE_LENGTH: f64 = 60.0;
-/// Its length in time constants of the slowest eigenvalue: what that one still moves is below 0.1 %.
+/// Length in time constants of the slowest eigenvalue, whose rest is then below 0.1 %.
 const SLOW_LENGTH: f64 = 8.0;
 pub(super) const MAX_SAMPLES: usize = 20_000;
-/// Steps in which the gain on the reference is lowered until the overshoot is as asked.
+/// Number of steps in which the gain on the reference is lowered to meet the overshoot.
 const REFERENCE_STEPS: usize = 20;
 
 /// Linear figures of a loop.
@@ -56,13 +58,13 @@ pub struct Shape {
     pub integral: f64,
 }
 
-/// What a load does to a loop.
+/// Effect of a load on a loop.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct LoadFigures {
-    /// Farthest that a load torque turns the motor from its reference.
+    /// Largest deviation from the reference that a load torque causes.
     #[serde(rename = "peak_rad_per_Nm")]
     pub peak_rad_per_nm: f64,
-    /// Until the integral has taken all but 2 % of that away.
+    /// Time until the integral has removed 98 % of it.
     pub gone_s: f64,
 }
 
@@ -73,11 +75,11 @@ pub struct Candidate {
     pub gains: Gains,
     /// How the derivative is filtered.
     pub sampling: Sampling,
-    /// What the loop does.
+    /// Figures of the loop.
     pub figures: LoopFigures,
-    /// The weights it is for.
+    /// Its weights.
     pub weights: Weights,
-    /// About the crossover that they ask for.
+    /// Approximate crossover of these weights.
     pub crossover_rad_per_s: f64,
 }
 
@@ -88,15 +90,15 @@ pub struct Search<'a> {
     pub motor: &'a MotorParameters,
     /// The law.
     pub law: ControlLaw,
-    /// How it is driven and its speed seen.
-    pub seen: Seen,
+    /// Delay and speed measurement.
+    pub timing: MotorTiming,
     /// Which feedback gains may be used, in the order of [`ControlLaw::feedback`].
     pub used: &'a [bool],
-    /// What estimates the current where it is not measured.
+    /// Estimates a current that is not measured.
     pub observer: Option<CurrentObserver>,
 }
 
-/// The fastest a shape came, where it was too slow.
+/// The fastest loop of a shape, if it was too slow.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Reached {
     /// Highest bandwidth.
@@ -120,16 +122,16 @@ impl Search<'_> {
     /// The gentlest loop of a shape that is fast enough.
     ///
     /// # Errors
-    /// How fast it came.
+    /// The fastest loop.
     pub fn gentlest(&self, shape: Shape, specification: &Specification) -> Result<Candidate, Reached> {
-        let asked_rad_per_s = specification.speed.rad_per_s(self.motor, self.seen.period_s);
+        let asked_rad_per_s = specification.speed.rad_per_s(self.motor, self.timing.period_s);
         let fast_enough = |candidate: &Candidate| match specification.speed {
             Speed::BandwidthHz(hz) => candidate.figures.bandwidth_hz >= hz,
             Speed::SettlingS(settling_s) => candidate.figures.step.settling_s <= settling_s,
             Speed::Weights(_) => true,
         };
         let overshoot = specification.overshoot_percent;
-        let highest = (FASTEST * asked_rad_per_s).min(LARGEST_TURN / self.seen.period_s);
+        let highest = (FASTEST * asked_rad_per_s).min(LARGEST_TURN / self.timing.period_s);
         let (mut slow, mut fast) = ((SLOWEST * asked_rad_per_s).ln(), highest.ln());
         let mut best = None;
         let mut reached = Reached { bandwidth_hz: 0.0, settling_s: f64::INFINITY };
@@ -164,9 +166,9 @@ impl Search<'_> {
         }
     }
 
-    /// The loop that costs least by some weights; `None` without stabilising gains or a step that settles.
+    /// The cheapest loop for some weights; `None` without stabilising gains or without a step that settles.
     pub fn candidate(&self, weights: &Weights, overshoot_percent: f64) -> Option<Candidate> {
-        let Seen { period_s, delay_s, speed } = self.seen;
+        let MotorTiming { period_s, delay_s, speed } = self.timing;
         let s = weights.crossover_rad_per_s(self.motor, period_s);
         let observer = self.observer.clone();
         let sampling = Sampling { speed, delay_s, observer, ..Sampling::new(period_s, filter_s(self.law, s)) };
@@ -193,7 +195,7 @@ impl Search<'_> {
     }
 }
 
-/// Samples of a step response: as a loop needs that crosses over at about `s`, and longer where a slow eigenvalue is left.
+/// Number of samples of a step response: enough for a loop with a crossover of about `s`, and for a slow eigenvalue.
 fn response_samples(sampled: &SampledLoop, feedback: &[f64], s: f64) -> usize {
     let own_s = RESPONSE_LENGTH / s;
     let slow_s = SLOW_LENGTH * slowest_s(sampled, feedback);
@@ -206,7 +208,7 @@ fn slowest_s(sampled: &SampledLoop, feedback: &[f64]) -> f64 {
     sampled.period_s() / -radius.min(1.0).ln()
 }
 
-/// Linear figures of a loop that crosses over at about `s`; `None` if its step does not settle.
+/// Linear figures of a loop with a crossover of about `s`; `None` if its step does not settle.
 pub fn figures(sampled: &SampledLoop, gains: &Gains, s: f64) -> Option<LoopFigures> {
     let samples = response_samples(sampled, &gains.feedback, s);
     let response = sampled.closed(gains).step_response(samples);
@@ -215,10 +217,10 @@ pub fn figures(sampled: &SampledLoop, gains: &Gains, s: f64) -> Option<LoopFigur
     Some(LoopFigures { bandwidth_hz: sampled.bandwidth_rad_per_s(gains)? / TAU, step })
 }
 
-/// Part of the farthest that a load turns the motor to which it has to come back.
+/// A load's deviation must come back to this share of its largest value.
 const LOAD_GONE: f64 = 0.02;
 
-/// What a `load` torque of 1 Nm ([`SampledLoop::load`]) does to a position loop that crosses over at about `s`.
+/// Effect of a `load` torque of 1 Nm ([`SampledLoop::load`]) on a position loop with a crossover of about `s`.
 pub fn load_figures(sampled: &SampledLoop, gains: &Gains, load: &DVector<f64>, s: f64) -> LoadFigures {
     let closed = sampled.closed(gains);
     let mut x = DVector::zeros(sampled.states());
@@ -231,22 +233,22 @@ pub fn load_figures(sampled: &SampledLoop, gains: &Gains, load: &DVector<f64>, s
     let peak_rad_per_nm = course.iter().copied().fold(0.0, f64::max);
     let gone = LOAD_GONE * peak_rad_per_nm;
     let samples = course.iter().rposition(|off| *off > gone).map_or(0, |last| last + 1);
-    // What is left at the end of a response that was cut off is the slowest eigenvalue's.
+    // If the response was cut off, its rest decays with the slowest eigenvalue.
     let left = course.last().map_or(0.0, |off| (off / gone).ln().max(0.0));
     let rest_s = left * slowest_s(sampled, &gains.feedback);
     LoadFigures { peak_rad_per_nm, gone_s: samples as f64 * sampled.period_s() + rest_s }
 }
 
-/// A tenth of the loop's own time, so that the filter costs little phase: between one tick's worth and 50 ms.
+/// A tenth of the loop's own time, so that the filter costs little phase. It is limited to one tick and 50 ms.
 fn filter_s(law: ControlLaw, s: f64) -> f64 {
     match law.filter() {
-        // The console's numbers have six digits; so does the filter that is analysed.
+        // Rounded as the console does, so that the analysed filter is the one that is sent.
         Some(_) => super::fixed_point::rounded((0.1 / s).clamp(1e-3, 50e-3)),
         None => 0.0,
     }
 }
 
-/// The largest gain on the reference with which the step overshoots no more than asked; the smallest where all do.
+/// The largest gain on the reference that meets the overshoot; the smallest if none does.
 fn with_reference(
     sampled: &SampledLoop,
     law: ControlLaw,

@@ -1,31 +1,31 @@
-//! What a loop is asked to do.
+//! Requirements for a loop.
 
 use super::search::MAX_SAMPLES;
 use super::weights::Weights;
 use motorbench_model::motor::MotorParameters;
 use serde::Serialize;
 
-/// The largest current limit: the trip above it must still fit the core's format.
+/// The largest current limit. The trip above it must still fit the core's format.
 pub const LARGEST_CURRENT_A: f64 = 6.6;
 
-/// Lowest bandwidth, relative to the tick rate, of a loop whose step settles within [`MAX_SAMPLES`].
+/// Lowest bandwidth relative to the tick rate. A slower loop does not settle within [`MAX_SAMPLES`].
 const SLOWEST: f64 = 5e-5;
 
 /// How fast the loop has to be.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Speed {
-    /// Bandwidth from the reference to the controlled quantity (-3 dB), at least, in hertz.
+    /// Smallest bandwidth from the reference to the controlled quantity (-3 dB), in hertz.
     #[serde(rename = "bandwidth_Hz")]
     BandwidthHz(f64),
-    /// Time after which a step of the reference has settled within 2 %, at most, in seconds.
+    /// Longest settling time of a step of the reference within 2 %, in seconds.
     SettlingS(f64),
-    /// As fast as these weights make it.
+    /// The speed follows from these weights.
     Weights(Weights),
 }
 
 impl Speed {
-    /// About the crossover frequency it takes: a loop settles in about four of its times.
+    /// Approximate crossover frequency. A loop settles in about four of its times.
     pub fn rad_per_s(self, motor: &MotorParameters, period_s: f64) -> f64 {
         match self {
             Self::Weights(weights) => weights.crossover_rad_per_s(motor, period_s),
@@ -35,15 +35,15 @@ impl Speed {
     }
 }
 
-/// A specification. Bandwidth and settling are those of the linear sampled loop after a plain step of the reference;
-/// the overshoot must be kept by a plain step and by the core behind its reference profile.
+/// A specification. Bandwidth and settling refer to a plain step of the linear sampled loop. The overshoot applies to
+/// that step, and to the core behind its reference profile.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Specification {
     /// How fast.
     pub speed: Speed,
-    /// Overshoot at most, in percent.
+    /// Largest overshoot, in percent.
     pub overshoot_percent: f64,
-    /// Current that must not be exceeded, in amperes.
+    /// Largest current, in amperes.
     #[serde(rename = "current_limit_A")]
     pub current_limit_a: f64,
 }
@@ -56,12 +56,12 @@ pub struct ImpossibleSpecification {
     pub name: &'static str,
     /// What it was.
     pub value: f64,
-    /// What it has to be.
+    /// Allowed range.
     pub rule: &'static str,
 }
 
 impl Specification {
-    /// Refuses what no loop can be.
+    /// Refuses specifications that no loop can meet.
     ///
     /// # Errors
     /// The first figure that is out of range, with the range.
@@ -77,19 +77,27 @@ impl Specification {
                 return refuse(
                     "bandwidth-Hz",
                     hz,
-                    "at most a tenth of the tick rate: the loop sees the motor once a tick",
+                    "at most a tenth of the tick rate, since the loop samples the motor once a tick",
                 );
             }
             Speed::BandwidthHz(hz) if hz * period_s < SLOWEST => {
-                return refuse("bandwidth-Hz", hz, "at least 1/20000 of the tick rate: slower is not judged");
+                return refuse(
+                    "bandwidth-Hz",
+                    hz,
+                    "at least 1/20000 of the tick rate; slower loops cannot be evaluated",
+                );
             }
             Speed::SettlingS(settling_s) if settling_s > MAX_SAMPLES as f64 * period_s => {
-                return refuse("settling-s", settling_s, "at most 20000 ticks: longer is not judged");
+                return refuse("settling-s", settling_s, "at most 20000 ticks; longer responses cannot be evaluated");
             }
             Speed::SettlingS(settling_s) if settling_s < 5.0 * period_s => {
-                return refuse("settling-s", settling_s, "at least five ticks: the loop sees the motor once a tick");
+                return refuse(
+                    "settling-s",
+                    settling_s,
+                    "at least five ticks, since the loop samples the motor once a tick",
+                );
             }
-            // Whoever has weights has had them checked.
+            // Weights are checked when they are made.
             _ => {}
         }
         if !(0.0..=100.0).contains(&self.overshoot_percent) {
@@ -99,7 +107,7 @@ impl Specification {
             return refuse(
                 "current-limit-A",
                 self.current_limit_a,
-                "above 0 and at most 6.6 A: the core measures up to 8 A",
+                "above 0 and at most 6.6 A; the core measures up to 8 A",
             );
         }
         Ok(())

@@ -1,5 +1,5 @@
-//! Step-response tuning: a first-order model with dead time from a recorded step, and gains for a loop of a chosen time
-//! constant from it.
+//! Step-response tuning: a first-order model with dead time from a recorded step, and gains for a chosen time constant
+//! of the loop.
 
 use super::relay::speed_pi;
 use serde::Serialize;
@@ -20,13 +20,13 @@ pub struct FirstOrder {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StepError {
     /// Too few samples.
-    #[error("the recording has {found} samples, at least {SHORTEST} with the step in it are needed")]
+    #[error("the recording has {found} samples, but needs at least {SHORTEST}, with the step among them")]
     TooShort {
         /// Samples found.
         found: usize,
     },
     /// Time, voltage and speed are not of the same length.
-    #[error("time, voltage and speed have {time}, {voltage} and {speed} samples: they must be as many")]
+    #[error("time, voltage and speed have {time}, {voltage} and {speed} samples, but need the same number")]
     Lengths {
         /// Samples of the time.
         time: usize,
@@ -40,7 +40,7 @@ pub enum StepError {
     NoStep,
     /// The speed does not follow the voltage.
     #[error(
-        "the speed changes by {change_rad_per_s:.3} rad/s against the voltage's {change_v:.3} V: check the sign of the encoder, or take a larger step"
+        "the speed changes by {change_rad_per_s:.3} rad/s after a step of {change_v:.3} V: check the sign of the encoder, or take a larger step"
     )]
     NoResponse {
         /// Of the speed.
@@ -48,17 +48,18 @@ pub enum StepError {
         /// Of the voltage.
         change_v: f64,
     },
-    /// It still moves at the end.
+    /// The speed still changes at the end.
     #[error("the speed still changes at the end of the recording: record for longer")]
     NotSettled,
 }
 
 /// Fewest samples.
 const SHORTEST: usize = 20;
-/// Part of the samples after the step whose mean is the final speed, and how far its halves may differ.
+/// The last fifth (one over this) of the samples after the step gives the final speed. Its halves may differ by this
+/// share.
 const END_PART: usize = 5;
 const END_DRIFT: f64 = 0.03;
-/// Levels of the response from which time constant and dead time follow (Sundaresan and Krishnaswamy, 1978).
+/// Levels of the response that give time constant and dead time (Sundaresan and Krishnaswamy, 1978).
 const EARLY: f64 = 0.353;
 const LATE: f64 = 0.853;
 
@@ -108,15 +109,17 @@ pub fn fit(t_s: &[f64], u_v: &[f64], omega_rad_per_s: &[f64]) -> Result<FirstOrd
     })
 }
 
-/// Gains of the speed PID for a closed loop of `closed_loop_s`, by the SIMC rule (Skogestad, "Simple analytic rules for
-/// model reduction and PID controller tuning", 2003): `Kp = tau / (K (tc + theta))`, `Ti = min(tau, 4 (tc + theta))`.
-/// With `closed_loop_s` equal to the dead time it is the tightest that is robust. Setting names and values.
+/// Gains of the speed PID for a closed loop of `closed_loop_s`, by the SIMC rule: `Kp = tau / (K (tc + theta))`, `Ti =
+/// min(tau, 4 (tc + theta))`. With `closed_loop_s` equal to the dead time it is the tightest robust loop. Returns
+/// setting names and values.
+///
+/// Source: Skogestad, "Simple analytic rules for model reduction and PID controller tuning", 2003.
 pub fn simc(model: &FirstOrder, closed_loop_s: f64) -> Vec<(String, f64)> {
     let slow_s = closed_loop_s + model.dead_time_s;
     speed_pi(proportional(model, slow_s), model.time_constant_s.min(4.0 * slow_s))
 }
 
-/// The same by lambda tuning: `Ti = tau`, whatever the load does.
+/// The same by lambda tuning: `Ti = tau` in every case.
 pub fn lambda(model: &FirstOrder, closed_loop_s: f64) -> Vec<(String, f64)> {
     speed_pi(proportional(model, closed_loop_s + model.dead_time_s), model.time_constant_s)
 }
@@ -156,7 +159,7 @@ mod tests {
             let gains = Gains { feedback: vec![gains[0].1, 0.0, gains[1].1], reference: gains[0].1 };
             let sampling = Sampling::new(1e-3, 2e-3);
             let judged = robustness::check(&motor, ControlLaw::SpeedPid, &sampling, &gains).unwrap();
-            // The loop's crossover is the inverse of its time constant with the dead time added.
+            // The crossover of the loop is the inverse of its time constant plus the dead time.
             let expected_hz = 1.0 / (std::f64::consts::TAU * (closed_loop_s + model.dead_time_s));
             assert!((judged.margins.crossover_hz / expected_hz - 1.0).abs() < 0.25, "{judged:?} {expected_hz}");
         }

@@ -1,27 +1,36 @@
+mod random_motors;
+mod tachogenerator;
+
 use super::*;
-use rayon::prelude::*;
+use host_sim::plant::DcMotor;
+use host_sim::trial::Trial;
+use motorbench_model::Model;
+use motorbench_model::linear::motor_model;
+
+/// Bandwidth of each law for the paper's motor.
+const BANDWIDTHS_HZ: [(ControlLaw, f64); 4] = [
+    (ControlLaw::SpeedPid, 10.0),
+    (ControlLaw::SpeedLqr, 10.0),
+    (ControlLaw::PositionPid, 5.0),
+    (ControlLaw::PositionLqr, 5.0),
+];
 
 fn pivt6(law: ControlLaw, hz: f64, overshoot_percent: f64) -> Result<Design, DesignError> {
     let specification = Specification { speed: Speed::BandwidthHz(hz), overshoot_percent, current_limit_a: 1.0 };
     design(&MotorParameters::PIVT6, &Bench::default(), law, &specification)
 }
 
-/// What each law reaches on the paper's motor. The figures are held so that a change of the method shows.
+/// Figures of each law on the paper's motor. They are fixed here so that a change of the method shows.
 #[test]
 fn every_law_for_the_papers_motor() {
-    for (law, hz) in [
-        (ControlLaw::SpeedPid, 10.0),
-        (ControlLaw::SpeedLqr, 10.0),
-        (ControlLaw::PositionPid, 5.0),
-        (ControlLaw::PositionLqr, 5.0),
-    ] {
+    for (law, hz) in BANDWIDTHS_HZ {
         let design = pivt6(law, hz, 10.0).unwrap();
         println!("{law:?}: {:?} {:?} {:?}", design.figures, design.robustness, design.trial);
         assert!((0.99 * hz..1.05 * hz).contains(&design.figures.bandwidth_hz));
         assert!(design.figures.step.overshoot_percent <= 10.0);
         let margins = design.robustness.margins;
         assert!(margins.modulus > 0.8 && margins.delay_s > 20e-3, "{margins:?}");
-        // What it is set to and what the core holds differ by the format's rounding alone.
+        // The set value and the held value differ only by the rounding of the format.
         for gain in &design.gains {
             assert!((gain.value - gain.held).abs() <= 0.01 * gain.value.abs(), "{gain:?}");
         }
@@ -29,15 +38,10 @@ fn every_law_for_the_papers_motor() {
     }
 }
 
-/// What the page overlays: the core in fixed point does what the linear loop does with the gains it holds.
+/// The core in fixed point follows the linear loop with the gains that it holds. The page shows both curves.
 #[test]
 fn the_core_follows_the_linear_loop() {
-    for (law, hz) in [
-        (ControlLaw::SpeedPid, 10.0),
-        (ControlLaw::SpeedLqr, 10.0),
-        (ControlLaw::PositionPid, 5.0),
-        (ControlLaw::PositionLqr, 5.0),
-    ] {
+    for (law, hz) in BANDWIDTHS_HZ {
         let design = pivt6(law, hz, 10.0).unwrap();
         let worst = farthest_from_linear(&design, &MotorParameters::PIVT6);
         println!("{law:?}: core and linear loop differ by {:.2} % of the step at most", 100.0 * worst);
@@ -72,7 +76,7 @@ fn without_a_current_sensor_the_core_observes_the_current() {
         assert!(design.held.feedback[on_current] != 0.0, "{:?}", design.held);
         assert_eq!(f64::from(design.settings.all.get(Param::TorqueConstant)), f64::from(0.072_f32));
         assert!(design.settings.all.get(Param::WindingTime) > 1.0);
-        // What was checked has the observer in it, as the comparison's loop with the exact gains.
+        // The checked loop contains the observer, like the comparison's loop with the exact gains.
         let observer = design.current_sensor[1].found.unwrap();
         let Robustness { margins, worst_modulus, .. } = design.robustness;
         assert!((margins.modulus - observer.modulus).abs() < 0.01, "{law:?}: {margins:?} {observer:?}");
@@ -87,7 +91,7 @@ fn without_a_current_sensor_the_core_observes_the_current() {
     assert_eq!((design.gains[1].name.as_str(), design.gains[1].value), ("lqr_speed_kc", 0.0));
 }
 
-/// A model's delay is in the linear loop and on the core; gains that know nothing of it are not offered with it.
+/// The delay of a model is in the linear loop and on the core. Gains designed without the delay are refused with it.
 #[test]
 fn a_delay_of_the_voltage_is_in_the_loop() {
     let (motor, delay_s) = (MotorParameters::PIVT6, 6.3e-3);
@@ -115,7 +119,7 @@ fn pivt6_at_4_hz() -> Specification {
     Specification { speed: Speed::BandwidthHz(4.0), overshoot_percent: 10.0, current_limit_a: 1.0 }
 }
 
-/// Between the core's trial and the linear loop, of the step.
+/// Largest difference of the core's trial and the linear loop, relative to the step.
 fn farthest_from_linear(design: &Design, motor: &MotorParameters) -> f64 {
     let linear = design.linear_response(motor);
     let output = |point: &Point| if design.law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
@@ -123,7 +127,7 @@ fn farthest_from_linear(design: &Design, motor: &MotorParameters) -> f64 {
     differences.fold(0.0, f64::max) / design.trial.step
 }
 
-/// Every line is one that the console reads, and both laws of a kind can be pasted one after the other.
+/// The console accepts every line, and both laws of a kind can be pasted in sequence.
 #[test]
 fn commands_are_the_consoles() {
     let mut together = SettingList::default();
@@ -142,7 +146,7 @@ fn commands_are_the_consoles() {
     }
 }
 
-/// What the console does with a line: all of it, if the core can hold what comes of it.
+/// Acts as the console: it takes a line as a whole if the core can hold the result.
 fn paste(settings: &mut Settings, line: &str) {
     assert!(line.len() <= 96, "{line}");
     let words: Vec<&str> = line.split(' ').collect();
@@ -156,8 +160,8 @@ fn paste(settings: &mut Settings, line: &str) {
     assert!(built.is_ok(), "the console refuses {line}: {:?}", built.err());
 }
 
-/// A slow motor: the range of speed that suits it fits neither the tachogenerator nor the gains that a new board has. Each
-/// line is taken all the same, one after the other.
+/// A slow motor: its speed range fits neither the default tachogenerator gain nor the default gains. The board still
+/// accepts each line in order.
 #[test]
 fn a_board_with_its_defaults_takes_every_line() {
     let slow = MotorParameters {
@@ -193,7 +197,7 @@ fn bad_input_is_refused_each_with_its_own_message() {
         (of(Specification { current_limit_a: 1e-3, ..good }), "trip_peak = 0.0012 A is below its range: raise current"),
         (
             refused(MotorParameters { inertia_kg_m2: 1e-12, ..motor }, Bench::default(), good),
-            "is larger than its format holds: check the model's inertia and torque constant, or lower current-limit-A",
+            "is larger than its format holds: check inertia and torque constant of the model, or lower current-limit-A",
         ),
         (
             refused(
@@ -216,7 +220,7 @@ fn bad_input_is_refused_each_with_its_own_message() {
         ),
         (
             refused(motor, Bench { counts_per_rev: Some(20_000.0), ..Bench::default() }, good),
-            "the chip counts 100000: lower the supply or use a coarser encoder",
+            "the chip can count 100000: lower the supply or use a coarser encoder",
         ),
         (
             refused(motor, Bench { tick_rate_hz: 1500.0, ..Bench::default() }, good),
@@ -228,7 +232,7 @@ fn bad_input_is_refused_each_with_its_own_message() {
     }
 }
 
-/// A flywheel: the gain that would make it fast is beyond the core's format.
+/// A flywheel: the gain that would make it fast exceeds the core's format.
 #[test]
 fn a_gain_that_the_core_cannot_hold_is_refused_by_name() {
     let flywheel =
@@ -245,7 +249,8 @@ fn a_gain_that_the_core_cannot_hold_is_refused_by_name() {
     }
 }
 
-/// A slow winding of much resistance asks for more volts an ampere than the format holds: the law goes without, and says so.
+/// A slow winding with much resistance needs more volts for each ampere than the format holds. The law omits the gain
+/// and says so.
 #[test]
 fn an_lqr_whose_gain_on_the_current_cannot_be_held_does_without_it() {
     let motor = MotorParameters {
@@ -267,12 +272,12 @@ fn an_lqr_whose_gain_on_the_current_cannot_be_held_does_without_it() {
     assert!(refused.starts_with("lqr_speed_kc = "), "{refused}");
     let with = lqr(5.0).unwrap();
     assert!(with.gains[1].value > 1.0 && with.current_left_out.is_none());
-    // Where neither loop can be, it is the better one's reason.
+    // If both loops fail, the reason of the better one is reported.
     let refused = lqr(20.0).unwrap_err().to_string();
     assert!(refused.starts_with("lqr_speed_kc = ") && refused.contains("larger than its format holds"), "{refused}");
 }
 
-/// What the summary says of a load is what it does to the core's own loop; one with hardly any integral is found out.
+/// The effect of a load in the summary is the one on the core's own loop, also for a very slow integral.
 #[test]
 fn a_load_turns_the_motor_as_far_and_as_long_as_is_said() {
     const LOAD_NM: f64 = 0.02;
@@ -300,7 +305,7 @@ fn a_load_turns_the_motor_as_far_and_as_long_as_is_said() {
     assert!(pivt6(ControlLaw::SpeedPid, 10.0, 10.0).unwrap().load.is_none());
 }
 
-/// Gains that stabilise the model alone are refused: each weakness is found.
+/// Gains that only stabilise the model are refused: each weakness is found.
 #[test]
 fn a_loop_that_is_not_robust_is_refused() {
     let judge = |kp: f64, ki: f64| {
@@ -314,7 +319,7 @@ fn a_loop_that_is_not_robust_is_refused() {
     assert!(message.contains("at least 0.5 is needed"), "{message}");
 }
 
-/// The core's other rate.
+/// The core's other tick rate.
 #[test]
 fn at_two_kilohertz_the_core_follows_as_well() {
     let bench = Bench { tick_rate_hz: 2000.0, ..Bench::default() };
@@ -328,7 +333,7 @@ fn at_two_kilohertz_the_core_follows_as_well() {
     }
 }
 
-/// An encoder of few counts is scaled more coarsely and not refused, however slow the motor.
+/// An encoder with few counts is scaled more coarsely and not refused, also with a slow motor.
 #[test]
 fn a_coarse_encoder_is_no_reason_to_refuse() {
     let geared = MotorParameters {
@@ -351,300 +356,8 @@ fn a_coarse_encoder_is_no_reason_to_refuse() {
     }
 }
 
-/// Where motors are drawn from, two decades each, evenly in the logarithm: resistance in ohm, L/R in s, torque constant in
-/// Nm/A, electromechanical time constant in s, viscous friction relative to what the back-EMF brakes.
-const DECADES: [[f64; 2]; 5] = [[0.2, 20.0], [0.1e-3, 10e-3], [0.005, 0.5], [5e-3, 0.5], [1e-3, 1e-1]];
-
-/// A motor somewhere in [`DECADES`], with an encoder that the chip can count and a specification that
-/// suits its own time constant.
-struct Draw {
-    motor: MotorParameters,
-    bench: Bench,
-    current_limit_a: f64,
-    /// Bandwidth over the motor's own.
-    faster: f64,
-    /// The five in [`DECADES`].
-    drawn: [f64; 5],
-}
-
-impl Draw {
-    fn new(seed: u64) -> Self {
-        use rand::{RngExt, SeedableRng};
-        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-        let mut decades = |[from, to]: [f64; 2]| from * (to / from).powf(random.random::<f64>());
-        let drawn = DECADES.map(&mut decades);
-        let [resistance_ohm, electromagnetic_s, torque_constant_nm_per_a, electromechanical_s, friction] = drawn;
-        let stiffness = torque_constant_nm_per_a.powi(2) / resistance_ohm;
-        let motor = MotorParameters {
-            resistance_ohm,
-            inductance_h: resistance_ohm * electromagnetic_s,
-            torque_constant_nm_per_a,
-            inertia_kg_m2: stiffness * electromechanical_s,
-            viscous_friction_nm_s: stiffness * friction,
-        };
-        let supply_v = 12.0;
-        let no_load_rad_per_s = supply_v / torque_constant_nm_per_a;
-        let counts_per_rev = (80_000.0 * std::f64::consts::TAU / no_load_rad_per_s).min(2000.0).floor();
-        let bench = Bench { supply_v, counts_per_rev: Some(counts_per_rev), ..Bench::default() };
-        let current_limit_a = (0.7 * supply_v / resistance_ohm).min(specification::LARGEST_CURRENT_A);
-        Self { motor, bench, current_limit_a, faster: decades([0.5, 5.0]), drawn }
-    }
-
-    /// The same motor, its speed by a tachogenerator that has between a fifth and nine tenths of the converter's range at no
-    /// load, up to a tenth of ripple, and a commutator of 4 to 60 segments.
-    fn with_tachogenerator(mut self, seed: u64) -> Self {
-        use rand::{RngExt, SeedableRng};
-        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(!seed);
-        let mut between = |[from, to]: [f64; 2]| from + (to - from) * random.random::<f64>();
-        let no_load_krpm =
-            self.bench.supply_v / self.motor.torque_constant_nm_per_a * 60.0 / std::f64::consts::TAU / 1e3;
-        let tachogenerator = Tachogenerator {
-            gain_v_per_krpm: (10.0 * between([0.2, 0.9]) / no_load_krpm).min(100.0),
-            ripple: between([0.0, 0.1]),
-            ripples_per_rev: between([4.0, 60.0]).round(),
-        };
-        self.bench = Bench { counts_per_rev: None, tachogenerator: Some(tachogenerator), ..self.bench };
-        self
-    }
-
-    fn design(&self, law: ControlLaw) -> Result<Design, DesignError> {
-        design(&self.motor, &self.bench, law, &self.specification(law))
-    }
-
-    /// What [`Draw::design`] asks for.
-    fn specification(&self, law: ControlLaw) -> Specification {
-        let own_hz = 1.0
-            / (std::f64::consts::TAU
-                * motorbench_model::linear::motor_model::TimeConstants::of(&self.motor).electromechanical_s);
-        let part = if law.is_position() { 0.5 } else { 1.0 };
-        let hz = (part * self.faster * own_hz).min(40.0);
-        Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a: self.current_limit_a }
-    }
-
-    /// The design that is refused for its reversal alone: gains and profile that have passed all else.
-    fn design_that_may_lose_its_direction(&self, law: ControlLaw) -> Design {
-        let specification = self.specification(law);
-        let settings = fixed_point::rig_settings(&self.motor, &self.bench, &specification).unwrap();
-        let speed = fixed_point::speed_path(&settings).unwrap();
-        let seen = Seen { speed, ..Seen::by_encoder(1.0 / self.bench.tick_rate_hz) };
-        let used = vec![true; law.feedback().len()];
-        let search = Search { motor: &self.motor, law, seen, used: &used, observer: None };
-        let rig = Rig { settings, tachogenerator: self.bench.tachogenerator };
-        let tried = |shape| {
-            let candidate = search.gentlest(shape, &specification).ok()?;
-            tried(&self.motor, &rig, law, &specification, candidate).ok()
-        };
-        search.shapes().into_iter().find_map(tried).expect("one that the reversal was asked of")
-    }
-
-    /// Whether the firmware takes the wrong direction for the speed of this motor, from one of some speeds to their
-    /// opposite.
-    fn loses_its_direction(&self, design: &Design, motor: &MotorParameters) -> bool {
-        let turns = |part: f64| {
-            let plant = DcMotor::new(ideal(motor));
-            let mut trial = Trial::new(plant, design.settings.all).unwrap();
-            start(&mut trial, design.law, design.tachogenerator.as_ref());
-            let duration_s = 1.0 + 2.0 * design.points.last().unwrap().t_s;
-            for reference in [part * design.trial.step, -part * design.trial.step] {
-                trial.follow(reference, duration_s);
-            }
-            trial.sample().trip == Trip::Runaway
-        };
-        [0.3, 0.4, 0.5, 0.6, 0.7].into_iter().any(turns)
-    }
-
-    /// Turns about (forward, reverse), and judges the last fifth of each.
-    fn hold(&self, seed: u64, design: &Design, motor: &MotorParameters) {
-        let motor = DcMotor::new(ideal(motor));
-        let mut trial = Trial::new(motor, design.settings.all).unwrap();
-        start(&mut trial, design.law, design.tachogenerator.as_ref());
-        let duration_s = 1.0 + 2.0 * design.points.last().unwrap().t_s;
-        for reference in [0.5 * design.trial.step, -0.5 * design.trial.step] {
-            let points = trial.follow(reference, duration_s);
-            assert_eq!(trial.sample().trip, Trip::None, "seed {seed}: {:?}", design.law);
-            let tail = &points[points.len() * 4 / 5..];
-            let output = |point: &Point| if design.law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
-            let worst = tail.iter().map(|point| (output(point) - reference).abs()).fold(0.0, f64::max);
-            let allowed = self.allowed(design) + self.followed_ripple(design, reference);
-            assert!(worst <= allowed, "seed {seed}: {:?} off by {worst}, allowed {allowed}", design.law);
-        }
-    }
-
-    /// What of a tachogenerator's ripple, beaten down by the conversions, is slow enough for the loop to follow.
-    fn followed_ripple(&self, design: &Design, speed_rad_per_s: f64) -> f64 {
-        let Some(tachogenerator) = self.bench.tachogenerator else { return 0.0 };
-        let converted_hz = tachogenerator::CONVERSIONS_HZ;
-        let ripple_hz = tachogenerator.ripples_per_rev * speed_rad_per_s.abs() / std::f64::consts::TAU;
-        let beat_hz = (ripple_hz - converted_hz * (ripple_hz / converted_hz).round()).abs();
-        tachogenerator.ripple * speed_rad_per_s.abs() / (beat_hz / design.figures.bandwidth_hz).hypot(1.0)
-    }
-
-    /// Two bits of duty and a few of the measurement: nothing finer can be held.
-    fn allowed(&self, design: &Design) -> f64 {
-        let get = |param| f64::from(design.settings.all.get(param));
-        let duty_v = self.bench.supply_v / f64::from(motorbench_core::HARDWARE.pwm_steps);
-        if design.law.is_position() {
-            return 3.0 * std::f64::consts::TAU / get(Param::CountsPerRev) + 2.0 * duty_v / design.held.reference;
-        }
-        let steps = self.bench.tachogenerator.map_or(0.0, |tacho| SETTLED_TACHO_STEPS * tacho.resolution_rad_per_s());
-        2.0 * duty_v * motor_model::speed(&self.motor).dc_gain() + 8.0 * get(Param::SpeedRange) / 32768.0 + steps
-    }
-}
-
-/// What the firmware would not see by a tachogenerator.
-const REVERSAL: &str = "the reversal";
-
-/// Why a design was refused, in a word.
-fn reason(error: &DesignError) -> &'static str {
-    match error {
-        DesignError::Setting { .. } => "a setting the core cannot hold",
-        DesignError::TooSlow { .. } => "not fast enough",
-        DesignError::Overshoot { .. } => "overshoot",
-        DesignError::Quantised { .. } => "gains rounded too much",
-        DesignError::NotRobust { .. } => "not robust",
-        DesignError::Trial { .. } => "fails on the core",
-        DesignError::Tachogenerator { what } if what.starts_with("a reversal") => REVERSAL,
-        other => panic!("no motor is drawn for this: {other}"),
-    }
-}
-
-/// What a law was offered for, of how many motors.
-#[derive(Default)]
-struct Tally {
-    offered: usize,
-    refused: std::collections::BTreeMap<&'static str, usize>,
-}
-
-/// Random motors, both laws of both kinds, the LQRs with the current measured and observed: what is offered holds on the
-/// core in closed loop, with the motor of the model and with one 30 % off in every parameter; and what is refused stays the
-/// exception, for every law by itself.
-#[test]
-fn what_is_offered_is_stable_on_the_core() {
-    const MOTORS: u64 = 40;
-    let draws = || (0..MOTORS).map(Draw::new);
-    for (at, [from, to]) in DECADES.into_iter().enumerate() {
-        let decades = draws().map(|draw| (draw.drawn[at] / from).log10() / (to / from).log10());
-        let [least, most] = decades.fold([1.0_f64, 0.0_f64], |[low, high], part| [low.min(part), high.max(part)]);
-        assert!(least < 0.1 && most > 0.9, "parameter {at} is drawn from {least:.2} to {most:.2} of its decades alone");
-    }
-    let observed = [ControlLaw::SpeedLqr, ControlLaw::PositionLqr].map(|law| (law, false));
-    let cases = [&ControlLaw::ALL.map(|law| (law, true))[..], &observed].concat();
-    let cases = &cases;
-    let results: Vec<(usize, Option<DesignError>)> = (0..MOTORS)
-        .into_par_iter()
-        .flat_map_iter(|seed| (0..cases.len()).map(move |case| (seed, case)))
-        // An observer makes the loop larger and the search slower: every other motor.
-        .filter(|(seed, case)| cases[*case].1 || seed % 2 == 0)
-        .map(|(seed, case)| {
-            let mut draw = Draw::new(seed);
-            let (law, current_measured) = cases[case];
-            draw.bench.current_measured = current_measured;
-            // The design alone, without what other sensors would bring.
-            let design = match best_shape(&draw.motor, &draw.bench, law, &draw.specification(law)) {
-                Ok(design) => design,
-                Err(error) => return (case, Some(error)),
-            };
-            let mut board = Settings::defaults();
-            design.commands.iter().for_each(|line| paste(&mut board, line));
-            draw.hold(seed, &design, &draw.motor);
-            let corners: Vec<_> = robustness::corners(&draw.motor).collect();
-            draw.hold(seed, &design, &corners[seed as usize % corners.len()]);
-            (case, None)
-        })
-        .collect();
-    let mut tallies: Vec<Tally> = cases.iter().map(|_| Tally::default()).collect();
-    for (case, error) in &results {
-        match error {
-            None => tallies[*case].offered += 1,
-            Some(error) => {
-                println!("{error}");
-                *tallies[*case].refused.entry(reason(error)).or_default() += 1;
-            }
-        }
-    }
-    for ((law, current_measured), Tally { offered, refused }) in cases.iter().zip(&tallies) {
-        let current = if *current_measured { "" } else { ", the current observed" };
-        let motors = offered + refused.values().sum::<usize>();
-        println!("{}{current}: {offered} of {motors} offered; refused: {refused:?}", law.title());
-        assert!(10 * offered >= 9 * motors && motors >= MOTORS as usize / 2, "{law:?}: {refused:?}");
-    }
-    let refused = results.iter().filter(|(_, error)| error.is_some()).count();
-    assert!(refused * 20 <= results.len(), "{refused} of {} are refused", results.len());
-}
-
-/// What came of motors with a tachogenerator.
-#[derive(Default)]
-struct ByTachogenerator {
-    /// By law.
-    tallies: [Tally; 2],
-    /// Of those refused for the reversal: how many lose their direction with a motor that is 30 % off.
-    lost: usize,
-}
-
-/// Motors from seeds, each with a tachogenerator: what is offered turns about with the model's motor and two that are 30 %
-/// off, and of what is refused for the reversal it is seen whether that would not.
-fn by_tachogenerator(seeds: impl IntoParallelIterator<Item = u64>) -> ByTachogenerator {
-    const LAWS: [ControlLaw; 2] = [ControlLaw::SpeedPid, ControlLaw::SpeedLqr];
-    let draws = seeds.into_par_iter().flat_map_iter(|seed| LAWS.iter().enumerate().map(move |case| (seed, case)));
-    let judged = draws.map(|(seed, (case, &law))| {
-        let draw = Draw::new(seed).with_tachogenerator(seed);
-        let corners: Vec<_> = robustness::corners(&draw.motor).collect();
-        match draw.design(law) {
-            Ok(design) => {
-                let mut board = Settings::defaults();
-                design.commands.iter().for_each(|line| paste(&mut board, line));
-                for motor in [draw.motor, corners[seed as usize % 32], corners[31 - seed as usize % 32]] {
-                    draw.hold(seed, &design, &motor);
-                }
-                (case, None, false)
-            }
-            Err(error) => {
-                println!("seed {seed}: {error}");
-                let reason = reason(&error);
-                let loses = |design: &Design| corners.iter().any(|motor| draw.loses_its_direction(design, motor));
-                let lost = reason == REVERSAL && loses(&draw.design_that_may_lose_its_direction(law));
-                (case, Some(reason), lost)
-            }
-        }
-    });
-    let mut found = ByTachogenerator::default();
-    for (case, reason, lost) in judged.collect::<Vec<_>>() {
-        match reason {
-            None => found.tallies[case].offered += 1,
-            Some(reason) => *found.tallies[case].refused.entry(reason).or_default() += 1,
-        }
-        found.lost += usize::from(lost);
-    }
-    for (law, Tally { offered, refused }) in LAWS.iter().zip(&found.tallies) {
-        println!("{} by a tachogenerator: {offered} offered; refused: {refused:?}", law.title());
-    }
-    let refused: usize = found.tallies.iter().filter_map(|tally| tally.refused.get(REVERSAL)).sum();
-    println!("{} of {refused} refused for the reversal lose their direction with a motor 30 % off", found.lost);
-    found
-}
-
-/// The sign turns only where a conversion sees the motor near standstill, with a voltage. What is offered turns about; what
-/// is refused for the reversal would not.
-#[test]
-fn what_is_offered_by_a_tachogenerator_turns_about() {
-    const MOTORS: u64 = 20;
-    let found = by_tachogenerator(0..MOTORS);
-    let offered: usize = found.tallies.iter().map(|tally| tally.offered).sum();
-    assert!(offered >= MOTORS as usize && found.lost > 0, "{offered} {}", found.lost);
-}
-
-/// The same with freshly drawn motors.
-#[test]
-fn designs_for_freshly_drawn_tachogenerators_reverse() {
-    const MOTORS: u64 = 6;
-    let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
-    let first = now.as_secs();
-    println!("seeds from {first}");
-    by_tachogenerator(first..first + MOTORS);
-}
-
-/// Weights that a search reports, written down and given by hand, are the same gains to the last bit: for every law, and
-/// for motors far from the paper's.
+/// Weights from a search give the same gains to the last bit if they are given by hand. This holds for every law, and
+/// for motors unlike the paper's.
 #[test]
 fn weights_found_are_the_same_gains_when_given() {
     let slow = MotorParameters { inertia_kg_m2: 20.0 * MotorParameters::PIVT6.inertia_kg_m2, ..MotorParameters::PIVT6 };
@@ -666,11 +379,11 @@ fn weights_found_are_the_same_gains_when_given() {
             let set = |design: &Design, param| design.settings.all.get(param);
             for &param in searched.settings.changed.iter().filter(|param| **param != Param::PositionRange) {
                 let (given, searched) = (set(&given, param), set(&searched, param));
-                // The profile is as gentle as it must be, by steps of its own.
+                // The profile is slowed down in its own steps.
                 let near = if param == Param::Acceleration { 0.5 } else { 1e-6 };
                 assert!((given / searched - 1.0).abs() <= near || given == searched, "{law:?} {param:?}");
             }
-            // Twice all weights are the same cost.
+            // Two times all weights is the same cost.
             let twice: Vec<f64> = q.iter().map(|weight| 2.0 * weight).collect();
             let twice = Weights::new(law.is_position(), &twice, 2.0 * written.r()).unwrap();
             let specification = Specification { speed: Speed::Weights(twice), ..specification };
@@ -679,7 +392,7 @@ fn weights_found_are_the_same_gains_when_given() {
     }
 }
 
-/// Weights that were given pass the same checks as those that were found.
+/// Given weights pass the same checks as searched ones.
 #[test]
 fn given_weights_are_checked() {
     let motor = MotorParameters::PIVT6;
@@ -690,7 +403,7 @@ fn given_weights_are_checked() {
     };
     for (message, expected) in [
         (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1.0], 1e-6, 20.0), "is larger than its format holds"),
-        (refused(ControlLaw::SpeedPid, &[0.0, 0.0, 1.0], 1e-3, 10.0), "would not be robust"),
+        (refused(ControlLaw::SpeedPid, &[0.0, 0.0, 1.0], 1e-3, 10.0), "is not robust"),
         (refused(ControlLaw::SpeedLqr, &[0.0, 0.0, 1e-9], 1.0, 10.0), "no gains with which a step settles within 20 s"),
         (
             refused(ControlLaw::SpeedLqr, &[1e30, 0.0, 1.0], 1.0, 10.0),
@@ -700,93 +413,10 @@ fn given_weights_are_checked() {
             refused(ControlLaw::SpeedLqr, &[1e-30, 0.0, 1e-30], 1.0, 10.0),
             "the largest weight is 1e30 times the smallest",
         ),
-        (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by 36.7 %"),
+        (refused(ControlLaw::PositionPid, &[0.0, 0.0, 0.0, 3000.0], 1.0, 2.0), "overshoots by at least 36.7 %"),
         (refused(ControlLaw::PositionLqr, &[1.0, 0.0, 1.0], 1.0, 10.0), "the weights are those of a speed loop"),
     ] {
         println!("{message}");
         assert!(message.contains(expected), "{message}");
-    }
-}
-
-/// The studies' stand: the speed from a tachogenerator of 3 V at 1000 rpm with 5 % ripple, and no encoder.
-fn stand() -> Bench {
-    Bench { counts_per_rev: None, tachogenerator: Some(Tachogenerator::new(3.0)), ..Bench::default() }
-}
-
-#[test]
-fn with_a_tachogenerator_the_loop_has_its_delay_its_steps_and_its_ripple() {
-    let specification =
-        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
-    let motor = MotorParameters::PIVT6;
-    for law in [ControlLaw::SpeedPid, ControlLaw::SpeedLqr] {
-        let with_encoder = pivt6(law, 10.0, 10.0).unwrap();
-        let with_tacho = design(&motor, &stand(), law, &specification).unwrap();
-        assert!((0.99 * 10.0..1.05 * 10.0).contains(&with_tacho.figures.bandwidth_hz));
-        // With the same gains low-pass and conversion take what they delay from the margin: half a tick more than the mean
-        // over a tick has, and 3.2 ms; less where the current, which they do not delay, is fed back as well.
-        let margin_s =
-            |sampling: &Sampling| robustness::check(&motor, law, sampling, &with_tacho.held).unwrap().margins.delay_s;
-        let lost_s = margin_s(&with_encoder.sampling) - margin_s(&with_tacho.sampling);
-        println!("{law:?}: conversion and low-pass take {:.2} ms of the delay margin", 1e3 * lost_s);
-        let least_s = if law == ControlLaw::SpeedPid { 3.2e-3 } else { 2.9e-3 };
-        assert!((least_s..3.9e-3).contains(&lost_s), "{lost_s}");
-        assert!(with_tacho.robustness.margins.modulus > 0.6, "{:?}", with_tacho.robustness.margins);
-        // What the ripple makes of the voltage is told, and the encoder has none.
-        assert!(with_tacho.trial.swing_v > 2.0 * with_encoder.trial.swing_v, "{:?}", with_tacho.trial);
-        let said = with_tacho.commands.join(" ");
-        for expected in ["speed_sensor 1", "tacho_gain 3 ", "speed_filter 3.1831"] {
-            assert!(said.contains(expected), "{expected}: {said}");
-        }
-        assert!(!said.contains("counts_per_rev") && with_encoder.commands.join(" ").contains("speed_sensor 0"));
-    }
-    // Both laws on one board have one low-pass.
-    let [pid, lqr] = [ControlLaw::SpeedPid, ControlLaw::SpeedLqr]
-        .map(|law| design(&motor, &stand(), law, &specification).unwrap().settings.all.get(Param::SpeedFilter));
-    assert_eq!(pid, lqr);
-}
-
-/// What the loop's model says of the conversion is what the core does: to the ripple, and the conversion's age of half a tick
-/// in the trial where the model has the worst of a whole.
-#[test]
-fn with_a_tachogenerator_the_core_follows_the_linear_loop() {
-    let specification =
-        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
-    let motor = MotorParameters::PIVT6;
-    for law in [ControlLaw::SpeedPid, ControlLaw::SpeedLqr] {
-        let design = design(&motor, &stand(), law, &specification).unwrap();
-        let linear = design.linear_response(&motor);
-        let differences =
-            linear.iter().zip(&design.points).map(|(linear, point)| (linear - point.omega_rad_per_s).abs());
-        let worst = differences.fold(0.0, f64::max) / design.trial.step;
-        println!(
-            "{law:?} by the tachogenerator: core and linear loop differ by {:.2} % of the step at most",
-            100.0 * worst
-        );
-        assert!(worst < 0.02, "{law:?}: {worst}");
-    }
-}
-
-#[test]
-fn what_the_firmware_cannot_do_with_a_tachogenerator_is_refused() {
-    let specification =
-        Specification { speed: Speed::BandwidthHz(10.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
-    let refused =
-        |bench: &Bench, law| design(&MotorParameters::PIVT6, bench, law, &specification).unwrap_err().to_string();
-    let none = Bench { tachogenerator: None, ..stand() };
-    for (message, expected) in [
-        (refused(&stand(), ControlLaw::PositionPid), "the position PID needs an encoder, and the rig has none"),
-        (refused(&none, ControlLaw::SpeedPid), "the speed PID needs an encoder, and the rig has none"),
-        (refused(&Bench { supply_v: 30.0, ..stand() }, ControlLaw::SpeedLqr), "the converter ends at 332 rad/s"),
-        (refused(&Bench { tick_rate_hz: 2000.0, ..stand() }, ControlLaw::SpeedPid), "use 1000 Hz"),
-    ] {
-        println!("{message}");
-        assert!(message.contains(expected), "{message}");
-    }
-    // With an encoder for the position and the tachogenerator for the speed the firmware can.
-    let both = Bench { counts_per_rev: Some(2000.0), ..stand() };
-    let slow = Specification { speed: Speed::BandwidthHz(5.0), ..specification };
-    for law in [ControlLaw::PositionPid, ControlLaw::PositionLqr] {
-        let offered = design(&MotorParameters::PIVT6, &both, law, &slow).unwrap();
-        assert!(offered.commands.join(" ").contains("speed_sensor 1"));
     }
 }

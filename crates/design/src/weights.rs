@@ -1,7 +1,7 @@
-//! Q and R: the weights of the linear-quadratic cost, as given by hand and as the search finds them.
+//! Q and R: the weights of the linear-quadratic cost, given by hand or searched.
 //!
-//! The cost is the sum over all ticks of `q1 x1^2 + q2 x2^2 + ... + r u^2`, with the states of [`states`] and the voltage
-//! `u`. Only the ratios count: twice all weights are the same gains.
+//! The cost is the sum over all ticks of `q1 x1^2 + q2 x2^2 + ... + r u^2`, with the states of [`states`] and the
+//! voltage `u`. Only ratios count: two times all weights gives the same gains.
 
 use super::fixed_point::rounded;
 use super::search::LARGEST_TURN;
@@ -10,7 +10,7 @@ use motorbench_model::motor::MotorParameters;
 use nalgebra::Complex;
 use serde::Serialize;
 
-/// Name and unit of what is weighed besides the voltage, in order. The integral is that of the control error.
+/// Name and unit of the weighted states, in order. The integral is that of the control error.
 pub fn states(position: bool) -> &'static [(&'static str, &'static str)] {
     const STATES: [(&str, &str); 4] = [("angle", "rad"), ("speed", "rad/s"), ("current", "A"), ("integral", "rad s")];
     const SPEED_STATES: [(&str, &str); 3] = [("speed", "rad/s"), ("current", "A"), ("integral", "rad")];
@@ -44,10 +44,10 @@ impl From<Weights> for Written {
     }
 }
 
-/// Why weights are none.
+/// Why weights are refused.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum BadWeight {
-    /// Not one for each state.
+    /// The number of weights differs from the number of states.
     #[error("{option} has {found} numbers, a {} loop takes {}: {}", loop_name(*.position), states(*.position).len(), names(*.position))]
     Count {
         /// Which option.
@@ -57,14 +57,14 @@ pub enum BadWeight {
         /// Which loop.
         position: bool,
     },
-    /// The weights of the other kind of loop.
+    /// The weights are for the other kind of loop.
     #[error("the weights are those of a {} loop", loop_name(*.position))]
     OtherLoop {
-        /// Whose they are.
+        /// The kind they are for.
         position: bool,
     },
     /// NaN, or infinite where a weight must not be.
-    #[error("{option}: the {state}'s {value} is not a number that can be weighed with")]
+    #[error("{option}: {value} for the {state} is not a finite number")]
     NotFinite {
         /// Which option.
         option: &'static str,
@@ -74,7 +74,7 @@ pub enum BadWeight {
         value: f64,
     },
     /// Negative.
-    #[error("{option}: the {state}'s {value} is negative; 0 is the least a weight can be, and leaves the {state} free")]
+    #[error("{option}: {value} for the {state} is negative; give 0 or more (0 leaves the {state} free)")]
     Negative {
         /// Which option.
         option: &'static str,
@@ -83,9 +83,9 @@ pub enum BadWeight {
         /// What it was.
         value: f64,
     },
-    /// Bryson's rule with nothing allowed.
+    /// Bryson's rule with an allowed deviation of zero.
     #[error(
-        "--largest: {value} {unit} as the largest {state} leaves no room for a loop: give a positive number, or inf where any {state} is acceptable"
+        "--largest: {value} {unit} as the largest {state} allows no loop: give a positive number, or inf if any {state} is acceptable"
     )]
     NoDeviation {
         /// Which state.
@@ -95,10 +95,10 @@ pub enum BadWeight {
         /// Its unit.
         unit: &'static str,
     },
-    /// The voltage costs nothing.
-    #[error("--r = {0}: the voltage must cost something, give a positive number; the smaller, the faster the loop")]
+    /// The weight of the voltage is zero.
+    #[error("--r = {0}: the weight of the voltage must be a positive number; a smaller one makes the loop faster")]
     FreeVoltage(f64),
-    /// Bryson's rule without voltage.
+    /// Bryson's rule with an invalid voltage.
     #[error("{option} = {value}: it must be {rule}")]
     LargestVoltage {
         /// Which option.
@@ -108,8 +108,8 @@ pub enum BadWeight {
         /// What it has to be.
         rule: &'static str,
     },
-    /// No integral action.
-    #[error("the integral is not weighed: without integral action a steady error stays; give it a weight above 0")]
+    /// There is no integral action.
+    #[error("the integral has no weight, so a steady error would remain: give it a weight above 0")]
     NoIntegral,
 }
 
@@ -121,13 +121,13 @@ fn names(position: bool) -> String {
     states(position).iter().map(|(name, unit)| format!("{name} ({unit})")).collect::<Vec<_>>().join(", ")
 }
 
-/// A weight with all of its digits and no row of zeros.
+/// A weight with all of its digits, but without rows of zeros.
 fn digits(weight: f64) -> String {
     if weight == 0.0 || (1e-5..1e7).contains(&weight) { weight.to_string() } else { format!("{weight:e}") }
 }
 
 impl Weights {
-    /// Weights as they are: `q` in the order of [`states`] in 1 / (unit of the state)^2, `r` in 1/V^2.
+    /// Weights as given: `q` in the order of [`states`] in 1 / (unit of the state)^2, `r` in 1/V^2.
     ///
     /// # Errors
     /// [`BadWeight`]: the first rule that is broken.
@@ -135,8 +135,8 @@ impl Weights {
         Self::of("--q", position, q, r)
     }
 
-    /// By Bryson's rule: each state is weighed with the inverse square of the largest deviation that is acceptable
-    /// (infinite: not at all), the voltage with that of the largest voltage.
+    /// Bryson's rule: the weight of each state is the inverse square of its largest acceptable deviation (infinite:
+    /// weight 0). The same holds for the voltage.
     ///
     /// # Errors
     /// [`BadWeight`]: the first rule that is broken.
@@ -180,13 +180,13 @@ impl Weights {
         Ok(Self { position, angle, speed, current, integral, voltage: r })
     }
 
-    /// The search's, with one on the voltage and as many digits as a person is given to read.
+    /// Weights of a search, relative to the voltage, rounded to the digits that a person reads.
     pub(super) fn found(position: bool, angle: f64, speed: f64, integral: f64) -> Self {
         let (angle, speed, integral) = (rounded(angle), rounded(speed), rounded(integral));
         Self { position, angle, speed, current: 0.0, integral, voltage: 1.0 }
     }
 
-    /// Whether they are those of a position loop.
+    /// Whether they are for a position loop.
     pub fn is_position(&self) -> bool {
         self.position
     }
@@ -197,12 +197,12 @@ impl Weights {
         all[usize::from(!self.position)..].to_vec()
     }
 
-    /// On the square of the voltage.
+    /// Weight on the square of the voltage.
     pub fn r(&self) -> f64 {
         self.voltage
     }
 
-    /// The largest over the smallest, that of the voltage among them; a state that is free does not count.
+    /// Ratio of the largest weight to the smallest, with that of the voltage. A weight of 0 does not count.
     pub(super) fn span(&self) -> f64 {
         let weighed = self.q().into_iter().filter(|weight| *weight > 0.0);
         let [least, most] =
@@ -210,7 +210,7 @@ impl Weights {
         most / least
     }
 
-    /// On angle, speed, current and integral, relative to that on the voltage.
+    /// Weights on angle, speed, current and integral, relative to that on the voltage.
     pub(super) fn relative(&self) -> [f64; 4] {
         [self.angle, self.speed, self.current, self.integral].map(|weight| weight / self.voltage)
     }
@@ -221,9 +221,8 @@ impl Weights {
         format!("--q {} --r {}", q.join(","), digits(self.voltage))
     }
 
-    /// About the crossover frequency they ask for: the highest at which the weight on a state stands for a volt, as the
-    /// search sets them. It depends on nothing but weights and motor, so that the same weights are the same gains
-    /// wherever they come from.
+    /// Approximate crossover frequency of the weights: the highest at which the weight on a state equals a volt, as the
+    /// search sets them. It depends only on weights and motor, so the same weights always give the same gains.
     pub fn crossover_rad_per_s(&self, motor: &MotorParameters, period_s: f64) -> f64 {
         let [angle, speed, _, integral] = self.relative();
         let output = if self.position { motor_model::angle(motor) } else { motor_model::speed(motor) };
@@ -244,9 +243,9 @@ impl Weights {
     }
 }
 
-/// The most that a shape of the search damps: more weight than this on the damping stands for a faster loop.
+/// The most damping of a shape of the search. A larger weight on the damping means a faster loop.
 pub(super) const MOST_DAMPING: f64 = 2.5;
-/// Lowest crossover, relative to the highest, and halvings of the interval in its logarithm: to eight digits.
+/// Lowest crossover relative to the highest, and number of bisections on a logarithmic scale, for eight digits.
 const LOWEST: f64 = 1e-6;
 const BISECTIONS: usize = 30;
 
@@ -254,7 +253,7 @@ const BISECTIONS: usize = 30;
 mod tests {
     use super::*;
 
-    /// A weight, by hand and by Bryson's rule, and both as they are written down.
+    /// A weight by hand and by Bryson's rule, and both as options.
     #[test]
     fn the_rule_of_bryson_is_the_inverse_square() {
         let bryson = Weights::bryson(false, &[5.0, f64::INFINITY, 0.2], 4.0).unwrap();
@@ -265,7 +264,7 @@ mod tests {
         assert_eq!((&json["q"], &json["r"]), (&serde_json::json!([0.04, 0.0, 25.0]), &serde_json::json!(0.0625)));
     }
 
-    /// As short as they can be given again.
+    /// Options use the shortest form of a number.
     #[test]
     fn weights_of_any_size_are_written_to_be_read() {
         let q = [1e30, 0.0, 2.5e-9];
@@ -289,16 +288,16 @@ mod tests {
             (q(false, &[-1.0, 0.0, 1.0], 1.0), "--q: the speed's -1 is negative"),
             (q(false, &[1.0, nan, 1.0], 1.0), "--q: the current's NaN is not a number"),
             (q(false, &[1.0, 0.0, f64::INFINITY], 1.0), "--q: the integral's inf is not a number"),
-            (q(false, &[1.0, 0.0, 1.0], 0.0), "--r = 0: the voltage must cost something"),
-            (q(false, &[1.0, 0.0, 1.0], -2.0), "--r = -2: the voltage must cost something"),
-            (q(false, &[1.0, 0.0, 1.0], nan), "--r = NaN: the voltage must cost something"),
-            (q(false, &[1.0, 0.0, 0.0], 1.0), "the integral is not weighed"),
-            (bryson(&[1.0, 0.0, 1.0], 1.0), "--largest: 0 A as the largest current leaves no room"),
-            (bryson(&[-1.0, 1.0, 1.0], 1.0), "--largest: -1 rad/s as the largest speed leaves no room"),
-            (bryson(&[nan, 1.0, 1.0], 1.0), "--largest: the speed's NaN is not a number"),
+            (q(false, &[1.0, 0.0, 1.0], 0.0), "--r = 0: the weight of the voltage must be a positive"),
+            (q(false, &[1.0, 0.0, 1.0], -2.0), "--r = -2: the weight of the voltage must be a positive"),
+            (q(false, &[1.0, 0.0, 1.0], nan), "--r = NaN: the weight of the voltage must be a positive"),
+            (q(false, &[1.0, 0.0, 0.0], 1.0), "the integral has no weight"),
+            (bryson(&[1.0, 0.0, 1.0], 1.0), "--largest: 0 A as the largest current allows no"),
+            (bryson(&[-1.0, 1.0, 1.0], 1.0), "--largest: -1 rad/s as the largest speed allows no"),
+            (bryson(&[nan, 1.0, 1.0], 1.0), "--largest: NaN for the speed is not a finite"),
             (bryson(&[1.0, 1.0], 1.0), "--largest has 2 numbers"),
             (bryson(&[1.0, 1.0, 1.0], 0.0), "--largest-V = 0: it must be a positive number of volts"),
-            (bryson(&[1.0, 1.0, f64::INFINITY], 1.0), "the integral is not weighed"),
+            (bryson(&[1.0, 1.0, f64::INFINITY], 1.0), "the integral has no weight"),
         ] {
             assert!(message.starts_with(expected), "{message}");
         }

@@ -1,9 +1,9 @@
-//! Linear models and Riccati solver against SciPy and python-control, and against the figures that the University of
-//! Michigan's control tutorials print. `tests/data/linear_reference.py` made the results.
+//! Linear models and the Riccati solver, compared with SciPy, python-control, and the printed figures of the University
+//! of Michigan's control tutorials. `tests/data/linear_reference.py` made the results.
 
 use motorbench_design::law::ControlLaw;
 use motorbench_design::observer::kalman_gain;
-use motorbench_design::sampled_loop::{SampledLoop, Sampling, Seen};
+use motorbench_design::sampled_loop::{MotorTiming, SampledLoop, Sampling};
 use motorbench_design::search::Search;
 use motorbench_design::weights::Weights;
 use motorbench_model::linear::frequency_response::bode;
@@ -176,7 +176,8 @@ fn zero_order_hold_with_a_delay() {
     }
 }
 
-/// What the tutorials print: poles, settling, damping, state feedback, and PID designs that meet their requirements.
+/// Printed results of the tutorials: poles, settling, damping, state feedback, and PID designs that meet their
+/// requirements.
 #[test]
 fn michigan_tutorials() {
     let reference = reference();
@@ -251,8 +252,8 @@ fn kalman_filter() {
     assert_roots("poles", &poles, &expected.poles);
 }
 
-/// Q and R given for the PIVT-6's sampled loop: the Riccati equation's feedback of all states, and the cheapest of what
-/// the core measures, which SciPy finds as a minimum of the cost.
+/// Q and R given for the PIVT-6's sampled loop. The Riccati equation gives the feedback of all states. SciPy finds the
+/// cheapest gains on the measured signals as a minimum of the cost.
 #[test]
 fn given_weights() {
     for case in reference().weighted {
@@ -268,7 +269,7 @@ fn given_weights() {
         }
         let used = vec![true; law.feedback().len()];
         let motor = &MotorParameters::PIVT6;
-        let search = Search { motor, law, seen: Seen::by_encoder(1e-3), used: &used, observer: None };
+        let search = Search { motor, law, timing: MotorTiming::by_encoder(1e-3), used: &used, observer: None };
         let candidate = search.candidate(&weights, 100.0).unwrap();
         assert_close(&what, candidate.crossover_rad_per_s, case.crossover_rad_per_s, 1e-6);
         for (gain, expected) in candidate.gains.feedback.iter().zip(&case.measured) {

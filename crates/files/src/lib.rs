@@ -1,4 +1,4 @@
-//! Opens the files that a person names. Where that fails it says what is expected and what may have been meant.
+//! Opens the files that a user names. An error says what is expected, and which file may have been meant.
 //!
 //! ```
 //! let error = motorbench_files::rig("no-such-rig.toml".as_ref()).unwrap_err().to_string();
@@ -17,12 +17,12 @@ use std::path::Path;
 /// `("speed", "omega_rad_per_s")`.
 ///
 /// # Errors
-/// [`RecordingError`], which names file and line.
+/// [`RecordingError`] with file and line.
 pub fn recording(path: &Path, names: &[(String, String)]) -> Result<Recording, RecordingError> {
     let name = path.display().to_string();
     if path.is_dir() {
         let message =
-            "this is a folder; a recording (CSV) is expected, and diagnose takes all in a folder with --batch";
+            "this is a folder, but a recording (CSV) is expected; `motorbench diagnose --batch` takes all in a folder";
         return Err(RecordingError::Table { name, message: message.into() });
     }
     let file = std::fs::File::open(path).map_err(|error| {
@@ -30,9 +30,8 @@ pub fn recording(path: &Path, names: &[(String, String)]) -> Result<Recording, R
         RecordingError::Read { name: name.clone(), source }
     })?;
     if let Some(format) = text_file::other_format(path, "CSV") {
-        let message = format!(
-            "this is {format}; a recording (CSV) is expected, and `motorbench convert` makes one of other formats"
-        );
+        let message =
+            format!("this is {format}, but a recording (CSV) is expected; `motorbench convert` converts other formats");
         return Err(RecordingError::Table { name, message });
     }
     Recording::parse(&name, std::io::BufReader::new(file), names)
@@ -41,7 +40,7 @@ pub fn recording(path: &Path, names: &[(String, String)]) -> Result<Recording, R
 /// Reads a rig file.
 ///
 /// # Errors
-/// [`RigError`], which names file, line or key.
+/// [`RigError`] with file, and line or key.
 pub fn rig(path: &Path) -> Result<Rig, RigError> {
     let name = path.display().to_string();
     let text =
@@ -49,11 +48,10 @@ pub fn rig(path: &Path) -> Result<Rig, RigError> {
     Rig::parse(&name, &text)
 }
 
-/// Reads a scenario; its model file is looked for beside it. With a `model` it runs that one in place of its own, which it
-/// need not have.
+/// Reads a scenario and the model file beside it. With a `model` it runs that one instead.
 ///
 /// # Errors
-/// [`ScenarioError`], which says file, line or key, and what is expected.
+/// [`ScenarioError`] with file, line or key, and what is expected.
 pub fn scenario(path: &Path, model: Option<Model>) -> Result<Scenario, ScenarioError> {
     let text = |path: &Path| {
         text_file::read(path, "a scenario or its model (TOML)")

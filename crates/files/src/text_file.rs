@@ -1,33 +1,33 @@
-//! Text files that a person names: where another is named than was meant, that is said.
+//! Text files that a user names. If another file was probably meant, the error says so.
 
 use motorbench_data::text_encoding;
 use std::io::{Error, ErrorKind, Result};
 use std::path::Path;
 
-/// Formats of the project's text files; so are their endings.
+/// Formats of the project's text files, with their endings.
 const FORMATS: [&str; 3] = ["CSV", "TOML", "JSON"];
 
-/// Files that are named in place of one that is not there, at most.
+/// Largest number of files that are suggested instead of a missing one.
 const MOST_NAMES: usize = 5;
 
-/// The text of a file. `expected`: what it should be, for the message.
+/// The text of a file. `expected` describes it for the message.
 ///
 /// # Errors
-/// What the system says; for a folder and for what is no text, what is expected instead.
+/// The message of the operating system. For a folder or a binary file it says what is expected instead.
 pub fn read(path: &Path, expected: &str) -> Result<String> {
     if path.is_dir() {
-        return Err(Error::new(ErrorKind::IsADirectory, format!("this is a folder; {expected} is expected")));
+        return Err(Error::new(ErrorKind::IsADirectory, format!("this is a folder, but {expected} is expected")));
     }
-    let wrong = |what: &str| Error::new(ErrorKind::InvalidData, format!("this is {what}; {expected} is expected"));
+    let wrong = |what: &str| Error::new(ErrorKind::InvalidData, format!("this is {what}, but {expected} is expected"));
     let bytes = std::fs::read(path).map_err(|error| explained(path, error))?;
-    let text = text_encoding::decoded(bytes).ok_or_else(|| wrong("no text"))?;
+    let text = text_encoding::decoded(bytes).ok_or_else(|| wrong("not text"))?;
     match other_format(path, expected) {
         Some(format) => Err(wrong(format)),
         None => Ok(text),
     }
 }
 
-/// What a person may have meant in place of a file that is not there: the others of its folder with the same ending.
+/// Suggestions for a missing file: the files of its folder with the same ending.
 pub fn explained(path: &Path, error: Error) -> Error {
     let folder = path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."));
     if error.kind() != ErrorKind::NotFound {
@@ -41,17 +41,17 @@ pub fn explained(path: &Path, error: Error) -> Error {
     names.sort();
     let there = match (ending, names.len()) {
         (None, _) => String::new(),
-        (Some(ending), 0) => format!(", and none that ends in .{} beside it", ending.display()),
+        (Some(ending), 0) => format!(", and no other file that ends in .{} in its folder", ending.display()),
         (Some(_), count) => {
             let more = if count > MOST_NAMES { ", ..." } else { "" };
             names.truncate(MOST_NAMES);
-            format!("; beside it are {}{more}", names.join(", "))
+            format!("; its folder has {}{more}", names.join(", "))
         }
     };
     Error::new(ErrorKind::NotFound, format!("there is no such file{there}"))
 }
 
-/// The format that a file's ending says, where it is another than that in the words for what is expected.
+/// The format of a file's ending, if it differs from the expected one.
 pub fn other_format(path: &Path, expected: &str) -> Option<&'static str> {
     let ending = path.extension()?.to_str()?;
     let format = FORMATS.into_iter().find(|format| format.eq_ignore_ascii_case(ending))?;
@@ -66,11 +66,11 @@ mod tests {
     fn a_file_that_is_not_there_may_have_been_another() {
         let folder = tempfile::tempdir().unwrap();
         let message = |name: &str| read(&folder.path().join(name), "a rig file (TOML)").unwrap_err().to_string();
-        assert_eq!(message("rig.toml"), "there is no such file, and none that ends in .toml beside it");
+        assert_eq!(message("rig.toml"), "there is no such file, and no other file that ends in .toml in its folder");
         for name in ["run.rig.toml", "bench.toml", "run.csv"] {
             std::fs::write(folder.path().join(name), "").unwrap();
         }
-        assert_eq!(message("rig.toml"), "there is no such file; beside it are bench.toml, run.rig.toml");
+        assert_eq!(message("rig.toml"), "there is no such file; its folder has bench.toml, run.rig.toml");
         assert_eq!(message("rig"), "there is no such file");
         assert_eq!(message("none/rig.toml"), "there is no such folder");
     }

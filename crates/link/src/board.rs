@@ -1,4 +1,4 @@
-//! The interface of a board with the firmware, as experiments use it: real, or the simulated chip.
+//! The interface of a board with the firmware, as experiments use it. The board is real, or the simulated chip.
 
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
@@ -55,7 +55,7 @@ pub enum BoardError {
         line: String,
     },
     /// No samples come; commands may still get through.
-    #[error("the telemetry stopped: look at the cable and the supply of the board")]
+    #[error("the telemetry stopped: check the cable and the supply of the board")]
     NoTelemetry,
     /// The drive switched itself off.
     #[error("the drive tripped ({}): {}; then `motorbench connect clear`", trip_words(*.0), cause(*.0))]
@@ -73,27 +73,25 @@ pub fn cause(trip: Trip) -> &'static str {
     match trip {
         Trip::None => "nothing is wrong",
         Trip::OverCurrentPeak => {
-            "the current exceeded `trip_peak`: too low for this amplitude or `slew_limit`, or is the shaft held?"
+            "the current exceeded `trip_peak`: reduce the amplitude or `slew_limit`, or raise `trip_peak`; check that the shaft is free"
         }
-        Trip::OverCurrentThermal => "is the shaft held, or `trip_continuous` too low?",
-        Trip::Stall => "is the shaft held, or the load too great? `trip_stall` 0 lets it stand",
+        Trip::OverCurrentThermal => "check that the shaft is free; raise `trip_continuous` if the motor tolerates more",
+        Trip::Stall => "check that the shaft is free and the load not too large; `trip_stall` 0 switches this trip off",
         Trip::EncoderSilent => {
-            "the motor turns and the encoder does not show it: look at its cable, its supply, its coupling, then at the current sensor; `trip_encoder` 0 lets it"
+            "the motor turns but the encoder shows no motion: check its cable, supply and coupling, then the current sensor; `trip_encoder` 0 switches this trip off"
         }
         Trip::Runaway => "the feedback has the wrong sign: swap the encoder's A and B",
-        Trip::SensorRange => "look at the current sensor and its wires: a current with the drive off is the sensor's",
-        Trip::SupplyRange => "look at the motor's supply; `trip_supply_low` and `trip_supply_high` are its limits",
+        Trip::SensorRange => "a current is measured while the drive is off: check the current sensor and its wires",
+        Trip::SupplyRange => "check the supply of the motor; its limits are `trip_supply_low` and `trip_supply_high`",
         Trip::EmergencyStop => "release the emergency stop",
         Trip::HostLost => "the program was silent for longer than `trip_host`",
-        Trip::MainLoopHung | Trip::StackOverflow => "that is a fault of the firmware: please report it",
+        Trip::MainLoopHung | Trip::StackOverflow => "this is a fault of the firmware: please report it",
         Trip::EncoderTooFew => {
-            "the voltage implied more speed than the encoder showed for `trip_encoder`: the coupling slips, or `torque_constant`, `resistance` or `counts_per_rev` are another motor's; `torque_constant` 0 where it is not known"
+            "the encoder showed less speed than the voltage implies for longer than `trip_encoder`. Check that the coupling does not slip, and that `torque_constant`, `resistance` and `counts_per_rev` belong to this motor; set `torque_constant` 0 if it is not known"
         }
-        Trip::EncoderLines => {
-            "a wire of the encoder is open, touches the other or picks up noise: look at its cable and plug"
-        }
+        Trip::EncoderLines => "a wire of the encoder is open, shorted or noisy: check its cable and plug",
         Trip::ConverterSilent => {
-            "the chip's analogue inputs give no values: look at AREF and A0 to A2, then replace the board"
+            "the chip's analogue inputs give no values: check AREF and A0 to A2, then replace the board"
         }
     }
 }
@@ -139,8 +137,8 @@ fn latched(board: &mut impl Board) -> Result<(), BoardError> {
     }
 }
 
-/// Makes the drive stop by itself if this program dies, where the board's own `trip_host` is off. The caller then keeps
-/// the board alive. `settings`: those of the board.
+/// Makes the drive stop by itself if this program dies, unless the board has a `trip_host` of its own. The caller then
+/// keeps the board alive. `settings`: those of the board.
 ///
 /// # Errors
 /// [`BoardError`].
@@ -148,7 +146,8 @@ pub fn watch_host(board: &mut impl Board, settings: &Settings) -> Result<(), Boa
     if settings.get(Param::TripHost) > 0.0 {
         return Ok(());
     }
-    // A board with saved settings that it could not load takes any `set` for an answer to that, which only a person gives.
+    // If saved settings could not be loaded, the board treats any `set` as the user's consent to the present ones. Only
+    // the user may give that.
     match board.command("arm") {
         Err(refused @ BoardError::Refused { .. }) if refused.to_string().contains(NOT_LOADED) => return Err(refused),
         _ => board.command("disarm")?,
@@ -166,9 +165,9 @@ pub fn leave_host(board: &mut impl Board, settings: &Settings) -> Result<(), Boa
 }
 
 /// The telemetry may pause this long at most.
-const PAUSE: Duration = Duration::from_secs(1);
+const LONGEST_SILENCE: Duration = Duration::from_secs(1);
 /// If a read took longer than this, the program itself was delayed, and the line was not silent all the time.
-const LOOK_AT_MOST: Duration = Duration::from_millis(200);
+const LONGEST_READ: Duration = Duration::from_millis(200);
 
 /// Time without telemetry. A program that drives a motor by its samples must stop without them: keep-alive lines ask
 /// for no answer.
@@ -183,17 +182,17 @@ impl Silence {
     /// # Errors
     /// [`BoardError::NoTelemetry`], when it has lasted too long.
     pub fn after(&mut self, look: Instant, came: &[Sample]) -> Result<(), BoardError> {
-        self.lasted = if came.is_empty() { self.lasted + look.elapsed().min(LOOK_AT_MOST) } else { Duration::ZERO };
-        if self.lasted > PAUSE { Err(BoardError::NoTelemetry) } else { Ok(()) }
+        self.lasted = if came.is_empty() { self.lasted + look.elapsed().min(LONGEST_READ) } else { Duration::ZERO };
+        if self.lasted > LONGEST_SILENCE { Err(BoardError::NoTelemetry) } else { Ok(()) }
     }
 }
 
 /// Interval at which a board is read while waiting.
-const LOOK_S: f64 = 0.1;
+const READ_INTERVAL_S: f64 = 0.1;
 /// A duration has passed when this share of its samples has come.
-const PASSED: f64 = 0.98;
+const PASSED_SHARE: f64 = 0.98;
 
-/// The samples of a duration by the board's own clock, `rate_hz`: a busy computer simulates a board more slowly than
+/// The samples of a duration by the board's own clock, `rate_hz`. A busy computer may simulate a board more slowly than
 /// real time. The board is kept alive meanwhile.
 ///
 /// # Errors
@@ -204,10 +203,10 @@ pub fn samples_of(board: &mut impl Board, duration_s: f64, rate_hz: f64) -> Resu
         (Some(first), Some(last)) => f64::from(last.tick.wrapping_sub(first.tick) + 1) / rate_hz,
         _ => 0.0,
     };
-    while passed_s(&samples) < PASSED * duration_s {
+    while passed_s(&samples) < PASSED_SHARE * duration_s {
         board.stay_alive()?;
         let look = Instant::now();
-        let came = board.samples(LOOK_S.min(duration_s))?;
+        let came = board.samples(READ_INTERVAL_S.min(duration_s))?;
         silence.after(look, &came)?;
         samples.extend(came);
     }

@@ -1,117 +1,65 @@
 //! The firmware over a serial line: a board on a USB port, or the simulated chip behind a pseudo-terminal.
 //!
-//! [`Link`] speaks the console's lines inside the binary stream of [`motorbench_core::protocol`]: telemetry goes on while a
-//! command is answered, and what is lost or damaged on the way is counted. When it is dropped it disarms the drive.
+//! [`Link`] sends the console's lines inside the binary stream of [`motorbench_core::protocol`]. Telemetry continues
+//! while a command is answered, and lost or damaged frames are counted. When it is dropped it disarms the drive.
 
 use crate::board::{Board, BoardError, KEEP_ALIVE};
+use crate::line::Line;
 use motorbench_core::message::{Sample, State};
 use motorbench_core::protocol::{Frame, StreamDecoder};
 use motorbench_core::settings::{Param, Settings, find};
-use std::io::{self, ErrorKind, Read, Write};
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// After a reset the boot loader waits this long for a new program, at most.
-const START: Duration = Duration::from_secs(8);
+const START_TIMEOUT: Duration = Duration::from_secs(8);
 /// Interval between two calls to a starting board.
-const CALL_AGAIN: Duration = Duration::from_millis(300);
+const CALL_INTERVAL: Duration = Duration::from_millis(300);
 /// Longest time for an answer; `show` takes longest.
-const ANSWER: Duration = Duration::from_secs(4);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(4);
 /// The same by the board's own clock, and the limit by the computer's clock.
 const ANSWER_TICKS: u32 = 4000;
-const ANSWER_AT_MOST: Duration = Duration::from_secs(60);
+const LONGEST_ANSWER: Duration = Duration::from_secs(60);
 /// The same after Ctrl-C.
-const LAST_ANSWER: Duration = Duration::from_secs(1);
-const LAST_ANSWER_TICKS: u32 = 1000;
-/// A line of the console is sent within this time, or the port accepts nothing.
-const SENT: Duration = Duration::from_secs(2);
-/// Pause between reads in which the port had nothing: another program may be reading it.
-const NOT_OURS: Duration = Duration::from_millis(1);
+const INTERRUPTED_ANSWER_TIMEOUT: Duration = Duration::from_secs(1);
+const INTERRUPTED_ANSWER_TICKS: u32 = 1000;
 /// Hint for bytes that are missing without a fault of the cable; `PORT` stands for the port's name.
 pub const OTHER_READER: &str = "another program may be reading the port (`lsof PORT` names it)";
 /// Number of times a line is sent that may have been damaged.
 const TRIES: u32 = 3;
 /// The same over a line that loses frames, as long as some come whole.
 const LOSSY_TRIES: u32 = 10;
-/// Longest wait for a damaged answer after its last part, by both clocks. With [`LATE`] it is well within
+/// Longest wait for a damaged answer after its last part, by both clocks. With [`LATE_ANSWER_TIMEOUT`] it is well within
 /// [`LOST_AFTER_MS`](crate::board::LOST_AFTER_MS), so that the board does not miss its host.
-const DAMAGED_ANSWER: Duration = Duration::from_millis(120);
+const DAMAGED_ANSWER_TIMEOUT: Duration = Duration::from_millis(120);
 const DAMAGED_ANSWER_TICKS: u32 = 120;
 /// Marks lost frames within a line of a reply.
 const GAP: char = char::REPLACEMENT_CHARACTER;
 /// Longest wait for a late answer to a line that was given up, by both clocks.
-const LATE: Duration = Duration::from_millis(200);
-const LATE_TICKS: u32 = 200;
+const LATE_ANSWER_TIMEOUT: Duration = Duration::from_millis(200);
+const LATE_ANSWER_TICKS: u32 = 200;
 /// [`KEEP_ALIVE`] in samples: the board's clock may be ahead of a program that had to wait.
 const KEEP_ALIVE_TICKS: u32 = 100;
 /// Longest wait for the answer to a keep-alive line.
-const KEPT_ALIVE: Duration = Duration::from_millis(50);
+const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_millis(50);
 /// The greeting of a board after a reset: two lines outside of any frame.
 const GREETING: &[u8] = b"# motorbench ";
 const GREETING_CAUSE: &[u8] = b"# reset: ";
 /// Ctrl-U: the console discards the line so far.
-const FORGET: &str = "\x15";
+const DISCARD_LINE: &str = "\x15";
 /// The board's own message, some time after the answer to `save`.
 const SAVED: &str = "# saved\n";
 /// Longer than the greeting, and than any frame.
-const OUTSIDE: usize = 256;
+const MOST_UNFRAMED_BYTES: usize = 256;
 /// Leaving a board takes three lines. From the second on, which ends the stream, its answers are not frames.
 const LEAVE: &[u8] = b"\ndisarm\nstream off\necho on\n";
 const LEAVE_LINES: usize = 3;
 /// Longest wait for these answers.
-const LEAVING: Duration = Duration::from_millis(500);
+const LEAVE_TIMEOUT: Duration = Duration::from_millis(500);
 /// Firmware and program are compatible within one version of the protocol.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
-
-/// A serial line. A read that times out is no error: it returns 0 bytes.
-pub trait Line: Send {
-    /// Reads the bytes that have come, waiting a few milliseconds at most.
-    ///
-    /// # Errors
-    /// When the line is gone.
-    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize>;
-
-    /// Writes everything.
-    ///
-    /// # Errors
-    /// When the line is gone.
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
-}
-
-impl<T: Read + Write + Send + ?Sized> Line for Box<T> {
-    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        match self.read(buffer) {
-            // A pseudo-terminal whose other end is closed, and a USB port that was unplugged.
-            Ok(0) => Err(ErrorKind::BrokenPipe.into()),
-            Err(error) if is_pause(&error) => {
-                if error.kind() == ErrorKind::WouldBlock {
-                    std::thread::sleep(NOT_OURS);
-                }
-                Ok(0)
-            }
-            other => other,
-        }
-    }
-
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        let (begun, mut rest) = (Instant::now(), bytes);
-        while !rest.is_empty() {
-            match self.write(rest) {
-                Ok(0) => return Err(ErrorKind::WriteZero.into()),
-                Ok(count) => rest = &rest[count..],
-                Err(error) if is_pause(&error) && begun.elapsed() < SENT => {}
-                Err(error) => return Err(error),
-            }
-        }
-        Ok(())
-    }
-}
-
-/// Whether a port is only temporarily unable to work.
-fn is_pause(error: &io::Error) -> bool {
-    matches!(error.kind(), ErrorKind::TimedOut | ErrorKind::Interrupted | ErrorKind::WouldBlock)
-}
 
 /// Losses on the line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
@@ -159,7 +107,7 @@ impl<L: Line> Link<L> {
         Self::start_unless(line, Arc::default())
     }
 
-    /// The same with Ctrl-C, which sets `stopped`: then no answer is waited for any longer. Answers to the lines that
+    /// The same with Ctrl-C, which sets `stopped`: then the link stops waiting for answers. Answers to the lines that
     /// switch the drive off are waited for only briefly.
     ///
     /// # Errors
@@ -217,14 +165,14 @@ impl<L: Line> Link<L> {
 
     /// Calls until the firmware answers with its version, as text. A board that was streaming is stopped first.
     fn call(&mut self) -> Result<String, BoardError> {
-        let end = Instant::now() + START;
+        let end = Instant::now() + START_TIMEOUT;
         while Instant::now() < end {
             if self.is_stopped() {
                 return Err(BoardError::Interrupted);
             }
             // An incomplete line of a program that died must not be carried out.
-            self.write(format!("{FORGET}\nstream off\necho off\nversion\n").as_bytes())?;
-            let heard = self.hear(CALL_AGAIN)?;
+            self.write(format!("{DISCARD_LINE}\nstream off\necho off\nversion\n").as_bytes())?;
+            let heard = self.hear(CALL_INTERVAL)?;
             let text = String::from_utf8_lossy(&heard).replace('\r', "");
             let version = text.rfind("motorbench ").map(|at| text[at..].lines().next().unwrap_or_default().to_owned());
             if let Some(version) = version.filter(|_| text.ends_with("ok\n")) {
@@ -237,7 +185,7 @@ impl<L: Line> Link<L> {
     /// Reads raw bytes until nothing has come for some time.
     fn hear(&mut self, duration: Duration) -> Result<Vec<u8>, BoardError> {
         let (begun, mut last, mut heard, mut buffer) = (Instant::now(), Instant::now(), Vec::new(), [0; 1024]);
-        while last.elapsed() < duration && begun.elapsed() < START {
+        while last.elapsed() < duration && begun.elapsed() < START_TIMEOUT {
             let count = self.line.receive(&mut buffer).map_err(|error| self.lost_line(&error))?;
             heard.extend_from_slice(&buffer[..count]);
             if count > 0 {
@@ -287,20 +235,24 @@ impl<L: Line> Link<L> {
     /// [`BoardError`].
     pub fn ask(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
         if lines(line).nth(1).is_some() {
-            let reply = "error: more than one line, of which each has its own answer".into();
+            let reply = "error: more than one line; each line has its own answer".into();
             return Err(BoardError::Refused { line: line.into(), reply });
         }
         self.late_answers()?;
         self.say(line)?;
         let (begun, tick, is_last, before) = (Instant::now(), self.last_tick, self.is_stopped(), self.losses());
-        let (within, ticks) = if is_last { (LAST_ANSWER, LAST_ANSWER_TICKS) } else { (ANSWER, ANSWER_TICKS) };
+        let (within, ticks) = if is_last {
+            (INTERRUPTED_ANSWER_TIMEOUT, INTERRUPTED_ANSWER_TICKS)
+        } else {
+            (ANSWER_TIMEOUT, ANSWER_TICKS)
+        };
         while begun.elapsed() < within || self.is_slow(begun, tick, ticks) {
             self.poll()?;
             if let Some(answer) = self.answer(line) {
                 return answer;
             }
-            // A working board has answered by then; the motor is stopped before the board is left.
-            if !is_last && self.is_stopped() && begun.elapsed() > LAST_ANSWER {
+            // A working board has answered by then. The motor is stopped before the link is closed.
+            if !is_last && self.is_stopped() && begun.elapsed() > INTERRUPTED_ANSWER_TIMEOUT {
                 return Err(BoardError::Interrupted);
             }
             if self.losses() != before && self.is_overdue() {
@@ -327,7 +279,7 @@ impl<L: Line> Link<L> {
                 return asked.0;
             }
         }
-        unreachable!("it has an end")
+        unreachable!("the loop only ends by its return")
     }
 
     /// Also returns whether frames were lost meanwhile, and others came.
@@ -342,7 +294,7 @@ impl<L: Line> Link<L> {
     fn is_overdue(&self) -> bool {
         let (replied, tick) = self.replied;
         let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick);
-        replied.elapsed() > DAMAGED_ANSWER && ticks > DAMAGED_ANSWER_TICKS
+        replied.elapsed() > DAMAGED_ANSWER_TIMEOUT && ticks > DAMAGED_ANSWER_TICKS
     }
 
     fn is_stopped(&self) -> bool {
@@ -360,10 +312,12 @@ impl<L: Line> Link<L> {
         self.write(format!("\n{line}\n").as_bytes())
     }
 
-    /// Waits for answers to lines that were given up, so that they are not taken for that to the next line.
+    /// Waits for answers to lines that were given up, so that they are not taken as the answer to the next line.
     fn late_answers(&mut self) -> Result<(), BoardError> {
         let (begun, tick) = (Instant::now(), self.last_tick);
-        while self.answers() < self.unanswered && (begun.elapsed() < LATE || self.is_slow(begun, tick, LATE_TICKS)) {
+        while self.answers() < self.unanswered
+            && (begun.elapsed() < LATE_ANSWER_TIMEOUT || self.is_slow(begun, tick, LATE_ANSWER_TICKS))
+        {
             self.poll()?;
         }
         self.unanswered = 0;
@@ -380,7 +334,7 @@ impl<L: Line> Link<L> {
     /// busy computer may delay a simulated board, or the bytes.
     fn is_slow(&self, begun: Instant, tick: Option<u32>, within: u32) -> bool {
         let ticks = self.last_tick.unwrap_or(0).saturating_sub(tick.unwrap_or(0));
-        ticks < within && self.heard.elapsed() < ANSWER && begun.elapsed() < ANSWER_AT_MOST
+        ticks < within && self.heard.elapsed() < ANSWER_TIMEOUT && begun.elapsed() < LONGEST_ANSWER
     }
 
     /// The answer, once it is whole: it ends with the last line. An error before that belongs to the remains of a
@@ -399,7 +353,7 @@ impl<L: Line> Link<L> {
     /// Sends a keep-alive line. If it is damaged, the next one replaces it.
     fn keep_alive(&mut self) -> Result<(), BoardError> {
         self.say("alive")?;
-        let end = Instant::now() + KEPT_ALIVE;
+        let end = Instant::now() + KEEP_ALIVE_TIMEOUT;
         while self.answers() < self.unanswered && Instant::now() < end {
             self.poll()?;
         }
@@ -412,10 +366,10 @@ impl<L: Line> Link<L> {
     /// [`BoardError`].
     pub fn save(&mut self) -> Result<(), BoardError> {
         self.command("save")?;
-        let end = Instant::now() + ANSWER;
+        let end = Instant::now() + ANSWER_TIMEOUT;
         while !self.reply.contains(SAVED) {
             if Instant::now() > end {
-                return Err(BoardError::Failed("the board does not say that the settings are saved".into()));
+                return Err(BoardError::Failed("the board does not confirm that the settings are saved".into()));
             }
             self.poll()?;
         }
@@ -445,7 +399,7 @@ impl<L: Line> Link<L> {
                 return Err(other_settings(lines.len(), Param::COUNT - unknown));
             }
         }
-        Err(damaged_line(self.losses(), "the settings do not come whole"))
+        Err(damaged_line(self.losses(), "the list of settings stays incomplete"))
     }
 
     /// The part of an answer that has come.
@@ -478,7 +432,7 @@ impl<L: Line> Link<L> {
             if self.samples.iter().any(|sample| sample.state.has(State::PLAYING)) {
                 return Ok(true);
             }
-            if begun.elapsed() > LATE {
+            if begun.elapsed() > LATE_ANSWER_TIMEOUT {
                 return Ok(false);
             }
             self.stay_alive()?;
@@ -501,7 +455,7 @@ impl<L: Line> Link<L> {
                 Err(error) => return Err(error),
             }
         }
-        unreachable!("it has an end")
+        unreachable!("the loop only ends by its return")
     }
 
     /// Processes the bytes that have come.
@@ -523,7 +477,7 @@ impl<L: Line> Link<L> {
             }
             if byte == 0 {
                 self.outside.clear();
-            } else if self.outside.len() < OUTSIDE {
+            } else if self.outside.len() < MOST_UNFRAMED_BYTES {
                 self.outside.push(byte);
             }
         }
@@ -544,7 +498,7 @@ impl<L: Line> Link<L> {
     /// it next.
     fn take_rest(&mut self, answers: usize) {
         let (begun, mut said, mut buffer) = (Instant::now(), Vec::new(), [0; 1024]);
-        while begun.elapsed() < LEAVING {
+        while begun.elapsed() < LEAVE_TIMEOUT {
             let Ok(count) = self.line.receive(&mut buffer) else { return };
             said.extend_from_slice(&buffer[..count]);
             let text = said.rsplit(|byte| *byte == 0).next().unwrap_or_default();
@@ -591,7 +545,7 @@ impl<L: Line> Link<L> {
     fn lost_line(&mut self, error: &io::Error) -> BoardError {
         self.gone = true;
         BoardError::Failed(format!(
-            "the connection is gone ({error}): plug the board in again; the drive stops by itself where `trip_host` is set, as record, tune, stand and autotune set it"
+            "the connection is gone ({error}): plug the board in again. The drive stops by itself if `trip_host` is set, as record, tune, stand and autotune do"
         ))
     }
 }
@@ -629,10 +583,10 @@ fn version(greeting: &str) -> &str {
 /// `cause`: in the firmware's words.
 fn reset(cause: &str) -> BoardError {
     let remedy = match cause {
-        "external" => "was its button pressed, or its port opened by another program?",
-        "power on" | "brown-out" => "look at its supply and the USB cable; does the motor draw from the same?",
-        "watchdog" | "main loop hung" | "panic" => "that is a fault of the firmware: please report it",
-        _ => "`motorbench connect status` says the cause; look for a loose supply",
+        "external" => "check whether its button was pressed, or another program opened its port",
+        "power on" | "brown-out" => "check its supply and the USB cable, and whether the motor uses the same supply",
+        "watchdog" | "main loop hung" | "panic" => "this is a fault of the firmware: please report it",
+        _ => "`motorbench connect status` shows the cause; look for a loose supply",
     };
     BoardError::Failed(format!("the board was reset ({cause}), its drive is off: {remedy}"))
 }
@@ -640,7 +594,7 @@ fn reset(cause: &str) -> BoardError {
 fn damaged_line(losses: Losses, what: &str) -> BoardError {
     let Losses { lost_frames, damaged_frames } = losses;
     BoardError::Failed(format!(
-        "{what}: {lost_frames} frames were lost on the line so far, of them {damaged_frames} damaged. Use a shorter cable, another USB port, no hub; keep the motor's leads away from it; or {OTHER_READER}"
+        "{what}: {lost_frames} frames were lost on the line so far, of them {damaged_frames} damaged. Use a shorter cable, another USB port, no hub; keep the motor's leads away from the cable; or {OTHER_READER}"
     ))
 }
 

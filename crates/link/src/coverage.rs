@@ -1,7 +1,7 @@
-//! Judges during a recording whether it suffices to identify a motor: which speeds occurred in both directions, whether
-//! they changed, and whether limits or the current sensor's range cut something off.
+//! Judges during a recording whether it suffices to identify a motor. It checks which speeds occurred in both
+//! directions, whether they changed, and whether limits or the range of the current sensor cut something off.
 //!
-//! It counts and does not fit: a recording that lacks nothing can still be too short for the wanted intervals, which
+//! It counts but does not fit. A recording that lacks nothing can still be too short for the wanted intervals, which
 //! `motorbench identify` shows.
 
 use motorbench_core::message::{Sample, State};
@@ -20,8 +20,8 @@ const SEEN_S: f64 = 0.01;
 /// A speed is changing if it differs by this share of the greatest from the speed this long ago.
 const CHANGED_SHARE: f64 = 0.02;
 const CHANGED_IN_S: f64 = 0.01;
-/// The current is at the end of the range from this share of it on. The range is half of a 5 V supply from the middle,
-/// or the telemetry's format.
+/// The current is at the end of its range from this share on. The range is half of a 5 V supply from the middle, or
+/// that of the telemetry's format.
 const AT_RAIL: f64 = 0.97;
 const RAIL_MV: f64 = 2500.0;
 /// Requirements: covered parts of the speeds in each direction, shares of the time.
@@ -160,14 +160,18 @@ impl Covered {
             lacks(
                 self.changing_share < ENOUGH_CHANGING,
                 "changes of speed",
-                "they tell the inertia: --sequence identify or steps",
+                "they show the inertia: --sequence identify or steps",
             ),
             lacks(
                 self.limited_share > MOST_LIMITED,
                 "a free voltage",
-                "limits held it back: a smaller --amplitude, or raise them with --set",
+                "limits reduced the voltage: a smaller --amplitude, or raise them with --set",
             ),
-            lacks(self.at_rail_samples > 0, "the whole current", "its sensor was at the rail: a smaller --amplitude"),
+            lacks(
+                self.at_rail_samples > 0,
+                "the whole current",
+                "the sensor was at the end of its range: a smaller --amplitude",
+            ),
         ]
         .into_iter()
         .flatten()

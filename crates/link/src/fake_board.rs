@@ -6,12 +6,12 @@ use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::FULL_RANGE;
 use std::time::Duration;
 
-/// A board that accepts every line, holds every speed at once, and sends a given number of samples; then its telemetry
-/// stops.
+/// A board that accepts every line, reaches every speed at once, and sends a given number of samples. Then its
+/// telemetry stops.
 pub struct FakeBoard {
-    /// Every line, in the order in which they came.
+    /// All lines, in order.
     pub heard: Vec<String>,
-    /// A latched trip, because of which it refuses to arm.
+    /// A latched trip, which makes the board refuse to arm.
     pub trip: Trip,
     /// One sample of this many comes over the line.
     pub every: u32,

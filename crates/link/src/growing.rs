@@ -1,4 +1,4 @@
-//! Files that are written during a measurement: a program that ends early loses no completed rows.
+//! Files that are written during a measurement. A program that ends early loses no completed rows.
 
 use motorbench_core::message::{Mode, Sample};
 use motorbench_core::settings::Settings;
@@ -20,7 +20,7 @@ impl GrowingFile {
     /// Checks that the file can be written; its old content is replaced by the first lines.
     ///
     /// # Errors
-    /// What the system says.
+    /// The message of the operating system.
     pub fn new(path: &Path) -> io::Result<Self> {
         let new = !path.exists();
         OpenOptions::new().append(true).create(true).open(path)?;
@@ -43,7 +43,7 @@ impl GrowingFile {
     /// Adds lines. On an error the file ends with the last whole line, and is removed if there is none.
     ///
     /// # Errors
-    /// What the system says, for instance of a full disk.
+    /// The message of the operating system, for instance of a full disk.
     pub fn add(&mut self, lines: &str) -> io::Result<()> {
         if self.file.is_none() {
             self.file = Some(File::create(&self.path)?);
@@ -71,20 +71,20 @@ pub struct GrowingCsv {
     mode: Option<Mode>,
     /// Rows that are in the file.
     rows: usize,
-    /// Whether some rows could not be written: then none follows.
+    /// Whether some rows could not be written. Then no more rows follow.
     is_over: bool,
 }
 
 impl GrowingCsv {
-    /// As [`GrowingFile::new`]. The reference is that of the mode that the first samples are driven in.
+    /// As [`GrowingFile::new`]. The reference is that of the mode in which the first samples are driven.
     ///
     /// # Errors
-    /// What the system says.
+    /// The message of the operating system.
     pub fn new(path: &Path) -> io::Result<Self> {
         Ok(Self { file: GrowingFile::new(path)?, begun: None, mode: None, rows: 0, is_over: false })
     }
 
-    /// The reference is that of a mode which may begin later, or never.
+    /// The reference is that of a mode that may begin later, or never.
     pub fn of_mode(self, mode: Mode) -> Self {
         Self { mode: Some(mode), ..self }
     }
@@ -97,7 +97,7 @@ impl GrowingCsv {
     /// Adds samples, as [`GrowingFile::add`] does.
     ///
     /// # Errors
-    /// What the system says, for instance of a full disk.
+    /// The message of the operating system, for instance of a full disk.
     pub fn add(&mut self, samples: &[Sample], settings: &Settings) -> io::Result<()> {
         let Some(first) = samples.first().filter(|_| !self.is_over) else { return Ok(()) };
         let mode = *self.mode.get_or_insert_with(|| driven_mode(samples));
@@ -136,7 +136,7 @@ mod tests {
         assert_eq!(std::fs::read_to_string(&path).unwrap(), recording("", &samples, &settings).to_csv());
     }
 
-    /// The drive is armed within it, goes off, and is armed in the other loop: one table, with every sample.
+    /// The drive is armed, goes off, and is armed in the other loop. One table has every sample.
     #[test]
     fn its_columns_stay_whatever_the_drive_does() {
         let folder = tempfile::tempdir().unwrap();

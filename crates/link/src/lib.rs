@@ -23,10 +23,12 @@ pub mod coverage;
 #[doc(hidden)]
 pub mod fake_board;
 pub mod growing;
+mod line;
 pub mod live;
 pub mod port;
 pub mod record;
 #[cfg(unix)]
 pub mod virtual_control;
 
-pub use connection::{Line, Link, Losses, OTHER_READER, VERSION, lines};
+pub use connection::{Link, Losses, OTHER_READER, VERSION, lines};
+pub use line::Line;

@@ -26,7 +26,7 @@ impl Live {
     /// Sends to the given plotters.
     ///
     /// # Errors
-    /// What the system says when it has no UDP socket.
+    /// The message of the operating system if it has no UDP socket.
     pub fn new(plotjuggler: Option<SocketAddr>, teleplot: Option<SocketAddr>) -> std::io::Result<Self> {
         let either = plotjuggler.or(teleplot);
         let any = if either.is_some_and(|address| address.is_ipv6()) { "[::]:0" } else { "0.0.0.0:0" };

@@ -49,7 +49,7 @@ pub struct Found {
 /// The ports of this computer, boards first, the virtual board behind the real ones.
 ///
 /// # Errors
-/// When the operating system does not tell.
+/// If the operating system does not list its ports.
 pub fn ports() -> Result<Vec<Found>, String> {
     let ports = serialport::available_ports().map_err(|error| format!("the serial ports cannot be listed: {error}"))?;
     let found: Vec<Found> = ports.into_iter().map(|port| describe(port.port_name, &port.port_type)).collect();
@@ -132,9 +132,9 @@ pub fn open(name: &str, stopped: Arc<AtomicBool>) -> Result<Link<Port>, BoardErr
     let port = serialport::new(name, HARDWARE.baud).timeout(WAIT).open_native().map_err(|error| {
         BoardError::Failed(match error.kind() {
             serialport::ErrorKind::NoDevice => busy(name),
-            // "Not a typewriter", in the words of the system.
-            _ if cfg!(unix) => format!("{name} is no serial port ({error}): `motorbench ports` lists them"),
-            _ => format!("{name}: {error}; is it a serial port? `motorbench ports` lists them"),
+            // The operating system says "Not a typewriter".
+            _ if cfg!(unix) => format!("{name} is no serial port ({error}): `motorbench ports` lists the ports"),
+            _ => format!("{name}: {error}; check that it is a serial port (`motorbench ports` lists them)"),
         })
     })?;
     #[cfg(unix)]
@@ -158,12 +158,12 @@ fn busy(name: &str) -> String {
 
 fn cannot_open(name: &str, error: &io::Error) -> String {
     match error.kind() {
-        io::ErrorKind::NotFound => format!("{name} does not exist: `motorbench ports` lists what there is"),
+        io::ErrorKind::NotFound => format!("{name} does not exist: `motorbench ports` lists the ports"),
         io::ErrorKind::PermissionDenied => format!(
             "{name}: not permitted. Linux: `sudo usermod -aG dialout $USER`, then log in again. macOS: use the /dev/cu. name. Windows: close the program that holds the port"
         ),
         io::ErrorKind::ResourceBusy => busy(name),
-        _ => format!("{name}: {error}; is it a serial port? `motorbench ports` lists them"),
+        _ => format!("{name}: {error}; check that it is a serial port (`motorbench ports` lists them)"),
     }
 }
 
@@ -206,6 +206,6 @@ mod tests {
         let runs = std::os::unix::net::UnixListener::bind(&control).unwrap();
         assert_eq!(simulated(&link).map(|found| found.port), Some(link.display().to_string()));
         drop(runs);
-        assert_eq!(simulated(&link), None, "what is left of one that was killed is none");
+        assert_eq!(simulated(&link), None, "the link of a killed board is not a port");
     }
 }

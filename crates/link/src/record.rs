@@ -1,4 +1,4 @@
-//! Records an excitation that the firmware plays: keeps every sample, however it ends.
+//! Records an excitation that the firmware plays. It keeps every sample, however the recording ends.
 
 use super::coverage::{Coverage, Covered, Lack};
 use super::{Line, Link, Losses};
@@ -18,7 +18,7 @@ const TRIES: u32 = 3;
 const LOST_AT_FIRST: usize = 100;
 const ROUNDING: i32 = 2;
 
-/// What an interrupted recording lacks; other missing properties follow from that.
+/// The missing property of an interrupted recording. Other missing properties follow from it.
 const REST: Lack = Lack { what: "the rest of its sequence", remedy: "play it whole" };
 
 /// State of a recording that has not ended.
@@ -75,7 +75,7 @@ impl Record {
         missing_ticks(&self.samples)
     }
 
-    /// How well it covers the needs of an identification.
+    /// Whether it suffices for an identification.
     pub fn coverage(&self) -> Covered {
         let mut coverage = Coverage::new(&self.settings);
         coverage.add(&self.samples);
@@ -115,7 +115,7 @@ pub fn missing_ticks(samples: &[Sample]) -> u32 {
     samples.windows(2).map(|pair| pair[1].tick.wrapping_sub(pair[0].tick).saturating_sub(1)).sum()
 }
 
-/// Settings by their console names, with as few digits as there: 0.05, not 0.05000000074505806.
+/// Settings by their console names, with as few digits as there: 0.05 instead of 0.05000000074505806.
 pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value> {
     let decimal = |value: f32| value.to_string().parse::<f64>().unwrap_or_else(|_| value.into());
     Param::ALL
@@ -125,8 +125,8 @@ pub fn by_name(settings: &Settings) -> serde_json::Map<String, serde_json::Value
 }
 
 /// Plays `order`, a `sequence` line of the console, in the present mode of an armed drive, and records it. Disarms at
-/// the end. `stop` is polled for an interruption by the user. `hears` gets the samples of the sequence as they come,
-/// and ends the recording if it cannot keep them.
+/// the end. `stop` is polled for an interruption by the user. `sink` gets the samples of the sequence as they come; if
+/// it cannot keep them, the recording ends.
 ///
 /// Samples are never discarded: errors are reported in [`Record::ended`].
 pub fn record<L: Line>(
@@ -134,17 +134,17 @@ pub fn record<L: Line>(
     settings: Settings,
     order: &str,
     stop: &dyn Fn() -> bool,
-    hears: Hears,
+    sink: SampleSink,
 ) -> Record {
     let mut samples = Vec::new();
-    let mut ended = play(link, order, &mut samples, stop, hears).unwrap_or_else(Ended::from);
+    let mut ended = play(link, order, &mut samples, stop, sink).unwrap_or_else(Ended::from);
     if matches!(ended, Ended::Failed(_)) {
         // Samples that came before the line failed and were not fetched yet.
         let before = samples.len();
         if let Err(error) = keep(&link.come(), &mut samples) {
             ended = error.into();
         }
-        let _ = hears(&samples[before..]);
+        let _ = sink(&samples[before..]);
     }
     let off = switched_off(link);
     let ended = match (ended, off) {
@@ -160,7 +160,7 @@ pub fn record<L: Line>(
 }
 
 /// Receives the samples while they come; its error says why it could not keep them.
-pub type Hears<'a> = &'a mut dyn FnMut(&[Sample]) -> Result<(), String>;
+pub type SampleSink<'a> = &'a mut dyn FnMut(&[Sample]) -> Result<(), String>;
 
 /// Repeats until the drive confirms, or until the line is gone.
 fn switched_off<L: Line>(link: &mut Link<L>) -> Result<(), BoardError> {
@@ -178,7 +178,7 @@ fn play<L: Line>(
     order: &str,
     samples: &mut Vec<Sample>,
     stop: &dyn Fn() -> bool,
-    hears: Hears,
+    sink: SampleSink,
 ) -> Result<Ended, BoardError> {
     link.samples(0.0)?;
     link.begin(order)?;
@@ -191,7 +191,7 @@ fn play<L: Line>(
         silence.after(slice, &came)?;
         let before = samples.len();
         let ended = keep(&came, samples);
-        hears(&samples[before..]).map_err(BoardError::Failed)?;
+        sink(&samples[before..]).map_err(BoardError::Failed)?;
         if let Some(ended) = ended? {
             return Ok(ended);
         }

@@ -37,7 +37,7 @@ impl VirtualControl {
     /// Carries out a line.
     ///
     /// # Errors
-    /// Why it does not.
+    /// The reason of the virtual board.
     pub fn order(&mut self, line: &str) -> Result<(), String> {
         let failed = |error: std::io::Error| format!("the virtual board does not answer to `{line}`: {error}");
         writeln!(self.0, "{line}").map_err(failed)?;

@@ -25,17 +25,17 @@ use std::ops::Range;
 
 /// Largest number of points of a line.
 const MAX_POINTS: usize = 800;
-/// As all plots of pages, with room for the title and two rows of names.
+/// Size of all plots on pages, with room for the title and two rows of names.
 const SIZE: (u32, u32) = (PLOT_SIZE.0, PLOT_SIZE.1 + 50);
 const LINEAR: RGBColor = COLOURS[1];
 const CROSSOVER: RGBColor = COLOURS[2];
 const EFFECTS: RGBColor = COLOURS[3];
 const CORE: RGBColor = COLOURS[6];
 
-/// What is said of a design: a name, and a text in lines of a terminal.
+/// A line of a summary: a name, and a text that fits a terminal.
 type Entry = (&'static str, String);
 
-/// A few lines on a design.
+/// A few lines about a design.
 pub fn summary(design: &Design) -> String {
     let mut text = format!("{}: {}\n", design.law.title(), asked(design));
     for gain in &design.gains {
@@ -45,7 +45,7 @@ pub fn summary(design: &Design) -> String {
     text + &current_sensor::table(design.law, &design.current_sensor)
 }
 
-/// The name, and right of it the lines.
+/// The name, with its text to the right.
 fn terminal_lines((name, text): &Entry) -> String {
     let other = " ".repeat(19);
     let lines = text.lines().enumerate().map(|(index, line)| {
@@ -65,13 +65,13 @@ fn asked(design: &Design) -> String {
     format!("{speed}, overshoot at most {} %", design.specification.overshoot_percent)
 }
 
-/// All but the gains.
+/// Everything except the gains.
 fn said(design: &Design) -> Vec<Entry> {
     let refused = design.current_left_out.as_ref();
     let refused = refused.map(|why| ("without current", format!("the loop with a gain on it is refused: {why}")));
     let load = design.load.as_ref().map(|load| {
         let (peak, gone_s) = (short(load.peak_rad_per_nm), short(load.gone_s));
-        ("load torque", format!("turns it by {peak} rad/Nm at most, 2 % of it after {gone_s} s"))
+        ("load torque", format!("turns it by at most {peak} rad/Nm, 2 % of it remain after {gone_s} s"))
     });
     let plain = ("without profile", plain_step_text(design));
     let on_core = ("on the core", trial_text(&design.trial, unit(design.law)));
@@ -80,7 +80,7 @@ fn said(design: &Design) -> Vec<Entry> {
     lines.chain(tachogenerator).chain([plain]).collect()
 }
 
-/// Of the linear loop.
+/// Figures of the linear loop.
 fn linear_lines(design: &Design) -> [Entry; 4] {
     let weighed: Vec<&str> = states(design.law.is_position()).iter().map(|(name, _)| *name).collect();
     let (figures, step, robustness) = (&design.figures, &design.figures.step, &design.robustness);
@@ -112,14 +112,17 @@ fn linear_lines(design: &Design) -> [Entry; 4] {
 }
 
 fn plain_step_text(design: &Design) -> String {
-    format!("the same step would ask for {:.1} V, {:.2} A", design.plain_step_peak_v, design.plain_step_peak_a)
+    format!(
+        "the same step without profile would need {:.1} V, {:.2} A",
+        design.plain_step_peak_v, design.plain_step_peak_a
+    )
 }
 
-/// What a tachogenerator in place of the encoder means; nothing with an encoder.
+/// Effect of a tachogenerator that replaces the encoder; nothing with an encoder.
 fn sensor_text(design: &Design) -> Option<String> {
     let tachogenerator = design.tachogenerator.as_ref()?;
     let SpeedPath::Converted { filter_s, .. } = design.sampling.speed else { return None };
-    let standing_rad_per_s = tachogenerator.standing_rad_per_s();
+    let aliased_rad_per_s = tachogenerator.aliased_rad_per_s();
     let mut text = format!(
         "{} V at 1000 rpm: steps of {:.3} rad/s, low-pass {:.1} ms;\nits ripple of {:.1} % swings the voltage by {:.2} V at the end",
         tachogenerator.gain_v_per_krpm,
@@ -129,16 +132,16 @@ fn sensor_text(design: &Design) -> Option<String> {
         design.trial.swing_v
     );
     let range_rad_per_s = f64::from(design.settings.all.get(Param::SpeedRange));
-    if tachogenerator.ripple > 0.0 && standing_rad_per_s < range_rad_per_s {
+    if tachogenerator.ripple > 0.0 && aliased_rad_per_s < range_rad_per_s {
         text += &format!(
-            "\nabout {standing_rad_per_s:.0} rad/s the ripple comes as often as the conversions and\nreads as speed: off by up to {:.1} % there",
+            "\nat about {aliased_rad_per_s:.0} rad/s the ripple has the frequency of the conversions\nand reads as an error of the speed of up to {:.1} %",
             100.0 * tachogenerator.ripple
         );
     }
     Some(text)
 }
 
-/// What the core did, on two lines.
+/// Figures of the core, on two lines.
 fn trial_text(trial: &TrialFigures, unit: &str) -> String {
     format!(
         "step to {:.2} {unit}: at most {:.2} V, {:.2} A, overshoot {:.1} %;\nat the end off by {:.4} {unit}; at a limit {:.0} %",
@@ -151,7 +154,7 @@ fn trial_text(trial: &TrialFigures, unit: &str) -> String {
     )
 }
 
-/// What the model's effects make of the trials, and the compensation of slow motion; nothing where neither was asked for.
+/// Trials with the effects of the model, and the compensation of slow motion; nothing if neither was requested.
 pub fn beyond_linear(trials: &[TrialWithEffects], standstill: &[Standstill]) -> String {
     let mut text = String::new();
     if !trials.is_empty() {
@@ -192,7 +195,7 @@ pub fn html(
         let current = effort_plot("Current on the core", "current, A", design, course, |point| point.i_a);
         body += "<div class=\"pairs\">";
         for plot in [step_plot(motor, design, course), voltage, current, gain, phase, root_plot(motor, design)] {
-            // A plot is drawn into memory: nothing can fail but the plot's own logic.
+            // Plots are drawn into memory, so only the plot itself can fail.
             let plot = plot.unwrap_or_else(|error| format!("<p>{}</p>", escaped(&error.to_string())));
             body += &format!("<div>{plot}</div>");
         }
@@ -203,7 +206,7 @@ pub fn html(
     document("motorbench design", &body)
 }
 
-/// What [`summary`] says, in tables that a phone has room for.
+/// The content of [`summary`] as tables that fit a phone.
 fn design_tables(design: &Design) -> String {
     let gains = design.gains.iter().map(|gain| {
         let held = format!("{:.6}", gain.held);
@@ -218,7 +221,7 @@ fn entries(entries: &[Entry]) -> String {
     table(&[], entries.iter().map(|(name, text)| [escaped(name), escaped(text)]))
 }
 
-/// What [`beyond_linear`] says.
+/// The content of [`beyond_linear`].
 fn beyond_linear_html(trials: &[TrialWithEffects], standstill: &[Standstill]) -> String {
     let mut html = String::new();
     if !trials.is_empty() {
@@ -244,14 +247,14 @@ struct Line {
 }
 
 impl Line {
-    /// With few enough points for a page.
+    /// Thinned to few enough points for a page.
     fn new(label: &'static str, colour: RGBColor, points: impl ExactSizeIterator<Item = (f64, f64)>) -> Self {
         let stride = points.len().div_ceil(MAX_POINTS).max(1);
         Self { label, colour, points: points.step_by(stride).collect() }
     }
 }
 
-/// A title on white paper; where it ends.
+/// A title on white paper; returns where it ends.
 fn titled(root: &DrawingArea<SVGBackend, Shift>, title: &str) -> Result<i32, Box<dyn std::error::Error>> {
     root.fill(&WHITE)?;
     root.draw(&Text::new(title, (LEGEND_LEFT, LEGEND_TOP), PLOT_LETTERS))?;
@@ -302,7 +305,7 @@ where
     Ok(svg)
 }
 
-/// From the smallest to the largest value, and a part of their distance more.
+/// The range of the values, with a margin.
 fn span(values: impl Iterator<Item = f64>, more: f64) -> Range<f64> {
     let finite = values.filter(|value| value.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -310,7 +313,7 @@ fn span(values: impl Iterator<Item = f64>, more: f64) -> Range<f64> {
     low - margin..high + margin
 }
 
-/// `course`: of the same trial with the model's effects, empty where it has none.
+/// `course`: the same trial with the effects of the model; empty if it has none.
 fn step_plot(motor: &MotorParameters, design: &Design, course: &[Point]) -> Plot {
     let output = |point: &Point| if design.law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
     let linear = design.linear_response(motor);
@@ -339,8 +342,8 @@ fn effort_plot(title: &str, y_title: &str, design: &Design, course: &[Point], of
     over_time(title, y_title, &drawn)
 }
 
-/// The open loop's gain and its phase over the frequency, a plot each, two decades about the crossover; with the lines from
-/// which the margins are read.
+/// Gain and phase of the open loop over frequency, one plot each. They cover two decades about the crossover, with the
+/// lines for the margins.
 fn loop_plots(motor: &MotorParameters, design: &Design) -> [Plot; 2] {
     let points = SampledLoop::new(motor, design.law, &design.sampling).open_loop(&design.held);
     let crossover_hz = design.robustness.margins.crossover_hz;
@@ -406,10 +409,10 @@ fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
     Ok(svg)
 }
 
-/// A figure of a loop as a page has it.
+/// A figure of a loop for a page.
 type Figure = fn(&LoopWith) -> String;
 
-/// What a current sensor would bring, for a page; a column each source, since a phone is narrow.
+/// The comparison of current sensors for a page. Each source has a column, since a phone is narrow.
 fn current_sensor_table(law: ControlLaw, comparison: &[Comparison]) -> String {
     if comparison.is_empty() {
         return String::new();

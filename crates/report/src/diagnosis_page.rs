@@ -1,7 +1,8 @@
-//! The result as one self-contained HTML file: measured and simulated before and after, what is missing, the gains, the
-//! intervals. Readable on a phone, printable, no external request.
+//! The result as one self-contained HTML file. It shows measured and simulated quantities before and after, the missing
+//! torque or voltage, the improvements, and the intervals. It can be read on a phone and printed, and makes no external
+//! request.
 
-use crate::diagnosis_text::{against_nominal, estimate, how_much_worse, scale_words, title, verdict};
+use crate::diagnosis_text::{against_nominal, estimate, rival_comparison, scale_words, title, verdict};
 use crate::web_page::{code, document, escaped, list, table};
 use motorbench_diagnosis::dataset::{Dataset, greatest};
 use motorbench_diagnosis::diagnose::Diagnosis;
@@ -10,17 +11,17 @@ use motorbench_diagnosis::diagnose::missing::dependences;
 use motorbench_diagnosis::diagnose::outcome::Outcome;
 use motorbench_model::catalogue::effect;
 use motorbench_text::terminal_text::short;
-use plots::Rung;
+use plots::WaterfallBar;
 use std::fmt::Write as _;
 
 pub(crate) mod plots;
 
-/// The file's text.
+/// The text of the file.
 pub fn report(diagnosis: &Diagnosis, names: &[String]) -> String {
     report_with("motorbench diagnosis", diagnosis, names, "")
 }
 
-/// The same under another title, with a section of HTML at its end.
+/// The same with another title, and a section of HTML at its end.
 pub fn report_with(page_title: &str, diagnosis: &Diagnosis, names: &[String], section: &str) -> String {
     let outcome = &diagnosis.outcome;
     let mut html = format!("<h1>{}</h1>\n<p>{}</p>\n", escaped(&verdict(outcome)), escaped(&names.join(", ")));
@@ -53,7 +54,7 @@ fn causes(html: &mut String, outcome: &Outcome) {
             let _ = write!(html, " {}.", escaped(&sentence));
         }
         if let Some(runner_up) = &cause.runner_up {
-            let worse = how_much_worse(runner_up);
+            let worse = rival_comparison(runner_up);
             let _ = write!(html, " Next best in its place: {}, {worse}.", code([runner_up.effect]));
         }
         if !cause.not_separable_from.is_empty() {
@@ -76,29 +77,29 @@ fn causes(html: &mut String, outcome: &Outcome) {
     }
 }
 
-/// What the linear motor lacks, over time and over all it can depend on.
+/// The missing torque or voltage of the linear motor, over time and over all quantities that it can depend on.
 fn lacks(html: &mut String, diagnosis: &Diagnosis) {
-    *html += "<h2>What the linear motor lacks</h2><p>With the constants found beside the effects: the torque or the voltage that would make it agree. Each alone would suffice. The cause acts where one plot is clear and the other is not.</p>";
+    *html += "<h2>What the linear motor lacks</h2><p>With the constants found beside the effects: the torque or the voltage that would make it agree. Either alone would suffice. The cause acts where one plot has a clear shape and the other has none.</p>";
     for lack in &diagnosis.lacks {
-        over_everything(html, &diagnosis.data, plots::missing(lack.acts_on), &lack.values);
+        over_all_dependences(html, &diagnosis.data, plots::missing(lack.acts_on), &lack.values);
     }
 }
 
-/// What is left without a name, as each sensor shows it: a fault of a sensor is in no missing torque or voltage.
+/// The unexplained rest of each sensor. No missing torque or voltage shows a fault of a sensor.
 fn residuals(html: &mut String, diagnosis: &Diagnosis) {
     if diagnosis.outcome.unexplained.is_none() {
         return;
     }
-    *html += "<h2>What the extended model leaves</h2><p>Measured less simulated, with all named effects. A rest that follows the measured quantity itself, or the angle, and that the other sensor does not show, is probably a fault of the sensor.</p>";
+    *html += "<h2>What the extended model leaves</h2><p>Measured less simulated, with all named effects. A rest that follows the measured quantity itself, or the angle, but is not in the other sensor, is probably a fault of the sensor.</p>";
     let left = motorbench_diagnosis::diagnose::residuals(&diagnosis.data, &diagnosis.extended);
     for (measured, left) in diagnosis.data.measured.iter().zip(&left) {
         let what = format!("residual of {}", measured.output.title());
-        over_everything(html, &diagnosis.data, &what, left);
+        over_all_dependences(html, &diagnosis.data, &what, left);
     }
 }
 
-/// A quantity over time and over all it can depend on.
-fn over_everything(html: &mut String, data: &Dataset, what: &str, values: &[f64]) {
+/// A quantity over time, and over all quantities that it can depend on.
+fn over_all_dependences(html: &mut String, data: &Dataset, what: &str, values: &[f64]) {
     *html += &plots::quantity_over_time(data, what, values);
     *html += "<div class=\"pairs\">";
     for dependence in dependences(data, values) {
@@ -115,14 +116,14 @@ fn gains(html: &mut String, diagnosis: &Diagnosis) {
         let mut before = of("base");
         let steps = diagnosis.steps.iter().map(|step| {
             let (_, after) = step.gain.rmse[output];
-            Rung {
+            WaterfallBar {
                 name: format!("+ {}", step.added.join("\n+ ")),
                 from: Some(std::mem::replace(&mut before, after)),
                 to: after,
             }
         });
-        let whole = |name: &str, to: f64| Rung { name: name.into(), from: None, to };
-        let rungs: Vec<Rung> = [whole("linear motor", of("base"))]
+        let whole = |name: &str, to: f64| WaterfallBar { name: name.into(), from: None, to };
+        let rungs: Vec<WaterfallBar> = [whole("linear motor", of("base"))]
             .into_iter()
             .chain(steps)
             .chain([whole("in the end", of("extended")), whole("noise", of("noise_floor"))])

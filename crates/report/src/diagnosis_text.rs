@@ -59,7 +59,7 @@ pub fn verdict(outcome: &Outcome) -> String {
     }
 }
 
-/// An effect's name in sentences, or what is wrong with a value.
+/// An effect's name in sentences, or the fault of a value.
 pub fn title(id: &str) -> String {
     match id.strip_prefix("parameter:") {
         Some(name) => match name.strip_suffix("_scale") {
@@ -74,7 +74,7 @@ pub fn title(id: &str) -> String {
 pub fn estimate(estimate: &Estimate) -> String {
     match estimate.ci95 {
         Some([low, high]) => {
-            // As many digits as the interval is narrow.
+            // The digits follow the width of the interval.
             let narrowness = (estimate.value / (high - low)).abs().log10();
             let digits = if narrowness.is_finite() { (narrowness.ceil() as i32 + 2).clamp(3, 6) } else { 3 };
             format!("{} [{}, {}]", rounded(estimate.value, digits), rounded(low, digits), rounded(high, digits))
@@ -117,7 +117,7 @@ fn cause_lines(number: usize, cause: &Cause, outcome: &Outcome) -> String {
         );
     }
     if let Some(runner_up) = &cause.runner_up {
-        let runner_up = format!("next best in its place: {}, {}", runner_up.effect, how_much_worse(runner_up));
+        let runner_up = format!("next best in its place: {}, {}", runner_up.effect, rival_comparison(runner_up));
         text.push_str(&wrapped(&runner_up, "   ", "   "));
     }
     if !cause.not_separable_from.is_empty() {
@@ -130,7 +130,7 @@ fn cause_lines(number: usize, cause: &Cause, outcome: &Outcome) -> String {
 
 fn errors(outcome: &Outcome) -> String {
     let mut text = String::from("Error on held-out data (rms, free-running simulation)\n");
-    // As wide as the longest name of a channel is.
+    // The width of the longest channel name.
     let width = outcome.fit["base"].keys().map(|channel| channel.len()).max().unwrap_or(0).max(20);
     let _ = writeln!(text, "  {:width$} {:>10} {:>10} {:>10}   fit", "", "linear", "extended", "noise");
     for (channel, base) in &outcome.fit["base"] {
@@ -151,7 +151,7 @@ fn errors(outcome: &Outcome) -> String {
     text
 }
 
-/// What has no name, in a sentence.
+/// The unexplained rest, in a sentence.
 pub fn without_a_name(unexplained: &Unexplained) -> String {
     format!("Unexplained: {:.0} % of the remaining error; {}.", 100.0 * unexplained.share, unexplained.place())
 }
@@ -179,7 +179,7 @@ pub fn scale_words(scale: ScaleOrigin) -> Option<&'static str> {
     }
 }
 
-/// Of a wrong value: what it was taken for, and by how much it is beyond what a data sheet may be wrong by.
+/// For a wrong value: the nominal value, and the distance beyond the tolerance of a data sheet.
 pub(crate) fn against_nominal(cause: &Cause, outcome: &Outcome) -> Option<String> {
     let name = cause.parameters.keys().next()?;
     let nominal = outcome.parameters.get(&**name)?.nominal.filter(|_| cause.is_value())?;
@@ -191,8 +191,8 @@ pub(crate) fn against_nominal(cause: &Cause, outcome: &Outcome) -> Option<String
     ))
 }
 
-/// How the next best compares, in words.
-pub(crate) fn how_much_worse(runner_up: &RunnerUp) -> String {
+/// Comparison with the next best cause, in words.
+pub(crate) fn rival_comparison(runner_up: &RunnerUp) -> String {
     if runner_up.worse_by_sigmas > 0.0 {
         format!("{} standard errors worse", short(runner_up.worse_by_sigmas))
     } else {

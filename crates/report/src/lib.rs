@@ -1,4 +1,5 @@
-//! Pages for a browser, plots and texts about a diagnosis, a design and a test stand. Returns text; writes no file.
+//! Pages for a browser, plots and texts about a diagnosis, a design and a test stand. It returns text and writes no
+//! file.
 //!
 //! ```
 //! use motorbench_report::panels::{Panel, panels};

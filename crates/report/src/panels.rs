@@ -1,4 +1,4 @@
-//! Plots over time or frequency, one under the other, as SVG.
+//! Plots over time or frequency, one below the other, as SVG.
 
 use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label};
 use plotters::coord::Shift;
@@ -7,24 +7,24 @@ use plotters::prelude::*;
 use std::error::Error;
 use std::ops::Range;
 
-/// Sizes of a picture: its width, the height of a panel, the letters.
+/// Sizes of a picture: its width, the height of a panel, the font size.
 struct Sizes {
     width: u32,
     height: u32,
     letters: (&'static str, i32),
 }
 
-/// A file of its own, for a screen.
+/// A separate file, for a screen.
 const FILE: Sizes = Sizes { width: 900, height: 240, letters: ("sans-serif", 16) };
-/// Part of a page, as all plots of pages.
+/// Part of a page, with the size of all plots on pages.
 const PAGE: Sizes = Sizes { width: PLOT_SIZE.0, height: PLOT_SIZE.1, letters: PLOT_LETTERS };
-/// Where titles and legends begin: over the plot, right of its axis.
+/// Position of titles and legends: above the plot, right of its axis.
 pub const LEGEND_LEFT: i32 = 78;
-/// Above them.
+/// Position above them.
 pub const LEGEND_TOP: i32 = 8;
-/// Largest number of samples that a line shows.
+/// Largest number of samples of a line.
 const MOST_POINTS: usize = 800;
-/// Colours that people with any colour vision tell apart (Okabe and Ito 2008).
+/// Colours for any colour vision (Okabe and Ito 2008).
 pub const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 0, 0),
     RGBColor(0, 114, 178),
@@ -35,7 +35,7 @@ pub const COLOURS: [RGBColor; 7] = [
     RGBColor(213, 94, 0),
 ];
 
-/// Quantities of one unit.
+/// Quantities with the same unit.
 pub struct Panel {
     title: String,
     frequencies_hz: Option<Vec<f64>>,
@@ -43,7 +43,7 @@ pub struct Panel {
 }
 
 impl Panel {
-    /// Over time, without lines yet; the title says quantity and unit.
+    /// Over time, without lines so far. The title gives quantity and unit.
     pub fn new(title: &str) -> Self {
         Self { title: title.into(), frequencies_hz: None, lines: Vec::new() }
     }
@@ -53,7 +53,7 @@ impl Panel {
         Self { frequencies_hz: Some(frequencies_hz), ..Self::new(title) }
     }
 
-    /// With one line more: its name, its values.
+    /// Adds a line: its name, its values.
     #[must_use]
     pub fn line(mut self, name: &str, values: Vec<f64>) -> Self {
         self.lines.push((name.into(), values));
@@ -61,7 +61,8 @@ impl Panel {
     }
 }
 
-/// The panels; those over time have a sample each `interval_s`. A picture that cannot be drawn says why.
+/// Draws the panels. Those over time have a sample for each `interval_s`. A picture that cannot be drawn is replaced by
+/// the reason.
 pub fn panels(interval_s: f64, panels: &[Panel]) -> String {
     sized(&FILE, interval_s, panels)
 }
@@ -144,12 +145,12 @@ where
     Ok(())
 }
 
-/// How far apart rows of letters stand.
+/// Distance of rows of text.
 pub fn row_height(letters: (&str, i32)) -> i32 {
     letters.1 + 6
 }
 
-/// The names of lines and their colours above a plot, where they cover nothing of it, from `top` on; where they end.
+/// Draws the names of lines in their colours above a plot, from `top` on; returns where they end.
 pub fn legend<'a>(
     area: &DrawingArea<SVGBackend, Shift>,
     letters: (&str, i32),
@@ -171,7 +172,7 @@ pub fn legend<'a>(
     Ok(y + row_height(letters))
 }
 
-/// From the smallest to the largest value, and a little more.
+/// The range of the values with a margin.
 fn span(lines: &[(String, Vec<f64>)]) -> Range<f64> {
     let finite = lines.iter().flat_map(|(_, values)| values).copied().filter(|value| value.is_finite());
     let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(v), high.max(v)));
@@ -207,7 +208,7 @@ mod tests {
         assert!(apart.iter().all(|by| *by > 100.0 && (by - apart[0]).abs() < 3.0), "{places:?}");
     }
 
-    /// Where a label of the axis stands: the `x` of the text element before it.
+    /// Position of a label of the axis: the `x` of the text element before it.
     fn x_of_label(svg: &str, label: &str) -> f64 {
         let end = svg.find(&format!(">\n{label}\n<")).unwrap_or_else(|| panic!("no label {label} in {svg}"));
         let start = svg[..end].rfind(" x=\"").expect("a place") + 4;

@@ -4,19 +4,19 @@ use resvg::tiny_skia::{Pixmap, Transform};
 use resvg::usvg::{Options, Tree};
 use std::path::Path;
 
-/// Pixels of a PNG for each of the drawing's.
+/// Pixels of a PNG for each unit of the drawing.
 const SCALE: f32 = 2.0;
 
-/// What a file of a plot holds.
+/// Format of a plot file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// The drawing itself.
+    /// Vector drawing.
     Svg,
-    /// Its pixels.
+    /// Pixels.
     Png,
 }
 
-/// A file's name says neither of the formats.
+/// The ending of the file's name is neither of the formats.
 #[derive(Debug, thiserror::Error)]
 #[error("expected a name that ends in .svg or .png")]
 pub struct WrongEnding;
@@ -36,12 +36,12 @@ impl Format {
     }
 }
 
-/// A drawing that has no pixels, with what the renderer says.
+/// A drawing that cannot be rendered, with the reason of the renderer.
 #[derive(Debug, thiserror::Error)]
-#[error("the plot cannot be drawn as PNG ({0}); a name that ends in .svg needs no drawing")]
+#[error("the plot cannot be drawn as PNG ({0}): choose a name that ends in .svg")]
 pub struct NotDrawn(String);
 
-/// The drawing's pixels as PNG, text in a font that the program brings along.
+/// Renders the drawing as PNG. The program brings its font along.
 ///
 /// # Errors
 /// [`NotDrawn`].
@@ -67,7 +67,7 @@ mod tests {
         Pixmap::decode_png(&png(svg).unwrap()).unwrap()
     }
 
-    /// Dark pixels in a part of the picture, given in the drawing's own pixels.
+    /// Number of dark pixels in a part of the picture, in units of the drawing.
     fn dark(picture: &Pixmap, x: std::ops::Range<u32>, y: std::ops::Range<u32>) -> usize {
         let scaled = |range: &std::ops::Range<u32>| range.start * SCALE as u32..range.end * SCALE as u32;
         let pixel = |x, y| picture.pixel(x, y).expect("within the picture");
@@ -82,7 +82,7 @@ mod tests {
         assert_eq!((titled.width(), titled.height()), (1800, 480));
         let white = titled.pixel(2, 2).unwrap();
         assert_eq!((white.red(), white.green(), white.blue(), white.alpha()), (255, 255, 255, 255));
-        // The title stands upright along the left edge, the numbers right of it, the line in the middle.
+        // The title is upright along the left edge, the labels are right of it, the line is in the middle.
         assert!(dark(&titled, 0..28, 0..240) > 300, "{}", dark(&titled, 0..28, 0..240));
         assert_eq!(dark(&untitled, 0..28, 0..240), 0);
         assert!(dark(&titled, 40..74, 0..200) > 100 && dark(&titled, 100..880, 20..190) > 1000);

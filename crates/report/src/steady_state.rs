@@ -11,7 +11,7 @@ use std::fmt::Write as _;
 
 const COLUMNS: [&str; 10] =
     ["u_V", "i_A", "rpm", "emf_V", "P_in_W", "P_out_W", "eff", "T_Nm", "R_dyn_ohm", "missing_V"];
-/// Of the columns, in letters, and the digits after the point.
+/// Width of the columns in letters, and digits after the point.
 const WIDTHS: [usize; 10] = [6, 6, 7, 6, 6, 7, 5, 6, 9, 9];
 const DIGITS: [usize; 10] = [2, 4, 1, 2, 2, 2, 3, 4, 2, 2];
 const EXPLANATIONS: &str = "Explanations of the missing voltage, error at a voltage left out";
@@ -45,7 +45,7 @@ fn parameters(cause: &Cause) -> String {
     constants.collect::<Vec<_>>().join(", ")
 }
 
-/// Constants for a page, one a line.
+/// Constants for a page, one in each line.
 fn constants_html<'a>(constants: impl Iterator<Item = (&'a str, &'a Estimate)>) -> String {
     constants.map(|(name, value)| format!("{} = {}", code([name]), estimate(value))).collect::<Vec<_>>().join("<br>")
 }
@@ -56,7 +56,7 @@ fn terms_html(explanation: &Explanation) -> String {
     if terms.is_empty() { "nominal values".into() } else { terms.join(" + ") }
 }
 
-/// Measured and simulated, with what the colours mean.
+/// Measured and simulated, with the meaning of the colours.
 fn drawings(study: &Study) -> String {
     let named = terms_html(study.named());
     let as_good = study.as_good().map_or(String::new(), |other| {
@@ -94,7 +94,7 @@ pub fn page(study: &Study) -> String {
         text += &wrapped(&format!("{}: {}", cause.effect, parameters(cause)), "  ", "    ");
         if !cause.not_separable_from.is_empty() {
             let others = cause.not_separable_from.join(", ");
-            text += &wrapped(&format!("not to be told from: {others}"), "    ", "    ");
+            text += &wrapped(&format!("cannot be told from: {others}"), "    ", "    ");
         }
     }
     if let Some(unexplained) = &study.outcome.unexplained {
@@ -117,7 +117,7 @@ pub fn html(study: &Study, name: &str) -> String {
     body += &drawings(study);
     body += "<h2>Causes</h2>\n";
     body += &table(
-        &["cause", "constants", "not to be told from"],
+        &["cause", "constants", "cannot be told from"],
         study.outcome.causes.iter().map(|cause| {
             let others = code(cause.not_separable_from.iter().map(|id| &**id));
             [

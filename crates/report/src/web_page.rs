@@ -1,10 +1,10 @@
 //! Pages for a browser: one self-contained file, readable on a phone, complete in print.
 
-/// Size of a plot in its own units; the page scales it to the width there is.
+/// Size of a plot in its own units. The page scales it to the available width.
 pub const PLOT_SIZE: (u32, u32) = (560, 300);
-/// Numbers along an axis at most: so many stand side by side on a phone.
+/// Largest number of labels on an axis, for the width of a phone.
 pub const PLOT_LABELS: usize = 8;
-/// Letters of a plot, of which the drawing takes 1/1.24 as the size: a phone, 390 px wide, still shows them 9.8 px high.
+/// Font size of a plot. The drawing uses 1/1.24 of it. A phone with 390 px still shows letters 9.8 px high.
 pub const PLOT_LETTERS: (&str, i32) = ("sans-serif", 19);
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:820px;margin:0 auto;padding:1rem;color:#111}\
@@ -26,12 +26,12 @@ pub fn document(title: &str, body: &str) -> String {
     )
 }
 
-/// A text as it stands in HTML.
+/// Escapes a text for HTML.
 pub fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Names as the files have them, `friction_asymmetry`; in a narrow place they break behind an underscore, not within a word.
+/// Names as in files, `friction_asymmetry`. In a narrow place they break after an underscore, not within a word.
 pub fn code<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let names = names.into_iter().map(|name| {
         let parts: Vec<String> = name.split_inclusive(['_', ':']).map(escaped).collect();
@@ -40,19 +40,19 @@ pub fn code<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
-/// A table: its header, if there is one, and rows of cells that are HTML. It scrolls in its own frame where a screen is too narrow for it.
+/// A table: its header, if there is one, and rows of HTML cells. On a narrow screen it scrolls in its own frame.
 pub fn table<Row: IntoIterator<Item = String>>(header: &[&str], rows: impl IntoIterator<Item = Row>) -> String {
     let cells = |tag: &str, cells: &mut dyn Iterator<Item = String>| {
         format!("<tr>{}</tr>", cells.map(|cell| format!("<{tag}>{cell}</{tag}>")).collect::<String>())
     };
-    // A row without a cell would be read out as one.
+    // A screen reader would read a row without a cell as a single one.
     let head =
         if header.is_empty() { String::new() } else { cells("th", &mut header.iter().map(|name| escaped(name))) };
     let body: String = rows.into_iter().map(|row| cells("td", &mut row.into_iter())).collect();
     format!("<div class=\"wide\"><table>{head}{body}</table></div>\n")
 }
 
-/// What stands at a place of an axis, as short as the number is. The places are sums of steps: what is nearly zero is zero.
+/// Label of an axis, as short as the number. Its value is a sum of steps, so a value near zero means zero.
 pub fn axis_label(value: &f64) -> String {
     const NEARLY_ZERO: f64 = 1e-9;
     if value.abs() < NEARLY_ZERO {

@@ -1,11 +1,11 @@
-//! What the core itself records of a motor is diagnosed as it is: from excitation through sensors and fixed point to the
-//! name of the cause, and nothing that the core's own sampling could be mistaken for.
+//! Given a recording by the core of a motor with an effect, the diagnosis names the effect. The recording has passed
+//! excitation, sensors and fixed point, and no property of the core's sampling is taken for a cause.
 
 use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
 use host_sim::trial::Trial;
 use motorbench_core::excitation::{Kind, Sequence};
 use motorbench_core::message::{Mode, Request, Sample};
-use motorbench_core::settings::{Param, Settings};
+use motorbench_core::settings::Settings;
 use motorbench_core::units::VOLT;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::NominalMotor;
@@ -15,14 +15,7 @@ use motorbench_model::motor::MotorParameters;
 
 fn settings() -> Settings {
     let mut settings = Settings::defaults();
-    for (param, value) in [
-        (Param::CurrentLimit, 0.0),
-        (Param::TripPeak, 5.0),
-        (Param::TripContinuous, 3.0),
-        (Param::TripEncoder, 0.0),
-        (Param::TripStall, 0.0),
-        (Param::SlewLimit, 30_000.0),
-    ] {
+    for (param, value) in telemetry::IDENTIFICATION_SETTINGS {
         settings.set(param, value).unwrap();
     }
     settings

@@ -1,4 +1,4 @@
-//! What a person is shown of a result: the page of the terminal and the plots of the report.
+//! The result for a person: the page of the terminal and the plots of the report.
 
 use hidden_effects::{Effect, Recipe, draw};
 use motorbench_data::recording::Recording;
@@ -21,7 +21,8 @@ fn diagnosis(recipe: &Recipe, verdict: Verdict) -> Diagnosis {
     diagnosis
 }
 
-/// Without a name the fault may be a sensor's, which no missing torque or voltage shows: the residual of each is there.
+/// Without a named cause the fault may be in a sensor, which no missing torque or voltage shows. So the page shows the
+/// residual of each sensor.
 #[test]
 fn what_has_no_name_is_shown_as_the_residual_of_each_sensor() {
     let plots = |diagnosis: &Diagnosis| {
@@ -41,7 +42,7 @@ fn what_has_no_name_is_shown_as_the_residual_of_each_sensor() {
     assert!(unnamed > named + diagnosis.data.measured.len() * 8, "{unnamed} {named}");
 }
 
-/// The same recording with the angle in place of the speed.
+/// The same recording with the angle instead of the speed.
 fn with_angle(csv: &str) -> String {
     let mut lines = csv.lines();
     let header: Vec<&str> = lines.next().unwrap().split(',').collect();
@@ -60,7 +61,7 @@ fn with_angle(csv: &str) -> String {
     text
 }
 
-/// Whatever the channels are called.
+/// It does not depend on the names of the channels.
 #[test]
 fn the_errors_stand_below_their_heads() {
     let trial = draw(3, &Recipe::of(&[]));
@@ -82,12 +83,12 @@ fn the_errors_stand_below_their_heads() {
     assert!(page.lines().all(|line| line.chars().count() <= 80), "{page}");
 }
 
-/// The summary of a design says why it leaves the current out, and how finely a tachogenerator is read.
+/// The summary of a design says why it omits the current, and gives the resolution of a tachogenerator.
 #[test]
 fn a_design_says_what_it_leaves_out_and_what_its_sensor_shows() {
     let specification =
         |hz, current_limit_a| Specification { speed: Speed::BandwidthHz(hz), overshoot_percent: 10.0, current_limit_a };
-    // A gain on the current that the core's format cannot hold.
+    // A gain on the current that exceeds the core's format.
     let high_voltage = MotorParameters {
         resistance_ohm: 200.0,
         inductance_h: 2.0,

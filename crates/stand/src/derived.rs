@@ -1,4 +1,4 @@
-//! Checks a printed table of derived quantities against its own formulas, and against the readings it was derived from.
+//! Checks a printed table of derived quantities against its own formulas, and against the readings it came from.
 
 use motorbench_data::delimited::{Cell, Delimited};
 use motorbench_diagnosis::steady_state::{Level, same_level};
@@ -11,7 +11,7 @@ const ROUNDED_ON_THE_WAY: f64 = 5e-4;
 /// A cell that its own row or the readings contradict.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[allow(non_snake_case, reason = "names of the contract, with their units")]
-pub struct Slip {
+pub struct WrongCell {
     /// Voltage of the row.
     pub u_V: f64,
     /// Name of the column, with its unit.
@@ -36,7 +36,7 @@ struct Formula {
     of_readings: fn(&Level) -> f64,
 }
 
-/// Places of the columns in a row.
+/// Indices of the columns in a row.
 const RPM: usize = 0;
 const OMEGA: usize = 1;
 const EMF: usize = 2;
@@ -67,13 +67,13 @@ const FORMULAS: [Formula; COLUMNS] = [
 ///
 /// # Errors
 /// What is wrong with the table, and where.
-pub fn slips(table: &str, levels: &[Level], k: f64) -> Result<Vec<Slip>, String> {
+pub fn slips(table: &str, levels: &[Level], k: f64) -> Result<Vec<WrongCell>, String> {
     let table = Delimited::new(table);
     let (voltages, header) = (table.cells("u_V")?, table.header()?);
     let known = |formula: &Formula| header.iter().any(|column| column == formula.column);
     if !FORMULAS.iter().any(known) {
         let columns: Vec<&str> = FORMULAS.iter().map(|formula| formula.column).collect();
-        return Err(format!("none of the columns {} is in it; there are {}", columns.join(", "), header.join(", ")));
+        return Err(format!("the table has none of the columns {}; it has {}", columns.join(", "), header.join(", ")));
     }
     let mut columns = Vec::new();
     for formula in &FORMULAS {
@@ -115,7 +115,7 @@ impl Row<'_> {
         derived.is_finite().then(|| (derived, (0..COLUMNS).map(changed_by).sum()))
     }
 
-    fn slip(&self, column: usize, level: Option<&Level>) -> Option<Slip> {
+    fn slip(&self, column: usize, level: Option<&Level>) -> Option<WrongCell> {
         let cell = self.cells[column].filter(|cell| cell.value.is_finite())?;
         // A digit is rounded or cut off.
         let differs =
@@ -123,7 +123,7 @@ impl Row<'_> {
         let (row, readings) = (self.derived(column), level.map(FORMULAS[column].of_readings));
         let is_slip =
             row.is_some_and(|(value, by)| differs(value, by)) || readings.is_some_and(|value| differs(value, 0.0));
-        is_slip.then(|| Slip {
+        is_slip.then(|| WrongCell {
             u_V: self.u_v,
             column: FORMULAS[column].column,
             printed: cell.value,
@@ -154,7 +154,7 @@ mod tests {
     #[test]
     fn each_column_is_held_against_its_formula() {
         assert_eq!(columns(RIGHT), [""; 0]);
-        // Cut off instead of rounded, and with another last digit of the constant: none of them is an error.
+        // Digits that are cut off instead of rounded, or another last digit of the constant, are no error.
         assert_eq!(columns(&RIGHT.replace("7.20", "7.21").replace("954.9", "954.8")), [""; 0]);
         for (right, wrong, found) in [
             (",954.9,", ",945.9,", &["rpm", "omega_rad_per_s"][..]),
@@ -172,7 +172,9 @@ mod tests {
         assert_eq!(columns("u_V;omega_rad_per_s;k_mot_rad_per_s_per_V\n10;100,0;9,00\n"), ["k_mot_rad_per_s_per_V"]);
         assert_eq!(columns("u_V,emf_V\n10,7.2\n"), [""; 0]);
         let error = |table: &str| slips(table, &[], 0.072).unwrap_err();
-        assert!(error("u_V,eta\n10,0.5\n").starts_with("none of the columns rpm, omega_rad_per_s, emf_V"));
-        assert_eq!(error("rpm\n1\n"), "a column u_V is expected; there are rpm");
+        assert!(
+            error("u_V,eta\n10,0.5\n").starts_with("the table has none of the columns rpm, omega_rad_per_s, emf_V")
+        );
+        assert_eq!(error("rpm\n1\n"), "the table needs a column u_V, but has rpm");
     }
 }

@@ -1,18 +1,21 @@
-//! Drives a board as a test stand: goes through voltages under each load, waits for each steady state, and averages. It
-//! also measures the winding, with the rotor held at several positions or turned slowly.
+//! Drives a board as a test stand. It goes through voltages under each load, waits for each steady state, and averages.
+//! It also measures the winding, with the rotor held at several positions or turned slowly.
 //!
-//! The data decide when a state is steady. The last window and the one half as long after the change, of whole
-//! revolutions, agree in speed and current within their scatter and a small share. (Two successive windows agree in the
-//! end however slowly a motor settles. An exponential that does not change while the time doubles has settled.) The
-//! resistance of a held winding is the slope of the voltage over the current. The voltage drop of bridge and brushes is
-//! the line's other constant.
+//! The data decide when a state is steady. Two windows of whole revolutions are compared: the last one, and the one
+//! half as long after the change. They must agree in speed and current within their scatter and a small share.
+//!
+//! Two successive windows would agree in the end however slowly a motor settles. An exponential that does not change
+//! while the time doubles has settled.
+//!
+//! The resistance of a held winding is the slope of the voltage over the current. The offset of that line is the
+//! voltage drop of bridge and brushes.
 
 mod creep;
 
 use motorbench_core::HARDWARE;
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
-use motorbench_data::names::setting_name as name;
+use motorbench_data::names::setting_name;
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{NominalMotor, Timing};
 use motorbench_data::telemetry;
@@ -27,8 +30,8 @@ use std::f64::consts::TAU;
 
 /// Interval at which the telemetry is fetched.
 const SLICE_S: f64 = 0.02;
-/// After this many intervals without a sample, five seconds, the board is gone: a busy computer may leave a simulated
-/// board without time for some.
+/// If so many intervals (five seconds) have no sample, the board is gone. A busy computer may delay a simulated board
+/// for some of them.
 const SILENT_SLICES: u32 = 250;
 /// Slew limit while the stand drives: gentle steps.
 const SLEW_V_PER_S: f32 = 50.0;
@@ -44,16 +47,17 @@ const STEADY_SIGMAS: f64 = 3.0;
 /// A level that is not steady after this long is left out.
 const PATIENCE_S: f64 = 20.0;
 
-/// Largest current of the winding test as a share of the smallest current limit, and its number of voltage steps.
+/// Largest current of the winding test as a share of the smallest current limit, and number of its voltage steps.
 const HELD_SHARE: f64 = 0.8;
 const HELD_STEPS: f64 = 8.0;
-/// Currents below this share of the largest do not count: there friction of the hand and the edge of the drop disturb.
+/// Smallest current of the line as a share of the largest. Below it friction of the hand and the kink of the drop
+/// disturb.
 const HELD_LEAST_SHARE: f64 = 0.3;
 /// A held rotor may turn by this angle.
 const HELD_YIELDS_REV: f64 = 0.01;
-/// The steps of a converter make means that scatter less than their error.
+/// Smallest error of a mean current. The steps of the converter make means that scatter less than their error.
 const LEAST_CURRENT_ERROR_A: f64 = 1e-4;
-/// Fewer points give no line with an error.
+/// Fewest points of a line with an error.
 const FEWEST_POINTS: usize = 4;
 
 /// The plan of a test.
@@ -61,7 +65,7 @@ const FEWEST_POINTS: usize = 4;
 pub struct Plan {
     /// Voltages in the order of measurement.
     pub voltages_v: Vec<f64>,
-    /// Torques of a brake, each for all voltages; empty: the brake, if there is one, is not used.
+    /// Torques of a brake, each for all voltages. If empty, the brake is not used.
     pub loads_nm: Vec<f64>,
     /// Averages at each.
     pub readings: usize,
@@ -72,7 +76,7 @@ pub struct Plan {
 }
 
 /// The operator at the motor.
-pub trait Person {
+pub trait Operator {
     /// Whether the operator wants the motor stopped.
     fn stops(&mut self) -> bool;
 
@@ -82,10 +86,10 @@ pub trait Person {
     /// Asks for an action.
     fn is_asked(&mut self, request: &str);
 
-    /// Whether it is done (true) or refused (false); `None` without an answer so far.
+    /// Whether the operator has done it (true) or refused (false); `None` while there is no answer.
     fn answers(&mut self) -> Option<bool>;
 
-    /// Sets the brake automatically, if there is such a device; otherwise the operator is asked.
+    /// Sets the brake automatically if there is such a device. Otherwise the operator is asked.
     ///
     /// # Errors
     /// Why it cannot, with what to do.
@@ -94,8 +98,8 @@ pub trait Person {
     }
 }
 
-/// Keeps each result as soon as it is measured; an error says why it could not, and ends the test.
-pub type Keeps<'a> = &'a mut dyn FnMut(Found) -> Result<(), String>;
+/// ResultSink each result as soon as it is measured. An error says why it could not, and ends the test.
+pub type ResultSink<'a> = &'a mut dyn FnMut(Found) -> Result<(), String>;
 
 /// A new result.
 #[derive(Clone, Copy, Debug)]
@@ -158,15 +162,15 @@ pub fn table(name: &str, readings: &[Reading], loaded: bool) -> Recording {
     table
 }
 
-/// Carries out a plan on a board. `settings`: those of the board, restored afterwards, with the drive disarmed. With a
-/// nominal inductance the mean current is computed from its sampling time in the PWM period.
+/// Carries out a plan on a board. `settings`: those of the board. They are restored afterwards, with the drive
+/// disarmed. With a nominal inductance the mean current is computed from its sampling time in the PWM period.
 pub fn drive(
     board: &mut impl Board,
     settings: &Settings,
     motor: &NominalMotor,
     plan: &Plan,
-    person: &mut impl Person,
-    keeps: Keeps,
+    person: &mut impl Operator,
+    keeps: ResultSink,
 ) -> Findings {
     let mut findings =
         Findings { readings: Vec::new(), positions: Vec::new(), left_out: Vec::new(), ended: Ended::Complete };
@@ -198,12 +202,12 @@ enum Settled {
     Drifting(Window, Window),
 }
 
-struct Driver<'a, B: Board, P: Person> {
+struct Driver<'a, B: Board, P: Operator> {
     board: &'a mut B,
     settings: &'a Settings,
     motor: &'a NominalMotor,
     person: &'a mut P,
-    keeps: Keeps<'a>,
+    keeps: ResultSink<'a>,
     /// Torque of the brake.
     load_nm: f64,
     /// Samples of the next window that have come already.
@@ -211,16 +215,16 @@ struct Driver<'a, B: Board, P: Person> {
     silent: u32,
 }
 
-impl<B: Board, P: Person> Driver<'_, B, P> {
+impl<B: Board, P: Operator> Driver<'_, B, P> {
     fn set(&mut self, param: Param, value: f32) -> Result<(), Ended> {
-        Ok(self.board.command(&format!("set {} {value}", name(param)))?)
+        Ok(self.board.command(&format!("set {} {value}", setting_name(param)))?)
     }
 
     fn prepare(&mut self) -> Result<(), Ended> {
         self.board.command("disarm")?;
         // The current sensor's offset drifts with its temperature.
         self.board.command("zero current")?;
-        // A motor that sticks behind a bridge with a voltage drop looks like a silent encoder.
+        // A motor that sticks behind a bridge with a voltage drop resembles a silent encoder.
         self.set(Param::TripEncoder, 0.0)?;
         self.set(Param::SlewLimit, SLEW_V_PER_S)?;
         Ok(watch_host(self.board, self.settings)?)
@@ -235,7 +239,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
         leave_host(self.board, self.settings)?;
         for param in [Param::SlewLimit, Param::TripStall, Param::TripEncoder] {
-            self.board.command(&format!("set {} {}", name(param), self.settings.get(param)))?;
+            self.board.command(&format!("set {} {}", setting_name(param), self.settings.get(param)))?;
         }
         Ok(())
     }
@@ -329,7 +333,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
                     findings.readings.iter().find(|slower| slower.turned_below(voltage_v, self.load_nm))
                 {
                     return Err(Ended::Failed(format!(
-                        "no motion at {voltage_v} V, though the motor turned at {:.2} V: look at the encoder's cable and at the shaft",
+                        "no motion at {voltage_v} V, though the motor turned at {:.2} V: check the cable of the encoder and the shaft",
                         slower.u_V
                     )));
                 }
@@ -341,8 +345,8 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         Ok(())
     }
 
-    /// Averages that agree with the settled state, or a level left out. By chance a few levels of a thousand disagree,
-    /// so they are measured once more. A drifting level disagrees again.
+    /// Averages that agree with the settled state; otherwise the level is left out. By chance a few levels of a
+    /// thousand disagree, so they are measured again. A drifting level disagrees twice.
     fn averages(
         &mut self,
         voltage_v: f64,
@@ -392,9 +396,9 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
                         ));
                         return Ok(Some(position));
                     }
-                    None => request = "too little current flowed for a line: check the leads, press Enter".into(),
+                    None => request = "too little current flowed for a line: check the leads, then press Enter".into(),
                 },
-                Held::Turned => request = "the rotor turned: hold it tighter, press Enter".into(),
+                Held::Turned => request = "the rotor turned: hold it tighter, then press Enter".into(),
             }
         }
     }
@@ -525,7 +529,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     fn averaged(&self, samples: &[Sample]) -> Window {
         let recording = telemetry::recording("stand", samples, self.settings);
         let values = |channel| recording.get(channel).unwrap_or_default();
-        // Readings of one tick are means since the tick before: the first belongs to the window before this.
+        // Readings of one tick are means since the previous tick. The first one belongs to the previous window.
         let mean = |values: &[f64]| values[1..].iter().sum::<f64>() / (values.len() - 1) as f64;
         let (currents, time_s) = (values(Channel::Current), values(Channel::Time));
         let (duty, u_v, i_a) = (mean(values(Channel::Duty)), mean(values(Channel::Voltage)), mean(currents));
@@ -584,7 +588,7 @@ impl Reading {
 }
 
 impl Window {
-    /// In words.
+    /// The change as text.
     fn change_since(&self, before: &Self) -> String {
         let (now, then) = (&self.reading, &before.reading);
         format!(

@@ -20,8 +20,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! The three types to know: [`Stand`] (what a table of steady states says), [`drive::Plan`] (how a board drives it),
-//! [`thesis::Thesis`] (identification, PID and LQR as one experiment).
+//! The three types to know: [`Stand`] (the results of a table of steady states), [`drive::Plan`] (how a board drives
+//! it), [`thesis::Thesis`] (identification, PID and LQR as one experiment).
 
 mod condition;
 pub mod derived;

@@ -1,9 +1,9 @@
-//! Evaluates a table of steady states: losses with the constants found, the winding's resistance from rows at rest, and
-//! the motor's condition against an earlier test. The efficiency is measured where a brake of known torque was at the
-//! shaft, otherwise predicted.
+//! Evaluates a table of steady states. It gives losses with the constants found, the winding's resistance from rows at
+//! rest, and the motor's condition compared with an earlier test. The efficiency is measured if a brake of known torque
+//! was at the shaft, otherwise predicted.
 
 use crate::condition::{Condition, condition};
-use crate::derived::Slip;
+use crate::derived::WrongCell;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_diagnosis::diagnose::outcome::Estimate;
@@ -57,7 +57,7 @@ pub struct Losses {
     pub u_V: f64,
     /// Torque of the brake.
     pub load_Nm: f64,
-    /// Its power: no loss, but the power of the brake.
+    /// Power of the brake. It is no loss.
     pub shaft_W: f64,
     /// I^2 R.
     pub winding_W: f64,
@@ -87,7 +87,7 @@ pub struct OperatingPoint {
     pub efficiency: f64,
 }
 
-/// A steady state with a brake of known torque: the efficiency by the stand's formulas, at the brake, and by the
+/// A steady state with a brake of known torque. It has the efficiency by the stand's formulas, at the brake, and by the
 /// constants found.
 #[derive(Clone, Copy, Debug, Serialize)]
 #[allow(non_snake_case, reason = "names of the contract, with their units")]
@@ -104,7 +104,7 @@ pub struct LoadedPoint {
     pub formula_efficiency: f64,
     /// Power at the brake over electrical power.
     pub shaft_efficiency: f64,
-    /// The same by the constants found; `None` if the motor does not turn with them.
+    /// The same from the constants found; `None` if the motor does not turn with them.
     pub model_efficiency: Option<f64>,
 }
 
@@ -130,7 +130,7 @@ pub struct EfficiencyMap {
     pub step_v: f64,
     /// Height of a cell.
     pub step_nm: f64,
-    /// One a cell.
+    /// One operating point for each cell.
     pub points: Vec<OperatingPoint>,
 }
 
@@ -144,20 +144,20 @@ pub struct Stand {
     pub winding: Option<Winding>,
     /// The constants that the losses are computed with.
     pub constants: Constants,
-    /// One a level.
+    /// One for each level.
     pub losses: Vec<Losses>,
-    /// At every voltage that was run both ways.
+    /// For each voltage that was measured in both directions.
     pub directions: Vec<Directions>,
-    /// Against the earlier test.
+    /// Comparison with the earlier test.
     pub condition: Vec<Condition>,
-    /// Every level, if a brake was at the shaft; including the one without load.
+    /// Every level, if a brake was at the shaft, including the level without load.
     pub loaded: Vec<LoadedPoint>,
-    /// The loads by the currents, as a multiple of the stated ones: 1 if the brake's scale is right.
+    /// Factor of the loads according to the currents: 1 if the brake's scale is right.
     pub load_scale: Option<Estimate>,
     /// The most efficient load at each voltage of the table, by the constants.
     pub most_efficient: Vec<OperatingPoint>,
     /// Wrong cells of the table that a study derived from the same readings.
-    pub slips: Vec<Slip>,
+    pub slips: Vec<WrongCell>,
 }
 
 impl Stand {
@@ -172,8 +172,8 @@ impl Stand {
     }
 }
 
-/// Evaluates a table. `earlier`: a table of the same motor. `resistances_ohm`: of the winding, if measured separately;
-/// otherwise the rows with the rotor held give it.
+/// Evaluates a table. `earlier`: a table of the same motor. `resistances_ohm`: of the winding, if measured separately.
+/// Otherwise the rows with the rotor held give it.
 ///
 /// # Errors
 /// [`StudyError`].
@@ -248,7 +248,7 @@ fn directions(rows: &Rows, level: &Level) -> Option<Directions> {
 }
 
 impl Constants {
-    /// From the best explanation, nominal where it has none.
+    /// Values of the best explanation; nominal where it has none.
     fn of(study: &Study, rig: &Rig) -> Option<Self> {
         let found = |name: &str| study.explanations.first()?.constants.get(name).map(|constant| constant.value);
         let viscous = study.outcome.parameters.get("viscous_friction_Nm_s").map(|parameter| parameter.value);
@@ -309,7 +309,7 @@ impl Constants {
 
     /// Operating points over voltage and torque, up to a voltage.
     pub fn map(&self, greatest_v: f64) -> EfficiencyMap {
-        // Half the stall torque: beyond it the efficiency falls and the motor only gets warm.
+        // Half the stall torque. Beyond it the efficiency falls and the motor only gets warm.
         let step_v = greatest_v / MAP_SIZE as f64;
         let step_nm = 0.5 * self.stall_nm(greatest_v) / MAP_SIZE as f64;
         let middles = |step: f64| (0..MAP_SIZE).map(move |index| (index as f64 + 0.5) * step);

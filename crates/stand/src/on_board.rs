@@ -1,4 +1,4 @@
-//! Tuning on a board by a relay or a step response: this computer switches the voltage over the console in open loop,
+//! Tuning on a board by a relay or a step response. This computer switches the voltage over the console in open loop,
 //! and the telemetry is the measurement. The firmware has no tuning mode.
 //!
 //! The relay switches some ticks after the sample that crossed the reference, because of the line and the console. That
@@ -18,7 +18,7 @@ use std::time::Instant;
 /// Slew limit during an experiment: the voltage has to jump.
 const JUMP_V_PER_S: f32 = 30_000.0;
 /// Interval at which the relay reads the speed.
-const LOOK_S: f64 = 1e-3;
+const READ_INTERVAL_S: f64 = 1e-3;
 /// Counts in the last part before a step from which the motor counts as turning.
 const TURNING_COUNTS: i32 = 20;
 const LAST_PART_S: f64 = 0.1;
@@ -37,7 +37,7 @@ pub enum TuningError {
     Step(#[from] StepError),
     /// Friction would count as missing gain.
     #[error(
-        "the motor stands still before the step, so that friction would count as missing gain: begin at a voltage at which it turns"
+        "the motor stands still before the step, so its friction would reduce the measured gain: begin at a voltage at which it turns"
     )]
     Standstill,
 }
@@ -101,7 +101,8 @@ fn jumping<B: Board, R>(
     experiment: impl FnOnce(&mut B) -> Result<R, TuningError>,
 ) -> Result<R, TuningError> {
     board.command(&format!("set slew_limit {JUMP_V_PER_S}"))?;
-    // If the board refuses to arm, as with a latched trip, the slew limit is restored as well: without it motors trip.
+    // If the board refuses to arm, as with a latched trip, the slew limit is restored as well. Without a slew limit
+    // motors trip.
     let result = begin(board).map_err(TuningError::from).and_then(|()| experiment(board));
     let left = board
         .command("disarm")
@@ -129,7 +130,7 @@ fn cycle(board: &mut impl Board, settings: &Settings, relay: &Relay) -> Result<B
     loop {
         board.stay_alive()?;
         let look = Instant::now();
-        let came = board.samples(LOOK_S)?;
+        let came = board.samples(READ_INTERVAL_S)?;
         silence.after(look, &came)?;
         for sample in untripped(came)? {
             let ticks = last.map_or(0, |last| sample.tick.wrapping_sub(last));

@@ -9,7 +9,7 @@ use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::NominalMotor;
-use motorbench_data::telemetry;
+use motorbench_data::telemetry::{self, IDENTIFICATION_SETTINGS};
 use motorbench_design::compensation::{OutOfRange, compensation};
 use motorbench_design::fixed_point::SettingList;
 use motorbench_design::law::ControlLaw;
@@ -21,15 +21,6 @@ use motorbench_link::board::{Board, BoardError, samples_of, untripped, watch_hos
 use motorbench_report::panels::{Panel, panels};
 use std::fmt::Write as _;
 
-/// Settings for the identification: nothing limits the excitation.
-const IDENTIFYING: [(Param, f32); 6] = [
-    (Param::CurrentLimit, 0.0),
-    (Param::TripPeak, 5.0),
-    (Param::TripContinuous, 3.0),
-    (Param::TripEncoder, 0.0),
-    (Param::TripStall, 0.0),
-    (Param::SlewLimit, 30_000.0),
-];
 /// The `identify` sequence: amplitude in volts, a hold in milliseconds, and its number of holds.
 const AMPLITUDE_V: f64 = 10.0;
 const HOLD_MS: u16 = 500;
@@ -38,7 +29,7 @@ const HOLDS: f64 = 40.0;
 const STRETCH_S: f64 = 0.8;
 /// Time before the first reference in the simulation.
 const BEFORE_S: f64 = 0.05;
-/// References as parts of the no-load speed: forth, back and slowly.
+/// References relative to the no-load speed: forward, back and slowly.
 const REFERENCES: [f64; 3] = [0.4, -0.4, 0.1];
 
 /// Why the experiment ended early.
@@ -53,7 +44,7 @@ pub enum ThesisError {
     /// No design for the model that was found.
     #[error(transparent)]
     Design(#[from] DesignError),
-    /// The losses found are beyond the core's compensation.
+    /// The losses found exceed the core's compensation.
     #[error(transparent)]
     Compensation(#[from] OutOfRange),
     /// The simulation of the loop.
@@ -72,7 +63,7 @@ pub struct Agreement {
 
 /// One law: simulated with the model found, and measured on the board.
 pub struct Loop {
-    /// Which, with its gains.
+    /// The law, with its gains.
     pub design: Design,
     /// What the firmware did, from the first reference on.
     pub measured: Recording,
@@ -119,7 +110,7 @@ pub fn thesis(
 /// Plays the sequence; returns the recording and its settings.
 fn identify(board: &mut impl Board) -> Result<(Recording, Settings), ThesisError> {
     let mut list = SettingList::default();
-    for (param, value) in IDENTIFYING {
+    for (param, value) in IDENTIFICATION_SETTINGS {
         list.set(param, value.into())?;
     }
     prepare(board, &list)?;
@@ -178,8 +169,7 @@ fn closed_loop(
     })
 }
 
-/// The samples from the tick at which the first reference took effect, and the ticks of all references, counted from
-/// that.
+/// The samples from the tick at which the first reference took effect, and the ticks of all references relative to it.
 fn on_board(
     board: &mut impl Board,
     list: &SettingList,
@@ -198,7 +188,7 @@ fn on_board(
             board.stay_alive()?;
             samples.extend(untripped(board.samples(0.01)?)?);
         }
-        // The console takes some ticks; the telemetry shows which was the first.
+        // The console takes some ticks. The telemetry shows the first one.
         let asked: &[Sample] = &samples[first..];
         let moved = asked.iter().position(|sample| sample.reference != asked[0].reference).unwrap_or(0);
         starts.push(asked[moved].tick);
@@ -209,7 +199,7 @@ fn on_board(
     Ok((samples, starts.iter().map(|tick| since_first(*tick)).collect()))
 }
 
-/// The same in the host's core with the model: references after these times, samples from the first on.
+/// The same on the host's core with the model. The references come after these times; the samples begin with the first.
 fn in_simulation(
     diagnosis: &Diagnosis,
     list: &SettingList,
@@ -266,7 +256,7 @@ fn figures(recording: &Recording, steps: &[(f64, f64)]) -> Vec<Figures> {
         limited: false,
     };
     let points: Vec<Point> = (0..recording.len()).map(point).collect();
-    // Half a tick aside, so that no rounding decides.
+    // Half a tick later, so that rounding does not decide.
     let at = |after_s: f64| points.partition_point(|point| point.t_s + 0.5e-3 < after_s);
     let ends = steps.iter().skip(1).map(|(after_s, _)| at(*after_s)).chain([points.len()]);
     let stretches = steps.iter().zip(ends).map(|(&(after_s, to), end)| (at(after_s)..end, to));

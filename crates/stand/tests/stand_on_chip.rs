@@ -1,5 +1,5 @@
-//! The stand on the real firmware: given an Uno with a motor whose constants are known, what is measured obeys them; a slow
-//! motor is waited for; a trip, Ctrl-C and a loose grip lose nothing.
+//! The stand on the real firmware. Given an Uno with a motor of known constants, the measurements obey these constants.
+//! A slow motor is waited for. A trip, Ctrl-C and a loose grip lose nothing.
 
 use host_sim::plant::{BridgeLosses, DcMotor, DcMotorParameters};
 use motorbench_chip::{Bench, ChipBoard, Rig, firmware_elf};
@@ -9,19 +9,19 @@ use motorbench_core::units::AMPERE;
 use motorbench_data::rig::NominalMotor;
 use motorbench_link::board::{Board, BoardError};
 use motorbench_link::record::Ended;
-use motorbench_stand::drive::{Findings, Found, Person, Plan, drive};
+use motorbench_stand::drive::{Findings, Found, Operator, Plan, drive};
 use std::cell::Cell;
 use std::ops::Range;
 use std::rc::Rc;
 
 const MOTOR: DcMotorParameters = DcMotorParameters { coulomb_friction_nm: 0.012, ..DcMotorParameters::PIVT6 };
 const BRIDGE: BridgeLosses = BridgeLosses::L293D;
-/// What hands turn the rotor with.
+/// Torque of the hands that turn the rotor.
 const HAND_NM: f64 = 0.03;
-/// By which a disturbed current reads too high.
+/// Amount by which a disturbed current reads too high.
 const DISTURBANCE: i16 = (0.05 * AMPERE) as i16;
 
-/// What hands do at the shaft.
+/// Action of the hands at the shaft.
 #[derive(Clone, Copy, Default, PartialEq)]
 enum Hands {
     #[default]
@@ -30,13 +30,13 @@ enum Hands {
     Hold,
 }
 
-/// A board with somebody beside it.
+/// A board with an operator.
 struct Attended<'a> {
     chip: ChipBoard<DcMotor>,
     hands: &'a Cell<Hands>,
-    /// At the shaft, while it turns forwards.
+    /// Action at the shaft while it turns forwards.
     brake_nm: Rc<Cell<f64>>,
-    /// In these ticks the current reads too high.
+    /// Ticks in which the current reads too high.
     disturbed: Range<u32>,
     last_tick: u32,
 }
@@ -98,13 +98,13 @@ impl Board for Attended<'_> {
     }
 }
 
-/// Does what is asked, in so many looks; grips loosely at first if told so.
+/// Does what is asked, after so many looks. The first grip can be loose.
 struct Fellow<'a> {
     hands: &'a Cell<Hands>,
     looks: u32,
     loose: bool,
     heard: Vec<String>,
-    /// Wants to stop after so many levels.
+    /// Stops the motor after so many levels.
     stops_after: usize,
     blocks_after: usize,
     brake_nm: Option<Rc<Cell<f64>>>,
@@ -127,7 +127,7 @@ impl<'a> Fellow<'a> {
     }
 }
 
-impl Person for Fellow<'_> {
+impl Operator for Fellow<'_> {
     fn stops(&mut self) -> bool {
         self.heard.len() >= self.stops_after
     }
@@ -166,7 +166,7 @@ fn plan(voltages_v: &[f64], positions: usize) -> Plan {
     Plan { voltages_v: voltages_v.into(), loads_nm: Vec::new(), readings: 3, positions, sectors: 0 }
 }
 
-/// Both equations of the motor at rest from all change, with the bridge's drop in pulse and off phase.
+/// Both equations of the motor in steady state, with the bridge's drop in pulse and off phase.
 #[test]
 fn readings_obey_the_motors_equations() {
     let hands = Cell::default();
@@ -189,7 +189,7 @@ fn readings_obey_the_motors_equations() {
     println!("{:?}", findings.readings);
 }
 
-/// What flows more under a load turns it; and the brake is open in the end.
+/// The additional current under a load drives that load. At the end the brake is open.
 #[test]
 fn readings_under_load_obey_the_motors_equations() {
     let hands = Cell::default();
@@ -206,7 +206,7 @@ fn readings_under_load_obey_the_motors_equations() {
     assert_eq!(findings.readings[6].load_Nm, 0.01);
 }
 
-/// Nobody sets the brake: nothing is measured under a load that is not there.
+/// If nobody sets the brake, nothing is measured under a load that is not there.
 #[test]
 fn a_brake_that_nobody_sets_leaves_its_load_out() {
     let hands = Cell::default();
@@ -235,8 +235,8 @@ fn a_held_winding_is_told_from_the_bridges_drop() {
     }
 }
 
-/// A hand that lets the rotor creep is viscous friction to it: resistance and drop come out in every sector of a turn, though
-/// the back-EMF is a tenth of a volt.
+/// A hand that lets the rotor creep acts as viscous friction. Resistance and drop are right in every sector of a
+/// revolution, though the back-EMF is a tenth of a volt.
 #[test]
 fn a_winding_is_measured_while_the_rotor_creeps() {
     let hands = Cell::default();
@@ -268,7 +268,7 @@ fn a_slow_motor_is_waited_for() {
     assert!((findings.readings[0].omega_rad_per_s / last - 1.0).abs() < 5e-3, "{last} {:?}", findings.readings);
 }
 
-/// What disagrees once is taken again; what goes on being different is left out, and said.
+/// A single disagreement is measured again. A level that disagrees again is left out, and the output says so.
 #[test]
 fn readings_that_disagree_once_are_taken_again() {
     let hands = Cell::default();
@@ -294,7 +294,7 @@ fn what_had_come_is_kept() {
     let findings = board.drive(&plan(&[6.0, 9.0], 0), &mut fellow);
     assert_eq!((findings.ended, findings.readings.len()), (Ended::Interrupted, 3));
 
-    // The rotor is caught after the first level: it draws its stall current.
+    // The rotor is held after the first level, so it draws its stall current.
     let mut fellow = Fellow::new(&hands);
     fellow.blocks_after = 1;
     let findings = board.drive(&plan(&[6.0, 9.0], 0), &mut fellow);

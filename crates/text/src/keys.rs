@@ -1,11 +1,11 @@
-//! Mistyped keys of files that people write: which key was meant, and where it stands.
+//! Mistyped keys of files: finds the key that was meant, and its line.
 
 use toml::de::{DeTable, DeValue};
 
-/// Letters a key may be off, as a part of its length; one is always allowed.
+/// Number of letters by which a key may differ, relative to its length. One letter is always allowed.
 const LETTERS_A_SLIP: usize = 4;
 
-/// The known key that a mistyped one most likely means, if any is near; upper and lower case do not count.
+/// The known key that is most similar to a mistyped one, if any is near. Upper and lower case do not matter.
 pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let typed = typed.to_lowercase();
     let most = (typed.chars().count() / LETTERS_A_SLIP).max(1);
@@ -14,7 +14,7 @@ pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Opt
     near.min_by_key(|(letters, _)| *letters).map(|(_, key)| key)
 }
 
-/// Line, from one on, of a key in a TOML text; `path` names its tables and last itself.
+/// Line, from one on, of a key in a TOML text. `path` gives its tables and at last the key.
 pub fn line(text: &str, path: &[&str]) -> Option<usize> {
     let (last, tables) = path.split_last()?;
     let mut table = DeTable::parse(text).ok()?.into_inner();
@@ -28,8 +28,7 @@ pub fn line(text: &str, path: &[&str]) -> Option<usize> {
     Some(text[..key.span().start].lines().count().max(1) + usize::from(text[..key.span().start].ends_with('\n')))
 }
 
-/// The reader's error, with the key that was meant where it is one that the reader does not know, and the number that was
-/// where its unit stands beside it.
+/// The reader's error with a hint: the key that was meant, or the number without its unit.
 pub fn explained(error: &toml::de::Error) -> String {
     let text = error.to_string();
     let mut names = error.message().split('`').skip(1).step_by(2);
@@ -42,7 +41,7 @@ pub fn explained(error: &toml::de::Error) -> String {
     }
 }
 
-/// What to write in place of a text where a number is expected.
+/// Hint for a text where a number is expected.
 fn number_advice(message: &str) -> Option<String> {
     let (text, expected) = message.strip_prefix("invalid type: string \"")?.split_once("\", expected ")?;
     if !["f32", "f64"].contains(&expected) && !expected.starts_with(['u', 'i']) {
@@ -53,7 +52,7 @@ fn number_advice(message: &str) -> Option<String> {
     Some(format!("write a number without its unit and without quotes{}", example.unwrap_or_default()))
 }
 
-/// What to write in place of a number with a decimal comma; `shown`: the line with the error.
+/// Hint for a number with a decimal comma; `shown`: the line with the error.
 fn point_advice(message: &str, shown: &str) -> Option<String> {
     let value = shown.lines().find_map(|line| line.rsplit_once('='))?.1.trim();
     let number = value.replacen(',', ".", 1);

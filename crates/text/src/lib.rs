@@ -1,4 +1,4 @@
-//! Texts for a person: mistyped keys of files, names as a shell takes them, numbers with the digits that count.
+//! Texts for a person: hints for mistyped keys, names quoted for a shell, numbers with their significant digits.
 //!
 //! ```
 //! use motorbench_text::{keys, terminal_text};

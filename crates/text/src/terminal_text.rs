@@ -1,6 +1,6 @@
-//! Texts and numbers for a person at a terminal.
+//! Texts and numbers for a terminal.
 
-/// Of a terminal that everything printed fits into.
+/// Width of a terminal that all output fits.
 pub const COLUMNS: usize = 80;
 
 /// A number with three significant digits.
@@ -24,7 +24,7 @@ pub fn rounded(value: f64, digits: i32) -> String {
     }
 }
 
-/// A number with so many digits behind its point; what rounds to zero has no sign.
+/// A number with so many digits after the point. A number that rounds to zero has no sign.
 pub fn fixed(value: f64, digits: usize) -> String {
     let text = format!("{value:.digits$}");
     match text.strip_prefix('-') {
@@ -33,10 +33,11 @@ pub fn fixed(value: f64, digits: usize) -> String {
     }
 }
 
-/// A sign and the space before it, between which no line ends.
+/// A sign and the space before it. No line ends between them.
 const HELD_PERCENT: &str = "\u{a0}%";
 
-/// Breaks a text into lines of [`COLUMNS`], the first after `first`, the others after `other`; the last ends its line.
+/// Breaks a text into lines of [`COLUMNS`]. The first begins after `first`, the others after `other`. The last line
+/// gets its line end.
 pub fn wrapped(text: &str, first: &str, other: &str) -> String {
     let words: Vec<&str> = text.split_whitespace().collect();
     let options = textwrap::Options::new(COLUMNS)
@@ -49,13 +50,13 @@ pub fn wrapped(text: &str, first: &str, other: &str) -> String {
     textwrap::fill(&text, options).replace(HELD_PERCENT, " %") + "\n"
 }
 
-/// A name as a shell takes it, for a command that a person is told to type.
+/// A name quoted for a shell, for a command that the user shall copy.
 pub fn quoted(name: &str) -> String {
-    // No name of a file has what cannot be quoted, a zero.
+    // A file name cannot contain a zero, which cannot be quoted.
     shlex::try_quote(name).map_or_else(|_| name.into(), Into::into)
 }
 
-/// A text whose lines that are longer than [`COLUMNS`] are broken; the others, and what they draw, stay as they are.
+/// Breaks the lines of a text that are longer than [`COLUMNS`]. All others stay unchanged.
 pub fn narrow(text: &str) -> String {
     let line = |line: &str| match line.chars().count() > COLUMNS {
         true => {

@@ -8,7 +8,7 @@ use motorbench_core::control_loop::LoopConfig;
 use motorbench_core::excitation::Kind;
 use motorbench_core::message::{Mode, Trip};
 use motorbench_core::settings::{Param, Settings, Text, text};
-use motorbench_data::names::setting_name as name;
+use motorbench_data::names::setting_name;
 use motorbench_model::Model;
 use motorbench_text::keys;
 use serde::Deserialize;
@@ -380,7 +380,7 @@ fn trip(name: &str) -> Result<Trip, String> {
 }
 
 fn unknown_setting(typed: &str, text_of_file: &str) -> String {
-    let known: Vec<String> = Param::ALL.iter().map(|param| name(*param)).collect();
+    let known: Vec<String> = Param::ALL.iter().map(|param| setting_name(*param)).collect();
     let meant = keys::suggestion(keys::nearest(typed, known.iter().map(String::as_str)));
     let line = keys::line(text_of_file, &["settings", typed]).unwrap_or(1);
     format!("line {line}: [settings] {typed}: no such setting{meant}; see `cargo run --bin firmware`")
@@ -399,7 +399,7 @@ fn settings(given: &BTreeMap<String, f64>, text_of_file: &str) -> Result<Setting
     match LoopConfig::build(&settings) {
         Ok(_) => Ok(settings),
         Err(error) => {
-            let at = keys::line(text_of_file, &["settings", &name(error.param)]);
+            let at = keys::line(text_of_file, &["settings", &setting_name(error.param)]);
             let line = at.map_or_else(String::new, |line| format!("line {line}: "));
             Err(format!("{line}[settings] {}", refusal(&settings, error)))
         }

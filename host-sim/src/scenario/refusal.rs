@@ -3,7 +3,7 @@
 use motorbench_core::control_loop::LoopConfig;
 use motorbench_core::settings::{BuildError, Param, Settings};
 use motorbench_core::units::Rule;
-use motorbench_data::names::setting_name as name;
+use motorbench_data::names::setting_name;
 
 /// Halvings that locate the limit of the core's formats, to more digits than a setting has.
 const HALVINGS: u32 = 40;
@@ -19,7 +19,7 @@ pub fn refusal(settings: &Settings, error: BuildError) -> String {
         Rule::NotPowerOfTwo => "it takes powers of two".into(),
         Rule::NotAllowed | Rule::NotFinite => "it does not take this value".into(),
     };
-    format!("{} = {value}: the core's numbers cannot hold that; {why}", name(param))
+    format!("{} = {value}: the core's numbers cannot hold that; {why}", setting_name(param))
 }
 
 /// Between the default, if the core accepts that, and the refused value.

@@ -93,9 +93,7 @@ impl Arguments {
         }
         let delay_ms = self.delay_ms;
         if !(0.0..=MOST_PERIODS_LATE * period_ms).contains(&delay_ms) {
-            return Err(Failure::input(format!(
-                "--delay-ms = {delay_ms}: it must be between 0 and {MOST_PERIODS_LATE} periods"
-            )));
+            return Err(Failure::input(format!("--delay-ms = {delay_ms}: expected 0 to {MOST_PERIODS_LATE} periods")));
         }
         let form = |of: TransferFunction| {
             TransferFunction::sampled(&of.state_space().discretise(1e-3 * period_ms, 1e-3 * delay_ms), 0)
@@ -105,11 +103,11 @@ impl Arguments {
     }
 }
 
-/// Sampling of loops, with a wide margin; beyond it the digits of a number do not suffice.
+/// Sampling periods of loops, with a wide margin. Beyond them the digits of a number do not suffice.
 const PERIOD_MS: RangeInclusive<f64> = 1e-3..=1e4;
 /// Longest delay for which the form in `z` is useful.
 const MOST_PERIODS_LATE: f64 = 10.0;
-/// Points of a frequency response, and how far beyond the poles it reaches.
+/// Points of a frequency response, and its range beyond the poles.
 const FREQUENCIES: usize = 301;
 const BEYOND_POLES: f64 = 100.0;
 /// Points of a step response, and its length in the slowest time constant.
@@ -155,7 +153,7 @@ fn step_csv(motor: &MotorParameters) -> String {
     text
 }
 
-/// The motor of a rig or model file, and the rest of it.
+/// The motor of a rig or model file, and the other content of the file.
 pub fn motor_of(path: &Path) -> Result<(MotorParameters, Rig), Failure> {
     let name = path.display();
     let rig = motorbench_files::rig(path).map_err(Failure::input)?;
@@ -164,7 +162,7 @@ pub fn motor_of(path: &Path) -> Result<(MotorParameters, Rig), Failure> {
     Ok((motor, rig))
 }
 
-/// Numerator over denominator, on lines of their own where one is too long for a terminal.
+/// Numerator over denominator. They get lines of their own if one is too long for a terminal.
 fn equation(name: &str, function: &str) -> String {
     let line = format!("{name:14} {function}\n");
     let Some((numerator, denominator)) = function.split_once(" / ").filter(|_| line.len() > COLUMNS + 1) else {
@@ -260,7 +258,7 @@ mod tests {
         assert!((figures["electromechanical_time_constant_s"].as_f64().unwrap() - 0.025).abs() < 1e-6);
     }
 
-    /// Files that another program reads: headers with units, values that are those of the transfer functions.
+    /// Files for other programs: headers with units, and the values of the transfer functions.
     #[test]
     fn responses_as_files() {
         let motor = MotorParameters::PIVT6;
@@ -270,7 +268,8 @@ mod tests {
         };
         let bode = rows(&bode_csv(&motor));
         assert_eq!((bode.len(), bode[0].len()), (FREQUENCIES, 7));
-        // Far below both poles the speed is the gain, far above it falls by 40 dB a decade, and its phase ends at -180.
+        // Far below both poles the gain of the speed is constant. Far above it falls by 40 dB a decade, and its phase
+        // ends at -180 degrees.
         assert!((bode[0][1] / speed(&motor).dc_gain() - 1.0).abs() < 1e-3 && bode[0][2].abs() < 1.0, "{:?}", bode[0]);
         let last = bode.last().unwrap();
         assert!((last[2] + 180.0).abs() < 1.0 && (last[4] + 90.0).abs() < 1.0 && (last[6] + 270.0).abs() < 1.0);
@@ -283,7 +282,7 @@ mod tests {
         assert!((area / end[3] - 1.0).abs() < 1e-4, "{area} {end:?}");
     }
 
-    /// As printed, and read back: fast sampling leaves the gain in the last digits. No line is wider than a terminal.
+    /// With fast sampling the printed digits still give the gain. No line is wider than a terminal.
     #[test]
     fn printed_forms_have_the_gain_of_the_motor() {
         let motor = MotorParameters::PIVT6;
@@ -324,7 +323,7 @@ mod tests {
             (asked(0.0, 0.0), "--period-ms = 0.0: expected 0.001 to 10000 milliseconds"),
             (asked(f64::NAN, 0.0), "--period-ms = NaN"),
             (asked(1e-9, 0.0), "--period-ms = 1e-9: expected"),
-            (asked(1.0, -0.1), "--delay-ms = -0.1: it must be between 0 and 10 periods"),
+            (asked(1.0, -0.1), "--delay-ms = -0.1: expected 0 to 10 periods"),
             (asked(1.0, 20.0), "--delay-ms = 20"),
         ] {
             let message = arguments.sampled(&motor).unwrap_err().message;

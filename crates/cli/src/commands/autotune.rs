@@ -1,6 +1,8 @@
 //! `motorbench autotune`: gains from an experiment on a board.
 
-use super::board::{PortArguments, finite, on_interrupt};
+use super::interaction::on_interrupt;
+use super::port::PortArguments;
+use super::record::finite;
 use super::{Failure, JSON_TO, Outputs, TERMINAL, write, write_json};
 use clap::Args;
 use motorbench_core::message::Sample;
@@ -20,14 +22,15 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// The acceptance test: a second on the reference, of which the last quarter counts; this share of the samples has to
+/// The acceptance test lasts a second on the reference. Its last quarter counts. This share of the samples has to
 /// arrive.
 const TEST_S: f64 = 1.0;
 const LAST_PART: f64 = 0.25;
-const COME_SHARE: f64 = 0.9;
-/// Before it the motor comes to rest: to this share of the reference, checked at this interval, this many times.
+const LEAST_SAMPLES_SHARE: f64 = 0.9;
+/// Before the test the motor comes to rest: below this share of the reference, checked at this interval, this many
+/// times.
 const RESTING_SHARE: f64 = 0.05;
-const LOOK_S: f64 = 0.1;
+const READ_INTERVAL_S: f64 = 0.1;
 const MOST_LOOKS: usize = 100;
 /// Limits of the acceptance test.
 const MOST_OVERSHOOT_PERCENT: f64 = 35.0;
@@ -144,7 +147,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     let restore = format!("set {}", before.join(" "));
     let tested = acceptance(board, settings, arguments.reference);
     if tested.is_err() {
-        // The reason is reported below; a board that is gone has lost the gains with its supply.
+        // The reason is reported below. A board that is gone has lost the gains with its supply.
         let _ = board.command(&restore);
     }
     let (overshoot_percent, error) = tested?;
@@ -178,7 +181,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     if let Some(path) = &arguments.console {
         write(path, &(line + "\n"))?;
     }
-    let accepted = "accepted; the gains are lost at the next reset:\n`motorbench connect save` keeps them\n";
+    let accepted = "accepted; the gains are lost at the next reset.\n`motorbench connect save` keeps them\n";
     outputs.say(&arguments.port.named_in(accepted));
     Ok(())
 }
@@ -219,7 +222,7 @@ fn experiment(
     };
     let found = on_board::relay(board, settings, &relay).map_err(failed)?;
     let text = format!(
-        "relay: period {:.1} ms, ultimate gain {:.3} V s/rad; {:.1} ms of the period are the way to the computer and back",
+        "relay: period {:.1} ms, ultimate gain {:.3} V s/rad; {:.1} ms of the period are the delay to the computer and back",
         1e3 * found.cycle.period_s,
         found.cycle.ultimate_gain_v_s_per_rad,
         1e3 * found.delay_s
@@ -234,14 +237,14 @@ fn shown(settings: &Settings, name: &str) -> String {
     format!("{name} {value}")
 }
 
-/// Lets the bridge brake the motor first, which may turn from the experiment: that motion is no overshoot.
+/// Lets the bridge brake the motor, which may still turn from the experiment. That motion is no overshoot.
 fn come_to_rest(board: &mut impl Board, settings: &Settings, reference: f64) -> Result<(), BoardError> {
     arm(board)?;
     board.command("mode open")?;
     board.samples(0.0)?;
     let resting = RESTING_SHARE * reference.abs() / speed_bit_rad_per_s(settings);
     for _ in 0..MOST_LOOKS {
-        let samples = untripped(samples_of(board, LOOK_S, settings.get(Param::TickRate).into())?)?;
+        let samples = untripped(samples_of(board, READ_INTERVAL_S, settings.get(Param::TickRate).into())?)?;
         if samples.last().is_some_and(|last| f64::from(last.speed).abs() <= resting) {
             break;
         }
@@ -272,7 +275,7 @@ fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Re
 fn has_come(samples: &[Sample]) -> Result<(), BoardError> {
     let (came, missing) = (samples.len(), missing_ticks(samples));
     let sent = came as f64 + f64::from(missing);
-    if came as f64 >= COME_SHARE * sent {
+    if came as f64 >= LEAST_SAMPLES_SHARE * sent {
         return Ok(());
     }
     Err(BoardError::Failed(format!(
@@ -293,7 +296,7 @@ mod tests {
     fn gains_are_not_accepted_by_samples_that_did_not_come() {
         let (overshoot_percent, error) = tested(&mut Fake::that_sends(u32::MAX)).unwrap();
         assert!(overshoot_percent < 0.1 && error < 0.1, "{overshoot_percent} % {error}");
-        // The motor comes to rest within the first 100; the test begins, or does not.
+        // The motor comes to rest within the first 100 samples. Then the test begins, or does not.
         for samples in [50, 100, 400] {
             let mut board = Fake::that_sends(samples);
             assert_eq!(tested(&mut board), Err(BoardError::NoTelemetry), "{samples}");

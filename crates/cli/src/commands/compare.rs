@@ -1,4 +1,4 @@
-//! `motorbench compare`
+//! `motorbench compare`: two recordings, two models, or a recording and a model.
 
 use super::{
     Failure, Outputs, mapping, plot_file, read_model, read_recording, rig_file, rig_for, write_json, write_plot,
@@ -142,7 +142,7 @@ pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
     panels(compared.interval_s, &compared.channels.iter().flat_map(of_channel).collect::<Vec<_>>())
 }
 
-/// A free run of the model over the recording, against everything that was measured.
+/// A free run of the model over the recording, compared with all measured quantities.
 fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(), Failure> {
     let rig = rig_for(arguments.rig.as_deref(), Some(recording))?;
     let recording = read_recording(recording, &arguments.columns)?;
@@ -171,7 +171,7 @@ const STEP_LENGTH: f64 = 8.0;
 const STEP_SAMPLES: usize = 400;
 /// Frequencies of the magnitudes, around the motor's own.
 const RELATIVE_FREQUENCIES: [f64; 5] = [0.1, 0.3, 1.0, 3.0, 10.0];
-/// Points of the frequency responses that are drawn, and decades to either side of the motor's own frequency.
+/// Points of the frequency responses in the plot, and decades on either side of the motor's own frequency.
 const BODE_POINTS: usize = 120;
 const BODE_DECADES: f64 = 2.0;
 
@@ -264,12 +264,12 @@ fn step(model: Model, voltage_v: f64, interval_s: f64) -> Vec<f64> {
         .collect()
 }
 
-/// Constants with intervals: how many standard deviations they are apart.
+/// Constants with intervals, and their difference in standard deviations.
 fn constants(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
         let path = path.display();
         return Err(Failure::input(format!(
-            "{path}: constants have no plot; compare recordings or models, or leave --plot out"
+            "{path}: constants have no plot. Compare recordings or models, or omit --plot"
         )));
     }
     let read = |path: &Path| -> Result<Value, Failure> {

@@ -1,6 +1,7 @@
 //! `motorbench connect`: a board's console. The drive never stays on when the program ends.
 
-use super::board::{PortArguments, lifted_protections, on_interrupt, typed_lines};
+use super::interaction::{on_interrupt, typed_lines};
+use super::port::{PortArguments, lifted_protections};
 use super::{Failure, TERMINAL, tell};
 use clap::Args;
 use motorbench_core::console::explanation;
@@ -16,12 +17,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::TryRecvError;
 
 /// Interval at which the board is read while waiting for the user.
-const LOOK_S: f64 = 0.02;
-/// Commands that would take the binary stream from this program, and the reason for refusing them.
+const READ_INTERVAL_S: f64 = 0.02;
+/// Commands that would end the binary stream of this program, and the message for them.
 const OF_THE_STREAM: [&str; 2] = ["stream", "record"];
 const NOT_HERE: &str = "is not possible in connect, which uses the binary stream itself. Use `sequence` to play, `motorbench tune` to watch, `motorbench record` to record";
-/// Commands that show, change or keep settings.
-/// Commands whose answer is a list, of which the chip has the names and this program the explanations.
+/// Commands that show, change or keep settings. For commands whose answer is a list, the chip has the names and this
+/// program the explanations.
 const LISTS: [&str; 2] = ["help", "show"];
 const OF_SETTINGS: [&str; 5] = ["set", "show", "save", "load", "defaults"];
 
@@ -73,11 +74,11 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// How an armed drive stops if this program dies.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Watch {
-    /// By the board's own `trip_host`, which may be off.
+    /// The board's own `trip_host`, which may be off.
     Unknown,
-    /// By itself: `trip_host` was off, and this program sets it.
+    /// This program: `trip_host` was off, and it sets it.
     Set,
-    /// As the user sets it.
+    /// The user's setting.
     Own,
 }
 
@@ -138,7 +139,7 @@ impl Console {
                 self.refused.get_or_insert_with(refused);
                 vec![reply]
             }
-            // Its cause is still present.
+            // The cause of the trip is still present.
             Err(tripped @ BoardError::Tripped(_)) => {
                 let reply = format!("error: {tripped}");
                 self.refused.get_or_insert(tripped.into());
@@ -150,7 +151,7 @@ impl Console {
         Ok(())
     }
 
-    /// Sends a line, and watches the drive from `arm` on. An empty line has no answer: it stops the motor.
+    /// Sends a line, and watches the drive from `arm` on. An empty line stops the motor and has no answer.
     fn ask(&mut self, line: &str) -> Result<Vec<String>, BoardError> {
         let line = if line.trim().is_empty() { "stop" } else { line };
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -179,7 +180,7 @@ impl Console {
     fn look(&mut self, trip: &mut Trip) -> Result<(), BoardError> {
         self.watch()?;
         self.link.stay_alive()?;
-        for sample in self.link.samples(LOOK_S)? {
+        for sample in self.link.samples(READ_INTERVAL_S)? {
             if sample.trip != *trip && sample.trip != Trip::None {
                 tell(&format!("the drive tripped ({}): {}; then `clear`", trip_words(sample.trip), cause(sample.trip)));
             }
@@ -196,7 +197,7 @@ impl Console {
         if self.link.shows("trip_host")? == Some(0.0) {
             match self.link.command(&format!("set trip_host {LOST_AFTER_MS}")) {
                 Ok(()) => self.watch = Watch::Set,
-                // Settings are being saved: later.
+                // While settings are saved, the board is not asked.
                 Err(BoardError::Refused { .. }) => {}
                 Err(error) => return Err(error),
             }
@@ -252,14 +253,14 @@ impl Drop for Console {
     }
 }
 
-/// The lines of an argument, which may be a file's text; an empty line, which stops the motor, only if there is no
-/// other.
+/// The lines of an argument, which may be the text of a file. An empty line, which stops the motor, counts only if it
+/// is the only one.
 fn single_lines(text: &str) -> impl Iterator<Item = &str> {
     let is_empty = text.trim().is_empty();
     motorbench_link::lines(text).filter(move |line| is_empty || !line.trim().is_empty())
 }
 
-/// Why a line is not sent.
+/// Reason for not sending a line.
 fn not_here(line: &str) -> Option<String> {
     let command = line.split_whitespace().next().filter(|command| OF_THE_STREAM.contains(command))?;
     Some(format!("{command} {NOT_HERE}"))

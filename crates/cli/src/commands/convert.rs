@@ -1,13 +1,14 @@
 //! `motorbench convert`: recordings from and to other formats.
 
 use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write, write_json};
-use clap::{Args, ValueEnum};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use motorbench_data::convert::{self, Dialect, Format, Mapping, Names};
 use motorbench_data::recording::Channel;
 use motorbench_files::text_file;
 use std::path::{Path, PathBuf};
 
-/// Converts recordings from and to CSV of other kinds, PlotJuggler, WPILib SysId and WPILOG, MATLAB and NumPy.
+/// Converts recordings from and to CSV of other programs, PlotJuggler, WPILib SysId and WPILOG, MATLAB and NumPy.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench convert log.wpilog run.csv --map velocity=omega_rad_per_s*6.2832 \\
@@ -24,66 +25,41 @@ pub struct Arguments {
     source: PathBuf,
     /// File to write; its ending gives the format. - for the terminal, as CSV unless --to gives another format.
     target: PathBuf,
-    /// Format of the source, whatever its ending says.
-    #[arg(long, value_name = "FORMAT")]
-    from: Option<FileFormat>,
-    /// Format of the target, whatever its ending says.
-    #[arg(long, value_name = "FORMAT")]
-    to: Option<FileFormat>,
+    /// Format of the source, if its ending does not give it.
+    #[arg(long, value_name = "FORMAT", value_parser = format_name())]
+    from: Option<Format>,
+    /// Format of the target, if its ending does not give it.
+    #[arg(long, value_name = "FORMAT", value_parser = format_name())]
+    to: Option<Format>,
     /// A source column and its channel, with a factor for other units: velocity=omega_rad_per_s*6.2832.
     #[arg(long = "map", value_name = "NAME=CHANNEL")]
     names: Vec<Mapping>,
     /// A channel and its name in the target: omega_rad_per_s=speed.
     #[arg(long = "rename", value_name = "CHANNEL=NAME", value_parser = renaming)]
     renamed: Vec<(Channel, String)>,
-    /// Separator of a CSV source; default: the one that its header has most of.
+    /// Separator of a CSV source; default: the most frequent one in its header.
     #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
     delimiter: Option<u8>,
-    /// The CSV source writes 1,5 for 1.5; found by itself where semicolons separate the values.
+    /// The CSV source has decimal commas (1,5 for 1.5). Found automatically if semicolons separate the values.
     #[arg(long)]
     decimal_comma: bool,
     /// Separator of a CSV target.
     #[arg(long, value_name = "CHARACTER", value_parser = delimiter)]
     to_delimiter: Option<u8>,
-    /// The CSV target writes 1,5 for 1.5, with semicolons between values.
+    /// The CSV target gets decimal commas (1,5 for 1.5), with semicolons between values.
     #[arg(long)]
     to_decimal_comma: bool,
-    /// Prints what was converted as JSON.
+    /// Prints a summary as JSON.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
 
-/// [`Format`], as the command line has it.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum FileFormat {
-    /// A table with a header line (.csv, .tsv, .txt).
-    Csv,
-    /// `PlotJuggler`'s CSV: times in `__time`, cells may be empty.
-    Plotjuggler,
-    /// Legacy JSON of `WPILib` `SysId`: four tests, rotations (.json).
-    Sysid,
-    /// `WPILib` data log 1.0 (.wpilog).
-    Wpilog,
-    /// MATLAB level 5, one vector for each channel (.mat).
-    Mat,
-    /// `NumPy`, one structured array (.npy).
-    Npy,
-    /// `NumPy`, one array for each channel (.npz).
-    Npz,
-}
-
-impl From<FileFormat> for Format {
-    fn from(format: FileFormat) -> Self {
-        match format {
-            FileFormat::Csv => Self::Csv,
-            FileFormat::Plotjuggler => Self::Plotjuggler,
-            FileFormat::Sysid => Self::Sysid,
-            FileFormat::Wpilog => Self::Wpilog,
-            FileFormat::Mat => Self::Mat,
-            FileFormat::Npy => Self::Npy,
-            FileFormat::Npz => Self::Npz,
-        }
-    }
+/// Parses the name of a [`Format`]; the help text lists all of them.
+fn format_name() -> impl TypedValueParser<Value = Format> {
+    let possible = Format::ALL.map(|format| PossibleValue::new(format.name()).help(format.description()));
+    PossibleValuesParser::new(possible).map(|name| {
+        Format::ALL.into_iter().find(|format| format.name() == name).expect("the parser accepts only these names")
+    })
 }
 
 fn renaming(text: &str) -> Result<(Channel, String), String> {
@@ -108,10 +84,10 @@ fn delimiter(text: &str) -> Result<u8, String> {
 /// [`Failure`] with file, place and what to do.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let format =
-        |said: Option<Format>, path: &Path| said.map_or_else(|| Format::of_path(path), Ok).map_err(Failure::input);
-    // Without a file there is no ending.
-    let wanted = arguments.to.map(Format::from).or_else(|| is_terminal(&arguments.target).then_some(Format::Csv));
-    let (from, to) = (format(arguments.from.map(Format::from), &arguments.source)?, format(wanted, &arguments.target)?);
+        |given: Option<Format>, path: &Path| given.map_or_else(|| Format::of_path(path), Ok).map_err(Failure::input);
+    // The standard output has no ending.
+    let target_format = arguments.to.or_else(|| is_terminal(&arguments.target).then_some(Format::Csv));
+    let (from, to) = (format(arguments.from, &arguments.source)?, format(target_format, &arguments.target)?);
     let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&arguments.json))?;
     let name = arguments.source.display().to_string();
     let bytes = std::fs::read(&arguments.source)
@@ -124,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let written = convert::write(recording, to, &arguments.renamed, dialect).map_err(Failure::input)?;
     let target = &arguments.target;
     write(target, &written)?;
-    // It has a place for four tests only.
+    // SysId holds four tests only.
     let tests = (to == Format::Sysid)
         .then(|| convert::read(&name, &written, to, &Names::default(), Dialect::default()))
         .transpose()

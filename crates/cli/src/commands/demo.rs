@@ -16,9 +16,10 @@ use motorbench_core::message::State;
 use motorbench_core::message::{Mode, Request, Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
+use motorbench_data::names::setting_name;
 use motorbench_data::names::trip_words;
 use motorbench_data::rig::{NominalMotor, Rig};
-use motorbench_data::telemetry;
+use motorbench_data::telemetry::{self, IDENTIFICATION_SETTINGS};
 use motorbench_diagnosis::diagnose::outcome::Outcome;
 use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
 #[cfg(feature = "chip")]
@@ -54,14 +55,14 @@ const LEVEL_V: f64 = 10.0;
 const STEP_TICKS: u32 = 500;
 const SUPPLY_V: f64 = 12.0;
 /// Duration of the sequence, and a slightly longer waiting time.
-const LASTS_S: f64 = 20.0;
+const SEQUENCE_S: f64 = 20.0;
 #[cfg(feature = "chip")]
-const DURATION_S: f64 = LASTS_S + 0.1;
-/// While it is recorded.
+const WAIT_S: f64 = SEQUENCE_S + 0.1;
+/// Message during the recording.
 const RECORDING: &str = "20 s of the sequence `identify` are recorded";
-/// Of the page, beside those of diagnoses.
+/// Name of the page, beside those of diagnoses.
 const TITLE: &str = "motorbench demo";
-/// The constant of an effect that is a time.
+/// A constant of an effect that is a time.
 const TIME: &str = "time_s";
 
 /// Records, diagnoses and controls a simulated motor with a random hidden effect.
@@ -83,7 +84,7 @@ pub struct Arguments {
     csv: Option<PathBuf>,
 }
 
-/// Lines of a terminal, without that which says where the page is and the prompt's.
+/// Lines of a terminal without those for the place of the page and for the prompt.
 const SCREENFUL: u16 = 22;
 
 /// Runs it.
@@ -99,7 +100,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let nominal = wrong(&truth.motor, &mut random);
     let settings = recording_settings();
     let recorded = record(&truth, settings)?;
-    let drawn = wrapped(&format!("A motor with something hidden in it (seed {seed}): {}.", recorded.words()), "", "");
+    let drawn = wrapped(&format!("A motor with a hidden effect (seed {seed}): {}.", recorded.words()), "", "");
     outputs.say(&drawn);
     let recording = telemetry::recording("demo", &recorded.samples, &settings);
     let rig = (recorded.rig)(&settings, NominalMotor::from(nominal));
@@ -170,15 +171,15 @@ fn page_is_at(path: &Path) -> String {
     format!("All of it, with plots: {}\n", path.display())
 }
 
-/// Writes the page under its default name, never over an existing file, and prints its place. Errors are reported but
-/// do not fail the command.
+/// Writes the page under its default name and prints its place. It never replaces an existing file. Errors are reported
+/// but do not fail the command.
 fn unasked(path: &Path, html: &str) -> String {
     let error = match File::create_new(path).and_then(|mut file| file.write_all(html.as_bytes())) {
         Ok(()) => return page_is_at(path),
         Err(error) => error,
     };
     let why = match error.kind() {
-        ErrorKind::AlreadyExists => format!("{} is there and is left as it is", path.display()),
+        ErrorKind::AlreadyExists => format!("{} exists and is not replaced", path.display()),
         _ => super::cannot_write(path, &error).message,
     };
     wrapped(&format!("No page with plots: {why}; --report FILE.html writes it elsewhere"), "", "")
@@ -194,7 +195,7 @@ fn errors(outcome: &Outcome) -> String {
     text
 }
 
-/// A line of a table: what, and numbers.
+/// A line of a table: a name, and numbers.
 fn row<const COUNT: usize>(what: &str, numbers: [&str; COUNT]) -> String {
     let numbers: String = numbers.iter().map(|number| format!(" {number:>10}")).collect();
     format!("{what:44}{numbers}\n")
@@ -208,7 +209,7 @@ fn rig_of(recording: &Path) -> PathBuf {
 impl Arguments {
     fn outputs(&self) -> Result<Outputs, Failure> {
         if self.csv.as_deref().is_some_and(is_terminal) {
-            return Err(Failure::input("--csv -: a rig file is written beside the recording: give it a name"));
+            return Err(Failure::input("--csv -: a rig file is written beside the recording, so give it a file name"));
         }
         let rig = self.csv.as_deref().map(rig_of);
         Outputs::new([], [&self.report, &self.csv, &rig, &self.json].into_iter().flatten())
@@ -232,7 +233,7 @@ fn draw(random: &mut ChaCha8Rng) -> Model {
         speed_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,
         supply_v: SUPPLY_V,
         current_a: SUPPLY_V / motor.resistance_ohm,
-        duration_s: LASTS_S,
+        duration_s: SEQUENCE_S,
         interval_s: 1e-3,
         pwm_hz: 20_000.0,
     };
@@ -244,7 +245,7 @@ fn draw(random: &mut ChaCha8Rng) -> Model {
         .with(hidden, values(hidden, &scales, random))
 }
 
-/// One of the effect's usual values, its size up to three times as much.
+/// One of the effect's usual values, scaled by a random factor of at most three.
 fn values(effect: &dyn Effect, scales: &Scales, random: &mut ChaCha8Rng) -> Vec<f64> {
     let mut starts = effect.starts(scales);
     let mut values = starts.swap_remove(random.random_range(0..starts.len()));
@@ -255,7 +256,7 @@ fn values(effect: &dyn Effect, scales: &Scales, random: &mut ChaCha8Rng) -> Vec<
     values
 }
 
-/// Values as of a data sheet: off by up to 15 %.
+/// Values of a data sheet: off by up to 15 %.
 fn wrong(motor: &MotorParameters, random: &mut ChaCha8Rng) -> MotorParameters {
     let mut off = |value: f64| value * random.random_range(0.85..1.15);
     MotorParameters {
@@ -270,17 +271,8 @@ fn wrong(motor: &MotorParameters, random: &mut ChaCha8Rng) -> MotorParameters {
 /// Settings for identification: nothing limits the voltage, and trips are as wide as possible.
 fn recording_settings() -> Settings {
     let mut settings = Settings::defaults();
-    let wide = [
-        (Param::SupplyVoltage, SUPPLY_V as f32),
-        (Param::VoltageLimit, SUPPLY_V as f32),
-        (Param::SlewLimit, 30_000.0),
-        (Param::CurrentLimit, 0.0),
-        (Param::TripPeak, 5.0),
-        (Param::TripContinuous, 3.0),
-        (Param::TripStall, 0.0),
-        (Param::TripEncoder, 0.0),
-    ];
-    for (param, value) in wide {
+    let supply = [(Param::SupplyVoltage, SUPPLY_V as f32), (Param::VoltageLimit, SUPPLY_V as f32)];
+    for (param, value) in supply.into_iter().chain(IDENTIFICATION_SETTINGS) {
         settings.set(param, value).expect("within the settings' ranges");
     }
     settings
@@ -290,7 +282,7 @@ fn recording_settings() -> Settings {
 struct Recorded {
     samples: Vec<Sample>,
     by: String,
-    /// What the rig file says of it.
+    /// Rig of the recording.
     rig: fn(&Settings, NominalMotor) -> Rig,
 }
 
@@ -298,11 +290,11 @@ impl Recorded {
     /// Part of a sentence.
     fn words(&self) -> String {
         let missing = missing_ticks(&self.samples);
-        format!("{} samples in {LASTS_S} s, {missing} missing, recorded by {}", self.samples.len(), self.by)
+        format!("{} samples in {SEQUENCE_S} s, {missing} missing, recorded by {}", self.samples.len(), self.by)
     }
 }
 
-/// By the firmware on the simulated chip; if that is not available, by its control core on this computer.
+/// By the firmware on the simulated chip. If that is not available, by its control core on this computer.
 #[cfg(feature = "chip")]
 fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
     match super::firmware() {
@@ -321,7 +313,7 @@ fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
 /// By the firmware's control core on this computer.
 #[cfg(not(feature = "chip"))]
 fn record(truth: &Model, settings: Settings) -> Result<Recorded, Failure> {
-    let why = "built without the simulated chip: `scripts/setup chip` installs what it needs";
+    let why = "built without the simulated chip: `scripts/setup chip` installs its requirements";
     record_on_host(truth, settings, why)
 }
 
@@ -334,13 +326,13 @@ fn record_on_chip(elf: &std::path::Path, truth: &Model, settings: &Settings) -> 
     let mut board = motorbench_chip::ChipBoard::start(bench)?;
     let defaults = Settings::defaults();
     for param in Param::ALL.iter().copied().filter(|param| settings.get(*param) != defaults.get(*param)) {
-        board.command(&format!("set {} {}", motorbench_data::names::setting_name(param), settings.get(param)))?;
+        board.command(&format!("set {} {}", setting_name(param), settings.get(param)))?;
     }
     board.command("arm")?;
     board.command("mode open")?;
     board.samples(0.0)?;
     board.command(&format!("sequence identify {LEVEL_V} 0 {STEP_TICKS}"))?;
-    let mut samples = untripped(board.samples(DURATION_S)?)?;
+    let mut samples = untripped(board.samples(WAIT_S)?)?;
     board.command("disarm")?;
     samples.retain(|sample| sample.state.has(State::PLAYING));
     Ok(samples)
@@ -351,7 +343,7 @@ fn record_on_host(truth: &Model, settings: Settings, why: &str) -> Result<Record
     let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
     trial.enter(Mode::OpenLoop);
     let sequence = Sequence::new(Kind::Identify, (LEVEL_V * f64::from(VOLT)) as i16, 0, STEP_TICKS, 1, 1)
-        .expect("a constant that is right");
+        .expect("the sequence is a valid constant");
     trial.tick(Some(Request::Play(sequence)));
     let mut samples = Vec::new();
     working(RECORDING, |_| {
@@ -379,7 +371,7 @@ fn working<T>(what: &'static str, work: impl FnOnce(&ProgressBar) -> T) -> T {
     done
 }
 
-/// The hidden effect by the clock of the recording, which began some time after the motor had its supply.
+/// The hidden effect by the clock of the recording. The motor had its supply some time before the recording.
 fn on_clock_of(samples: &[Sample], truth: &Model, settings: &Settings) -> Model {
     let first = samples.first().map_or(0, |sample| sample.tick);
     let before_s = f64::from(first) / f64::from(settings.get(Param::TickRate));
@@ -408,7 +400,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("page.html");
         assert!(unasked(&path, "first").ends_with("page.html\n"));
-        assert!(unasked(&path, "second").contains("left as it is"));
+        assert!(unasked(&path, "second").contains("is not replaced"));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "first");
         let said = unasked(&directory.path().join("none/page.html"), "third");
         assert!(

@@ -38,7 +38,7 @@ use std::path::PathBuf;
     --largest-V 3
   motorbench design --rig rig.toml --position --lqr --q 100,0.2,0,1000 --r 1")]
 pub struct Arguments {
-    /// Rig file: supply, encoder or tachogenerator, and the motor unless a model gives it.
+    /// Rig file: supply, encoder or tachogenerator, and the motor unless --model gives it.
     #[arg(long, group = "motor", value_name = "RIG.toml")]
     rig: Option<PathBuf>,
     /// Model file with the table [motor]. Without a rig file, supply and encoder are taken from it as well.
@@ -56,14 +56,15 @@ pub struct Arguments {
     /// Only the LQR.
     #[arg(long)]
     lqr: bool,
-    /// Bandwidth from reference to output, at least.
+    /// Smallest bandwidth from reference to output.
     #[arg(long = "bandwidth-Hz", group = "how_fast", value_name = "HZ", allow_negative_numbers = true)]
     bandwidth_hz: Option<f64>,
-    /// Time to settle within 2 % after a step, at most.
+    /// Longest time to settle within 2 % after a step.
     #[arg(long = "settling-s", group = "how_fast", value_name = "S", allow_negative_numbers = true)]
     settling_s: Option<f64>,
-    /// LQ weights (diagonal of Q): speed, current, integral of a speed loop; angle, speed, current, integral of a position
-    /// loop, in 1/(rad/s)^2, 1/A^2 and so on. Use them instead of a bandwidth. The PID's gains minimise the same cost.
+    /// LQ weights (diagonal of Q). Order for a speed loop: speed, current, integral; for a position loop: angle, speed,
+    /// current, integral. Units: 1/(rad/s)^2, 1/A^2 and so on. Use them instead of a bandwidth. The PID's gains
+    /// minimise the same cost.
     #[arg(
         long,
         group = "how_fast",
@@ -76,8 +77,8 @@ pub struct Arguments {
     /// LQ weight of the voltage (R), in 1/V^2; with --q.
     #[arg(long, requires = "q", value_name = "R", allow_negative_numbers = true)]
     r: Option<f64>,
-    /// Weights by Bryson's rule: the largest acceptable deviation of each state, in the order of --q and in its unit
-    /// (rad/s, A, rad; rad, rad/s, A, rad s); inf where any is acceptable.
+    /// Weights by Bryson's rule: the largest acceptable deviation of each state, in the order of --q. Units of a speed
+    /// loop: rad/s, A, rad; of a position loop: rad, rad/s, A, rad s. inf gives a state no weight.
     #[arg(
         long,
         group = "how_fast",
@@ -99,7 +100,7 @@ pub struct Arguments {
     /// The same as a share of the supply.
     #[arg(long, group = "largest_voltage", requires = "largest", value_name = "DUTY", allow_negative_numbers = true)]
     largest_duty: Option<f64>,
-    /// Overshoot after a step, at most.
+    /// Largest overshoot after a step.
     #[arg(long = "overshoot-percent", default_value_t = 10.0, value_name = "PERCENT", allow_negative_numbers = true)]
     overshoot_percent: f64,
     /// Current limit.
@@ -109,7 +110,7 @@ pub struct Arguments {
     /// The result compares it with a sensor.
     #[arg(long)]
     no_current_sensor: bool,
-    /// Compensates voltage drop and friction, by the effects of the model file. Without a model: by bridge.drop_V of the rig
+    /// Compensates voltage drop and friction of the model's effects. Without a model it uses bridge.drop_V of the rig
     /// file and --coulomb-Nm.
     #[arg(long)]
     compensate: bool,
@@ -127,7 +128,7 @@ pub struct Arguments {
     /// Writes the designs as JSON into a file, - for the terminal instead of the text.
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
-    /// Writes the lines for the board's console, for `motorbench send`.
+    /// Writes console lines for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
     console: Option<PathBuf>,
     /// Writes a page with step responses, margins and roots.
@@ -140,7 +141,7 @@ fn friction(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(is_one)
-        .ok_or("expected 0 or more: it is the magnitude of the friction in both directions".into())
+        .ok_or("expected 0 or more, the magnitude of the friction in both directions".into())
 }
 
 /// Runs the command.
@@ -204,7 +205,7 @@ const NOTHING_TO_COMPENSATE: &str = "nothing to compensate: the model has no [ef
 /// The compensation of the core.
 struct Compensation {
     settings: Vec<CompensationSetting>,
-    /// The plant for trying it, if anything is compensated: the whole model, or a motor with these losses alone.
+    /// The plant for a trial of the compensation: the whole model, or a motor with these losses alone.
     model: Option<Model>,
 }
 
@@ -217,7 +218,7 @@ impl Compensation {
         Ok(settings)
     }
 
-    /// Its gain for each design.
+    /// Improvement by the compensation for each design.
     fn near_standstill(&self, designs: &[Design], settings: &Settings) -> Result<Vec<Standstill>, Failure> {
         let Some(model) = &self.model else { return Ok(Vec::new()) };
         let found =
@@ -233,7 +234,7 @@ impl Arguments {
         }
         let losses = model.map_or_else(|| self.losses(rig), Model::dry_losses);
         let settings = compensation(&losses, motor.resistance_ohm, motor.torque_constant_nm_per_a);
-        // The settings are sent in any case: the board may have others from another motor.
+        // The settings are always sent: the board may have others from another motor.
         let model =
             (losses != DryLosses::default()).then(|| model.cloned().unwrap_or_else(|| model_of(&losses, motor)));
         Ok(Compensation { settings: settings.map_err(Failure::input)?, model })
@@ -281,7 +282,8 @@ impl Arguments {
         Weights::bryson(self.position, &self.largest, largest_v)
     }
 
-    /// The motor from the model or the rig; its surroundings from the rig or the model; the model, if one is given.
+    /// The motor comes from the model or the rig, the rig around it from the rig file or the model. The model is
+    /// returned if one is given.
     fn problem(&self) -> Result<(MotorParameters, Bench, Rig, Option<Model>), Failure> {
         let (motor_file, surroundings) = match (&self.model, &self.rig) {
             (Some(model), Some(rig)) => (model, rig),
@@ -317,19 +319,19 @@ impl Arguments {
     }
 }
 
-/// A law that is refused beside one that is offered.
+/// A law that is refused while another one is offered.
 #[derive(serde::Serialize)]
 struct Refused {
     law: ControlLaw,
     why: String,
 }
 
-/// Delay of a model's loop, including a tachogenerator's lag if it measures the speed.
+/// Delay of a model's loop. It includes the lag of a tachogenerator that measures the speed.
 fn late_s(model: &Model, by_tachogenerator: bool) -> f64 {
     model.delay_s() + if by_tachogenerator { model.tachogenerator_lag_s() } else { 0.0 }
 }
 
-/// The tachogenerator, if the rig says that it measures the speed or has no encoder. Inside: `None` without a gain.
+/// The tachogenerator, if the rig uses it for the speed or has no encoder. The inner value is `None` without a gain.
 fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
     let given = &rig.tachogenerator;
     let takes_its_place = rig.encoder.counts_per_rev.is_none() && given.gain_v_per_krpm.is_some();
@@ -401,7 +403,7 @@ mod tests {
         }
     }
 
-    /// A motor that the supply cannot even turn against its friction: the linear design holds, the loop would not.
+    /// The supply cannot turn this motor against its friction. The linear design works, but the loop would not.
     #[test]
     fn what_trips_with_the_models_effects_is_not_offered() {
         let directory = tempfile::tempdir().unwrap();
@@ -410,11 +412,7 @@ mod tests {
         std::fs::write(&model, format!("{RIG}[effects.coulomb_friction]\ntorque_Nm = 0.5\n")).unwrap();
         let extended = Arguments { model: Some(model), console: Some(console.clone()), ..arguments(&rig) };
         let failure = run(&extended).unwrap_err();
-        assert!(
-            failure.message.contains("with the effects of the model the speed PID does not work"),
-            "{}",
-            failure.message
-        );
+        assert!(failure.message.contains("with the effects of the model the speed PID fails"), "{}", failure.message);
         assert!(failure.code == 1 && !console.exists());
     }
 
@@ -433,7 +431,7 @@ mod tests {
         assert_eq!((standstill(0.0), standstill(0.005)), (0, 1));
     }
 
-    /// What is not made up for is there all the same: the comparison has every effect of the model.
+    /// The comparison has every effect of the model, also those that are not compensated.
     #[test]
     fn near_standstill_the_motor_has_all_of_its_effects() {
         let directory = tempfile::tempdir().unwrap();
@@ -484,7 +482,7 @@ mod tests {
         std::fs::remove_dir_all(directory).unwrap();
     }
 
-    /// Of a motor with a winding of 10 ms, a position PID at 10 Hz overshoots, whatever its gains; the LQR has the current.
+    /// For a motor with a winding of 10 ms every position PID of 10 Hz overshoots. The LQR can use the current.
     #[test]
     fn a_law_that_is_refused_takes_none_with_it() {
         let directory = tempfile::tempdir().unwrap();
@@ -506,12 +504,13 @@ mod tests {
         assert_eq!(result["refused"][0]["law"], "position_pid");
         assert!(result["refused"][0]["why"].as_str().unwrap().contains("the position PID overshoots by"));
         assert!(!std::fs::read_to_string(&console).unwrap().contains(" position_kp"));
-        // Asked for by name it is a failure.
+        // If the user asked for this law, it is a failure.
         let failure = run(&position(true, false)).unwrap_err();
         assert!(failure.code == 1 && failure.message.contains("the position PID overshoots by"), "{}", failure.message);
     }
 
-    /// The page has what the terminal has of the model's effects, as text and as lines; without effects neither.
+    /// The page has the trials with the model's effects as the terminal does, as text and as lines. Without effects
+    /// both omit them.
     #[test]
     fn the_page_shows_the_trial_with_the_effects_of_the_model() {
         let directory = tempfile::tempdir().unwrap();
@@ -530,7 +529,7 @@ mod tests {
         for shown in ["The same steps with the effects of the model, simulated.", "without compensation"] {
             assert!(friction.contains(shown), "{shown}");
         }
-        // Of speed, voltage and current.
+        // Plots of speed, voltage and current.
         assert!(friction.matches("\nwith effects\n").count() >= 3, "{friction}");
     }
 
@@ -547,7 +546,7 @@ mod tests {
         assert_eq!(of("[tachogenerator]\nfeedback = true\n"), Some(None));
     }
 
-    /// From the stand's rig file to the console's lines, and each refusal.
+    /// From the stand's rig file to the console lines, and each refusal.
     #[test]
     fn a_rig_with_a_tachogenerator_alone() {
         let directory = tempfile::tempdir().unwrap();

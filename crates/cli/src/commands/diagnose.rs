@@ -15,7 +15,7 @@ use std::io;
 use std::panic::{self, AssertUnwindSafe};
 use std::path::{Path, PathBuf};
 
-/// Finds what the linear model of the motor lacks, names the cause, extends the model, and measures what that gains.
+/// Finds what the linear model of the motor lacks, names the cause, extends the model, and measures the improvement.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench diagnose run.csv --rig rig.toml
@@ -30,8 +30,8 @@ and prints one line of JSON for each.")]
 pub struct Arguments {
     #[command(flatten)]
     recordings: RecordingArguments,
-    /// Diagnoses each recording alone, on all cores. Prints one line of JSON as each is done: file, rig, and outcome or error.
-    /// A folder stands for its .csv files. Without --rig each file uses the rig file beside it.
+    /// Diagnoses each recording alone, on all cores. Prints one line of JSON for each: file, rig, and outcome or error.
+    /// A folder means its .csv files. Without --rig each file uses the rig file beside it.
     #[arg(long, conflicts_with_all = ["json", "report", "model"])]
     batch: bool,
     /// Writes the result as JSON into a file, - for the terminal.
@@ -88,7 +88,7 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
             let result = own.and_then(|own| guarded(|| alone(path, args, own.as_ref().unwrap_or(rig))));
             let rig = args.recordings.rig.as_ref().or(beside.as_ref());
             let failed = result.is_err();
-            // Names are bytes to some systems, and JSON is text.
+            // On some systems file names are arbitrary bytes, but JSON is text.
             let (path, rig) = (path.to_string_lossy(), rig.map(|rig| rig.to_string_lossy()));
             let line = match result {
                 Ok(outcome) => serde_json::json!({ "file": path, "rig": rig, "outcome": outcome }),
@@ -106,7 +106,7 @@ fn batch(args: &Arguments, rig: &Rig) -> Result<(), Failure> {
     }
 }
 
-/// An internal fault in one file is that file's error, and does not stop the others.
+/// An internal fault in one file is an error of that file, and does not stop the others.
 fn guarded<T>(study: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     panic::catch_unwind(AssertUnwindSafe(study)).unwrap_or_else(|payload| {
         let text = payload.downcast_ref::<String>().map(String::as_str);
@@ -148,7 +148,7 @@ fn expanded(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 /// The recordings of a folder. If a part of the folder cannot be read, the command fails instead of leaving it out.
 fn recordings_of(entries: impl Iterator<Item = io::Result<PathBuf>>) -> io::Result<Vec<PathBuf>> {
     let mut files = entries.collect::<io::Result<Vec<PathBuf>>>()?;
-    // A pipe may never end.
+    // Reading a pipe may never end.
     let is_recording = |file: &PathBuf| file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"));
     let is_no_file = |file: &PathBuf| file.metadata().is_ok_and(|found| !found.is_file());
     files.retain(|file| is_recording(file) && !is_no_file(file));
@@ -172,7 +172,7 @@ fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) 
     })
 }
 
-/// JSON where it was asked for, and the page.
+/// Writes JSON and page where the user asked for them.
 fn finish(
     args: &Arguments,
     outputs: &Outputs,

@@ -1,4 +1,5 @@
-//! The files of one command line: no output replaces another file of the command, and the terminal gets one result.
+//! Checks the files of one command line. No output may replace another file of the command, and only one result may go
+//! to the terminal.
 
 use super::{Failure, folder};
 use serde_json::{Map, Value};
@@ -6,18 +7,18 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The name that stands for the standard output.
+/// The name of the standard output.
 pub(super) const TERMINAL: &str = "-";
 /// Value of --json without a file: the standard output.
 pub(super) const JSON_TO: &str = "FILE.json|-";
 
-/// Whether a name stands for the standard output.
+/// Whether a name means the standard output.
 pub(super) fn is_terminal(path: &Path) -> bool {
     path == Path::new(TERMINAL)
 }
 
 /// The command line with `--json FILE.json` and `--json -` as `--json=FILE.json` and `--json=-`. Without a value the
-/// option does not take the next argument, a line for a board or an input file.
+/// option must not take the next argument, which may be a console line or an input file.
 pub(super) fn with_json_joined(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut joined: Vec<OsString> = Vec::new();
     for argument in arguments {
@@ -36,7 +37,7 @@ pub(super) fn with_json_joined(arguments: impl IntoIterator<Item = OsString>) ->
 
 /// The outputs of a command.
 pub(super) struct Outputs {
-    /// One of its results goes to the terminal, and its text does not.
+    /// Whether a result goes to the terminal, so that the text for a person does not.
     pub terminal_is_taken: bool,
 }
 
@@ -55,7 +56,7 @@ impl Outputs {
                 "two results cannot both go to the standard output (-): write one of them into a file",
             ));
         }
-        let read = read.into_iter().flat_map(|path| [path.clone()].into_iter().chain(noted_beside(path)));
+        let read = read.into_iter().flat_map(|path| [path.clone()].into_iter().chain(files_of_measurement(path)));
         let read: Vec<PathBuf> = read.filter_map(|path| own_name(&path)).collect();
         let mut taken: Vec<PathBuf> = Vec::new();
         for &path in &files {
@@ -97,13 +98,13 @@ pub(super) fn with_beside(table: &Path, endings: &[&str]) -> Vec<PathBuf> {
     [table.to_path_buf()].into_iter().chain(others).collect()
 }
 
-/// Default name of a measurement, as `name.csv`, `name-2.csv`, ...: it replaces no file, nor one beside a table with
-/// these endings.
+/// Default name of a measurement: the first free one of `name.csv`, `name-2.csv`, .... It replaces no file, nor one
+/// beside a table with these endings.
 pub(super) fn free_name(name: &str, endings: &[&str]) -> PathBuf {
     let numbered = (2..).map(|number| format!("{name}-{number}.csv"));
     let mut tables = std::iter::once(format!("{name}.csv")).chain(numbered).map(PathBuf::from);
     let is_free = |table: &PathBuf| with_beside(table, endings).iter().all(|file| !file.exists());
-    tables.find(is_free).expect("there is no end of names")
+    tables.find(is_free).expect("numbers do not run out")
 }
 
 /// A file with a table's name and another ending.
@@ -112,7 +113,7 @@ pub(super) fn beside(table: &Path, ending: &str) -> PathBuf {
 }
 
 /// Files that belong to an input table: its rig file, and the side file of its measurement.
-fn noted_beside(table: &Path) -> impl Iterator<Item = PathBuf> {
+fn files_of_measurement(table: &Path) -> impl Iterator<Item = PathBuf> {
     let rig = is_table(table).then(|| beside(table, "rig.toml"));
     let side = side_file(table);
     let scenario = side.is_some().then(|| beside(table, "scenario.toml"));
@@ -123,7 +124,7 @@ fn is_table(path: &Path) -> bool {
     path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csv"))
 }
 
-/// The side file of a measured table, if it exists: a measurement cannot be repeated. Other files of that name are
+/// The side file of a measured table, if it exists. A measurement cannot be repeated; other files of that name are
 /// results.
 pub(super) fn side_file(table: &Path) -> Option<PathBuf> {
     let path = (is_table(table) && table.exists()).then(|| beside(table, "json"))?;
@@ -131,8 +132,7 @@ pub(super) fn side_file(table: &Path) -> Option<PathBuf> {
     ["firmware", "settings"].iter().all(|key| side.contains_key(*key)).then_some(path)
 }
 
-/// A file's own name, whatever path leads to it, even if it does not exist yet. A device has none: nothing in it can be
-/// lost.
+/// The resolved path of a file, even if it does not exist yet. `None` for a device, in which nothing can be lost.
 fn own_name(path: &Path) -> Option<PathBuf> {
     match path.canonicalize() {
         Ok(name) => Some(name).filter(|name| name.is_file()),
@@ -181,7 +181,7 @@ mod tests {
         let written = with_beside(&table, &["rig.toml", "json"]);
         let twice = Outputs::new([], written.iter().chain([&side])).err().map(|failure| failure.message);
         assert!(twice.is_some_and(|why| why.contains("two outputs have the name") && why.contains("run.json")));
-        // A measurement may be replaced as a whole by another, but not by a result.
+        // A measurement may be replaced as a whole by another measurement, but not by a result.
         assert!(Outputs::new([], &written).is_ok());
         let other = directory.path().join("other.csv");
         let lost = Outputs::new([&other], [&table]).err().map(|failure| failure.message);

@@ -43,7 +43,7 @@ struct Identified {
     determined: AllDetermined,
     parameters: BTreeMap<&'static str, Constant>,
     fit: BTreeMap<&'static str, Fitted>,
-    /// Then the intervals belong to a model that does not hold.
+    /// If this is set, the model does not hold, and the intervals are not valid.
     leaves_more_than_noise: bool,
     /// Notes on the recording.
     notes: Vec<String>,
@@ -55,7 +55,7 @@ struct Constant {
     ci95: [f64; 2],
 }
 
-/// A free-running simulation against the held-out data.
+/// Errors of a free-running simulation on the held-out data.
 #[derive(Serialize)]
 struct Fitted {
     rmse: f64,
@@ -85,7 +85,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Fits without the held-out data, judges on them, and fits again to all data for the constants.
+/// Fits without the held-out data and evaluates on them. Then it fits all data for the constants.
 fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> (Model, Identified) {
     let prior = Prior::new(nominal, data);
     progress("fit to two thirds of the data");
@@ -114,7 +114,7 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
     (last.model, Identified { determined, parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
 }
 
-/// Warning on the intervals.
+/// Warning about the intervals.
 const LEAVES_MORE: &str = "The linear motor leaves more than noise. Its constants are bent to make up for what it lacks, and their intervals do not show that. `motorbench diagnose` names the cause.";
 
 fn page(identified: &Identified) -> String {

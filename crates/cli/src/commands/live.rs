@@ -18,7 +18,7 @@ The first goes to PlotJuggler on this computer (UDP Server, JSON).")]
 pub struct Arguments {
     /// Recording to replay.
     recording: PathBuf,
-    /// Address of PlotJuggler's UDP server; the default if no plotter is named.
+    /// Address of PlotJuggler's UDP server. If no plotter is named, its default address is used.
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = PLOTJUGGLER, value_parser = address)]
     udp: Option<SocketAddr>,
     /// Address of Teleplot's UDP server.
@@ -27,7 +27,7 @@ pub struct Arguments {
     /// Speed of the replay, as a multiple of real time.
     #[arg(long, default_value_t = 1.0, value_parser = rate, allow_negative_numbers = true)]
     speed: f64,
-    /// Prints what was sent as JSON.
+    /// Prints a summary as JSON.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
@@ -35,7 +35,7 @@ pub struct Arguments {
 /// Runs it.
 ///
 /// # Errors
-/// [`Failure`] for a recording without time and for an address that is none.
+/// [`Failure`] for a recording without time, and for an invalid address.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = Outputs::new([&arguments.recording], &arguments.json)?;
     let recording = read_recording(&arguments.recording, &[])?;
@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Where a command for a board sends its samples.
+/// Addresses to which a command for a board sends its samples.
 #[derive(Args)]
 pub(super) struct LiveArguments {
     /// Sends every sample to PlotJuggler or Teleplot over UDP, with the board's time.

@@ -1,4 +1,4 @@
-//! `motorbench man`, `motorbench completions`: the command line itself, for readers, shells and programs.
+//! `motorbench man`, `motorbench completions`: descriptions of the command line for readers, shells and programs.
 
 use super::{EXIT_CODES, Failure, JSON_TO, Outputs, TERMINAL, command, write_json};
 use clap::{Arg, Args, Command};
@@ -11,7 +11,7 @@ use std::path::PathBuf;
   motorbench completions bash > \\
     ~/.local/share/bash-completion/completions/motorbench")]
 pub struct CompletionsArguments {
-    /// Which shell.
+    /// The shell.
     shell: clap_complete::Shell,
     /// Prints shell and script as JSON.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
@@ -21,7 +21,7 @@ pub struct CompletionsArguments {
 /// Runs `completions`.
 ///
 /// # Errors
-/// When the file for JSON cannot be written.
+/// If the JSON file cannot be written.
 pub fn completions(arguments: &CompletionsArguments) -> Result<(), Failure> {
     let outputs = Outputs::new([], &arguments.json)?;
     let mut script = Vec::new();
@@ -63,7 +63,7 @@ fn named(name: &str) -> Result<Box<Command>, &'static str> {
 /// Runs `man`.
 ///
 /// # Errors
-/// When a page cannot be made, or the file for JSON not written.
+/// If a page cannot be made, or the JSON file cannot be written.
 pub fn man(arguments: ManArguments) -> Result<(), Failure> {
     let outputs = Outputs::new([], &arguments.json)?;
     let of = arguments.command.map_or_else(built, |command| *command);
@@ -82,13 +82,13 @@ fn page(of: Command) -> Result<String, Failure> {
     Ok(String::from_utf8_lossy(&page).into_owned() + &exit_status())
 }
 
-/// The section of a manual page about them.
+/// The section of a manual page about commands or exit codes.
 fn exit_status() -> String {
     let codes = EXIT_CODES.iter().map(|(code, meaning)| format!(".TP\n\\fB{code}\\fR\n{meaning}\n"));
     format!(".SH \"EXIT STATUS\"\n{}", codes.collect::<String>())
 }
 
-/// A command and those below it.
+/// A command and its subcommands.
 fn described(command: &Command) -> Value {
     let arguments = command.get_arguments().filter(|argument| !argument.is_hide_set()).map(argument);
     json!({

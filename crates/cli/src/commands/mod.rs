@@ -4,7 +4,6 @@
 
 mod analyse;
 mod autotune;
-mod board;
 mod compare;
 mod connect;
 mod convert;
@@ -13,9 +12,14 @@ mod design;
 mod diagnose;
 mod files;
 mod identify;
+mod interaction;
 mod live;
 mod manual;
+mod port;
+mod record;
+mod recording_files;
 mod recordings;
+mod send;
 mod simulate;
 mod stand;
 mod tune;
@@ -49,7 +53,7 @@ use std::time::Duration;
 /// How often a progress bar moves.
 const TICK: Duration = Duration::from_millis(100);
 
-/// Identify, understand and control a DC motor on an Arduino Uno.
+/// Identify, diagnose and control a DC motor on an Arduino Uno.
 #[derive(Parser)]
 #[command(name = "motorbench", version, max_term_width = motorbench_text::terminal_text::COLUMNS, arg_required_else_help = true)]
 struct Program {
@@ -71,17 +75,17 @@ enum Command {
     Stand(stand::Arguments),
     Validate(validate::Arguments),
     Virtual(virtual_board::Arguments),
-    Ports(board::PortsArguments),
+    Ports(port::PortsArguments),
     Connect(connect::Arguments),
-    Record(board::RecordArguments),
-    Send(board::SendArguments),
+    Record(record::Arguments),
+    Send(send::Arguments),
     Tune(tune::Arguments),
     Autotune(autotune::Arguments),
     Completions(manual::CompletionsArguments),
     Man(manual::ManArguments),
 }
 
-/// Exit codes for scripts, in the words of docs/reference/commands.md.
+/// Exit codes for scripts, with the text of docs/reference/commands.md.
 const EXIT_CODES: [(u8, &str); 4] = [
     (0, "done"),
     (1, "the input or the result is not usable: the message says which file, where in it and what to do"),
@@ -107,7 +111,7 @@ impl Failure {
         Self { message: message.to_string(), code: 1 }
     }
 
-    /// The command line is wrong, which shows only while it is carried out.
+    /// The command line is wrong, but this is noticed only during the run.
     #[cfg(all(feature = "chip", unix))]
     fn command_line(message: impl Display) -> Self {
         Self { message: message.to_string(), code: 2 }
@@ -127,12 +131,12 @@ pub fn command() -> clap::Command {
 /// Columns that the help needs beside the options.
 const BESIDE_OPTIONS: u16 = 60;
 
-/// The command line on a terminal of so many columns: on a narrow one the help stands below the options.
+/// The command line for a terminal of this width. On a narrow one the help is below the options.
 fn command_on(columns: u16) -> clap::Command {
     command().next_line_help(columns < BESIDE_OPTIONS)
 }
 
-/// Columns of the terminal; enough if it does not report them, or is none.
+/// Columns of the terminal; the maximum if it does not report them, or if there is none.
 fn columns() -> u16 {
     window_size().map(|window| window.columns).ok().filter(|columns| *columns > 0).unwrap_or(u16::MAX)
 }
@@ -167,7 +171,7 @@ pub fn main() -> ExitCode {
     ExitCode::from(failure.code)
 }
 
-/// Prints a message besides the result; on a terminal in lines that fit it.
+/// Prints a message that is not part of the result. On a terminal its lines are wrapped.
 fn tell(text: &str) {
     let mut error = io::stderr();
     let text = if error.is_terminal() { narrow(text) } else { text.into() };
@@ -175,8 +179,8 @@ fn tell(text: &str) {
     let _ = writeln!(error, "{text}");
 }
 
-/// What the system said when `println!` gave up: the reader has had enough, as `head` has, or a disk is full. Unwinding,
-/// unlike a signal or an exit in its place, stops a motor.
+/// The error because of which `println!` panicked: the reader ended, as `head` does, or a disk is full. The panic
+/// unwinds, so a motor is stopped; a signal or a plain exit would not do that.
 fn why_not_printed(payload: &(dyn Any + Send)) -> Option<&str> {
     let (_, after) = payload.downcast_ref::<String>()?.split_once("failed printing to std")?;
     after.split_once(": ").map(|(_, why)| why)
@@ -196,10 +200,10 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Virtual(arguments) => virtual_board::run(&arguments),
-        Command::Ports(arguments) => board::list(&arguments),
+        Command::Ports(arguments) => port::list(&arguments),
         Command::Connect(arguments) => connect::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
-        Command::Record(arguments) => board::run_record(&arguments).map_err(|failure| arguments.port.failure(failure)),
-        Command::Send(arguments) => board::run_send(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Record(arguments) => record::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Send(arguments) => send::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Tune(arguments) => tune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Autotune(arguments) => autotune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Completions(arguments) => manual::completions(&arguments),
@@ -213,7 +217,7 @@ fn mapping(text: &str) -> Result<(String, String), String> {
     Ok((from.into(), to.into()))
 }
 
-/// A rig file; which of its keys mean nothing is said.
+/// Reads a rig file and reports keys that are ignored.
 fn read_rig(path: &Path) -> Result<Rig, Failure> {
     let rig = motorbench_files::rig(path).map_err(Failure::input)?;
     if rig.is_model {
@@ -228,7 +232,7 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
     Ok(rig)
 }
 
-/// A recording; which of its columns mean nothing is said.
+/// Reads a recording and reports columns that are not used.
 fn read_recording(path: &Path, names: &[(String, String)]) -> Result<Recording, Failure> {
     let recording = motorbench_files::recording(path, names).map_err(Failure::input)?;
     if !recording.ignored.is_empty() {
@@ -240,23 +244,23 @@ fn read_recording(path: &Path, names: &[(String, String)]) -> Result<Recording, 
     Ok(recording)
 }
 
-/// The rig file beside a recording, where there is one.
+/// The rig file beside a recording, if it exists.
 fn rig_beside(recording: &Path) -> Option<PathBuf> {
-    // `.` has no name that another ending could follow.
+    // The name `.` cannot get another ending.
     Some(beside(recording, "rig.toml")).filter(|path| path.exists() && !path.is_dir())
 }
 
-/// The rig file that is named, else that beside a recording.
+/// The given rig file, or the one beside the recording.
 fn rig_file(named: Option<&Path>, recording: Option<&Path>) -> Option<PathBuf> {
     named.map(Path::to_path_buf).or_else(|| recording.and_then(rig_beside))
 }
 
-/// What [`rig_file`] says; nothing is known of the rig where there is none.
+/// Reads [`rig_file`]. Without one, nothing is known about the rig.
 fn rig_for(named: Option<&Path>, recording: Option<&Path>) -> Result<Rig, Failure> {
     rig_file(named, recording).map_or_else(|| Ok(Rig::default()), |path| read_rig(&path))
 }
 
-/// The firmware for the simulated chip, which is built when it is not there, or no longer that of its sources.
+/// The firmware for the simulated chip. It is built if it is missing, or older than its sources.
 #[cfg(feature = "chip")]
 fn firmware() -> Result<PathBuf, ProgramError> {
     let bar = spinner();
@@ -273,10 +277,10 @@ fn read_model(path: &Path) -> Result<Model, Failure> {
     Model::parse(&text).map_err(|error| failed(&error))
 }
 
-/// How a model file begins that this program has written: it may write over it.
+/// First line of a model file that this program has written. Only such a file may be replaced.
 const WRITTEN: &str = "# Written by motorbench, which writes over it.\n";
 
-/// Whether a model that is found may go there, asked before it is looked for: what a person has written stays.
+/// Checks before the computation whether the model may be written there. A file by the user is not replaced.
 fn may_hold_model(path: Option<&Path>) -> Result<(), Failure> {
     let by_hand =
         |path: &&Path| path.is_file() && !fs::read(path).is_ok_and(|text| text.starts_with(WRITTEN.as_bytes()));
@@ -288,7 +292,7 @@ fn may_hold_model(path: Option<&Path>) -> Result<(), Failure> {
     })
 }
 
-/// Writes a model that was found.
+/// Writes a model.
 fn write_model(path: &Path, model: &Model) -> Result<(), Failure> {
     write(path, &(WRITTEN.to_owned() + &model.to_toml()))
 }
@@ -299,7 +303,7 @@ fn scenario(path: &Path, model: Option<&Path>) -> Result<Scenario, Failure> {
     motorbench_files::scenario(path, Some(read_model(file)?)).map_err(Failure::input)
 }
 
-/// A file for a plot: another ending is refused before any work is done.
+/// A file for a plot. A wrong ending is refused before any work is done.
 fn plot_file(text: &str) -> Result<PathBuf, picture::WrongEnding> {
     let path = PathBuf::from(text);
     picture::Format::of(&path).map(|_| path)
@@ -315,7 +319,7 @@ fn write_plot(path: &Path, svg: &str) -> Result<(), Failure> {
     }
 }
 
-/// Writes a file whole or not at all, or to the standard output where it is called `-`.
+/// Writes a file completely or not at all. The name `-` means the standard output.
 fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Failure> {
     if is_terminal(path) {
         let mut output = io::stdout();
@@ -324,16 +328,16 @@ fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Fail
     write_whole(path, contents.as_ref()).map_err(|error| cannot_write(path, &error))
 }
 
-/// Writes beside the file and moves it into its place: on a full disk what was there stays, and no half of a file begins.
+/// Writes a temporary file beside it and renames that. On a full disk the old file stays, and no partial file appears.
 fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
-    // What a link points to, not the link.
+    // The target of a symbolic link, not the link itself.
     let path = path.canonicalize().unwrap_or_else(|_| path.into());
     let there = fs::metadata(&path).ok();
     if there.as_ref().is_some_and(|there| !there.is_file()) {
         return fs::write(&path, contents);
     }
     if there.is_some() {
-        // One that must not be written to is not replaced either.
+        // A read-only file is not replaced.
         fs::OpenOptions::new().append(true).open(&path)?;
     }
     let beside = path.with_added_extension(format!("{}.part", std::process::id()));
@@ -342,9 +346,9 @@ fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
     written.or_else(|error| {
         let _ = fs::remove_file(&beside);
         match (error.kind(), there) {
-            // Into a folder that takes no new file the old one is written in its place...
+            // If the folder takes no new file, the old file is overwritten in place...
             (ErrorKind::PermissionDenied, Some(_)) => fs::write(&path, contents),
-            // ... and on a full disk where it has the room already.
+            // ... and on a full disk only if its size suffices.
             (ErrorKind::StorageFull | ErrorKind::QuotaExceeded, Some(there))
                 if there.len() >= contents.len() as u64 =>
             {
@@ -355,19 +359,19 @@ fn write_whole(path: &Path, contents: &[u8]) -> io::Result<()> {
     })
 }
 
-/// Writes over the beginning of a longer file, and takes the rest away.
+/// Overwrites the beginning of a longer file, and then truncates it.
 fn write_within(path: &Path, contents: &[u8]) -> io::Result<()> {
     let mut file = fs::OpenOptions::new().write(true).open(path)?;
     file.write_all(contents)?;
     file.set_len(contents.len() as u64)
 }
 
-/// Writes a result for a program.
+/// Writes a result as JSON.
 fn write_json(path: &Path, result: &impl Serialize) -> Result<(), Failure> {
     write(path, &(serde_json::to_string_pretty(result).map_err(Failure::machine)? + "\n"))
 }
 
-/// A reader that has had enough, as `head` has, is no failure.
+/// A reader that ended early, as `head` does, is no failure.
 fn cannot_print(error: &io::Error) -> Result<(), Failure> {
     match error.kind() {
         ErrorKind::BrokenPipe => Ok(()),
@@ -380,7 +384,7 @@ fn not_printed(why: impl Display) -> Failure {
     Failure::machine(format!("cannot write to the standard output: {why}. Make room there, or redirect it"))
 }
 
-/// Where a file is or would be.
+/// The path of a file, whether it exists or not.
 fn folder(path: &Path) -> &Path {
     path.parent().filter(|folder| *folder != Path::new("")).unwrap_or(Path::new("."))
 }
@@ -397,18 +401,20 @@ fn cannot_write(path: &Path, error: &io::Error) -> Failure {
     Failure::machine(format!("{}: {error}{remedy}", path.display()))
 }
 
-/// What is being done and for how long; it shows itself on a terminal only.
+/// A description of the present task with its duration; visible on a terminal only.
 fn spinner() -> ProgressBar {
     let bar = ProgressBar::new_spinner();
-    bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {msg}").expect("a constant that is right"));
+    bar.set_style(ProgressStyle::with_template("{spinner} {elapsed} {msg}").expect("the template is a valid constant"));
     bar.enable_steady_tick(TICK);
     bar
 }
 
-/// How much of a known amount is done; it shows itself on a terminal only.
+/// The progress of a task of known size; visible on a terminal only.
 fn bar(length: u64) -> ProgressBar {
     let bar = ProgressBar::new(length);
-    bar.set_style(ProgressStyle::with_template("{bar:40} {percent} % {elapsed}").expect("a constant that is right"));
+    bar.set_style(
+        ProgressStyle::with_template("{bar:40} {percent} % {elapsed}").expect("the template is a valid constant"),
+    );
     bar
 }
 
@@ -431,7 +437,7 @@ mod tests {
         assert_eq!(write(&folder.path().join("none/run.json"), "new").unwrap_err().code, 3);
     }
 
-    /// What is written beside the file finds no room.
+    /// There is no room for the temporary file.
     #[cfg(target_os = "linux")]
     #[test]
     fn on_a_full_disk_a_file_is_written_into_the_room_it_has() {

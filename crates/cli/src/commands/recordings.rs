@@ -1,4 +1,4 @@
-//! What `diagnose` and `identify` take: recordings of one rig.
+//! Input of `diagnose` and `identify`: recordings of one rig.
 
 use super::{Failure, mapping, read_recording, rig_file, rig_for};
 use clap::Args;
@@ -6,11 +6,11 @@ use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use std::path::PathBuf;
 
-/// Recordings, and what is known of their rig.
+/// Recordings and their rig.
 #[derive(Args)]
 pub struct RecordingArguments {
     /// Recordings of one rig: CSV with units in the column names (t_s with duty or u_V and omega_rad_per_s, rpm,
-    /// theta_rad or counts, and i_A), or for diagnose one table of steady states without t_s.
+    /// theta_rad or counts, and i_A). For diagnose also one table of steady states without t_s.
     #[arg(required = true)]
     pub recordings: Vec<PathBuf>,
     /// Rig file (TOML); default: the one beside the first recording (run.rig.toml for run.csv), if there is one.
@@ -28,7 +28,7 @@ impl RecordingArguments {
         self.recordings.iter().map(read).collect()
     }
 
-    /// Every file that is read.
+    /// All input files.
     pub fn files(&self) -> Vec<PathBuf> {
         let rig = rig_file(self.rig.as_deref(), self.recordings.first().map(PathBuf::as_path));
         self.recordings.iter().cloned().chain(rig).collect()

@@ -1,4 +1,4 @@
-//! `motorbench simulate`
+//! `motorbench simulate`: the control core in closed loop with a simulated motor.
 
 use super::{Failure, Outputs, plot_file, spinner, tell, write, write_json, write_plot};
 use clap::Args;
@@ -115,7 +115,7 @@ pub(super) fn trip_name(trip: Trip) -> Option<String> {
     (trip != Trip::None).then(|| format!("{trip:?}"))
 }
 
-/// A trip is a failure unless the scenario expects it, which is said then; so is one that does not come.
+/// A trip is a failure unless the scenario expects it. A missing expected trip is a failure too.
 pub(super) fn judged(scenario: &Scenario, outcome: &Outcome) -> Result<Option<String>, Failure> {
     let at = outcome.trip_s.map_or(String::new(), |trip_s| format!(" at {trip_s:.3} s"));
     let off = format!("the drive switched itself off{at}: {}", trip_words(outcome.trip));

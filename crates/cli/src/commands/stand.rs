@@ -1,6 +1,6 @@
-//! `motorbench stand`
+//! `motorbench stand`: evaluates a table of steady states, or measures one on a board.
 
-mod board;
+mod measure;
 
 use super::{Failure, Outputs, mapping, plot_file, read_recording, read_rig, write_json, write_plot};
 use clap::Args;
@@ -11,7 +11,7 @@ use motorbench_diagnosis::steady_state::Winding;
 use motorbench_files::text_file;
 use motorbench_report::diagnosis_text::estimate;
 use motorbench_report::web_page::axis_label;
-use motorbench_stand::derived::Slip;
+use motorbench_stand::derived::WrongCell;
 use motorbench_stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
 use motorbench_text::terminal_text::{fixed, rounded, short, wrapped};
 use plotters::coord::Shift;
@@ -40,7 +40,7 @@ pub struct Arguments {
     /// resistance.
     table: Option<PathBuf>,
     #[command(flatten)]
-    board: board::BoardArguments,
+    board: measure::BoardArguments,
     /// Nominal resistance_ohm and torque_constant_Nm_per_A under [motor] (TOML).
     #[arg(long)]
     rig: PathBuf,
@@ -98,7 +98,8 @@ fn table(path: &Path, columns: &[(String, String)]) -> Result<Recording, Failure
     Ok(table)
 }
 
-/// Evaluates a table and prints or writes what was asked for. `resistances_ohm`: of the winding, where measured apart.
+/// Evaluates a table and prints or writes the requested results. `resistances_ohm`: of the winding, if measured
+/// separately.
 fn report(
     arguments: &Arguments,
     outputs: &Outputs,
@@ -116,7 +117,7 @@ fn report(
         write_json(path, &stand)?;
     }
     outputs.say(&page(&stand, rig.motor.resistance_ohm));
-    // Last: a table of which there is no map has its evaluation.
+    // The map comes last, so that a table without a map still has its evaluation.
     arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))
 }
 
@@ -150,29 +151,43 @@ fn resistances(path: &Path) -> Result<Vec<f64>, Failure> {
     }
 }
 
-/// Head of the column that only a table with loads has.
+/// Head of a column that only a table with loads has.
 fn load_head(stand: &Stand) -> &'static str {
     if stand.loaded.is_empty() { "" } else { "  load_Nm" }
 }
 
-/// A cell of it.
+/// A cell of that column.
 fn load_cell(stand: &Stand, load_nm: f64) -> String {
     if stand.loaded.is_empty() { String::new() } else { format!(" {load_nm:8.4}") }
 }
 
 fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
-    let loaded = !stand.loaded.is_empty();
-    let load = |load_nm| load_cell(stand, load_nm);
+    let mut text = String::new();
+    nominal_levels(&mut text, stand);
+    losses(&mut text, stand);
+    causes(&mut text, stand);
+    winding(&mut text, stand, nominal_ohm);
+    wrong_cells(&mut text, &stand.slips);
+    directions(&mut text, stand);
+    condition(&mut text, stand);
+    loads(&mut text, stand);
+    most_efficient(&mut text, stand);
+    text
+}
+
+/// The levels with the formulas of a test stand.
+fn nominal_levels(text: &mut String, stand: &Stand) {
     let head = load_head(stand);
-    let mut text = format!(
-        "Derived with the nominal constants, as usual at test stands\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm\n",
+    let _ = writeln!(
+        text,
+        "Derived with the nominal constants, as usual at test stands\n     u_V{head}  emf_V     rpm P_in_W P_out_W   eff torque_Nm  k_mot R_dyn_ohm"
     );
     for level in &stand.study.levels {
         let _ = writeln!(
             text,
             "  {:6.2}{} {:6.2} {:7.1} {:6.2} {:7.2} {:5.2} {:9.4} {:6.2} {:9.2}",
             level.u_V,
-            load(level.load_Nm),
+            load_cell(stand, level.load_Nm),
             level.emf_V,
             level.rpm,
             level.p_in_W,
@@ -183,7 +198,11 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             level.dynamic_resistance_ohm
         );
     }
-    let shaft = if loaded { "    shaft" } else { "" };
+}
+
+fn losses(text: &mut String, stand: &Stand) {
+    let (head, is_loaded) = (load_head(stand), !stand.loaded.is_empty());
+    let shaft = if is_loaded { "    shaft" } else { "" };
     let _ = writeln!(
         text,
         "\nWhere the power goes by the constants found, W\n     u_V{head}{shaft}  winding     drop  dry fr.  viscous     rest"
@@ -193,8 +212,8 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             text,
             "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:>8}",
             losses.u_V,
-            load(losses.load_Nm),
-            if loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
+            load_cell(stand, losses.load_Nm),
+            if is_loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
             losses.winding_W,
             losses.drop_W,
             losses.coulomb_W,
@@ -202,41 +221,45 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
             fixed(losses.rest_W, 3)
         );
     }
-    text += "\nCauses\n";
+}
+
+fn causes(text: &mut String, stand: &Stand) {
+    text.push_str("\nCauses\n");
     for cause in &stand.study.outcome.causes {
         let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
-        text += &wrapped(&format!("{}: {}", cause.effect, constants.collect::<Vec<_>>().join(", ")), "  ", "    ");
+        let line = format!("{}: {}", cause.effect, constants.collect::<Vec<_>>().join(", "));
+        text.push_str(&wrapped(&line, "  ", "    "));
     }
-    if let Some(winding) = &stand.winding {
-        let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
-        let most = winding.resistances_ohm.iter().copied().fold(0.0, f64::max);
-        let line = format!(
-            "Winding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
-            winding.resistances_ohm.len(),
-            short(winding.mean_ohm),
-            short(winding.spread_ohm),
-            short(least),
-            short(most),
-            nominal_ohm.map_or("unknown".into(), |nominal| against_mean(nominal, winding))
-        );
-        text.push('\n');
-        text += &wrapped(&line, "", "  ");
-    }
-    slips(&mut text, &stand.slips);
-    directions(&mut text, stand);
-    condition(&mut text, stand);
-    loads(&mut text, stand);
-    text += match loaded {
-        true => "\nMost efficient load at each voltage, by the constants found\n",
-        false => "\nMost efficient load at each voltage, predicted: no row of the table had a load\n",
-    };
-    text += "     u_V  torque_Nm     rpm    i_A    eff\n";
+}
+
+fn winding(text: &mut String, stand: &Stand, nominal_ohm: Option<f64>) {
+    let Some(winding) = &stand.winding else { return };
+    let least = winding.resistances_ohm.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = winding.resistances_ohm.iter().copied().fold(0.0, f64::max);
+    let line = format!(
+        "Winding at {} positions: mean {} ohm, spread {}, {} to {}; nominal {}",
+        winding.resistances_ohm.len(),
+        short(winding.mean_ohm),
+        short(winding.spread_ohm),
+        short(least),
+        short(most),
+        nominal_ohm.map_or("unknown".into(), |nominal| against_mean(nominal, winding))
+    );
+    text.push('\n');
+    text.push_str(&wrapped(&line, "", "  "));
+}
+
+fn most_efficient(text: &mut String, stand: &Stand) {
+    text.push_str(match stand.loaded.is_empty() {
+        false => "\nMost efficient load at each voltage, by the constants found\n",
+        true => "\nMost efficient load at each voltage, predicted: no row of the table had a load\n",
+    });
+    text.push_str("     u_V  torque_Nm     rpm    i_A    eff\n");
     for point in &stand.most_efficient {
         let OperatingPoint { u_V, torque_Nm, omega_rad_per_s, i_A, efficiency } = point;
         let rpm = rpm(*omega_rad_per_s);
         let _ = writeln!(text, "  {u_V:6.2} {torque_Nm:10.4} {rpm:7.0} {i_A:6.2} {efficiency:6.2}");
     }
-    text
 }
 
 /// Efficiency over load at each voltage.
@@ -268,15 +291,15 @@ fn loads(text: &mut String, stand: &Stand) {
     }
 }
 
-/// Nominal resistance, and whether it is the mean of the positions, to the digits that it is given with.
+/// Nominal resistance with its given digits, and whether it is the mean of the positions.
 fn against_mean(nominal_ohm: f64, winding: &Winding) -> String {
     let digits = nominal_ohm.to_string().split_once('.').map_or(0, |(_, decimals)| decimals.len());
     let is_mean = format!("{:.digits$}", winding.mean_ohm) == format!("{nominal_ohm:.digits$}");
     if is_mean { short(nominal_ohm) } else { format!("{}, not that mean", short(nominal_ohm)) }
 }
 
-/// Cells of a derived table that are wrong.
-fn slips(text: &mut String, slips: &[Slip]) {
+/// Wrong cells of a derived table.
+fn wrong_cells(text: &mut String, slips: &[WrongCell]) {
     if slips.is_empty() {
         return;
     }
@@ -285,7 +308,7 @@ fn slips(text: &mut String, slips: &[Slip]) {
     );
     text.push_str("     u_V                 column  printed  own row  readings\n");
     let cell = |value: Option<f64>| value.map_or("-".into(), |value| rounded(value, 5));
-    for Slip { u_V, column, printed, by_row, by_readings } in slips {
+    for WrongCell { u_V, column, printed, by_row, by_readings } in slips {
         let (row, readings) = (cell(*by_row), cell(*by_readings));
         let _ = writeln!(text, "  {u_V:6.2} {column:>22} {:>8} {row:>8} {readings:>9}", rounded(*printed, 5));
     }
@@ -324,20 +347,20 @@ fn condition(text: &mut String, stand: &Stand) {
     }
 }
 
-/// Blue, the stronger the larger this share of the best efficiency.
+/// Blue; stronger for a larger share of the best efficiency.
 fn shade(share: f64) -> ShapeStyle {
     RGBColor(0, 114, 178).mix(share.clamp(0.0, 1.0)).filled()
 }
 
 /// Shades of the map, from a quarter of the best efficiency on.
 const SHADES: [f64; 4] = [0.25, 0.5, 0.75, 1.0];
-/// Where they begin, how far they are apart, and how large they are.
+/// Position, distance and size of their legend.
 const SHADES_AT: (i32, i32) = (96, 36);
 const SHADES_APART: i32 = 100;
 const SHADE_SIZE: (i32, i32) = (24, 16);
 const MAP_LETTERS: (&str, i32) = ("sans-serif", 16);
 
-/// What the shades of the map mean, above it.
+/// Legend of the map's shades, above it.
 fn shades(area: &DrawingArea<SVGBackend, Shift>, best: f64) -> Result<(), Box<dyn Error>> {
     for (share, index) in SHADES.into_iter().zip(0..) {
         let (left, top) = (SHADES_AT.0 + index * SHADES_APART, SHADES_AT.1);
@@ -349,7 +372,7 @@ fn shades(area: &DrawingArea<SVGBackend, Shift>, best: f64) -> Result<(), Box<dy
     Ok(())
 }
 
-/// Efficiency over voltage and torque: the darker the more, the point is the best.
+/// Efficiency over voltage and torque: darker is better, the point is the best.
 fn map(map: &EfficiencyMap, best: &OperatingPoint) -> Result<String, Box<dyn Error>> {
     let EfficiencyMap { step_v, step_nm, points } = map;
     let greatest_v = points.iter().map(|point| point.u_V).fold(0.0, f64::max) + 0.5 * step_v;

@@ -1,12 +1,13 @@
-//! `motorbench tune`: the tuning console, and a session of it without a person.
+//! `motorbench tune`: the tuning console, and a scripted session of it.
 
-use super::board::{
-    PortArguments, cannot_grow, finite, on_interrupt, rig_and_side, table_file, write_each, write_first,
-};
 use super::files::{beside, free_name, with_beside};
+use super::interaction::on_interrupt;
 use super::live::LiveArguments;
+use super::port::PortArguments;
+use super::record::finite;
+use super::recording_files::{cannot_grow, rig_and_side, table_file, write_each, write_first};
 use super::{Failure, Outputs, tell, write_json};
-use crate::tune::{Keeper, Kept, Key, REFERENCE, Session, screen};
+use crate::tune::{Key, REFERENCE, RecordingStore, Session, StoredRecording, screen};
 use clap::Args;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::Settings;
@@ -49,8 +50,8 @@ pub struct Arguments {
     /// Runs a session by a script: these keys one after another, separated by spaces.
     #[arg(long, value_name = "KEYS", value_delimiter = ' ', allow_hyphen_values = true, value_parser = key)]
     keys: Option<Vec<Key>>,
-    /// Writes the session as JSON into a file when it ends, - for the terminal: step tests with figures and gains, gains
-    /// before and after, whether they are saved, recordings.
+    /// Writes the session as JSON into a file when it ends, - for the terminal. It has step tests with figures and
+    /// gains, gains before and after, whether they are saved, and recordings.
     #[arg(long, value_name = "FILE|-")]
     json: Option<PathBuf>,
 }
@@ -60,18 +61,18 @@ fn key(name: &str) -> Result<Key, String> {
         .ok_or_else(|| "expected a s r u w - + space tab up down left right, as in --keys 'a s right s'".into())
 }
 
-/// What stands beside a recording.
+/// The files beside a recording.
 const BESIDE: [&str; 2] = ["rig.toml", "json"];
 
 /// Numbered recordings of a tuning session.
 struct Numbered {
-    /// Of the first, where a person has named it.
+    /// Name of the first one, if the user gave it.
     out: Option<PathBuf>,
     kept: u32,
-    /// That under way, or the last.
+    /// The present recording, or the last one.
     path: PathBuf,
     growing: Option<GrowingCsv>,
-    /// What stands beside it before its first row.
+    /// The files beside it before its first row.
     first: Vec<(PathBuf, String)>,
 }
 
@@ -82,7 +83,7 @@ impl Numbered {
         new
     }
 
-    /// Where the next recording goes.
+    /// Name of the next recording.
     fn next(&self) -> PathBuf {
         match (&self.out, self.kept) {
             (None, _) => free_name("tune", &BESIDE),
@@ -92,10 +93,10 @@ impl Numbered {
     }
 }
 
-/// What was played, as the side file says it.
+/// Description of the excitation in the side file.
 const BY_HAND: &str = "by hand, in motorbench tune";
 
-/// Rig and side file, with the gains that the recording began with.
+/// Rig and side file, with the gains at the start of the recording.
 fn files_beside(
     out: &Path,
     settings: &Settings,
@@ -106,7 +107,7 @@ fn files_beside(
     rig_and_side(out, settings, NominalMotor::default(), &side)
 }
 
-impl Keeper for Numbered {
+impl RecordingStore for Numbered {
     fn begin(&mut self, settings: &Settings, firmware: &str) -> Result<(), String> {
         self.path = self.next();
         let growing = GrowingCsv::new(&self.path).map_err(|error| cannot_grow(&self.path, &error))?;
@@ -124,11 +125,11 @@ impl Keeper for Numbered {
         growing.add(samples, settings).map_err(|error| cannot_grow(&self.path, &error))
     }
 
-    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> Kept {
+    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> StoredRecording {
         let out = self.path.clone();
         self.growing = None;
         if record.samples.is_empty() {
-            return Kept { text: "nothing had come".into(), file: None, is_whole: true };
+            return StoredRecording { text: "nothing had come".into(), file: None, is_whole: true };
         }
         self.kept += 1;
         let text = format!("{}: {} samples, {} missing", out.display(), record.samples.len(), record.missing_ticks());
@@ -140,14 +141,14 @@ impl Keeper for Numbered {
         };
         let is_whole = lacks.is_none();
         let text = [Some(text), lacks].into_iter().flatten().collect::<Vec<_>>().join("; ");
-        Kept { text, file: Some(out), is_whole }
+        StoredRecording { text, file: Some(out), is_whole }
     }
 }
 
 /// Runs it.
 ///
 /// # Errors
-/// [`Failure`] when the board is gone, when there is no terminal for a person, or when keys did not do what they should.
+/// [`Failure`] if the board is gone, if an interactive session has no terminal, or if a key of a script failed.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if arguments.keys.is_none() && !std::io::stdout().is_terminal() {
         return Err(Failure::machine(
@@ -170,13 +171,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         None => screen::run(&mut session, &stop).map_or_else(Ended::from, |()| Ended::Complete),
     };
     let failed = if let Ended::Failed(why) = &ended { Some(BoardError::Failed(why.clone())) } else { None };
-    if let Some(Kept { text, is_whole, .. }) = session.end_recording(failed.as_ref())
-        // What is not kept whole is the failure of a session that has no other.
+    if let Some(StoredRecording { text, is_whole, .. }) = session.end_recording(failed.as_ref())
+        // If a session has no other failure, an incomplete recording is its failure.
         && (is_whole || ended != Ended::Complete)
     {
         tell(&text);
     }
-    // Also after a trip; a board that is gone has said so already.
+    // Also after a trip. A board that is gone was reported already.
     let left = session.leave();
     let is_off = left.is_ok();
     if let (Err(error), Ended::Complete) = (left, &ended) {
@@ -195,7 +196,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     outcome(account.ended)
 }
 
-/// The exit code says how it ended.
+/// The exit code for the end of the session.
 fn outcome(ended: Ended) -> Result<(), Failure> {
     match ended {
         Ended::Complete => Ok(()),

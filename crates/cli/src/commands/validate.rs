@@ -1,4 +1,4 @@
-//! `motorbench validate`
+//! `motorbench validate`: measured closed loops compared with simulated ones.
 
 use super::compare::{plot, table};
 use super::files::{beside, side_file};
@@ -62,19 +62,19 @@ pub struct Arguments {
 
 /// One loop, measured and simulated.
 struct Loop {
-    /// Its law, or its file where another loop has the same.
+    /// Its law, or its file if another loop has the same law.
     name: String,
     scenario: Scenario,
     measured: Recording,
     compared: Comparison,
     /// Simulated, measured.
     figures: [Vec<Figures>; 2],
-    /// By which the simulated drive switched itself off, and when.
+    /// Trip of the simulated drive, and its time.
     trip: Trip,
     trip_s: Option<f64>,
-    /// What became of it that the scenario does not expect.
+    /// An outcome that the scenario does not expect.
     unexpected: Option<Failure>,
-    /// What a reader of the comparison has to know.
+    /// Notes for the reader of the comparison.
     notes: Vec<String>,
 }
 
@@ -108,7 +108,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 impl Arguments {
-    /// A scenario for each recording.
+    /// The scenarios of the recordings.
     fn scenarios(&self) -> Result<Vec<PathBuf>, Failure> {
         if self.scenario.is_empty() {
             return self.measured.iter().map(|measured| scenario_beside(measured)).collect();
@@ -122,7 +122,7 @@ impl Arguments {
         Ok(self.scenario.clone())
     }
 
-    /// The loops that have been read name more files.
+    /// The loops name additional input files.
     fn outputs(&self, loops: &[Loop]) -> Result<Outputs, Failure> {
         let scenarios = self.scenarios()?;
         let models = loops.iter().filter_map(|one| one.scenario.model_file.as_ref());
@@ -157,7 +157,7 @@ impl Loop {
         let unknown = agrees_by_mode(&scenario, &measured, file).map_err(is_not_of)?;
         let outcome = scenario.run().map_err(Failure::input)?;
         let judged = judged(&scenario, &outcome);
-        // What a drive that is off does is nothing that the loop does.
+        // Only the time with an active drive is compared.
         let until_s = outcome.trip_s.filter(|_| judged.is_err());
         let (compared, moved) = compared(&scenario, &outcome.recording, &measured, until_s)?;
         agrees_by_course(&scenario, &compared).map_err(is_not_of)?;
@@ -186,16 +186,16 @@ impl Loop {
     }
 }
 
-/// What a scenario's loop is called.
+/// Name of a scenario's loop.
 fn title(scenario: &Scenario) -> &'static str {
     ControlLaw::ALL.into_iter().find(|law| law.mode() == scenario.mode).map_or("open loop", ControlLaw::title)
 }
 
-/// Of a simulated drive that has switched itself off.
+/// Note about a simulated drive that has tripped.
 const NOTHING_BEYOND: &str = "the comparison ends there";
 
-/// The measured loop against the simulated one, whose drive may have switched itself off; and as it was compared, from the
-/// simulated one's origin.
+/// Pairs the measured loop with the simulated one, whose drive may have tripped. Returns them as compared, from the
+/// origin of the simulation.
 fn compared(
     scenario: &Scenario,
     simulated: &Recording,
@@ -203,21 +203,21 @@ fn compared(
     until_s: Option<f64>,
 ) -> Result<(Comparison, Recording), Failure> {
     let upto = until_s.map_or_else(|| simulated.clone(), |until_s| simulated.before(until_s));
-    // It is late by what the loop was asked for until then; of the rest nothing is known.
+    // The delay is determined by the references up to that time.
     let mut blank = simulated.clone();
     for channel in simulated.channels().filter(|channel| *channel != Channel::Time) {
         let values = simulated.get(channel).unwrap_or_default().iter().enumerate();
         blank.set(channel, values.map(|(row, value)| if row < upto.len() { *value } else { f64::NAN }).collect());
     }
-    // The simulation first: its times are those of the scenario.
+    // The simulation comes first: its times are those of the scenario.
     let asked = compare(&blank, measured, None).map_err(Failure::input)?;
     let moved = from_origin(scenario, &asked, measured);
     let compared = compare(&upto, &moved, Some(asked.delay_s)).map_err(Failure::input)?;
     Ok((compared, moved))
 }
 
-/// The measured loop with its positions from where the simulated one has them: a loop is closed wherever the shaft stands, and
-/// its sequence counts from there.
+/// The measured loop with the positions of the simulated one. A loop starts at any angle, and its sequence is relative
+/// to that.
 fn from_origin(scenario: &Scenario, asked: &Comparison, measured: &Recording) -> Recording {
     let mut moved = measured.clone();
     let column = Channel::AngleReference.column();
@@ -233,7 +233,7 @@ fn from_origin(scenario: &Scenario, asked: &Comparison, measured: &Recording) ->
     moved
 }
 
-/// The column of what a mode is asked for; an open loop has none.
+/// The column with the reference of a mode; an open loop has none.
 fn reference(scenario: &Scenario) -> Option<Channel> {
     match scenario.mode {
         mode if mode.is_speed() => Some(Channel::SpeedReference),
@@ -242,7 +242,7 @@ fn reference(scenario: &Scenario) -> Option<Channel> {
     }
 }
 
-/// Whether a recording was asked for what the scenario's mode is asked for; where that cannot be told, that is said.
+/// Whether a recording has the reference of the scenario's mode. If this cannot be checked, a note says so.
 fn agrees_by_mode(scenario: &Scenario, measured: &Recording, file: &Path) -> Result<Option<String>, String> {
     let wanted = reference(scenario);
     let has =
@@ -262,12 +262,12 @@ fn agrees_by_mode(scenario: &Scenario, measured: &Recording, file: &Path) -> Res
     }
 }
 
-/// What was asked for differs by less than this share of it, in open loop, where limits of the motor change it, by less than
-/// that one.
+/// Largest share of the reference by which two references may differ. The second value is for open loop, where limits
+/// of the motor change the voltage.
 const SAME_COURSE: f64 = 0.25;
 const SAME_VOLTAGE: f64 = 0.5;
 
-/// Whether the recording was asked for the same as the simulation.
+/// Whether the recording has the same reference as the simulation.
 fn agrees_by_course(scenario: &Scenario, compared: &Comparison) -> Result<(), String> {
     let (channel, most) =
         reference(scenario).map_or((Channel::Voltage, SAME_VOLTAGE), |channel| (channel, SAME_COURSE));
@@ -280,7 +280,7 @@ fn agrees_by_course(scenario: &Scenario, compared: &Comparison) -> Result<(), St
     }
 }
 
-/// A recording that has less than this share of its scenario is told so.
+/// Share of the scenario below which a note reports a short recording.
 const WHOLE: f64 = 0.95;
 
 fn is_short(scenario: &Scenario, compared: &Comparison) -> Option<String> {
@@ -290,7 +290,7 @@ fn is_short(scenario: &Scenario, compared: &Comparison) -> Option<String> {
     })
 }
 
-/// Names loops of one law by their files.
+/// Loops of the same law are named by their files.
 fn name(loops: &mut [Loop], files: &[PathBuf]) {
     let laws: Vec<String> = loops.iter().map(|one| one.name.clone()).collect();
     for (index, one) in loops.iter_mut().enumerate() {
@@ -300,7 +300,7 @@ fn name(loops: &mut [Loop], files: &[PathBuf]) {
     }
 }
 
-/// For programs: of one loop its own object, of several a list.
+/// As JSON: an object for one loop, a list for several.
 fn result(loops: &[Loop], remaining: &[String]) -> Value {
     let figures = |one: &Loop| json!({ "simulated": one.figures[0], "measured": one.figures[1] });
     if let [only] = loops {
@@ -319,8 +319,8 @@ fn result(loops: &[Loop], remaining: &[String]) -> Value {
     json!({ "loops": list.collect::<Vec<_>>(), "remaining": remaining })
 }
 
-/// One loop as `compare` draws it; of several every channel that all have, over the time of the first, and what measured and
-/// simulated differ by.
+/// One loop: a plot as in `compare`. Several: all channels that they share, over the time of the first, and the
+/// differences.
 fn picture(loops: &[Loop]) -> String {
     if let [only] = loops {
         return plot(&only.compared, ["simulated", "measured"]);
@@ -361,7 +361,7 @@ fn difference<'a>(one: &'a Loop, channel: &str) -> &'a Difference {
     one.compared.channels.iter().find(|found| found.channel == channel).expect("all loops have it")
 }
 
-/// A recording as the figures take it, from the start of the scenario on. `late_s`: by how much it began earlier.
+/// A recording for the figures, from the start of the scenario on. `late_s`: by how much it began earlier.
 fn points(recording: &Recording, rig: &Rig, late_s: f64) -> Vec<Point> {
     let column = |channel: Channel, factor: f64| {
         recording.get(channel).map(|values| values.iter().map(|value| value * factor).collect::<Vec<f64>>())
@@ -376,7 +376,7 @@ fn points(recording: &Recording, rig: &Rig, late_s: f64) -> Vec<Point> {
     let current = column(Channel::Current, 1.0).unwrap_or_else(missing);
     let time_s = recording.time_s().unwrap_or_default();
     let start_s = time_s.first().copied().unwrap_or(0.0) + late_s;
-    // Without a position that was asked for, where an angle is zero says nothing.
+    // Without a position reference, the zero of the angle has no meaning.
     let origin = angle.first().filter(|_| recording.get(Channel::AngleReference).is_none());
     let origin_rad = origin.copied().unwrap_or(0.0);
     (0..time_s.len())
@@ -394,14 +394,14 @@ fn points(recording: &Recording, rig: &Rig, late_s: f64) -> Vec<Point> {
         .collect()
 }
 
-/// What a diagnosis of the measured loops names that the scenarios lack, or why it says nothing.
+/// Effects that a diagnosis of the measured loops names and the scenarios lack, or why there is no diagnosis.
 fn remaining(loops: &[Loop], rig: &Rig, progress: motorbench_diagnosis::diagnose::select::Progress) -> Vec<String> {
     let measured: Vec<Recording> = loops.iter().map(|one| one.measured.clone()).collect();
     match diagnose(&measured, rig, progress) {
         Err(error) => vec![format!("no diagnosis of what remains: {error}")],
         Ok(diagnosis) => {
             let causes = &diagnosis.outcome.causes;
-            // The scenario's own loads are no news.
+            // Known loads of the scenario are no effects.
             let in_scenario = |one: &Loop, id: &str| {
                 one.scenario.model.has(id) || id == "load_step" && !one.scenario.loads.is_empty()
             };
@@ -441,7 +441,7 @@ fn page(loops: &[Loop], remaining: &[String]) -> String {
 /// Figures of one loop, a line each.
 fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
     if figures[0].is_empty() {
-        // An open loop has nothing to follow.
+        // An open loop has no reference.
         return String::new();
     }
     let mut text = String::from("  at, s    figure                     simulated     measured\n");
@@ -454,7 +454,7 @@ fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
             ("tracking error, rms", Some(simulated.tracking_rms), Some(measured.tracking_rms)),
         ];
         let largest = simulated.largest_error.map(|error| ("largest error", Some(error), measured.largest_error));
-        // A course that is followed has no rise.
+        // A continuous reference has no rise time.
         let told = |(_, simulated, measured): &(_, Option<f64>, Option<f64>)| simulated.is_some() || measured.is_some();
         for (name, simulated_value, measured_value) in rows.into_iter().chain(largest).filter(told) {
             let (time, a, b) = (short(simulated.time_s), or_dash(simulated_value, 3), or_dash(measured_value, 3));
@@ -468,12 +468,12 @@ fn or_dash(value: Option<f64>, digits: i32) -> String {
     value.filter(|value| value.is_finite()).map_or("-".into(), |value| rounded(value, digits))
 }
 
-/// Channels of the table of several loops, as many as a line holds.
+/// Channels in the table of several loops, as many as fit a line.
 const TABLE_CHANNELS: usize = 4;
-/// References of two loops are the same one if they begin within this.
+/// References of two loops are the same if their times differ by less than this.
 const SAME_TIME_S: f64 = 0.02;
 
-/// Fit of each loop and figures of each reference, the loops under each other.
+/// Fit of each loop, and figures of each reference, with the loops in rows.
 fn side_by_side(loops: &[Loop]) -> String {
     let told = |channel: &&str| *channel != "duty" && !channel.starts_with("ref_");
     let channels: Vec<&str> = shared(loops).into_iter().filter(told).take(TABLE_CHANNELS).collect();
@@ -525,7 +525,7 @@ fn cells(figures: &Figures) -> String {
     cells.into_iter().map(|(value, digits)| format!("{:>8}", or_dash(value, digits))).collect()
 }
 
-/// Whether all loops were asked for the same, one reference after the other.
+/// Whether all loops had the same references in the same order.
 fn same_course(loops: &[Loop]) -> bool {
     let first = &loops[0].figures[0];
     let same = |a: &Figures, b: &Figures| {
@@ -538,9 +538,9 @@ fn same_course(loops: &[Loop]) -> bool {
         })
 }
 
-/// The error summed over all references: which loop has the least, and whether the simulation predicted it.
+/// The loop with the smallest summed error, and whether the simulation predicted it.
 fn ranking(loops: &[Loop]) -> String {
-    // A jump is within its sequence.
+    // A jump belongs to its sequence.
     let references = |figures: &&Figures| figures.course != JUMP;
     let sum = |figures: &[Figures]| figures.iter().filter(references).map(|figures| figures.iae).sum::<f64>();
     let sums: Vec<[f64; 2]> = loops.iter().map(|one| one.figures.each_ref().map(|figures| sum(figures))).collect();

@@ -338,7 +338,7 @@ mod with_chip {
         } else {
             println!("virtual board at {} ({name}); lines change it:\n{ORDERS}", named.0.display());
         }
-        let (begun, ended) = (Instant::now(), super::super::board::on_interrupt()?);
+        let (begun, ended) = (Instant::now(), super::super::interaction::on_interrupt()?);
         let mut clock = Clock::new(Duration::from_secs_f64(arguments.wait_for_reader));
         let mut under_way = Vec::new();
         while !ended.load(std::sync::atomic::Ordering::Relaxed)

@@ -1,10 +1,16 @@
-//! The tuning console: a board's speed loop under the fingers, in a terminal.
+//! The tuning console: live tuning of a board's speed loop in a terminal.
 //!
-//! [`Session`] is the board, the traces and what was changed; it knows nothing of a terminal. [`screen`] draws it.
+//! [`Session`] has the board, the traces and the changes, and does not depend on a terminal. [`screen`] draws it.
 
+mod account;
+mod key;
 pub mod screen;
 
-use host_sim::figures::{Figures, step_figures};
+pub use account::{Account, RecordingStore, StepTest, StoredRecording};
+pub use key::Key;
+
+use account::Recorded;
+use host_sim::figures::step_figures;
 use host_sim::trial::Point;
 use motorbench_core::HARDWARE;
 use motorbench_core::message::{Mode, Sample, State, Trip};
@@ -20,17 +26,17 @@ use std::collections::{BTreeMap, VecDeque};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// The traces show this long.
+/// Length of the shown traces.
 pub const SHOWN_S: f64 = 5.0;
-/// A step test lasts this long.
+/// Duration of a step test.
 const STEP_S: f64 = 1.0;
-/// A motor whose counts stay the same for so long, and whose speed is below this share of its range, stands: well within the
-/// 200 ms of `trip_encoder`.
-const STANDS_S: f64 = 0.1;
-const STANDS_SHARE: f64 = 0.01;
-/// A session without a person gives up when nothing has come for so long.
+/// A motor is at rest if its counts stay the same for so long and its speed is below this share of its range. The time
+/// is well within the 200 ms of `trip_encoder`.
+const AT_REST_S: f64 = 0.1;
+const AT_REST_SHARE: f64 = 0.01;
+/// A scripted session ends with an error if no samples come for so long.
 const SILENT: Duration = Duration::from_secs(5);
-/// A key changes a value by this factor; one that is zero becomes this share of its range first.
+/// A key changes a value by this factor. A value of zero first becomes this share of its range.
 const FACTOR: f32 = 1.1;
 const FIRST: f32 = 1e-5;
 
@@ -55,114 +61,28 @@ pub const LOOPS: [TunedLoop; 2] = [
     },
 ];
 
-/// What both are asked for is a speed, also in a recording that begins before one of them drives.
+/// Both loops have a speed reference, also in a recording that begins before one of them drives.
 pub const REFERENCE: Mode = Mode::SpeedPid;
 
-/// A change that can be taken back.
+/// A change that can be undone.
 struct Change {
     param: Param,
     before: f32,
 }
 
-/// What follows a step test. Left on at rest, the loop's integral pushes against the friction, and what is driven and does
-/// not turn trips.
+/// The state after a step test. At rest the loop must be off: its integral would push against the friction, and a
+/// driven motor that does not turn trips.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum WayBack {
-    /// There is none: the loop goes by its reference.
+enum ReturnToRest {
+    /// No step test: the loop follows its reference.
     Not,
-    /// The motor is on its way to rest.
+    /// The motor is slowing down to rest.
     Begun,
-    /// It stands; the loop is off until it is needed.
+    /// The motor is at rest, and the loop is off until it is needed.
     Over,
 }
 
-/// A recording under way.
-struct Recorded {
-    samples: Vec<Sample>,
-    /// What had been lost on the line before.
-    losses: Losses,
-    /// The gains it began with.
-    settings: Settings,
-}
-
-/// A recording that was ended.
-pub struct Kept {
-    /// What to tell the person.
-    pub text: String,
-    /// Where it is, if anything of it had come.
-    pub file: Option<PathBuf>,
-    /// Whether all that belongs to it could be written.
-    pub is_whole: bool,
-}
-
-/// Where recordings go.
-pub trait Keeper {
-    /// Finds out whether one can be kept, made with these gains and this firmware.
-    ///
-    /// # Errors
-    /// Why it cannot, with what to do.
-    fn begin(&mut self, settings: &Settings, firmware: &str) -> Result<(), String>;
-
-    /// Keeps what has come of the recording under way, so that a program that dies costs none of it.
-    ///
-    /// # Errors
-    /// Why it cannot, with what to do; the recording then ends.
-    fn grow(&mut self, samples: &[Sample], settings: &Settings) -> Result<(), String>;
-
-    /// Ends one, made with the gains of `before` at first.
-    fn keep(&mut self, record: &Record, before: &Settings, firmware: &str) -> Kept;
-}
-
-/// A step test that was made.
-#[derive(Clone, Debug, serde::Serialize)]
-pub struct StepTest {
-    /// The loop, by the console's name of its mode.
-    pub mode: &'static str,
-    /// Its gains at the time.
-    pub gains: BTreeMap<String, f32>,
-    /// What the loop made of it.
-    #[serde(flatten)]
-    pub figures: Figures,
-    /// Ticks of it of which nothing came.
-    pub missing_ticks: u32,
-}
-
-/// A whole session, for a program.
-#[derive(Clone, Debug, serde::Serialize)]
-pub struct Account {
-    /// What the firmware says of itself.
-    pub firmware: String,
-    /// Gains of both loops when it began.
-    pub gains_before: BTreeMap<String, f32>,
-    /// Gains of both loops when it ended.
-    pub gains_after: BTreeMap<String, f32>,
-    /// Whether those are what the board keeps, saved in this session.
-    pub saved: bool,
-    /// In the order in which they were made.
-    pub step_tests: Vec<StepTest>,
-    /// In the order in which they were made.
-    pub recordings: Vec<String>,
-    /// How it ended.
-    pub ended: Ended,
-}
-
-impl Account {
-    /// In what state the board was left, and where the recordings are.
-    pub fn left(&self) -> Vec<String> {
-        let gains = match (self.saved, self.gains_after == self.gains_before) {
-            (true, _) => "the board keeps these gains",
-            (false, true) => "the gains are as before",
-            (false, false) => "the changed gains are not saved and last until the next reset",
-        };
-        let recordings = format!("recordings: {}", self.recordings.join(", "));
-        [Some(format!("the drive is off; {gains}")), (!self.recordings.is_empty()).then_some(recordings)]
-            .into_iter()
-            .flatten()
-            .collect()
-    }
-}
-
-/// What a person would write down.
+/// A value as a person would note it.
 fn four_digits(value: f32) -> f32 {
     format!("{value:.3e}").parse().unwrap_or(value)
 }
@@ -177,27 +97,27 @@ fn all_gains(settings: &Settings) -> BTreeMap<String, f32> {
     LOOPS.iter().flat_map(|tuned| by_name(tuned.gains, settings)).collect()
 }
 
-/// The board and what the person does with it.
+/// The board, and the state of the session.
 pub struct Session<L: Line> {
     link: Link<L>,
     settings: Settings,
     live: Option<Live>,
-    keeper: Box<dyn Keeper>,
+    keeper: Box<dyn RecordingStore>,
     recording: Option<Recorded>,
-    /// Why some could not be kept, or not all of them.
+    /// Reasons for missing or incomplete recordings.
     not_kept: Vec<String>,
     loop_index: usize,
     selected: usize,
     armed: bool,
     reference: f64,
-    /// What the loop on the board goes by, where that is known.
+    /// Present reference of the board's loop, if it is known.
     told: Option<f64>,
     traces: VecDeque<Sample>,
     changes: Vec<Change>,
     step: Option<Vec<Sample>>,
-    way_back: WayBack,
+    way_back: ReturnToRest,
     step_tests: Vec<StepTest>,
-    /// The gains as the board had them, and as they were saved last.
+    /// Gains of the board at the start, and gains that were saved last.
     gains_before: BTreeMap<String, f32>,
     saved: Option<BTreeMap<String, f32>>,
     recordings: Vec<PathBuf>,
@@ -207,7 +127,8 @@ pub struct Session<L: Line> {
 }
 
 impl<L: Line> Session<L> {
-    /// With the settings as the board has them. `reference` in rad/s; `live` gets every sample, `keeper` recordings.
+    /// Starts a session with the settings of the board. `reference` in rad/s. `live` gets every sample, `keeper` the
+    /// recordings.
     ///
     /// # Errors
     /// [`BoardError`].
@@ -215,7 +136,7 @@ impl<L: Line> Session<L> {
         mut link: Link<L>,
         reference: f64,
         live: Option<Live>,
-        keeper: Box<dyn Keeper>,
+        keeper: Box<dyn RecordingStore>,
     ) -> Result<Self, BoardError> {
         link.command("disarm")?;
         let settings = link.settings()?;
@@ -235,7 +156,7 @@ impl<L: Line> Session<L> {
             traces: VecDeque::new(),
             changes: Vec::new(),
             step: None,
-            way_back: WayBack::Not,
+            way_back: ReturnToRest::Not,
             step_tests: Vec::new(),
             gains_before: all_gains(&settings),
             saved: None,
@@ -250,10 +171,10 @@ impl<L: Line> Session<L> {
         LOOPS[self.loop_index]
     }
 
-    /// Fetches the telemetry and keeps the board from missing its host.
+    /// Fetches the telemetry and sends keep-alive lines.
     ///
     /// # Errors
-    /// [`BoardError`], when the board is gone.
+    /// [`BoardError`], if the board is gone.
     pub fn poll(&mut self) -> Result<(), BoardError> {
         self.link.stay_alive()?;
         let came = self.link.samples(0.02)?;
@@ -271,7 +192,7 @@ impl<L: Line> Session<L> {
         }
         if let Some(Err(error)) = self.live.as_ref().map(|live| live.send_samples(&came, &self.settings)) {
             self.live = None;
-            self.message = format!("nothing more is sent to the plotter: {error}");
+            self.message = format!("sending to the plotter has stopped: {error}");
         }
         self.keep(&came);
         self.traces.extend(came);
@@ -281,32 +202,32 @@ impl<L: Line> Session<L> {
         if self.step.as_ref().is_some_and(|step| step.len() as f64 > STEP_S * rate_hz) {
             self.finish_step()?;
         }
-        if self.armed && self.way_back == WayBack::Begun && self.stands() {
-            self.way_back = WayBack::Over;
+        if self.armed && self.way_back == ReturnToRest::Begun && self.is_at_rest() {
+            self.way_back = ReturnToRest::Over;
             self.link.command("stop")?;
         }
         Ok(())
     }
 
-    /// Whether the motor has not turned of late.
-    fn stands(&self) -> bool {
-        let ticks = (STANDS_S * f64::from(self.settings.get(Param::TickRate))) as usize;
+    /// Whether the motor has been at rest.
+    fn is_at_rest(&self) -> bool {
+        let ticks = (AT_REST_S * f64::from(self.settings.get(Param::TickRate))) as usize;
         let Some(last) = self.traces.back().filter(|_| self.traces.len() > ticks) else { return false };
-        f64::from(last.speed).abs() < STANDS_SHARE * f64::from(FULL_RANGE)
+        f64::from(last.speed).abs() < AT_REST_SHARE * f64::from(FULL_RANGE)
             && self.traces.iter().rev().take(ticks).all(|sample| sample.counts == last.counts)
     }
 
-    /// Does what a key asks; a refusal of the board becomes the message.
+    /// Carries out a key. If the board refuses, its reply becomes the message.
     ///
     /// # Errors
-    /// [`BoardError`], when the board is gone.
+    /// [`BoardError`], if the board is gone.
     pub fn press(&mut self, key: Key) -> Result<(), BoardError> {
         match self.obey(key) {
             Err(BoardError::Refused { reply, .. }) => {
                 self.message = reply;
                 Ok(())
             }
-            // Its cause is still there.
+            // The cause of the trip is still present.
             Err(BoardError::Tripped(trip)) => {
                 self.message = format!("no drive ({}): {}; then a clears it and arms", trip_words(trip), cause(trip));
                 Ok(())
@@ -333,8 +254,8 @@ impl<L: Line> Session<L> {
         }
     }
 
-    /// Presses one key after another, each when what the one before began is over: a step test and the way back to rest.
-    /// Ends at the first that does nothing. `stop` is asked again and again; `says` gets what each did.
+    /// Presses one key after another, each after the last one has finished: a step test includes the way back to rest.
+    /// Ends at the first key without effect. `stop` is polled; `says` gets the result of each key.
     pub fn play(&mut self, keys: &[Key], stop: &dyn Fn() -> bool, says: &dyn Fn(Key, &str)) -> Ended {
         for key in keys {
             match self.play_key(*key, stop) {
@@ -356,11 +277,11 @@ impl<L: Line> Session<L> {
             let rest = self.tick() + (STEP_S * f64::from(self.settings.get(Param::TickRate))) as u32;
             self.wait(stop, |session| session.tick() >= rest)?;
         }
-        // What came meanwhile, and a word to the board.
+        // Takes new samples and keeps the board alive.
         self.wait(stop, |_| true)
     }
 
-    /// Takes what comes until something is so.
+    /// Takes samples until a condition holds.
     fn wait(&mut self, stop: &dyn Fn() -> bool, is: impl Fn(&Self) -> bool) -> Result<(), Ended> {
         let (mut came, mut last) = (Instant::now(), self.tick());
         loop {
@@ -380,12 +301,12 @@ impl<L: Line> Session<L> {
         }
     }
 
-    /// Of the last sample.
+    /// Reference of the last sample.
     fn tick(&self) -> u32 {
         self.traces.back().map_or(0, |sample| sample.tick)
     }
 
-    /// What the session was. One that lacks what a recording should have kept has failed, whoever has ended it.
+    /// The account of the session. An incomplete recording makes it a failure, whatever else ended it.
     pub fn account(&self, ended: Ended) -> Account {
         let gains_after = all_gains(&self.settings);
         let ended = match ended {
@@ -398,7 +319,7 @@ impl<L: Line> Session<L> {
             saved: self.saved.as_ref() == Some(&gains_after),
             gains_after,
             step_tests: self.step_tests.clone(),
-            // Names are bytes to some systems, and JSON is text.
+            // On some systems file names are arbitrary bytes, but JSON is text.
             recordings: self.recordings.iter().map(|file| file.to_string_lossy().into_owned()).collect(),
             ended,
         }
@@ -454,7 +375,7 @@ impl<L: Line> Session<L> {
 
     fn arm(&mut self) -> Result<(), BoardError> {
         self.link.command("clear")?;
-        // Nothing that comes meanwhile is lost to traces and recording.
+        // All samples that come meanwhile go to traces and recording.
         self.poll()?;
         if let Some(Sample { trip, .. }) = self.traces.back().filter(|sample| sample.trip != Trip::None) {
             return Err(BoardError::Tripped(*trip));
@@ -468,23 +389,23 @@ impl<L: Line> Session<L> {
     }
 
     fn enter_mode(&mut self) -> Result<(), BoardError> {
-        self.way_back = WayBack::Not;
+        self.way_back = ReturnToRest::Not;
         self.told = None;
         self.link.command(&format!("mode {}", self.tuned().mode))
     }
 
-    /// The loop again, where it was switched off at rest.
+    /// Switches the loop on again that was switched off at rest.
     fn close_loop(&mut self) -> Result<(), BoardError> {
         match self.way_back {
-            WayBack::Over => self.enter_mode(),
-            WayBack::Not | WayBack::Begun => {
-                self.way_back = WayBack::Not;
+            ReturnToRest::Over => self.enter_mode(),
+            ReturnToRest::Not | ReturnToRest::Begun => {
+                self.way_back = ReturnToRest::Not;
                 Ok(())
             }
         }
     }
 
-    /// Without drive, whatever else goes on.
+    /// Switches the drive off, whatever else is running.
     fn stop(&mut self) -> Result<(), BoardError> {
         self.step = None;
         self.armed = false;
@@ -528,7 +449,7 @@ impl<L: Line> Session<L> {
     fn finish_step(&mut self) -> Result<(), BoardError> {
         let samples = self.step.take().unwrap_or_default();
         let points: Vec<Point> = samples.iter().map(|sample| self.point(sample)).collect();
-        // The board has taken the reference a little after it was told.
+        // The board takes a reference a little after it was sent.
         let begun = points.iter().position(|point| point.reference != points[0].reference).unwrap_or(0);
         let figures = step_figures(&points[begun..], |point| point.measured_rad_per_s, self.reference);
         let TunedLoop { mode, gains } = self.tuned();
@@ -539,7 +460,7 @@ impl<L: Line> Session<L> {
             self.step_tests.push(StepTest { mode, gains: by_name(gains, &self.settings), figures, missing_ticks });
             self.message = "step test done".into();
         }
-        self.way_back = WayBack::Begun;
+        self.way_back = ReturnToRest::Begun;
         self.tell(0.0)
     }
 
@@ -548,7 +469,7 @@ impl<L: Line> Session<L> {
             self.message = kept.text;
             return Ok(());
         }
-        // What had come before is none of it, with the gaps of a board that was listing its settings.
+        // Earlier samples do not belong to it; they have gaps while a board lists its settings.
         self.poll()?;
         match self.keeper.begin(&self.settings, &self.link.firmware) {
             Ok(()) => {
@@ -561,13 +482,13 @@ impl<L: Line> Session<L> {
         Ok(())
     }
 
-    /// A person reads it, now and when the session is over; one without a person ends.
+    /// A user reads the message, now and at the end of the session. A scripted session ends.
     fn is_not_kept(&mut self, why: String) {
         self.message.clone_from(&why);
         self.not_kept.push(why);
     }
 
-    /// Adds to the recording under way, if there is one; one that cannot be kept ends.
+    /// Adds samples to the running recording. If they cannot be stored, the recording ends.
     fn keep(&mut self, came: &[Sample]) {
         let Some(recording) = &mut self.recording else { return };
         match self.keeper.grow(came, &self.settings) {
@@ -580,8 +501,8 @@ impl<L: Line> Session<L> {
         }
     }
 
-    /// Ends the recording under way, if there is one; what became of it. `failed`: why it could not go on.
-    pub fn end_recording(&mut self, failed: Option<&BoardError>) -> Option<Kept> {
+    /// Ends the running recording and reports its result. `failed`: why it could not continue.
+    pub fn end_recording(&mut self, failed: Option<&BoardError>) -> Option<StoredRecording> {
         let kept = self.closed_recording(failed)?;
         if !kept.is_whole {
             self.not_kept.push(kept.text.clone());
@@ -589,7 +510,7 @@ impl<L: Line> Session<L> {
         Some(kept)
     }
 
-    fn closed_recording(&mut self, failed: Option<&BoardError>) -> Option<Kept> {
+    fn closed_recording(&mut self, failed: Option<&BoardError>) -> Option<StoredRecording> {
         let Recorded { samples, losses: before, settings } = self.recording.take()?;
         let now = self.link.losses();
         let record = Record {
@@ -607,7 +528,7 @@ impl<L: Line> Session<L> {
     }
 
     fn save(&mut self) -> Result<(), BoardError> {
-        // The board keeps the host trip it came with.
+        // The board keeps its original `trip_host`.
         self.armed = false;
         leave_host(&mut self.link, &self.settings)?;
         self.link.save()?;
@@ -617,10 +538,10 @@ impl<L: Line> Session<L> {
         Ok(())
     }
 
-    /// Leaves the board without drive, and its host trip as it was.
+    /// Switches the drive off and restores the board's `trip_host`.
     ///
     /// # Errors
-    /// [`BoardError`], when the board is gone.
+    /// [`BoardError`], if the board is gone.
     pub fn leave(&mut self) -> Result<(), BoardError> {
         leave_host(&mut self.link, &self.settings)
     }
@@ -642,35 +563,4 @@ impl<L: Line> Session<L> {
             limited: sample.state.has(State::LIMITED),
         }
     }
-}
-
-/// What a person can ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Key {
-    /// The gain above.
-    Up,
-    /// The gain below.
-    Down,
-    /// Less of it.
-    Less,
-    /// More of it.
-    More,
-    /// A lower reference.
-    Lower,
-    /// A higher reference.
-    Higher,
-    /// Allow the drive.
-    Arm,
-    /// No drive, at once.
-    Stop,
-    /// A step from where it is to the reference, and back to rest.
-    Step,
-    /// The other loop.
-    Switch,
-    /// Take back the last change.
-    Undo,
-    /// Keep the gains on the board.
-    Save,
-    /// Begin a recording, or end it.
-    Record,
 }

@@ -1,4 +1,4 @@
-//! The tuning console's screen: traces above, gains, figures and keys below. Black and white serve as well as colours.
+//! The tuning console's screen: traces at the top; gains, figures and keys below. It also works without colours.
 
 use super::{Key, LOOPS, SHOWN_S, Session, StepTest};
 use crate::terminal_plot;
@@ -18,21 +18,21 @@ use std::borrow::Cow;
 use std::mem::ManuallyDrop;
 use std::time::Duration;
 
-/// Points drawn of a trace.
+/// Number of points of a trace.
 const POINTS: usize = 400;
-/// Gains and figures fit side by side into a terminal of this width; so high are they.
+/// From this width on gains and figures are side by side; this is their height.
 const WIDE: u16 = 70;
 const BOXES: u16 = 9;
-/// A plot of fewer rows shows nothing.
+/// A plot with fewer rows shows nothing.
 const PLOT: u16 = 5;
 
-/// Runs until the person quits, `stop` says so, or the board is gone; the terminal is then as it was.
+/// Runs until the user quits, `stop` returns true, or the board is gone. The terminal is then restored.
 ///
 /// # Errors
-/// [`BoardError`], when the board or the terminal is gone.
+/// [`BoardError`], if the board or the terminal is gone.
 pub fn run<L: Line>(session: &mut Session<L>, stop: &dyn Fn() -> bool) -> Result<(), BoardError> {
-    // Neither dropped nor restored aloud: of a terminal that was closed both would complain to it, and end the program before it
-    // has taken leave of the board.
+    // Neither dropped nor restored with messages. On a closed terminal both would fail to print, and end the program
+    // before it has switched off the board.
     let mut terminal = ManuallyDrop::new(ratatui::init());
     let ended = until_quit(&mut terminal, session, stop);
     let _ = (terminal.show_cursor(), ratatui::try_restore());
@@ -62,7 +62,7 @@ fn until_quit<L: Line>(
     Ok(())
 }
 
-/// A key by its name: the character that it writes, or `space`, `tab`, `up`, `down`, `left`, `right`.
+/// A key by its name: its character, or `space`, `tab`, `up`, `down`, `left`, `right`.
 pub fn key_named(name: &str) -> Option<Key> {
     let mut characters = name.chars();
     key(match (name, characters.next(), characters.next()) {
@@ -96,15 +96,15 @@ fn key(code: KeyCode) -> Option<Key> {
     })
 }
 
-/// A space that no line ends at.
+/// A non-breaking space.
 const NO_BREAK: &str = "\u{a0}";
-/// What the keys do, those that stop and end first.
+/// Help for the keys; those that stop and quit come first.
 const KEYS: [&str; 2] = [
     "space stop  a arm  q quit  s step test  r record",
     "arrows gain  -/+ reference  tab PID/LQR  u undo  w save on the board",
 ];
 
-/// What a person has to know of a motor that turns comes first; the traces get what is left.
+/// Text that matters for a turning motor comes first. The traces get the remaining rows.
 fn draw<L: Line>(frame: &mut Frame, session: &Session<L>) {
     let area = frame.area();
     let message = textwrap::wrap(&session.message, usize::from(area.width));
@@ -118,7 +118,7 @@ fn draw<L: Line>(frame: &mut Frame, session: &Session<L>) {
     draw_traces(frame, session, traces);
 }
 
-/// Gains beside figures, message and keys below them; what is left above.
+/// Gains beside figures, with message and keys below. The traces get the rows above.
 fn draw_boxes<L: Line>(frame: &mut Frame, session: &Session<L>, words: Vec<TextLine>, area: Rect) -> Rect {
     let heights = [Constraint::Fill(1), Constraint::Length(BOXES), Constraint::Length(words.len() as u16)];
     let [traces, below, message] = Layout::vertical(heights).areas(area);
@@ -130,10 +130,11 @@ fn draw_boxes<L: Line>(frame: &mut Frame, session: &Session<L>, words: Vec<TextL
     traces
 }
 
-/// A terminal too small for boxes: state, keys and message, then gains and figures as far as there is room; what is left above.
+/// A terminal too small for boxes: state, keys and message, then gains and figures as far as there is room. The traces
+/// get the rows above.
 fn draw_lines<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) -> Rect {
     let width = usize::from(area.width);
-    // The message between: however long it is, it does not push away what stops the motor.
+    // The message is between them: a long one must not push away the key that stops the motor.
     let texts = [state(session), together(KEYS[0]), session.message.clone(), together(KEYS[1])];
     let words = texts.iter().flat_map(|text| textwrap::wrap(text, width));
     let figures = figure_lines(&session.step_tests).into_iter().map(TextLine::from);
@@ -148,13 +149,13 @@ fn draw_lines<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) -> R
     traces
 }
 
-/// Keys that a line may end between, but none within.
+/// Keys as words: a line may end between two keys, but not within one.
 fn together(keys: &str) -> String {
     let keys: Vec<String> = keys.split("  ").map(|key| key.replace(' ', NO_BREAK)).collect();
     keys.join("  ")
 }
 
-/// The speed, and the drive below it where there is room for both.
+/// The speed, and below it the voltage and current if there is room for both.
 fn draw_traces<L: Line>(frame: &mut Frame, session: &Session<L>, area: Rect) {
     let below = if area.height < 2 * PLOT { Constraint::Length(0) } else { Constraint::Fill(3) };
     let [speed, drive] = Layout::vertical([Constraint::Fill(4), below]).areas(area);
@@ -203,7 +204,7 @@ fn gain_lines<L: Line>(session: &Session<L>) -> impl Iterator<Item = TextLine<'s
     })
 }
 
-/// Which loop, whether it drives, and where to.
+/// The loop, whether it drives, and its reference.
 fn state<L: Line>(session: &Session<L>) -> String {
     format!(
         "{} {} to {:.0}{}",
@@ -219,7 +220,7 @@ fn figure_table<L: Line>(session: &Session<L>) -> Paragraph<'_> {
     Paragraph::new(lines).block(Block::bordered().title("step tests"))
 }
 
-/// A table of the last step test of each loop, and of the one before.
+/// A table with the last step test of each loop, and the one before.
 pub fn figure_lines(tests: &[StepTest]) -> Vec<String> {
     let header = ["rise s", "settle s", "over %", "error", "peak A"];
     let mut lines = vec![row("", header.map(String::from))];
@@ -245,7 +246,7 @@ fn figure_line(what: &str, figures: &Figures) -> String {
     )
 }
 
-/// As wide as a terminal of 80 columns leaves.
+/// The width that a terminal of 80 columns leaves.
 fn row(what: &str, [rise, settling, overshoot, error, peak]: [String; 5]) -> String {
     format!("{what:10} {rise:>6} {settling:>8} {overshoot:>6} {error:>6} {peak:>6}")
 }

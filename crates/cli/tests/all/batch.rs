@@ -1,4 +1,4 @@
-//! `motorbench diagnose --batch`: many recordings, one line each, a bad one among them.
+//! `motorbench diagnose --batch`: many recordings with one line each, one of them damaged.
 
 use hidden_effects::{Effect, Recipe, draw};
 use std::process::Command;
@@ -34,13 +34,13 @@ fn each_file_has_its_line_and_a_bad_one_stops_nothing() {
     let error = of("bad.csv")["error"].as_str().unwrap();
     assert!(error.contains("bad.csv") && error.contains('2'), "{error}");
     assert_eq!(done.status.code(), Some(1));
-    // Without --rig each has the one beside it, and the same comes out.
+    // Without --rig each recording uses the rig file beside it, with the same result.
     let alone: serde_json::Value = serde_json::from_slice(&beside.stdout).unwrap();
     assert!(alone["rig"].as_str().unwrap().ends_with("good.rig.toml"), "{alone}");
     assert_eq!((beside.status.code(), &alone["outcome"]), (Some(0), &of("good.csv")["outcome"]));
 }
 
-/// Names are bytes to Linux; the lines are text whatever they are.
+/// On Linux file names are arbitrary bytes; the output is text for all of them.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_name_that_is_no_text_has_its_line_too() {

@@ -1,4 +1,4 @@
-//! A virtual board in a process of its own, and the program's commands that talk to it.
+//! A virtual board in its own process, and the program's commands that use it.
 #![allow(dead_code, reason = "each test uses some of it")]
 
 use motorbench_core::message::{State, Trip};
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 pub const MOTORBENCH: &str = env!("CARGO_BIN_EXE_motorbench");
 
-/// What has not come after so long does not come.
+/// A test fails if it waits for longer than this.
 const NEVER: Duration = Duration::from_secs(240);
 
 /// A virtual board in a folder of its own.
@@ -32,11 +32,11 @@ impl Board {
         let folder = std::env::temp_dir().join(format!("motorbench-{name}-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let process = Command::new(MOTORBENCH)
-            // Longer than any test: what is left behind ends by itself.
+            // Longer than any test: a process that is left behind ends by itself.
             .args(["virtual", "--seconds", "900", "--link"])
             .arg(folder.join("board"))
             .args(arguments)
-            // However busy the computer: what is tested is not how fast it is.
+            // Generous for a busy computer: the tests do not measure its speed.
             .args(if arguments.contains(&"--wait-for-reader") { &[][..] } else { &["--wait-for-reader", "120"] })
             .stdin(Stdio::piped())
             .stdout(Stdio::null())
@@ -60,7 +60,7 @@ impl Board {
         writeln!(self.process.stdin.as_mut().unwrap(), "{order}").unwrap();
     }
 
-    /// The same over its control socket; comes back when it is done.
+    /// The same over its control socket; returns when it is done.
     pub fn order(&self, order: &str) {
         let socket = UnixStream::connect(control_path(&self.port())).unwrap();
         writeln!(&socket, "{order}").unwrap();
@@ -72,7 +72,7 @@ impl Board {
     pub fn command(&self, name: &str, arguments: &[&str]) -> Command {
         let mut command = Command::new(MOTORBENCH);
         command.arg(name).arg("--port").arg(self.port()).args(arguments).current_dir(&self.folder);
-        // Where `has_recorded` and `side_file` look, also for another one.
+        // The folder in which `has_recorded` and `side_file` look; it can be changed.
         if name == "record" && !arguments.contains(&"--out") {
             command.args(["--out", "run.csv"]);
         }
@@ -84,24 +84,25 @@ impl Board {
         self.command(name, arguments).output().unwrap()
     }
 
-    /// A command that needs no board, in its folder.
+    /// A command without a board, in the same folder.
     pub fn run_alone(&self, arguments: &[&str]) -> Output {
         Command::new(MOTORBENCH).args(arguments).current_dir(&self.folder).output().unwrap()
     }
 
-    /// Waits until a recording that was begun with an empty folder has so many samples in its file.
+    /// Waits until a new recording has this many samples in its file. The folder must have been empty.
     pub fn has_recorded(&self, samples: usize) {
         let path = self.folder.join("run.csv");
         until("a recording", || path.exists() && rows(&path) >= samples);
     }
 
-    /// No drive: the board says so.
+    /// The drive is off: the board's status says so.
     pub fn motor_is_off(&self) {
         let status = text(&self.run("connect", &["status"]).stdout);
         assert!(status.contains("mode off armed 0"), "{status}");
     }
 
-    /// Listens, without a word, to what a program that was killed has left streaming, until the drive switches itself off.
+    /// Reads the stream that a killed program has left on, without sending anything, until the drive switches itself
+    /// off.
     pub fn trips_by_itself(&self) {
         let name = self.port();
         let mut line = serialport::new(name.to_str().unwrap(), 500_000).open_native().unwrap();
@@ -121,7 +122,7 @@ impl Board {
     }
 }
 
-/// Waits for a state, however long a busy computer takes to it; fails when it never comes.
+/// Waits for a state for as long as a busy computer may need; fails if it never comes.
 pub fn until(what: &str, mut is: impl FnMut() -> bool) {
     let begun = Instant::now();
     while !is() {
@@ -142,7 +143,7 @@ pub fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Rows of a table below its header; of a file that has just been made none.
+/// Rows of a table below its header; empty for a new file.
 pub fn rows(path: &Path) -> usize {
     std::fs::read_to_string(path).unwrap().lines().count().saturating_sub(1)
 }

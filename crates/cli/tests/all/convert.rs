@@ -1,8 +1,10 @@
-//! Files of other tools, read by `motorbench convert`, and its own files by them. `tests/data/formats/make.py` made them
-//! with SciPy and NumPy, `make_wpilib.py` one with WPILib's own logger; the others follow the published formats.
+//! `motorbench convert` with files of other tools, and its own files in these tools. `tests/data/formats/make.py` made
+//! the files with SciPy and NumPy, `make_wpilib.py` one with WPILib's own logger. The others follow the published
+//! formats.
 
 use assert_cmd::Command;
 use motorbench_data::recording::{Channel, Recording};
+use motorbench_files::recording;
 use predicates::prelude::*;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
@@ -19,10 +21,10 @@ fn read(name: &str, more: &[&str]) -> Recording {
     let directory = TempDir::new().unwrap();
     let target = directory.path().join("run.csv");
     convert(&data(name), &target, more).success();
-    motorbench_files::recording(&target, &[]).unwrap()
+    recording(&target, &[]).unwrap()
 }
 
-/// The spin-up of make.py.
+/// The run-up of make.py.
 fn assert_spin_up(recording: &Recording, tolerance: f64) {
     let time_s = recording.time_s().unwrap();
     assert_eq!(time_s.len(), 20);
@@ -52,7 +54,7 @@ fn a_robots_log() {
     assert_spin_up(&read("robot.wpilog", &map), 1e-6);
 }
 
-/// A robot that is switched off while it logs: what is whole is kept.
+/// A robot that is switched off while it logs: all complete records are kept.
 #[test]
 fn a_log_that_ends_within_a_record() {
     let directory = TempDir::new().unwrap();
@@ -66,15 +68,15 @@ fn a_log_that_ends_within_a_record() {
     let log = std::fs::read(at("whole.wpilog")).unwrap();
     for missing in 1..25 {
         std::fs::write(at("cut.wpilog"), &log[..log.len() - missing]).unwrap();
-        let said = predicate::str::contains("is cut: what is before it is whole");
+        let said = predicate::str::contains("is incomplete; the records before it are complete");
         convert(&at("cut.wpilog"), &at("cut.csv"), &[]).success().stdout(said);
-        assert_eq!(motorbench_files::recording(&at("cut.csv"), &[]).unwrap().len(), 19, "{missing} bytes are missing");
+        assert_eq!(recording(&at("cut.csv"), &[]).unwrap().len(), 19, "{missing} bytes are missing");
     }
     std::fs::write(at("cut.wpilog"), &log[..10]).unwrap();
     convert(&at("cut.wpilog"), &at("cut.csv"), &[]).code(1);
 }
 
-/// Its own tables for a spreadsheet, without being told what is in them.
+/// The project's tables for a spreadsheet are read back without options.
 #[test]
 fn a_table_with_decimal_commas_is_read_again() {
     let directory = TempDir::new().unwrap();
@@ -83,8 +85,7 @@ fn a_table_with_decimal_commas_is_read_again() {
     let to = ["--to-delimiter", ";", "--to-decimal-comma"];
     convert(&at("run.csv"), &at("commas.csv"), &to).success();
     convert(&at("commas.csv"), &at("again.csv"), &[]).success();
-    let [run, again] =
-        ["run.csv", "again.csv"].map(|name| motorbench_files::recording(&at(name), &[]).unwrap().to_csv());
+    let [run, again] = ["run.csv", "again.csv"].map(|name| recording(&at(name), &[]).unwrap().to_csv());
     assert_eq!(run, again);
 }
 
@@ -97,14 +98,14 @@ fn the_four_tests_of_sysid() {
     assert!((speed[130] - 10.0 * std::f64::consts::TAU).abs() < 1e-6);
 }
 
-/// `SysIdRoutineLog` of WPILib wrote it: a motor's entries are known by their names and units.
+/// A log by WPILib's `SysIdRoutineLog`: the entries of a motor are found by their names and units.
 #[test]
 fn a_routine_logged_by_wpilib() {
     let recording = read("routine.wpilog", &[]);
     let [time_s, voltage, angle, speed] = [Channel::Time, Channel::Voltage, Channel::Angle, Channel::Speed]
         .map(|channel| recording.get(channel).unwrap());
     assert_eq!(recording.len(), 280);
-    // The wheel of make_wpilib.py, in its own arithmetic; 2 s between tests.
+    // The wheel of make_wpilib.py, with the same arithmetic; 2 s between tests.
     let (mut row, mut t_s, mut turns, mut rate) = (0, 0.0, 0.0, 0.0);
     let step = |turns: &mut f64, rate: &mut f64, volts: f64| {
         *rate += (volts / 0.12 - *rate) * 0.02 / 0.1;
@@ -128,7 +129,7 @@ fn a_routine_logged_by_wpilib() {
     let directory = TempDir::new().unwrap();
     let tests = directory.path().join("tests.json");
     convert(&data("routine.wpilog"), &tests, &[]).success();
-    // What it has no place for is not said to be there.
+    // Channels that SysId cannot hold are not listed.
     let mut recording = recording;
     recording.set(Channel::Current, vec![0.1; 280]);
     let more = directory.path().join("more.csv");
@@ -137,7 +138,7 @@ fn a_routine_logged_by_wpilib() {
     convert(&more, &tests, &[]).success().stdout(said);
 }
 
-/// Positions are rotations, whatever unit SysId is to show.
+/// Positions are rotations, whatever unit SysId shows.
 #[test]
 fn sysids_unit_is_for_its_display() {
     let directory = TempDir::new().unwrap();
@@ -150,15 +151,12 @@ fn sysids_unit_is_for_its_display() {
     std::fs::write(&degrees, shown).unwrap();
     let target = directory.path().join("run.csv");
     convert(&degrees, &target, &[]).success();
-    assert_eq!(
-        motorbench_files::recording(&target, &[]).unwrap().get(Channel::Speed),
-        read("sysid.json", &[]).get(Channel::Speed)
-    );
+    assert_eq!(recording(&target, &[]).unwrap().get(Channel::Speed), read("sysid.json", &[]).get(Channel::Speed));
     std::fs::write(&degrees, text.replace("\"Simple\"", "\"Drivetrain\"")).unwrap();
     convert(&degrees, &target, &[]).code(1).stderr(predicate::str::contains("a drivetrain has two motors"));
 }
 
-/// Read back by WPILib where it is installed.
+/// Reads the file back with WPILib, where it is installed.
 #[test]
 fn wpilib_reads_what_is_written() {
     let script = "
@@ -181,7 +179,7 @@ assert [value for _, value in values['u_V']] == [0.0] * 5 + [6.0] * 15
 ";
     let there = std::process::Command::new("python3").args(["-c", "import wpiutil.log"]).output();
     if !there.is_ok_and(|output| output.status.success()) {
-        println!("WPILib (pip install robotpy-wpiutil) is not installed: what it makes of the file is not checked");
+        println!("WPILib (pip install robotpy-wpiutil) is not installed: its reading of the file is not checked");
         return;
     }
     let directory = TempDir::new().unwrap();
@@ -212,16 +210,16 @@ fn what_cannot_be_read_says_what_to_do() {
         convert(&data(name), &target, &[]).code(1).stderr(predicate::str::contains(words));
     };
     fails("complex.mat", "u_V: expected a vector of real numbers");
-    fails("matrix.npy", "an array without names");
+    fails("matrix.npy", "the array has no field names");
     fails("robot.wpilog", "no known channel among NT:/motor/velocity, NT:/motor/volts, messages");
-    fails("make.py", "its ending says no format");
+    fails("make.py", "no format has this ending");
     convert(&data("plain.mat"), &target, &["--map", "u_V=volts"])
         .code(2)
         .stderr(predicate::str::contains("no channel is called \"volts\""));
-    assert!(!target.exists(), "nothing is written when something is wrong");
+    assert!(!target.exists(), "after an error nothing is written");
 }
 
-/// Read back by SciPy and NumPy where they are installed.
+/// Reads the files back with SciPy and NumPy, where they are installed.
 #[test]
 fn scipy_and_numpy_read_what_is_written() {
     let script = "
@@ -235,7 +233,7 @@ assert abs(npy['omega_rad_per_s'][19] - 80 * (1 - numpy.exp(-0.14 / 0.025))) < 1
 ";
     let there = std::process::Command::new("python3").args(["-c", "import scipy.io"]).output();
     if !there.is_ok_and(|output| output.status.success()) {
-        println!("SciPy is not installed: what it makes of the files is not checked");
+        println!("SciPy is not installed: its reading of the files is not checked");
         return;
     }
     let directory = TempDir::new().unwrap();

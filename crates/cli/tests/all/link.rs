@@ -1,7 +1,7 @@
-//! The link to a board, against a scripted one: half frames, flipped bytes, a reset, an unplugged cable, a version that is
-//! not ours. The firmware itself is behind `tests/virtual_board.rs`.
+//! The link to a scripted board: half frames, flipped bytes, a reset, an unplugged cable, another version. Tests with
+//! the real firmware are in `tests/virtual_board.rs`.
 
-use motorbench_cli::tune::{Keeper, Kept, Key, Session};
+use motorbench_cli::tune::{Key, RecordingStore, Session, StoredRecording};
 use motorbench_core::message::{Mode, Sample, State, Trip};
 use motorbench_core::protocol::{FRAME, Framer, SAMPLE, TEXT, TEXT_CHUNK, pack};
 use motorbench_core::settings::{Param, Settings};
@@ -17,25 +17,25 @@ use std::io;
 use std::net::UdpSocket;
 use std::sync::{Arc, Mutex};
 
-/// What goes wrong.
+/// Faults of the board or the line.
 #[derive(Clone, Copy, PartialEq)]
 enum Fault {
     None,
-    /// The cable is pulled after so many samples.
+    /// The cable is unplugged after so many samples.
     UnpluggedAfter(u32),
-    /// The board begins anew after so many samples.
+    /// The board is reset after so many samples.
     ResetAfter(u32),
     /// The drive trips after so many samples.
     TripAfter(u32),
-    /// One byte in a hundred is another.
+    /// One byte in a hundred is wrong.
     Noise,
-    /// One bit in three thousand is another, in samples and answers.
+    /// One bit in three thousand is wrong, in samples and answers.
     Bits,
-    /// A thousand frames do not come, and of the one after them four pieces.
+    /// A thousand frames are lost, and the next one comes in four pieces.
     Gap,
     /// The telemetry stops after so many samples.
     SilentAfter(u32),
-    /// While the board lists its settings none of its samples is sent.
+    /// While the board lists its settings it sends no samples.
     BusyListing,
 }
 
@@ -50,7 +50,7 @@ struct Fake {
     playing: u32,
     played: u32,
     out: VecDeque<u8>,
-    /// A line that has not ended.
+    /// An incomplete line.
     line: String,
     obeyed: Arc<Mutex<Vec<String>>>,
     heard: Arc<Mutex<String>>,
@@ -59,9 +59,9 @@ struct Fake {
 
 const TICKS: u32 = 500;
 const LOST: u32 = 1000;
-/// Bytes that nobody has read.
+/// Bytes that were not read yet.
 const BEHIND: usize = 500;
-/// So long a board lists its settings.
+/// Time that the board needs to list its settings.
 const LISTING_TICKS: u32 = 390;
 
 impl Fake {
@@ -97,7 +97,7 @@ impl Fake {
         }
     }
 
-    /// A sample that does not come.
+    /// A sample that is lost.
     fn lose(&mut self) {
         self.tick += 1;
         self.framer.frame(SAMPLE, pack(&Sample::default()), &mut [0; FRAME]);
@@ -164,7 +164,7 @@ impl Fake {
                 }
                 self.say(&(lines + "ok\r\n"));
             }
-            // Nothing had changed: all is saved at once.
+            // Nothing had changed, so the save ends at once.
             "save" => self.say("ok\r\n# saved\r\n"),
             "nonsense" => self.say("error: unknown command, see help\r\n"),
             _ => self.say("ok\r\n"),
@@ -178,7 +178,7 @@ impl Line for Fake {
             return Err(io::ErrorKind::BrokenPipe.into());
         }
         let silent = matches!(self.fault, Fault::SilentAfter(after) if self.played > after);
-        // Who waits for an answer by the ticks that come has to be up to date.
+        // A test that waits for an answer by ticks needs all samples so far.
         let is_behind = self.fault == Fault::Bits && self.out.len() > BEHIND;
         if self.binary && !silent && !is_behind {
             (0..5).for_each(|_| self.tick());
@@ -217,7 +217,7 @@ fn recorded(fault: Fault) -> (Record, Arc<Mutex<String>>) {
     (record, heard)
 }
 
-/// An answer belongs to one line, and what the board says of its own is none.
+/// An answer belongs to one line, and unasked lines of the board are no answer.
 #[test]
 fn no_answer_is_missed() {
     let mut link = Link::start(Fake::new(Fault::None).0).unwrap();
@@ -246,7 +246,7 @@ fn a_whole_sequence_is_recorded_and_the_drive_disarmed() {
 fn an_unplugged_cable_ends_the_recording_and_keeps_it() {
     let (record, _) = recorded(Fault::UnpluggedAfter(200));
     assert!(matches!(&record.ended, Ended::Failed(why) if why.contains("connection is gone")), "{:?}", record.ended);
-    // All that the program had read, but for the frame that the cable was pulled in.
+    // All samples that the program had read, except the frame in which the cable was unplugged.
     assert!(record.samples.len() > 100, "{}", record.samples.len());
 }
 
@@ -265,7 +265,7 @@ fn a_trip_ends_the_recording_and_is_in_it() {
     assert!(heard.lock().unwrap().contains("disarm"));
 }
 
-/// Every frame that a flipped byte destroys is counted, and its tick is seen to be missing.
+/// Every frame that a flipped byte destroys is counted, and its tick is missing.
 #[test]
 fn flipped_bytes_are_counted() {
     let (record, _) = recorded(Fault::Noise);
@@ -276,7 +276,7 @@ fn flipped_bytes_are_counted() {
     assert!(record.samples.windows(2).all(|pair| pair[1].tick > pair[0].tick));
 }
 
-/// Of a list of the settings hardly one line in ten gets lost, but no list comes whole; answers get lost as well.
+/// Each settings list loses hardly one line in ten, but no list comes complete. Answers are lost as well.
 #[test]
 fn a_line_that_damages_some_frames_is_no_reason_to_give_up() {
     for seed in 0..8 {
@@ -298,7 +298,7 @@ fn a_line_that_damages_some_frames_is_no_reason_to_give_up() {
     }
 }
 
-/// The frames' own numbers begin anew after 256.
+/// Frame numbers start again after 256.
 #[test]
 fn a_thousand_lost_frames_are_a_thousand() {
     let (record, _) = recorded(Fault::Gap);
@@ -356,7 +356,7 @@ fn dropping_the_link_disarms() {
     assert!(heard.lock().unwrap().ends_with("disarm\nstream off\necho on\n"));
 }
 
-/// What the tuning console shows a plotter gets as well, at the times of the board's ticks, none left out.
+/// A plotter gets the same samples as the tuning console, at the times of the board's ticks, without gaps.
 #[test]
 fn tuning_is_sent_to_a_plotter() {
     let plotter = UdpSocket::bind("127.0.0.1:0").unwrap();
@@ -377,14 +377,14 @@ fn tuning_is_sent_to_a_plotter() {
 /// Recordings of a session.
 #[derive(Clone, Default)]
 struct Shared {
-    /// What the recordings have kept while they were made.
+    /// Samples that were stored during the recordings.
     grown: Arc<Mutex<Vec<Sample>>>,
     ended: Arc<Mutex<Vec<(Record, Settings)>>>,
-    /// Has no room for anything.
+    /// There is no room for any sample.
     full: bool,
 }
 
-impl Keeper for Shared {
+impl RecordingStore for Shared {
     fn begin(&mut self, _: &Settings, _firmware: &str) -> Result<(), String> {
         Ok(())
     }
@@ -394,14 +394,14 @@ impl Keeper for Shared {
         if self.full { Err("the disk is full".into()) } else { Ok(()) }
     }
 
-    fn keep(&mut self, record: &Record, before: &Settings, _firmware: &str) -> Kept {
+    fn keep(&mut self, record: &Record, before: &Settings, _firmware: &str) -> StoredRecording {
         self.ended.lock().unwrap().push((record.clone(), *before));
-        Kept { text: "kept".into(), file: Some("kept.csv".into()), is_whole: true }
+        StoredRecording { text: "kept".into(), file: Some("kept.csv".into()), is_whole: true }
     }
 }
 
-/// Every tick is in it, whatever is typed meanwhile, and the gains before and after; a board that goes ends it and loses
-/// nothing.
+/// The recording has every tick, whatever is typed meanwhile, and the gains before and after. If the board is gone, it
+/// ends without losses.
 #[test]
 fn a_recording_out_of_the_tuning_console() {
     let (kept, (fake, _)) = (Shared::default(), Fake::new(Fault::None));
@@ -426,7 +426,7 @@ fn a_recording_out_of_the_tuning_console() {
     assert_eq!(*grown, [&first.samples[..], &second.samples].concat(), "kept as it came");
 }
 
-/// Pressed as soon as the console is there.
+/// Pressed as soon as the console is ready.
 #[test]
 fn a_recording_out_of_the_tuning_console_begins_when_it_is_asked_for() {
     let (kept, (fake, _)) = (Shared::default(), Fake::new(Fault::BusyListing));

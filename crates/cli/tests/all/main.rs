@@ -1,6 +1,7 @@
-//! The program as a person runs it. One binary, so that tests that wait for a terminal run beside those that compute.
+//! The program as a user runs it. It is one binary, so that tests that wait for a terminal run in parallel to those
+//! that compute.
 
-#[cfg(unix)]
+#[cfg(all(unix, feature = "chip"))]
 mod board;
 #[path = "../common/motor.rs"]
 mod motor;
@@ -14,7 +15,9 @@ mod program;
 mod protocol_page;
 #[cfg(all(unix, feature = "chip"))]
 mod robustness;
+mod stand;
 #[cfg(unix)]
 mod terminal;
+mod validate;
 #[cfg(all(unix, feature = "chip"))]
 mod virtual_board;

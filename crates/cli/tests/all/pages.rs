@@ -1,10 +1,8 @@
-//! The pages say what the program does: every command in them is one, and where a page shows what comes out, that comes out.
+//! The pages agree with the program: every command in them exists, and shown output is what the program prints.
 //!
-//! In a block of ` ```text `, a line that begins with `$ ` is a command, a backslash at its end goes on in the next line, what
-//! follows is its output, and a line `...` stands for any lines. Numbers may differ in their last digits.
+//! In a block of ` ```text `, a line that begins with `$ ` is a command. A backslash at its end continues it in the
+//! next line. Its output follows; a line `...` stands for any lines. Numbers may differ in their last digits.
 
-#[cfg(feature = "chip")]
-#[cfg(feature = "chip")]
 use motorbench_cli::commands::command;
 use motorbench_data::recording::Channel;
 use std::path::{Path, PathBuf};
@@ -12,11 +10,11 @@ use std::process::Command;
 use tempfile::TempDir;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
-/// By what shares numbers may differ.
+/// Tolerances of numbers, as shares.
 #[derive(Clone, Copy)]
 struct Tolerance {
     numbers: f64,
-    /// Those in a line that begins with a channel's name: errors and noise.
+    /// Tolerance in a line that begins with a channel's name: errors and noise.
     errors: f64,
 }
 
@@ -27,27 +25,27 @@ impl Tolerance {
     }
 }
 
-/// Another processor rounds otherwise.
+/// Other processors round differently.
 const SAME: Tolerance = Tolerance { numbers: 0.01, errors: 0.01 };
-/// What a board records in real time is another recording each time. In seven of them the inductance, known to 14 %, was up to
-/// 1 % apart, the error of the speed 8 %, its noise 18 %.
+/// A board records in real time, so each recording differs. Among seven of them the inductance, known to 14 %, differed
+/// by up to 1 %, the error of the speed by 8 %, its noise by 18 %.
 #[cfg(feature = "chip")]
 const SAME_OF_A_BOARD: Tolerance = Tolerance { numbers: 0.02, errors: 0.3 };
-/// And by a share of the largest in their line.
+/// Tolerance as a share of the largest number in the line.
 const SAME_OF_LARGEST: f64 = 1e-4;
 
-/// Pages whose commands are run where they need no board, and what is copied into their folder.
+/// Pages whose commands without a board are run, with the files that are copied into their folder.
 const RUN: &[(&str, &[&str])] = &[
     ("docs/how-to/wrong-model.md", &["examples/recording"]),
     ("docs/how-to/loop.md", &["examples/recording"]),
     ("docs/explanation/physics.md", &["examples/recording"]),
     ("docs/tutorials/ten-minutes.md", &["examples/recording"]),
     ("docs/how-to/stand.md", &["examples/pivt6"]),
-    // Recorded by the simulated chip; the core on this computer has another scatter.
+    // Recorded by the simulated chip. The core on this computer gives another noise.
     #[cfg(feature = "chip")]
     ("docs/tutorials/class.md", &[]),
 ];
-/// What drives a board, or goes on until somebody ends it.
+/// Commands that drive a board, or run until they are stopped.
 const BOARD: [&str; 7] = ["virtual", "ports", "connect", "record", "send", "tune", "autotune"];
 
 fn page(name: &str) -> String {
@@ -64,7 +62,7 @@ fn pages() -> Vec<String> {
     folders.iter().flat_map(|folder| pages(folder)).chain(["README.md".to_string()]).collect()
 }
 
-/// A command in a page and what the page says comes out.
+/// A command of a page, and its output there.
 struct Shown {
     line: String,
     output: Vec<String>,
@@ -73,7 +71,7 @@ struct Shown {
 /// The commands of a page with their output.
 fn shown(page: &str) -> Vec<Shown> {
     let mut all: Vec<Shown> = Vec::new();
-    // In a block that shows something; after a command in it, whose output follows; in a command that goes on.
+    // State of the parser: in a block with output; after a command, whose output follows; within a command.
     let (mut inside, mut after, mut goes_on) = (false, false, false);
     for line in page.lines() {
         if line.starts_with("```") {
@@ -93,7 +91,7 @@ fn shown(page: &str) -> Vec<Shown> {
     all
 }
 
-/// Every command line of a page: shown with its output, for a shell, or set in.
+/// Every command line of a page: shown with its output, for a shell, or within a sentence.
 fn lines(page: &str) -> Vec<String> {
     let mut all: Vec<String> = shown(page).into_iter().map(|shown| shown.line).collect();
     let (mut fence, mut goes_on) = (None, false);
@@ -121,7 +119,7 @@ fn lines(page: &str) -> Vec<String> {
     all
 }
 
-/// What the shell makes of a line: words, up to what it does itself.
+/// The words of a line as a shell splits them, up to its own operators.
 fn words(line: &str) -> Vec<String> {
     // The variable of a loop.
     let line = line.replace("$team", "1");
@@ -143,7 +141,7 @@ fn every_command_in_the_pages_is_one() {
     assert!(count > 60, "only {count} commands found");
 }
 
-/// The same words, and numbers that differ by no more than rounding.
+/// The same words, and numbers that differ only by rounding.
 fn same(expected: &str, found: &str, tolerance: Tolerance) -> bool {
     let share = tolerance.of(expected);
     let split = |text: &str| -> Vec<String> {
@@ -165,10 +163,10 @@ fn same(expected: &str, found: &str, tolerance: Tolerance) -> bool {
         })
 }
 
-/// A way on from two lines: by how many lines in the page and in the output, and whether that is a difference.
+/// A step from two lines: its number of lines in the page and in the output, and whether it is a difference.
 type Move = (usize, usize, usize);
 
-/// What may follow, the most welcome first.
+/// Possible steps, in order of preference.
 fn moves(expected: Option<&String>, found: Option<&&str>, tolerance: Tolerance) -> Vec<Move> {
     match (expected, found) {
         (None, None) => vec![],
@@ -181,9 +179,9 @@ fn moves(expected: Option<&String>, found: Option<&&str>, tolerance: Tolerance) 
     }
 }
 
-/// The fewest lines in which the output is another than the page says, `...` standing for any: `-` the page's, `+` the output's.
+/// The smallest difference of the page (`-`) and the output (`+`), with `...` for any lines.
 fn differences(expected: &[String], output: &[&str], tolerance: Tolerance) -> Vec<String> {
-    // Differences from each pair of lines to the end of both.
+    // Number of differences from each pair of lines to the end.
     let mut from = vec![vec![0; output.len() + 1]; expected.len() + 1];
     for row in (0..=expected.len()).rev() {
         for column in (0..=output.len()).rev() {
@@ -226,11 +224,11 @@ fn copied(from: &Path, to: &Path) {
     }
 }
 
-/// What a page's command says, standard output first, and its exit code.
+/// Output of a page's command, standard output first, and its exit code.
 type Said = (String, Option<i32>);
 
-/// Has a page's commands run one after another, by `runs`, in a folder; how many, and each that says something else than the page.
-/// `runs` passes over a command by answering nothing.
+/// Runs a page's commands one after another, by `runs`, in a folder. Returns their number, and each whose output
+/// differs from the page. `runs` skips a command by returning `None`.
 fn run(
     name: &str,
     folder: &Path,
@@ -261,7 +259,7 @@ fn run(
     (count, wrong)
 }
 
-/// What the README shows, the tutorial shows as well, where it is run.
+/// Output in the README is also in the tutorial, where its command is run.
 #[test]
 fn what_the_readme_shows_is_in_the_tutorial() {
     let tutorial = shown(&page("docs/tutorials/ten-minutes.md"));
@@ -280,7 +278,7 @@ fn needs_board(words: &[String]) -> bool {
     BOARD.contains(&&*words[1]) || words.iter().any(|word| word == "--port")
 }
 
-/// A command without a board, and without hands.
+/// A command without a board and without an operator.
 fn run_alone(words: &[String], folder: &Path) -> Said {
     let done = Command::new(env!("CARGO_BIN_EXE_motorbench")).args(&words[1..]).current_dir(folder).output().unwrap();
     let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
@@ -301,7 +299,7 @@ fn what_the_pages_show_comes_out() {
     assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
 }
 
-/// The pages' board, with the hands that a page speaks of.
+/// The board of the pages, with the actions at the shaft that a page describes.
 #[cfg(feature = "chip")]
 mod with_a_board {
     use super::{BOARD, RUN, SAME_OF_A_BOARD, Said, needs_board, run, run_alone};
@@ -310,10 +308,10 @@ mod with_a_board {
     use std::io::{BufRead, BufReader, Read, Write};
     use std::process::{Command, Stdio};
 
-    /// Where the pages have their board.
+    /// The folder of the board.
     const PORT: &str = "/tmp/motorbench";
 
-    /// Pages with the nominal motor that they speak of, in `rig.toml`.
+    /// Pages with the nominal motor in `rig.toml`.
     const PAGES: [(&str, &str); 2] = [("docs/how-to/board.md", ""), ("docs/how-to/stand.md", PIVT6_TOML)];
 
     #[test]
@@ -331,12 +329,12 @@ mod with_a_board {
         assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
     }
 
-    /// Runs a page's command on this board instead of the page's; one for the only board on USB as well.
+    /// Runs a page's command on this board instead of the page's, also a command that uses the only board on USB.
     fn on(board: &Board, words: &[String]) -> Said {
         let port = board.port().display().to_string();
         let mut words: Vec<String> = words.iter().map(|word| word.replace(PORT, &port)).collect();
         match &*words[1] {
-            // Another one, which ends at once.
+            // Another board, which ends at once.
             "virtual" => words.extend(["--seconds", "0.1", "--link", &format!("{port}2")].map(str::to_owned)),
             name if BOARD.contains(&name) && !words.contains(&port) => {
                 words.splice(2..2, ["--port".into(), port.clone()]);
@@ -347,7 +345,7 @@ mod with_a_board {
         canonical(run_alone(&words, &board.folder), &port)
     }
 
-    /// What is called otherwise on every computer, or was where hands have turned it.
+    /// Replaces names that differ on every computer, and angles that depend on the operator.
     fn canonical((said, code): Said, port: &str) -> Said {
         let lines = said.lines().map(|line| match (line.split_once(" (/dev/"), line.split_once(" deg: ")) {
             (Some((before, after)), _) => {
@@ -359,7 +357,7 @@ mod with_a_board {
         (lines.collect::<String>().replace(&format!("{port}2"), PORT).replace(port, PORT), code)
     }
 
-    /// The rotor is turned on and held where that is asked for, and let go in the end.
+    /// Turns and holds the rotor when asked, and releases it at the end.
     fn by_hand(board: &Board, words: &[String]) -> Said {
         let mut stand = Command::new(MOTORBENCH);
         stand.args(&words[1..]).current_dir(&board.folder);

@@ -1,4 +1,4 @@
-//! `docs/reference/protocol.md` is enough to write a client: one in Python that uses nothing else talks to the firmware.
+//! `docs/reference/protocol.md` suffices to write a client: one in Python that uses nothing else talks to the firmware.
 
 use crate::board::{Board, text, until};
 use std::io::{Read, Write};
@@ -7,7 +7,7 @@ use std::time::Duration;
 
 const CLIENT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/reference/client.py");
 
-/// What a person types at a terminal, who then closes it: the drive goes on.
+/// Input of a user at a terminal, who then closes it. The drive continues.
 fn type_in(board: &Board, lines: &[&str]) {
     let port = serialport::new(board.port().to_str().unwrap(), 500_000).timeout(Duration::from_millis(50));
     let mut line = port.open_native().unwrap();
@@ -22,7 +22,7 @@ fn type_in(board: &Board, lines: &[&str]) {
     }
 }
 
-/// The number that stands behind `name` in the line that begins with `line`.
+/// The number after `name` in the line that begins with `line`.
 fn number(said: &str, line: &str, name: &str) -> f64 {
     let found = said.lines().find(|said| said.starts_with(line)).unwrap_or_else(|| panic!("no {line} in\n{said}"));
     let rest = found.split_once(name).unwrap_or_else(|| panic!("no {name} in {found}")).1;
@@ -32,23 +32,23 @@ fn number(said: &str, line: &str, name: &str) -> f64 {
 #[test]
 fn a_client_written_from_the_page_reads_the_board() {
     if Command::new("python3").arg("--version").output().is_err() {
-        eprintln!("python3 is missing: the client of the page is not tried");
+        eprintln!("python3 is missing: the client of the page is not tested");
         return;
     }
     let board = Board::new("protocol-page");
-    // Scales other than the defaults, which the client has to ask for, and a motor that turns.
+    // Scales that differ from the defaults, so the client must ask for them, and a motor that turns.
     type_in(&board, &["set speed_range 256 supply 10", "arm", "mode speed", "ref 50"]);
     board.order("wait 1");
     let done = Command::new("python3").arg("-B").arg(CLIENT).arg(board.port()).output().unwrap();
     let (said, errors) = (text(&done.stdout), text(&done.stderr));
     assert!(done.status.success(), "{said}{errors}");
     assert!(said.starts_with("motorbench ") && said.contains("\nreset: power on\n"), "{said}");
-    // Information lines of `status`, put together from text frames.
+    // Information lines of `status`, assembled from text frames.
     assert!(said.contains("\n# mode speed armed 1 trip 0 none\n"), "{said}");
     assert!(number(&said, "samples ", "samples ") >= 50.0, "{said}");
     assert!(said.contains(" lost 0 damaged 0 every [10"), "{said}");
     assert!(said.contains("\nmode speed armed 1 enabled 1 trip 0\n"), "{said}");
-    // What the samples say in SI units is what the console says in words, some moments before.
+    // The samples in SI units agree with the console's text from some moments before.
     let worded = "# reference ";
     for (name, of_console, bound) in [
         ("reference ", "# reference ", 0.01),
@@ -60,10 +60,10 @@ fn a_client_written_from_the_page_reads_the_board() {
         assert!((sampled - printed).abs() < bound && printed > 0.05, "{name}: {sampled} for {printed}\n{said}");
     }
     assert!((number(&said, "duty ", "duty ") - number(&said, worded, "duty ") / 100.0).abs() < 0.05, "{said}");
-    // Half a second of turning at 50 rad/s lies between the status and the last sample, at most.
+    // At most half a second at 50 rad/s is between the status and the last sample.
     let turned_rad = number(&said, "angle ", "angle ") - number(&said, worded, "position ");
     assert!((1.0..100.0).contains(&turned_rad), "{said}");
-    // The client leaves the board to a person: text, with echo.
+    // The client leaves the board in text mode with echo, ready for a user.
     let done = board.run("connect", &["status"]);
     assert!(done.status.success(), "{}", text(&done.stderr));
 }

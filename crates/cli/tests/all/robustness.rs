@@ -1,9 +1,10 @@
-//! What goes wrong between a board and the program, with the real firmware: a line that damages, cuts and delays, a computer
-//! that is busy, a disk that is full, a board that runs something else. Nothing is lost silently, the motor stops, and the
-//! message says what to do. (Unplugged, reset, tripped, busy: `tests/virtual_board.rs`.)
+//! Faults between a board and the program, with the real firmware. The line damages, cuts and delays; the computer is
+//! busy; the disk is full; the board has other firmware. Nothing is lost silently, the motor stops, and the message
+//! says what to do. (Unplugged, reset, tripped, busy: `tests/virtual_board.rs`.)
 
 use crate::board::{Board, MOTORBENCH, rows, text};
 use motorbench_data::recording::Channel;
+use motorbench_files::recording;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serialport::{SerialPort, TTYPort};
@@ -16,17 +17,17 @@ use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// What a cable does to the bytes.
+/// Faults of a cable.
 #[derive(Default)]
 struct Cable {
-    /// Share of the bytes that become others, in both directions, in a thousandth.
+    /// Share of the bytes that are changed, in both directions, in thousandths.
     flipped_permille: AtomicU32,
-    /// No more bytes than this at once; 0: as they come.
+    /// Largest number of bytes at once; 0: no limit.
     piece: AtomicU32,
     cut: AtomicBool,
 }
 
-/// A port that is connected to a board by a cable.
+/// A port that is connected to a board by a faulty cable.
 struct Port {
     cable: Arc<Cable>,
     name: PathBuf,
@@ -40,7 +41,8 @@ impl Port {
         near.set_timeout(Duration::from_millis(1)).unwrap();
         let name = board.folder.join("cable");
         symlink(program.name().unwrap(), &name).unwrap();
-        // Kept open so that the line outlives the program, but not as a port, which would be this process's alone.
+        // Kept open so that the line outlives the program. It is not opened as a port, which would be exclusive to this
+        // process.
         let open_end = std::fs::File::options().read(true).write(true).open(&name).unwrap();
         drop(program);
         let cable = Arc::new(cable);
@@ -99,14 +101,14 @@ fn carry(from: &mut TTYPort, to: &mut TTYPort, cable: &Cable, random: &mut ChaCh
     }
 }
 
-/// A cable loses nothing because the far end is busy.
+/// A cable does not lose bytes while the far end is busy.
 fn deliver(to: &mut TTYPort, mut bytes: &[u8], cable: &Cable) {
     while !bytes.is_empty() && !cable.cut.load(Ordering::Relaxed) {
         bytes = &bytes[to.write(bytes).unwrap_or(0)..];
     }
 }
 
-/// Turns the motor for some seconds, both ways.
+/// Turns the motor for some seconds in both directions.
 const STEPS: [&str; 8] = ["--sequence", "steps", "--amplitude", "5", "--period", "500", "--count", "2"];
 const STEPS_TICKS: u64 = 4000;
 
@@ -114,7 +116,7 @@ fn signal(process: &Child, signal: &str) {
     assert!(Command::new("kill").args([signal, &process.id().to_string()]).status().unwrap().success());
 }
 
-/// A recording that is well under way, whose computer then does nothing for seconds of the board's time.
+/// A running recording whose computer then pauses for seconds of the board's time.
 fn paused(board: &Board, recording: Child) -> Output {
     board.has_recorded(300);
     signal(&recording, "-STOP");
@@ -123,17 +125,18 @@ fn paused(board: &Board, recording: Child) -> Output {
     recording.wait_with_output().unwrap()
 }
 
-/// What the file has and what is said to be missing make up the whole sequence; whatever came is what was sent.
+/// The samples in the file and the missing ones make up the whole sequence, and every sample in the file is as it was
+/// sent.
 fn whole_or_counted(board: &Board, done: &Output) {
     let side = board.side_file();
     let [samples, missing] = ["samples", "missing_ticks"].map(|name| side[name].as_u64().unwrap());
     let path = board.folder.join("run.csv");
-    let recording = motorbench_files::recording(&path, &[]).unwrap();
+    let recording = recording(&path, &[]).unwrap();
     let time_s = recording.time_s().unwrap();
     assert_eq!((samples as usize, rows(&path)), (time_s.len(), time_s.len()));
     let ticks = 1 + (1000.0 * time_s.last().unwrap()).round() as u64;
     assert_eq!(ticks, samples + missing, "{side}");
-    // The first and the last samples may be among those that were lost.
+    // The first and the last samples may be lost.
     assert!((STEPS_TICKS - 100..=STEPS_TICKS).contains(&ticks), "{ticks} of {STEPS_TICKS}");
     assert!(text(&done.stdout).contains(&format!("{missing} missing")), "{}", text(&done.stdout));
     let [volts, counts] = [Channel::Voltage, Channel::Counts].map(|channel| recording.get(channel).unwrap());
@@ -155,8 +158,8 @@ fn half_frames_are_put_together() {
     assert_eq!(board.side_file()["losses"], serde_json::json!({ "lost_frames": 0, "damaged_frames": 0 }));
 }
 
-/// One byte in a hundred, in both directions, while it records: what is damaged is missing and counted, and the drive that
-/// did not hear its order to stop is told again.
+/// One byte in a hundred is damaged in both directions during a recording. Damaged samples are missing and counted. A
+/// drive that did not receive the order to stop gets it again.
 #[test]
 fn flipped_bytes_are_missing_and_counted() {
     let board = Board::new("flips");
@@ -176,7 +179,7 @@ fn flipped_bytes_are_missing_and_counted() {
     board.motor_is_off();
 }
 
-/// A line over which nothing comes any more: the board keeps what was changed, and the side file says so as well.
+/// A line that goes dead: the board keeps the changed settings, and the side file says so.
 #[test]
 fn settings_that_stay_changed_are_in_the_side_file() {
     let board = Board::new("stays");
@@ -192,7 +195,7 @@ fn settings_that_stay_changed_are_in_the_side_file() {
     assert!(why.contains("(trip_peak)") && text(&done.stderr).contains(why), "{side}{}", text(&done.stderr));
 }
 
-/// From the beginning one frame in fifteen is damaged, and as many answers: it is asked again for what did not come.
+/// From the beginning one frame in fifteen is damaged, and as many answers. The program asks again for what is missing.
 #[test]
 fn a_line_that_damages_a_little_is_recorded_over() {
     let board = Board::new("little-noise");
@@ -207,7 +210,8 @@ fn a_line_that_damages_a_little_is_recorded_over() {
     board.motor_is_off();
 }
 
-/// From the beginning not even the settings come whole: the motor does not turn, and the line is blamed, not the firmware.
+/// From the beginning no list of settings comes complete. The motor does not turn, and the message names the line, not
+/// the firmware.
 #[test]
 fn a_line_that_damages_from_the_beginning_is_named() {
     let board = Board::new("noise");
@@ -220,7 +224,7 @@ fn a_line_that_damages_from_the_beginning_is_named() {
     board.motor_is_off();
 }
 
-/// What the line could not keep is missing, and counted.
+/// Samples that the line could not hold are missing and counted.
 #[test]
 fn a_reader_that_pauses_counts_what_it_missed() {
     let board = Board::with("pause", &["--wait-for-reader", "0.5"]);
@@ -233,7 +237,7 @@ fn a_reader_that_pauses_counts_what_it_missed() {
     board.motor_is_off();
 }
 
-/// Unless a person says so, the drive does not wait for such a computer.
+/// Unless the user sets it otherwise, the drive stops if the computer pauses.
 #[test]
 fn a_reader_that_pauses_for_too_long_is_taken_for_lost() {
     let board = Board::with("lost", &["--wait-for-reader", "0.5"]);
@@ -241,7 +245,7 @@ fn a_reader_that_pauses_for_too_long_is_taken_for_lost() {
     let done = paused(&board, recording);
     assert_eq!(done.status.code(), Some(1), "{}", text(&done.stderr));
     assert!(text(&done.stderr).contains("host silent"), "{}", text(&done.stderr));
-    // The trip came over before the line was full: what was lost after it is none of the recording.
+    // The trip was sent before the line was full. Samples lost after it are not part of the recording.
     let side = board.side_file();
     let undisturbed = serde_json::json!({ "lost_frames": 0, "damaged_frames": 0 });
     assert!(side["missing_ticks"] != 0 || side["losses"] == undisturbed, "{side}");
@@ -249,11 +253,11 @@ fn a_reader_that_pauses_for_too_long_is_taken_for_lost() {
     board.motor_is_off();
 }
 
-/// The disk is full in the middle: the motor stops at once, and what was written is whole lines.
+/// The disk becomes full during the recording: the motor stops at once, and the file has whole lines.
 #[test]
 fn a_full_disk_stops_the_motor_and_keeps_what_was_written() {
     let board = Board::new("full");
-    // Files may have 64 blocks of 512 bytes: a write beyond that fails as on a full disk.
+    // Files may have 64 blocks of 512 bytes. A write beyond that fails as on a full disk.
     let limited = format!(
         "trap '' XFSZ; ulimit -f 64; exec '{MOTORBENCH}' record --port '{}' {}",
         board.port().display(),
@@ -267,12 +271,13 @@ fn a_full_disk_stops_the_motor_and_keeps_what_was_written() {
     board.motor_is_off();
     let csv = std::fs::read_to_string(board.folder.join("run.csv")).unwrap();
     assert!(csv.ends_with('\n') && csv.len() > 20_000 && csv.len() <= 64 * 512, "{} bytes", csv.len());
-    let recording = motorbench_files::recording(&board.folder.join("run.csv"), &[]).unwrap();
+    let recording = recording(&board.folder.join("run.csv"), &[]).unwrap();
     assert!(recording.len() > 300, "{} samples", recording.len());
     assert_eq!(board.side_file()["samples"].as_u64().unwrap() as usize, recording.len());
 }
 
-/// The same of a recording out of the tuning console: it is there as far as it goes, and what stands beside it says so.
+/// The same for a recording by the tuning console: its rows are kept, and the files beside it say that it is
+/// incomplete.
 #[test]
 fn a_full_disk_ends_a_recording_out_of_the_tuning_console() {
     let board = Board::new("tune-full");
@@ -284,7 +289,7 @@ fn a_full_disk_ends_a_recording_out_of_the_tuning_console() {
     let message = text(&done.stderr);
     assert_eq!(done.status.code(), Some(3), "{message}");
     let [csv, rig] = ["tune.csv", "tune.rig.toml"].map(|name| board.folder.join(name));
-    let recording = motorbench_files::recording(&csv, &[]).unwrap();
+    let recording = recording(&csv, &[]).unwrap();
     let kept = format!("make room on the disk; --out names another file; tune.csv: {} samples", recording.len());
     assert!(recording.len() > 300 && message.contains(&kept), "{message}");
     let json = |name: &str| -> serde_json::Value {
@@ -308,7 +313,7 @@ fn a_device_without_room_is_named_at_once() {
     board.motor_is_off();
 }
 
-/// What could not be written beside a recording is named, each file, and the recording not begun.
+/// Every file beside a recording that cannot be written is named, and the recording does not begin.
 #[test]
 fn side_files_without_room_are_named() {
     let board = Board::new("sidefull");
@@ -325,7 +330,7 @@ fn side_files_without_room_are_named() {
     board.motor_is_off();
 }
 
-/// What is killed leaves its recording as far as it had come.
+/// A killed program leaves the rows of its recording that had come.
 #[test]
 fn a_program_that_is_killed_leaves_its_recording() {
     let board = Board::new("killed");
@@ -337,7 +342,7 @@ fn a_program_that_is_killed_leaves_its_recording() {
     board.trips_by_itself();
 }
 
-/// A port on which something answers every line in its own way.
+/// A port that answers every line in its own way.
 fn something_else(name: &str, answer: &'static str) -> (PathBuf, PathBuf) {
     let folder = std::env::temp_dir().join(format!("motorbench-{name}-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();

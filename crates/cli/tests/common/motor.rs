@@ -1,4 +1,4 @@
-//! The test stand's motor as a person writes it into a rig, model or scenario file.
+//! The test stand's motor as text for a rig, model or scenario file.
 
 /// `MotorParameters::PIVT6`.
 pub const PIVT6_TOML: &str = "[motor]

@@ -5,18 +5,18 @@ use crate::delimited::{self, Delimited};
 use crate::text_encoding;
 use csv::WriterBuilder;
 
-/// How a table is written.
+/// Dialect of a table.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dialect {
-    /// What stands between values; none: the one of semicolon, tab and comma that the header line has most of.
+    /// Separator of values. `None`: of semicolon, tab and comma the one that is most frequent in the header line.
     pub delimiter: Option<u8>,
-    /// Numbers are 1,5 instead of 1.5.
+    /// Numbers use a decimal comma: 1,5 for 1.5.
     pub decimal_comma: bool,
 }
 
-/// A file whose ending says CSV.
+/// A file whose ending is that of CSV.
 const NO_TEXT: &str =
-    "this is no text; a CSV table is expected, and --from says another format: mat, npy, npz or wpilog";
+    "this is not text, but a CSV table is expected. Give its format with --from: mat, npy, npz or wpilog";
 
 /// Columns that are channels, and the names of the others.
 pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column>, Vec<String>), Fault> {
@@ -30,7 +30,7 @@ pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column
             (table.line(error.position()), table.delimiter as char, delimited::fault(&error));
         Fault::at(
             format_args!("line {line}"),
-            format!("{fault}; values were taken apart at {delimiter:?}, another is said with --delimiter"),
+            format!("{fault}; the separator was taken to be {delimiter:?}, give another one with --delimiter"),
         )
     };
     let header = reader.headers().map_err(line_fault)?.clone();
@@ -54,18 +54,18 @@ pub fn read(bytes: &[u8], names: &Names, dialect: Dialect) -> Result<(Vec<Column
     Ok((used.into_iter().map(|(column, _)| column).collect(), names))
 }
 
-/// A number, or what is wrong with it.
+/// A number, or why it is not one.
 pub fn number(text: &str, decimal_comma: bool) -> Result<f64, String> {
     let hint = if text.contains(',') && !decimal_comma { "; for decimal commas add --decimal-comma" } else { "" };
     delimited::number(text, decimal_comma).ok_or_else(|| format!("expected a number, found \"{text}\"{hint}"))
 }
 
-/// A table with every digit that the numbers have.
+/// A table with all digits of its numbers.
 pub fn write(columns: &[Column], dialect: Dialect) -> Result<Vec<u8>, Fault> {
     let delimiter = dialect.delimiter.unwrap_or(if dialect.decimal_comma { b';' } else { b',' });
     if dialect.decimal_comma && delimiter == b',' {
         return Err(Fault::whole(
-            "a comma cannot stand both between numbers and within them: choose another --to-delimiter",
+            "the comma cannot be both the separator and the decimal mark: choose another --to-delimiter",
         ));
     }
     let mut writer = WriterBuilder::new().delimiter(delimiter).from_writer(Vec::new());

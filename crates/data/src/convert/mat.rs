@@ -1,5 +1,5 @@
-//! MATLAB files of level 5 (`save -v6` and `-v7`, `scipy.io.savemat`): a header of 128 bytes, then elements of a type, a
-//! size and data; variables are elements of type matrix, as they are or compressed with zlib.
+//! MATLAB files of level 5 (`save -v6` and `-v7`, `scipy.io.savemat`). A header of 128 bytes is followed by elements
+//! with a type, a size and data. Variables are elements of type matrix, plain or compressed with zlib.
 
 use super::{Column, Fault, Names};
 use flate2::read::ZlibDecoder;
@@ -24,7 +24,7 @@ struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
     big_endian: bool,
-    /// Where the bytes come from, when they were decompressed.
+    /// Offset of the compressed bytes in the file.
     origin: Option<usize>,
 }
 
@@ -47,7 +47,10 @@ impl<'a> Reader<'a> {
         let end = self.at.checked_add(count).filter(|end| *end <= self.bytes.len());
         let end = end.ok_or_else(|| {
             let left = self.bytes.len() - self.at;
-            self.fault(self.at, format!("{count} bytes expected, {left} left: the file was cut short; save it again"))
+            self.fault(
+                self.at,
+                format!("{count} bytes expected, but only {left} are left: the file was cut short; save it again"),
+            )
         })?;
         let taken = &self.bytes[self.at..end];
         self.at = end;
@@ -105,7 +108,7 @@ impl<'a> Reader<'a> {
             DOUBLE => all!(f64),
             12 => all!(i64),
             13 => all!(u64),
-            kind => return Err(self.fault(element.at, format!("data of type {kind}, which holds no numbers"))),
+            kind => return Err(self.fault(element.at, format!("data of type {kind} is not numeric"))),
         })
     }
 }
@@ -121,7 +124,7 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
         _ => {
             return Err(Fault::at_byte(
                 HEADER - 2,
-                "no mark IM or MI: not a MATLAB file of level 5; save it with save(..., '-v7')",
+                "there is no mark IM or MI, so this is not a MATLAB file of level 5: save it with save(..., '-v7')",
             ));
         }
     };
@@ -146,7 +149,7 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
     Ok((columns, ignored))
 }
 
-/// Takes a variable in if it is a channel, its name otherwise. `reader` stands at the content of its element.
+/// Reads a variable that is a channel; of another one only the name. `reader` is at the content of its element.
 fn variable(
     element: &Element<'_>,
     mut reader: Reader<'_>,
@@ -188,7 +191,7 @@ fn variable(
     let values = reader.numbers(&data)?;
     let expected = shape.iter().product::<f64>();
     if values.len() as f64 != expected {
-        return Err(reader.fault(data.at, format!("{name}: {expected} numbers expected, {} found", values.len())));
+        return Err(reader.fault(data.at, format!("{name}: {expected} numbers expected, but {} found", values.len())));
     }
     columns.push(Column { name, values });
     Ok(())
@@ -203,7 +206,10 @@ pub fn write(columns: &[Column]) -> Result<Vec<u8>, Fault> {
     for column in columns {
         let letters = column.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_');
         if !letters || !column.name.starts_with(|c: char| c.is_ascii_alphabetic()) || column.name.len() > 63 {
-            return Err(Fault::at(&column.name, "no name of a MATLAB variable: letters, digits and _, at most 63"));
+            return Err(Fault::at(
+                &column.name,
+                "this is not a valid name of a MATLAB variable: use letters, digits and _, at most 63",
+            ));
         }
         let rows = u32::try_from(column.values.len()).map_err(|_| Fault::whole("too many samples for one variable"))?;
         let mut matrix = Vec::new();

@@ -1,7 +1,7 @@
 //! Recordings to and from the formats of other tools, one file each.
 //!
-//! Reading ends in columns, or in series with times of their own, under the names of the file; [`Names`] says which of
-//! them is which channel. Writing begins with a [`Recording`].
+//! Reading returns columns, or series with their own times, under the names of the file. [`Names`] maps these names to
+//! channels. Writing starts from a [`Recording`].
 
 mod csv;
 mod mat;
@@ -16,30 +16,60 @@ use std::path::Path;
 
 pub use csv::Dialect;
 
-/// A format, by the ending of the file's name unless it is said.
+/// A file format. The ending of the file's name gives it, unless the user names another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
-    /// A table with a header line (.csv, .tsv, .txt).
+    /// A table with a header line.
     Csv,
-    /// `PlotJuggler`'s CSV: times in `__time`, cells may be empty.
+    /// CSV of `PlotJuggler`.
     Plotjuggler,
-    /// Legacy JSON of `WPILib` `SysId`: four tests, rotations (.json).
+    /// Legacy JSON of `WPILib` `SysId`.
     Sysid,
-    /// `WPILib` data log 1.0 (.wpilog).
+    /// `WPILib` data log.
     Wpilog,
-    /// MATLAB level 5, one vector for each channel (.mat).
+    /// MATLAB level 5.
     Mat,
-    /// `NumPy`, one structured array (.npy).
+    /// `NumPy`, one array.
     Npy,
-    /// `NumPy`, one array for each channel (.npz).
+    /// `NumPy`, several arrays.
     Npz,
 }
 
 impl Format {
-    /// The format that the ending of a file's name says.
+    /// All formats.
+    pub const ALL: [Self; 7] =
+        [Self::Csv, Self::Plotjuggler, Self::Sysid, Self::Wpilog, Self::Mat, Self::Npy, Self::Npz];
+
+    /// Its name on the command line.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Csv => "csv",
+            Self::Plotjuggler => "plotjuggler",
+            Self::Sysid => "sysid",
+            Self::Wpilog => "wpilog",
+            Self::Mat => "mat",
+            Self::Npy => "npy",
+            Self::Npz => "npz",
+        }
+    }
+
+    /// What a file of this format holds, for a help text.
+    pub const fn description(self) -> &'static str {
+        match self {
+            Self::Csv => "A table with a header line (.csv, .tsv, .txt)",
+            Self::Plotjuggler => "CSV of PlotJuggler: times in `__time`, cells may be empty",
+            Self::Sysid => "Legacy JSON of WPILib SysId: four tests, rotations (.json)",
+            Self::Wpilog => "WPILib data log 1.0 (.wpilog)",
+            Self::Mat => "MATLAB level 5, one vector for each channel (.mat)",
+            Self::Npy => "NumPy, one structured array (.npy)",
+            Self::Npz => "NumPy, one array for each channel (.npz)",
+        }
+    }
+
+    /// The format that the ending of a file's name gives.
     ///
     /// # Errors
-    /// [`ConvertError`] for an ending that says none.
+    /// [`ConvertError`] for an ending that no format has.
     pub fn of_path(path: &Path) -> Result<Self, ConvertError> {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
         match ending.as_str() {
@@ -52,20 +82,20 @@ impl Format {
             _ => Err(ConvertError::new(
                 path.display(),
                 Fault::whole(
-                    "its ending says no format: expected .csv, .tsv, .txt, .json (SysId), .wpilog, .mat, .npy or .npz, or say it with --from or --to",
+                    "no format has this ending: expected .csv, .tsv, .txt, .json (SysId), .wpilog, .mat, .npy or .npz. Or give the format with --from or --to",
                 ),
             )),
         }
     }
 }
 
-/// What is wrong with a file's content.
+/// A fault in the content of a file.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{place}{what}")]
 pub struct Fault {
-    /// Where, followed by a colon; empty for the whole file.
+    /// The place, followed by a colon; empty for the whole file.
     place: String,
-    /// What is wrong and what to do.
+    /// The fault, and what to do.
     what: String,
 }
 
@@ -94,7 +124,7 @@ pub enum ConvertError {
         /// Where and what.
         fault: Fault,
     },
-    /// What it says is no recording.
+    /// The content is not a recording.
     #[error(transparent)]
     Recording(#[from] RecordingError),
 }
@@ -105,14 +135,14 @@ impl ConvertError {
     }
 }
 
-/// A name of the file and what it is: `velocity=omega_rad_per_s*6.2832` for revolutions per second.
+/// A name in the file and its channel: `velocity=omega_rad_per_s*6.2832` for revolutions per second.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mapping {
     /// Name in the file.
     pub name: String,
-    /// What it holds.
+    /// The channel.
     pub channel: Channel,
-    /// What its values are multiplied by.
+    /// Factor for its values.
     pub factor: f64,
 }
 
@@ -128,7 +158,7 @@ impl std::str::FromStr for Mapping {
             .ok_or_else(|| format!("no channel is called \"{column}\"; there are {}", all_columns()))?;
         let is_one = |factor: &f64| factor.is_finite() && *factor != 0.0;
         let factor = factor.trim().parse().ok().filter(is_one);
-        let factor = factor.ok_or_else(|| format!("its factor has to be a number other than 0; {expected}"))?;
+        let factor = factor.ok_or_else(|| format!("the factor must be a number other than 0; {expected}"))?;
         Ok(Self { name: name.trim().into(), channel, factor })
     }
 }
@@ -137,7 +167,7 @@ fn all_columns() -> String {
     Channel::ALL.map(Channel::column).join(", ")
 }
 
-/// Which name of a file is which channel: as mapped, or else by its own name or the last part of its path.
+/// Maps names of a file to channels: by the given mappings, otherwise by the name itself or the last part of its path.
 #[derive(Clone, Debug, Default)]
 pub struct Names(pub Vec<Mapping>);
 
@@ -151,28 +181,28 @@ impl Names {
     }
 }
 
-/// Values under the name that the file gives them.
+/// Values with their name in the file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Column {
     name: String,
     values: Vec<f64>,
 }
 
-/// A recording and the names of its file that it does not use.
+/// A recording, and the names of the file that are not used.
 #[derive(Debug)]
 pub struct Converted {
     /// The recording.
     pub recording: Recording,
-    /// Names without a meaning here.
+    /// Names without a known meaning.
     pub ignored: Vec<String>,
-    /// What is lacking, where the file ends before its time.
+    /// Message about a file that ends too early.
     pub cut: Option<String>,
 }
 
 /// Reads a file's bytes. `dialect` is for CSV.
 ///
 /// # Errors
-/// [`ConvertError`], which says where.
+/// [`ConvertError`] with the place.
 pub fn read(
     name: &str,
     bytes: &[u8],
@@ -206,11 +236,11 @@ fn assembled(
     let there = || columns.iter().map(|column| &column.name).chain(&ignored).cloned().collect::<Vec<_>>().join(", ");
     if let Some(mapping) = names.0.iter().find(|mapping| columns.iter().all(|column| column.name != mapping.name)) {
         let (missing, there) = (&mapping.name, there());
-        return Err(failed(format!("there is no \"{missing}\" with numbers in it; there is {there}")));
+        return Err(failed(format!("there is no numeric column \"{missing}\"; there are {there}")));
     }
     if columns.iter().all(|column| names.channel(&column.name).is_none()) {
         return Err(failed(format!(
-            "no known channel among {}; say which is which, for instance --map speed=omega_rad_per_s; channels are {}",
+            "no known channel among {}; map one, for instance --map speed=omega_rad_per_s; channels are {}",
             there(),
             all_columns()
         )));
@@ -231,7 +261,7 @@ fn assembled(
         }
         if recording.get(channel).is_some() {
             let column = channel.column();
-            return Err(failed(format!("two of its names are {column}: map the one that is meant to another channel")));
+            return Err(failed(format!("two names map to {column}: map one of them to another channel")));
         }
         recording.set(channel, column.values.into_iter().map(|value| value * factor).collect());
     }
@@ -275,11 +305,11 @@ pub fn write(
     .map_err(|fault| ConvertError::new(&recording.name, fault))
 }
 
-/// Times of a recording, for formats that have nothing without.
+/// Times of a recording, for formats that need them.
 fn times(recording: &Recording) -> Result<&[f64], Fault> {
-    recording.time_s().ok_or_else(|| {
-        Fault::whole("a table without t_s has no place in a format of time series: use CSV, .mat or NumPy")
-    })
+    recording
+        .time_s()
+        .ok_or_else(|| Fault::whole("a table without t_s cannot be a time series: use CSV, .mat or NumPy"))
 }
 
 #[cfg(test)]

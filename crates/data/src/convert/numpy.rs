@@ -6,7 +6,7 @@ use std::io::{Cursor, Read, Write};
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, ZipArchive, ZipWriter};
 
-/// The header begins with so many bytes before its text; text and these together end on a multiple of [`ALIGNMENT`].
+/// Number of header bytes before its text. Both together end on a multiple of [`ALIGNMENT`].
 const BEFORE_TEXT: usize = 10;
 const ALIGNMENT: usize = 64;
 
@@ -17,12 +17,12 @@ fn header(bytes: &[u8]) -> Result<(NpyHeader, &[u8]), Fault> {
     Ok((header, &bytes[rest.position() as usize..]))
 }
 
-/// Every field of a structured array with one dimension.
+/// All fields of a structured array with one dimension.
 pub fn read_npy(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
     let (header, data) = header(bytes)?;
     let DType::Record(fields) = header.dtype() else {
         return Err(Fault::whole(
-            "an array without names: save a structured array, or one array for each channel with numpy.savez",
+            "the array has no field names: save a structured array, or one array for each channel with numpy.savez",
         ));
     };
     let row_bytes = header.dtype().num_bytes().unwrap_or(0);
@@ -35,7 +35,7 @@ pub fn read_npy(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
         let DType::Plain(kind) = &field.dtype else {
             return Err(Fault::at(
                 format_args!("field {}", field.name),
-                "an array within an array: give each column a field",
+                "a field is itself an array: give each column its own field",
             ));
         };
         let size = field.dtype.num_bytes().unwrap_or(0);
@@ -85,9 +85,9 @@ fn vector(bytes: &[u8], name: &str) -> Result<Vec<f64>, Fault> {
 fn one_dimension(header: &NpyHeader) -> Result<usize, Fault> {
     match header.shape() {
         shape if shape.iter().filter(|size| **size != 1).count() <= 1 => Ok(shape.iter().product::<u64>() as usize),
-        shape => {
-            Err(Fault::whole(format!("an array of shape {shape:?}: expected one dimension; give each column a name")))
-        }
+        shape => Err(Fault::whole(format!(
+            "the array has the shape {shape:?}, but one dimension is expected: give each column its own name"
+        ))),
     }
 }
 
@@ -97,12 +97,15 @@ fn whole(data: &[u8], expected: usize, start: usize) -> Result<(), Fault> {
     }
     Err(Fault::at_byte(
         start,
-        format!("{expected} bytes of numbers expected, {} there: the file was cut short; save it again", data.len()),
+        format!(
+            "{expected} bytes of numbers expected, but {} found: the file was cut short; save it again",
+            data.len()
+        ),
     ))
 }
 
 fn no_numbers(name: &str, kind: &TypeStr) -> Fault {
-    Fault::at(format_args!("{name}, of type {kind}"), "expected real numbers: convert it with .astype(float)")
+    Fault::at(format_args!("{name}, of type {kind}"), "real numbers are expected: convert them with .astype(float)")
 }
 
 fn number(kind: &TypeStr, cell: &[u8]) -> Option<f64> {

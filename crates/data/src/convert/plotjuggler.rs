@@ -1,4 +1,4 @@
-//! `PlotJuggler`'s CSV: a time in `__time`, a column for each curve, an empty cell where a curve has no point.
+//! `PlotJuggler`'s CSV: a time in `__time`, and a column for each curve. A cell is empty if the curve has no point.
 
 use super::csv::number;
 use super::series::{Series, joined};
@@ -7,7 +7,7 @@ use crate::recording::{Channel, Recording};
 
 const TIME: &str = "__time";
 
-/// Whether the header says so.
+/// Whether the header has the time column.
 pub fn is_one(bytes: &[u8]) -> bool {
     bytes.starts_with(TIME.as_bytes())
 }
@@ -22,7 +22,7 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
     let Some(time_column) = header.iter().position(|name| name == TIME) else {
         return Err(Fault::at(
             "line 1",
-            format!("PlotJuggler's CSV has a column {TIME}; for any other table use --from csv"),
+            format!("PlotJuggler's CSV needs a column {TIME}; for other tables use --from csv"),
         ));
     };
     let mut series: Vec<Series> =
@@ -47,7 +47,7 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
     joined(series, names)
 }
 
-/// The recording for `PlotJuggler`; a missing sample is `nan`, for an empty cell would be no sample at all.
+/// The recording for `PlotJuggler`. A missing sample is `nan`, since an empty cell would be no sample at all.
 pub fn write(recording: &Recording, columns: &[Column]) -> Result<Vec<u8>, Fault> {
     let time_s = times(recording)?;
     let time_name = Channel::Time.column();

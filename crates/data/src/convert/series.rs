@@ -1,4 +1,4 @@
-//! Series with times of their own, brought to common times.
+//! Brings series with their own times to common times.
 
 use super::{Column, Fault, Names};
 use crate::recording::Channel;
@@ -12,13 +12,13 @@ pub struct Series {
     pub values: Vec<f64>,
 }
 
-/// A value logged later than a sample by less than this share of the interval belongs to the sample: programs log the
-/// quantities of one pass one after the other.
+/// Programs log the quantities of one pass one after the other. A value belongs to a sample if it is later by less than
+/// this share of the interval.
 const SAME_PASS: f64 = 0.25;
 
-/// Columns at the times of the series that has most samples, counted from the first. Every other series holds its last
-/// value, as logs that are written on change mean it; before its first it is missing. Series that are no channel are not
-/// looked at; their names come back.
+/// Columns at the times of the series with the most samples, counted from the first. Each other series holds its last
+/// value, since such logs are written on change; before its first value it is missing. Series that are no channel are
+/// not used; their names are returned.
 pub fn joined(series: Vec<Series>, names: &Names) -> Result<(Vec<Column>, Vec<String>), Fault> {
     let (used, unused): (Vec<_>, Vec<_>) = series.into_iter().partition(|series| names.channel(&series.name).is_some());
     let ignored = unused.into_iter().map(|series| series.name).collect();
@@ -28,12 +28,12 @@ pub fn joined(series: Vec<Series>, names: &Names) -> Result<(Vec<Column>, Vec<St
     let interval_s = median(base.windows(2).map(|pair| pair[1] - pair[0]));
     let mut columns = vec![Column {
         name: Channel::Time.column().into(),
-        // Whole nanoseconds: the difference of large times has no more digits.
+        // Whole nanoseconds: differences of large times have no more digits.
         values: base.iter().map(|t_s| ((t_s - start_s) * 1e9).round() * 1e-9).collect(),
     }];
     for series in used {
         if names.channel(&series.name).is_some_and(|(channel, _)| channel == Channel::Time) {
-            return Err(Fault::at(&series.name, "times come with the log itself: leave this one out of --map"));
+            return Err(Fault::at(&series.name, "the log has its own times: leave this one out of --map"));
         }
         columns.push(Column { values: held(&series, &base, SAME_PASS * interval_s), name: series.name });
     }

@@ -1,5 +1,5 @@
-//! The legacy JSON of `WPILib` `SysId`: the tests `slow-forward`, `slow-backward`, `fast-forward` and `fast-backward`, each a
-//! list of `[time in s, V, rotations, rotations/s]`.
+//! The legacy JSON of `WPILib` `SysId`. It has the tests `slow-forward`, `slow-backward`, `fast-forward` and
+//! `fast-backward`, each a list of `[time in s, V, rotations, rotations/s]`.
 
 use super::{Column, Fault, times};
 use crate::recording::{Channel, Recording};
@@ -8,12 +8,12 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 const TESTS: [&str; 4] = ["slow-forward", "slow-backward", "fast-forward", "fast-backward"];
-/// Between two tests, so that each counts as a recording of its own.
+/// Pause between two tests, so that each counts as a separate recording.
 const PAUSE_S: f64 = 1.0;
-/// A step reaches this share of its greatest voltage within its first quarter; a ramp does not.
+/// A step reaches this share of its largest voltage within its first quarter; a ramp does not.
 const STEP_SHARE: f64 = 0.75;
 
-/// The four tests one after the other, each after a pause, in the order of time.
+/// The four tests in the order of time, with pauses between them.
 pub fn read(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
     let file: Value = serde_json::from_slice(bytes).map_err(|error| {
         Fault::at(format_args!("line {}, column {}", error.line(), error.column()), error.to_string())
@@ -24,7 +24,7 @@ pub fn read(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
         ));
     }
     if file["test"] == "Drivetrain" {
-        return Err(Fault::at("\"test\"", "a drivetrain has two motors: take out one side, as a test \"Simple\""));
+        return Err(Fault::at("\"test\"", "a drivetrain has two motors: export one side as a test \"Simple\""));
     }
     let mut tests = Vec::new();
     for name in TESTS {
@@ -61,7 +61,9 @@ fn sample(test: &str, row: usize, value: &Value) -> Result<[f64; 4], Fault> {
 pub fn write(recording: &Recording) -> Result<Vec<u8>, Fault> {
     let time_s = times(recording)?;
     let need = |channel: Channel| {
-        recording.get(channel).ok_or_else(|| Fault::at(channel.column(), "SysId needs this column, and it is missing"))
+        recording
+            .get(channel)
+            .ok_or_else(|| Fault::at(channel.column(), "SysId needs this column, but the recording does not have it"))
     };
     let (voltage, speed) = (need(Channel::Voltage)?, need(Channel::Speed)?);
     let angle = recording.get(Channel::Angle).map_or_else(|| integrated(time_s, speed), <[f64]>::to_vec);
@@ -74,7 +76,7 @@ pub fn write(recording: &Recording) -> Result<Vec<u8>, Fault> {
             let (what, sign) = (if slow { "slow ramp" } else { "step" }, if forward { "positive" } else { "negative" });
             Fault::at(
                 format_args!("\"{name}\""),
-                format!("this test is a {what} of {sign} voltage, and the recording has none"),
+                format!("this test is a {what} of {sign} voltage, but the recording has none"),
             )
         })?;
         let sample = |index: usize| [time_s[index], voltage[index], angle[index] / TAU, speed[index] / TAU];
@@ -92,7 +94,7 @@ fn integrated(time_s: &[f64], speed: &[f64]) -> Vec<f64> {
     angle_rad
 }
 
-/// Stretches of one direction of the voltage, without pauses.
+/// Stretches with one direction of the voltage, without pauses.
 fn runs(time_s: &[f64], voltage: &[f64]) -> Vec<Range<usize>> {
     let driven = |index: usize| voltage[index].abs() > 0.0;
     let follows = |index: usize| {

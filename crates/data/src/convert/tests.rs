@@ -33,7 +33,7 @@ fn value() -> impl Strategy<Value = f64> {
     prop_oneof![8 => -1e6..1e6_f64, 1 => Just(f64::NAN), 1 => Just(0.0), 1 => -1e-6..1e-6_f64]
 }
 
-/// As spreadsheets of half the world write it.
+/// Tables in the format of spreadsheets with a decimal comma.
 #[test]
 fn exports_of_spreadsheets_are_read() {
     let table = "\"t_s\";\"u_V\";\r\n0;1,5;\r\n0,001;-2;\r\n";
@@ -61,7 +61,7 @@ proptest! {
     #[test]
     fn every_format_gives_back_what_it_took(rows in prop::collection::vec((value(), value(), value()), 2..60)) {
         let recording = recording(&rows);
-        // The formats that keep every bit, times in microseconds and the project's own nine digits.
+        // These formats keep every bit, apart from microseconds in times and the project's nine digits.
         for format in [Format::Mat, Format::Npy, Format::Npz] {
             assert_same(&recording, &there_and_back(&recording, format, Dialect::default()), 0.0, 0.0);
         }
@@ -73,7 +73,7 @@ proptest! {
         assert_same(&recording, &there_and_back(&recording, Format::Csv, german), 0.0, 0.0);
     }
 
-    /// Whatever the bytes are, reading ends with a recording or with words.
+    /// For any bytes, reading returns a recording or an error with a message.
     #[test]
     fn damaged_files_never_panic(
         rows in prop::collection::vec((value(), value(), value()), 2..20),
@@ -94,7 +94,7 @@ proptest! {
     }
 }
 
-/// Four tests as SysId plays them: a ramp and a step in each direction.
+/// Four tests of SysId: a ramp and a step in each direction.
 fn four_tests() -> Recording {
     let mut recording = Recording::new("four.csv");
     let (mut time_s, mut voltage) = (Vec::new(), Vec::new());
@@ -138,12 +138,11 @@ fn errors_say_where_and_what_to_do() {
         csv("t_s\tu_V\n0\t1,5\n", &[]),
         "in: line 2, column u_V: expected a number, found \"1,5\"; for decimal commas add --decimal-comma"
     );
-    assert!(csv("a,b\n0,1\n", &[]).contains("no known channel among a, b; say which is which"));
+    assert!(csv("a,b\n0,1\n", &[]).contains("no known channel among a, b; map one"));
     assert!(
-        csv("t_s,u_V\n0,1\n", &["v=omega_rad_per_s"])
-            .contains("there is no \"v\" with numbers in it; there is t_s, u_V")
+        csv("t_s,u_V\n0,1\n", &["v=omega_rad_per_s"]).contains("there is no numeric column \"v\"; there are t_s, u_V")
     );
-    assert!(csv("t_s,u_V\n0,1\n0,1\n", &[]).contains("time has to increase"));
+    assert!(csv("t_s,u_V\n0,1\n0,1\n", &[]).contains("time must increase"));
     assert!(message(b"{\n \"sysid\": true,\n}", Format::Sysid, &[]).contains("line 3, column 1"));
     assert!(
         message(b"{\"sysid\":true,\"slow-forward\":[[1,2]]}", Format::Sysid, &[])
@@ -161,7 +160,7 @@ fn units_are_scaled_and_paths_are_known_by_their_last_part() {
     let text = "__time,/motor/turns_per_s,/motor/u_V\n100.0,1,2\n100.01,,3\n100.02,2,\n";
     let names = Names(vec!["/motor/turns_per_s=omega_rad_per_s*6.283185307179586".parse().unwrap()]);
     let read = read("jug.csv", text.as_bytes(), Format::Csv, &names, Dialect::default()).unwrap().recording;
-    // Both have two points; the last of those with most samples gives the times, the other holds.
+    // Both have two points. The last of the longest series gives the times; the other one holds its value.
     assert_eq!(read.time_s().unwrap(), [0.0, 0.01]);
     assert_eq!(read.get(Channel::Voltage).unwrap(), [2.0, 3.0]);
     assert!((read.get(Channel::Speed).unwrap()[1] - std::f64::consts::TAU).abs() < 1e-12);

@@ -1,5 +1,5 @@
-//! `WPILib` data log, version 1.0: records of entries, each with a time in microseconds; what an entry is called and of what
-//! type stands in a control record.
+//! `WPILib` data log, version 1.0. It has records of entries, each with a time in microseconds. A control record gives
+//! the name and the type of an entry.
 
 use super::series::{Series, joined};
 use super::{Column, Fault, Names, times};
@@ -11,10 +11,10 @@ const MAGIC: &[u8] = b"WPILOG";
 const VERSION: u16 = 0x0100;
 const START: u8 = 0;
 const FINISH: u8 = 1;
-/// What `SysIdRoutineLog` calls the entry that says which test runs; the mechanism's name follows.
+/// Name of the entry of `SysIdRoutineLog` for the running test; the name of the mechanism follows.
 const TEST_STATE: &str = "sysid-test-state-";
 
-/// Types of one number.
+/// Types of single numbers.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Double,
@@ -23,7 +23,7 @@ enum Kind {
     Other,
 }
 
-/// Where reading stands.
+/// A reading position.
 struct Cursor<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -35,7 +35,7 @@ struct Record<'a> {
     stamp_us: u64,
     /// Length of its payload.
     size: usize,
-    /// At the payload; its fields end with the record.
+    /// Reader at the payload; its fields end with the record.
     record: Cursor<'a>,
 }
 
@@ -46,7 +46,7 @@ impl<'a> Cursor<'a> {
             Fault::at_byte(
                 self.at,
                 format!(
-                    "{count} bytes expected, {} left: the log was cut short; copy it again",
+                    "{count} bytes expected, but only {} are left: the log was cut short; copy it again",
                     self.bytes.len() - self.at
                 ),
             )
@@ -78,21 +78,21 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// What a log holds.
+/// Content of a log.
 pub struct Log {
     /// Entries of numbers that are channels.
     pub columns: Vec<Column>,
-    /// The names of the others.
+    /// Names of the other entries.
     pub ignored: Vec<String>,
-    /// What is said of one that ends within a record: its robot was switched off.
+    /// Message about a log that ends within a record, as after a power cut.
     pub cut: Option<String>,
 }
 
-/// Takes a log apart.
+/// Parses a log.
 pub fn read(bytes: &[u8], names: &Names) -> Result<Log, Fault> {
     let mut cursor = Cursor { bytes, at: 0 };
     if cursor.take(MAGIC.len()).ok() != Some(MAGIC) {
-        return Err(Fault::at_byte(0, "it does not begin with WPILOG: not a WPILib data log"));
+        return Err(Fault::at_byte(0, "the file does not begin with WPILOG, so it is not a WPILib data log"));
     }
     let version = cursor.number(2)?;
     if version >> 8 != u64::from(VERSION >> 8) {
@@ -107,7 +107,8 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<Log, Fault> {
     while cursor.at < bytes.len() {
         let at = cursor.at;
         let Ok(Record { entry, stamp_us, size, mut record }) = cursor.record() else {
-            cut = Some(format!("its last record, from byte {at} on, is cut: what is before it is whole"));
+            cut =
+                Some(format!("the last record, from byte {at} on, is incomplete; the records before it are complete"));
             break;
         };
         if entry == 0 {
@@ -120,7 +121,7 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<Log, Fault> {
             let series = found.get_mut(name).expect("it was put there when it started");
             series.time_s.push(stamp_us as f64 * 1e-6);
             series.values.push(value.map_err(|expected| {
-                Fault::at_byte(at, format!("{name}: {expected} bytes expected for its type, {size} found"))
+                Fault::at_byte(at, format!("{name}: its type has {expected} bytes, but {size} were found"))
             })?);
         }
     }
@@ -130,15 +131,14 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<Log, Fault> {
     }
     for series in &found {
         if names.channel(&series.name).is_some() && series.time_s.windows(2).any(|pair| pair[1] < pair[0]) {
-            return Err(Fault::at(&series.name, "its times go back: the log holds two runs; split it"));
+            return Err(Fault::at(&series.name, "the times go backwards, so the log has two runs: split it"));
         }
     }
     let (columns, ignored) = joined(found, names)?;
     Ok(Log { columns, ignored, cut })
 }
 
-/// Gives what a `SysIdRoutineLog` logged of its only motor the names and units of channels. Of several motors none is meant
-/// more than another.
+/// Maps the entries of a `SysIdRoutineLog` with a single motor to channels. With several motors none can be chosen.
 fn name_routine(found: &mut [Series], units: &BTreeMap<String, String>) {
     let Some(mechanism) = found.iter().find_map(|series| series.name.strip_prefix(TEST_STATE)).map(str::to_owned)
     else {
@@ -162,7 +162,7 @@ fn name_routine(found: &mut [Series], units: &BTreeMap<String, String>) {
     }
 }
 
-/// Channel and factor of what is logged in a unit; nothing for a mechanism that moves in metres.
+/// Channel and factor of an entry by its unit; `None` for a mechanism that moves in metres.
 fn routine_channel(what: &str, unit: &str) -> Option<(Channel, f64)> {
     // C++ and Python write `turns_per_second`, Java `Rotation per Second`.
     let unit = unit.to_lowercase();
@@ -205,13 +205,13 @@ fn control(
         FINISH => {
             open.remove(&entry);
         }
-        // Metadata, and what later versions may add.
+        // Metadata, and additions of later versions.
         _ => {}
     }
     Ok(())
 }
 
-/// The number of a record, nothing for other types, the expected size where it is another.
+/// The value of a numeric record, `None` for other types, the expected size if it differs.
 fn value(kind: Kind, payload: &[u8]) -> Option<Result<f64, usize>> {
     match kind {
         Kind::Double => Some(payload.try_into().map(f64::from_le_bytes).map_err(|_| 8)),
@@ -221,7 +221,7 @@ fn value(kind: Kind, payload: &[u8]) -> Option<Result<f64, usize>> {
     }
 }
 
-/// A log with an entry `double` for each channel. Its times are whole microseconds; a missing sample is NaN.
+/// A log with an entry of type `double` for each channel. Its times are whole microseconds; a missing sample is NaN.
 pub fn write(recording: &Recording, columns: &[Column]) -> Result<Vec<u8>, Fault> {
     let time_s = times(recording)?;
     let mut log = MAGIC.to_vec();

@@ -15,29 +15,29 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-/// Samples that a plot over time shows at most.
+/// Largest number of samples of a plot over time.
 const MOST_POINTS: usize = 1500;
-/// Colours that people with any colour vision tell apart (Okabe and Ito 2008): of what was measured, of a model before and after.
+/// Colours for any colour vision (Okabe and Ito 2008): measured, model before, model after.
 pub const MEASURED: RGBColor = RGBColor(0, 0, 0);
 pub const BEFORE: RGBColor = RGBColor(230, 159, 0);
 pub const AFTER: RGBColor = RGBColor(0, 114, 178);
 const GREY: RGBColor = RGBColor(150, 150, 150);
-/// Height of a line of a row's name, of the room between rows, and of the axis below them.
+/// Height of a line of a row's name, gap between rows, and height of the axis below them.
 const LINE_HEIGHT: u32 = 18;
 const BETWEEN_ROWS: u32 = 14;
 const BELOW_ROWS: u32 = 64;
-/// Numbers below a logarithmic axis at most.
+/// Largest number of labels on a logarithmic axis.
 const MOST_TICKS: usize = 5;
 /// Room for the names of rows.
 const NAME_WIDTH: u32 = 230;
 
-/// Room for the numbers of a quantity that may be small.
+/// Room for the labels of a quantity that may be small.
 pub const SMALL_NUMBERS_WIDTH: u32 = 84;
 
 /// A plot of two quantities.
 pub type Axes<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// Draws into a string; a plot that cannot be drawn says why in its place.
+/// Draws into a string. A plot that cannot be drawn is replaced by the reason.
 pub fn drawn(
     size: (u32, u32),
     draw: impl FnOnce(&DrawingArea<SVGBackend, Shift>) -> Result<(), Box<dyn std::error::Error>>,
@@ -55,7 +55,7 @@ pub fn drawn(
     }
 }
 
-/// A little more than values take.
+/// The range of the values with a margin.
 pub fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values
         .filter(|value| value.is_finite())
@@ -67,7 +67,7 @@ pub fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     low - margin..high + margin
 }
 
-/// Axes with round numbers; `name_width`: room for those of the vertical one.
+/// Axes with round numbers; `name_width`: room for the labels of the vertical axis.
 pub fn axes<'a, 'b>(
     area: &'a DrawingArea<SVGBackend<'b>, Shift>,
     name_width: u32,
@@ -94,12 +94,12 @@ pub fn axes<'a, 'b>(
     Ok(chart)
 }
 
-/// Time on a plot: several recordings stand one after the other.
+/// Time on a plot: several recordings are shown one after the other.
 fn time_s(data: &Dataset, index: usize) -> f64 {
     index as f64 * data.interval_s
 }
 
-/// Values over time, as finely as a plot shows.
+/// Values over time, thinned to the resolution of a plot.
 fn thinned(data: &Dataset, values: &[f64]) -> impl Iterator<Item = (f64, f64)> {
     let step = (data.len() / MOST_POINTS).max(1);
     (0..data.len())
@@ -136,7 +136,7 @@ pub fn over_time(diagnosis: &Diagnosis, output: usize) -> String {
     })
 }
 
-/// A quantity over what it may depend on; `what`: its name and unit.
+/// A quantity over one that it may depend on; `what`: its name and unit.
 pub fn curve(what: &str, dependence: &Dependence) -> String {
     let points = &dependence.curve;
     let axis = format!("{}, {}", dependence.on, dependence.unit);
@@ -151,7 +151,7 @@ pub fn curve(what: &str, dependence: &Dependence) -> String {
     format!("<div><p>{quantity} over {on}: explains {percent:.0}&nbsp;% of it</p>{plot}</div>")
 }
 
-/// A quantity over the whole of the data.
+/// A quantity over all of the data.
 pub fn quantity_over_time(data: &Dataset, what: &str, values: &[f64]) -> String {
     let plot = drawn(PLOT_SIZE, |area| {
         let across = (0.0..time_s(data, data.len()), "time, s");
@@ -167,7 +167,7 @@ fn quantity(axis: &str) -> &str {
     axis.split_once(',').map_or(axis, |(quantity, _)| quantity)
 }
 
-/// Name and unit of what a model lacks.
+/// Name and unit of the quantity that a model lacks.
 pub fn missing(acts_on: ActsOn) -> &'static str {
     match acts_on {
         ActsOn::Torque => "missing torque, Nm",
@@ -178,8 +178,8 @@ pub fn missing(acts_on: ActsOn) -> &'static str {
 }
 
 /// A bar of a waterfall.
-pub struct Rung {
-    /// What stands beside it, in lines.
+pub struct WaterfallBar {
+    /// Its name, in lines.
     pub name: String,
     /// Error before; `None` for a whole error.
     pub from: Option<f64>,
@@ -188,11 +188,11 @@ pub struct Rung {
 }
 
 /// How an error falls from step to step.
-pub fn waterfall(axis: &str, rungs: &[Rung]) -> String {
+pub fn waterfall(axis: &str, rungs: &[WaterfallBar]) -> String {
     let values = || rungs.iter().flat_map(|rung| rung.from.into_iter().chain([rung.to])).filter(|value| *value > 0.0);
     let Some((least, most)) = extremes(values()) else { return String::new() };
     let least = 0.7 * least;
-    let rows = rungs.iter().map(|Rung { name, from, to }| {
+    let rows = rungs.iter().map(|WaterfallBar { name, from, to }| {
         let colour = match from {
             None => GREY,
             Some(from) if from >= to => AFTER,
@@ -203,7 +203,7 @@ pub fn waterfall(axis: &str, rungs: &[Rung]) -> String {
     row_chart(axis, [least, 1.3 * most], None, &rows.collect::<Vec<_>>())
 }
 
-/// The motor's constants, as far as a rig file gave them.
+/// The motor's constants that the rig file gives.
 pub fn found_over_nominal(parameters: &BTreeMap<&'static str, Parameter>) -> String {
     let rows = parameters.iter().filter_map(|(name, parameter)| {
         let nominal = parameter.nominal.filter(|nominal| *nominal > 0.0)?;
@@ -228,13 +228,13 @@ fn extremes(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
     })
 }
 
-/// A line of a chart of named rows.
+/// A row of a chart.
 struct Row<'a> {
     name: &'a str,
     shape: Shape,
 }
 
-/// What stands in a row.
+/// Content of a row.
 enum Shape {
     Bar { from: f64, to: f64, colour: RGBColor },
     Interval { low: f64, value: f64, high: f64 },

@@ -5,20 +5,20 @@ use crate::web_page::PLOT_SIZE;
 use motorbench_diagnosis::steady_state::{Explanation, Level, Study};
 use plotters::prelude::*;
 
-/// Of what explains the table as well.
-const AS_WELL: RGBColor = RGBColor(0, 158, 115);
-/// Widths of a line, and of one that another lies on.
+/// Colour of another explanation of the table.
+const ALTERNATIVE: RGBColor = RGBColor(0, 158, 115);
+/// Width of a line, and of one that another line covers.
 const LINE: u32 = 2;
 const BEHIND: u32 = 8;
 
 /// A line through the levels.
 struct Series {
     style: ShapeStyle,
-    /// One a level.
+    /// One value for each level.
     values: Vec<f64>,
 }
 
-/// Speed over voltage: nominal, named, and what cannot be told from that.
+/// Speed over voltage: nominal, named, and another explanation that fits as well.
 pub(super) fn speed_plot(study: &Study) -> String {
     let simulated = |style, explanation: &Explanation| Series {
         style,
@@ -26,13 +26,13 @@ pub(super) fn speed_plot(study: &Study) -> String {
     };
     let nominal = study.explanations.iter().find(|explanation| explanation.terms.is_empty());
     let lines = nominal.map(|nominal| simulated(BEFORE.stroke_width(LINE), nominal)).into_iter();
-    // Behind the named one, which it mostly follows.
-    let lines = lines.chain(study.as_good().map(|other| simulated(AS_WELL.mix(0.5).stroke_width(BEHIND), other)));
+    // Drawn behind the named one, since both nearly coincide.
+    let lines = lines.chain(study.as_good().map(|other| simulated(ALTERNATIVE.mix(0.5).stroke_width(BEHIND), other)));
     let lines = lines.chain([simulated(AFTER.stroke_width(LINE), study.named())]);
     over_voltage(study, "speed, rad/s", |level| level.omega_rad_per_s, &lines.collect::<Vec<_>>())
 }
 
-/// Current over voltage: of viscous friction alone, and with dry friction.
+/// Current over voltage: viscous friction alone, and with dry friction.
 pub(super) fn current_plot(study: &Study) -> String {
     let lines = study.friction_a.iter().flatten().zip([BEFORE, AFTER]);
     let lines = lines
@@ -41,7 +41,7 @@ pub(super) fn current_plot(study: &Study) -> String {
     over_voltage(study, "current, A", |level| level.i_A, &lines)
 }
 
-/// By the voltage and the current of a level.
+/// By voltage and current of a level.
 fn speed_rad_per_s(study: &Study, explanation: &Explanation, level: &Level) -> f64 {
     let constant = |name: &str, otherwise: f64| explanation.constants.get(name).map_or(otherwise, |found| found.value);
     let growth_ohm_s = constant("growth_ohm_s", 0.0);
@@ -67,7 +67,7 @@ fn over_voltage(study: &Study, what: &str, measured: fn(&Level) -> f64, lines: &
     })
 }
 
-/// Each once: a line is drawn through the levels under one load.
+/// Each level once: a line goes through the levels under one load.
 fn loads_nm(study: &Study) -> Vec<f64> {
     let mut loads_nm: Vec<f64> = study.levels.iter().map(|level| level.load_Nm).collect();
     loads_nm.sort_unstable_by(f64::total_cmp);

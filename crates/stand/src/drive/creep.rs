@@ -1,9 +1,10 @@
-//! Measures the winding while the rotor turns slowly: a hand or a brake holds it back to a few seconds a revolution,
-//! while a current flows. Each current is held for a whole revolution. In each sector the voltage without the back-EMF
-//! lies on a line over the current, whose slope is the resistance there. This averages the commutation within a sector,
-//! which a held rotor does not.
+//! Measures the winding while the rotor turns slowly. A hand or a brake holds it back to a few seconds a revolution
+//! while a current flows. Each current is held for a whole revolution.
+//!
+//! In each sector the voltage without the back-EMF lies on a line over the current. Its slope is the resistance there.
+//! This averages the commutation within a sector, which a held rotor does not.
 
-use super::{Driver, Findings, Person, Reading, Window};
+use super::{Driver, Findings, Operator, Reading, Window};
 use motorbench_core::message::Sample;
 use motorbench_core::settings::Param;
 use motorbench_link::board::Board;
@@ -11,20 +12,20 @@ use motorbench_link::record::Ended;
 
 /// Currents as shares of the largest, each for one revolution.
 const SHARES: [f64; 4] = [0.55, 0.7, 0.85, 1.0];
-/// The voltage rises in steps of this share of the voltage for the largest current, until the current flows.
+/// The voltage rises until the current flows. One step is this share of the voltage for the largest current.
 const STEP: f64 = 0.05;
 const STEP_WINDOW_S: f64 = 0.1;
 /// If the revolution takes longer than this, the rotor is not being turned.
 const TURN_PATIENCE_S: f64 = 60.0;
 /// With a back-EMF of a larger share of the voltage the rotor turns too fast.
 const MOST_EMF: f64 = 0.3;
-/// Shorter stretches within a sector do not count: its edges.
+/// Shorter stretches within a sector, at its edges, do not count.
 const FEWEST_SAMPLES: usize = 20;
 
-impl<B: Board, P: Person> Driver<'_, B, P> {
-    /// One position a sector; `None` if the operator refuses, or the rotor turns too fast.
+impl<B: Board, P: Operator> Driver<'_, B, P> {
+    /// One position for each sector; `None` if the operator refuses, or if the rotor turns too fast.
     pub(super) fn creep(&mut self, sectors: usize, findings: &mut Findings) -> Result<(), Ended> {
-        if !self.is_done("hold the rotor back so that it creeps, a turn in some seconds; press Enter")? {
+        if !self.is_done("hold the rotor back so that one revolution takes a few seconds; press Enter")? {
             self.leaves_out("the slow turns", findings);
             return Ok(());
         }
@@ -42,7 +43,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         self.keep_positions(positions, findings)
     }
 
-    /// What was averaged in each sector, over all currents.
+    /// Averages in each sector, over all currents.
     fn turns(&mut self, sectors: usize) -> Result<Vec<Vec<Window>>, Ended> {
         let mut windows: Vec<Vec<Window>> = (0..sectors).map(|_| Vec::new()).collect();
         let most_a = self.held_current_a();
@@ -92,7 +93,8 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
                     return Ok(self.crept(voltage_v, lasted_s, done, windows));
                 }
                 if lasted_s > TURN_PATIENCE_S {
-                    self.person.hears(&format!("{voltage_v:6.2} V: no turn in {TURN_PATIENCE_S} s: turn it by hand"));
+                    self.person
+                        .hears(&format!("{voltage_v:6.2} V: no revolution in {TURN_PATIENCE_S} s: turn it by hand"));
                     return Ok(false);
                 }
             }
@@ -100,7 +102,7 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
         }
     }
 
-    /// Keeps a revolution that was slow enough, without the back-EMF.
+    /// ResultSink a revolution that was slow enough, without the back-EMF.
     fn crept(
         &mut self,
         voltage_v: f64,
@@ -110,10 +112,10 @@ impl<B: Board, P: Person> Driver<'_, B, P> {
     ) -> bool {
         let k = self.motor.torque_constant_nm_per_a.unwrap_or(0.0);
         if done.iter().any(|(_, window)| (k * window.reading.omega_rad_per_s).abs() > MOST_EMF * voltage_v) {
-            self.person.hears(&format!("{voltage_v:6.2} V: a turn in {lasted_s:.1} s is no creeping: hold it back"));
+            self.person.hears(&format!("{voltage_v:6.2} V: a revolution in {lasted_s:.1} s is too fast: hold it back"));
             return false;
         }
-        self.person.hears(&format!("{voltage_v:6.2} V: a turn in {lasted_s:.1} s"));
+        self.person.hears(&format!("{voltage_v:6.2} V: a revolution in {lasted_s:.1} s"));
         for (sector, window) in done {
             let Reading { u_V, omega_rad_per_s, .. } = window.reading;
             let reading = Reading { u_V: u_V - k * omega_rad_per_s, ..window.reading };

@@ -1,4 +1,4 @@
-//! The speed loop on the motor that was drawn: designed before the diagnosis, and after it.
+//! The speed loop on the simulated motor: designed before the diagnosis, and after it.
 
 use crate::commands::Failure;
 use crate::terminal_plot::{chart, range, side_by_side};
@@ -17,30 +17,30 @@ use motorbench_report::web_page::{escaped, table};
 use motorbench_text::terminal_text::short;
 use std::ops::RangeInclusive;
 
-/// Speed loop that is asked for, and the references it is tried with, each for so long.
+/// Bandwidth of the speed loop, its references, and the time for each.
 const BANDWIDTH_HZ: f64 = 5.0;
 const REFERENCES_RAD_PER_S: [f64; 6] = [5.0, -5.0, 5.0, 60.0, -60.0, 0.0];
 const HOLD_S: f64 = 0.8;
-/// The first of them are slow.
+/// Number of slow references, which come first.
 const SLOW: usize = 3;
-/// Rows of the picture below its title, where a terminal has room for them; in fewer nothing is seen.
+/// Rows of the picture below its title, where a terminal has room for them. A picture with fewer rows shows nothing.
 const PICTURE_ROWS: RangeInclusive<u16> = 4..=8;
 
-/// A loop and how it followed.
-struct Attempt {
+/// A loop, and how it followed.
+struct TriedLoop {
     name: &'static str,
-    /// Root mean square errors of the true speed: of the slow references, and of all.
+    /// Root mean square errors of the true speed: for the slow references, and for all.
     slow_rms: f64,
     all_rms: f64,
     points: Vec<Point>,
 }
 
-impl Attempt {
+impl TriedLoop {
     fn slow_points(&self) -> &[Point] {
         &self.points[..self.points.len() * SLOW / REFERENCES_RAD_PER_S.len()]
     }
 
-    /// Reference and speed of these, over time.
+    /// Reference and speed of these loops, over time.
     fn slow_courses(&self) -> [Vec<(f64, f64)>; 2] {
         let course =
             |value: fn(&Point) -> f64| self.slow_points().iter().map(|point| (point.t_s, value(point))).collect();
@@ -55,15 +55,15 @@ impl Attempt {
     }
 }
 
-/// Loops on the motor as it is, and what the board's console takes of the last.
+/// Loops on the motor with its effects, and the console lines of the last one.
 pub(super) struct Loops {
-    /// The first before the diagnosis, the last after it.
-    attempts: [Attempt; 3],
+    /// The first loop before the diagnosis, the last one after it.
+    attempts: [TriedLoop; 3],
     pub(super) commands: Vec<String>,
 }
 
 impl Loops {
-    /// Designed from the data sheet, from the linear motor found, and with the friction and the drop made up for.
+    /// Three designs: from the data sheet, from the linear motor found, and with friction and drop compensated.
     pub(super) fn compared(truth: &Model, nominal: &MotorParameters, diagnosis: &Diagnosis) -> Result<Self, Failure> {
         let found = &diagnosis.model;
         let before = designed(nominal)?.settings.all;
@@ -80,12 +80,12 @@ impl Loops {
         Ok(Self { attempts: [before?, without?, after?], commands: list.commands() })
     }
 
-    /// In so many lines of a terminal, about standstill: the first beside the last.
+    /// Text in so many lines of a terminal, about standstill. The first loop is beside the last.
     pub(super) fn picture(&self, lines: u16) -> String {
         let [before, _, after] = &self.attempts;
-        let courses = [before, after].map(Attempt::slow_courses);
+        let courses = [before, after].map(TriedLoop::slow_courses);
         let (end_s, speeds) = (SLOW as f64 * HOLD_S, range(courses.iter().flatten().map(Vec::as_slice)));
-        let plot = |title: &str, attempt: &Attempt, courses| {
+        let plot = |title: &str, attempt: &TriedLoop, courses| {
             (format!("{title}: {} rad/s", short(attempt.slow_rms)), chart(courses, [0.0, end_s], speeds))
         };
         let [first, last] = courses.each_ref().map(|courses| courses.each_ref().map(Vec::as_slice));
@@ -94,14 +94,14 @@ impl Loops {
             + &side_by_side(plots, lines.saturating_sub(1).clamp(*PICTURE_ROWS.start(), *PICTURE_ROWS.end()))
     }
 
-    /// For a program.
+    /// As JSON.
     pub(super) fn json(&self) -> Vec<serde_json::Value> {
-        self.attempts.iter().map(Attempt::json).collect()
+        self.attempts.iter().map(TriedLoop::json).collect()
     }
 
-    /// For the page: all speeds on one plot, the slow part larger, the table, and the gains.
+    /// For the page: all speeds in one plot, the slow part enlarged, the table, and the gains.
     pub(super) fn section(&self) -> String {
-        let panel = |title: &str, of: fn(&Attempt) -> &[Point]| {
+        let panel = |title: &str, of: fn(&TriedLoop) -> &[Point]| {
             let first = of(&self.attempts[0]).iter();
             let reference = Panel::new(title).line("reference", first.map(|point| point.reference).collect());
             self.attempts.iter().fold(reference, |panel, attempt| {
@@ -111,9 +111,9 @@ impl Loops {
         };
         let interval_s = HOLD_S * REFERENCES_RAD_PER_S.len() as f64 / self.attempts[0].points.len() as f64;
         let plots =
-            [panel("speed, rad/s", |of| &of.points), panel("speed about standstill, rad/s", Attempt::slow_points)]
+            [panel("speed, rad/s", |of| &of.points), panel("speed about standstill, rad/s", TriedLoop::slow_points)]
                 .map(|panel| panels_in_page(interval_s, &[panel]));
-        let rows = self.attempts.iter().map(|Attempt { name, slow_rms, all_rms, .. }| {
+        let rows = self.attempts.iter().map(|TriedLoop { name, slow_rms, all_rms, .. }| {
             let [slow_rms, all_rms] = [slow_rms, all_rms].map(|rms| format!("{} rad/s", short(*rms)));
             [(*name).into(), slow_rms, all_rms]
         });
@@ -133,7 +133,7 @@ fn designed(motor: &MotorParameters) -> Result<Design, Failure> {
     design(motor, &Bench::default(), ControlLaw::SpeedPid, &specification).map_err(Failure::input)
 }
 
-fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Attempt, Failure> {
+fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<TriedLoop, Failure> {
     let refused = |error| Failure::input(format!("the core refuses the designed settings: {error:?}"));
     let mut trial = Trial::of_model(truth, settings).map_err(refused)?;
     trial.enter(Mode::SpeedPid);
@@ -142,5 +142,5 @@ fn tracking(name: &'static str, truth: &Model, settings: Settings) -> Result<Att
         let squares = points.iter().flatten().map(|point| (point.omega_rad_per_s - point.reference).powi(2));
         (squares.sum::<f64>() / points.iter().flatten().count() as f64).sqrt()
     };
-    Ok(Attempt { name, slow_rms: rms(&points[..SLOW]), all_rms: rms(&points), points: points.concat() })
+    Ok(TriedLoop { name, slow_rms: rms(&points[..SLOW]), all_rms: rms(&points), points: points.concat() })
 }

@@ -1,4 +1,4 @@
-//! What was hidden, beside what the diagnosis made of it.
+//! The hidden effect, compared with the diagnosis.
 
 use super::row;
 use motorbench_model::Model;
@@ -8,7 +8,7 @@ use motorbench_text::terminal_text::short;
 const HEADING: &str = "What was hidden, and what was found";
 const COLUMNS: [&str; 2] = ["hidden", "found"];
 
-/// Everything that was hidden or found, effects first.
+/// All constants that were hidden or found, those of effects first.
 pub(super) struct Revealed(Vec<Constant>);
 
 /// A constant that was hidden, or found.
@@ -21,8 +21,8 @@ struct Constant {
 }
 
 impl Constant {
-    /// By what share of what was hidden it was missed.
-    fn missed_by(&self) -> f64 {
+    /// Error relative to the hidden value.
+    fn relative_error(&self) -> f64 {
         self.hidden.zip(self.found).map_or(f64::INFINITY, |(hidden, found)| (found / hidden - 1.0).abs())
     }
 
@@ -32,7 +32,7 @@ impl Constant {
 }
 
 impl Revealed {
-    /// Of the model that was hidden and the one that was found.
+    /// Compares the hidden model with the one that was found.
     pub(super) fn of(hidden: &Model, found: &Model) -> Self {
         let [hidden, found] = [hidden, found].map(constants);
         let value = |of: &[(Name, f64)], name| of.iter().find(|(other, _)| *other == name).map(|(_, value)| *value);
@@ -48,14 +48,15 @@ impl Revealed {
         Self(all)
     }
 
-    /// For a terminal: every constant of an effect, and that of the motor which was missed by most.
+    /// For a terminal: every constant of an effect, and the motor's constant with the largest error.
     pub(super) fn text(&self) -> String {
         let (motor, effects): (Vec<&Constant>, Vec<&Constant>) =
             self.0.iter().partition(|constant| constant.effect.is_empty());
-        let farthest = motor.into_iter().max_by(|one, other| one.missed_by().total_cmp(&other.missed_by()));
+        let farthest = motor.into_iter().max_by(|one, other| one.relative_error().total_cmp(&other.relative_error()));
         let effects =
             effects.into_iter().map(|constant| constant.row(&format!("{} {}", constant.effect, constant.name)));
-        let farthest = farthest.map(|constant| constant.row(&format!("of the motor, off by most: {}", constant.name)));
+        let farthest =
+            farthest.map(|constant| constant.row(&format!("of the motor, largest error: {}", constant.name)));
         row(HEADING, COLUMNS) + &effects.chain(farthest).collect::<String>()
     }
 
@@ -69,7 +70,7 @@ impl Revealed {
     }
 }
 
-/// Of a constant: its effect, and its own.
+/// Name of a constant: its effect, and its own name.
 type Name = (&'static str, &'static str);
 
 fn constants(model: &Model) -> Vec<(Name, f64)> {
@@ -80,7 +81,7 @@ fn constants(model: &Model) -> Vec<(Name, f64)> {
     effects.chain(model.motor.named().map(|(name, value)| (("", name), value))).collect()
 }
 
-/// A number, or that there is none.
+/// A number, or a dash.
 fn value_or_dash(value: Option<f64>) -> String {
     value.map_or("-".into(), short)
 }

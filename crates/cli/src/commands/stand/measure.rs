@@ -1,7 +1,10 @@
 //! A board as the test stand of `motorbench stand`.
 
-use crate::commands::board::{PortArguments, ended, on_interrupt, table_file, typed_lines};
 use crate::commands::files::{beside, free_name, with_beside};
+use crate::commands::interaction::{on_interrupt, typed_lines};
+use crate::commands::port::PortArguments;
+use crate::commands::record::ended;
+use crate::commands::recording_files::table_file;
 use crate::commands::{Failure, cannot_write, write};
 use clap::Args;
 use motorbench_core::settings::{Param, Settings};
@@ -14,7 +17,7 @@ use motorbench_link::record::by_name;
 #[cfg(unix)]
 use motorbench_link::virtual_control::VirtualControl;
 use motorbench_link::{Link, VERSION};
-use motorbench_stand::drive::{Findings, Found, HeldPosition, Person, Plan, drive, table};
+use motorbench_stand::drive::{Findings, Found, HeldPosition, Operator, Plan, drive, table};
 use std::fmt::Write as _;
 use std::io::{Write as _, stderr};
 use std::path::{Path, PathBuf};
@@ -22,15 +25,15 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, TryRecvError};
 
-/// Levels unless others are given: eighths of the largest voltage, from where most motors turn.
+/// Default levels: eighths of the largest voltage, from the level at which most motors turn.
 const LEVELS: std::ops::RangeInclusive<u8> = 3..=8;
 const PARTS: f64 = 8.0;
-/// Two statements of the encoder may differ by this share.
+/// Tolerance between two values of the encoder's counts.
 const SAME_COUNTS: f64 = 1e-3;
 
 /// Ending of the table of positions.
 const POSITIONS: &str = "positions.csv";
-/// What stands beside the table.
+/// The files beside the table.
 const BESIDE: [&str; 2] = [POSITIONS, "json"];
 
 /// How the board is driven.
@@ -63,7 +66,7 @@ pub(super) struct BoardArguments {
 }
 
 impl BoardArguments {
-    /// Every file that is written.
+    /// Every output file.
     pub(super) fn files(&self) -> Vec<PathBuf> {
         with_beside(&self.save(), &BESIDE)
     }
@@ -72,13 +75,13 @@ impl BoardArguments {
         self.save.clone().unwrap_or_else(|| free_name("stand", &BESIDE))
     }
 
-    /// Drives the board, writes what came, and has the table and the held resistances evaluated.
+    /// Drives the board, writes the readings, and evaluates the table and the held resistances.
     pub(super) fn run(
         &self,
         (rig_file, rig): (&Path, &Rig),
         evaluate: impl FnOnce(&Recording, Vec<f64>) -> Result<(), Failure>,
     ) -> Result<(), Failure> {
-        // Before the motor turns: a file that says too little, a full disk or a wrong folder shall not cost a test.
+        // Checked before the motor turns: an incomplete rig file, a full disk or a wrong folder must not cost a test.
         if rig.motor.resistance_ohm.is_none() || rig.motor.torque_constant_nm_per_a.is_none() {
             return Err(Failure::input(format!("{}: {}", rig_file.display(), StudyError::NoNominal)));
         }
@@ -96,7 +99,7 @@ impl BoardArguments {
         }
         let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person, &mut |found| files.keep(found));
         let table = table(&save.display().to_string(), &findings.readings, files.loaded);
-        // Beside nothing it would tell of nothing, or of an earlier table.
+        // Without a table it would describe nothing, or an earlier table.
         let is_empty = findings.readings.is_empty() && findings.positions.is_empty();
         let saved = if is_empty { Ok(()) } else { write_side(save, &findings, &link, &settings) };
         drop(link);
@@ -141,7 +144,7 @@ impl BoardArguments {
     }
 }
 
-/// A script shall hear that something is lacking.
+/// The exit code tells a script that parts are missing.
 fn whole(findings: &Findings, save: &Path) -> Result<(), Failure> {
     if findings.left_out.is_empty() {
         return Ok(());
@@ -167,7 +170,7 @@ fn write_side(save: &Path, findings: &Findings, link: &Link<Port>, settings: &Se
     write(&beside(save, "json"), &(side + "\n"))
 }
 
-/// What its file will say, so that a later evaluation says the same to the last digit.
+/// The value that the file will contain, so that a later evaluation gives the same digits.
 fn as_written(table: Recording) -> Result<Recording, Failure> {
     if table.is_empty() {
         return Ok(table);
@@ -175,7 +178,7 @@ fn as_written(table: Recording) -> Result<Recording, Failure> {
     Recording::parse(&table.name, table.to_csv().as_bytes(), &[]).map_err(Failure::input)
 }
 
-/// Speeds come from the board's count; the rig file's must not be another.
+/// Speeds come from the board's counts, so the rig file must have the same number.
 fn same_encoder(rig: &Rig, settings: &Settings) -> Result<(), Failure> {
     let board = f64::from(settings.get(Param::CountsPerRev));
     match rig.encoder.counts_per_rev {
@@ -186,7 +189,7 @@ fn same_encoder(rig: &Rig, settings: &Settings) -> Result<(), Failure> {
     }
 }
 
-/// Table and positions, which grow with what is measured: whatever becomes of the program costs nothing that had come.
+/// Table and positions, which grow during the measurement. If the program ends early, all earlier readings are kept.
 struct Files {
     table: GrowingFile,
     positions: GrowingFile,
@@ -221,10 +224,10 @@ fn rows(positions: &[HeldPosition]) -> String {
     text
 }
 
-/// What sets a brake by itself.
+/// Sets a brake automatically.
 type Brake = Box<dyn FnMut(f64) -> Result<(), String>>;
 
-/// That of a virtual board.
+/// The brake of a virtual board.
 #[cfg(unix)]
 fn brake(port: &str) -> Option<Brake> {
     let mut control = VirtualControl::of(Path::new(port))?;
@@ -236,21 +239,21 @@ fn brake(_port: &str) -> Option<Brake> {
     None
 }
 
-/// The person at this terminal.
+/// The operator at this terminal.
 struct Terminal {
     stopped: Arc<AtomicBool>,
-    /// Lines that are typed, once something was asked.
+    /// Typed lines, after the first question.
     lines: Option<Receiver<String>>,
     brake: Option<Brake>,
 }
 
-impl Person for Terminal {
+impl Operator for Terminal {
     fn stops(&mut self) -> bool {
         self.stopped.load(Ordering::Relaxed)
     }
 
     fn hears(&mut self, line: &str) {
-        // A terminal that was closed shall not cost the table.
+        // A closed terminal must not cost the table.
         let _ = writeln!(stderr(), "{line}");
     }
 
@@ -263,7 +266,7 @@ impl Person for Terminal {
         match self.lines.as_ref()?.try_recv() {
             Ok(_) => Some(true),
             Err(TryRecvError::Empty) => None,
-            // Nobody is there.
+            // There is no operator.
             Err(TryRecvError::Disconnected) => Some(false),
         }
     }
