@@ -27,11 +27,12 @@ pub enum Unit {
     RadianPerSecond,
     Second,
     Hertz,
+    PartPerMillion,
 }
 
 impl Unit {
     /// All units.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::One,
         Self::Volt,
         Self::Ampere,
@@ -49,6 +50,7 @@ impl Unit {
         Self::RadianPerSecond,
         Self::Second,
         Self::Hertz,
+        Self::PartPerMillion,
     ];
 
     /// How a name with this unit ends.
@@ -71,6 +73,7 @@ impl Unit {
             Self::RadianPerSecond => "_rad_per_s",
             Self::Second => "_s",
             Self::Hertz => "_Hz",
+            Self::PartPerMillion => "_ppm",
         }
     }
 
@@ -78,7 +81,7 @@ impl Unit {
     /// times current over speed, by the balance of power.
     const fn powers(self) -> [i8; 3] {
         match self {
-            Self::One | Self::Second | Self::Hertz => [0, 0, 0],
+            Self::One | Self::Second | Self::Hertz | Self::PartPerMillion => [0, 0, 0],
             Self::Volt => [1, 0, 0],
             Self::Ampere => [0, 1, 0],
             Self::Ohm | Self::Henry => [1, -1, 0],

@@ -11,6 +11,7 @@ mod about;
 mod actuation_delay;
 mod backlash;
 mod bridge_asymmetry;
+mod clock_drift;
 mod coast_decay;
 mod cogging;
 mod commutation_ripple;
@@ -69,6 +70,7 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &commutation_ripple::CommutationRipple,
     &coast_decay::CoastDecay,
     &actuation_delay::ActuationDelay,
+    &clock_drift::ClockDrift,
     &current_lag::CurrentLag,
     &current_offset::CurrentOffset,
     &current_clipping::CurrentClipping,
