@@ -388,9 +388,14 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
             prior: Some((mean, if logarithmic { prior.spread[index] } else { 1.0 })),
         }
     });
+    motor.chain(unknowns_of_terms(model, data, |term| !model.holds(term))).collect()
+}
+
+/// The constants of the chosen terms that a fit can move.
+fn unknowns_of_terms(model: &Model, data: &Dataset, chosen: impl Fn(&Term) -> bool) -> Vec<Unknown> {
     let scales = scales(&model.motor, data);
-    let fitted = model.terms.iter().enumerate().filter(|(_, term)| !model.holds(term));
-    let terms = fitted.flat_map(|(term_index, term)| {
+    let chosen = model.terms.iter().enumerate().filter(|(_, term)| chosen(term));
+    let unknowns = chosen.flat_map(|(term_index, term)| {
         let typical = term.effect.starts(&scales).into_iter().next().unwrap_or_default();
         let parameters = term.effect.about().parameters.iter().enumerate();
         let parameters = parameters.filter(|(index, parameter)| parameter.moves(term.values[*index]));
@@ -413,7 +418,7 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
             })
             .collect::<Vec<_>>()
     });
-    motor.chain(terms).collect()
+    unknowns.collect()
 }
 
 fn prior_cost(model: &Model, unknowns: &[Unknown]) -> f64 {
@@ -685,6 +690,19 @@ impl Fit {
             Place::Motor(_) => SYSTEMATIC,
             Place::Term(term, _) => self.model.terms[term].effect.simplification().own.hypot(of_the_pwm),
         }
+    }
+
+    /// The intervals of [`intervals`](Self::intervals), which also contain what is left open by constants that the model
+    /// holds at their prior means.
+    pub fn intervals_with_held(&self, data: &Dataset) -> Vec<Interval> {
+        let held = unknowns_of_terms(&self.model, data, |term| self.model.holds(term));
+        if held.is_empty() {
+            return self.intervals(data);
+        }
+        let unknowns = [&self.unknowns[..], &held].concat();
+        let mut intervals = Self { unknowns, sensitivities: OnceLock::new(), ..self.clone() }.intervals(data);
+        intervals.truncate(self.unknowns.len());
+        intervals
     }
 
     /// Value and 95 % interval of every fitted constant, from statistics, steps and simplifications.

@@ -300,7 +300,10 @@ fn interpret_trusted(
                 id if is_of_a_scale(id) => remove_effect(&seen, prior, &mut selection, index),
                 id => return interpret_trusted(data, prior, &[excluded_ids, &[id]].concat(), progress),
             },
-            None => return Interpretation { data: seen, selection, fullest, last, intervals },
+            None => {
+                let intervals = last.intervals_with_held(&everything);
+                return Interpretation { data: seen, selection, fullest, last, intervals };
+            }
         }
     }
 }
