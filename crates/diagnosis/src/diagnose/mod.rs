@@ -116,7 +116,7 @@ pub struct Diagnosis {
 /// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
-    let prior = Prior::new(&rig.motor, &data);
+    let prior = Prior::new(&rig.motor, &data).with_bridge(&rig.bridge, &data);
     let mut interpret = interpret_trusted(data, &prior, &[], progress);
     let losses = interpret.random_losses();
     if let Some(losses) = losses {

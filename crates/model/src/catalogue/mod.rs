@@ -80,8 +80,11 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &speed_lag::SpeedLag,
 ];
 
+/// The drop of bridge and brushes.
+pub const VOLTAGE_DROP: &str = "voltage_drop";
+
 /// Effects that nearly every drive has.
-pub const USUAL: [&str; 2] = ["coulomb_friction", "voltage_drop"];
+pub const USUAL: [&str; 2] = ["coulomb_friction", VOLTAGE_DROP];
 
 /// A rival that is no effect: more inductance than the winding has. Its one value is the time by which that lengthens the
 /// winding's time constant, in seconds.
