@@ -69,6 +69,9 @@ pub enum Effect {
     /// The voltage comes 3 to 10 ms late.
     /// `delay_s`.
     ActuationDelay,
+    /// A computer's clock commands and the board's reads, 100 to 1000 ppm slower or faster.
+    /// `drift_ppm`: a command acts so many microseconds later for each second of the recording.
+    ClockDrift,
     /// 40 to 150 mA more or less than flow are read.
     /// `offset_A`, of either sign: four to fifteen times the noise.
     CurrentOffset,
@@ -150,12 +153,13 @@ impl Effect {
         Self::TachoRipple,
     ];
     /// Further effects of the catalogue, one of a tachogenerator alone: drawn only on request.
-    pub const ASKED_FOR: [Self; 5] = [
+    pub const ASKED_FOR: [Self; 6] = [
         Self::SpeedLag,
         Self::BridgeAsymmetry,
         Self::ResistanceGrowingWithSpeed,
         Self::DropAsymmetry,
         Self::CommutationRipple,
+        Self::ClockDrift,
     ];
     /// Effects outside the catalogue.
     pub const OUTSIDE: [Self; 9] = [
@@ -189,6 +193,7 @@ impl Effect {
             Self::WindingHeating => "winding_heating",
             Self::CoastDecay => "coast_decay",
             Self::ActuationDelay => "actuation_delay",
+            Self::ClockDrift => "clock_drift",
             Self::CurrentOffset => "current_offset",
             Self::CurrentLag => "current_lag",
             Self::CurrentClipping => "current_clipping",

@@ -93,6 +93,8 @@ pub struct Hidden {
     grip_nm: f64,
     grip_s: f64,
     pub(crate) delay_s: f64,
+    /// By how much a command acts later in each second.
+    pub(crate) delay_growth: f64,
     pub(crate) offset_a: f64,
     pub(crate) current_lag: Lag,
     pub(crate) speed_lag: Lag,
@@ -398,6 +400,11 @@ impl Bench {
             Effect::ActuationDelay => {
                 hidden.delay_s = between(0.003, 0.010);
                 vec![("delay_s", hidden.delay_s)]
+            }
+            Effect::ClockDrift => {
+                let drift_ppm = sign * between(100.0, 1000.0);
+                hidden.delay_growth = 1e-6 * drift_ppm;
+                vec![("drift_ppm", drift_ppm)]
             }
             Effect::CurrentOffset => {
                 hidden.offset_a = sign * between(0.04, 0.15);

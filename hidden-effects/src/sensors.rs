@@ -245,12 +245,13 @@ impl Edges {
 /// The program between two rows.
 type Between<'a> = (Option<&'a mut Burst>, Option<&'a mut EdgeTimer>);
 
-/// One sampling interval, the command late by the hidden delay.
+/// One sampling interval, the command late by the hidden delay, or early by the clock that gave it.
 fn pass(bench: &mut Bench, duty: &[f64], index: usize, interval_s: f64, (mut burst, mut timer): Between) {
-    let late = bench.hidden.delay_s / interval_s;
-    let whole = late.floor() as usize;
+    let now_s = index as f64 * interval_s;
+    let late = (bench.hidden.delay_s + bench.hidden.delay_growth * now_s) / interval_s;
+    let whole = late.floor() as isize;
     let part = late - late.floor();
-    let at = |back: usize| index.checked_sub(back).map_or(0.0, |index| duty[index]);
+    let at = |back: isize| index.checked_add_signed(-back).map_or(0.0, |index| duty[index.min(duty.len() - 1)]);
     if part > 0.01 {
         run(bench, at(whole + 1), part * interval_s, (burst.as_deref_mut(), timer.as_deref_mut()));
     }

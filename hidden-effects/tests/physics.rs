@@ -500,6 +500,24 @@ fn actuation_delay_shifts_the_response() {
     }
 }
 
+/// One way the response comes later and later, the other way earlier and earlier.
+#[test]
+fn clock_drift_stretches_the_response() {
+    let effect = Effect::ClockDrift;
+    for seed in SEEDS {
+        let error = current_rms(seed, effect, |trial, clean| {
+            let growth = 1e-6 * constant(trial, effect, "drift_ppm");
+            let at = |row: f64| {
+                let (whole, part) = (row.max(0.0).floor() as usize, row.max(0.0).fract());
+                let value = |index: usize| clean[index.min(clean.len() - 1)];
+                (1.0 - part) * value(whole) + part * value(whole + 1)
+            };
+            (0..clean.len()).map(|row| at(row as f64 * (1.0 - growth))).collect()
+        });
+        assert!(error < TWO_NOISES_A, "seed {seed}: {error} A");
+    }
+}
+
 #[test]
 fn current_clipping_saturates_both_ways() {
     for seed in SEEDS {

@@ -279,6 +279,26 @@ mod tests {
         assert!(before > 0.1 && after == 0.0, "{before} {after}");
     }
 
+    #[test]
+    fn a_clock_drift_is_a_delay_that_grows() {
+        let data = stepped(1e-3);
+        let linear = Model::linear(MotorParameters::PIVT6);
+        let with = |id: &str, value: f64| free_run(&linear.with(effect(id).unwrap(), vec![value]), &data)[1].clone();
+        let (at_once, late) = (free_run(&linear, &data)[1].clone(), with("actuation_delay", 1e-3));
+        let error = |one: &[f64], other: &[f64], rows: Range<usize>| {
+            rows.map(|row| (one[row] - other[row]).abs()).fold(0.0, f64::max)
+        };
+        let moved = error(&at_once, &late, 0..400);
+        // 5000 ppm: 1 ms in the middle, and twice that at the end.
+        let later = with("clock_drift", 5000.0);
+        assert!(error(&later, &at_once, 0..20) < 0.15 * moved, "at the begin it is not late");
+        assert!(error(&later, &late, 180..220) < 0.4 * moved, "in the middle it is as late as the delay");
+        assert!(error(&later, &late, 340..400) > 0.5 * moved, "at the end it is later");
+        let earlier = with("clock_drift", -5000.0);
+        assert!(error(&earlier[0..399], &at_once[1..400], 180..220) < 0.4 * moved, "in the middle it is a row early");
+        assert!(error(&earlier[0..397], &at_once[2..399], 340..397) < 0.4 * moved, "at the end it is two rows early");
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(64))]
         /// Compared with the mean of a simulation with forty times as many rows.

@@ -10,8 +10,8 @@
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Motion, Prediction, Steps, drive, free_run, nudged, read};
 use maybe_rayon::prelude::*;
-use motorbench_data::rig::NominalMotor;
-use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, Scales};
+use motorbench_data::rig::{Bridge, NominalMotor};
+use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, Scales, VOLTAGE_DROP};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Model, Term};
 use nalgebra::{DMatrix, DVector};
@@ -36,6 +36,8 @@ const GUESS_SPREAD: f64 = 1.5;
 const SCALE_SPREAD: f64 = 2.5;
 /// A nominal viscous friction is little more than an order of magnitude.
 const FRICTION_SPREAD: f64 = 1.0;
+/// Standard deviation of a bridge's drop that the rig file gives.
+pub const GIVEN_DROP_SPREAD_V: f64 = 0.3;
 /// Residuals further apart than this count as independent. Of several block lengths the one with the widest interval
 /// counts. Longer blocks include model errors that belong to one manner of driving.
 const BLOCKS_S: [f64; 2] = [0.2, 2.0];
@@ -74,6 +76,8 @@ pub struct Prior {
     pub spread: [f64; 5],
     /// What the rig file gave.
     pub nominal: NominalMotor,
+    /// The bridge's drop by the rig file, where the data can show one.
+    pub bridge_drop_v: Option<f64>,
 }
 
 impl Prior {
@@ -108,7 +112,13 @@ impl Prior {
                 friction * motor.viscous_friction_nm_s.max(0.005 * k * k / r),
             ],
             nominal: *nominal,
+            bridge_drop_v: None,
         }
+    }
+
+    /// The same with a bridge by its data sheet.
+    pub fn with_bridge(self, bridge: &Bridge, data: &Dataset) -> Self {
+        Self { bridge_drop_v: bridge.drop_v.filter(|_| !data.has_one_magnitude()), ..self }
     }
 }
 
@@ -391,9 +401,19 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
             prior: Some((mean, if logarithmic { prior.spread[index] } else { 1.0 })),
         }
     });
+    motor.chain(unknowns_of_terms(model, data, prior.bridge_drop_v, |term| !model.holds(term))).collect()
+}
+
+/// The constants of the chosen terms that a fit can move. A drop that the rig file gives is known to its tolerance.
+fn unknowns_of_terms(
+    model: &Model,
+    data: &Dataset,
+    bridge_drop_v: Option<f64>,
+    chosen: impl Fn(&Term) -> bool,
+) -> Vec<Unknown> {
     let scales = scales(&model.motor, data);
-    let fitted = model.terms.iter().enumerate().filter(|(_, term)| !model.holds(term));
-    let terms = fitted.flat_map(|(term_index, term)| {
+    let chosen = model.terms.iter().enumerate().filter(|(_, term)| chosen(term));
+    let unknowns = chosen.flat_map(|(term_index, term)| {
         let typical = term.effect.starts(&scales).into_iter().next().unwrap_or_default();
         let parameters = term.effect.about().parameters.iter().enumerate();
         let parameters = parameters.filter(|(index, parameter)| parameter.moves(term.values[*index]));
@@ -404,7 +424,9 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
                 let spacing = spacing_of(term.effect, index, &scales);
                 let magnitude = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
                 let size = spacing.unwrap_or(magnitude);
-                let known = spacing.map(|_| (term.values[index], data.interval_s)).or(parameter.known);
+                let given = bridge_drop_v.filter(|_| term.id() == VOLTAGE_DROP && index == 0);
+                let given = given.map(|drop_v| (drop_v, GIVEN_DROP_SPREAD_V));
+                let known = spacing.map(|_| (term.values[index], data.interval_s)).or(given).or(parameter.known);
                 Unknown {
                     place: Place::Term(term_index, index),
                     logarithmic: false,
@@ -416,7 +438,7 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
             })
             .collect::<Vec<_>>()
     });
-    motor.chain(terms).collect()
+    unknowns.collect()
 }
 
 fn prior_cost(model: &Model, unknowns: &[Unknown]) -> f64 {
@@ -688,5 +710,20 @@ impl Fit {
             Place::Motor(_) => SYSTEMATIC,
             Place::Term(term, _) => self.model.terms[term].effect.simplification().own.hypot(of_the_pwm),
         }
+    }
+
+    /// How many constants it has moved.
+    pub fn moved(&self) -> usize {
+        self.unknowns.len()
+    }
+
+    /// The same with the constants that the model holds at their prior means among the unknown ones: then the uncertainty
+    /// contains what they leave open. They come last.
+    pub fn with_held_open(&self, data: &Dataset) -> Self {
+        let held = unknowns_of_terms(&self.model, data, None, |term| self.model.holds(term));
+        if held.is_empty() {
+            return self.clone();
+        }
+        Self { unknowns: [&self.unknowns[..], &held].concat(), sensitivities: OnceLock::new(), ..self.clone() }
     }
 }

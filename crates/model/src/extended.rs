@@ -149,6 +149,11 @@ impl Model {
         self.terms.iter().map(|term| term.effect.delay_s(&term.values)).sum()
     }
 
+    /// By how much that grows in each second of the recording.
+    pub fn delay_growth(&self) -> f64 {
+        self.terms.iter().map(|term| term.effect.delay_growth(&term.values)).sum()
+    }
+
     /// By how much a tachogenerator shows the speed later than it is.
     pub fn tachogenerator_lag_s(&self) -> f64 {
         self.terms.iter().map(|term| term.effect.tachogenerator_lag_s(&term.values)).sum()

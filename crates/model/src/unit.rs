@@ -33,11 +33,12 @@ pub enum Unit {
     VoltSecondPerRadian,
     /// Voltage over acceleration.
     VoltSecond2PerRadian,
+    PartPerMillion,
 }
 
 impl Unit {
     /// All units.
-    pub const ALL: [Self; 20] = [
+    pub const ALL: [Self; 21] = [
         Self::One,
         Self::Volt,
         Self::Ampere,
@@ -58,6 +59,7 @@ impl Unit {
         Self::RadianPerSecondPerVolt,
         Self::VoltSecondPerRadian,
         Self::VoltSecond2PerRadian,
+        Self::PartPerMillion,
     ];
 
     /// How a name with this unit ends.
@@ -83,6 +85,7 @@ impl Unit {
             Self::RadianPerSecondPerVolt => "_rad_per_s_per_V",
             Self::VoltSecondPerRadian => "_V_s_per_rad",
             Self::VoltSecond2PerRadian => "_V_s2_per_rad",
+            Self::PartPerMillion => "_ppm",
         }
     }
 
@@ -90,7 +93,7 @@ impl Unit {
     /// times current over speed, by the balance of power.
     const fn powers(self) -> [i8; 3] {
         match self {
-            Self::One | Self::Second | Self::Hertz => [0, 0, 0],
+            Self::One | Self::Second | Self::Hertz | Self::PartPerMillion => [0, 0, 0],
             Self::Volt => [1, 0, 0],
             Self::Ampere => [0, 1, 0],
             Self::Ohm | Self::Henry => [1, -1, 0],

@@ -83,6 +83,11 @@ impl Dataset {
                 self.origin.current_window_s
             ));
         }
+        if let Some(phase) = self.origin.pwm_phase {
+            notes.push(format!(
+                "Each current is compared as an instantaneous value, {phase:.2} of a PWM period after the begin of one at t_s = 0. That fits much better than a mean. Average the current over a PWM period in the program."
+            ));
+        }
         if !self.origin.pwm_is_known && self.origin.pwm_hz != PWM_HZ {
             notes.push(format!(
                 "A PWM of {:.0} Hz is assumed: the model fits better with it, or its inductance is nearer to the nominal one. Something else in the current may cause that. Set [bridge] pwm_Hz in the rig file to the true frequency.",

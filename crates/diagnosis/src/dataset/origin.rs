@@ -11,6 +11,8 @@ pub struct Origin {
     pub pwm_hz: f64,
     /// Whether it is known; otherwise it is estimated.
     pub pwm_is_known: bool,
+    /// Share of a PWM period that has passed at time 0, if each current is an instantaneous value in a known phase.
+    pub pwm_phase: Option<f64>,
     /// How it was recorded.
     pub timing: Timing,
     /// An assumed drop of the bridge that the recordings do not show; every model is simulated behind it.
@@ -70,6 +72,12 @@ impl Origin {
             without_time: recording.without_time,
             ..Self::default()
         }
+    }
+
+    /// Where in its PWM period a current of this time is sampled, as far as that is known.
+    pub fn current_sampled_at(&self, time_s: f64) -> Option<f64> {
+        let at = |phase: f64| (phase + time_s * self.pwm_hz).rem_euclid(1.0);
+        self.timing.current_sampled_at.or(self.pwm_phase.map(at))
     }
 
     /// Adds another recording, which begins after this many rows.

@@ -25,6 +25,7 @@ const EXCESSIVE_INDUCTANCE: f64 = 1.2;
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     let is_open = data.origin.timing.readings == Readings::Instant
         && data.origin.timing.current_sampled_at.is_none()
+        && data.origin.pwm_phase.is_none()
         && data.origin.timing.current_window_s.is_none()
         && data.current().is_some();
     let best = if is_open { likelier_s(data, prior, found) } else { None };

@@ -4,7 +4,7 @@
 use super::DATA_SHEET_TOLERANCE;
 use super::judge::{NOT_NOISE, above_floor};
 use crate::dataset::Dataset;
-use crate::identify::{Fit, Prior};
+use crate::identify::{Fit, GIVEN_DROP_SPREAD_V, Prior};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::Unit;
 
@@ -43,7 +43,7 @@ pub(super) fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = (
 }
 
 /// Squared deviations of the motor from its data sheet, in standard deviations. A data sheet says little about viscous
-/// friction, but many times its value is another friction.
+/// friction, but many times its value is another friction. The drop of the bridge has its own data sheet.
 pub(super) fn squared_deviations(prior: &Prior, fit: &Fit) -> f64 {
     let values = |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
     let spread = [prior.spread[0], prior.spread[2], prior.spread[3]];
@@ -52,5 +52,7 @@ pub(super) fn squared_deviations(prior: &Prior, fit: &Fit) -> f64 {
     let viscous = prior.nominal.viscous_friction_nm_s.filter(|nominal| *nominal > 0.0).map_or(0.0, |nominal| {
         ((fit.model.motor.viscous_friction_nm_s / nominal).max(1.0).ln() / VISCOUS_SPREAD).powi(2)
     });
-    constants + viscous
+    let drop_v = fit.model.dry_losses().bridge_drop_v;
+    let drop = prior.bridge_drop_v.map_or(0.0, |given_v| ((drop_v - given_v) / GIVEN_DROP_SPREAD_V).powi(2));
+    constants + viscous + drop
 }

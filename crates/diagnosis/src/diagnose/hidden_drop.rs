@@ -5,20 +5,16 @@
 
 use super::data_sheet::off_data_sheet;
 use crate::dataset::{Dataset, greatest};
-use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
+use crate::identify::{Fit, GIVEN_DROP_SPREAD_V, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_data::rig::Bridge;
 use motorbench_model::Model;
-use motorbench_model::catalogue::effect;
+use motorbench_model::catalogue::{VOLTAGE_DROP, effect};
 use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
 
-/// Identifier of such a drop.
-pub const ID: &str = "voltage_drop";
 /// Usual drop of bridges and its standard deviation: almost zero with MOSFETs, two to three volts with bipolar
 /// transistors.
 const USUAL_V: (f64, f64) = (1.6, 1.2);
-/// Standard deviation of a drop that the rig file gives.
-const GIVEN_SPREAD_V: f64 = 0.3;
 /// A bridge leaves at least this share of the voltage.
 const LEAST_LEFT: f64 = 0.3;
 
@@ -39,7 +35,7 @@ impl HiddenDrop {
             return None;
         }
         let asked_v = greatest(&data.voltage_v);
-        let (drop_v, spread_v) = bridge.drop_v.map_or(USUAL_V, |drop_v| (drop_v, GIVEN_SPREAD_V));
+        let (drop_v, spread_v) = bridge.drop_v.map_or(USUAL_V, |drop_v| (drop_v, GIVEN_DROP_SPREAD_V));
         let left = (1.0 - drop_v / asked_v).max(LEAST_LEFT);
         let known = (-left.ln(), spread_v / (left * asked_v));
         let (mean, spread) = with_nominal_values(known, off_data_sheet(prior, found).map(|(_, off)| off));
@@ -61,7 +57,7 @@ impl HiddenDrop {
     /// The note on it.
     pub fn note(&self) -> String {
         format!(
-            "The command has only one magnitude, so the voltage drop of the bridge ({ID}) cannot be measured. {} V are assumed, from the nominal values and from usual bridges. It may be up to {} V; the intervals contain that. Record with two magnitudes, or with pauses at zero.",
+            "The command has only one magnitude, so the voltage drop of the bridge ({VOLTAGE_DROP}) cannot be measured. {} V are assumed, from the nominal values and from usual bridges. It may be up to {} V; the intervals contain that. Record with two magnitudes, or with pauses at zero.",
             short(self.drop_v),
             short(self.most_v)
         )
@@ -72,7 +68,7 @@ impl HiddenDrop {
 pub fn also_in(model: Model, data: &Dataset) -> Model {
     match data.origin.hidden_drop_v {
         0.0 => model,
-        drop_v => model.with(effect(ID).expect("an effect of the catalogue"), vec![drop_v]),
+        drop_v => model.with(effect(VOLTAGE_DROP).expect("an effect of the catalogue"), vec![drop_v]),
     }
 }
 

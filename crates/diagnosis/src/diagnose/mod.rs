@@ -19,13 +19,14 @@ pub mod missing;
 pub mod outcome;
 mod pwm_frequency;
 mod random_losses;
+mod reading_phase;
 mod ripple_phase;
 mod scale;
 pub mod select;
 mod speed_reading;
 mod unseen_losses;
 
-use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE};
+use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE, greatest};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Effort, Fit, Interval, Place, Prior, Uncertainty, Z95, fit};
 use determined::AllDetermined;
@@ -37,7 +38,7 @@ use motorbench_model::Model;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
-use motorbench_model::unit::Unit;
+use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
 use outcome::{
     Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, ScaleOrigin, Unexplained, Verdict, confidence,
@@ -77,10 +78,16 @@ const OTHER_UNIT: f64 = 2.5;
 /// A sensor is blamed if it explains the rest better than torque or voltage by this much log-likelihood.
 const LEAST_LOG_LIKELIHOOD_GAIN: f64 = 10.0;
 
+/// By how much a drop may differ between pulse and off phase, as a share of it (one standard deviation). The current flows
+/// through two transistors in the pulse, and through a transistor and a diode in the off phase.
+const DROP_DIFFERENCE: f64 = 0.15;
+
 /// Stands for the dependence of a rest that no curve explains.
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
 /// An inductance is visible if its electrical time constant is at least this share of the time between rows.
 const LEAST_ROWS: f64 = 0.3;
+/// The constant that bridge and winding share.
+const RESISTANCE_OHM: &str = "resistance_ohm";
 /// Advice on constants that were found beside an unknown effect.
 const BESIDE_UNEXPLAINED: &str =
     "Until this is explained, all constants are approximate. Their intervals contain the noise, not the missing cause.";
@@ -113,7 +120,7 @@ pub struct Diagnosis {
 /// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
-    let prior = Prior::new(&rig.motor, &data);
+    let prior = Prior::new(&rig.motor, &data).with_bridge(&rig.bridge, &data);
     let mut interpret = interpret_trusted(data, &prior, &[], progress);
     let losses = interpret.random_losses();
     if let Some(losses) = losses {
@@ -141,12 +148,19 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let residuals = residuals(&data, &free_run(&bare, &data));
     let places = [ActsOn::Torque, ActsOn::Voltage];
     let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
+    let opened = last.with_held_open(&data.with_nothing_held_out());
     let outcome = Outcome::of(
         &data,
         &prior,
         (&selection, &fullest),
-        &Found::of(&last, &intervals, &data, &prior),
-        Corrections { losses, scale, hidden_drop, sampling_uncertainty: sampling_uncertainty(&data, &last.model) },
+        &Found::of(&opened, &intervals, &data, &prior),
+        Corrections {
+            losses,
+            scale,
+            hidden_drop,
+            timing_uncertainty: timing_uncertainty(&data, &last.model),
+            off_phase_spread: off_phase_spread(&data, &last.model),
+        },
     );
     let model = losses.map_or(last.model.clone(), |losses| losses.also_in(&last.model));
     Ok(Diagnosis {
@@ -171,7 +185,7 @@ struct Found<'a> {
 }
 
 impl<'a> Found<'a> {
-    /// `last`: fitted to all of the data.
+    /// `last`: fitted to all of the data, with the held constants open.
     fn of(last: &'a Fit, intervals: &'a [Interval], data: &Dataset, prior: &Prior) -> Self {
         let data = data.with_nothing_held_out();
         let uncertainty = last.uncertainty(&data);
@@ -185,11 +199,13 @@ impl<'a> Found<'a> {
     }
 }
 
-/// How the data were corrected before the fit.
-#[derive(Clone, Copy)]
+/// How the data were corrected before the fit, and what they leave open.
+#[derive(Clone, Copy, Default)]
 struct Corrections {
-    /// Relative uncertainty of the inductance where the PWM phase of the current samples is unknown.
-    sampling_uncertainty: f64,
+    /// Relative uncertainty of the inductance where the moments of current samples or commands are unknown.
+    timing_uncertainty: f64,
+    /// Uncertainty of the supply by a drop that differs in the off phase of the PWM: standard deviation of the logarithm.
+    off_phase_spread: f64,
     losses: Option<RandomLosses>,
     scale: Option<Scale>,
     hidden_drop: Option<HiddenDrop>,
@@ -202,19 +218,39 @@ impl Corrections {
         let of_scale = self.scale.map_or(0.0, |scale| scale.uncertainty(unit));
         let of_drop = self.hidden_drop.map_or(0.0, |drop| drop.uncertainty(unit));
         // The winding's is the only inductance.
-        let of_reading = if unit == Unit::Henry { self.sampling_uncertainty } else { 0.0 };
-        let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_reading) * value;
-        [(value - (value - ci95[0]).hypot(besides)).max(0.0), value + (ci95[1] - value).hypot(besides)]
+        let of_reading = if unit == Unit::Henry { self.timing_uncertainty } else { 0.0 };
+        let of_off_phase = Quantity::Voltage.power(unit).abs() * self.off_phase_spread;
+        let besides = Z95 * of_losses.hypot(of_scale).hypot(of_drop).hypot(of_off_phase).hypot(of_reading) * value;
+        let [low, high] = [value - (value - ci95[0]).hypot(besides), value + (ci95[1] - value).hypot(besides)];
+        // The interval of a constant without a sign ends at zero.
+        if ci95[0] >= 0.0 { [low.max(0.0), high] } else { [low, high] }
     }
 }
 
-/// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period: the unknown delay acts as more
-/// inductance.
-fn sampling_uncertainty(data: &Dataset, model: &Model) -> f64 {
-    let is_open = data.current().is_some() && data.origin.timing.current_sampled_at.is_none();
-    // Standard deviation of a uniform distribution over the period, or over the row interval if that is shorter.
-    let anywhere_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
-    if is_open { anywhere_s / 12.0_f64.sqrt() / TimeConstants::of(&model.motor).electromagnetic_s } else { 0.0 }
+/// A bridge that drops another voltage in the off phase of its PWM than in the pulse acts as another supply. Nothing in a
+/// recording tells the two apart.
+fn off_phase_spread(data: &Dataset, model: &Model) -> f64 {
+    DROP_DIFFERENCE * model.dry_losses().bridge_drop_v / greatest(&data.supply_v).max(f64::MIN_POSITIVE)
+}
+
+/// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period, or if the command acts anywhere in the
+/// first half of its row: an unknown delay acts as more inductance.
+fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
+    if data.current().is_none() {
+        return 0.0;
+    }
+    let timing = &data.origin.timing;
+    let period_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
+    let sampling_s = if timing.current_sampled_at.is_none() { period_s } else { 0.0 };
+    let command_s = if timing.command_delay_s.is_none() { 0.5 * data.interval_s } else { 0.0 };
+    // Standard deviations of uniform distributions.
+    sampling_s.hypot(command_s) / 12.0_f64.sqrt() / TimeConstants::of(&model.motor).electromagnetic_s
+}
+
+/// The part of the resistance that may belong to the bridge: over all of the current, a drop grows at most by itself.
+fn bridge_ohm(data: &Dataset, model: &Model) -> f64 {
+    let greatest_a = data.current().map_or(f64::INFINITY, |current| greatest(&current.values));
+    model.dry_losses().bridge_drop_v / greatest_a.max(f64::MIN_POSITIVE)
 }
 
 /// How the data are interpreted, and the model that explains them so.
@@ -292,7 +328,11 @@ fn interpret_trusted(
                 id if is_of_a_scale(id) => remove_effect(&seen, prior, &mut selection, index),
                 id => return interpret_trusted(data, prior, &[excluded_ids, &[id]].concat(), progress),
             },
-            None => return Interpretation { data: seen, selection, fullest, last, intervals },
+            None => {
+                let mut intervals = last.with_held_open(&everything).uncertainty(&everything).intervals();
+                intervals.truncate(last.moved());
+                return Interpretation { data: seen, selection, fullest, last, intervals };
+            }
         }
     }
 }
@@ -337,6 +377,7 @@ fn interpret(
 ) -> (Dataset, Selection) {
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
     pwm_frequency::settle_at_first(&mut data, prior);
+    reading_phase::settle_at_first(&mut data, prior);
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);
     for settle in SETTLED_IN_TURN {
@@ -500,7 +541,7 @@ impl Outcome {
             let shows = |cause: &Cause| {
                 !is_of_the_reading(&cause.effect, data, model) && !is_between_rows(&cause.effect, data, &model.motor)
             };
-            causes.extend(wrong_values(&parameters).into_iter().filter(shows));
+            causes.extend(wrong_values(&parameters, bridge_ohm(data, model)).into_iter().filter(shows));
         }
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Sufficient,
@@ -690,17 +731,20 @@ fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParameters) -> boo
     effect == INDUCTANCE && TimeConstants::of(motor).electromagnetic_s < LEAST_ROWS * data.interval_s
 }
 
-/// Nominal values that are off by more than a data sheet's tolerance.
-fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>) -> Vec<Cause> {
+/// Nominal values that are off by more than a data sheet's tolerance. The resistance found is that of the circuit:
+/// `bridge_ohm` of it may be the bridge's.
+fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>, bridge_ohm: f64) -> Vec<Cause> {
     // Number of standard errors beyond the tolerance.
     let sigmas_beyond = |name: &str| {
         let parameter = parameters.get(name)?;
-        let off = (parameter.value / parameter.nominal?).ln().abs();
+        let nominal = parameter.nominal?;
+        let of_bridge = if name == RESISTANCE_OHM { (parameter.value - nominal).clamp(0.0, bridge_ohm) } else { 0.0 };
+        let off = ((parameter.value - of_bridge) / nominal).ln().abs();
         let spread = (parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / (2.0 * Z95);
         Some((off - DATA_SHEET_TOLERANCE) / spread.max(LEAST_SPREAD))
     };
     let names = [
-        ("resistance_ohm", "resistance"),
+        (RESISTANCE_OHM, "resistance"),
         ("inductance_H", "inductance"),
         ("torque_constant_Nm_per_A", "torque_constant"),
         ("inertia_kg_m2", "inertia"),
@@ -797,7 +841,7 @@ mod tests {
         let ci95 = [0.99 * value, 1.01 * value];
         let found = Parameter { nominal: Some(0.07), value, ci95, scale: ScaleOrigin::Measured };
         let parameters = BTreeMap::from([("torque_constant_Nm_per_A", found)]);
-        let causes = wrong_values(&parameters);
+        let causes = wrong_values(&parameters, 0.0);
         Outcome {
             verdict: Verdict::Explained,
             causes,
@@ -826,6 +870,27 @@ mod tests {
                 .with_start(effect(id).unwrap(), &crate::identify::scales(&prior.motor, &data));
             assert!(fit(&model, &data, &prior, Effort::TRIAL).cost.is_finite());
         }
+    }
+
+    #[test]
+    fn an_interval_contains_its_own_value_whatever_its_sign() {
+        let corrections = Corrections { off_phase_spread: 0.03, ..Corrections::default() };
+        let widened = |value: f64, ci95| corrections.widened(Unit::NewtonMetre, value, ci95);
+        for (value, ci95) in [(-0.5, [-0.6, -0.4]), (0.5, [0.4, 0.6]), (0.01, [0.0, 0.02]), (0.01, [-0.01, 0.03])] {
+            let [low, high] = widened(value, ci95);
+            assert!(low <= value && value <= high, "{value}: {low} {high}");
+            assert!(low <= ci95[0] && ci95[1] <= high, "{value}: {low} {high}");
+        }
+        assert_eq!(widened(0.01, [0.0, 0.02])[0], 0.0, "the interval of a constant without a sign ends at zero");
+    }
+
+    /// A bridge of transistors adds its slope to the winding's resistance.
+    #[test]
+    fn a_resistance_that_the_bridge_may_explain_is_not_wrong() {
+        let found = Parameter { nominal: Some(8.0), value: 12.0, ci95: [11.9, 12.1], scale: ScaleOrigin::Measured };
+        let parameters = BTreeMap::from([(RESISTANCE_OHM, found)]);
+        let causes = |bridge_ohm: f64| wrong_values(&parameters, bridge_ohm).len();
+        assert_eq!((causes(0.0), causes(1.0), causes(3.0)), (1, 1, 0));
     }
 
     #[test]

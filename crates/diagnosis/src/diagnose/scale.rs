@@ -4,10 +4,11 @@
 
 use super::data_sheet::{OF_SIZE, off_data_sheet};
 use super::outcome::{Cause, Estimate};
-use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, hidden_drop, value_cause};
+use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, value_cause};
 use crate::dataset::{Dataset, Output, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_model::Model;
+use motorbench_model::catalogue::VOLTAGE_DROP;
 use motorbench_model::unit::{Quantity, Unit};
 use motorbench_text::terminal_text::short;
 use std::f64::consts::TAU;
@@ -134,7 +135,7 @@ impl Scale {
         let may_be_lost = self.is_of_counts(data) && self.recorded_over_true < 0.0;
         let mut not_separable_from: Vec<&'static str> = may_be_lost.then_some(counter_stops::ID).into_iter().collect();
         if hides_a_drop && self.quantity == Quantity::Voltage {
-            not_separable_from.push(hidden_drop::ID);
+            not_separable_from.push(VOLTAGE_DROP);
         }
         if !self.is_beyond_doubt {
             let concerned = OF_SIZE.iter().zip(VALUES).filter(|(unit, _)| self.quantity.power(**unit) != 0.0);

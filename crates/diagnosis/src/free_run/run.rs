@@ -54,6 +54,8 @@ pub(super) struct Run<'a> {
     data: &'a Dataset,
     range: Range<usize>,
     delay_s: f64,
+    /// By how much the delay grows in each second of the recording.
+    delay_growth: f64,
     longest_step_s: f64,
     inertia_kg_m2: f64,
     step: LinearStep,
@@ -98,6 +100,7 @@ impl<'a> Run<'a> {
         let still = may_be_zero(speed_rad_per_s, motion);
         let speed_rad_per_s = if still { 0.0 } else { speed_rad_per_s };
         let delay_s = model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0);
+        let delay_growth = model.delay_growth();
         let acting = model.in_turn(|effect| effect.acts_on_motor()).into_iter().map(|term| Acting {
             effect: term.effect,
             values: &term.values,
@@ -107,6 +110,7 @@ impl<'a> Run<'a> {
             model,
             data,
             delay_s,
+            delay_growth,
             longest_step_s: longest_step_s(model).min(usual_step_s),
             inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
             step: LinearStep::default(),
@@ -122,7 +126,7 @@ impl<'a> Run<'a> {
             undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.origin.pwm_hz),
             before: None,
             from_rest: still && data.current().is_none_or(|measured| may_be_zero(current_a, measured)),
-            acts_within: delay_s > 0.0 || data.has_moments(),
+            acts_within: delay_s > 0.0 || delay_growth != 0.0 || data.has_moments(),
             range,
         }
     }
@@ -162,7 +166,7 @@ impl<'a> Run<'a> {
             for piece_s in self.pieces(index, part as f64 * step_s, step_s).into_iter().flatten() {
                 let (at, terms, mean_a) = self.simulate(index, &course, piece_s);
                 charge += mean_a * at.step_s;
-                if let Some(sampled_at) = data.origin.timing.current_sampled_at {
+                if let Some(sampled_at) = data.origin.current_sampled_at(data.time_s[next]) {
                     self.before = Some((at, terms));
                     if part + 1 == steps as usize {
                         self.ripple_a = self.above_mean_a(&at, &terms, sampled_at);
@@ -186,7 +190,8 @@ impl<'a> Run<'a> {
         // The middle of the step represents it.
         let share = (since_s + 0.5 * length_s) / interval_s;
         let half = 0.5 * length_s / interval_s;
-        let (voltage_v, duty) = self.command(index, since_s - self.delay_s, length_s);
+        let delay_s = self.delay_at(index);
+        let (voltage_v, duty) = self.command(index, since_s - delay_s, length_s);
         self.change_duty(voltage_v, duty);
         let mut at = Instant {
             time_s: data.time_s[index] + since_s,
@@ -194,7 +199,7 @@ impl<'a> Run<'a> {
             duty,
             mean_duty: duty,
             supply_v: data.supply_v[index],
-            open: data.open[self.acting_at(index, since_s + 0.5 * length_s - self.delay_s)],
+            open: data.open[self.acting_at(index, since_s + 0.5 * length_s - delay_s)],
             current_a: self.current_a,
             speed_rad_per_s: self.speed_rad_per_s,
             angle_rad: self.shaft_rad(course.angle_rad(share)),
@@ -257,17 +262,23 @@ impl<'a> Run<'a> {
             return whole;
         }
         let data = self.data;
-        let before = self.acting_at(index, since_s - self.delay_s);
-        let after = self.acting_at(index, since_s + length_s - self.delay_s);
+        let delay_s = self.delay_at(index);
+        let before = self.acting_at(index, since_s - delay_s);
+        let after = self.acting_at(index, since_s + length_s - delay_s);
         let leap_v = LEAP * data.supply_v[before];
         let leaps = |row: usize| (data.voltage_v[row] - data.voltage_v[before]).abs() > leap_v;
         let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row);
         let Some(switched) = (before + 1..=after).find(switches) else { return whole };
-        let first_s = data.acts_from_s(switched) + self.delay_s - data.time_s[index] - since_s;
+        let first_s = data.acts_from_s(switched) + delay_s - data.time_s[index] - since_s;
         match (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(&first_s) {
             true => [Some((since_s, first_s)), Some((since_s + first_s, length_s - first_s))],
             false => whole,
         }
+    }
+
+    /// By how much a command acts late around a row.
+    fn delay_at(&self, index: usize) -> f64 {
+        self.delay_s + self.delay_growth * self.data.time_s[index]
     }
 
     /// The sample whose command acts at this time after sample `index`.
@@ -277,8 +288,17 @@ impl<'a> Run<'a> {
             return index;
         }
         let at_s = data.time_s[index] + offset_s;
-        let last = if data.has_moments() { (index + 1).min(self.range.end - 1) } else { index };
-        (self.range.start..=last).rev().find(|row| data.acts_from_s(*row) <= at_s).unwrap_or(self.range.start)
+        (self.range.start..=self.last_acting(index, at_s))
+            .rev()
+            .find(|row| data.acts_from_s(*row) <= at_s)
+            .unwrap_or(self.range.start)
+    }
+
+    /// The last sample, from `index` on, whose command acts before `end_s`.
+    fn last_acting(&self, index: usize, end_s: f64) -> usize {
+        let may_act_early = self.data.has_moments() || self.delay_growth < 0.0;
+        let later = (index + 1..self.range.end).take_while(|row| may_act_early && self.data.acts_from_s(*row) < end_s);
+        later.last().unwrap_or(index)
     }
 
     /// Means of voltage and duty, each held until the next acts, over `length_s` from `offset_s` after sample `index`.
@@ -286,9 +306,7 @@ impl<'a> Run<'a> {
         let data = self.data;
         let from_s = data.time_s[index] + offset_s;
         let mut end_s = from_s + length_s;
-        let next = index + 1;
-        let acts_early = || next < self.range.end && data.acts_from_s(next) < end_s;
-        let mut sample = if data.has_moments() && acts_early() { next } else { index };
+        let mut sample = self.last_acting(index, end_s);
         if sample == index && (offset_s >= 0.0 || index == self.range.start && !self.from_rest) {
             return (data.voltage_v[index], data.duty[index]);
         }

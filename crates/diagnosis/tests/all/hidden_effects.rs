@@ -179,6 +179,21 @@ fn a_delay_is_no_lag_of_the_speed() {
     }
 }
 
+/// The responses come earlier and earlier, or later and later. A winding that heats up, and friction that warms up,
+/// change them over time as well.
+#[test]
+fn two_clocks_may_run_unequally_fast() {
+    for seed in in_the_suite([1, 2, 3, 4]) {
+        let recipe = Recipe::of(&[Effect::ClockDrift]).on_real_rig().with_random_strengths(seed);
+        let outcome = assert_found(seed, &recipe).outcome;
+        let cause = outcome.causes.iter().find(|cause| cause.effect == "clock_drift").expect("it is named");
+        let truth = draw(seed, &recipe).truth;
+        let (_, constants) = truth.effects.iter().find(|(id, _)| *id == Effect::ClockDrift).expect("hidden");
+        let found = cause.parameters["drift_ppm"].value;
+        assert!((found / constants[0].1 - 1.0).abs() < 0.05, "seed {seed}: {found} for {constants:?}");
+    }
+}
+
 #[test]
 fn constants_are_found_to_a_few_percent() {
     let trial = draw(5, &Recipe::of(&[]).on_real_rig());

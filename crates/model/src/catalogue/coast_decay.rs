@@ -30,6 +30,7 @@ static ABOUT: About = About {
     remedy: "Drive the inputs and leave enable high: the classic wiring makes the motor nonlinear",
     source: "ST L293D data sheet; Mohan, Electric Machines and Drives (2012)",
     is_of_switching: true,
+    has_events: true,
     changes_everything: true,
     // A drop takes voltage from the pulse. With another motor that looks like more voltage in the off phase.
     held_beside: Some("voltage_drop"),

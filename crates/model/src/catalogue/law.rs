@@ -234,6 +234,11 @@ pub trait Law: Sync {
         0.0
     }
 
+    /// By how much that time grows in each second of the recording.
+    fn delay_growth(&self, _values: &[f64]) -> f64 {
+        0.0
+    }
+
     /// Time by which the current is read late.
     fn current_late_s(&self, values: &[f64]) -> f64 {
         self.delay_s(values)

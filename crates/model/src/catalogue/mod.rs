@@ -11,6 +11,7 @@ mod about;
 mod actuation_delay;
 mod backlash;
 mod bridge_asymmetry;
+mod clock_drift;
 mod coast_decay;
 mod cogging;
 mod commutation_ripple;
@@ -69,6 +70,7 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &commutation_ripple::CommutationRipple,
     &coast_decay::CoastDecay,
     &actuation_delay::ActuationDelay,
+    &clock_drift::ClockDrift,
     &current_lag::CurrentLag,
     &current_offset::CurrentOffset,
     &current_clipping::CurrentClipping,
@@ -78,8 +80,11 @@ pub static CATALOGUE: &[&dyn Effect] = &[
     &speed_lag::SpeedLag,
 ];
 
+/// The drop of bridge and brushes.
+pub const VOLTAGE_DROP: &str = "voltage_drop";
+
 /// Effects that nearly every drive has.
-pub const USUAL: [&str; 2] = ["coulomb_friction", "voltage_drop"];
+pub const USUAL: [&str; 2] = ["coulomb_friction", VOLTAGE_DROP];
 
 /// A rival that is no effect: more inductance than the winding has. Its one value is the time by which that lengthens the
 /// winding's time constant, in seconds.

@@ -1,0 +1,69 @@
+//! Estimates in which phase of the PWM each current is sampled, where the rig file gives the PWM frequency and no sampling
+//! point. Rows and PWM come from one clock, so one phase holds for the whole recording. Between rows the phase advances.
+
+use crate::dataset::Dataset;
+use crate::identify::{Effort, Fit, Prior, fit, scales};
+use maybe_rayon::prelude::*;
+use motorbench_data::rig::Readings;
+use motorbench_model::Model;
+use motorbench_model::catalogue::{USUAL, effect};
+
+/// Phases that are tried first, and the number of halvings that refine the best one.
+const PHASES: usize = 12;
+const HALVINGS: i32 = 4;
+/// A phase has to lower the cost to this share of that of a mean over a period: beside an effect that is missing, some
+/// phase always fits a little better.
+const LEAST_GAIN: f64 = 0.6;
+
+/// Sets the phase if the nominal motor fits clearly better with it than with a mean over a period. Its bridge has a drop or
+/// none, and brakes or coasts in the off phase.
+pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
+    if is_open(data) {
+        data.origin.pwm_phase = likelier(data, prior);
+    }
+}
+
+fn is_open(data: &Dataset) -> bool {
+    let timing = &data.origin.timing;
+    timing.readings == Readings::Instant
+        && timing.current_sampled_at.is_none()
+        && timing.current_window_s.is_none()
+        && data.origin.pwm_is_known
+        && data.current().is_some()
+}
+
+fn likelier(data: &Dataset, prior: &Prior) -> Option<f64> {
+    let scales = scales(&prior.motor, data);
+    let linear = Model::linear(prior.motor);
+    let usual = USUAL.iter().filter_map(|id| effect(id));
+    let braking = usual.fold(linear.clone(), |model, effect| model.with_start(effect, &scales));
+    let coasting = effect("coast_decay").map(|effect| braking.with_start(effect, &scales));
+    let models: Vec<Model> = [Some(linear), Some(braking), coasting].into_iter().flatten().collect();
+    let ways: Vec<(f64, f64, f64)> =
+        models.into_par_iter().filter_map(|model| with_best_phase(data, prior, &model)).collect();
+    let least = ways.iter().map(|(mean, ..)| *mean).fold(f64::INFINITY, f64::min);
+    let (_, cost, phase) = ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
+    (cost < LEAST_GAIN * least).then_some(phase)
+}
+
+/// Cost of a model with the mean over a period, its cost in the best phase, and that phase.
+fn with_best_phase(data: &Dataset, prior: &Prior, model: &Model) -> Option<(f64, f64, f64)> {
+    let mean = fit(model, data, prior, Effort::TRIAL);
+    let in_phase = |phase: f64, model: &Model, effort: Effort| -> (f64, Fit) {
+        let mut other = data.clone();
+        let phase = phase.rem_euclid(1.0);
+        other.origin.pwm_phase = Some(phase);
+        (phase, fit(model, &other, prior, effort))
+    };
+    let least = |ways: Vec<(f64, Fit)>| ways.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+    let first = (0..PHASES).map(|phase| in_phase(phase as f64 / PHASES as f64, &mean.model, Effort::NONE));
+    let (phase, found) = least(first.collect())?;
+    let mut best = in_phase(phase, &found.model, Effort::TRIAL);
+    for halving in 1..=HALVINGS {
+        let distance = 1.0 / PHASES as f64 / f64::from(1 << halving);
+        let sides = [-distance, distance].map(|side| in_phase(best.0 + side, &best.1.model, Effort::NONE));
+        best = least(sides.into_iter().chain([best]).collect())?;
+    }
+    let (phase, found) = in_phase(best.0, &best.1.model, Effort::TRIAL);
+    Some((mean.cost, found.cost, phase))
+}
