@@ -64,7 +64,7 @@ fn the_tick_leaves_the_main_loop_its_time() {
 }
 
 /// The wide count must follow an encoder at 100,000 edges/s with the loop and full telemetry running. At 16 MHz that
-/// leaves 160 cycles an edge, of which the handler takes 46.
+/// leaves 160 cycles an edge, of which the handler takes 47.
 #[test]
 fn no_count_is_lost_at_the_fastest_edges() {
     for edges_per_ms in [20, 50, 100] {
