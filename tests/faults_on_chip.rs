@@ -204,6 +204,29 @@ fn a_draw_of_all_faults_switches_the_drive_off_in_time() {
     check(&cases, &outcomes);
 }
 
+/// What a sound motor may do near standstill: creep at 1 rpm in its friction, hold a position against a load that changes
+/// its sign, be turned back by a load for a moment.
+#[test]
+fn motion_near_standstill_is_no_fault() {
+    let runs_on = |what: &str, orders: &[&str], loads: &dyn Fn(usize) -> f64| {
+        let mut uno = Uno::start();
+        uno.order(&format!("set torque_constant {}", MotorParameters::PIVT6.torque_constant_nm_per_a));
+        for order in orders {
+            uno.order(order);
+        }
+        for part in 0..40 {
+            uno.bench.set_load_torque_nm(loads(part));
+            uno.run_s(0.05);
+            assert_eq!(uno.last().trip, Trip::None, "{what}, {part}");
+        }
+    };
+    runs_on("creeping", &["arm", "mode speed", "ref 0.105"], &|_| 0.0);
+    let to_and_fro = |part: usize| if part % 2 == 0 { 0.003 } else { -0.003 };
+    runs_on("holding", &["arm", "mode position", "ref 0.003"], &to_and_fro);
+    let now_and_then = |part: usize| if part % 10 == 5 { 0.06 } else { 0.0 };
+    runs_on("turned back", &["set trip_continuous 1", "arm", "mode speed", "ref 10"], &now_and_then);
+}
+
 /// The table of the docs.
 #[test]
 #[ignore = "minutes; writes docs/reference/safety.md"]
