@@ -221,7 +221,7 @@ fn motion_near_standstill_is_no_fault() {
         }
     };
     runs_on("creeping", &["arm", "mode speed", "ref 0.105"], &|_| 0.0);
-    let to_and_fro = |part: usize| if part % 2 == 0 { 0.003 } else { -0.003 };
+    let to_and_fro = |part: usize| if part.is_multiple_of(2) { 0.003 } else { -0.003 };
     runs_on("holding", &["arm", "mode position", "ref 0.003"], &to_and_fro);
     let now_and_then = |part: usize| if part % 10 == 5 { 0.06 } else { 0.0 };
     runs_on("turned back", &["set trip_continuous 1", "arm", "mode speed", "ref 10"], &now_and_then);

@@ -10,7 +10,7 @@
 //! | stall | driven, no motion, current above `trip_continuous`, for `trip_stall` |
 //! | encoder silent | the voltage implies a speed, see below, for `trip_encoder`, and the encoder shows none |
 //! | encoder counts too few | the same, and the encoder shows too little |
-//! | encoder lines | edges that go to and fro by one count for 64 ms; or 24 illegal transitions, less one for every 4 ms without any |
+//! | encoder lines | edges that go to and fro by one count for 64 ms; or 16 illegal transitions, less one for every 4 ms without any |
 //! | runaway | the same as encoder silent, but the encoder shows a speed against the voltage; or that speed does not fall for `trip_runaway` |
 //! | sensor range | current signal at a rail for 3 ticks, or a current above `trip_peak` with the drive disarmed |
 //! | converter silent | no block of conversions in a tick |
@@ -212,7 +212,7 @@ const NORMALLY_CLOSED: f32 = 2.0;
 /// An encoder that has not moved for so many looks is silent, else it counts too few.
 const SILENT: u8 = 3;
 /// So many illegal transitions trip; a look without any takes one away. Sound lines have none at all.
-const ILLEGAL_MOST: u8 = 24;
+const ILLEGAL_MOST: u8 = 16;
 /// Fewer are no sign of a broken line.
 const ILLEGAL_SIGN: u8 = 2;
 /// Edges to and fro in so many looks are none of a motor that turns.
@@ -235,7 +235,7 @@ impl TripsState {
         self.flags |= seen.flags;
         let urgent = self.urgent(config, seen, current, armed);
         let turn = seen.turn % (2 * TURNS);
-        let trip = if turn % 2 == 0 {
+        let trip = if turn.is_multiple_of(2) {
             self.every_other_tick(config, seen, armed, turn)
         } else {
             match turn {
@@ -267,7 +267,8 @@ impl TripsState {
     fn every_other_tick(&mut self, config: &TripsConfig, seen: &Observation, armed: bool, turn: u8) -> Trip {
         self.reversed |= (seen.voltage >> 8) as i8 ^ self.direction;
         let railed = for_ticks(&mut self.rail, seen.sensor_at_rail, RAIL_LOOKS);
-        let trip = if turn % TURNS == 0 { self.lines(config, seen, armed) } else { self.board(config, seen, armed) };
+        let trip =
+            if turn.is_multiple_of(TURNS) { self.lines(config, seen, armed) } else { self.board(config, seen, armed) };
         if railed { Trip::SensorRange } else { trip }
     }
 
@@ -534,7 +535,7 @@ mod tests {
         let (mut register, mut current, mut speed) = (0xace1_u16, 0.0_f64, 0.0_f64);
         let rows: Vec<Observation> = (0..10_000)
             .map(|tick| {
-                if (tick + first) % bit_ticks == 0 {
+                if (tick + first).is_multiple_of(bit_ticks) {
                     let bit = (register ^ register >> 2 ^ register >> 3 ^ register >> 5) & 1;
                     register = register >> 1 | bit << 15;
                 }
@@ -597,7 +598,7 @@ mod tests {
         check("to and fro", (Trip::EncoderLines, 64), to_and_fro);
         check(
             "illegal",
-            (Trip::EncoderLines, 12),
+            (Trip::EncoderLines, 8),
             trips_after(&known, |tick| {
                 let edges = Proof { illegal: (2 * tick) as u8, ..MOVES };
                 Observation { edges, ..healthy() }
