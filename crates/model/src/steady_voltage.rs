@@ -9,6 +9,8 @@ const ANGLES: usize = 37;
 const ROUNDS: usize = 4;
 /// Speeds, as shares of that without a load, among which the least voltage is looked for: it lies below a tenth.
 const SLOW: [f64; 9] = [0.0, 0.002, 0.005, 0.01, 0.02, 0.03, 0.05, 0.07, 0.1];
+/// A share of it at which nothing of a breakaway is left.
+const TURNING: f64 = 0.4;
 /// At rest the effects see this share of the speed without a load, so that friction knows its direction.
 const LEAST_SPEED: f64 = 1e-6;
 /// Long after the beginning an effect that comes up with time has come up; heat is left out.
@@ -25,16 +27,22 @@ pub enum Direction {
 impl Model {
     /// Voltage against which the motor just does not start from rest, at the supply voltage; positive both ways.
     pub fn breakaway_v(&self, direction: Direction, supply_v: f64) -> f64 {
-        self.steady_v(direction, 0.0, supply_v)
+        self.steady_v(direction, [0.0; 2], supply_v)
     }
 
     /// Least voltage with which it keeps turning; positive both ways.
-    pub fn dead_band_v(&self, direction: Direction, supply_v: f64) -> f64 {
-        SLOW.map(|speed| self.steady_v(direction, speed, supply_v)).into_iter().fold(f64::INFINITY, f64::min)
+    pub fn turning_v(&self, direction: Direction, supply_v: f64) -> f64 {
+        SLOW.map(|speed| self.steady_v(direction, [speed; 2], supply_v)).into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// Mean voltage over a turn at a share of the speed without a load.
-    fn steady_v(&self, direction: Direction, share: f64, supply_v: f64) -> f64 {
+    /// What friction and drop take once it turns, without the back-EMF and the viscous friction; positive both ways.
+    pub fn dead_band_v(&self, direction: Direction, supply_v: f64) -> f64 {
+        self.steady_v(direction, [TURNING, 0.0], supply_v)
+    }
+
+    /// Mean voltage over a turn, at the speed that the effects see and the speed of the linear motor, as shares of that
+    /// without a load.
+    fn steady_v(&self, direction: Direction, [seen, share]: [f64; 2], supply_v: f64) -> f64 {
         let sense = if direction == Direction::Forward { 1.0 } else { -1.0 };
         let no_load_rad_per_s = supply_v / self.motor.torque_constant_nm_per_a;
         let at_angle = |index: usize| {
@@ -46,9 +54,9 @@ impl Model {
                 supply_v,
                 open: false,
                 current_a: 0.0,
-                speed_rad_per_s: sense * share.max(LEAST_SPEED) * no_load_rad_per_s,
+                speed_rad_per_s: sense * seen.max(LEAST_SPEED) * no_load_rad_per_s,
                 angle_rad: std::f64::consts::TAU * index as f64 / ANGLES as f64,
-                turned_rad: sense * share * no_load_rad_per_s * STEP_S,
+                turned_rad: sense * seen * no_load_rad_per_s * STEP_S,
                 step_s: STEP_S,
             };
             (0..ROUNDS).fold(0.0, |voltage_v, _| {
@@ -112,7 +120,8 @@ mod tests {
         close(cogging.dead_band_v(Direction::Forward, 12.0), volts(0.01) + 2.0);
         let breaks = add(dry, "stribeck_friction", &[0.006, 1.0]);
         close(breaks.breakaway_v(Direction::Forward, 12.0), volts(0.016) + 2.0);
-        let turning = breaks.dead_band_v(Direction::Forward, 12.0);
+        close(breaks.dead_band_v(Direction::Forward, 12.0), volts(0.01) + 2.0);
+        let turning = breaks.turning_v(Direction::Forward, 12.0);
         assert!((volts(0.01) + 2.0..volts(0.012) + 2.2).contains(&turning), "{turning}");
     }
 }

@@ -56,3 +56,64 @@ pub(super) fn squared_deviations(prior: &Prior, fit: &Fit) -> f64 {
     let drop = prior.bridge_drop_v.map_or(0.0, |given_v| ((drop_v - given_v) / GIVEN_DROP_SPREAD_V).powi(2));
     constants + viscous + drop
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::dataset::Dataset;
+    use crate::identify::{Effort, fit};
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use motorbench_model::Model;
+    use motorbench_model::catalogue::{VOLTAGE_DROP, effect};
+    use std::fmt::Write as _;
+
+    /// Levels of several magnitudes.
+    fn levels() -> (Dataset, Rig) {
+        let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+        for row in 0..600 {
+            let duty = [0.9, 0.4, -0.7, 0.2, -0.5, 0.6][row / 100];
+            let _ = writeln!(text, "{},{duty},{},{}", row as f64 * 1e-3, 150.0 * duty, duty + 0.01 * (row % 3) as f64);
+        }
+        let rig = "[supply]\nvoltage_V = 12\n[bridge]\npwm_Hz = 20000\ndrop_V = 2.6\n";
+        let rig = Rig::parse("rig.toml", rig).unwrap();
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        (Dataset::new(&[recording], &rig).unwrap(), rig)
+    }
+
+    #[test]
+    fn a_bridge_has_a_data_sheet_as_well() {
+        let (data, rig) = levels();
+        let prior = Prior::new(&rig.motor, &data);
+        let by_data_sheet = prior.clone().with_bridge(&rig.bridge, &data);
+        let squares_of_the_drop = |drop_v: f64| {
+            let model = Model::linear(prior.motor).with(effect(VOLTAGE_DROP).unwrap(), vec![drop_v]);
+            let fit = fit(&model, &data, &prior, Effort::NONE);
+            squared_deviations(&by_data_sheet, &fit) - squared_deviations(&prior, &fit)
+        };
+        for (drop_v, deviations) in [(2.6, 0.0), (2.3, 1.0), (0.8, 6.0)] {
+            let found = squares_of_the_drop(drop_v);
+            assert!((found - f64::powi(deviations, 2)).abs() < 1e-6, "{drop_v}: {found}");
+        }
+    }
+
+    /// The data cannot tell the drop in the pulses from the voltage of the diodes in the off phase, which is held.
+    #[test]
+    fn intervals_contain_what_held_constants_leave_open() {
+        let (data, rig) = levels();
+        let prior = Prior::new(&rig.motor, &data);
+        let braking = Model::linear(prior.motor).with(effect(VOLTAGE_DROP).unwrap(), vec![2.0]);
+        let coasting = braking.with(effect("coast_decay").unwrap(), vec![1.0]);
+        let widths = |model: &Model| {
+            let fit = fit(model, &data, &prior, Effort::NONE);
+            [fit.intervals(&data), fit.intervals_with_held(&data)].map(|intervals| {
+                intervals.iter().map(|interval| interval.ci95[1] - interval.ci95[0]).collect::<Vec<_>>()
+            })
+        };
+        let [alone, with_held] = widths(&braking);
+        assert_eq!(alone, with_held, "nothing is held");
+        let [alone, with_held] = widths(&coasting);
+        assert_eq!(alone.len(), with_held.len());
+        assert!(with_held.iter().zip(&alone).any(|(with, without)| *with > 1.2 * without), "{alone:?} {with_held:?}");
+    }
+}

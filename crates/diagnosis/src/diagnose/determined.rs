@@ -52,7 +52,7 @@ const fn voltage(name: &'static str, of: fn(&Model, &Dataset) -> f64) -> Quantit
     Quantity { name, unit: "V", scale: Unit::Volt, is_relative: false, of }
 }
 
-const QUANTITIES: [Quantity; 10] = [
+const QUANTITIES: [Quantity; 11] = [
     relative("gain_rad_per_s_per_V", "rad/s/V", Unit::RadianPerSecondPerVolt, |model, _| gain(&model.motor)),
     relative("time_constant_s", "s", Unit::Second, |model, _| time_constant_s(&model.motor)),
     // What makes the inductance uncertain makes this.
@@ -61,7 +61,8 @@ const QUANTITIES: [Quantity; 10] = [
     }),
     voltage("dead_band_forward_V", |model, data| model.dead_band_v(Direction::Forward, supply_v(data))),
     voltage("dead_band_reverse_V", |model, data| model.dead_band_v(Direction::Reverse, supply_v(data))),
-    voltage("breakaway_V", breakaway_v),
+    voltage("breakaway_V", |model, data| either_way(|way| model.breakaway_v(way, supply_v(data)))),
+    voltage("turning_V", |model, data| either_way(|way| model.turning_v(way, supply_v(data)))),
     Quantity { name: "delay_s", unit: "s", scale: Unit::Second, is_relative: false, of: |model, _| model.delay_s() },
     voltage("kS", |model, data| {
         let [forward, reverse] = [Direction::Forward, Direction::Reverse];
@@ -87,12 +88,9 @@ fn supply_v(data: &Dataset) -> f64 {
     greatest(&data.supply_v)
 }
 
-/// The larger one of both directions: what surely starts it.
-fn breakaway_v(model: &Model, data: &Dataset) -> f64 {
-    [Direction::Forward, Direction::Reverse]
-        .map(|way| model.breakaway_v(way, supply_v(data)))
-        .into_iter()
-        .fold(0.0, f64::max)
+/// The larger one of both directions.
+fn either_way(volts: impl Fn(Direction) -> f64) -> f64 {
+    [Direction::Forward, Direction::Reverse].map(volts).into_iter().fold(0.0, f64::max)
 }
 
 impl Quantity {
@@ -147,9 +145,7 @@ pub fn determined(
 
 /// What a person needs to know to drive it: the least voltages, also as a PWM value of 8 bits.
 pub fn to_start(all: &AllDetermined, supply_v: f64) -> Option<String> {
-    let breakaway_v = all.get("breakaway_V")?.value;
-    let turning_v = all.get("dead_band_forward_V")?.value.max(all.get("dead_band_reverse_V")?.value);
-    let least = f64::max(breakaway_v, turning_v);
+    let [least, turning_v] = [all.get("breakaway_V")?.value, all.get("turning_V")?.value];
     (turning_v > 0.0).then(|| {
         format!(
             "It needs {least:.1} V (PWM {:.0} of 255) to start, {turning_v:.1} V to keep turning.",
