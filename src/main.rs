@@ -39,15 +39,13 @@ mod firmware {
     }
 
     impl Uno {
-        /// Sends the next sample that is wanted, and passes over those before it that are not.
+        /// Sends the next sample, if one has come and is wanted. Not inlined: between two samples the stack has its room.
         #[inline(never)]
         fn send_sample(&mut self, console: &mut Console) {
             let mut sample = Sample::default();
-            while tick::take_sample(&mut sample) {
+            if tick::take_sample(&mut sample) {
                 self.supply = sample.supply;
-                if console.telemetry(&sample, self) {
-                    break;
-                }
+                console.telemetry(&sample, self);
             }
         }
 
@@ -163,9 +161,9 @@ mod firmware {
             uno.send_sample(&mut console);
             while let Some(byte) = serial::read() {
                 console.receive(byte, &mut uno);
-                // Several lines may wait, each of which takes a tick or two: their samples need room.
-                if byte < b' ' {
-                    uno.send_sample(&mut console);
+                // Several lines may wait, each of which takes some ticks. A recording needs the room of their samples.
+                if byte < b' ' && console.is_silent() {
+                    tick::skip_samples();
                 }
             }
             console.poll(&mut uno);

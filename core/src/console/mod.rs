@@ -200,10 +200,10 @@ texts! { Say SAYINGS:
     UnknownCommand "unknown command, see help";
     LineRefused "line too long or not ASCII";
     Usage "expected %0 %1";
-    NoSuchSetting "no such setting, see show";
+    NoSuchSetting "no such setting";
     TripLatched "trip %T %t, %A s ago; clear it";
-    NotLoaded "saved settings are of another version: not loaded, defaults in force; confirm: save, set, load or defaults";
-    NotArmed "not armed: arm first";
+    NotLoaded "saved settings are of another version: not loaded, defaults in force; save, set, load or defaults first";
+    NotArmed "arm first";
     DisarmFirst "disarm first";
     SaveRunning "save still running";
     NothingSaved "nothing saved by this version";
@@ -239,7 +239,7 @@ texts! { Word WORDS:
     EmergencyStop "emergency stop";
     HostLost "host silent";
     MainLoopHung "main loop hung";
-    EncoderTooFew "encoder counts too few for the voltage";
+    EncoderTooFew "encoder counts too few";
     EncoderLines "encoder line open or shorted";
     ConverterSilent "converter silent";
     StackOverflow "stack overflow";
@@ -253,7 +253,7 @@ texts! { Word WORDS:
     ResetStack "stack overflow";
     Rules "is too large for fixed point";
     TooSmall "is below its range";
-    RoundsToZero "would round to zero in fixed point";
+    RoundsToZero "rounds to zero in fixed point";
     NotPowerOfTwo "must be a power of two";
     NotAllowed "is not allowed";
     NotFinite "must be a number";
@@ -400,34 +400,37 @@ impl Console {
         }
     }
 
-    /// Streams a sample, if that is wanted; says whether anything was sent.
+    /// Whether nobody wants samples.
+    #[inline(always)]
+    pub fn is_silent(&self) -> bool {
+        self.stream == Stream::Off
+    }
+
+    /// Streams a sample, if that is wanted.
     #[inline(never)]
-    pub fn telemetry(&mut self, sample: &Sample, machine: &mut impl Machine) -> bool {
+    pub fn telemetry(&mut self, sample: &Sample, machine: &mut impl Machine) {
         if self.stream == Stream::Off {
-            return false;
+            return;
         }
         if self.recording {
             if sample.state.has(State::PLAYING) {
                 self.countdown = 0;
             } else if self.countdown <= 1 {
-                self.end_recording(machine);
-                return true;
+                return self.end_recording(machine);
             }
         }
         if self.countdown > 1 {
             self.countdown -= 1;
-            return false;
+            return;
         }
         self.countdown = self.divider;
         if self.stream == Stream::Text {
             self.sample = *sample;
             self.print(Say::Plot, machine);
-            self.end_line(machine);
-            return true;
+            return self.end_line(machine);
         }
         self.recorded += 1;
         send_frame(&mut self.framer, protocol::SAMPLE, protocol::pack(sample), machine);
-        true
     }
 
     /// The sequence is over: the count, and back to text.

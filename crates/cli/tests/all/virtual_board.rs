@@ -309,7 +309,7 @@ fn each_fault_of_the_board_is_named() {
     board.order("current ok");
     // Nothing comes of a board that cannot send.
     board.order("uart stuck");
-    assert_eq!(board.run("connect", &["status"]).status.code(), Some(1));
+    assert_eq!(board.run("connect", &["status"]).status.code(), Some(3));
     board.order("uart ok");
     assert_eq!(board.run("record", &speed).status.code(), Some(0));
 }

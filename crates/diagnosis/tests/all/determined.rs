@@ -28,7 +28,10 @@ fn truth(Truth { motor, effects, .. }: &Truth) -> Vec<(&'static str, f64)> {
         ("kA", j * r / k),
     ];
     if dead_band > 0.0 {
-        all.extend(["dead_band_forward_V", "dead_band_reverse_V", "breakaway_V", "turning_V", "kS"].map(|name| (name, dead_band)));
+        all.extend(
+            ["dead_band_forward_V", "dead_band_reverse_V", "breakaway_V", "turning_V", "kS"]
+                .map(|name| (name, dead_band)),
+        );
     }
     all
 }

@@ -25,7 +25,7 @@ pub const TABLE: &[Row] = &[
         bad: &[
             (&["--seed", "7", "--csv", "/nonexistent/run.csv"], 3, "/nonexistent/run.csv"),
             (&["--csv", "a.csv", "--report", "a.rig.toml"], 1, "two outputs have the name a.rig.toml"),
-            (&["--csv", "-"], 1, "give it a name"),
+            (&["--csv", "-"], 1, "give it a file name"),
         ],
         ..row("demo")
     },
@@ -117,7 +117,7 @@ pub const TABLE: &[Row] = &[
             (&["rig.toml"], 1, "rig.toml: this is TOML, but a recording (CSV) is expected"),
             (&["names.csv"], 1, "no known column among time, volts;"),
             (&["slow.csv"], 1, "`motorbench convert slow.csv NEW.csv --map t_s=t_s*0.001`"),
-            (&["time.csv"], 1, "time.csv: no column t_s"),
+            (&["time.csv"], 1, "time.csv: there is no column t_s"),
             (&["glitch.csv"], 1, "glitch.csv, line 3: column omega_rad_per_s: 1e300 cannot be a measurement"),
             (&["run.csv", "--model", "run.csv"], 1, "run.csv is an input and would be overwritten"),
             (&["run.csv", "--model", "model.toml"], 1, "model.toml was not written by motorbench"),
