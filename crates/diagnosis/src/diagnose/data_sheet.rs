@@ -106,9 +106,12 @@ mod tests {
         let coasting = braking.with(effect("coast_decay").unwrap(), vec![1.0]);
         let widths = |model: &Model| {
             let fit = fit(model, &data, &prior, Effort::NONE);
-            [fit.intervals(&data), fit.intervals_with_held(&data)].map(|intervals| {
-                intervals.iter().map(|interval| interval.ci95[1] - interval.ci95[0]).collect::<Vec<_>>()
-            })
+            [fit.uncertainty(&data).intervals(), fit.with_held_open(&data).uncertainty(&data).intervals()].map(
+                |intervals| {
+                    let fitted = intervals.iter().take(fit.moved());
+                    fitted.map(|interval| interval.ci95[1] - interval.ci95[0]).collect::<Vec<_>>()
+                },
+            )
         };
         let [alone, with_held] = widths(&braking);
         assert_eq!(alone, with_held, "nothing is held");
