@@ -95,12 +95,14 @@ const IN_A_BROWSER: [&str; 8] = [
 const LEFT_TO_OTHERS: [&str; 8] =
     ["std::fs", "File::", "std::thread", "std::net", "println!(", "eprintln!(", "SystemTime", "std::env::"];
 
-/// The sources of a folder, without what stands behind the first `#[cfg(test)]` and without files of tests.
+/// The sources of a folder, without what stands behind the first `#[cfg(test)]` and without files and folders of tests.
 fn sources(folder: &Path, found: &mut Vec<(String, String)>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
-            sources(&path, found);
+            if !path.ends_with("tests") {
+                sources(&path, found);
+            }
         } else if path.extension().is_some_and(|ending| ending == "rs") && !path.ends_with("tests.rs") {
             let text = std::fs::read_to_string(&path).unwrap();
             let code = text.split("#[cfg(test)]").next().unwrap_or_default().to_owned();

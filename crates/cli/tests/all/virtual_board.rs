@@ -274,7 +274,7 @@ fn an_emergency_stop_that_is_pressed_is_named() {
 #[test]
 fn each_fault_of_the_board_is_named() {
     let board = Board::new("faults");
-    let speed = ["--mode", "speed", "--sequence", "steps", "--amplitude", "60", "--period", "400", "--count", "2"];
+    let speed = ["--mode", "speed", "--sequence", "steps", "--amplitude", "60", "--period", "1000", "--count", "2"];
     // The back-EMF shows that a coupling slips.
     assert_eq!(board.run("connect", &["set torque_constant 0.072"]).status.code(), Some(0));
     for (fault, repaired, said) in [
