@@ -8,7 +8,7 @@ use hidden_effects::{Effect, LiveBench, Recipe, Switch, Truth};
 use host_sim::plant::{Bridge, Inputs, Plant};
 use motorbench_chip::Rig;
 use motorbench_core::settings::{Param, Settings};
-use motorbench_data::names::setting_name as name;
+use motorbench_data::names::setting_name;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::NominalMotor;
 use motorbench_data::telemetry;
@@ -53,18 +53,13 @@ impl Plant for Hidden {
 fn settings(bench: &LiveBench) -> Settings {
     let mut settings = Settings::defaults();
     let top_speed = bench.supply_v() / 0.012;
-    for (param, value) in [
+    let of_the_bench = [
         (Param::SupplyVoltage, bench.supply_v() as f32),
         (Param::CountsPerRev, bench.counts_per_rev() as f32),
         (Param::CompFrictionWidth, 50.0),
         (Param::SpeedRange, top_speed.log2().ceil().exp2() as f32),
-        (Param::CurrentLimit, 0.0),
-        (Param::TripPeak, 5.0),
-        (Param::TripContinuous, 3.0),
-        (Param::TripEncoder, 0.0),
-        (Param::TripStall, 0.0),
-        (Param::SlewLimit, 30_000.0),
-    ] {
+    ];
+    for (param, value) in of_the_bench.into_iter().chain(telemetry::IDENTIFICATION_SETTINGS) {
         settings.set(param, value).expect("within its range");
     }
     settings
@@ -79,7 +74,7 @@ fn record(bench: LiveBench, settings: &Settings) -> Recording {
     let defaults = Settings::defaults();
     // The range of the speed last: the widths of the compensation have to suit it.
     for param in Param::ALL.iter().rev().copied().filter(|param| settings.get(*param) != defaults.get(*param)) {
-        uno.order(&format!("set {} {}", name(param), settings.get(param)));
+        uno.order(&format!("set {} {}", setting_name(param), settings.get(param)));
     }
     uno.order("arm");
     uno.order("mode open");

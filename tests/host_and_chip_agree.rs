@@ -11,7 +11,7 @@ use motorbench_core::excitation::{Kind, Sequence};
 use motorbench_core::message::{Mode, Request, Sample};
 use motorbench_core::protocol::{Frame, StreamDecoder};
 use motorbench_core::settings::{Param, Settings};
-use motorbench_data::names::setting_name as name;
+use motorbench_data::names::setting_name;
 use std::collections::BTreeMap;
 
 /// One tick as the chip saw it.
@@ -143,7 +143,7 @@ fn agree(changed: &[(Param, f32)], runs: &[[&str; 3]]) -> Observer {
     let mut settings = Settings::defaults();
     for &(param, value) in changed {
         settings.set(param, value).expect("within its range");
-        chip.order(&format!("set {} {value}", name(param)));
+        chip.order(&format!("set {} {value}", setting_name(param)));
     }
     chip.listening = true;
     chip.order("stream binary");

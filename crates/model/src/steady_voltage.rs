@@ -24,6 +24,11 @@ pub enum Direction {
     Reverse,
 }
 
+impl Direction {
+    /// Both.
+    pub const BOTH: [Self; 2] = [Self::Forward, Self::Reverse];
+}
+
 impl Model {
     /// Voltage against which the motor just does not start from rest, at the supply voltage; positive both ways.
     pub fn breakaway_v(&self, direction: Direction, supply_v: f64) -> f64 {
@@ -107,7 +112,7 @@ mod tests {
         let volts = |torque_nm: f64| torque_nm * motor.resistance_ohm / motor.torque_constant_nm_per_a;
         let add = |model: Model, id: &str, values: &[f64]| model.with(effect(id).unwrap(), values.to_vec());
         let dry = add(add(Model::linear(motor), "coulomb_friction", &[0.01]), "voltage_drop", &[2.0]);
-        for direction in [Direction::Forward, Direction::Reverse] {
+        for direction in Direction::BOTH {
             close(dry.dead_band_v(direction, 12.0), volts(0.01) + 2.0);
             close(dry.breakaway_v(direction, 12.0), volts(0.01) + 2.0);
         }

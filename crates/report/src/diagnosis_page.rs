@@ -4,7 +4,7 @@
 
 use crate::diagnosis_text::{against_nominal, estimate, rival_comparison, scale_words, title, verdict};
 use crate::web_page::{code, document, escaped, list, table};
-use motorbench_diagnosis::dataset::{Dataset, greatest};
+use motorbench_diagnosis::dataset::Dataset;
 use motorbench_diagnosis::diagnose::Diagnosis;
 use motorbench_diagnosis::diagnose::determined::to_start;
 use motorbench_diagnosis::diagnose::missing::dependences;
@@ -33,7 +33,7 @@ pub fn report_with(page_title: &str, diagnosis: &Diagnosis, names: &[String], se
     gains(&mut html, diagnosis);
     lacks(&mut html, diagnosis);
     residuals(&mut html, diagnosis);
-    determined(&mut html, outcome, greatest(&diagnosis.data.supply_v));
+    determined(&mut html, outcome, &diagnosis.data);
     intervals(&mut html, outcome);
     html += "<h2>What to do</h2>";
     html += &list(outcome.advice.iter().map(String::as_str));
@@ -154,12 +154,12 @@ fn gains_in_figures(diagnosis: &Diagnosis) -> String {
 }
 
 /// What the data determine whatever the scale of torque and resistance.
-fn determined(html: &mut String, outcome: &Outcome, supply_v: f64) {
+fn determined(html: &mut String, outcome: &Outcome, data: &Dataset) {
     if outcome.determined.is_empty() {
         return;
     }
     *html += "<h2>What the data determine</h2>";
-    if let Some(sentence) = to_start(&outcome.determined, supply_v) {
+    if let Some(sentence) = to_start(&outcome.determined, data) {
         *html += &format!("<p>{sentence}</p>");
     }
     let rows = outcome.determined.iter().map(|(name, found)| {

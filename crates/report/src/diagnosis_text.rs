@@ -1,6 +1,6 @@
 //! The result as a short text for a terminal.
 
-use motorbench_diagnosis::dataset::{TOLERANCE, greatest};
+use motorbench_diagnosis::dataset::TOLERANCE;
 use motorbench_diagnosis::diagnose::determined::{AllDetermined, Determined, to_start};
 use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome, RunnerUp, ScaleOrigin, Unexplained, Verdict};
 use motorbench_diagnosis::diagnose::{DATA_SHEET_TOLERANCE, Diagnosis};
@@ -15,7 +15,7 @@ pub fn page(diagnosis: &Diagnosis) -> String {
     let _ = writeln!(text, "{}\n", verdict(outcome));
     if !outcome.determined.is_empty() {
         text.push_str(&determined_lines(&outcome.determined));
-        if let Some(sentence) = to_start(&outcome.determined, greatest(&diagnosis.data.supply_v)) {
+        if let Some(sentence) = to_start(&outcome.determined, &diagnosis.data) {
             text.push_str(&wrapped(&sentence, "  ", "  "));
         }
         text.push('\n');

@@ -65,8 +65,7 @@ const QUANTITIES: [Quantity; 11] = [
     voltage("turning_V", |model, data| either_way(|way| model.turning_v(way, supply_v(data)))),
     Quantity { name: "delay_s", unit: "s", scale: Unit::Second, is_relative: false, of: |model, _| model.delay_s() },
     voltage("kS", |model, data| {
-        let [forward, reverse] = [Direction::Forward, Direction::Reverse];
-        0.5 * (model.dead_band_v(forward, supply_v(data)) + model.dead_band_v(reverse, supply_v(data)))
+        0.5 * Direction::BOTH.map(|way| model.dead_band_v(way, supply_v(data))).into_iter().sum::<f64>()
     }),
     relative("kV", "V s/rad", Unit::VoltSecondPerRadian, |model, _| 1.0 / gain(&model.motor)),
     relative("kA", "V s^2/rad", Unit::VoltSecond2PerRadian, |model, _| {
@@ -90,7 +89,7 @@ fn supply_v(data: &Dataset) -> f64 {
 
 /// The larger one of both directions.
 fn either_way(volts: impl Fn(Direction) -> f64) -> f64 {
-    [Direction::Forward, Direction::Reverse].map(volts).into_iter().fold(0.0, f64::max)
+    Direction::BOTH.map(volts).into_iter().fold(0.0, f64::max)
 }
 
 impl Quantity {
@@ -144,12 +143,12 @@ pub fn determined(
 }
 
 /// What a person needs to know to drive it: the least voltages, also as a PWM value of 8 bits.
-pub fn to_start(all: &AllDetermined, supply_v: f64) -> Option<String> {
+pub fn to_start(all: &AllDetermined, data: &Dataset) -> Option<String> {
     let [least, turning_v] = [all.get("breakaway_V")?.value, all.get("turning_V")?.value];
     (turning_v > 0.0).then(|| {
         format!(
             "It needs {least:.1} V (PWM {:.0} of 255) to start, {turning_v:.1} V to keep turning.",
-            (PWM_FULL * least / supply_v).ceil()
+            (PWM_FULL * least / supply_v(data)).ceil()
         )
     })
 }

@@ -133,7 +133,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         interpret = interpret_trusted(drop.before(&interpret.data), &prior, &[], progress);
     }
     let (scale, interpret) = with_corrected_scale(interpret, &prior, progress);
-    let Interpretation { data, selection, fullest, last, intervals } = interpret;
+    let Interpretation { data, selection, fullest, last } = interpret;
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
@@ -148,12 +148,13 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let residuals = residuals(&data, &free_run(&bare, &data));
     let places = [ActsOn::Torque, ActsOn::Voltage];
     let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
-    let opened = last.with_held_open(&data.with_nothing_held_out());
+    let everything = data.with_nothing_held_out();
+    let opened = last.with_held_open(&everything);
     let outcome = Outcome::of(
         &data,
         &prior,
         (&selection, &fullest),
-        &Found::of(&opened, &intervals, &data, &prior),
+        &Found::of(&opened, last.moved(), &everything, &prior),
         Corrections {
             losses,
             scale,
@@ -178,24 +179,26 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
 /// The model that is reported, and how well it is known.
 struct Found<'a> {
     model: &'a Model,
-    intervals: &'a [Interval],
+    intervals: Vec<Interval>,
     uncertainty: Uncertainty<'a>,
     scales: [ScaleOrigin; 5],
-    data: Dataset,
+    /// With nothing held out.
+    data: &'a Dataset,
 }
 
 impl<'a> Found<'a> {
-    /// `last`: fitted to all of the data, with the held constants open.
-    fn of(last: &'a Fit, intervals: &'a [Interval], data: &Dataset, prior: &Prior) -> Self {
-        let data = data.with_nothing_held_out();
-        let uncertainty = last.uncertainty(&data);
-        let scales = determined::scales(&uncertainty, &data, &prior.nominal);
-        Self { model: &last.model, intervals, uncertainty, scales, data }
+    /// `opened`: fitted to all of the data, with the held constants open behind the `moved` ones of the fit.
+    fn of(opened: &'a Fit, moved: usize, data: &'a Dataset, prior: &Prior) -> Self {
+        let uncertainty = opened.uncertainty(data);
+        let mut intervals = uncertainty.intervals();
+        intervals.truncate(moved);
+        let scales = determined::scales(&uncertainty, data, &prior.nominal);
+        Self { model: &opened.model, intervals, uncertainty, scales, data }
     }
 
     fn determined(&self, corrections: &Corrections) -> AllDetermined {
         let widened = |unit, value, ci95| corrections.widened(unit, value, ci95);
-        determined::determined(&self.uncertainty, &self.data, widened)
+        determined::determined(&self.uncertainty, self.data, widened)
     }
 }
 
@@ -233,8 +236,8 @@ fn off_phase_spread(data: &Dataset, model: &Model) -> f64 {
     DROP_DIFFERENCE * model.dry_losses().bridge_drop_v / greatest(&data.supply_v).max(f64::MIN_POSITIVE)
 }
 
-/// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period, or if the command acts anywhere in the
-/// first half of its row: an unknown delay acts as more inductance.
+/// Relative uncertainty of the inductance if the current is sampled anywhere in a PWM period, or if the command acts
+/// anywhere in the first half of its row: an unknown delay acts as more inductance.
 fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
     if data.current().is_none() {
         return 0.0;
@@ -261,7 +264,6 @@ struct Interpretation {
     fullest: Fit,
     /// The model with the trusted effects alone, fitted to all data.
     last: Fit,
-    intervals: Vec<Interval>,
 }
 
 impl Interpretation {
@@ -328,11 +330,7 @@ fn interpret_trusted(
                 id if is_of_a_scale(id) => remove_effect(&seen, prior, &mut selection, index),
                 id => return interpret_trusted(data, prior, &[excluded_ids, &[id]].concat(), progress),
             },
-            None => {
-                let mut intervals = last.with_held_open(&everything).uncertainty(&everything).intervals();
-                intervals.truncate(last.moved());
-                return Interpretation { data: seen, selection, fullest, last, intervals };
-            }
+            None => return Interpretation { data: seen, selection, fullest, last },
         }
     }
 }
@@ -521,7 +519,7 @@ impl Outcome {
         found: &Found,
         corrections: Corrections,
     ) -> Self {
-        let Found { model, intervals, .. } = *found;
+        let Found { model, intervals, .. } = found;
         let Corrections { losses, scale, hidden_drop, .. } = corrections;
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals, &corrections)).collect();
