@@ -3,7 +3,8 @@
 mod plots;
 
 use crate::diagnosis_text::{estimate, verdict, without_a_name};
-use crate::web_page::{code, document, escaped, list, table};
+use crate::web_page::{Page, Provenance, code, list, table, text as cell};
+use maud::{Markup, html};
 use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate};
 use motorbench_diagnosis::steady_state::{Explanation, Level, Study};
 use motorbench_text::terminal_text::wrapped;
@@ -46,27 +47,28 @@ fn parameters(cause: &Cause) -> String {
 }
 
 /// Constants for a page, one in each line.
-fn constants_html<'a>(constants: impl Iterator<Item = (&'a str, &'a Estimate)>) -> String {
-    constants.map(|(name, value)| format!("{} = {}", code([name]), estimate(value))).collect::<Vec<_>>().join("<br>")
+fn constants_html<'a>(constants: impl Iterator<Item = (&'a str, &'a Estimate)>) -> Markup {
+    html! { @for (name, value) in constants { (code([name])) " = " (estimate(value)) br; } }
 }
 
 /// Terms for a page.
-fn terms_html(explanation: &Explanation) -> String {
-    let terms: Vec<String> = explanation.terms.iter().map(|term| code([&**term])).collect();
-    if terms.is_empty() { "nominal values".into() } else { terms.join(" + ") }
+fn terms_html(explanation: &Explanation) -> Markup {
+    html! {
+        @if explanation.terms.is_empty() { "nominal values" }
+        @for (index, term) in explanation.terms.iter().enumerate() { @if index > 0 { " + " } (code([&**term])) }
+    }
 }
 
-/// Measured and simulated, with the meaning of the colours.
-fn drawings(study: &Study) -> String {
-    let named = terms_html(study.named());
-    let as_good = study.as_good().map_or(String::new(), |other| {
-        format!(" Green, broad: {}, which explains the table as well.", terms_html(other))
-    });
-    format!(
-        "<h2>Measured and simulated</h2><p>The speed that voltage and current leave. Black: measured. Orange: nominal values. Blue: {named}.{as_good}</p>{}<p>The current that friction takes. Black: measured. Orange: viscous friction alone. Blue: with dry friction.</p>{}\n",
-        plots::speed_plot(study),
-        plots::current_plot(study)
-    )
+/// Measured and simulated.
+fn drawings(study: &Study) -> Markup {
+    html! {
+        section {
+            h2 { "Measured and simulated" }
+            p { "The speed that voltage and current leave, and the current that friction takes. Named: " (terms_html(study.named())) "." }
+            @if let Some(other) = study.as_good() { p { (terms_html(other)) " explains the table as well." } }
+            (plots::speed_plot(study)) (plots::current_plot(study))
+        }
+    }
 }
 
 /// The page for the terminal, at most 80 columns.
@@ -109,36 +111,47 @@ pub fn page(study: &Study) -> String {
 }
 
 /// The page as an HTML file.
-pub fn html(study: &Study, name: &str) -> String {
-    let mut body = format!("<h1>{}</h1>\n<p>{}</p>\n", escaped(&verdict(&study.outcome)), escaped(name));
-    let level =
-        |level: &Level| values(level).into_iter().zip(DIGITS).map(|(value, digits)| format!("{value:.digits$}"));
-    body += &table(&COLUMNS, study.levels.iter().map(level));
-    body += &drawings(study);
-    body += "<h2>Causes</h2>\n";
-    body += &table(
-        &["cause", "constants", "cannot be told from"],
-        study.outcome.causes.iter().map(|cause| {
-            let others = code(cause.not_separable_from.iter().map(|id| &**id));
-            [
-                code([&*cause.effect]),
-                constants_html(cause.parameters.iter().map(|(name, value)| (&**name, value))),
-                others,
-            ]
-        }),
-    );
-    if let Some(unexplained) = &study.outcome.unexplained {
-        let _ = writeln!(body, "<p>{}</p>", escaped(&without_a_name(unexplained)));
+pub fn html(study: &Study, provenance: Provenance) -> String {
+    page_with("motorbench diagnosis", "Diagnosis of a table", study, Vec::new(), provenance)
+}
+
+/// The same with another title, and more sections before what to do.
+pub fn page_with(
+    page_title: &str,
+    kind: &'static str,
+    study: &Study,
+    besides: Vec<Markup>,
+    provenance: Provenance,
+) -> String {
+    let mut sections = vec![drawings(study), causes(study)];
+    sections.extend(besides);
+    sections.push(html! { section { h2 { "What to do" } (list(study.outcome.advice.iter().map(String::as_str))) } });
+    let levels = study
+        .levels
+        .iter()
+        .map(|level| values(level).into_iter().zip(DIGITS).map(|(value, digits)| cell(format!("{value:.digits$}"))));
+    let explanations = study.explanations.iter().map(|explanation| {
+        let constants = constants_html(explanation.constants.iter().map(|(name, value)| (*name, value)));
+        [cell(format!("{:.3} V", explanation.left_out_rmse_v)), terms_html(explanation), constants]
+    });
+    let folded = vec![
+        ("The table".into(), table(&COLUMNS, levels)),
+        (EXPLANATIONS.into(), table(&["error", "explanation", "constants"], explanations)),
+    ];
+    let verdict = verdict(&study.outcome).replace('\n', " ");
+    Page { title: page_title.into(), kind, verdict, sections, folded, provenance }.html()
+}
+
+fn causes(study: &Study) -> Markup {
+    let rows = study.outcome.causes.iter().map(|cause| {
+        let others = code(cause.not_separable_from.iter().map(|id| &**id));
+        [code([&*cause.effect]), constants_html(cause.parameters.iter().map(|(name, value)| (&**name, value))), others]
+    });
+    html! {
+        section {
+            h2 { "Causes" }
+            (table(&["cause", "constants", "cannot be told from"], rows))
+            @if let Some(unexplained) = &study.outcome.unexplained { p { (without_a_name(unexplained)) } }
+        }
     }
-    let _ = writeln!(body, "<h2>{EXPLANATIONS}</h2>");
-    body += &table(
-        &["error", "explanation", "constants"],
-        study.explanations.iter().map(|explanation| {
-            let constants = constants_html(explanation.constants.iter().map(|(name, value)| (*name, value)));
-            [format!("{:.3} V", explanation.left_out_rmse_v), terms_html(explanation), constants]
-        }),
-    );
-    body += "<h2>What to do</h2>\n";
-    body += &list(study.outcome.advice.iter().map(String::as_str));
-    document(&format!("motorbench: {name}"), &body)
 }

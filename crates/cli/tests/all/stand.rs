@@ -177,10 +177,10 @@ fn a_table_has_plots_and_no_model() {
     .stdout(predicate::str::contains("voltage_drop: drop_V = 2.31"))
     .stderr(predicate::str::contains("a table of steady states shows neither inertia nor inductance"));
     let page = std::fs::read_to_string(&report).unwrap();
-    assert_eq!(page.matches("<svg").count(), 2, "speed and current over voltage");
-    // Each table has five levels. The report names what cannot be distinguished.
-    assert_eq!(page.matches("<circle").count(), 10);
-    assert!(page.contains("Green, broad: <code>") && !page.contains("could not be drawn"));
+    assert_eq!(page.matches("<svg").count(), 4, "speed and current over voltage, each for a screen and for a phone");
+    // Each table has five levels, and their name a dot. The report names what cannot be distinguished.
+    assert_eq!(page.matches("<circle").count(), 4 * (5 + 1));
+    assert!(page.contains(" explains the table as well.") && !page.contains("could not be drawn"));
     assert!(std::fs::read_to_string(&json).unwrap().contains("\"explained\""));
     assert!(!model.exists());
 }
