@@ -129,13 +129,13 @@ mod tests {
     use std::fmt::Write as _;
 
     const LEVELS_V: [f64; 12] = [2.0, 6.0, 12.0, -3.0, -8.0, -12.0, 4.0, 1.5, -1.5, 9.0, -5.0, 0.0];
-    const ROWS: usize = 3600;
+    const ROWS: usize = 2400;
 
     /// Steps up and down through all voltages, with these readings of current and speed.
     fn dataset(readings: impl Fn(usize) -> [f64; 2]) -> Dataset {
         let mut text = String::from("t_s,u_V,i_A,omega_rad_per_s\n");
         for row in 0..ROWS {
-            let (volts, [current, speed]) = (LEVELS_V[row / 300 % 12], readings(row));
+            let (volts, [current, speed]) = (LEVELS_V[row / 200 % 12], readings(row));
             let _ = writeln!(text, "{:.3},{volts},{current},{speed}", row as f64 * 1e-3);
         }
         let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
@@ -146,9 +146,10 @@ mod tests {
     fn recorded(truth: &Model) -> Dataset {
         // Any values from which the sensors get their noise.
         let noise = |row: usize, prime: usize| (row * prime % 101) as f64 / 101.0 - 0.5;
-        let mut data = dataset(|row| [LEVELS_V[row / 300 % 12] / 6.0, 13.0 * LEVELS_V[row / 300 % 12]]);
+        let mut data = dataset(|row| [LEVELS_V[row / 200 % 12] / 6.0, 13.0 * LEVELS_V[row / 200 % 12]]);
         // The angle of a recording comes from its speed, and a wave acts by the angle.
-        for _ in 0..3 {
+        let has_wave = truth.terms.iter().any(|term| term.effect.wave(&term.values).is_some());
+        for _ in 0..if has_wave { 8 } else { 2 } {
             let read = free_run(truth, &data);
             data = dataset(|row| [read[0][row] + 0.01 * noise(row, 59), read[1][row] + 0.2 * noise(row, 37)]);
         }
@@ -166,7 +167,7 @@ mod tests {
         ("coulomb_friction", &[0.006]),
         ("quadratic_drag", &[8e-8]),
         ("load_torque", &[0.004]),
-        ("load_step", &[0.005, 1.7]),
+        ("load_step", &[0.005, 1.1]),
         ("gravity_unbalance", &[0.004, 0.003]),
         ("cogging", &[0.004, 0.003, 7.0]),
         ("voltage_drop", &[1.5]),

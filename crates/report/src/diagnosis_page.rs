@@ -2,7 +2,7 @@
 //! for each cause the plot that proves it, the motor, what to do, and where the data come from. The rest is folded away.
 
 use crate::diagnosis_text::{against_nominal, estimate, rival_comparison, scale_words, title, verdict};
-use crate::web_page::{Page, Provenance, code, list, table, text};
+use crate::web_page::{Page, Provenance, code, list, number, table, text};
 use maud::{Markup, html};
 use motorbench_diagnosis::dataset::Dataset;
 use motorbench_diagnosis::diagnose::Diagnosis;
@@ -61,7 +61,7 @@ pub fn report_with(
 fn left_out(data: &Dataset) -> Option<String> {
     let missing = |values: &[f64]| values.iter().filter(|value| !value.is_finite()).count();
     let rows = missing(&data.motion().values);
-    (rows > 0).then(|| format!("{rows} of {} samples of the motion are left out or missing.", data.len()))
+    (rows > 0).then(|| format!("The motion has no reading in {rows} of {} samples.", data.len()))
 }
 
 /// The error before and after, beside the noise.
@@ -129,7 +129,7 @@ fn cause_section(diagnosis: &Diagnosis, cause: &Cause) -> Markup {
 /// The plot of a cause: the lack and the law. A wrong value and a correction of the data have no law over a quantity.
 fn proof(diagnosis: &Diagnosis, cause: &Cause) -> Markup {
     if let Some(evidence) = evidence(diagnosis, cause) {
-        let percent = format!("{:.0}", 100.0 * evidence.explained());
+        let percent = format!("{:.1}", 100.0 * evidence.explained());
         return html! {
             div.proof data-effect=(cause.effect) data-explained=(percent) {
                 (parts::proof(&evidence))
@@ -192,9 +192,9 @@ fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
         let picture = parts::found_over_nominal(parameter).unwrap_or_default();
         [
             code([&**name]),
-            text(parameter.nominal.map_or("-".into(), short)),
-            text(short(parameter.value)),
-            text(interval.map_or("not fitted".into(), |[low, high]| format!("{} to {}", short(low), short(high)))),
+            number(parameter.nominal.map_or("-".into(), short)),
+            number(short(parameter.value)),
+            number(interval.map_or("not fitted".into(), |[low, high]| format!("{} to {}", short(low), short(high)))),
             text(scale_words(parameter.scale).unwrap_or("measured")),
             picture,
         ]
@@ -203,7 +203,12 @@ fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
         ["constant", "nominal", "found", "95 % interval", "scale", if has_nominal { "found over nominal" } else { "" }];
     let determined = outcome.determined.iter().map(|(name, found)| {
         let [low, high] = found.ci95;
-        [code([*name]), text(short(found.value)), text(format!("{} to {}", short(low), short(high))), text(found.unit)]
+        [
+            code([*name]),
+            number(short(found.value)),
+            number(format!("{} to {}", short(low), short(high))),
+            text(found.unit),
+        ]
     });
     html! {
         section {

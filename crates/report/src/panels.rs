@@ -64,9 +64,14 @@ pub fn figures(interval_s: f64, panels: &[Panel]) -> Markup {
 }
 
 impl Panel {
+    /// Rows of its longest line. Panels of one length show the same time.
+    fn rows(&self) -> usize {
+        self.lines.iter().map(|(_, values)| values.len()).max().unwrap_or(0)
+    }
+
     fn plot(&self, interval_s: f64) -> Plot {
         let plot = match &self.frequencies_hz {
-            None => Plot::new("time, s", &self.title).in_group("panels"),
+            None => Plot::new("time, s", &self.title).in_group(format!("{} rows", self.rows())),
             Some(_) => Plot::new("frequency, Hz", &self.title).logarithmic(),
         };
         let place = |index: usize| match &self.frequencies_hz {
@@ -100,8 +105,7 @@ fn draw(svg: &mut String, interval_s: f64, panels: &[Panel]) -> Result<(), Box<d
     for (area, panel) in root.split_evenly((panels.len(), 1)).iter().zip(panels) {
         match panel.frequencies_hz.as_deref() {
             None => {
-                let longest = panel.lines.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
-                let axis = 0.0..longest.max(1) as f64 * interval_s;
+                let axis = 0.0..panel.rows().max(1) as f64 * interval_s;
                 draw_panel(area, panel, "time, s", axis, |index| index as f64 * interval_s)?;
             }
             Some(at @ [first, .., last]) => {

@@ -90,7 +90,7 @@ pub struct Plot {
     y_title: String,
     is_logarithmic: bool,
     height: u32,
-    group: Option<&'static str>,
+    group: Option<String>,
     range: Option<[Range<f64>; 2]>,
     bands: Vec<Band>,
     series: Vec<Series>,
@@ -125,8 +125,8 @@ impl Plot {
 
     /// Plots of a group are zoomed together.
     #[must_use]
-    pub fn in_group(self, group: &'static str) -> Self {
-        Self { group: Some(group), ..self }
+    pub fn in_group(self, group: impl Into<String>) -> Self {
+        Self { group: Some(group.into()), ..self }
     }
 
     /// With these ends of the axes.

@@ -5,7 +5,8 @@ mod plots;
 use crate::diagnosis_text::{estimate, verdict, without_a_name};
 use crate::web_page::{Page, Provenance, code, list, table, text as cell};
 use maud::{Markup, html};
-use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate};
+use motorbench_diagnosis::diagnose::DATA_SHEET_TOLERANCE;
+use motorbench_diagnosis::diagnose::outcome::{Cause, Estimate, Outcome, Verdict};
 use motorbench_diagnosis::steady_state::{Explanation, Level, Study};
 use motorbench_text::terminal_text::wrapped;
 use std::fmt::Write as _;
@@ -71,9 +72,56 @@ fn drawings(study: &Study) -> Markup {
     }
 }
 
+/// The causes, and apart from them the constants that are off by less than the tolerance of a data sheet: those are no
+/// causes.
+fn by_size(outcome: &Outcome) -> [Vec<&Cause>; 2] {
+    let is_small = |cause: &&Cause| {
+        let of_name = |name: &&'static str| name.starts_with(cause.effect.trim_start_matches("parameter:"));
+        let nominal = outcome.parameters.keys().find(of_name).and_then(|name| outcome.parameters[*name].nominal);
+        let found = cause.parameters.values().next().map(|found| found.value);
+        let off = nominal.zip(found).map(|(nominal, found)| (found / nominal).ln().abs());
+        cause.is_value() && off.is_some_and(|off| off < DATA_SHEET_TOLERANCE)
+    };
+    let (small, large): (Vec<&Cause>, Vec<&Cause>) = outcome.causes.iter().partition(is_small);
+    [large, small]
+}
+
+/// Causes and constants for a terminal. `with_rivals`: with what each cannot be told from.
+pub fn cause_lines(outcome: &Outcome, with_rivals: bool) -> String {
+    let headings = ["Causes".into(), within_tolerance()];
+    let mut text = String::new();
+    for (heading, causes) in headings.iter().zip(by_size(outcome)).filter(|(_, causes)| !causes.is_empty()) {
+        let _ = writeln!(text, "\n{heading}");
+        for cause in causes {
+            text += &wrapped(&format!("{}: {}", cause.effect, parameters(cause)), "  ", "    ");
+            if with_rivals && !cause.not_separable_from.is_empty() {
+                let others = cause.not_separable_from.join(", ");
+                text += &wrapped(&format!("cannot be told from: {others}"), "    ", "    ");
+            }
+        }
+    }
+    text
+}
+
+fn within_tolerance() -> String {
+    format!("Constants that differ from the nominal ones by less than {:.0} %", 100.0 * DATA_SHEET_TOLERANCE)
+}
+
+/// The verdict without the names of constants that are within the tolerance.
+fn sentence(outcome: &Outcome) -> String {
+    let mut large = outcome.clone();
+    let [causes, _] = by_size(outcome);
+    large.causes = causes.into_iter().cloned().collect();
+    // What is left are constants alone.
+    if large.causes.is_empty() && large.verdict == Verdict::Explained {
+        large.verdict = Verdict::Sufficient;
+    }
+    verdict(&large)
+}
+
 /// The page for the terminal, at most 80 columns.
 pub fn page(study: &Study) -> String {
-    let mut text = format!("{}\n\n ", verdict(&study.outcome));
+    let mut text = format!("{}\n\n ", sentence(&study.outcome));
     for (name, width) in COLUMNS.iter().zip(WIDTHS) {
         let _ = write!(text, " {name:>width$}");
     }
@@ -91,14 +139,7 @@ pub fn page(study: &Study) -> String {
             text += &wrapped(&constants, "           ", "           ");
         }
     }
-    text += "\nCauses\n";
-    for cause in &study.outcome.causes {
-        text += &wrapped(&format!("{}: {}", cause.effect, parameters(cause)), "  ", "    ");
-        if !cause.not_separable_from.is_empty() {
-            let others = cause.not_separable_from.join(", ");
-            text += &wrapped(&format!("cannot be told from: {others}"), "    ", "    ");
-        }
-    }
+    text += &cause_lines(&study.outcome, true);
     if let Some(unexplained) = &study.outcome.unexplained {
         text += "\n";
         text += &wrapped(&without_a_name(unexplained), "  ", "  ");
@@ -138,20 +179,23 @@ pub fn page_with(
         ("The table".into(), table(&COLUMNS, levels)),
         (EXPLANATIONS.into(), table(&["error", "explanation", "constants"], explanations)),
     ];
-    let verdict = verdict(&study.outcome).replace('\n', " ");
+    let verdict = sentence(&study.outcome).replace('\n', " ");
     Page { title: page_title.into(), kind, verdict, sections, folded, provenance }.html()
 }
 
 fn causes(study: &Study) -> Markup {
-    let rows = study.outcome.causes.iter().map(|cause| {
+    let row = |cause: &&Cause| {
         let others = code(cause.not_separable_from.iter().map(|id| &**id));
         [code([&*cause.effect]), constants_html(cause.parameters.iter().map(|(name, value)| (&**name, value))), others]
-    });
+    };
+    let headings = ["Causes".into(), within_tolerance()];
     html! {
-        section {
-            h2 { "Causes" }
-            (table(&["cause", "constants", "cannot be told from"], rows))
-            @if let Some(unexplained) = &study.outcome.unexplained { p { (without_a_name(unexplained)) } }
+        @for (heading, causes) in headings.iter().zip(by_size(&study.outcome)).filter(|(_, causes)| !causes.is_empty()) {
+            section {
+                h2 { (heading) }
+                (table(&["name", "constants", "cannot be told from"], causes.iter().map(row)))
+            }
         }
+        @if let Some(unexplained) = &study.outcome.unexplained { p { (without_a_name(unexplained)) } }
     }
 }

@@ -116,6 +116,11 @@ pub fn text(text: impl AsRef<str>) -> Markup {
     html! { (text.as_ref()) }
 }
 
+/// A number as a cell: its exponent stays with it.
+pub fn number(number: impl AsRef<str>) -> Markup {
+    html! { span.number { (number.as_ref()) } }
+}
+
 /// A list of texts.
 pub fn list<'a>(items: impl IntoIterator<Item = &'a str>) -> Markup {
     html! { ul { @for item in items { li { (item) } } } }

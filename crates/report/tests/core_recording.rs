@@ -57,7 +57,7 @@ fn each_cause_has_the_plot_that_proves_it(diagnosis: &Diagnosis) {
         for (dot, bin) in dots.iter().zip(&found.bins) {
             assert!((dot.as_f64().unwrap() - bin.lack).abs() <= 1e-4 * bin.lack.abs(), "{dot} {bin:?}");
         }
-        let said = format!("The law explains {:.0} % of what the model lacks without it.", 100.0 * found.explained());
+        let said = format!("The law explains {:.1} % of what the model lacks without it.", 100.0 * found.explained());
         assert!(text.contains(&said), "{said} not in {text}");
     }
     let places =

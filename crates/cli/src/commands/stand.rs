@@ -184,7 +184,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     let mut text = String::new();
     nominal_levels(&mut text, stand);
     losses(&mut text, stand);
-    causes(&mut text, stand);
+    text += &steady_state::cause_lines(&stand.study.outcome, false);
     winding(&mut text, stand, nominal_ohm);
     wrong_cells(&mut text, &stand.slips);
     directions(&mut text, stand);
@@ -239,15 +239,6 @@ fn losses(text: &mut String, stand: &Stand) {
             losses.viscous_W,
             fixed(losses.rest_W, 3)
         );
-    }
-}
-
-fn causes(text: &mut String, stand: &Stand) {
-    text.push_str("\nCauses\n");
-    for cause in &stand.study.outcome.causes {
-        let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
-        let line = format!("{}: {}", cause.effect, constants.collect::<Vec<_>>().join(", "));
-        text.push_str(&wrapped(&line, "  ", "    "));
     }
 }
 

@@ -53,14 +53,14 @@ pub fn traces(diagnosis: &Diagnosis, output: usize) -> Markup {
         .line("extended model", AFTER, points(data, &diagnosis.extended[output]));
     let [before, after] = [&diagnosis.base, &diagnosis.extended].map(|run| residuals(data, run).swap_remove(output));
     let noise = NOISE_BAND * diagnosis.outcome.fit["noise_floor"][measured.output.channel()].rmse;
-    let left = over_time(&format!("measured - simulated, {}", measured.output.unit()), LOW)
+    let left = over_time(&format!("left, {}", measured.output.unit()), LOW)
         .level_band(-noise, noise)
         .line("linear motor leaves", BEFORE, points(data, &before))
         .line("extended model leaves", AFTER, points(data, &after));
     let caption = format!("{}: measured, and simulated before and after", capital(quantity(title)));
     html! {
         (both.figure(&html! { b { (caption) } }))
-        (left.figure(&html! { "What is left of it; the dark band is the noise of the sensor" }))
+        (left.figure(&html! { "Measured less simulated; the dark band is the noise of the sensor" }))
     }
 }
 
