@@ -274,9 +274,9 @@ pub struct Effort {
     pub least_gain: f64,
     /// Step size of the simulations for the sensitivities.
     pub sensitivities: Steps,
-    /// Whether the sensitivities are corrected after a step instead of simulated again: much faster, but it sometimes
-    /// stops early.
-    pub corrects: bool,
+    /// Whether it may end on sensitivities that were corrected after a step instead of simulated: much faster, but it
+    /// sometimes stops early.
+    pub is_a_look: bool,
     /// The fit is given up if the remaining steps, each with the better gain of the last two, would not reach this
     /// cost.
     pub useless_above: f64,
@@ -285,11 +285,11 @@ pub struct Effort {
 impl Effort {
     /// Its starting point, with its sensitivities.
     pub const NONE: Self =
-        Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, corrects: false, useless_above: f64::INFINITY };
+        Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, is_a_look: false, useless_above: f64::INFINITY };
     /// For a first look at an effect.
-    pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, corrects: true, ..Self::NONE };
+    pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, is_a_look: true, ..Self::NONE };
     /// For judging another model by its rest.
-    pub const CHECK: Self = Self { steps: 8, corrects: false, ..Self::TRIAL };
+    pub const CHECK: Self = Self { steps: 8, is_a_look: false, ..Self::TRIAL };
     /// For a model that was fitted to other parts of the same data.
     pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
     /// Until convergence.

@@ -88,7 +88,7 @@ impl<'a> Search<'a> {
             is_simulated: true,
         };
         // Without a scale of the torques, they leave out the change along it.
-        let corrects = effort.corrects && !torque_scale::is_unknown(self.data);
+        let corrects = !torque_scale::is_unknown(self.data);
         let mut known = simulated(self);
         let mut gained_before = f64::INFINITY;
         let mut steps_left = effort.steps;
@@ -104,8 +104,16 @@ impl<'a> Search<'a> {
             };
             let gained = before.cost - self.at.cost;
             if gained < effort.least_gain * before.cost {
-                // So near the end they no longer change.
-                return known.is_simulated.then_some(known.sensitivities);
+                if known.is_simulated {
+                    // So near the end they no longer change.
+                    return Some(known.sensitivities);
+                }
+                if !effort.is_a_look {
+                    // Corrected sensitivities may have lost a direction.
+                    known = simulated(self);
+                    continue;
+                }
+                return None;
             }
             steps_left -= 1;
             let pace = gained.max(std::mem::replace(&mut gained_before, gained));
