@@ -284,8 +284,13 @@ pub struct Effort {
 
 impl Effort {
     /// Its starting point, with its sensitivities.
-    pub const NONE: Self =
-        Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, is_a_look: false, useless_above: f64::INFINITY };
+    pub const NONE: Self = Self {
+        steps: 0,
+        least_gain: 0.0,
+        sensitivities: Steps::Coarse,
+        is_a_look: false,
+        useless_above: f64::INFINITY,
+    };
     /// For a first look at an effect.
     pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, is_a_look: true, ..Self::NONE };
     /// For judging another model by its rest.

@@ -76,8 +76,8 @@ fn drawings(study: &Study) -> Markup {
 /// causes.
 fn by_size(outcome: &Outcome) -> [Vec<&Cause>; 2] {
     let is_small = |cause: &&Cause| {
-        let of_name = |name: &&'static str| name.starts_with(cause.effect.trim_start_matches("parameter:"));
-        let nominal = outcome.parameters.keys().find(of_name).and_then(|name| outcome.parameters[*name].nominal);
+        let id = cause.effect.trim_start_matches("parameter:");
+        let nominal = outcome.parameters.iter().find(|(name, _)| name.starts_with(id)).and_then(|(_, of)| of.nominal);
         let found = cause.parameters.values().next().map(|found| found.value);
         let off = nominal.zip(found).map(|(nominal, found)| (found / nominal).ln().abs());
         cause.is_value() && off.is_some_and(|off| off < DATA_SHEET_TOLERANCE)

@@ -233,7 +233,8 @@ fn sketch(arguments: &Arguments, outputs: &Outputs, found: &OwnLoop, asked: &Ask
 }
 
 fn sketch_page(found: &OwnLoop, asked: &Asked) -> String {
-    let OwnLoop { sample_s, kp, ki, kff, dead_band: [forward, reverse], count_rpm, bandwidth_hz, .. } = found;
+    let OwnLoop { sample_s, kp, ki, kff, kaff, loop_s, dead_band: [forward, reverse], count_rpm, bandwidth_hz, .. } =
+        found;
     let sample_ms = 1e3 * sample_s;
     let mut text = format!("Speed PI for a sketch, every {sample_ms:.0} ms: bandwidth {bandwidth_hz:.2} Hz\n");
     if *bandwidth_hz < 0.99 * asked.bandwidth_hz {
@@ -248,6 +249,8 @@ fn sketch_page(found: &OwnLoop, asked: &Asked) -> String {
     text += &of_value("ki", *ki, "PWM per rpm and s");
     text += &of_value("kd", 0.0, "so no derivative filter");
     text += &of_value("feed-forward", *kff, "PWM per rpm");
+    text += &of_value("feed-forward, acceleration", *kaff, "PWM per rpm/s");
+    text += &of_value("filter of the reference", 1e3 * loop_s, "ms");
     text += &of_value("dead band forward", *forward, "PWM");
     text += &of_value("dead band reverse", *reverse, "PWM");
     text += &of_value("one count in a sample time", *count_rpm, "rpm");
@@ -262,13 +265,12 @@ fn sketch_page(found: &OwnLoop, asked: &Asked) -> String {
             tried.overshoot_percent, tried.overshoot_when_off_percent, tried.error_rpm
         );
     }
-    text += &format!("\nPlain sketch\n\n{}", found.code());
     let library = format!(
-        "PID library: PID pid(&rpm, &out, &reference, {kp:.5}, {ki:.5}, 0, DIRECT); pid.SetSampleTime({sample_ms:.0}); pid.SetOutputLimits(-255, 255). Write out plus KFF and dead band to the bridge, limited to -255..255."
+        "PID library: PID pid(&rpm, &out, &reference, {kp:.5}, {ki:.5}, 0, DIRECT); pid.SetSampleTime({sample_ms:.0}); pid.SetOutputLimits(-255, 255). Its setpoint is the target below, and the bridge gets its output plus what is ahead, limited to -255..255."
     );
     let quick =
         "QuickPID: the same gains, with pOnError, dOnMeas and iAwClamp; its SetSampleTimeUs takes microseconds.";
-    text + "\n" + &wrapped(&library, "", "  ") + &wrapped(quick, "", "  ")
+    text + "\n" + &wrapped(&library, "", "  ") + &wrapped(quick, "", "  ") + "\nPlain sketch\n\n" + &found.code()
 }
 
 /// What a law can meet instead of a specification.
