@@ -346,8 +346,8 @@ fn with_given_weights(
 }
 
 /// How much less is asked for from trial to trial, and how often.
-const LESS: f64 = 0.8;
-const MOST_TRIALS: i32 = 14;
+const LESS: f64 = 0.7;
+const MOST_TRIALS: i32 = 10;
 
 /// The fastest specification that a loop can meet, among those less and less fast than one that it cannot: each is tried.
 /// `None` if there is none, or if weights were given.
