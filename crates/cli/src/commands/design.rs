@@ -261,12 +261,12 @@ fn sketch_page(found: &OwnLoop, asked: &Asked) -> String {
             Sketch::Plain => "plain sketch",
         };
         text += &format!(
-            "  {name:22} overshoot {:.1} %, {:.1} % with the motor 30 % off; error {:.1} rpm\n",
+            "  {name:22} overshoot {:.1} % ({:.1} % with the motor 30 % off), error {:.1} rpm\n",
             tried.overshoot_percent, tried.overshoot_when_off_percent, tried.error_rpm
         );
     }
     let library = format!(
-        "PID library: PID pid(&rpm, &out, &reference, {kp:.5}, {ki:.5}, 0, DIRECT); pid.SetSampleTime({sample_ms:.0}); pid.SetOutputLimits(-255, 255). Its setpoint is the target below, and the bridge gets its output plus what is ahead, limited to -255..255."
+        "PID library: PID pid(&rpm, &out, &target, {kp:.5}, {ki:.5}, 0, DIRECT); pid.SetSampleTime({sample_ms:.0}); pid.SetOutputLimits(-255, 255). The target is that of the sketch below, and the bridge gets its output plus what is ahead, limited to -255..255."
     );
     let quick =
         "QuickPID: the same gains, with pOnError, dOnMeas and iAwClamp; its SetSampleTimeUs takes microseconds.";

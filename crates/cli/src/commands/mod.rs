@@ -154,7 +154,7 @@ fn groups(command: &clap::Command, columns: u16) -> String {
     let about = |name: &str| {
         let found = command.find_subcommand(name).and_then(clap::Command::get_about).map(ToString::to_string);
         let text = found.unwrap_or_else(|| "Prints this help, or that of a command".into());
-        text.split(['.', ':', ';']).next().unwrap_or_default().to_string()
+        text.split('.').next().unwrap_or_default().to_string()
     };
     let line = |name: &&str| {
         let (first, other) = (format!("  {name:NAME$}"), " ".repeat(NAME + 2));
