@@ -44,6 +44,7 @@ use ratatui::crossterm::terminal::window_size;
 use serde::Serialize;
 use std::any::Any;
 use std::env::args_os;
+use std::ffi::OsString;
 use std::fmt::Display;
 use std::fs;
 use std::io::{self, ErrorKind, IsTerminal as _, Write as _};
@@ -165,6 +166,11 @@ fn groups(command: &clap::Command, columns: u16) -> String {
     GROUPS.iter().map(group).collect()
 }
 
+/// A command line as the program takes it: `--json FILE.json` is one argument.
+pub fn arguments(line: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    with_json_joined(line)
+}
+
 /// Columns that the help needs beside the options.
 const BESIDE_OPTIONS: u16 = 60;
 
@@ -187,8 +193,7 @@ pub fn main() -> ExitCode {
         }
     }));
     set_columns(if io::stdout().is_terminal() { columns().into() } else { COLUMNS });
-    let parsed =
-        || Program::from_arg_matches(&command_on(columns()).try_get_matches_from(with_json_joined(args_os()))?);
+    let parsed = || Program::from_arg_matches(&command_on(columns()).try_get_matches_from(arguments(args_os()))?);
     let result = panic::catch_unwind(|| match parsed() {
         Ok(program) => run(program).map(|()| ExitCode::SUCCESS),
         Err(error) => {

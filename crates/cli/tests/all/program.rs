@@ -160,7 +160,7 @@ fn identify_writes_a_model_that_others_read() {
     motorbench(&["identify", path(&bench.run), "--rig", path(&bench.rig), "--model", path(&model)])
         .success()
         .stdout(predicate::str::contains("Free-running simulation against held-out data"))
-        .stderr("");
+        .stderr(predicate::str::starts_with("wrote "));
     motorbench(&["analyse", "--model", path(&model)]).success();
     assert!(motorbench_model::Model::parse(&std::fs::read_to_string(&bench.model).unwrap()).is_ok());
 }
