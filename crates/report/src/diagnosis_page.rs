@@ -189,18 +189,19 @@ fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
     let has_nominal = outcome.parameters.values().any(|parameter| parameter.nominal.is_some());
     let rows = outcome.parameters.iter().map(|(name, parameter)| {
         let interval = parameter.interval();
-        let picture = parts::found_over_nominal(parameter).unwrap_or_default();
         [
             code([&**name]),
             number(parameter.nominal.map_or("-".into(), short)),
             number(short(parameter.value)),
             number(interval.map_or("not fitted".into(), |[low, high]| format!("{} to {}", short(low), short(high)))),
             text(scale_words(parameter.scale).unwrap_or("measured")),
-            picture,
         ]
     });
-    let header =
-        ["constant", "nominal", "found", "95 % interval", "scale", if has_nominal { "found over nominal" } else { "" }];
+    let header = ["constant", "nominal", "found", "95 % interval", "scale"];
+    let pictures = outcome
+        .parameters
+        .iter()
+        .filter_map(|(name, parameter)| parts::found_over_nominal(parameter).map(|picture| [code([&**name]), picture]));
     let determined = outcome.determined.iter().map(|(name, found)| {
         let [low, high] = found.ci95;
         [
@@ -214,7 +215,10 @@ fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
         section {
             h2 { "The motor" }
             (table(&header, rows))
-            @if has_nominal { p.quiet { "Grey: the tolerance of data sheets." } }
+            @if has_nominal {
+                (table(&["constant", "found over nominal"], pictures))
+                p.quiet { "Grey: the tolerance of data sheets." }
+            }
             @if !outcome.determined.is_empty() {
                 h3 { "What the data determine by themselves" }
                 @if let Some(sentence) = to_start(&outcome.determined, data) { p { (sentence) } }

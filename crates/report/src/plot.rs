@@ -241,11 +241,11 @@ impl Plot {
         let top = if self.series.len() < 2 { 8 } else { self.legend(area, sizes)? };
         let (x_ends, y) = (self.x_range(), self.y_range());
         let mut chart = ChartBuilder::on(area)
-            .margin(4)
+            .margin(8)
             .margin_top(top)
             .margin_right(22)
             .x_label_area_size(2 * sizes.letters + 6)
-            .y_label_area_size(4 * sizes.letters)
+            .y_label_area_size(11 * sizes.letters / 2)
             .build_cartesian_2d(x, y.clone())?;
         chart
             .configure_mesh()
@@ -295,7 +295,7 @@ impl Plot {
 
     /// Names in their colours above the plot; returns where they end.
     fn legend(&self, area: &DrawingArea<SVGBackend, Shift>, sizes: &Sizes) -> Result<i32, Box<dyn Error>> {
-        let (left, row) = (4 * sizes.letters + 4, sizes.letters + 6);
+        let (left, row) = (11 * sizes.letters / 2 + 8, sizes.letters + 6);
         let (mut x, mut y) = (left, 2);
         for series in &self.series {
             // Letters are about half as wide as high.
