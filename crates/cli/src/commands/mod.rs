@@ -32,6 +32,7 @@ use host_sim::scenario::Scenario;
 use indicatif::{ProgressBar, ProgressStyle};
 #[cfg(feature = "chip")]
 use motorbench_chip::{ProgramError, firmware_at_hand};
+use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_files::text_file;
@@ -211,12 +212,6 @@ fn run(program: Program) -> Result<(), Failure> {
     }
 }
 
-/// A column of a file under another name: `speed=omega_rad_per_s`.
-fn mapping(text: &str) -> Result<(String, String), String> {
-    let (from, to) = text.split_once('=').ok_or("expected FROM=TO, for instance speed=omega_rad_per_s")?;
-    Ok((from.into(), to.into()))
-}
-
 /// Reads a rig file and reports keys that are ignored.
 fn read_rig(path: &Path) -> Result<Rig, Failure> {
     let rig = motorbench_files::rig(path).map_err(Failure::input)?;
@@ -233,13 +228,15 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
 }
 
 /// Reads a recording and reports columns that are not used.
-fn read_recording(path: &Path, names: &[(String, String)]) -> Result<Recording, Failure> {
-    let recording = motorbench_files::recording(path, names).map_err(Failure::input)?;
+fn read_recording(path: &Path, columns: &[Mapping]) -> Result<Recording, Failure> {
+    let recording = motorbench_files::recording(path, columns).map_err(Failure::input)?;
     if !recording.ignored.is_empty() {
         let (path, ignored) = (path.display(), recording.ignored.join(", "));
-        tell(&format!(
-            "motorbench: {path}: columns without a known name are not used: {ignored}. Name them with --column NAME=CHANNEL, or convert with --map"
-        ));
+        let how = match &*recording.suggestion {
+            "" => "Name them with --column NAME=CHANNEL".to_owned(),
+            likely => format!("Likely: {likely}"),
+        };
+        tell(&format!("motorbench: {path}: columns without a known name are not used: {ignored}. {how}"));
     }
     Ok(recording)
 }
