@@ -22,13 +22,17 @@ struct Use {
 /// What is wrong, with the place.
 pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Result<Recording, String> {
     if !content.series.is_empty() {
+        let all: Vec<Column> = content.series.iter().map(|one| Column::new(&*one.name, one.values.clone())).collect();
         content = series::joined(content, mappings)?;
+        if content.columns.is_empty() {
+            return Err(no_channel(&all, &[Channel::Time]));
+        }
     }
     let mut recording = Recording::new(name);
     let columns: Vec<&Column> = content.columns.iter().collect();
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).collect();
     let mut uses = by_mappings(mappings, &names, &columns)?;
-    by_names(&mut uses, &names)?;
+    by_names(&mut uses, &names, &columns)?;
     let first = uses.iter().find_map(|found| found.term.columns().first().copied());
     let rows = first.map_or_else(|| columns.iter().map(|column| column.values.len()).max(), |first| Some(columns[first].values.len()));
     let rows = rows.unwrap_or(0);
@@ -37,7 +41,7 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
     let unused = || columns.iter().enumerate().filter(|(index, _)| !used.contains(index)).map(|(_, column)| *column);
     let has: Vec<Channel> = uses.iter().map(|found| found.channel).collect();
     if has.is_empty() || has == [Channel::Time] && unused().next().is_some() && mappings.is_empty() {
-        return Err(nothing_known(&content, &columns));
+        return Err(nothing_known(&content, &has));
     }
     recording.suggestion = suggestions::options(unused().filter(|column| !column.is_text()), &has);
     recording.ignored = unused().map(|column| column.name.clone()).filter(|name| !name.is_empty()).collect();
@@ -91,7 +95,7 @@ fn by_mappings(mappings: &[Mapping], names: &[&str], columns: &[&Column]) -> Res
 }
 
 /// Names that are those of channels, whole or in the last part of a path.
-fn by_names(uses: &mut Vec<Use>, names: &[&str]) -> Result<(), String> {
+fn by_names(uses: &mut Vec<Use>, names: &[&str], columns: &[&Column]) -> Result<(), String> {
     let mapped: Vec<usize> = uses.iter().flat_map(|found| found.term.columns()).collect();
     for channel in Channel::ALL {
         if uses.iter().any(|found| found.channel == channel) {
@@ -104,7 +108,10 @@ fn by_names(uses: &mut Vec<Use>, names: &[&str]) -> Result<(), String> {
         let found: Vec<usize> = (0..names.len()).filter(|column| is_it(names[*column]) && !mapped.contains(column)).collect();
         match found[..] {
             [] => {}
-            [column] => uses.push(Use { channel, term: Term::Column(column), factor: 1.0, offset: 0.0 }),
+            [column] => {
+                let factor = units::factor(channel, &columns[column].unit).unwrap_or(1.0);
+                uses.push(Use { channel, term: Term::Column(column), factor, offset: 0.0 });
+            }
             [first, ..] => {
                 let which = found.iter().map(|column| names[*column]).collect::<Vec<_>>().join(", ");
                 let (first, column) = (names[first], channel.column());
@@ -145,21 +152,31 @@ fn time_by_itself(uses: &mut Vec<Use>, columns: &[&Column], rows: usize, has_nam
 }
 
 /// Why a file is of no use without a mapping, with a proposal.
-fn nothing_known(content: &Content, columns: &[&Column]) -> String {
+fn nothing_known(content: &Content, has: &[Channel]) -> String {
     if content.is_text && content.header.is_none() {
         let line = content.lines.first().copied().unwrap_or(1);
-        let all: Vec<Column> = columns.iter().map(|column| (*column).clone()).collect();
         return format!(
             "line {line} is numbers: there is no header line. Name the columns by their numbers, for instance {}",
-            suggestions::by_number(&all)
+            suggestions::by_number(&content.columns)
         );
     }
-    let mut names: Vec<&str> = content.columns.iter().map(|column| column.name.as_str()).filter(|name| !name.is_empty()).collect();
-    names.extend(content.ignored.iter().map(String::as_str));
-    let proposal = suggestions::options(content.columns.iter().filter(|column| !column.is_text()), &[]);
-    let advice = match proposal.is_empty() {
-        true => "Name them with --column NAME=CHANNEL".to_owned(),
-        false => format!("Likely: {proposal}"),
+    no_channel(&content.columns, has)
+}
+
+fn no_channel(columns: &[Column], has: &[Channel]) -> String {
+    let numbers = || columns.iter().filter(|column| !column.is_text());
+    let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).filter(|name| !name.is_empty()).collect();
+    let are_numbered = names.iter().all(|name| last_part(name).parse::<usize>().is_ok());
+    let proposal = suggestions::options(numbers(), has);
+    let is_probe = |column: &&Column| column.name.to_lowercase().starts_with("ch") && matches!(&*column.unit, "V" | "mV");
+    let advice = match numbers().filter(is_probe).last() {
+        _ if are_numbered => format!("Name them, for instance {}", suggestions::by_number(columns)),
+        _ if !proposal.is_empty() => format!("Likely: {proposal}"),
+        Some(probe) => format!(
+            "Name them with --column NAME=CHANNEL. The voltage of a sensor needs its scale: {}=i_A/0.185-13.51 is 0.185 V/A around 2.5 V",
+            probe.name
+        ),
+        None => "Name them with --column NAME=CHANNEL".to_owned(),
     };
     format!("no known channel among {}. {advice}. Channels are {}", names.join(", "), all_columns())
 }

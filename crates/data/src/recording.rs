@@ -5,6 +5,7 @@
 
 use crate::convert::{self, ConvertError, Converted, Dialect, Format};
 use crate::mapping::Mapping;
+use crate::statistics::{greatest, median};
 use crate::times;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -310,12 +311,26 @@ impl Recording {
         }
         let (name, rows) = (&self.name, self.len());
         let advice = match self.suggestion.is_empty() {
-            true => "If rows are evenly spaced, row=t_s*0.01 takes them as 0.01 s apart".to_owned(),
+            true => {
+                let step_s = self.step_by_motion_s().unwrap_or(0.01);
+                format!("If rows are evenly spaced, --column row=t_s*{step_s} takes them as {step_s} s apart")
+            }
             false => format!("Likely: {}", self.suggestion),
         };
         Some(format!(
             "{name}: there is no column t_s, and {rows} rows are too many for a table of steady states. {advice}"
         ))
+    }
+
+    /// The time between rows that angle and speed agree on.
+    fn step_by_motion_s(&self) -> Option<f64> {
+        let (angle, speed) = (self.get(Channel::Angle)?, self.get(Channel::Speed)?);
+        let least = 0.5 * greatest(speed);
+        let steps = angle.windows(2).zip(speed.windows(2)).filter(|(_, speed)| speed[0].abs() > least && speed[1].abs() > least);
+        let step_s = median(steps.map(|(angle, speed)| 2.0 * (angle[1] - angle[0]) / (speed[0] + speed[1])));
+        // Whole milliseconds: the tick of a program.
+        let step_s = (step_s * 1e3).round() / 1e3;
+        (step_s > 0.0).then_some(step_s)
     }
 
     pub(crate) fn check(&self) -> Result<(), RecordingError> {
@@ -495,7 +510,7 @@ mod tests {
             assert_eq!(read(header, rows).advice_on_time(), None, "{header}");
         }
         let advice = read("temperature_C,u_V", 100).advice_on_time().unwrap();
-        assert!(advice.ends_with("row=t_s*0.01 takes them as 0.01 s apart"), "{advice}");
+        assert!(advice.ends_with("--column row=t_s*0.01 takes them as 0.01 s apart"), "{advice}");
     }
 
     #[test]

@@ -8,14 +8,14 @@ use std::fmt::Write as _;
 
 /// Words in names, and the channels that they likely mean.
 const WORDS: [(Channel, &[&str]); 11] = [
-    (Channel::Time, &["time", "t", "millis", "micros", "ms", "us", "zeit", "timestamp", "seconds", "sec", "stamp", "tiempo"]),
+    (Channel::Time, &["time", "t", "millis", "micros", "ms", "us", "zeit", "timestamp", "stamp", "tiempo"]),
     (Channel::SpeedReference, &["setpoint", "target", "reference", "ref", "sp", "soll"]),
     (Channel::Supply, &["supply", "vbat", "battery", "vbus", "vcc", "vin"]),
     (Channel::Rpm, &["rpm", "drehzahl"]),
     (Channel::Duty, &["pwm", "duty", "dutycycle", "throttle"]),
-    (Channel::Current, &["current", "amps", "amp", "ma", "i", "ia", "strom", "curr", "ampere"]),
+    (Channel::Current, &["current", "amps", "amp", "ma", "i", "ia", "strom", "curr", "ampere", "adc", "acs"]),
     (Channel::LoadTorque, &["torque", "load"]),
-    (Channel::Speed, &["speed", "velocity", "vel", "omega", "w", "rad", "rps", "cps", "gyro"]),
+    (Channel::Speed, &["speed", "velocity", "vel", "omega", "w", "rps", "cps", "gyro"]),
     (Channel::Counts, &["counts", "count", "encoder", "enc", "ticks", "pulses"]),
     (Channel::Angle, &["angle", "theta", "position", "pos", "deg", "rotation"]),
     (Channel::Voltage, &["voltage", "volts", "volt", "u", "v", "spannung", "applied"]),
@@ -28,8 +28,10 @@ const FULL_SCALES: [f64; 5] = [1.0, 100.0, 255.0, 1023.0, 65_535.0];
 fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = ' ';
-    for sign in name.chars() {
-        if !sign.is_alphanumeric() || sign.is_uppercase() && before.is_lowercase() {
+    let mut signs = name.chars().peekable();
+    while let Some(sign) = signs.next() {
+        let begins = sign.is_uppercase() && before.is_lowercase() && signs.peek().is_some_and(|next| next.is_lowercase());
+        if !sign.is_alphanumeric() || begins {
             words.push(String::new());
         }
         if sign.is_alphanumeric() {
@@ -56,6 +58,8 @@ fn likely(column: &Column) -> Option<(Channel, String)> {
         Channel::Time if has(&["micros", "us"]) => "/1000000".to_owned(),
         Channel::Time => seconds(column).to_owned(),
         Channel::Current if has(&["ma"]) => "/1000".to_owned(),
+        // The raw reading of a converter.
+        Channel::Current if has(&["adc", "acs"]) => "*AMPERES_PER_STEP-AMPERES_AT_0".to_owned(),
         Channel::Duty => share(column),
         Channel::Speed if has(&["rps"]) => "*6.283185".to_owned(),
         Channel::Speed if has(&["deg"]) => "*0.01745329".to_owned(),
@@ -83,22 +87,34 @@ fn share(column: &Column) -> String {
 
 /// Options for the columns that are likely channels which the recording has not yet.
 pub fn options<'a>(columns: impl Iterator<Item = &'a Column>, has: &[Channel]) -> String {
+    let columns: Vec<&Column> = columns.collect();
     let mut taken: Vec<Channel> = has.to_vec();
     let mut options = String::new();
-    for column in columns {
+    for column in &columns {
         let Some((channel, right)) = likely(column) else { continue };
         if taken.iter().any(|other| is_same_quantity(*other, channel)) {
             continue;
         }
         taken.push(channel);
-        let _ = write!(options, " --column {}", quoted(&format!("{}={right}", column.name)));
+        let sign = columns.iter().find(|other| is_direction(other)).filter(|_| channel == Channel::Duty && has_no_sign(column));
+        let sign = sign.map_or_else(String::new, |sign| format!("*sign({})", sign.name));
+        let _ = write!(options, " --column {}", quoted(&format!("{}{sign}={right}", column.name)));
     }
     options.trim_start().to_owned()
 }
 
+/// Whether a column says which way the motor is driven.
+fn is_direction(column: &Column) -> bool {
+    words(&column.name).iter().any(|word| ["dir", "direction", "sign", "richtung", "reverse"].contains(&word.as_str()))
+}
+
+fn has_no_sign(column: &Column) -> bool {
+    column.values.iter().all(|value| !(*value < 0.0))
+}
+
 /// A word for a command line, in quotes if a shell would read it otherwise.
 fn quoted(word: &str) -> String {
-    let is_plain = |sign: char| sign.is_alphanumeric() || "_=/.,:+-#@%".contains(sign);
+    let is_plain = |sign: char| sign.is_alphanumeric() || "_=/.,:+-*#@%".contains(sign);
     if word.chars().all(is_plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', "'\\''")) }
 }
 
@@ -141,6 +157,16 @@ mod tests {
         assert_eq!(
             options(table.iter(), &[Channel::Rpm]),
             "--column millis=t_s/1000 --column pwm=duty/255 --column current_mA=i_A/1000"
+        );
+        let with_direction = [column("pwm", &[0.0, 99.0]), column("dir", &[0.0, 1.0]), column("adc", &[512.0])];
+        assert_eq!(
+            options(with_direction.iter(), &[Channel::Time]),
+            "--column 'pwm*sign(dir)=duty/100' --column adc=i_A*AMPERES_PER_STEP-AMPERES_AT_0"
+        );
+        let robot = [column("/Drive/LeftAppliedVolts", &[1.0]), column("/Drive/LeftVelocityRadPerSec", &[1.0])];
+        assert_eq!(
+            options(robot.iter(), &[Channel::Time]),
+            "--column /Drive/LeftAppliedVolts=u_V --column /Drive/LeftVelocityRadPerSec=omega_rad_per_s"
         );
         let other = [column("t", &[0.0, 0.01]), column("/motor/Voltage, commanded", &[0.0, 9.0]), column("motorSpeed", &[0.0, 9.0])];
         assert_eq!(

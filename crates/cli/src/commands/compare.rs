@@ -5,6 +5,7 @@ use super::{
 };
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
+use motorbench_data::mapping::Mapping;
 use motorbench_diagnosis::compare::{Comparison, Difference, compare};
 use motorbench_diagnosis::dataset::Dataset;
 use motorbench_diagnosis::diagnose::judge;

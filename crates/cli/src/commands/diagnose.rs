@@ -2,7 +2,7 @@
 
 use super::recordings::RecordingArguments;
 use super::{
-    Failure, Outputs, may_hold_model, read_recording, rig_beside, rig_for, spinner, write, write_json, write_model,
+    Failure, Outputs, read_recording, rig_beside, rig_for, spinner, write, write_json, write_model,
 };
 use clap::Args;
 use motorbench_data::recording::Recording;
@@ -55,7 +55,6 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     }
     let outputs =
         Outputs::new(&args.recordings.files(), [&args.json, &args.report, &args.model].into_iter().flatten())?;
-    may_hold_model(args.model.as_deref())?;
     let (rig, recordings) = (args.recordings.rig()?, args.recordings.read()?);
     if let [table] = &recordings[..]
         && table.time_s().is_none()

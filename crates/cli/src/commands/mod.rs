@@ -15,6 +15,7 @@ mod identify;
 mod interaction;
 mod live;
 mod manual;
+mod own_files;
 mod port;
 mod record;
 mod recording_files;
@@ -274,24 +275,9 @@ fn read_model(path: &Path) -> Result<Model, Failure> {
     Model::parse(&text).map_err(|error| failed(&error))
 }
 
-/// First line of a model file that this program has written. Only such a file may be replaced.
-const WRITTEN: &str = "# Written by motorbench, which writes over it.\n";
-
-/// Checks before the computation whether the model may be written there. A file by the user is not replaced.
-fn may_hold_model(path: Option<&Path>) -> Result<(), Failure> {
-    let by_hand =
-        |path: &&Path| path.is_file() && !fs::read(path).is_ok_and(|text| text.starts_with(WRITTEN.as_bytes()));
-    path.filter(by_hand).map_or(Ok(()), |path| {
-        let path = path.display();
-        Err(Failure::input(format!(
-            "{path} was not written by motorbench and is not overwritten: choose another name for the model"
-        )))
-    })
-}
-
 /// Writes a model.
 fn write_model(path: &Path, model: &Model) -> Result<(), Failure> {
-    write(path, &(WRITTEN.to_owned() + &model.to_toml()))
+    write(path, &(own_files::WRITTEN.to_owned() + &model.to_toml()))
 }
 
 /// A scenario, with another model than its own if one is given.
@@ -322,7 +308,11 @@ fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Fail
         let mut output = io::stdout();
         return output.write_all(contents.as_ref()).and_then(|()| output.flush()).or_else(|error| cannot_print(&error));
     }
-    write_whole(path, contents.as_ref()).map_err(|error| cannot_write(path, &error))
+    let there = path.is_file().then(|| fs::read(path).ok()).flatten();
+    if let Some(why) = own_files::refusal(path, there.as_deref(), contents.as_ref()) {
+        return Err(Failure::input(why));
+    }
+    write_whole(path, &own_files::marked(contents.as_ref())).map_err(|error| cannot_write(path, &error))
 }
 
 /// Writes a temporary file beside it and renames that. On a full disk the old file stays, and no partial file appears.
@@ -455,13 +445,12 @@ mod tests {
         let file = folder.path().join("model.toml");
         let model = Model::linear(motorbench_model::motor::MotorParameters::PIVT6);
         for _ in 0..2 {
-            may_hold_model(Some(&file)).unwrap();
+            Outputs::new([], [&file]).unwrap();
             write_model(&file, &model).unwrap();
             assert_eq!(read_model(&file).unwrap().motor, model.motor);
         }
         fs::write(&file, model.to_toml()).unwrap();
-        assert_eq!(may_hold_model(Some(&file)).unwrap_err().code, 1);
-        assert!(may_hold_model(Some(Path::new("-"))).is_ok() && may_hold_model(Some(Path::new("/dev/null"))).is_ok());
+        assert_eq!(Outputs::new([], [&file]).err().map(|failure| failure.code), Some(1));
     }
 
     #[test]

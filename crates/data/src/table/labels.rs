@@ -4,6 +4,7 @@
 use super::cells::{Notation, number};
 use super::lines::Line;
 use crate::content::{Broken, Column, Content, Series};
+use crate::recording::Channel;
 use std::collections::BTreeMap;
 
 /// A name and its value.
@@ -96,8 +97,22 @@ fn rows(lines: &[Line<'_>]) -> Content {
         Column::new(*name, rows.iter().map(|row| value(row, place)).collect())
     };
     content.columns = names.iter().enumerate().map(column).collect();
+    if OWN.iter().all(|(own, ..)| names.contains(own)) {
+        for (own, channel, unit) in OWN {
+            let column = content.columns.iter_mut().find(|column| column.name == own).expect("it is among the names");
+            (column.name, column.unit) = (channel.column().into(), unit.into());
+        }
+    }
     content
 }
+
+/// What the firmware of this project prints with `stream text`, beside the reference.
+const OWN: [(&str, Channel, &str); 4] = [
+    ("position", Channel::Angle, "rad"),
+    ("speed", Channel::Speed, "rad/s"),
+    ("current", Channel::Current, "A"),
+    ("duty", Channel::Duty, "%"),
+];
 
 /// Name, time in ms, and value of Teleplot's line; text and units follow the value.
 fn teleplot(line: &str) -> Option<(&str, f64, f64)> {

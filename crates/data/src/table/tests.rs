@@ -81,9 +81,15 @@ fn names_and_values_in_each_line() {
     let teleplot = lines(200, |ms, pwm, rpm, ma| format!(">pwm:{ms}:{pwm}\n>rpm:{ms}:{rpm}\u{a7}rpm|g\n>mA:{ms}:{ma}"));
     assert_is_it(&read(&teleplot, &SKETCH[1..]).unwrap(), 200, "teleplot");
     // The stream of this project's firmware has no times: its rate gives them.
-    let own = lines(200, |_, pwm, rpm, ma| format!("reference:6,speed:{rpm},current:{ma},duty:{pwm}\r"));
-    let columns = ["row=t_s*0.01", "duty=duty/255", "speed=rpm", "current=i_A/1000"];
-    assert_is_it(&read(&own, &columns).unwrap(), 200, "own stream");
+    let mut own = String::new();
+    for row in 0..200 {
+        let _ = write!(own, "reference:6,position:{},speed:34.2,current:0.16,duty:-50\r\n", 0.684 * f64::from(row));
+    }
+    let found = read(&own, &["row=t_s*0.02"]).unwrap();
+    assert_eq!((found.get(Channel::Duty).unwrap()[9], found.get(Channel::Speed).unwrap()[9]), (-0.5, 34.2));
+    assert!((found.time_s().unwrap()[199] - 3.98).abs() < 1e-9 && found.ignored == ["reference"]);
+    let advice = read(&own, &["reference=ref_rad_per_s"]).unwrap().advice_on_time().unwrap();
+    assert!(advice.ends_with("--column row=t_s*0.02 takes them as 0.02 s apart"), "{advice}");
 }
 
 #[test]
@@ -110,7 +116,7 @@ fn broken_lines_are_left_out_and_counted() {
     // Too many of them are no noise.
     let bad = "millis,pwm,rpm,mA\n".to_owned() + &lines(400, |ms, pwm, rpm, ma| if ms % 500 == 12 { "x".into() } else { plain(ms, pwm, rpm, ma) });
     let why = read(&bad, &SKETCH).unwrap_err();
-    assert!(why.contains("line 11: 1 values, but the header line has 4 (8 of 400 lines cannot be read"), "{why}");
+    assert!(why.contains("line 12: 1 values, but the header line has 4 (8 of 400 lines cannot be read"), "{why}");
     // What stands in a column that is not used does not matter.
     let words = "millis,pwm,rpm,mA,state\n".to_owned() + &lines(400, |ms, pwm, rpm, ma| plain(ms, pwm, rpm, ma) + ",RUN");
     assert_is_it(&read(&words, &SKETCH).unwrap(), 400, "a column of words");
