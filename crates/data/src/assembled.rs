@@ -34,7 +34,10 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
     let mut uses = by_mappings(mappings, &names, &columns)?;
     by_names(&mut uses, &names, &columns)?;
     let first = uses.iter().find_map(|found| found.term.columns().first().copied());
-    let rows = first.map_or_else(|| columns.iter().map(|column| column.values.len()).max(), |first| Some(columns[first].values.len()));
+    let rows = first.map_or_else(
+        || columns.iter().map(|column| column.values.len()).max(),
+        |first| Some(columns[first].values.len()),
+    );
     let rows = rows.unwrap_or(0);
     recording.notes.extend(time_by_itself(&mut uses, &columns, rows, content.header.is_some()));
     let used: Vec<usize> = uses.iter().flat_map(|found| found.term.columns()).collect();
@@ -86,7 +89,9 @@ fn by_mappings(mappings: &[Mapping], names: &[&str], columns: &[&Column]) -> Res
         }
         let term = resolved(name, names)?;
         let stated = match term {
-            Term::Column(column) | Term::Signed(column, _) => units::factor(*channel, &columns[column].unit).unwrap_or(1.0),
+            Term::Column(column) | Term::Signed(column, _) => {
+                units::factor(*channel, &columns[column].unit).unwrap_or(1.0)
+            }
             _ => 1.0,
         };
         uses.push(Use { channel: *channel, term, factor: factor.unwrap_or(stated), offset: *offset });
@@ -105,7 +110,8 @@ fn by_names(uses: &mut Vec<Use>, names: &[&str], columns: &[&Column]) -> Result<
             let equal = name.rsplit_once('#').map_or(name, |(name, _)| name);
             equal == channel.column() || last_part(equal) == channel.column()
         };
-        let found: Vec<usize> = (0..names.len()).filter(|column| is_it(names[*column]) && !mapped.contains(column)).collect();
+        let found: Vec<usize> =
+            (0..names.len()).filter(|column| is_it(names[*column]) && !mapped.contains(column)).collect();
         match found[..] {
             [] => {}
             [column] => {
@@ -115,7 +121,9 @@ fn by_names(uses: &mut Vec<Use>, names: &[&str], columns: &[&Column]) -> Result<
             [first, ..] => {
                 let which = found.iter().map(|column| names[*column]).collect::<Vec<_>>().join(", ");
                 let (first, column) = (names[first], channel.column());
-                return Err(format!("two columns are {column}: {which}. Choose one, for instance --column {first}={column}"));
+                return Err(format!(
+                    "two columns are {column}: {which}. Choose one, for instance --column {first}={column}"
+                ));
             }
         }
     }
@@ -168,7 +176,8 @@ fn no_channel(columns: &[Column], has: &[Channel]) -> String {
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).filter(|name| !name.is_empty()).collect();
     let are_numbered = names.iter().all(|name| last_part(name).parse::<usize>().is_ok());
     let proposal = suggestions::options(numbers(), has);
-    let is_probe = |column: &&Column| column.name.to_lowercase().starts_with("ch") && matches!(&*column.unit, "V" | "mV");
+    let is_probe =
+        |column: &&Column| column.name.to_lowercase().starts_with("ch") && matches!(&*column.unit, "V" | "mV");
     let advice = match numbers().filter(is_probe).last() {
         _ if are_numbered => format!("Name them, for instance {}", suggestions::by_number(columns)),
         _ if !proposal.is_empty() => format!("Likely: {proposal}"),
@@ -216,7 +225,11 @@ fn check_broken(broken: &[Broken], rows: usize, lines: usize) -> Result<(), Stri
     let (count, all) = (broken.len(), lines.max(rows));
     let Some(first) = broken.first().filter(|_| count as f64 > MOST_BROKEN * all as f64) else { return Ok(()) };
     let Broken { line, what } = first;
-    let others = if count > 1 { format!(" ({count} of {all} lines cannot be read; up to one in a hundred is left out)") } else { String::new() };
+    let others = if count > 1 {
+        format!(" ({count} of {all} lines cannot be read; up to one in a hundred is left out)")
+    } else {
+        String::new()
+    };
     Err(format!("line {line}: {what}{others}"))
 }
 

@@ -24,8 +24,7 @@ pub struct Mapping {
 }
 
 /// What a mapping looks like, for messages.
-const EXPECTED: &str =
-    "expected NAME=CHANNEL, with a factor and an offset if needed, for instance speed=omega_rad_per_s*6.2832 or adc=i_A*0.0264-13.5";
+const EXPECTED: &str = "expected NAME=CHANNEL, with a factor and an offset if needed, for instance speed=omega_rad_per_s*6.2832 or adc=i_A*0.0264-13.5";
 
 impl std::str::FromStr for Mapping {
     type Err = String;
@@ -41,7 +40,8 @@ impl std::str::FromStr for Mapping {
             let after = rest[sign.len_utf8()..].trim_start();
             let end = end_of_number(after);
             let number = after[..end].trim().parse::<f64>().ok().filter(|number| number.is_finite());
-            let number = number.ok_or_else(|| format!("\"{rest}\" should begin with *, /, + or - and a number; {EXPECTED}"))?;
+            let number =
+                number.ok_or_else(|| format!("\"{rest}\" should begin with *, /, + or - and a number; {EXPECTED}"))?;
             match sign {
                 '*' | '/' if number == 0.0 => {
                     return Err(format!("the factor must be a number other than 0; {EXPECTED}"));
@@ -133,14 +133,15 @@ fn unknown(name: &str, names: &[&str]) -> String {
     format!("there is no numeric column \"{name}\"{meant}; there are {}", names.join(", "))
 }
 
-/// The column of a name: by its whole name, its last part, without its unit, or by its number.
+/// The column of a name: by its whole name, the last parts of its path, without its unit, or by its number.
 fn one(name: &str, names: &[&str]) -> Result<Option<usize>, String> {
     let bare = |full: &str| units::in_name(full).map_or(full.to_owned(), |(bare, _)| bare.to_owned());
     let equal = |full: &str| full.rsplit_once('#').map_or(full.to_owned(), |(name, _)| name.to_owned());
+    let end = format!("/{name}");
     let ways: [&dyn Fn(&str) -> bool; 5] = [
         &|full| full == name,
         &|full| equal(full) == name,
-        &|full| bare(full) == name || last_part(full) == name || bare(last_part(full)) == name,
+        &|full| bare(full) == name || full.ends_with(&end) || bare(full).ends_with(&end),
         &|full| equal(last_part(full)) == name,
         &|full| full.eq_ignore_ascii_case(name),
     ];

@@ -253,12 +253,7 @@ impl Recording {
     ///
     /// # Errors
     /// [`RecordingError`] with the place.
-    pub fn of_bytes(
-        name: &str,
-        bytes: &[u8],
-        format: Format,
-        mappings: &[Mapping],
-    ) -> Result<Self, RecordingError> {
+    pub fn of_bytes(name: &str, bytes: &[u8], format: Format, mappings: &[Mapping]) -> Result<Self, RecordingError> {
         let converted = convert::read(name, bytes, format, mappings, Dialect::default());
         let Converted { mut recording, cut } = converted.map_err(|error| match error {
             ConvertError::Recording(error) => error,
@@ -326,7 +321,10 @@ impl Recording {
     fn step_by_motion_s(&self) -> Option<f64> {
         let (angle, speed) = (self.get(Channel::Angle)?, self.get(Channel::Speed)?);
         let least = 0.5 * greatest(speed);
-        let steps = angle.windows(2).zip(speed.windows(2)).filter(|(_, speed)| speed[0].abs() > least && speed[1].abs() > least);
+        let steps = angle
+            .windows(2)
+            .zip(speed.windows(2))
+            .filter(|(_, speed)| speed[0].abs() > least && speed[1].abs() > least);
         let step_s = median(steps.map(|(angle, speed)| 2.0 * (angle[1] - angle[0]) / (speed[0] + speed[1])));
         // Whole milliseconds: the tick of a program.
         let step_s = (step_s * 1e3).round() / 1e3;
@@ -445,10 +443,7 @@ mod tests {
             assert!(found.contains(&format!("line 3: column {column}: {value} cannot be a measurement")), "{found}");
         }
         let unreadable = Recording::parse("test.npy", &b"\x93NUMPY\x01\0"[..], &[]).unwrap_err().to_string();
-        assert!(
-            unreadable.contains("not text, but a table is expected"),
-            "{unreadable}"
-        );
+        assert!(unreadable.contains("not text, but a table is expected"), "{unreadable}");
         let after_separator = message("sep=;\r\nt_s;u_V\r\n0;1,5\r\n1;x\r\n");
         assert!(after_separator.contains("line 4: column u_V"), "{after_separator}");
         // A 32-bit counter, and a clock since 1970.

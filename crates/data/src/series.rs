@@ -47,7 +47,10 @@ pub fn joined(mut content: Content, mappings: &[Mapping]) -> Result<Content, Str
         }
     }
     let count = |wanted: Role| {
-        used.iter().filter(|(_, role)| *role == wanted).map(|(series, _)| series).max_by_key(|series| series.time_s.len())
+        used.iter()
+            .filter(|(_, role)| *role == wanted)
+            .map(|(series, _)| series)
+            .max_by_key(|series| series.time_s.len())
     };
     let base = count(Role::Motion).or_else(|| count(Role::Reading)).or_else(|| count(Role::Held));
     let Some((base, base_name)) = base.map(|base| (base.time_s.clone(), base.name.clone())) else { return Ok(content) };
@@ -69,7 +72,8 @@ pub fn joined(mut content: Content, mappings: &[Mapping]) -> Result<Content, Str
         if left_out > 0 {
             content.notes.push(format!(
                 "{left_out} of {} values of {} lie between the samples of {base_name} and are left out.",
-                series.values.len(), series.name
+                series.values.len(),
+                series.name
             ));
         }
         content.columns.push(Column::new(series.name, values));
@@ -81,7 +85,8 @@ pub fn joined(mut content: Content, mappings: &[Mapping]) -> Result<Content, Str
 fn roles(series: &[Series], mappings: &[Mapping]) -> Result<Vec<Option<Role>>, String> {
     let names: Vec<&str> = series.iter().map(|series| series.name.as_str()).collect();
     let by_name = |name: &str| Channel::of_column(name).or_else(|| Channel::of_column(last_part(name)));
-    let mut roles: Vec<Option<Role>> = names.iter().map(|name| by_name(name).map(|channel| role(Some(channel)))).collect();
+    let mut roles: Vec<Option<Role>> =
+        names.iter().map(|name| by_name(name).map(|channel| role(Some(channel)))).collect();
     for mapping in mappings {
         if mapping.channel == Channel::Time {
             return Err(format!("{}: the log has its own times: leave this one out of --column", mapping.name));
@@ -126,7 +131,9 @@ fn nearest(series: &Series, base: &[f64], tolerance_s: f64) -> (Vec<f64>, usize)
     for (t_s, value) in series.time_s.iter().zip(&series.values) {
         let after = base.partition_point(|base| base < t_s);
         let candidates = after.saturating_sub(1)..(after + 1).min(base.len());
-        let Some(row) = candidates.min_by(|a, b| (base[*a] - t_s).abs().total_cmp(&(base[*b] - t_s).abs())) else { continue };
+        let Some(row) = candidates.min_by(|a, b| (base[*a] - t_s).abs().total_cmp(&(base[*b] - t_s).abs())) else {
+            continue;
+        };
         let distance = (base[row] - t_s).abs();
         if distance <= tolerance_s && distance < distances[row] {
             (values[row], distances[row]) = (*value, distance);

@@ -30,7 +30,8 @@ fn words(name: &str) -> Vec<String> {
     let mut before = ' ';
     let mut signs = name.chars().peekable();
     while let Some(sign) = signs.next() {
-        let begins = sign.is_uppercase() && before.is_lowercase() && signs.peek().is_some_and(|next| next.is_lowercase());
+        let begins =
+            sign.is_uppercase() && before.is_lowercase() && signs.peek().is_some_and(|next| next.is_lowercase());
         if !sign.is_alphanumeric() || begins {
             words.push(String::new());
         }
@@ -96,7 +97,10 @@ pub fn options<'a>(columns: impl Iterator<Item = &'a Column>, has: &[Channel]) -
             continue;
         }
         taken.push(channel);
-        let sign = columns.iter().find(|other| is_direction(other)).filter(|_| channel == Channel::Duty && has_no_sign(column));
+        let sign = columns
+            .iter()
+            .find(|other| is_direction(other))
+            .filter(|_| channel == Channel::Duty && has_no_sign(column));
         let sign = sign.map_or_else(String::new, |sign| format!("*sign({})", sign.name));
         let _ = write!(options, " --column {}", quoted(&format!("{}{sign}={right}", column.name)));
     }
@@ -168,7 +172,11 @@ mod tests {
             options(robot.iter(), &[Channel::Time]),
             "--column /Drive/LeftAppliedVolts=u_V --column /Drive/LeftVelocityRadPerSec=omega_rad_per_s"
         );
-        let other = [column("t", &[0.0, 0.01]), column("/motor/Voltage, commanded", &[0.0, 9.0]), column("motorSpeed", &[0.0, 9.0])];
+        let other = [
+            column("t", &[0.0, 0.01]),
+            column("/motor/Voltage, commanded", &[0.0, 9.0]),
+            column("motorSpeed", &[0.0, 9.0]),
+        ];
         assert_eq!(
             options(other.iter(), &[]),
             "--column t=t_s --column '/motor/Voltage, commanded=u_V' --column motorSpeed=omega_rad_per_s"

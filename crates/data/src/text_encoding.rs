@@ -60,7 +60,8 @@ mod tests {
         for bytes in [text.into(), with_mark, utf_16(u16::to_le_bytes), utf_16(u16::to_be_bytes), latin_1] {
             assert_eq!(decoded(bytes).as_deref(), Some("u_V at 20 \u{b0}C\n"));
         }
-        let with_noise = b"\x00\x7fReady\rt_s,u_V\r0,1\r".repeat(20).into_iter().chain(vec![b'1'; 4000]).collect::<Vec<_>>();
+        let with_noise =
+            b"\x00\x7fReady\rt_s,u_V\r0,1\r".repeat(20).into_iter().chain(vec![b'1'; 4000]).collect::<Vec<_>>();
         assert!(decoded(with_noise.clone()).is_none_or(|text| text.contains('\0')));
         assert!(decoded_with_noise(&with_noise).is_some_and(|text| text.contains("Ready\nt_s,u_V\n0,1\n")));
         assert_eq!(decoded_with_noise(&[0; 20]), None);

@@ -51,7 +51,9 @@ pub fn mended(time_s: &[f64]) -> Option<Mended> {
         return None;
     }
     if out > 0 {
-        mended.notes.push(format!("{out} rows are left out because their times are out of order. Lines may be garbled."));
+        mended
+            .notes
+            .push(format!("{out} rows are left out because their times are out of order. Lines may be garbled."));
     }
     mended.time_s = left;
     mended.notes.dedup();
@@ -230,7 +232,12 @@ mod tests {
 
     #[test]
     fn counters_that_wrap_are_continued() {
-        for (period, name) in [(2_f64.powi(32) * 1e-6, "microseconds"), (65.536, "milliseconds"), (0.065_536, "microseconds"), (DAY_S, "day")] {
+        for (period, name) in [
+            (2_f64.powi(32) * 1e-6, "microseconds"),
+            (65.536, "milliseconds"),
+            (0.065_536, "microseconds"),
+            (DAY_S, "day"),
+        ] {
             let step_s = if period < 1.0 { 0.01 } else { 0.02 };
             let wrapping: Vec<f64> = times(300, step_s).iter().map(|t_s| (period - 0.03 + t_s) % period).collect();
             let found = mended(&wrapping).unwrap();
@@ -255,7 +262,8 @@ mod tests {
         assert!((found.time_s[499] - found.time_s[0] - 4.99).abs() < 0.01);
         assert!(found.time_s.windows(2).all(|pair| (pair[1] - pair[0] - 0.01).abs() < 1e-4));
         // Two rows in each millisecond.
-        let found = mended(&times(500, 0.0005).iter().map(|t_s| (t_s * 1e3).floor() * 1e-3).collect::<Vec<_>>()).unwrap();
+        let found =
+            mended(&times(500, 0.0005).iter().map(|t_s| (t_s * 1e3).floor() * 1e-3).collect::<Vec<_>>()).unwrap();
         assert!(found.time_s.windows(2).all(|pair| (pair[1] - pair[0] - 0.0005).abs() < 1e-5));
     }
 

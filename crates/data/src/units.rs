@@ -97,10 +97,20 @@ mod tests {
 
     #[test]
     fn units_are_known_by_many_names() {
-        assert_eq!(["(ms)", "Second", "[V]", "Volt", "U/min", "-"].map(named), [Some("ms"), Some("s"), Some("V"), Some("V"), Some("rpm"), Some("")]);
+        assert_eq!(
+            ["(ms)", "Second", "[V]", "Volt", "U/min", "-"].map(named),
+            [Some("ms"), Some("s"), Some("V"), Some("V"), Some("rpm"), Some("")]
+        );
         assert_eq!(in_name("/motor/speed[rad/s]"), Some(("/motor/speed", "rad/s")));
         assert_eq!((in_name("Time (ms)"), in_name("f(x)")), (Some(("Time", "ms")), None));
-        for (name, unit) in [("time_ms", Some("ms")), ("micros", Some("us")), ("Time s", Some("s")), ("current_s", None), ("s", None), ("rpm", None)] {
+        for (name, unit) in [
+            ("time_ms", Some("ms")),
+            ("micros", Some("us")),
+            ("Time s", Some("s")),
+            ("current_s", None),
+            ("s", None),
+            ("rpm", None),
+        ] {
             assert_eq!(of_time_in_name(name), unit, "{name}");
         }
         assert_eq!(factor(Channel::Current, "mA"), Some(1e-3));

@@ -1,8 +1,6 @@
 //! `motorbench compare`: two recordings, two models, or a recording and a model.
 
-use super::{
-    Failure, Outputs, plot_file, read_model, read_recording, rig_file, rig_for, write_json, write_plot,
-};
+use super::{Failure, Outputs, plot_file, read_model, read_recording, rig_file, rig_for, write_json, write_plot};
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
 use motorbench_data::mapping::Mapping;

@@ -96,8 +96,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         .map_err(|error| Failure::input(format!("{name}: {}", text_file::explained(&arguments.source, error))))?;
     let from = arguments.from.unwrap_or_else(|| Format::of_content(&arguments.source, &bytes));
     let dialect = Dialect { delimiter: arguments.delimiter, decimal_comma: arguments.decimal_comma };
-    let converted =
-        convert::read(&name, &bytes, from, &arguments.names, dialect).map_err(Failure::input)?;
+    let converted = convert::read(&name, &bytes, from, &arguments.names, dialect).map_err(Failure::input)?;
     let dialect = Dialect { delimiter: arguments.to_delimiter, decimal_comma: arguments.to_decimal_comma };
     let recording = &converted.recording;
     let written = convert::write(recording, to, &arguments.renamed, dialect).map_err(Failure::input)?;

@@ -1,9 +1,7 @@
 //! `motorbench diagnose`: names what the linear motor lacks.
 
 use super::recordings::RecordingArguments;
-use super::{
-    Failure, Outputs, read_recording, rig_beside, rig_for, spinner, write, write_json, write_model,
-};
+use super::{Failure, Outputs, read_recording, rig_beside, rig_for, spinner, write, write_json, write_model};
 use clap::Args;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;

@@ -79,7 +79,8 @@ impl Outputs {
                     "two outputs have the name {path} (files beside a table take its name): choose another name for one"
                 )));
             }
-            let is_of_measurement = || files.iter().any(|table| side_file(table).is_some_and(|side| files.contains(&&side)));
+            let is_of_measurement =
+                || files.iter().any(|table| side_file(table).is_some_and(|side| files.contains(&&side)));
             if let Ok(there) = fs::read(&name)
                 && !is_of_measurement()
                 && !own_files::may_be_replaced(&name, &there)

@@ -34,7 +34,8 @@ impl Kind {
     /// By its first letters.
     fn of(contents: &[u8]) -> Self {
         let text = contents.trim_ascii_start();
-        let begins = |with: &str| text.get(..with.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(with.as_bytes()));
+        let begins =
+            |with: &str| text.get(..with.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(with.as_bytes()));
         match text {
             _ if begins("{") || begins("[{") => Self::Json,
             _ if begins("<!doctype html") || begins("<html") => Self::Page,
@@ -75,8 +76,7 @@ impl Kind {
 }
 
 /// Every kind with an ending.
-const KINDS: [Kind; 7] =
-    [Kind::Table, Kind::Json, Kind::Page, Kind::Plot, Kind::Picture, Kind::Toml, Kind::Lines];
+const KINDS: [Kind; 7] = [Kind::Table, Kind::Json, Kind::Page, Kind::Plot, Kind::Picture, Kind::Toml, Kind::Lines];
 
 fn is_text(contents: &[u8]) -> bool {
     contents.iter().take(4096).all(|byte| *byte >= b' ' || byte.is_ascii_whitespace())
@@ -124,7 +124,8 @@ pub(super) fn refusal(path: &Path, there: Option<&[u8]>, contents: &[u8]) -> Opt
     let (kind, name) = (Kind::of(contents), path.display());
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
     let is_of_another = KINDS.iter().any(|other| other.endings().contains(&ending.as_str()));
-    if let Some(usual) = kind.endings().first().filter(|_| is_of_another && !kind.endings().contains(&ending.as_str())) {
+    if let Some(usual) = kind.endings().first().filter(|_| is_of_another && !kind.endings().contains(&ending.as_str()))
+    {
         return Some(format!("{name} would hold {}: give it a name that ends in .{usual}", kind.name()));
     }
     let there = there.filter(|there| !there.trim_ascii().is_empty())?;
@@ -136,7 +137,10 @@ pub(super) fn refusal(path: &Path, there: Option<&[u8]>, contents: &[u8]) -> Opt
 
 /// The message about a file that motorbench did not write.
 pub(super) fn not_ours(path: &Path) -> String {
-    format!("{} was not written by motorbench and is not overwritten: choose another name, or remove it", path.display())
+    format!(
+        "{} was not written by motorbench and is not overwritten: choose another name, or remove it",
+        path.display()
+    )
 }
 
 /// The contents with the mark of their kind.
@@ -186,7 +190,15 @@ mod tests {
         }
         // Check sums of the standard: of a chunk of nothing but its name.
         assert_eq!(crc(b"IEND"), 0xae42_6082);
-        for by_hand in [&b"{\n  \"a\": 1\n}\n"[..], b"<!DOCTYPE html>", b"<svg></svg>", &png, b"[motor]\n", b"notes: buy bearings", b"\x93NUMPY"] {
+        for by_hand in [
+            &b"{\n  \"a\": 1\n}\n"[..],
+            b"<!DOCTYPE html>",
+            b"<svg></svg>",
+            &png,
+            b"[motor]\n",
+            b"notes: buy bearings",
+            b"\x93NUMPY",
+        ] {
             assert!(!may_be_replaced(Path::new("x"), by_hand), "{}", String::from_utf8_lossy(by_hand));
         }
         assert!(may_be_replaced(Path::new("x.json"), b""));

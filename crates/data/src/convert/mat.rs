@@ -267,7 +267,8 @@ impl Found<'_> {
             CLASS_STRUCTURE => self.structure(head, reader, path, depth),
             _ => {
                 let values = reader.values(head, path)?;
-                let sides: Vec<usize> = head.shape.iter().map(|side| *side as usize).filter(|side| *side != 1).collect();
+                let sides: Vec<usize> =
+                    head.shape.iter().map(|side| *side as usize).filter(|side| *side != 1).collect();
                 match sides[..] {
                     [rows, columns] => self.content.columns.extend(matrix(path, &values, rows, columns, true)),
                     [] | [_] => self.content.columns.push(Column::new(path, values)),
@@ -323,7 +324,8 @@ impl Found<'_> {
             // Simulink calls a signal by its label, or by the block that it comes from.
             let label = ["label", "blockName"].into_iter().find_map(|key| {
                 let (_, element) = fields.iter().find(|(name, _)| *name == key)?;
-                let mut inside = Reader { at: element.at, bytes: &reader.bytes[..element.at + element.data.len()], ..reader };
+                let mut inside =
+                    Reader { at: element.at, bytes: &reader.bytes[..element.at + element.data.len()], ..reader };
                 inside.head().ok().filter(|head| head.class == CLASS_TEXT)?;
                 inside.text()
             });
@@ -353,7 +355,8 @@ impl Found<'_> {
                     let path = format!("object/{}", self.objects + 1);
                     let is_long = head.shape.iter().any(|side| *side >= SHORTEST as f64);
                     // Bytes are the names and the order of the objects.
-                    if is_long && !matches!(head.class, CLASS_UINT8 | CLASS_UINT32)
+                    if is_long
+                        && !matches!(head.class, CLASS_UINT8 | CLASS_UINT32)
                         && let Ok(values) = of_array.values(&head, &path)
                     {
                         self.objects += 1;

@@ -79,7 +79,8 @@ fn dataset(dataset: &Dataset, path: &str, depth: usize, content: &mut Content) {
 /// The columns of a matrix, or a vector. MATLAB's dimensions stand in the reverse order.
 fn columns(dataset: &Dataset, path: &str) -> Option<Vec<Column>> {
     let values = dataset.read_f64().ok()?;
-    let sides: Vec<usize> = dataset.shape().ok()?.into_iter().map(|side| side as usize).filter(|side| *side != 1).collect();
+    let sides: Vec<usize> =
+        dataset.shape().ok()?.into_iter().map(|side| side as usize).filter(|side| *side != 1).collect();
     match sides[..] {
         [] | [_] => Some(vec![Column::new(path, values)]),
         [columns, rows] => Some(matrix(path, &values, rows, columns, true)),
@@ -133,12 +134,13 @@ fn signal(file: &File, group: &Group) -> Option<Vec<Series>> {
         text(&path).and_then(|path| path.rsplit('/').next().map(str::to_owned))
     };
     let name = named("Name").or_else(block).unwrap_or_else(|| "signal".into());
-    let filled = |names: [&str; 2]| {
-        names.iter().filter_map(|name| values.dataset(name).ok()).find(|dataset| !is_empty(dataset))
-    };
+    let filled =
+        |names: [&str; 2]| names.iter().filter_map(|name| values.dataset(name).ok()).find(|dataset| !is_empty(dataset));
     let data = filled(["DataR2", "Data"])?;
     let times = || -> Option<Vec<f64>> {
-        if let Some(times) = filled(["TimeR2", "Time"]).and_then(|dataset| dataset.read_f64().ok()).filter(|times| times.len() > 1) {
+        if let Some(times) =
+            filled(["TimeR2", "Time"]).and_then(|dataset| dataset.read_f64().ok()).filter(|times| times.len() > 1)
+        {
             return Some(times);
         }
         // Start, step, and number of the samples.
@@ -184,5 +186,7 @@ fn samples(bytes: &[u8], count: usize) -> Option<Vec<f64>> {
         return Some(bytes.chunks_exact(8).map(|one| f64::from_le_bytes(one.try_into().expect("eight"))).collect());
     }
     let is_single = bytes.len() == 4 * count;
-    is_single.then(|| bytes.chunks_exact(4).map(|one| f64::from(f32::from_le_bytes(one.try_into().expect("four")))).collect())
+    is_single.then(|| {
+        bytes.chunks_exact(4).map(|one| f64::from(f32::from_le_bytes(one.try_into().expect("four")))).collect()
+    })
 }

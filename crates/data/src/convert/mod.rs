@@ -44,16 +44,8 @@ pub enum Format {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 8] = [
-        Self::Csv,
-        Self::Plotjuggler,
-        Self::Sysid,
-        Self::Wpilog,
-        Self::Mat,
-        Self::Spreadsheet,
-        Self::Npy,
-        Self::Npz,
-    ];
+    pub const ALL: [Self; 8] =
+        [Self::Csv, Self::Plotjuggler, Self::Sysid, Self::Wpilog, Self::Mat, Self::Spreadsheet, Self::Npy, Self::Npz];
 
     /// Its name on the command line.
     pub const fn name(self) -> &'static str {
@@ -287,5 +279,7 @@ fn times(recording: &Recording) -> Result<&[f64], Fault> {
         .ok_or_else(|| Fault::whole("a table without t_s cannot be a time series: use CSV, .mat or NumPy"))
 }
 
+#[cfg(test)]
+mod kinds;
 #[cfg(test)]
 mod tests;

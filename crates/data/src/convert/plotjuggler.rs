@@ -17,7 +17,8 @@ pub fn series(mut content: Content) -> Content {
         }
         let mut blank = column.blank.iter().peekable();
         let is_point = |row: &usize| blank.next_if_eq(&row).is_none();
-        let rows: Vec<usize> = (0..column.values.len()).filter(is_point).filter(|row| time.values[*row].is_finite()).collect();
+        let rows: Vec<usize> =
+            (0..column.values.len()).filter(is_point).filter(|row| time.values[*row].is_finite()).collect();
         let of = |values: &[f64]| rows.iter().map(|row| values[*row]).collect();
         content.series.push(Series { time_s: of(&time.values), values: of(&column.values), name: column.name });
     }

@@ -7,8 +7,25 @@ use std::borrow::Cow;
 /// What programs print where there is no number: empty cells, the words of languages and spreadsheets, and Arduino's
 /// `ovf` of a value that is too great for its `print`.
 const MISSING: [&str; 19] = [
-    "", "nan", "-nan", "+nan", "nan(ind)", "-nan(ind)", "na", "n/a", "#n/a", "#div/0!", "#num!", "#value!", "null",
-    "none", "ovf", "inf", "-inf", "+inf", "-",
+    "",
+    "nan",
+    "-nan",
+    "+nan",
+    "nan(ind)",
+    "-nan(ind)",
+    "na",
+    "n/a",
+    "#n/a",
+    "#div/0!",
+    "#num!",
+    "#value!",
+    "null",
+    "none",
+    "ovf",
+    "inf",
+    "-inf",
+    "+inf",
+    "-",
 ];
 
 /// Letters that stand between the thousands of a number, and are no separator of cells.
@@ -126,7 +143,8 @@ fn days_since_1970(date: Date) -> i64 {
 /// Reads a date, a time of day, or both.
 pub fn moment(cell: &str) -> Option<Moment> {
     // A quick look: it begins with a digit and has a sign between numbers.
-    if !cell.as_bytes().first()?.is_ascii_digit() || !cell.bytes().any(|byte| matches!(byte, b':' | b'-' | b'/' | b'.')) {
+    if !cell.as_bytes().first()?.is_ascii_digit() || !cell.bytes().any(|byte| matches!(byte, b':' | b'-' | b'/' | b'.'))
+    {
         return None;
     }
     if let Some(clock) = clock(cell) {
@@ -223,9 +241,12 @@ mod tests {
         for cell in ["", "NaN", "nan", "N/A", "ovf", "inf", "---", "#DIV/0!", "null"] {
             assert!(number(cell, Notation::Point).is_some_and(f64::is_nan), "{cell}");
         }
-        for (cell, notation) in
-            [("x", Notation::Point), ("1,5", Notation::Point), ("1,5", Notation::PointAndThousands), ("1.2.3", Notation::Comma)]
-        {
+        for (cell, notation) in [
+            ("x", Notation::Point),
+            ("1,5", Notation::Point),
+            ("1,5", Notation::PointAndThousands),
+            ("1.2.3", Notation::Comma),
+        ] {
             assert_eq!(number(cell, notation), None, "{cell}");
         }
     }

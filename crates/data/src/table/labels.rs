@@ -30,7 +30,8 @@ fn pairs(line: &str) -> Option<Vec<Pair<'_>>> {
     while !rest.is_empty() {
         let (name, after) = rest.split_once([':', '='])?;
         let name = name.trim();
-        let is_name = name.starts_with(|c: char| c.is_alphabetic() || c == '_') && !name.contains(BETWEEN.map(|c| if c == ' ' { ',' } else { c }));
+        let is_name = name.starts_with(|c: char| c.is_alphabetic() || c == '_')
+            && !name.contains(BETWEEN.map(|c| if c == ' ' { ',' } else { c }));
         let after = after.trim_start();
         let end = after.find(BETWEEN).unwrap_or(after.len());
         let value = value(&after[..end])?;
@@ -93,9 +94,7 @@ fn rows(lines: &[Line<'_>]) -> Content {
     }
     // Rows of before the first name came again, or of a line that lost a pair, lack a value.
     let value = |row: &BTreeMap<usize, f64>, place: usize| row.get(&place).copied().unwrap_or(f64::NAN);
-    let column = |(place, name): (usize, &&str)| {
-        Column::new(*name, rows.iter().map(|row| value(row, place)).collect())
-    };
+    let column = |(place, name): (usize, &&str)| Column::new(*name, rows.iter().map(|row| value(row, place)).collect());
     content.columns = names.iter().enumerate().map(column).collect();
     if OWN.iter().all(|(own, ..)| names.contains(own)) {
         for (own, channel, unit) in OWN {

@@ -1,6 +1,6 @@
 //! Lines of a text, their prefixes, and the separator of their cells.
 
-use super::cells::{is_numeric, moment, number, Notation};
+use super::cells::{Notation, is_numeric, moment, number};
 use std::borrow::Cow;
 
 /// A line with something in it.

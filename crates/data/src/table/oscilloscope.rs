@@ -28,7 +28,8 @@ pub fn start_and_step_s(above: &[Line<'_>], names: &[String], values: &[String])
         let of_line = |line: &Line<'_>| {
             separators.iter().find_map(|separator| {
                 let cells = separator.cells(line.text);
-                (cells.len() > 1 && cells[0].eq_ignore_ascii_case(key)).then(|| cells[1].replace(',', ".").parse().ok())?
+                (cells.len() > 1 && cells[0].eq_ignore_ascii_case(key))
+                    .then(|| cells[1].replace(',', ".").parse().ok())?
             })
         };
         above.iter().find_map(of_line)

@@ -26,7 +26,8 @@ pub fn read(
     for line in &split.lines[header.first_row..] {
         let mut cells = split.separator.cells(line.text);
         cells.drain(..header.skipped.min(cells.len()));
-        if header.skipped == 0 && cells.iter().zip(&header.names).all(|(cell, name)| *cell == **name) && cells.len() > 1 {
+        if header.skipped == 0 && cells.iter().zip(&header.names).all(|(cell, name)| *cell == **name) && cells.len() > 1
+        {
             repeated += 1;
             continue;
         }
@@ -75,7 +76,9 @@ fn checked_width(split: &Split<'_>, header: &Header) -> Result<usize, String> {
     }
     let lacking = header.names.get(split.width..).unwrap_or_default();
     if lacking.iter().all(|name| oscilloscope::may_lack_cells(name)) {
-        let needed = header.names[..split.width.min(header.names.len())].iter().rposition(|name| !oscilloscope::may_lack_cells(name));
+        let needed = header.names[..split.width.min(header.names.len())]
+            .iter()
+            .rposition(|name| !oscilloscope::may_lack_cells(name));
         return Ok(split.width.min(needed.map_or(names, |last| last + 1)).max(1));
     }
     Ok(names)
@@ -130,7 +133,8 @@ fn column(rows: &[Vec<Cow<'_, str>>], place: usize, kind: Kind, notation: Notati
     }
     if kind != Kind::Numbers {
         column.unit = "s".into();
-        column.since = rows.iter().map(|row| &row[place]).find(|cell| moment(cell).is_some()).map(|cell| cell.to_string());
+        column.since =
+            rows.iter().map(|row| &row[place]).find(|cell| moment(cell).is_some()).map(|cell| cell.to_string());
     }
     column
 }

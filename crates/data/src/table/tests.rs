@@ -11,11 +11,19 @@ fn read(text: &str, columns: &[&str]) -> Result<Recording, String> {
 
 /// Milliseconds, PWM, rpm and mA of a motor that starts and turns back, as a sketch prints them.
 fn lines(count: usize, line: impl Fn(i32, i32, f64, i32) -> String) -> String {
-    (0..count as i32).map(|row| line(412 + 10 * row, sense(row) * 120, f64::from(sense(row)) * 486.5, sense(row) * 93) + "\n").collect()
+    (0..count as i32)
+        .map(|row| line(412 + 10 * row, sense(row) * 120, f64::from(sense(row)) * 486.5, sense(row) * 93) + "\n")
+        .collect()
 }
 
 fn sense(row: i32) -> i32 {
-    if row < 5 { 0 } else if row % 40 < 20 { 1 } else { -1 }
+    if row < 5 {
+        0
+    } else if row % 40 < 20 {
+        1
+    } else {
+        -1
+    }
 }
 
 /// Names of the sketch's columns as channels.
@@ -48,7 +56,10 @@ fn a_serial_line_as_text() {
         ("a greeting before the header", format!("Motor test v1.2\nReady\n{table}")),
         ("the time stamps of the Arduino IDE", stamped(&format!("Ready\n{table}"), &|index| clock(index) + " -> ")),
         ("time stamps in brackets", stamped(&table, &|index| format!("[{}] ", clock(index)))),
-        ("noise of a starting board", format!("\u{fffd}\u{fffd}7,-33,412.\nets Jul 29 2019 12:21:46\nrst:0x1\n{table}")),
+        (
+            "noise of a starting board",
+            format!("\u{fffd}\u{fffd}7,-33,412.\nets Jul 29 2019 12:21:46\nrst:0x1\n{table}"),
+        ),
         ("aligned blanks", table.replace(',', "    ").replace("\n", "\n   ")),
         ("tabs", table.replace(',', "\t")),
         ("bars", table.replace(',', " | ")),
@@ -97,7 +108,11 @@ fn broken_lines_are_left_out_and_counted() {
     let plain = |ms: i32, pwm: i32, rpm: f64, ma: i32| format!("{ms},{pwm},{rpm},{ma}");
     let table = |broken: &str| {
         let table = "millis,pwm,rpm,mA\n".to_owned() + &lines(400, plain);
-        table.lines().enumerate().map(|(index, line)| if index == 300 { broken.to_owned() } else { line.to_owned() } + "\n").collect::<String>()
+        table
+            .lines()
+            .enumerate()
+            .map(|(index, line)| if index == 300 { broken.to_owned() } else { line.to_owned() } + "\n")
+            .collect::<String>()
     };
     for (broken, why) in [
         ("34,1", "2 values, but the header line has 4"),
@@ -106,7 +121,11 @@ fn broken_lines_are_left_out_and_counted() {
     ] {
         let found = read(&table(broken), &SKETCH).unwrap();
         assert_eq!(found.len(), 399);
-        assert!(found.notes[0].starts_with(&format!("Line 301 cannot be read and is left out: {why}")), "{:?}", found.notes);
+        assert!(
+            found.notes[0].starts_with(&format!("Line 301 cannot be read and is left out: {why}")),
+            "{:?}",
+            found.notes
+        );
     }
     // A cut at the end, and `ovf` for a value that is too great.
     let cut = table("3402,120,ovf,93");
@@ -114,11 +133,13 @@ fn broken_lines_are_left_out_and_counted() {
     assert_eq!(found.len(), 400);
     assert!(found.get(Channel::Rpm).unwrap()[299].is_nan());
     // Too many of them are no noise.
-    let bad = "millis,pwm,rpm,mA\n".to_owned() + &lines(400, |ms, pwm, rpm, ma| if ms % 500 == 12 { "x".into() } else { plain(ms, pwm, rpm, ma) });
+    let bad = "millis,pwm,rpm,mA\n".to_owned()
+        + &lines(400, |ms, pwm, rpm, ma| if ms % 500 == 12 { "x".into() } else { plain(ms, pwm, rpm, ma) });
     let why = read(&bad, &SKETCH).unwrap_err();
     assert!(why.contains("line 12: 1 values, but the header line has 4 (8 of 400 lines cannot be read"), "{why}");
     // What stands in a column that is not used does not matter.
-    let words = "millis,pwm,rpm,mA,state\n".to_owned() + &lines(400, |ms, pwm, rpm, ma| plain(ms, pwm, rpm, ma) + ",RUN");
+    let words =
+        "millis,pwm,rpm,mA,state\n".to_owned() + &lines(400, |ms, pwm, rpm, ma| plain(ms, pwm, rpm, ma) + ",RUN");
     assert_is_it(&read(&words, &SKETCH).unwrap(), 400, "a column of words");
 }
 
@@ -127,13 +148,47 @@ fn numbers_and_times_in_other_notations() {
     let moment = |ms: i32| format!("14:{:02}:{:02}.{:03}", 59 + (ms / 60_000), ms / 1000 % 60, ms % 1000);
     let columns = ["pwm=duty/255", "mA=i_A/1000"];
     for (what, text) in [
-        ("date and clock", "Date,Time,pwm,rpm,mA\n".to_owned() + &lines(300, |ms, pwm, rpm, ma| format!("2024-03-01,{},{pwm},{rpm},{ma}", moment(ms)))),
-        ("ISO", "timestamp,pwm,rpm,mA\n".to_owned() + &lines(300, |ms, pwm, rpm, ma| format!("2024-03-01T{}Z,{pwm},{rpm},{ma}", moment(ms)))),
-        ("date and clock in one", "when;pwm;rpm;mA\n".to_owned() + &lines(300, |ms, pwm, rpm, ma| format!("01.03.2024 {};{pwm};{};{ma}", moment(ms), rpm.to_string().replace('.', ",")))),
-        ("since 1970", "t_s,pwm,rpm,mA\n".to_owned() + &lines(300, |ms, pwm, rpm, ma| format!("17093051{:02}.{:03},{pwm},{rpm},{ma}", 90 + ms / 1000, ms % 1000))),
-        ("units of the header", "Time (ms),pwm,speed [rpm],mA\n".to_owned() + &lines(300, |ms, pwm, rpm, ma| format!("{ms},{pwm},{rpm},{ma}"))),
-        ("a line of units", "Time,pwm,speed,mA\n(ms),,(rpm),(mA)\n\n".to_owned() + &lines(300, |ms, pwm, rpm, ma| format!("{ms},{pwm},{rpm},{ma}"))),
-        ("thousands", "Time_us;pwm;rpm;mA\n".to_owned() + &lines(300, |ms, pwm, rpm, ma| format!("{}.{:03}.000,0;{pwm};{};{ma}", ms / 1000, ms % 1000, rpm.to_string().replace('.', ",")))),
+        (
+            "date and clock",
+            "Date,Time,pwm,rpm,mA\n".to_owned()
+                + &lines(300, |ms, pwm, rpm, ma| format!("2024-03-01,{},{pwm},{rpm},{ma}", moment(ms))),
+        ),
+        (
+            "ISO",
+            "timestamp,pwm,rpm,mA\n".to_owned()
+                + &lines(300, |ms, pwm, rpm, ma| format!("2024-03-01T{}Z,{pwm},{rpm},{ma}", moment(ms))),
+        ),
+        (
+            "date and clock in one",
+            "when;pwm;rpm;mA\n".to_owned()
+                + &lines(300, |ms, pwm, rpm, ma| {
+                    format!("01.03.2024 {};{pwm};{};{ma}", moment(ms), rpm.to_string().replace('.', ","))
+                }),
+        ),
+        (
+            "since 1970",
+            "t_s,pwm,rpm,mA\n".to_owned()
+                + &lines(300, |ms, pwm, rpm, ma| {
+                    format!("17093051{:02}.{:03},{pwm},{rpm},{ma}", 90 + ms / 1000, ms % 1000)
+                }),
+        ),
+        (
+            "units of the header",
+            "Time (ms),pwm,speed [rpm],mA\n".to_owned()
+                + &lines(300, |ms, pwm, rpm, ma| format!("{ms},{pwm},{rpm},{ma}")),
+        ),
+        (
+            "a line of units",
+            "Time,pwm,speed,mA\n(ms),,(rpm),(mA)\n\n".to_owned()
+                + &lines(300, |ms, pwm, rpm, ma| format!("{ms},{pwm},{rpm},{ma}")),
+        ),
+        (
+            "thousands",
+            "Time_us;pwm;rpm;mA\n".to_owned()
+                + &lines(300, |ms, pwm, rpm, ma| {
+                    format!("{}.{:03}.000,0;{pwm};{};{ma}", ms / 1000, ms % 1000, rpm.to_string().replace('.', ","))
+                }),
+        ),
     ] {
         let mut columns = columns.to_vec();
         if text.contains("speed") {
@@ -157,7 +212,11 @@ fn columns_that_need_an_expression() {
     let why = read(&table, &columns[..2]).unwrap_err();
     assert!(why.contains("two columns are rpm: rpm#1, rpm#2. Choose one, for instance --column rpm#1=rpm"), "{why}");
     let paths = table.replacen("millis,pwm,dir,rpm,rpm,adc", "\"a/millis\",\"m/pwm\",m/dir,m/set rpm,m/rpm,x/adc", 1);
-    assert_is_it(&read(&paths, &["millis=t_s/1000", "pwm*sign(dir)=duty/255", "adc=i_A*0.0264-13.5168"]).unwrap(), 300, "paths");
+    assert_is_it(
+        &read(&paths, &["millis=t_s/1000", "pwm*sign(dir)=duty/255", "adc=i_A*0.0264-13.5168"]).unwrap(),
+        300,
+        "paths",
+    );
 }
 
 #[test]
@@ -165,7 +224,13 @@ fn exports_of_oscilloscopes_and_labview() {
     let samples = |separator: &str, more: &str, first: &dyn Fn(usize) -> String| {
         let mut text = String::new();
         for row in 0..200 {
-            let _ = writeln!(text, "{}{separator}{}{separator}{:.2}{more}", first(row), row % 7, 2.5 + f64::from(row as i32 % 3));
+            let _ = writeln!(
+                text,
+                "{}{separator}{}{separator}{:.2}{more}",
+                first(row),
+                row % 7,
+                2.5 + f64::from(row as i32 % 3)
+            );
         }
         text
     };
@@ -198,8 +263,17 @@ fn exports_of_oscilloscopes_and_labview() {
         }
     }
     // Tektronix writes its settings beside the samples.
-    let settings = ["Record Length,2.0e+02", "Sample Interval,1.0e-03", "Trigger Point,1.0e+02", "Source,CH1", "Vertical Units,V", "Horizontal Units,s"];
-    let beside = (0..200).map(|row| format!("{},,{:.3},{}.5,\n", settings.get(row).unwrap_or(&","), -0.1 + row as f64 * 1e-3, row % 7)).collect::<String>();
+    let settings = [
+        "Record Length,2.0e+02",
+        "Sample Interval,1.0e-03",
+        "Trigger Point,1.0e+02",
+        "Source,CH1",
+        "Vertical Units,V",
+        "Horizontal Units,s",
+    ];
+    let beside = (0..200)
+        .map(|row| format!("{},,{:.3},{}.5,\n", settings.get(row).unwrap_or(&","), -0.1 + row as f64 * 1e-3, row % 7))
+        .collect::<String>();
     let found = read(&beside, &["CH1=u_V"]).unwrap();
     assert_eq!((found.len(), found.get(Channel::Voltage).unwrap()[3]), (200, 3.5));
     assert!((found.time_s().unwrap()[199] - 0.099).abs() < 1e-9);
@@ -228,8 +302,16 @@ fn curves_of_plotjuggler_are_measured_or_held() {
     let found = read(&text, &columns).unwrap();
     assert_eq!(found.len(), 100);
     assert_eq!(found.get(Channel::Speed).unwrap()[7], 42.0);
-    assert!((found.get(Channel::Voltage).unwrap()[7] - 0.28).abs() < 1e-9 && (found.time_s().unwrap()[7] - 0.14).abs() < 1e-6);
-    assert_eq!(found.notes, ["100 of 200 values of /motor/Voltage, commanded lie between the samples of /motor/speed[rad/s] and are left out."]);
+    assert!(
+        (found.get(Channel::Voltage).unwrap()[7] - 0.28).abs() < 1e-9
+            && (found.time_s().unwrap()[7] - 0.14).abs() < 1e-6
+    );
+    assert_eq!(
+        found.notes,
+        [
+            "100 of 200 values of /motor/Voltage, commanded lie between the samples of /motor/speed[rad/s] and are left out."
+        ]
+    );
 }
 
 #[test]
@@ -237,9 +319,22 @@ fn speeds_that_wrap_are_continued_before_they_are_scaled() {
     let speed = |row: i32| (45_000.0 * (f64::from(row) * 0.02).sin()).round();
     let mut text = "t_s,u_V,vel\n".to_owned();
     for row in 0..700 {
-        let _ = writeln!(text, "{:.2},{},{}", f64::from(row) * 0.01, row % 9, (speed(row) + 32_768.0).rem_euclid(65_536.0) - 32_768.0);
+        let _ = writeln!(
+            text,
+            "{:.2},{},{}",
+            f64::from(row) * 0.01,
+            row % 9,
+            (speed(row) + 32_768.0).rem_euclid(65_536.0) - 32_768.0
+        );
     }
     let found = read(&text, &["vel=omega_rad_per_s*0.001"]).unwrap();
-    assert!(found.get(Channel::Speed).unwrap().iter().enumerate().all(|(row, value)| (value - 1e-3 * speed(row as i32)).abs() < 1e-9));
+    assert!(
+        found
+            .get(Channel::Speed)
+            .unwrap()
+            .iter()
+            .enumerate()
+            .all(|(row, value)| (value - 1e-3 * speed(row as i32)).abs() < 1e-9)
+    );
     assert_eq!(found.notes, ["omega_rad_per_s wraps at 16 bits. It is continued."]);
 }

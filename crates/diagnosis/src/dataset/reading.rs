@@ -6,8 +6,8 @@ use super::edge_timing::Timed;
 use super::speed_window::{self, Found, Window};
 use super::turns::{self, Ambiguous};
 use super::{
-    DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, LONGEST_OF_ALL_S, Measured, Origin, Output, SHORTEST_S,
-    SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
+    DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, LONGEST_OF_ALL_S, Measured, Origin,
+    Output, SHORTEST_S, SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
 };
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig};
