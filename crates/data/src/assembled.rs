@@ -47,7 +47,10 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
         return Err(nothing_known(&content, &has));
     }
     recording.suggestion = suggestions::options(unused().filter(|column| !column.is_text()), &has);
-    recording.ignored = unused().map(|column| column.name.clone()).filter(|name| !name.is_empty()).collect();
+    recording.ignored = unused()
+        .map(|column| column.name.clone())
+        .filter(|name| !name.is_empty() && name != crate::table::PREFIX)
+        .collect();
     recording.ignored.extend(content.ignored.iter().cloned());
     let mut broken = content.broken.clone();
     if let Some(other) = used.iter().find(|column| columns[**column].values.len() != rows) {
@@ -178,7 +181,7 @@ fn no_channel(columns: &[Column], has: &[Channel]) -> String {
     let proposal = suggestions::options(numbers(), has);
     let is_probe =
         |column: &&Column| column.name.to_lowercase().starts_with("ch") && matches!(&*column.unit, "V" | "mV");
-    let advice = match numbers().filter(is_probe).last() {
+    let advice = match numbers().rfind(is_probe) {
         _ if are_numbered => format!("Name them, for instance {}", suggestions::by_number(columns)),
         _ if !proposal.is_empty() => format!("Likely: {proposal}"),
         Some(probe) => format!(

@@ -174,7 +174,7 @@ pub fn values(term: Term, columns: &[&Column], rows: usize) -> Vec<f64> {
         Term::Row => (0..rows).map(|row| row as f64).collect(),
         Term::Signed(of, by) => {
             // The level of a pin has no negative value: its 0 is the other direction.
-            let is_level = columns[by].values.iter().all(|value| !(*value < 0.0));
+            let is_level = !columns[by].values.iter().any(|value| *value < 0.0);
             let sign = |by: f64| match by {
                 by if by.is_nan() => f64::NAN,
                 by if by < 0.0 || is_level && by == 0.0 => -1.0,

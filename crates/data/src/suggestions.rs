@@ -113,7 +113,7 @@ fn is_direction(column: &Column) -> bool {
 }
 
 fn has_no_sign(column: &Column) -> bool {
-    column.values.iter().all(|value| !(*value < 0.0))
+    !column.values.iter().any(|value| *value < 0.0)
 }
 
 /// A word for a command line, in quotes if a shell would read it otherwise.

@@ -47,7 +47,7 @@ pub fn mended(time_s: &[f64]) -> Option<Mended> {
     }
     let left: Vec<f64> = mended.kept_times();
     let out = time_s.len() - left.len();
-    if left.windows(2).any(|pair| !(pair[1] > pair[0])) || out as f64 > MOST_OUT_OF_ORDER * time_s.len() as f64 {
+    if !left.windows(2).all(|pair| pair[1] > pair[0]) || out as f64 > MOST_OUT_OF_ORDER * time_s.len() as f64 {
         return None;
     }
     if out > 0 {

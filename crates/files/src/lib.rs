@@ -27,7 +27,7 @@ pub fn recording(path: &Path, mappings: &[Mapping]) -> Result<Recording, Recordi
         return Err(RecordingError::Table { name, message: message.into() });
     }
     if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) && path.exists() {
-        return Err(RecordingError::Table { name, message: "this is TOML, but a recording is expected".into() });
+        return Err(RecordingError::Table { name, message: "this is TOML, but a recording (CSV) is expected".into() });
     }
     let bytes = std::fs::read(path).map_err(|error| {
         let source = text_file::explained(path, error);

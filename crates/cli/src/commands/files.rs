@@ -68,15 +68,15 @@ impl Outputs {
                 )));
             }
             let Some(name) = own_name(path) else { continue };
-            let path = path.display();
+            let shown = path.display();
             if read.contains(&name) {
                 return Err(Failure::input(format!(
-                    "{path} is an input and would be overwritten: choose another output name"
+                    "{shown} is an input and would be overwritten: choose another output name"
                 )));
             }
             if taken.contains(&name) {
                 return Err(Failure::input(format!(
-                    "two outputs have the name {path} (files beside a table take its name): choose another name for one"
+                    "two outputs have the name {shown} (files beside a table take its name): choose another name for one"
                 )));
             }
             let is_of_measurement =
@@ -85,7 +85,7 @@ impl Outputs {
                 && !is_of_measurement()
                 && !own_files::may_be_replaced(&name, &there)
             {
-                return Err(Failure::input(own_files::not_ours(&name)));
+                return Err(Failure::input(own_files::not_ours(path)));
             }
             taken.push(name);
         }

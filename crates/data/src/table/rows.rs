@@ -145,7 +145,7 @@ fn seconds(nanoseconds: i128) -> f64 {
 }
 
 /// A column of dates and one of times of day are one column of moments.
-fn join_date_and_clock(columns: &mut Vec<Column>, rows: &[Vec<Cow<'_, str>>], kinds: &[Kind]) {
+fn join_date_and_clock(columns: &mut [Column], rows: &[Vec<Cow<'_, str>>], kinds: &[Kind]) {
     let place = |kind: Kind| kinds.iter().position(|found| *found == kind);
     let Some(date) = place(Kind::Date) else { return };
     let Some(clock) = place(Kind::Clock) else {

@@ -2,6 +2,7 @@
 
 use crate::mapping::Mapping;
 use crate::recording::{Channel, Recording};
+use proptest::prelude::*;
 use std::fmt::Write as _;
 
 fn read(text: &str, columns: &[&str]) -> Result<Recording, String> {
@@ -337,4 +338,44 @@ fn speeds_that_wrap_are_continued_before_they_are_scaled() {
             .all(|(row, value)| (value - 1e-3 * speed(row as i32)).abs() < 1e-9)
     );
     assert_eq!(found.notes, ["omega_rad_per_s wraps at 16 bits. It is continued."]);
+}
+
+proptest! {
+    /// A table loses no bit, whatever separator, notation and line ends it has.
+    #[test]
+    fn every_dialect_gives_the_same_numbers(
+        rows in prop::collection::vec((-1e6..1e6_f64, prop_oneof![4 => -1e-3..1e-3_f64, 1 => Just(f64::NAN)]), 4..40),
+        separator in prop::sample::select(vec![",", ";", "\t", "|", "   "]),
+        ends in prop::sample::select(vec!["\n", "\r\n", "\r"]),
+        before in prop::sample::select(vec!["", "Ready\n", "# a comment\n", "Motor test\nboard 3\n"]),
+        comma in any::<bool>(),
+    ) {
+        let comma = comma && separator != ",";
+        let text = |value: f64| match (value.is_nan(), comma) {
+            (true, _) => "nan".to_owned(),
+            (_, true) => value.to_string().replace('.', ","),
+            _ => value.to_string(),
+        };
+        let mut table = before.to_owned() + &["t_s", "u_V", "rpm"].join(separator) + "\n";
+        for (row, (volts, speed)) in rows.iter().enumerate() {
+            table += &[text(row as f64 / 8.0), text(*volts), text(*speed)].join(separator);
+            table.push('\n');
+        }
+        let found = Recording::parse("made", table.replace('\n', ends).as_bytes(), &[]).unwrap();
+        prop_assert_eq!(found.len(), rows.len());
+        let bits = |values: &[f64]| values.iter().map(|value| value.to_bits()).collect::<Vec<_>>();
+        let of = |pick: fn(&(f64, f64)) -> f64| rows.iter().map(pick).collect::<Vec<_>>();
+        prop_assert_eq!(bits(found.get(Channel::Voltage).unwrap()), bits(&of(|row| row.0)));
+        if let Some(speed) = found.get(Channel::Rpm) {
+            prop_assert_eq!(bits(speed), bits(&of(|row| row.1)));
+        }
+    }
+
+    /// Any text is a table or an error, and no panic.
+    #[test]
+    fn any_text_is_read_or_refused(text in "[-0-9a-zA-Z,;:.\"\t >#%/\\[\\]\n\r+]{0,400}") {
+        if let Err(error) = Recording::parse("any", text.as_bytes(), &[]) {
+            prop_assert!(error.to_string().starts_with("any"), "{}", error);
+        }
+    }
 }

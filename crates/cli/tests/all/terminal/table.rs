@@ -115,10 +115,10 @@ pub const TABLE: &[Row] = &[
             (&["run.csv", "--rig", "."], 1, "this is a folder, but a rig file (TOML) is expected"),
             (&["run.csv", "--rig", "run.csv"], 1, "run.csv: this is CSV, but a rig file (TOML) is expected"),
             (&["rig.toml"], 1, "rig.toml: this is TOML, but a recording (CSV) is expected"),
-            (&["names.csv"], 1, "no known column among time, volts;"),
+            (&["names.csv"], 1, "no known channel among time, volts. Likely: --column"),
             (&["slow.csv"], 1, "add --column t_s=t_s*0.001"),
             (&["time.csv"], 1, "time.csv: there is no column t_s"),
-            (&["glitch.csv"], 1, "glitch.csv, line 3: column omega_rad_per_s: 1e300 cannot be a measurement"),
+            (&["glitch.csv"], 1, "glitch.csv: line 3: column omega_rad_per_s: 1e300 cannot be a measurement"),
             (&["run.csv", "--model", "run.csv"], 1, "run.csv is an input and would be overwritten"),
             (&["run.csv", "--model", "model.toml"], 1, "model.toml was not written by motorbench"),
             (
