@@ -64,8 +64,9 @@ pub(super) struct Encoder {
     inverted: u8,
     disturbances: BTreeMap<u64, u8>,
     noise: Noise,
-    /// When a noisy line changes next.
+    /// When a noisy line changes next, and whether it is inverted now.
     noise_at: Option<u64>,
+    noise_inverts: bool,
     /// The encoder turns by so much of the shaft, from this angle on.
     coupling: f64,
     offset_rad: f64,
@@ -85,6 +86,7 @@ impl Encoder {
             disturbances: BTreeMap::new(),
             noise: Noise::new(rig.seed),
             noise_at: None,
+            noise_inverts: false,
             coupling: 1.0,
             offset_rad: 0.0,
         }
@@ -106,6 +108,7 @@ impl Encoder {
         self.offset_rad += angle_rad * (self.coupling - coupling);
         self.coupling = coupling;
         self.noise_at = (fault == Some(EncoderFault::Noisy)).then(|| now + self.noise_gap());
+        self.noise_inverts = false;
         self.fault = fault;
     }
 
@@ -139,7 +142,7 @@ impl Encoder {
             self.disturbances.remove(&at);
         }
         while let Some(at) = self.noise_at.filter(|at| *at <= cycle) {
-            self.inverted ^= ENCODER_A.mask();
+            self.noise_inverts = !self.noise_inverts;
             self.noise_at = Some(at + self.noise_gap());
         }
         match &mut self.train {
@@ -200,7 +203,7 @@ impl Encoder {
         if self.swapped != (self.fault == Some(EncoderFault::Swapped)) {
             (a, b) = (b, a);
         }
-        a ^= self.inverted & ENCODER_A.mask() != 0;
+        a ^= (self.inverted & ENCODER_A.mask() != 0) != self.noise_inverts;
         b ^= self.inverted & ENCODER_B.mask() != 0;
         match self.fault {
             Some(EncoderFault::Unplugged) => (a, b) = (true, true),
@@ -274,6 +277,19 @@ mod tests {
         encoder.set_fault(0, further, None);
         assert!((encoder.position(further) - 1010.5).abs() < 1e-6);
         assert!((encoder.position(begun) - 910.5).abs() < 1e-6);
+    }
+
+    /// Whatever the number of changes was.
+    #[test]
+    fn a_line_that_was_noisy_is_whole_again() {
+        let mut encoder = Encoder::new(&Rig::default());
+        let sound = encoder.lines();
+        encoder.set_fault(0, 0.0, Some(EncoderFault::Noisy));
+        let cycle = encoder.next_edge(0, 0.0, 0.0).expect("noise");
+        encoder.update(cycle, 0.0);
+        assert_ne!(encoder.lines(), sound);
+        encoder.set_fault(cycle, 0.0, None);
+        assert_eq!(encoder.lines(), sound);
     }
 
     #[test]

@@ -368,6 +368,22 @@ impl Dataset {
         median(rows.filter(is_step).map(left)) > LEFT_AFTER_A_ROW
     }
 
+    /// The same with one stretch of at most this length: the one in which the command changes most.
+    pub fn excerpt(&self, length_s: f64) -> Self {
+        let changes = |rows: &Range<usize>| {
+            let volts = self.voltage_v[rows.clone()].windows(2);
+            volts.map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
+        };
+        let parts = self.stretches.iter().flat_map(|stretch| {
+            let most = ((length_s / stretch.interval_s) as usize).max(SHORTEST_STRETCH);
+            let begins = stretch.rows.clone().step_by(most);
+            let rows = begins.map(move |begin| begin..(begin + most).min(stretch.rows.end));
+            rows.filter(|rows| rows.len() >= SHORTEST_STRETCH).map(move |rows| Stretch { rows, ..stretch.clone() })
+        });
+        let busiest = parts.max_by(|one, other| changes(&one.rows).total_cmp(&changes(&other.rows)));
+        Self { stretches: busiest.into_iter().collect(), ..self.clone() }
+    }
+
     /// Total length of all stretches.
     fn span_s(&self) -> f64 {
         self.stretches.iter().map(|Stretch { rows, .. }| self.time_s[rows.end - 1] - self.time_s[rows.start]).sum()

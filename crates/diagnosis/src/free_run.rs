@@ -5,14 +5,15 @@
 //! and never beyond, so the shaft sticks and the diodes block at any step (time stepping after Moreau).
 
 mod reading;
+mod replay;
 mod run;
 
 pub use reading::read;
+pub use replay::Replay;
 
 use crate::dataset::{Dataset, Stretch};
 use motorbench_model::catalogue::{Balance, Instant};
 use motorbench_model::{LinearStep, Model, Reached};
-use run::Run;
 use std::ops::Range;
 
 /// The prediction of each measured quantity, in the order of [`Dataset::measured`].
@@ -36,7 +37,7 @@ pub fn longest_step_s(model: &Model) -> f64 {
 
 /// Simulates every stretch of the data.
 pub fn free_run(model: &Model, data: &Dataset) -> Prediction {
-    read(model, data, drive(model, data, Steps::Fine))
+    Replay::new(data).free_run(model)
 }
 
 /// The true motion of the model, before its sensors: one entry a sample of the data, NaN between stretches.
@@ -92,13 +93,7 @@ impl Motion {
 
 /// Drives the motor of the model with the recorded command.
 pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
-    let mut motion = Motion::with_capacity(data.len());
-    for stretch in &data.stretches {
-        motion.fill_up_to(stretch.rows.start);
-        Run::new(model, data, stretch, steps).whole(&mut motion);
-    }
-    motion.fill_up_to(data.len());
-    motion
+    Replay::new(data).drive(model, steps)
 }
 
 /// A motion with the first-order response of the linear motor to a small added torque and voltage. Where the motor was at

@@ -8,7 +8,7 @@
 //! (sandwich; White, Econometrica 50 (1982)).
 
 use crate::dataset::{Dataset, greatest};
-use crate::free_run::{Motion, Prediction, Steps, drive, free_run, nudged, read};
+use crate::free_run::{Motion, Prediction, Replay, Steps, drive, nudged, read};
 use maybe_rayon::prelude::*;
 use motorbench_data::rig::{Bridge, NominalMotor};
 use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, Scales, VOLTAGE_DROP};
@@ -168,40 +168,41 @@ impl Place {
 
 /// A simulation that others are compared with.
 struct Base<'a> {
-    data: &'a Dataset,
+    replay: &'a Replay<'a>,
     steps: Steps,
     motion: Motion,
     residual: Vec<f64>,
 }
 
 impl<'a> Base<'a> {
-    fn new(model: &Model, data: &'a Dataset, steps: Steps) -> Self {
-        let motion = drive(model, data, steps);
-        let residual = weighted_residual(data, &read(model, data, motion.clone()));
-        Self { data, steps, motion, residual }
+    fn new(model: &Model, replay: &'a Replay<'a>, steps: Steps) -> Self {
+        let motion = replay.drive(model, steps);
+        let residual = weighted_residual(replay.data, &read(model, replay.data, motion.clone()));
+        Self { replay, steps, motion, residual }
     }
 
     /// Difference of the weighted residual of another model; `motion`: whether its motor moves differently.
     fn change(&self, other: &Model, motion: bool) -> Vec<f64> {
         let prediction = match motion {
-            true => read(other, self.data, drive(other, self.data, self.steps)),
-            false => read(other, self.data, self.motion.clone()),
+            true => read(other, self.replay.data, self.replay.drive(other, self.steps)),
+            false => read(other, self.replay.data, self.motion.clone()),
         };
         self.change_to(&prediction)
     }
 
     /// The same by the linear motor's response to the torque and the voltage that an effect adds, to the first order.
     fn change_by_linear_response(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
-        let motion = nudged(model, self.data, &self.motion, |at| {
+        let data = self.replay.data;
+        let motion = nudged(model, data, &self.motion, |at| {
             let mut terms = Balance::default();
             effect.contribute(values, &model.motor, at, &mut [], &mut terms);
             terms
         });
-        self.change_to(&read(model, self.data, motion))
+        self.change_to(&read(model, data, motion))
     }
 
     fn change_to(&self, prediction: &Prediction) -> Vec<f64> {
-        let mut change = weighted_residual(self.data, prediction);
+        let mut change = weighted_residual(self.replay.data, prediction);
         change.iter_mut().zip(&self.residual).for_each(|(there, here)| *there -= here);
         change
     }
@@ -274,9 +275,9 @@ pub struct Effort {
     pub least_gain: f64,
     /// Step size of the simulations for the sensitivities.
     pub sensitivities: Steps,
-    /// Whether the sensitivities are corrected after a step instead of simulated again: much faster, but it sometimes
-    /// stops early.
-    pub corrects: bool,
+    /// Whether it may end on sensitivities that were corrected after a step instead of simulated: much faster, but it
+    /// sometimes stops early.
+    pub is_a_look: bool,
     /// The fit is given up if the remaining steps, each with the better gain of the last two, would not reach this
     /// cost.
     pub useless_above: f64,
@@ -284,12 +285,17 @@ pub struct Effort {
 
 impl Effort {
     /// Its starting point, with its sensitivities.
-    pub const NONE: Self =
-        Self { steps: 0, least_gain: 0.0, sensitivities: Steps::Coarse, corrects: false, useless_above: f64::INFINITY };
+    pub const NONE: Self = Self {
+        steps: 0,
+        least_gain: 0.0,
+        sensitivities: Steps::Coarse,
+        is_a_look: false,
+        useless_above: f64::INFINITY,
+    };
     /// For a first look at an effect.
-    pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, corrects: true, ..Self::NONE };
+    pub const TRIAL: Self = Self { steps: 12, least_gain: 5e-3, is_a_look: true, ..Self::NONE };
     /// For judging another model by its rest.
-    pub const CHECK: Self = Self { steps: 8, corrects: false, ..Self::TRIAL };
+    pub const CHECK: Self = Self { steps: 8, is_a_look: false, ..Self::TRIAL };
     /// For a model that was fitted to other parts of the same data.
     pub const AGAIN: Self = Self { steps: 30, least_gain: 5e-4, ..Self::NONE };
     /// Until convergence.
@@ -324,22 +330,22 @@ pub struct Fit {
 /// The time of an event (the only constants with a [`spacing`](motorbench_model::catalogue::Search::spacing)) is read
 /// from all the data: if it lies in a held-out stretch, the other data do not contain it.
 pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit {
-    let scales = scales(&start.motor, data);
+    let (scales, replay) = (scales(&start.motor, data), Replay::new(data));
     let located = start.terms.iter().enumerate().find_map(|(term, Term { effect, .. })| {
         let (index, spacing) = effect.spacing(&scales)?;
-        Some(located(start, data, term, index, spacing))
+        Some(located(start, &replay, term, index, spacing))
     });
-    Search::new(located.as_ref().unwrap_or(start), data, prior).run(effort)
+    Search::new(located.as_ref().unwrap_or(start), &replay, prior).run(effort)
 }
 
 /// The model with the constant, within half a spacing, at which the sum of all squares is least, held-out data
 /// included.
-fn located(model: &Model, data: &Dataset, term: usize, index: usize, spacing: f64) -> Model {
+fn located(model: &Model, replay: &Replay, term: usize, index: usize, spacing: f64) -> Model {
     let cost = |value: f64| {
         let mut moved = model.clone();
         moved.terms[term].values[index] = value;
-        let prediction = free_run(&moved, data);
-        let squares = data.measured.iter().zip(&prediction).flat_map(|(measured, predicted)| {
+        let prediction = replay.free_run(&moved);
+        let squares = replay.data.measured.iter().zip(&prediction).flat_map(|(measured, predicted)| {
             measured
                 .values
                 .iter()
@@ -514,7 +520,7 @@ impl Fit {
     /// Weighted sensitivities of the seen residuals and the inverse of their normal matrix.
     fn sensitivities(&self, data: &Dataset) -> &(Sensitivities, DMatrix<f64>) {
         self.sensitivities.get_or_init(|| {
-            let found = Sensitivities::simulated(&self.model, data, &self.unknowns, self.steps);
+            let found = Sensitivities::simulated(&self.model, &Replay::new(data), &self.unknowns, self.steps);
             let inverse = found.inverse();
             (found, inverse)
         })
@@ -522,7 +528,8 @@ impl Fit {
 
     /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start, best first.
     pub fn promises(&self, data: &Dataset, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
-        let base = Base::new(&self.model, data, Steps::Coarse);
+        let replay = Replay::new(data);
+        let base = Base::new(&self.model, &replay, Steps::Coarse);
         // Computed before the threads start: otherwise they would wait for each other.
         self.sensitivities(data);
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
@@ -564,7 +571,7 @@ impl Fit {
         }
         let promised = starts.into_par_iter().map(|start| {
             let change = |values: Vec<f64>| base.change_by_linear_response(&self.model, effect, &values);
-            let (gain, _) = self.least_squares(base.data, &lines(effect, &start, change));
+            let (gain, _) = self.least_squares(base.replay.data, &lines(effect, &start, change));
             (gain, start)
         });
         let mut promised: Vec<(f64, Vec<f64>)> = promised.collect();
@@ -615,7 +622,7 @@ impl Fit {
         let about = effect.about();
         let change = |values| base.change(&self.model.with(effect, values), effect.changes_motion());
         let lines = lines(effect, &start, change);
-        let (gain, factors) = self.least_squares(base.data, &lines);
+        let (gain, factors) = self.least_squares(base.replay.data, &lines);
         // The derivative at zero of an effect without a sign does not hold for negative values.
         let signed = about.parameters[0].min < 0.0;
         let possible = about.linear_in == 2 || factors[0] > 0.0 || signed && about.linear_in == 1;

@@ -373,12 +373,14 @@ fn a_scenario_without_a_motor_says_how_it_gets_one() {
     motorbench(&["simulate", path(&scenario)]).code(1).stderr(said.and(predicate::str::contains("validate").not()));
 }
 
-/// The main use: the hidden effect is named, the loop that knows it follows better, and one page shows all of it.
+/// The main use: the hidden effect is named, the loop that knows it follows better, and one page shows all of it. The
+/// terminal gets a few plain lines and a picture of characters.
 #[test]
 fn the_demonstration_names_what_it_hid() {
     let directory = TempDir::new().unwrap();
-    let page = directory.path().join("demo.html");
-    let shown = json_of(&["demo", "--seed", "7", "--report", path(&page), "--json"]);
+    let [page, result] = ["demo.html", "demo.json"].map(|name| directory.path().join(name));
+    let done = motorbench(&["demo", "--seed", "7", "--report", path(&page), "--json", path(&result)]).success();
+    let shown: serde_json::Value = serde_json::from_slice(&std::fs::read(&result).unwrap()).unwrap();
     assert_eq!(shown["missing"], 0);
     let named: Vec<&str> = shown["diagnosis"]["causes"]
         .as_array()
@@ -391,6 +393,7 @@ fn the_demonstration_names_what_it_hid() {
     assert!(hidden.keys().all(|effect| named.contains(&effect.as_str())) && named.len() == 3, "{named:?} {hidden:?}");
     let rms = |index: usize| shown["loops"][index]["standstill_rms_rad_per_s"].as_f64().unwrap();
     assert!(rms(2) < 0.9 * rms(0), "{}", shown["loops"]);
+    fits_a_terminal(&String::from_utf8(done.get_output().stdout.clone()).unwrap());
     let page = std::fs::read_to_string(&page).unwrap();
     for heading in [
         "The speed loop before and after",
@@ -407,20 +410,9 @@ fn the_demonstration_names_what_it_hid() {
     assert!(page.matches("<svg").count() >= 4 && page.ends_with("</body></html>\n"));
 }
 
-/// A few plain lines, a picture of characters, and a page by default.
-#[test]
-fn the_demonstration_fits_a_terminal() {
+/// What the demonstration prints.
+fn fits_a_terminal(text: &str) {
     const MOST_LINES: usize = 23;
-    let directory = TempDir::new().unwrap();
-    let demo = |arguments: &[&str]| {
-        let mut program = Command::cargo_bin("motorbench").unwrap();
-        let done = program.arg("demo").args(["--seed", "7"]).args(arguments).current_dir(&directory).assert().success();
-        String::from_utf8(done.get_output().stdout.clone()).unwrap()
-    };
-    let files = || std::fs::read_dir(&directory).unwrap().count();
-    demo(&["--json"]);
-    assert_eq!(files(), 0, "a program has not asked for a page");
-    let text = demo(&[]);
     assert!(text.lines().count() <= MOST_LINES && text.lines().all(|line| line.chars().count() <= 80), "{text}");
     for what in ["20000 samples in 20 s, 0 missing", "linear   extended", "hidden      found", "load_step torque_Nm"] {
         assert!(text.contains(what), "no {what} in\n{text}");
@@ -431,11 +423,6 @@ fn the_demonstration_fits_a_terminal() {
         drawn > 2 && text.contains("before, by the data sheet: ") && text.contains("after, by what was found: "),
         "{text}"
     );
-    let page = directory.path().join("motorbench-demo-7.html");
-    assert!(text.ends_with("motorbench-demo-7.html\n") && page.exists(), "{text}");
-    std::fs::write(&page, "somebody's").unwrap();
-    assert!(demo(&[]).contains("is not replaced"));
-    assert_eq!((std::fs::read_to_string(&page).unwrap().as_str(), files()), ("somebody's", 1));
 }
 
 /// As in `motorbench man | head`.

@@ -207,15 +207,14 @@ impl Complaints {
     /// A run that succeeds, in a pipe, on a terminal, and with JSON.
     fn good(&mut self, row: &Row, arguments: &[&str], folder: &Path) {
         let what = arguments.join(" ");
+        if row.is_long {
+            let done = self.json_file(arguments, folder);
+            return self.readable(row, arguments, &done);
+        }
         let done = piped(arguments, folder);
         self.ended(&done, 0, &what);
         self.expect(!done.out.is_empty(), &what, "it says nothing");
-        for text in [&done.out, &done.err] {
-            self.plain(text, &what);
-            if !row.for_programs {
-                self.fits(&text.replace(&long_port(arguments), "/tmp/motorbench"), &what);
-            }
-        }
+        self.readable(row, arguments, &done);
         let what = format!("{what} (on a terminal, with NO_COLOR)");
         let shown = on_terminals(arguments, folder, true);
         self.ended(&shown, 0, &what);
@@ -228,13 +227,24 @@ impl Complaints {
         if row.json == ["--json"] {
             self.json(&[arguments, &["--json", "-"]].concat(), 0, true, folder);
             if !IN_LINES.contains(&row.command) {
-                self.json_file(arguments, folder);
+                let _ = self.json_file(arguments, folder);
+            }
+        }
+    }
+
+    /// Plain text that fits a terminal, unless it is for programs.
+    fn readable(&mut self, row: &Row, arguments: &[&str], done: &Done) {
+        let what = arguments.join(" ");
+        for text in [&done.out, &done.err] {
+            self.plain(text, &what);
+            if !row.for_programs {
+                self.fits(&text.replace(&long_port(arguments), "/tmp/motorbench"), &what);
             }
         }
     }
 
     /// A file gets the JSON, and the standard output the text for a person.
-    fn json_file(&mut self, arguments: &[&str], folder: &Path) {
+    fn json_file(&mut self, arguments: &[&str], folder: &Path) -> Done {
         let arguments = [arguments, &["--json", "made.json"]].concat();
         let (what, file) = (arguments.join(" "), folder.join("made.json"));
         let done = piped(&arguments, folder);
@@ -243,6 +253,7 @@ impl Complaints {
         self.expect(made.is_some(), &what, "no JSON in the file");
         self.expect(!done.out.is_empty(), &what, "it says nothing");
         let _ = std::fs::remove_file(file);
+        done
     }
 
     /// The standard output has JSON and nothing else.

@@ -347,7 +347,8 @@ fn a_recording_that_nobody_named_replaces_none() {
 /// The firmware forgets it as well.
 #[test]
 fn half_a_line_of_a_program_that_died_is_not_carried_out() {
-    let board = Board::new("half-line");
+    // The second program reads nothing of what it asked for.
+    let board = Board::with("half-line", &["--wait-for-reader", "0.5"]);
     for prompt in ["", "stream binary\n"] {
         let mut line = serialport::new(board.port().to_str().unwrap(), 500_000).open_native().unwrap();
         line.write_all(format!("{prompt}set trip_peak 7").as_bytes()).unwrap();

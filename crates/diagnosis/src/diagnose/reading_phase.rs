@@ -14,12 +14,14 @@ const HALVINGS: i32 = 4;
 /// A phase has to lower the cost to this share of that of a mean over a period: beside an effect that is missing, some
 /// phase always fits a little better.
 const LEAST_GAIN: f64 = 0.6;
+/// A phase shows in any part of a recording in which the command changes; this much suffices.
+const EXCERPT_S: f64 = 3.0;
 
 /// Sets the phase if the nominal motor fits clearly better with it than with a mean over a period. Its bridge has a drop or
 /// none, and brakes or coasts in the off phase.
 pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     if is_open(data) {
-        data.origin.pwm_phase = likelier(data, prior);
+        data.origin.pwm_phase = likelier(&data.excerpt(EXCERPT_S), prior);
     }
 }
 

@@ -3,8 +3,7 @@
 
 use super::sensitivities::Sensitivities;
 use super::{Effort, Fit, Prior, Unknown, prior_cost, square, torque_scale, unknowns, weighted_residual};
-use crate::dataset::Dataset;
-use crate::free_run::{Prediction, free_run};
+use crate::free_run::{Prediction, Replay};
 use motorbench_model::Model;
 use nalgebra::DVector;
 use std::sync::OnceLock;
@@ -18,7 +17,7 @@ const FAR: f64 = 0.8;
 
 /// A fit in progress.
 pub(super) struct Search<'a> {
-    data: &'a Dataset,
+    replay: &'a Replay<'a>,
     unknowns: Vec<Unknown>,
     at: Point,
     damping: f64,
@@ -39,23 +38,23 @@ struct Known {
 }
 
 impl Point {
-    fn new(model: Model, data: &Dataset, unknowns: &[Unknown]) -> Self {
-        let prediction = free_run(&model, data);
-        let residual = weighted_residual(data, &prediction);
+    fn new(model: Model, replay: &Replay, unknowns: &[Unknown]) -> Self {
+        let prediction = replay.free_run(&model);
+        let residual = weighted_residual(replay.data, &prediction);
         let cost = square(&residual) + prior_cost(&model, unknowns);
         Self { model, prediction, residual, cost }
     }
 }
 
 impl<'a> Search<'a> {
-    pub fn new(start: &Model, data: &'a Dataset, prior: &Prior) -> Self {
+    pub fn new(start: &Model, replay: &'a Replay<'a>, prior: &Prior) -> Self {
         let mut model = start.clone().with_prior_means();
-        let unknowns = unknowns(&model, data, prior);
+        let unknowns = unknowns(&model, replay.data, prior);
         for unknown in &unknowns {
             let coordinate = unknown.get(&model);
             unknown.set(&mut model, coordinate);
         }
-        Self { data, at: Point::new(model, data, &unknowns), unknowns, damping: 1e-3 }
+        Self { replay, at: Point::new(model, replay, &unknowns), unknowns, damping: 1e-3 }
     }
 
     pub fn run(mut self, effort: Effort) -> Fit {
@@ -81,14 +80,14 @@ impl<'a> Search<'a> {
         let simulated = |search: &Self| Known {
             sensitivities: Sensitivities::simulated(
                 &search.at.model,
-                search.data,
+                search.replay,
                 &search.unknowns,
                 effort.sensitivities,
             ),
             is_simulated: true,
         };
         // Without a scale of the torques, they leave out the change along it.
-        let corrects = effort.corrects && !torque_scale::is_unknown(self.data);
+        let corrects = !torque_scale::is_unknown(self.replay.data);
         let mut known = simulated(self);
         let mut gained_before = f64::INFINITY;
         let mut steps_left = effort.steps;
@@ -104,8 +103,16 @@ impl<'a> Search<'a> {
             };
             let gained = before.cost - self.at.cost;
             if gained < effort.least_gain * before.cost {
-                // So near the end they no longer change.
-                return known.is_simulated.then_some(known.sensitivities);
+                if known.is_simulated {
+                    // So near the end they no longer change.
+                    return Some(known.sensitivities);
+                }
+                if !effort.is_a_look {
+                    // Corrected sensitivities may have lost a direction.
+                    known = simulated(self);
+                    continue;
+                }
+                return None;
             }
             steps_left -= 1;
             let pace = gained.max(std::mem::replace(&mut gained_before, gained));
@@ -123,14 +130,14 @@ impl<'a> Search<'a> {
 
     /// Moves to the most plausible scale of all torques, where the data do not contain it.
     fn settle(&mut self) {
-        if torque_scale::is_unknown(self.data) {
+        if torque_scale::is_unknown(self.replay.data) {
             self.take_if_better(torque_scale::most_plausible(&self.at.model, &self.unknowns));
         }
     }
 
     /// Moves to a model if it costs less than the present one; returns the previous point.
     fn take_if_better(&mut self, model: Model) -> Option<Point> {
-        let there = Point::new(model, self.data, &self.unknowns);
+        let there = Point::new(model, self.replay, &self.unknowns);
         (there.cost < self.at.cost).then(|| std::mem::replace(&mut self.at, there))
     }
 

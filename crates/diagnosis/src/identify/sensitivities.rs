@@ -1,8 +1,7 @@
 //! Sensitivities of the weighted residual to the numbers that a fit moves.
 
 use super::{Base, Unknown, dot, torque_scale};
-use crate::dataset::Dataset;
-use crate::free_run::Steps;
+use crate::free_run::{Replay, Steps};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 use nalgebra::{DMatrix, DVector};
@@ -23,8 +22,8 @@ pub(super) struct Sensitivities {
 
 impl Sensitivities {
     /// Computed by finite differences, on all cores.
-    pub fn simulated(model: &Model, data: &Dataset, unknowns: &[Unknown], steps: Steps) -> Self {
-        let base = Base::new(model, data, steps);
+    pub fn simulated(model: &Model, replay: &Replay, unknowns: &[Unknown], steps: Steps) -> Self {
+        let (data, base) = (replay.data, Base::new(model, replay, steps));
         // Without a current the data hardly depend on some directions: there the error of a one-sided difference would
         // decide.
         let both_sides = data.current().is_none();

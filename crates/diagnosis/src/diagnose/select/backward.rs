@@ -164,12 +164,13 @@ impl Chooser<'_> {
         let starts = term.effect.starts(&scales(&without.model.motor, self.data)).into_iter();
         let others: Vec<f64> = starts.map(|start| start[index]).filter(|other| *other != term.values[index]).collect();
         let looked_at: Vec<f64> = others.iter().step_by(others.len().div_ceil(OTHER_NUMBERS).max(1)).copied().collect();
+        let gains_as_much = without.cost - GAINED_BY_ANY * (without.cost - current.cost);
+        let as_well = gains_as_much.min(LEFT_BY_ANY * current.cost);
         let does_as_well = |other: &f64| {
             let mut values = term.values.clone();
             values[index] = *other;
-            let other = fit(&without.model.with(term.effect, values), self.data, self.prior, Effort::CHECK);
-            let gains_as_much = without.cost - other.cost > GAINED_BY_ANY * (without.cost - current.cost);
-            gains_as_much && other.cost < LEFT_BY_ANY * current.cost
+            let other = without.model.with(term.effect, values);
+            fit(&other, self.data, self.prior, Effort::CHECK.useless_above(as_well)).cost < as_well
         };
         let as_good = (&looked_at).into_par_iter().filter(|other| does_as_well(other)).count();
         2 * as_good <= looked_at.len()
@@ -210,8 +211,10 @@ impl Chooser<'_> {
         promises.truncate(RIVALS);
         let best = promises.first().map_or(0.0, |promise| promise.gain);
         promises.retain(|promise| promise.gain >= best || promise.gain > RIVAL_SHARE * gained);
-        let mut rivals = self.try_all(&without.model, &promises, Effort::CHECK);
-        for (lookalike, fit) in self.lookalikes(&current.model, id) {
+        // A rival farther away takes no place, and how far it is need not be known well.
+        let effort = Effort::CHECK.useless_above(NEAR * current.cost);
+        let mut rivals = self.try_all(&without.model, &promises, effort);
+        for (lookalike, fit) in self.lookalikes(&current.model, id, effort) {
             match rivals.iter_mut().find(|(rival, _)| *rival == lookalike) {
                 Some((_, other)) if other.cost > fit.cost => *other = fit,
                 Some(_) => {}
@@ -231,13 +234,13 @@ impl Chooser<'_> {
     }
 
     /// Fits from where another effect looks most like `id`.
-    fn lookalikes(&self, model: &Model, id: &str) -> Vec<(&'static str, Fit)> {
+    fn lookalikes(&self, model: &Model, id: &str, effort: Effort) -> Vec<(&'static str, Fit)> {
         let values = &model.term(id).expect("one of its own terms").values;
         self.possible()
             .filter(|effect| !model.has(effect.about().id))
             .filter_map(|effect| {
                 let start = model.without(id).with(effect, effect.instead_of(id, values)?);
-                Some((effect.about().id, fit(&start, self.data, self.prior, Effort::CHECK)))
+                Some((effect.about().id, fit(&start, self.data, self.prior, effort)))
             })
             .collect()
     }

@@ -1,0 +1,345 @@
+//! The recorded command and the recorded angle, cut into the steps of a simulation. They are the same for all models with
+//! one delay, so what simulates many models cuts them once.
+
+use super::{Course, Motion, Prediction, Steps, longest_step_s, read, run::Run};
+use crate::dataset::{Dataset, Measured, Output, Stretch, Window};
+use motorbench_model::{Model, SAME_LENGTH_S};
+use std::ops::Range;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// Longest step for recordings at 200 Hz or more; slower ones take a tenth of their interval, at most the second value.
+const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
+/// A voltage change is a jump from this share of the supply on.
+const LEAP: f64 = 0.1;
+/// From this many standard deviations of the noise on, a first reading differs from zero.
+const NOT_ZERO: f64 = 5.0;
+/// So many ways of cutting are kept: coarse and fine, with and without a shift of the delay.
+const MOST_KEPT: usize = 4;
+
+/// Simulates models on the same data.
+pub struct Replay<'a> {
+    /// The data.
+    pub data: &'a Dataset,
+    kept: Mutex<Vec<(Cutting, Arc<[Cut]>)>>,
+}
+
+impl<'a> Replay<'a> {
+    /// Of all stretches.
+    pub fn new(data: &'a Dataset) -> Self {
+        Self { data, kept: Mutex::default() }
+    }
+
+    /// Drives the motor of the model with the recorded command.
+    pub fn drive(&self, model: &Model, steps: Steps) -> Motion {
+        let data = self.data;
+        let mut motion = Motion::with_capacity(data.len());
+        for (stretch, cut) in data.stretches.iter().zip(&*self.cuts(Cutting::of(model, data, steps))) {
+            motion.fill_up_to(stretch.rows.start);
+            Run::new(model, data, stretch, cut).whole(&mut motion);
+        }
+        motion.fill_up_to(data.len());
+        motion
+    }
+
+    /// What the sensors would have read.
+    pub fn free_run(&self, model: &Model) -> Prediction {
+        read(model, self.data, self.drive(model, Steps::Fine))
+    }
+
+    fn cuts(&self, cutting: Cutting) -> Arc<[Cut]> {
+        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, cuts)) = kept().iter().find(|(known, _)| *known == cutting) {
+            return Arc::clone(cuts);
+        }
+        let cuts: Arc<[Cut]> =
+            self.data.stretches.iter().map(|stretch| Cut::new(self.data, stretch, cutting)).collect();
+        let mut kept = kept();
+        if kept.len() >= MOST_KEPT {
+            kept.remove(0);
+        }
+        kept.push((cutting, Arc::clone(&cuts)));
+        cuts
+    }
+}
+
+/// What decides where the steps begin and end, and what acts in them.
+#[derive(Clone, Copy, PartialEq)]
+struct Cutting {
+    steps: Steps,
+    /// Longest step that the terms of the model allow.
+    longest_step_s: f64,
+    delay_s: f64,
+    /// By how much the delay grows in each second of the recording.
+    delay_growth: f64,
+}
+
+impl Cutting {
+    fn of(model: &Model, data: &Dataset, steps: Steps) -> Self {
+        Self {
+            steps,
+            longest_step_s: longest_step_s(model),
+            delay_s: model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0),
+            delay_growth: model.delay_growth(),
+        }
+    }
+
+    fn longest_step_s(&self, stretch: &Stretch) -> f64 {
+        let usual_step_s = (0.1 * stretch.interval_s).clamp(LONGEST_STEPS_S[0], LONGEST_STEPS_S[1]);
+        self.longest_step_s.min(match self.steps {
+            Steps::Fine => usual_step_s,
+            Steps::Coarse => 2.0 * usual_step_s,
+            Steps::AtMost(step_s) => step_s.min(usual_step_s),
+        })
+    }
+}
+
+/// One step of the simulation.
+pub(super) struct Piece {
+    /// Its begin.
+    pub time_s: f64,
+    pub length_s: f64,
+    /// Mean voltage and duty of the command.
+    pub voltage_v: f64,
+    pub duty: f64,
+    /// Whether the bridge is open.
+    pub open: bool,
+    /// Recorded angle in its middle, and the turn over it.
+    pub angle_rad: f64,
+    pub turned_rad: f64,
+}
+
+/// A stretch in steps.
+pub(super) struct Cut {
+    /// Current and speed at its first row.
+    pub begins_with: (f64, f64),
+    pieces: Vec<Piece>,
+    /// The first piece of each row.
+    first_pieces: Vec<usize>,
+}
+
+impl Cut {
+    fn new(data: &Dataset, stretch: &Stretch, cutting: Cutting) -> Self {
+        let knife = Knife::new(data, stretch, cutting);
+        let rows = stretch.rows.clone();
+        let mut pieces = Vec::with_capacity(2 * rows.len());
+        let mut first_pieces = Vec::with_capacity(rows.len());
+        for index in rows.start..rows.end - 1 {
+            first_pieces.push(pieces.len());
+            knife.row(index, &mut pieces);
+        }
+        first_pieces.push(pieces.len());
+        Self { begins_with: knife.begins_with, pieces, first_pieces }
+    }
+
+    /// The steps from a row of the stretch to the next one.
+    pub fn row(&self, row: usize) -> &[Piece] {
+        &self.pieces[self.first_pieces[row]..self.first_pieces[row + 1]]
+    }
+}
+
+fn first(values: &[f64]) -> f64 {
+    values.iter().take(5).copied().find(|value| value.is_finite()).unwrap_or(0.0)
+}
+
+/// Speed at the start of a stretch. A mean over a window that begins there gives the speed of its middle. Two
+/// successive means are extrapolated back to the start, but not through a standstill: a shaft that begins to move
+/// within the second one stood before.
+fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
+    let values = &motion.values[stretch.rows.clone()];
+    if matches!(motion.output, Output::Speed | Output::TimedSpeed) {
+        return first(values);
+    }
+    let Window { span, ahead } = stretch.window;
+    let mean = |windows: usize| values.get(windows * span - ahead).copied();
+    match (mean(1), mean(2)) {
+        (Some(one), Some(two)) if one.is_finite() && two.is_finite() => {
+            let first = 1.5 * one - 0.5 * two;
+            if first * one > 0.0 { first } else { 0.0 }
+        }
+        _ => 0.0,
+    }
+}
+
+/// Cuts a stretch.
+struct Knife<'a> {
+    data: &'a Dataset,
+    range: Range<usize>,
+    delay_s: f64,
+    delay_growth: f64,
+    longest_step_s: f64,
+    begins_with: (f64, f64),
+    /// Whether a command may begin to act within a step.
+    acts_within: bool,
+    /// Whether neither current nor motion shows that the first command acted before its row.
+    from_rest: bool,
+}
+
+impl<'a> Knife<'a> {
+    fn new(data: &'a Dataset, stretch: &Stretch, cutting: Cutting) -> Self {
+        let range = stretch.rows.clone();
+        let current_a = data.current().map_or(0.0, |measured| first(&measured.values[range.clone()]));
+        let motion = data.motion();
+        let speed_rad_per_s = first_speed(motion, stretch);
+        let may_be_zero = |value: f64, measured: &Measured| value.abs() < NOT_ZERO * measured.noise;
+        let still = may_be_zero(speed_rad_per_s, motion);
+        let Cutting { delay_s, delay_growth, .. } = cutting;
+        Self {
+            data,
+            range,
+            delay_s,
+            delay_growth,
+            longest_step_s: cutting.longest_step_s(stretch),
+            begins_with: if still { (0.0, 0.0) } else { (current_a, speed_rad_per_s) },
+            from_rest: still && data.current().is_none_or(|measured| may_be_zero(current_a, measured)),
+            acts_within: delay_s > 0.0 || delay_growth != 0.0 || data.has_moments(),
+        }
+    }
+
+    /// The steps from row `index` to the next one.
+    fn row(&self, index: usize, pieces: &mut Vec<Piece>) {
+        let data = self.data;
+        let interval_s = data.time_s[index + 1] - data.time_s[index];
+        let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
+        let step_s = interval_s / steps;
+        let course = Course::new(data, self.range.clone(), index);
+        for part in 0..steps as usize {
+            for (since_s, length_s) in self.pieces(index, part as f64 * step_s, step_s).into_iter().flatten() {
+                // The middle of the step represents it.
+                let share = (since_s + 0.5 * length_s) / interval_s;
+                let half = 0.5 * length_s / interval_s;
+                let delay_s = self.delay_at(index);
+                let (voltage_v, duty) = self.command(index, since_s - delay_s, length_s);
+                pieces.push(Piece {
+                    time_s: data.time_s[index] + since_s,
+                    length_s,
+                    voltage_v,
+                    duty,
+                    open: data.open[self.acting_at(index, since_s + 0.5 * length_s - delay_s)],
+                    angle_rad: course.angle_rad(share),
+                    turned_rad: course.angle_rad(share + half) - course.angle_rad(share - half),
+                });
+            }
+        }
+    }
+
+    /// Start times and lengths of the parts of a step after sample `index`: between two parts the bridge opens or
+    /// closes, or the voltage jumps. A mean voltage over the whole step would reverse the current too early, and the
+    /// drop with it.
+    fn pieces(&self, index: usize, since_s: f64, length_s: f64) -> [Option<(f64, f64)>; 2] {
+        let whole = [Some((since_s, length_s)), None];
+        if !self.acts_within {
+            return whole;
+        }
+        let data = self.data;
+        let delay_s = self.delay_at(index);
+        let before = self.acting_at(index, since_s - delay_s);
+        let after = self.acting_at(index, since_s + length_s - delay_s);
+        let leap_v = LEAP * data.supply_v[before];
+        let leaps = |row: usize| (data.voltage_v[row] - data.voltage_v[before]).abs() > leap_v;
+        let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row);
+        let Some(switched) = (before + 1..=after).find(switches) else { return whole };
+        let first_s = data.acts_from_s(switched) + delay_s - data.time_s[index] - since_s;
+        match (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(&first_s) {
+            true => [Some((since_s, first_s)), Some((since_s + first_s, length_s - first_s))],
+            false => whole,
+        }
+    }
+
+    /// By how much a command acts late around a row.
+    fn delay_at(&self, index: usize) -> f64 {
+        self.delay_s + self.delay_growth * self.data.time_s[index]
+    }
+
+    /// The sample whose command acts at this time after sample `index`.
+    fn acting_at(&self, index: usize, offset_s: f64) -> usize {
+        let data = self.data;
+        if !self.acts_within {
+            return index;
+        }
+        let at_s = data.time_s[index] + offset_s;
+        (self.range.start..=self.last_acting(index, at_s))
+            .rev()
+            .find(|row| data.acts_from_s(*row) <= at_s)
+            .unwrap_or(self.range.start)
+    }
+
+    /// The last sample, from `index` on, whose command acts before `end_s`.
+    fn last_acting(&self, index: usize, end_s: f64) -> usize {
+        let may_act_early = self.data.has_moments() || self.delay_growth < 0.0;
+        let later = (index + 1..self.range.end).take_while(|row| may_act_early && self.data.acts_from_s(*row) < end_s);
+        later.last().unwrap_or(index)
+    }
+
+    /// Means of voltage and duty, each held until the next acts, over `length_s` from `offset_s` after sample `index`.
+    fn command(&self, index: usize, offset_s: f64, length_s: f64) -> (f64, f64) {
+        let data = self.data;
+        let from_s = data.time_s[index] + offset_s;
+        let mut end_s = from_s + length_s;
+        let mut sample = self.last_acting(index, end_s);
+        if sample == index && (offset_s >= 0.0 || index == self.range.start && !self.from_rest) {
+            return (data.voltage_v[index], data.duty[index]);
+        }
+        let (mut voltage, mut duty) = (0.0, 0.0);
+        loop {
+            let acts_before = sample == self.range.start && !self.from_rest;
+            let start_s = if acts_before { f64::NEG_INFINITY } else { data.acts_from_s(sample) };
+            let since_s = start_s.max(from_s);
+            if since_s < end_s {
+                voltage += data.voltage_v[sample] * (end_s - since_s);
+                duty += data.duty[sample] * (end_s - since_s);
+                end_s = since_s;
+            }
+            // Before a start from rest no command acted.
+            if since_s <= from_s || sample == self.range.start {
+                return (voltage / length_s, duty / length_s);
+            }
+            sample -= 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use proptest::prelude::*;
+    use std::f64::consts::TAU;
+    use std::fmt::Write as _;
+
+    /// A recording that begins with a step, before the delay has passed.
+    #[test]
+    fn what_begins_to_move_within_the_second_window_stood_before() {
+        let mut text = String::from("t_s,duty,counts\n");
+        for row in 0..200 {
+            let since_s = f64::max(0.0, f64::from(row) * 1e-3 - 4e-3);
+            let _ = writeln!(text, "{},0.8,{}", f64::from(row) * 1e-3, (2e6 * since_s * since_s).floor());
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        let rig = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 2000\n";
+        let data = Dataset::new(&[recording], &Rig::parse("rig.toml", rig).unwrap()).unwrap();
+        assert_eq!(first_speed(data.motion(), &data.stretches[0]), 0.0);
+    }
+
+    proptest! {
+        /// A stretch that begins in motion starts at that speed, and one from rest at zero.
+        #[test]
+        fn a_stretch_begins_as_fast_as_its_counts_say(speed in -300.0_f64..300.0, from_rest: bool) {
+            let mut text = String::from("t_s,u_V,counts\n");
+            let acceleration = if from_rest { 20.0 * speed } else { 0.0 };
+            let start = if from_rest { 0.0 } else { speed };
+            for row in 0..200 {
+                let time_s = f64::from(row) * 1e-3;
+                let counts = (start * time_s + 0.5 * acceleration * time_s * time_s) * 2000.0 / TAU;
+                let _ = writeln!(text, "{time_s},{},{}", if row < 50 { 12 } else { 0 }, counts.floor());
+            }
+            prop_assume!(speed.abs() > 20.0);
+            let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+            let rig = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 2000\n";
+            let data = Dataset::new(&[recording], &Rig::parse("rig.toml", rig).unwrap()).unwrap();
+            let first = first_speed(data.motion(), &data.stretches[0]);
+            // One count over the window in the worst case.
+            prop_assert!((first - start).abs() < 2.0 * TAU / 2000.0 / 5e-3, "{first} {start}");
+        }
+    }
+}
