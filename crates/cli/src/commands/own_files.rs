@@ -8,7 +8,7 @@ use std::path::Path;
 
 /// First line of a TOML file that motorbench wrote.
 pub(super) const WRITTEN: &str = "# Written by motorbench, which writes over it.\n";
-/// The same for pages and plots, at their end.
+/// The same for pages and plots, before their last line.
 const IN_PAGES: &str = "<!-- Written by motorbench, which writes over it. -->\n";
 /// The same in JSON.
 const IN_JSON: &str = ",\n  \"written_by\": \"motorbench\"\n}\n";
@@ -102,9 +102,9 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8]) -> bool {
         Kind::Json => {
             // The side file of a measurement.
             let is_side = contains(b"\"firmware\"") && contains(b"\"settings\"");
-            is_side || there.ends_with(IN_JSON.as_bytes()) || contains(b"\"sysid\"")
+            is_side || there.ends_with(IN_JSON.as_bytes())
         }
-        Kind::Page | Kind::Plot => there.ends_with(IN_PAGES.as_bytes()),
+        Kind::Page | Kind::Plot => contains(IN_PAGES.as_bytes()),
         Kind::Picture => contains(IN_PNG),
         Kind::Lines => there.split(|byte| *byte == b'\n').all(|line| line.is_empty() || line.starts_with(b"set ")),
         Kind::Table => true,
@@ -153,10 +153,10 @@ pub(super) fn marked(contents: &[u8]) -> Vec<u8> {
             }
         }
         Kind::Page | Kind::Plot => {
-            if !marked.ends_with(b"\n") {
-                marked.push(b'\n');
-            }
-            marked.extend(IN_PAGES.as_bytes());
+            let end = marked.trim_ascii_end().len();
+            let closes = |tag: &[u8]| marked[..end].windows(tag.len()).rposition(|part| part == tag);
+            let place = closes(b"</body>").or_else(|| closes(b"</svg>")).unwrap_or(end);
+            marked.splice(place..place, IN_PAGES.bytes());
         }
         Kind::Picture => {
             if let Some(before) = contents.strip_suffix(END_OF_PNG) {
