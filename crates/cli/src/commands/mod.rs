@@ -308,8 +308,7 @@ fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Fail
         let mut output = io::stdout();
         return output.write_all(contents.as_ref()).and_then(|()| output.flush()).or_else(|error| cannot_print(&error));
     }
-    let there = path.is_file().then(|| fs::read(path).ok()).flatten();
-    if let Some(why) = own_files::refusal(path, there.as_deref(), contents.as_ref()) {
+    if let Some(why) = own_files::wrong_ending(path, contents.as_ref()) {
         return Err(Failure::input(why));
     }
     write_whole(path, &own_files::marked(contents.as_ref())).map_err(|error| cannot_write(path, &error))

@@ -1,6 +1,6 @@
 //! Which files motorbench wrote. No output of any command replaces another one.
 //!
-//! Text carries a mark. A table has none, since other programs read it: it has the columns that motorbench writes.
+//! Text carries a mark. A table has none, since other programs read it: it is known by its columns.
 
 use motorbench_data::convert::{self, Dialect, Format};
 use motorbench_data::recording::Channel;
@@ -93,7 +93,7 @@ fn names(contents: &[u8]) -> Option<Vec<&str>> {
     names.iter().all(is_name).then_some(names)
 }
 
-/// Whether motorbench may have written what is there. A table is looked at again with [`may_be_replaced_by`].
+/// Whether motorbench has written what is there, as far as that can be known.
 pub(super) fn may_be_replaced(path: &Path, there: &[u8]) -> bool {
     let contains = |mark: &[u8]| there.windows(mark.len()).any(|part| part == mark);
     match Kind::of(there) {
@@ -107,7 +107,7 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8]) -> bool {
         Kind::Page | Kind::Plot => contains(IN_PAGES.as_bytes()),
         Kind::Picture => contains(IN_PNG),
         Kind::Lines => there.split(|byte| *byte == b'\n').all(|line| line.is_empty() || line.starts_with(b"set ")),
-        Kind::Table => true,
+        Kind::Table => names(there).is_some_and(|names| is_recording(&names) || names == BODE),
         Kind::Other => is_converted(path, there),
     }
 }
@@ -119,20 +119,29 @@ fn is_converted(path: &Path, there: &[u8]) -> bool {
         && convert::read("", there, format, &[], Dialect::default()).is_ok_and(|read| read.recording.ignored.is_empty())
 }
 
-/// Why contents cannot go into a file: its ending is that of another kind, or a table there has other columns.
-pub(super) fn refusal(path: &Path, there: Option<&[u8]>, contents: &[u8]) -> Option<String> {
+/// Columns of the frequency responses of `analyse`.
+const BODE: [&str; 7] = [
+    "omega_rad_per_s",
+    "speed_rad_per_s_per_V",
+    "speed_phase_deg",
+    "current_A_per_V",
+    "current_phase_deg",
+    "angle_rad_per_V",
+    "angle_phase_deg",
+];
+
+/// Whether all columns are channels; PlotJuggler calls its time otherwise.
+fn is_recording(names: &[&str]) -> bool {
+    names.iter().all(|name| *name == "__time" || Channel::of_column(name).is_some())
+}
+
+/// Why contents cannot go into a file: its ending is that of another kind.
+pub(super) fn wrong_ending(path: &Path, contents: &[u8]) -> Option<String> {
     let (kind, name) = (Kind::of(contents), path.display());
     let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
     let is_of_another = KINDS.iter().any(|other| other.endings().contains(&ending.as_str()));
-    if let Some(usual) = kind.endings().first().filter(|_| is_of_another && !kind.endings().contains(&ending.as_str()))
-    {
-        return Some(format!("{name} would hold {}: give it a name that ends in .{usual}", kind.name()));
-    }
-    let there = there.filter(|there| !there.trim_ascii().is_empty())?;
-    let is_table = Kind::of(there) == Kind::Table;
-    let is_channel = |name: &&str| Channel::of_column(name).is_some();
-    let is_same = names(there) == names(contents) || names(there).is_some_and(|names| names.iter().all(is_channel));
-    (is_table && !is_same || is_table && kind != Kind::Table).then(|| not_ours(path))
+    let usual = kind.endings().first().filter(|_| is_of_another && !kind.endings().contains(&ending.as_str()))?;
+    Some(format!("{name} would hold {}: give it a name that ends in .{usual}", kind.name()))
 }
 
 /// The message about a file that motorbench did not write.
@@ -206,16 +215,15 @@ mod tests {
 
     #[test]
     fn a_kind_has_its_endings_and_a_table_its_columns() {
-        let refused = |name: &str, there: Option<&[u8]>, contents: &[u8]| refusal(Path::new(name), there, contents);
+        let refused = |name: &str, contents: &[u8]| wrong_ending(Path::new(name), contents);
         let table = b"t_s,u_V\n0,1\n";
-        assert!(refused("rig.toml", None, table).is_some_and(|why| why.ends_with("a name that ends in .csv")));
-        assert!(refused("run.csv", None, b"{\n  \"a\": 1\n}\n").is_some_and(|why| why.contains("would hold JSON")));
-        assert_eq!(refused("run.csv", None, table), None);
-        assert_eq!(refused("run.out", None, table), None);
-        assert_eq!(refused("run.csv", Some(b"t_s,rpm\n0,1\n"), table), None);
-        for there in [&b"when,what\n1,2\n"[..], b"frequency_Hz,gain\n1,2\n"] {
-            assert!(refused("run.csv", Some(there), table).is_some_and(|why| why.contains("was not written by")));
-            assert_eq!(refused("run.csv", Some(there), there), None);
+        assert!(refused("rig.toml", table).is_some_and(|why| why.ends_with("a name that ends in .csv")));
+        assert!(refused("run.csv", b"{\n  \"a\": 1\n}\n").is_some_and(|why| why.contains("would hold JSON")));
+        assert_eq!((refused("run.csv", table), refused("run.out", table)), (None, None));
+        let bode = BODE.join(",") + "\n1,2,3,4,5,6,7\n";
+        for (there, is_ours) in [(&b"t_s,rpm\n0,1\n"[..], true), (b"when,what\n1,2\n", false), (bode.as_bytes(), true)]
+        {
+            assert_eq!(may_be_replaced(Path::new("run.csv"), there), is_ours);
         }
     }
 }
