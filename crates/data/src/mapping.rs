@@ -233,7 +233,7 @@ mod tests {
         for (text, name, channel, factor, offset) in [
             ("adc=i_A*0.0264-13.5", "adc", Channel::Current, Some(0.0264), -13.5),
             ("pwm=duty/255", "pwm", Channel::Duty, Some(1.0 / 255.0), 0.0),
-            ("v=omega_rad_per_s*6.2832/1320", "v", Channel::Speed, Some(6.2832 / 1320.0), 0.0),
+            ("v=omega_rad_per_s*9.5/1320", "v", Channel::Speed, Some(9.5 / 1320.0), 0.0),
             ("a=b=u_V * -1e-3 + 2", "a=b", Channel::Voltage, Some(-1e-3), 2.0),
             ("t=t_s", "t", Channel::Time, None, 0.0),
             ("pwm*sign(dir)=duty/255", "pwm*sign(dir)", Channel::Duty, Some(1.0 / 255.0), 0.0),

@@ -258,8 +258,8 @@ fn exports_of_oscilloscopes_and_labview() {
         }
         let time_s = found.time_s().unwrap_or_else(|| panic!("{what} has no time: {:?}", found.ignored));
         assert_eq!(time_s.len(), 200, "{what}: {:?}", found.notes);
-        for row in 0..200 {
-            assert!((time_s[row] + 0.1 - row as f64 * 1e-3).abs() < 1e-9, "{what}: {}", time_s[row]);
+        for (row, t_s) in time_s.iter().enumerate() {
+            assert!((t_s + 0.1 - row as f64 * 1e-3).abs() < 1e-9, "{what}: {t_s}");
             assert_eq!(found.get(Channel::Voltage).unwrap()[row], (row % 7) as f64, "{what}");
         }
     }

@@ -38,7 +38,7 @@ pub enum DatasetError {
     },
     /// A motion that is not said to go backwards.
     #[error(
-        "{name}: the voltage reverses but {column} never becomes negative, so it has no sign. Count both channels of the encoder, or record one direction only"
+        "{name}: the voltage reverses but {column} never becomes negative, so it has no sign. Count both channels of the encoder, or record one direction only. If another column has the direction: --column '{column}*sign(dir)={column}'"
     )]
     NoSign {
         /// Which recording.
