@@ -116,7 +116,10 @@ fn column(rows: &[Vec<Cow<'_, str>>], place: usize, kind: Kind, notation: Notati
     let stated = header.units.get(place).and_then(|unit| units::named(unit)).unwrap_or_default();
     let unit = units::in_name(&name).map_or(stated, |(_, unit)| unit).to_owned();
     let mut column = Column { name, unit, ..Column::default() };
-    let first = rows.iter().find_map(|row| moment(&row[place])).map_or(0, Moment::nanoseconds);
+    let first = match kind {
+        Kind::Numbers => 0,
+        _ => rows.iter().find_map(|row| moment(&row[place])).map_or(0, Moment::nanoseconds),
+    };
     for (index, row) in rows.iter().enumerate() {
         let cell = &*row[place];
         let value = match kind {
