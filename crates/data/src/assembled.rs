@@ -105,32 +105,31 @@ fn by_mappings(mappings: &[Mapping], names: &[&str], columns: &[&Column]) -> Res
 /// Names that are those of channels, whole or in the last part of a path.
 fn by_names(uses: &mut Vec<Use>, names: &[&str], columns: &[&Column]) -> Result<(), String> {
     let mapped: Vec<usize> = uses.iter().flat_map(|found| found.term.columns()).collect();
+    let (mut twice, mut choices) = (None, String::new());
     for channel in Channel::ALL {
         if uses.iter().any(|found| found.channel == channel) {
             continue;
         }
+        let column = channel.column();
         let is_it = |name: &str| {
             let equal = name.rsplit_once('#').map_or(name, |(name, _)| name);
-            equal == channel.column() || last_part(equal) == channel.column()
+            equal == column || last_part(equal) == column
         };
-        let found: Vec<usize> =
-            (0..names.len()).filter(|column| is_it(names[*column]) && !mapped.contains(column)).collect();
+        let found: Vec<usize> = (0..names.len()).filter(|at| is_it(names[*at]) && !mapped.contains(at)).collect();
         match found[..] {
             [] => {}
-            [column] => {
-                let factor = units::factor(channel, &columns[column].unit).unwrap_or(1.0);
-                uses.push(Use { channel, term: Term::Column(column), factor, offset: 0.0 });
+            [one] => {
+                let factor = units::factor(channel, &columns[one].unit).unwrap_or(1.0);
+                uses.push(Use { channel, term: Term::Column(one), factor, offset: 0.0 });
             }
             [first, ..] => {
-                let which = found.iter().map(|column| names[*column]).collect::<Vec<_>>().join(", ");
-                let (first, column) = (names[first], channel.column());
-                return Err(format!(
-                    "two columns are {column}: {which}. Choose one, for instance --column {first}={column}"
-                ));
+                let which = || found.iter().map(|at| names[*at]).collect::<Vec<_>>().join(", ");
+                twice.get_or_insert_with(|| format!("two columns are {column}: {}", which()));
+                choices += &format!(" --column {}={column}", names[first]);
             }
         }
     }
-    Ok(())
+    twice.map_or(Ok(()), |twice| Err(format!("{twice}. Choose, for instance{choices}")))
 }
 
 /// Takes a column as the time that can be nothing else: moments, a unit of time, `__time`. A short table may be one of

@@ -233,7 +233,7 @@ fn tests_of_sysid_that_are_not_whole() {
         (0..30).map(|row| json!([0.01 * f64::from(row), 1.0, 2.0, 0.1, 0.2, 0.5, 1.5, 0.0, 0.0])).collect();
     let file = json!({ "sysid": true, "test": "Drivetrain", "slow-forward": sides }).to_string();
     let why = read_as(Format::Sysid, file.as_bytes(), &[]).unwrap_err();
-    assert!(why.contains("--column left/u_V=u_V") && why.contains("right/u_V"), "{why}");
+    assert!(why.contains("left/u_V, right/u_V. Choose, for instance --column left/u_V=u_V --column left/theta_rad=theta_rad --column left/omega_rad_per_s=omega_rad_per_s"), "{why}");
     let right = ["right/u_V=u_V", "right/omega_rad_per_s=omega_rad_per_s", "right/theta_rad=theta_rad"];
     let found = read_as(Format::Sysid, file.as_bytes(), &right).unwrap();
     assert_eq!(values(&found, Channel::Voltage)[0], 2.0);
