@@ -291,5 +291,5 @@ fn logs_that_are_written_on_change() {
     );
     assert!(found.ignored.contains(&"NT:/mode".to_owned()), "{:?}", found.ignored);
     let why = read_as(Format::Wpilog, &bytes, &[]).unwrap_err();
-    assert!(why.contains("Likely: --column NT:/volts=u_V --column NT:/omega=omega_rad_per_s"), "{why}");
+    assert!(why.contains("Likely: --column NT:/omega=omega_rad_per_s --column NT:/volts=u_V"), "{why}");
 }
