@@ -43,7 +43,7 @@ impl Kind {
             _ if contents.starts_with(b"\x89PNG") => Self::Picture,
             _ if begins(WRITTEN.trim_end()) || begins("[") => Self::Toml,
             _ if begins("set ") => Self::Lines,
-            _ if is_text(contents) && names(contents).is_some() => Self::Table,
+            _ if contents.contains(&b'\n') && is_text(contents) && names(contents).is_some() => Self::Table,
             _ => Self::Other,
         }
     }
