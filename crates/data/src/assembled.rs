@@ -115,7 +115,11 @@ fn by_names(uses: &mut Vec<Use>, names: &[&str], columns: &[&Column]) -> Result<
             let equal = name.rsplit_once('#').map_or(name, |(name, _)| name);
             equal == column || last_part(equal) == column
         };
-        let found: Vec<usize> = (0..names.len()).filter(|at| is_it(names[*at]) && !mapped.contains(at)).collect();
+        let free = |at: &usize| !mapped.contains(at);
+        let mut found: Vec<usize> = (0..names.len()).filter(free).filter(|at| names[*at] == column).collect();
+        if found.is_empty() {
+            found = (0..names.len()).filter(free).filter(|at| is_it(names[*at])).collect();
+        }
         match found[..] {
             [] => {}
             [one] => {

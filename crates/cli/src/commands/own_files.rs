@@ -157,7 +157,7 @@ pub(super) fn marked(contents: &[u8]) -> Vec<u8> {
     let mut marked = contents.to_vec();
     match Kind::of(contents) {
         Kind::Json => {
-            if let Some(before) = contents.strip_suffix(b"\n}\n") {
+            if let Some(before) = contents.strip_suffix(b"\n}\n").or_else(|| contents.strip_suffix(b"\n}")) {
                 marked = [before, IN_JSON.as_bytes()].concat();
             }
         }
