@@ -16,6 +16,9 @@ use std::collections::BTreeMap;
 
 /// Data that leave more than this share of what was known before did not determine a quantity.
 const MOST_OF_PRIOR: f64 = 0.5;
+/// A model without friction and drop has no dead band, and no fitted constant moves it by more than rounding: then the fit
+/// does not say how large one may be that was not seen.
+const MOVED_BY_A_CONSTANT: f64 = 1e-9;
 /// Full range of a PWM value of 8 bits.
 const PWM_FULL: f64 = 255.0;
 
@@ -136,7 +139,8 @@ pub fn determined(
     let found = |quantity: &Quantity| {
         let derived = uncertainty.of(|model| (quantity.of)(model, data));
         let ci95 = widened(quantity.scale, derived.value, quantity.interval(&derived));
-        is_determined(&derived)
+        let is_moved = quantity.is_relative || derived.deviation > MOVED_BY_A_CONSTANT;
+        (is_moved && is_determined(&derived))
             .then_some((quantity.name, Determined { value: derived.value, ci95, unit: quantity.unit }))
     };
     QUANTITIES.iter().filter_map(found).collect()
