@@ -63,11 +63,20 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
     }
     for Use { channel, term, factor, offset } in uses {
         let mut values = mapping::values(term, &columns, rows);
-        if matches!(channel, Channel::Speed | Channel::Rpm)
-            && let Some(continued) = times::without_wraps_of_16_bits(&values)
-        {
-            values = continued;
-            recording.notes.push(format!("{} wraps at 16 bits. It is continued.", channel.column()));
+        if matches!(channel, Channel::Speed | Channel::Rpm) {
+            match times::without_wraps_of_16_bits(&values) {
+                Some(continued) => {
+                    values = continued;
+                    recording.notes.push(format!("{} wraps at 16 bits. It is continued.", channel.column()));
+                }
+                None if times::wraps_at_16_bits(&values) => {
+                    return Err(format!(
+                        "{} wraps at 16 bits, and changes by more than half of that between rows, so it cannot be continued. Record it in 32 bits, in a larger unit, or more often",
+                        channel.column()
+                    ));
+                }
+                None => {}
+            }
         }
         let keep = values.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| value * factor + offset);
         recording.set(channel, keep.collect());

@@ -216,6 +216,16 @@ pub fn without_wraps_of_16_bits(values: &[f64]) -> Option<Vec<f64>> {
     (wraps > 1 && most < 4.0 * HALF).then_some(continued)
 }
 
+/// Whether values go over the ends of 16 bits in a way that cannot be continued: they change by more than half of the
+/// range between rows.
+pub fn wraps_at_16_bits(values: &[f64]) -> bool {
+    const HALF: f64 = 32_768.0;
+    let is_count = |value: &f64| value.is_nan() || value.fract() == 0.0 && (-HALF..HALF).contains(value);
+    let greatest = crate::statistics::greatest(values);
+    let jumps = values.windows(2).filter(|pair| (pair[1] - pair[0]).abs() > HALF).count();
+    values.iter().all(is_count) && greatest > 0.95 * HALF && jumps > 1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
