@@ -37,7 +37,7 @@ impl Kind {
         let begins =
             |with: &str| text.get(..with.len()).is_some_and(|begin| begin.eq_ignore_ascii_case(with.as_bytes()));
         match text {
-            _ if begins("{") || begins("[{") => Self::Json,
+            [b'{', ..] | [b'[', b']' | b'{' | b'\n' | b'0'..=b'9', ..] => Self::Json,
             _ if begins("<!doctype html") || begins("<html") => Self::Page,
             _ if begins("<svg") || begins("<?xml") => Self::Plot,
             _ if contents.starts_with(b"\x89PNG") => Self::Picture,
