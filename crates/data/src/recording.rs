@@ -305,12 +305,12 @@ impl Recording {
             return None;
         }
         let (name, rows) = (&self.name, self.len());
-        let advice = match self.suggestion.is_empty() {
-            true => {
-                let step_s = self.step_by_motion_s().unwrap_or(0.01);
+        let advice = match self.step_by_motion_s() {
+            _ if self.suggestion.contains("=t_s") => format!("Likely: {}", self.suggestion),
+            Some(step_s) => {
                 format!("If rows are evenly spaced, --column row=t_s*{step_s} takes them as {step_s} s apart")
             }
-            false => format!("Likely: {}", self.suggestion),
+            None => return None,
         };
         Some(format!(
             "{name}: there is no column t_s, and {rows} rows are too many for a table of steady states. {advice}"
@@ -501,11 +501,9 @@ mod tests {
         assert_eq!(read_ms.notes, ["t_s is the column t_ms, in ms."]);
         let advice = read("time,u_V", 100).advice_on_time().unwrap();
         assert!(advice.ends_with("Likely: --column time=t_s/1000"), "{advice}");
-        for (header, rows) in [("time,u_V", 20), ("t_s,u_V", 100), ("time_ms,u_V", 20)] {
+        for (header, rows) in [("time,u_V", 20), ("temperature_C,u_V", 100), ("t_s,u_V", 100), ("time_ms,u_V", 20)] {
             assert_eq!(read(header, rows).advice_on_time(), None, "{header}");
         }
-        let advice = read("temperature_C,u_V", 100).advice_on_time().unwrap();
-        assert!(advice.ends_with("--column row=t_s*0.01 takes them as 0.01 s apart"), "{advice}");
     }
 
     #[test]
