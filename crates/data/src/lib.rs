@@ -17,11 +17,19 @@
 //! The three types to know: [`recording::Recording`] (columns with units), [`rig::Rig`] (the rig of a recording),
 //! [`convert::Format`] (formats of other tools).
 
+mod assembled;
+mod content;
 pub mod convert;
 pub mod delimited;
+pub mod mapping;
 pub mod names;
 pub mod recording;
 pub mod rig;
+mod series;
 pub mod statistics;
+mod suggestions;
+mod table;
 pub mod telemetry;
 pub mod text_encoding;
+mod times;
+mod units;

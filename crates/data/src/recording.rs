@@ -3,9 +3,10 @@
 //! A recording has a column `t_s`; a table of steady states has none. An unmeasured quantity has no column. A missing
 //! sample is empty or `nan`.
 
-use crate::delimited::{self, Delimited};
-use crate::text_encoding;
-use motorbench_text::terminal_text::quoted;
+use crate::convert::{self, ConvertError, Converted, Dialect, Format};
+use crate::mapping::Mapping;
+use crate::statistics::{greatest, median};
+use crate::times;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Read;
@@ -107,7 +108,7 @@ impl Channel {
     }
 
     /// The message about a value that cannot be a measurement.
-    fn refusal(self, value: f64) -> Option<String> {
+    pub(crate) fn refusal(self, value: f64) -> Option<String> {
         let (column, greatest) = (self.column(), self.greatest());
         (value.abs() > greatest).then(|| {
             format!(
@@ -122,12 +123,10 @@ impl Channel {
     }
 }
 
-/// Usual beginnings of the names of time columns.
-const TIMES: [&str; 8] = ["time", "t_", "t(", "t [", "zeit", "milli", "micro", "second"];
 /// Largest share of rows without a time. More are not explained by garbled lines.
 const MOST_WITHOUT_TIME: f64 = 0.01;
 /// Largest number of rows of a table of steady states. It may have a time of day.
-const LONGEST_TABLE: usize = 80;
+pub(crate) const LONGEST_TABLE: usize = 80;
 
 /// Columns of equal length. See the module.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -141,6 +140,10 @@ pub struct Recording {
     pub empty: Vec<Channel>,
     /// Number of rows that were left out because they have no time.
     pub without_time: usize,
+    /// What a person should know of how it was read.
+    pub notes: Vec<String>,
+    /// Options for a command line that name columns which are likely channels; empty if there are none.
+    pub suggestion: String,
 }
 
 /// Why a recording cannot be read.
@@ -236,59 +239,44 @@ impl Recording {
         cut
     }
 
-    /// Reads CSV text. `name` is for messages. `names` maps column names of the file to those of this project:
-    /// `("speed", "omega_rad_per_s")`.
+    /// Reads a table as text. `name` is for messages. `mappings` maps names of the file to channels.
     ///
     /// # Errors
     /// [`RecordingError`] with the line.
-    pub fn parse(name: &str, mut text: impl Read, names: &[(String, String)]) -> Result<Self, RecordingError> {
+    pub fn parse(name: &str, mut text: impl Read, mappings: &[Mapping]) -> Result<Self, RecordingError> {
         let mut bytes = Vec::new();
         text.read_to_end(&mut bytes).map_err(|source| RecordingError::Read { name: name.into(), source })?;
-        let no_text = || {
-            let message = format!(
-                "this is not text, but a CSV table is expected: `motorbench convert {} NEW.csv` converts other formats",
-                quoted(name)
-            );
-            RecordingError::Table { name: name.into(), message }
-        };
-        let text = text_encoding::decoded(bytes).ok_or_else(no_text)?;
-        let table = Delimited::new(&text);
-        let line_error = |error: csv::Error| RecordingError::Line {
-            name: name.into(),
-            line: table.line(error.position()),
-            message: delimited::fault(&error),
-        };
-        let mut reader = table.reader();
-        let header = reader.headers().map_err(line_error)?.clone();
-        let mut recording = Self::new(name);
-        let channels = recording.read_header(&header, names)?;
-        let mut columns = vec![Vec::new(); channels.len()];
-        for row in reader.records() {
-            let row = row.map_err(line_error)?;
-            let line = table.line(row.position());
-            for ((column, values), text) in channels.iter().zip(&mut columns).zip(&row) {
-                let Some(channel) = column else { continue };
-                let wrong = |message| RecordingError::Line { name: name.into(), line, message };
-                let value = delimited::number(text, table.has_decimal_commas()).ok_or_else(|| {
-                    wrong(format!("column {}: expected a number, found \"{text}\"", channel.column()))
-                })?;
-                channel.refusal(value).map_or(Ok(()), |message| Err(wrong(message)))?;
-                values.push(value);
-            }
-        }
-        for (channel, values) in channels.into_iter().zip(columns) {
-            if let Some(channel) = channel {
-                recording.columns.insert(channel, values);
-            }
-        }
-        recording.leave_rows_without_time_out();
-        recording.check()?;
+        Self::of_bytes(name, &bytes, Format::Csv, mappings)
+    }
+
+    /// Reads a file of any format.
+    ///
+    /// # Errors
+    /// [`RecordingError`] with the place.
+    pub fn of_bytes(name: &str, bytes: &[u8], format: Format, mappings: &[Mapping]) -> Result<Self, RecordingError> {
+        let converted = convert::read(name, bytes, format, mappings, Dialect::default());
+        let Converted { mut recording, cut } = converted.map_err(|error| match error {
+            ConvertError::Recording(error) => error,
+            ConvertError::Content { name, fault } => RecordingError::Table { name, message: fault.to_string() },
+        })?;
+        recording.notes.extend(cut.map(|cut| format!("The file ends early: {cut}.")));
         recording.leave_empty_out();
         Ok(recording)
     }
 
+    /// Mends times that do not increase, where one explanation fits.
+    pub(crate) fn mend_times(&mut self) {
+        let Some(mended) = self.time_s().and_then(times::mended) else { return };
+        for values in self.columns.values_mut() {
+            let mut kept = mended.kept.iter();
+            values.retain(|_| *kept.next().expect("columns are equally long"));
+        }
+        self.columns.insert(Channel::Time, mended.time_s);
+        self.notes.extend(mended.notes);
+    }
+
     /// Removes single rows whose time is no number; garbled lines cause them.
-    fn leave_rows_without_time_out(&mut self) {
+    pub(crate) fn leave_rows_without_time_out(&mut self) {
         let has_time: Vec<bool> = self.time_s().unwrap_or_default().iter().map(|t_s| !t_s.is_nan()).collect();
         let without = has_time.iter().filter(|has_time| !**has_time).count();
         if without as f64 > MOST_WITHOUT_TIME * has_time.len() as f64 || without == 0 {
@@ -313,64 +301,34 @@ impl Recording {
     /// Advice for a table whose time column may have another name. `None` if there is a time column, if no column
     /// resembles one, or for few rows.
     pub fn advice_on_time(&self) -> Option<String> {
-        let looks_like_time = |name: &&String| TIMES.iter().any(|time| name.to_lowercase().starts_with(time));
         if self.time_s().is_some() || self.len() < LONGEST_TABLE {
             return None;
         }
-        let found = self.ignored.iter().find(looks_like_time)?;
-        let (name, quoted, rows) = (&self.name, quoted(&self.name), self.len());
+        let (name, rows) = (&self.name, self.len());
+        let advice = match self.step_by_motion_s() {
+            _ if self.suggestion.contains("=t_s") => format!("Likely: {}", self.suggestion),
+            Some(step_s) => {
+                format!("If rows are evenly spaced, --column row=t_s*{step_s} takes them as {step_s} s apart")
+            }
+            None => return None,
+        };
         Some(format!(
-            "{name}: there is no column t_s, and {rows} rows are too many for a table of steady states. If {found} is the time in seconds, add --column {found}=t_s. If it is in milliseconds: `motorbench convert {quoted} NEW.csv --map {found}=t_s*0.001`"
+            "{name}: there is no column t_s, and {rows} rows are too many for a table of steady states. {advice}"
         ))
     }
 
-    fn read_header(
-        &mut self,
-        header: &csv::StringRecord,
-        names: &[(String, String)],
-    ) -> Result<Vec<Option<Channel>>, RecordingError> {
-        let error = |message| RecordingError::Line { name: self.name.clone(), line: 1, message };
-        if let Some(delimiter) = header.get(0).filter(|_| header.len() == 1).and_then(other_delimiter) {
-            return Err(error(format!(
-                "its separator is {delimiter} instead of a comma: `motorbench convert {} NEW.csv` makes the project's CSV of it, with --decimal-comma if numbers are written 1,5",
-                quoted(&self.name)
-            )));
-        }
-        let known = || Channel::ALL.map(Channel::column).join(", ");
-        for (from, to) in names {
-            if Channel::of_column(to).is_none() {
-                return Err(error(format!("no channel is called \"{to}\"; there are {}", known())));
-            }
-            if !header.iter().any(|column| column == from) {
-                let there = header.iter().collect::<Vec<_>>().join(", ");
-                return Err(error(format!("there is no column \"{from}\" to read as {to}; there are {there}")));
-            }
-        }
-        if header.is_empty() {
-            return Err(error("the file is empty".into()));
-        }
-        let mut channels = Vec::new();
-        for column in header {
-            let renamed = names.iter().find(|(from, _)| from == column).map_or(column, |(_, to)| to);
-            let channel = Channel::of_column(renamed);
-            if channel.is_some() && channels.contains(&channel) {
-                return Err(error(format!("two columns are {renamed}")));
-            }
-            // A delimiter at the end of each line makes a column without a name.
-            if channel.is_none() && !column.is_empty() {
-                self.ignored.push(column.into());
-            }
-            channels.push(channel);
-        }
-        if channels.iter().all(Option::is_none) {
-            return Err(error(format!(
-                "no known column among {}; expected any of {}, or map one (for instance --column {}=omega_rad_per_s)",
-                self.ignored.join(", "),
-                known(),
-                self.ignored.last().map_or("speed", String::as_str)
-            )));
-        }
-        Ok(channels)
+    /// The time between rows that angle and speed agree on.
+    fn step_by_motion_s(&self) -> Option<f64> {
+        let (angle, speed) = (self.get(Channel::Angle)?, self.get(Channel::Speed)?);
+        let least = 0.5 * greatest(speed);
+        let steps = angle
+            .windows(2)
+            .zip(speed.windows(2))
+            .filter(|(_, speed)| speed[0].abs() > least && speed[1].abs() > least);
+        let step_s = median(steps.map(|(angle, speed)| 2.0 * (angle[1] - angle[0]) / (speed[0] + speed[1])));
+        // Whole milliseconds: the tick of a program.
+        let step_s = (step_s * 1e3).round() / 1e3;
+        (step_s > 0.0).then_some(step_s)
     }
 
     pub(crate) fn check(&self) -> Result<(), RecordingError> {
@@ -420,20 +378,9 @@ impl Recording {
     pub fn csv_rows(&self, first: usize) -> String {
         let mut text = String::new();
         for row in first..self.len() {
-            for (index, values) in self.columns.values().enumerate() {
+            for (index, (channel, values)) in self.columns.iter().enumerate() {
                 let comma = if index == 0 { "" } else { "," };
-                let value = values[row];
-                // Nine digits: more than any sensor has.
-                let digits = if value == 0.0 || !value.is_finite() {
-                    0
-                } else {
-                    (8 - value.abs().log10().floor() as i32).clamp(0, 12)
-                };
-                let rounded = format!("{value:.*}", digits as usize);
-                let short =
-                    if rounded.contains('.') { rounded.trim_end_matches('0').trim_end_matches('.') } else { &rounded };
-                let short = if value.is_nan() { "" } else { short };
-                let _ = write!(text, "{comma}{short}");
+                let _ = write!(text, "{comma}{}", cell(*channel, values[row]));
             }
             text.push('\n');
         }
@@ -441,9 +388,23 @@ impl Recording {
     }
 }
 
-/// The probable separator of a header line that was read as a single name.
-fn other_delimiter(header: &str) -> Option<&'static str> {
-    [(';', "semicolons"), ('|', "bars")].into_iter().find_map(|(sign, name)| header.contains(sign).then_some(name))
+/// Below this time, whole nanoseconds have no more digits than a float holds.
+const SHORT_TIME_S: f64 = 1e6;
+
+/// A value as text. Nine digits are more than any sensor has. Times keep their nanoseconds, and those since 1970 every
+/// digit.
+fn cell(channel: Channel, value: f64) -> String {
+    if value.is_nan() {
+        return String::new();
+    }
+    let digits = match channel {
+        Channel::Time if value.abs() >= SHORT_TIME_S => return value.to_string(),
+        Channel::Time => 9,
+        _ if value == 0.0 || !value.is_finite() => 0,
+        _ => (8 - value.abs().log10().floor() as i32).clamp(0, 12) as usize,
+    };
+    let rounded = format!("{value:.digits$}");
+    if rounded.contains('.') { rounded.trim_end_matches('0').trim_end_matches('.').to_owned() } else { rounded }
 }
 
 #[cfg(test)]
@@ -473,11 +434,7 @@ mod tests {
         assert!(message("t_s,u_V\r\n0,1\r\n1,x\r\n").contains("line 3: column u_V"));
         assert!(message("t_s,u_V\n0,1\n1\n").contains("line 3: 1 values, but the header line has 2"));
         assert!(message("t_s,u_V\n0,1\n0,1\n").contains("time must increase"));
-        assert!(message("a,b\n0,1\n").contains("no known column"));
-        let bars = message("t_s|u_V\n0|1\n");
-        assert!(bars.contains("`motorbench convert test.csv NEW.csv`"), "{bars}");
-        let german = message("# from a scope\nt_s;u_V\n0;1,5\n1;1.000,5\n");
-        assert!(german.contains("line 4: column u_V: expected a number, found \"1.000,5\""), "{german}");
+        assert!(message("a,b\n0,1\n").contains("no known channel"));
         // With tabs as separators a comma may separate thousands.
         assert!(message("t_s\tu_V\n0\t1,500\n").contains("line 2: column u_V"));
         assert!(message("t_s,u_V\n").contains("no samples"));
@@ -486,10 +443,7 @@ mod tests {
             assert!(found.contains(&format!("line 3: column {column}: {value} cannot be a measurement")), "{found}");
         }
         let unreadable = Recording::parse("test.npy", &b"\x93NUMPY\x01\0"[..], &[]).unwrap_err().to_string();
-        assert!(
-            unreadable.contains("not text, but a CSV table is expected: `motorbench convert test.npy"),
-            "{unreadable}"
-        );
+        assert!(unreadable.contains("not text, but a table is expected"), "{unreadable}");
         let after_separator = message("sep=;\r\nt_s;u_V\r\n0;1,5\r\n1;x\r\n");
         assert!(after_separator.contains("line 4: column u_V"), "{after_separator}");
         // A 32-bit counter, and a clock since 1970.
@@ -502,6 +456,8 @@ mod tests {
         for other in [
             "t_s;u_V;i_A;\r\n0;-1,5;;\r\n0,5;2;3e-3;\r\n",
             "# 12 V, 2 A\nt_s;u_V;i_A\n0;-1.5;\n0.5;2;0,003\n",
+            "t_s|u_V|i_A\n0|-1.5|\n0.5|2|3e-3\n",
+            "t_s u_V i_A\n0 -1.5 nan\n0.5  2 0.003\n",
             "t_s\tu_V\ti_A\n0\t-1.5\t\n0.5\t2\t3e-3\n",
             "\u{feff}sep=;\r\nt_s;u_V;i_A\r\n0;-1,5;\r\n0,5;2;0,003\r\n",
         ] {
@@ -535,20 +491,30 @@ mod tests {
 
     #[test]
     fn a_time_of_another_name_is_recognised() {
-        let advice = |header: &str, rows: usize| {
+        let read = |header: &str, rows: usize| {
             let rows = (0..rows).map(|row| format!("{row},1\n")).collect::<String>();
-            parse(&format!("{header}\n{rows}")).unwrap().advice_on_time()
+            parse(&format!("{header}\n{rows}")).unwrap()
         };
-        let long = advice("t_ms,u_V", 100).unwrap();
-        assert!(long.contains("--column t_ms=t_s.") && long.contains("--map t_ms=t_s*0.001`"), "{long}");
-        for (header, rows) in [("time,u_V", 20), ("t_s,u_V", 100), ("temperature_C,u_V", 100), ("load,u_V", 100)] {
-            assert_eq!(advice(header, rows), None, "{header}");
+        // A unit in the name leaves no doubt.
+        let read_ms = read("t_ms,u_V", 100);
+        assert_eq!(read_ms.time_s().unwrap()[1], 1e-3);
+        assert_eq!(read_ms.notes, ["t_s is the column t_ms, in ms."]);
+        let advice = read("time,u_V", 100).advice_on_time().unwrap();
+        assert!(advice.ends_with("Likely: --column time=t_s/1000"), "{advice}");
+        for (header, rows) in [("time,u_V", 20), ("temperature_C,u_V", 100), ("t_s,u_V", 100), ("time_ms,u_V", 20)] {
+            assert_eq!(read(header, rows).advice_on_time(), None, "{header}");
         }
     }
 
     #[test]
+    fn times_since_1970_keep_every_digit() {
+        let text = "t_s,u_V\n1709305190.001,1\n1709305190.002,2\n1709305190.00325,3\n";
+        assert_eq!(parse(text).unwrap().to_csv(), text);
+    }
+
+    #[test]
     fn other_names_are_mapped() {
-        let names = [("speed".to_string(), "omega_rad_per_s".to_string())];
+        let names = ["speed=omega_rad_per_s".parse().unwrap()];
         let read = Recording::parse("x", "t_s,speed,foo\n0,1,2\n".as_bytes(), &names).unwrap();
         assert_eq!(read.get(Channel::Speed), Some(&[1.0][..]));
         assert_eq!(read.ignored, ["foo"]);

@@ -37,8 +37,16 @@ pub use speed_window::Window;
 const SHORTEST_STRETCH: usize = 20;
 /// A shorter recording shows few causes, and hardly separates them.
 const SHORTEST_S: f64 = 2.0;
-/// Rows farther apart do not show the motor's dynamics.
+/// Rows farther apart show the motor's dynamics only if they show its steps in part...
 const LONGEST_INTERVAL_S: f64 = 0.1;
+/// ... and times of rows still farther apart are hardly in seconds.
+const LONGEST_OF_ALL_S: f64 = 0.25;
+/// A step has this share of its change left after one row, if a row is four time constants. Less is hidden by noise.
+const LEFT_AFTER_A_ROW: f64 = 0.02;
+/// A change of the command by this share of the greatest is a step...
+const STEP: f64 = 0.25;
+/// ... if it is followed by so many rows of the same command, after which the speed has settled.
+const SETTLED: usize = 4;
 /// A row longer than this many usual ones spans missing rows.
 pub const LONG_ROW: f64 = 1.5;
 /// Time over which an angle is differentiated: short against the motor, long against the encoder's step.
@@ -344,6 +352,22 @@ impl Dataset {
         spread(&self.voltage_v) < 1e-3 * greatest(&self.voltage_v)
     }
 
+    /// Whether steps are seen on their way, and not only before and after: by the median over all steps.
+    fn shows_steps(&self) -> bool {
+        let motion = held(&self.motion().values);
+        let least = STEP * greatest(&self.voltage_v);
+        let is_step = |row: &usize| {
+            let after = &self.voltage_v[*row..row + SETTLED];
+            (after[0] - self.voltage_v[row - 1]).abs() > least && after.iter().all(|volts| *volts == after[0])
+        };
+        let left = |row: usize| {
+            let [before, next, last] = [0, 1, SETTLED].map(|rows| motion[row + rows]);
+            (last - next) / (last - before)
+        };
+        let rows = 1..self.len().saturating_sub(SETTLED);
+        median(rows.filter(is_step).map(left)) > LEFT_AFTER_A_ROW
+    }
+
     /// The same with one stretch of at most this length: the one in which the command changes most.
     pub fn excerpt(&self, length_s: f64) -> Self {
         let changes = |rows: &Range<usize>| {
@@ -482,7 +506,7 @@ mod tests {
     /// A program that writes milliseconds into t_s, or microseconds; a table by hand.
     #[test]
     fn what_is_too_slow_to_show_a_motor_is_refused() {
-        for (scale, expected) in [(1e3, "in milliseconds? Then"), (1e6, "--map t_s=t_s*0.000001")] {
+        for (scale, expected) in [(1e3, "in milliseconds? Then"), (1e6, "--column t_s=t_s*0.000001")] {
             let time_s: Vec<f64> = rows(1e-3, 4.0).iter().map(|t_s| scale * t_s).collect();
             let slow = recording(&time_s, "counts", |t_s| counts(t_s / scale).to_string());
             let error = Dataset::new(&[slow], &Rig::default()).unwrap_err().to_string();

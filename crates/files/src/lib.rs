@@ -8,33 +8,32 @@
 pub mod text_file;
 
 use host_sim::scenario::{Scenario, ScenarioError};
+use motorbench_data::convert::Format;
+use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::{Recording, RecordingError};
 use motorbench_data::rig::{Rig, RigError};
 use motorbench_model::Model;
 use std::path::Path;
 
-/// Reads a recording, a CSV file. `names` maps column names of the file to those of this project:
-/// `("speed", "omega_rad_per_s")`.
+/// Reads a recording of any format. `mappings` maps names of the file to channels.
 ///
 /// # Errors
 /// [`RecordingError`] with file and line.
-pub fn recording(path: &Path, names: &[(String, String)]) -> Result<Recording, RecordingError> {
+pub fn recording(path: &Path, mappings: &[Mapping]) -> Result<Recording, RecordingError> {
     let name = path.display().to_string();
     if path.is_dir() {
         let message =
             "this is a folder, but a recording (CSV) is expected; `motorbench diagnose --batch` takes all in a folder";
         return Err(RecordingError::Table { name, message: message.into() });
     }
-    let file = std::fs::File::open(path).map_err(|error| {
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml")) && path.exists() {
+        return Err(RecordingError::Table { name, message: "this is TOML, but a recording (CSV) is expected".into() });
+    }
+    let bytes = std::fs::read(path).map_err(|error| {
         let source = text_file::explained(path, error);
         RecordingError::Read { name: name.clone(), source }
     })?;
-    if let Some(format) = text_file::other_format(path, "CSV") {
-        let message =
-            format!("this is {format}, but a recording (CSV) is expected; `motorbench convert` converts other formats");
-        return Err(RecordingError::Table { name, message });
-    }
-    Recording::parse(&name, std::io::BufReader::new(file), names)
+    Recording::of_bytes(&name, &bytes, Format::of_content(path, &bytes), mappings)
 }
 
 /// Reads a rig file.

@@ -1,11 +1,12 @@
 //! `motorbench compare`: two recordings, two models, or a recording and a model.
 
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, mapping, plot_file, provenance, read_model, read_recording, rig_file, rig_for,
-    write, write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_model, read_recording, rig_file, rig_for, write,
+    write_json, write_plot,
 };
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
+use motorbench_data::mapping::Mapping;
 use motorbench_diagnosis::compare::{Comparison, Difference, compare};
 use motorbench_diagnosis::dataset::Dataset;
 use motorbench_diagnosis::diagnose::judge;
@@ -40,9 +41,9 @@ pub struct Arguments {
     /// Rig file (TOML), for a recording with a model; default: the rig file beside the recording, if there is one.
     #[arg(long)]
     rig: Option<PathBuf>,
-    /// A column that has another name: FILE_NAME=PROJECT_NAME.
-    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
-    columns: Vec<(String, String)>,
+    /// A column that has another name or unit: speed=omega_rad_per_s*6.2832, pwm=duty/255.
+    #[arg(long = "column", visible_alias = "map", value_name = "NAME=CHANNEL")]
+    columns: Vec<Mapping>,
     /// Delay of the second recording; default: found.
     #[arg(long, value_name = "SECONDS", allow_hyphen_values = true)]
     delay: Option<f64>,

@@ -3,7 +3,8 @@
 use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write, write_json};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use motorbench_data::convert::{self, Dialect, Format, Mapping, Names};
+use motorbench_data::convert::{self, Dialect, Format};
+use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Channel;
 use motorbench_files::text_file;
 use std::path::{Path, PathBuf};
@@ -31,8 +32,9 @@ pub struct Arguments {
     /// Format of the target, if its ending does not give it.
     #[arg(long, value_name = "FORMAT", value_parser = format_name())]
     to: Option<Format>,
-    /// A source column and its channel, with a factor for other units: velocity=omega_rad_per_s*6.2832.
-    #[arg(long = "map", value_name = "NAME=CHANNEL")]
+    /// A source column and its channel, with a factor and an offset if needed: velocity=omega_rad_per_s*6.2832,
+    /// adc=i_A*0.0264-13.5. docs/reference/formats.md has all forms.
+    #[arg(long = "map", visible_alias = "column", value_name = "NAME=CHANNEL")]
     names: Vec<Mapping>,
     /// A channel and its name in the target: omega_rad_per_s=speed.
     #[arg(long = "rename", value_name = "CHANNEL=NAME", value_parser = renaming)]
@@ -87,14 +89,17 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         |given: Option<Format>, path: &Path| given.map_or_else(|| Format::of_path(path), Ok).map_err(Failure::input);
     // The standard output has no ending.
     let target_format = arguments.to.or_else(|| is_terminal(&arguments.target).then_some(Format::Csv));
-    let (from, to) = (format(arguments.from, &arguments.source)?, format(target_format, &arguments.target)?);
+    let to = format(target_format, &arguments.target)?;
     let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&arguments.json))?;
     let name = arguments.source.display().to_string();
     let bytes = std::fs::read(&arguments.source)
         .map_err(|error| Failure::input(format!("{name}: {}", text_file::explained(&arguments.source, error))))?;
+    let from = match arguments.from.unwrap_or_else(|| Format::of_content(&arguments.source, &bytes)) {
+        Format::Csv => format(arguments.from, &arguments.source)?,
+        by_content => by_content,
+    };
     let dialect = Dialect { delimiter: arguments.delimiter, decimal_comma: arguments.decimal_comma };
-    let converted =
-        convert::read(&name, &bytes, from, &Names(arguments.names.clone()), dialect).map_err(Failure::input)?;
+    let converted = convert::read(&name, &bytes, from, &arguments.names, dialect).map_err(Failure::input)?;
     let dialect = Dialect { delimiter: arguments.to_delimiter, decimal_comma: arguments.to_decimal_comma };
     let recording = &converted.recording;
     let written = convert::write(recording, to, &arguments.renamed, dialect).map_err(Failure::input)?;
@@ -102,14 +107,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     write(target, &written)?;
     // SysId holds four tests only.
     let tests = (to == Format::Sysid)
-        .then(|| convert::read(&name, &written, to, &Names::default(), Dialect::default()))
+        .then(|| convert::read(&name, &written, to, &[], Dialect::default()))
         .transpose()
         .map_err(Failure::input)?;
     let kept = tests.as_ref().map_or(recording, |tests| &tests.recording);
     let channels: Vec<&str> = kept.channels().map(Channel::column).collect();
     if let Some(path) = &arguments.json {
         let summary = serde_json::json!({
-            "samples": kept.len(), "channels": channels, "ignored": converted.ignored, "cut": converted.cut
+            "samples": kept.len(), "channels": channels, "ignored": recording.ignored, "cut": converted.cut,
+            "notes": recording.notes
         });
         write_json(path, &summary)?;
     }
@@ -122,10 +128,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let whole = recording.len();
         outputs.say(&format!("of {whole}: SysId takes the longest ramp and the longest step of each direction\n"));
     }
-    if !converted.ignored.is_empty() {
-        let ignored = converted.ignored.join(", ");
-        outputs
-            .say(&format!("not used, since they have no known name: {ignored}. Name them with --map NAME=CHANNEL\n"));
+    for note in &recording.notes {
+        outputs.say(&format!("{name}: {note}\n"));
+    }
+    if !recording.ignored.is_empty() {
+        let ignored = recording.ignored.join(", ");
+        let how = match &*recording.suggestion {
+            "" => "Name them with --map NAME=CHANNEL".to_owned(),
+            likely => format!("Likely: {likely}"),
+        };
+        outputs.say(&format!("not used, since they have no known name: {ignored}. {how}\n"));
     }
     Ok(())
 }

@@ -3,6 +3,7 @@
 mod loops;
 mod revealed;
 
+use super::own_files::WRITTEN;
 use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, provenance, write_json};
 use clap::Args;
 #[cfg(feature = "chip")]
@@ -107,7 +108,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let rig = (recorded.rig)(&settings, NominalMotor::from(nominal));
     if let Some(path) = &arguments.csv {
         super::write(path, &recording.to_csv())?;
-        super::write(&rig_of(path), &toml::to_string(&rig).map_err(Failure::machine)?)?;
+        let rig = toml::to_string(&rig).map_err(Failure::machine)?;
+        super::write(&rig_of(path), &(WRITTEN.to_owned() + &rig))?;
     }
     let diagnosis = working("diagnosis", |bar| diagnose(&[recording], &rig, &|text| bar.set_message(text.to_string())))
         .map_err(Failure::input)?;

@@ -2,8 +2,8 @@
 
 use super::recordings::RecordingArguments;
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, may_hold_model, next_with_model, provenance, read_recording, rig_beside,
-    rig_file, rig_for, spinner, tell, write, write_json, write_model,
+    Failure, JSON_TO, Outputs, TERMINAL, next_with_model, provenance, read_recording, rig_beside, rig_file, rig_for,
+    spinner, tell, write, write_json, write_model,
 };
 use clap::Args;
 use motorbench_data::recording::Recording;
@@ -58,7 +58,6 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     }
     let outputs =
         Outputs::new(&args.recordings.files(), [&args.json, &args.report, &args.model].into_iter().flatten())?;
-    may_hold_model(args.model.as_deref())?;
     let (rig, recordings) = (args.recordings.rig()?, args.recordings.read()?);
     if let [table] = &recordings[..]
         && table.time_s().is_none()

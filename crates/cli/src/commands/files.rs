@@ -1,7 +1,7 @@
 //! Checks the files of one command line. No output may replace another file of the command, and only one result may go
 //! to the terminal.
 
-use super::{Failure, folder, tell};
+use super::{Failure, folder, own_files, tell};
 use motorbench_text::terminal_text::{fitted, quoted};
 use serde_json::{Map, Value};
 use std::ffi::OsString;
@@ -71,16 +71,24 @@ impl Outputs {
                 )));
             }
             let Some(name) = own_name(path) else { continue };
-            let path = path.display();
+            let shown = path.display();
             if read.contains(&name) {
                 return Err(Failure::input(format!(
-                    "{path} is an input and would be overwritten: choose another output name"
+                    "{shown} is an input and would be overwritten: choose another output name"
                 )));
             }
             if taken.contains(&name) {
                 return Err(Failure::input(format!(
-                    "two outputs have the name {path} (files beside a table take its name): choose another name for one"
+                    "two outputs have the name {shown} (files beside a table take its name): choose another name for one"
                 )));
+            }
+            let is_of_measurement =
+                || files.iter().any(|table| side_file(table).is_some_and(|side| files.contains(&&side)));
+            if let Ok(there) = fs::read(&name)
+                && !is_of_measurement()
+                && !own_files::may_be_replaced(&name, &there)
+            {
+                return Err(Failure::input(own_files::not_ours(path)));
             }
             taken.push(name);
         }
@@ -187,7 +195,7 @@ mod tests {
         let is_refused = || Outputs::new([&table], [&side]).is_err();
         assert!(!is_refused(), "there is none");
         fs::write(&side, r#"{"figures": []}"#).unwrap();
-        assert!(!is_refused(), "a result of before");
+        assert!(is_refused(), "a file of another program");
         fs::write(&side, r#"{"firmware": "motorbench", "settings": {}, "samples": 1}"#).unwrap();
         assert!(is_refused());
         let written = with_beside(&table, &["rig.toml", "json"]);

@@ -1,7 +1,7 @@
 //! `motorbench identify`: the constants of the linear motor.
 
 use super::recordings::RecordingArguments;
-use super::{Failure, JSON_TO, Outputs, TERMINAL, may_hold_model, next_with_model, spinner, write_json, write_model};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, next_with_model, spinner, write_json, write_model};
 use clap::Args;
 use motorbench_data::rig::NominalMotor;
 use motorbench_diagnosis::dataset::Dataset;
@@ -69,7 +69,6 @@ struct Fitted {
 /// [`Failure`] with what is wrong with the input, and where.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = Outputs::new(&arguments.recordings.files(), arguments.model.iter().chain(&arguments.json))?;
-    may_hold_model(arguments.model.as_deref())?;
     let (rig, recordings) = (arguments.recordings.rig()?, arguments.recordings.read()?);
     let data = with_window_settled(Dataset::new(&recordings, &rig).map_err(Failure::input)?, &rig.motor);
     let bar = spinner();

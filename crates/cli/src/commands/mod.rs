@@ -15,6 +15,7 @@ mod identify;
 mod interaction;
 mod live;
 mod manual;
+mod own_files;
 mod port;
 mod provenance;
 mod record;
@@ -34,6 +35,7 @@ use host_sim::scenario::Scenario;
 use indicatif::{ProgressBar, ProgressStyle};
 #[cfg(feature = "chip")]
 use motorbench_chip::{ProgramError, firmware_at_hand};
+use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_files::text_file;
@@ -255,12 +257,6 @@ fn run(program: Program) -> Result<(), Failure> {
     }
 }
 
-/// A column of a file under another name: `speed=omega_rad_per_s`.
-fn mapping(text: &str) -> Result<(String, String), String> {
-    let (from, to) = text.split_once('=').ok_or("expected FROM=TO, for instance speed=omega_rad_per_s")?;
-    Ok((from.into(), to.into()))
-}
-
 /// Reads a rig file and reports keys that are ignored.
 fn read_rig(path: &Path) -> Result<Rig, Failure> {
     let rig = motorbench_files::rig(path).map_err(Failure::input)?;
@@ -277,13 +273,15 @@ fn read_rig(path: &Path) -> Result<Rig, Failure> {
 }
 
 /// Reads a recording and reports columns that are not used.
-fn read_recording(path: &Path, names: &[(String, String)]) -> Result<Recording, Failure> {
-    let recording = motorbench_files::recording(path, names).map_err(Failure::input)?;
+fn read_recording(path: &Path, columns: &[Mapping]) -> Result<Recording, Failure> {
+    let recording = motorbench_files::recording(path, columns).map_err(Failure::input)?;
     if !recording.ignored.is_empty() {
         let (path, ignored) = (path.display(), recording.ignored.join(", "));
-        tell(&format!(
-            "motorbench: {path}: columns without a known name are not used: {ignored}. Name them with --column NAME=CHANNEL, or convert with --map"
-        ));
+        let how = match &*recording.suggestion {
+            "" => "Name them with --column NAME=CHANNEL".to_owned(),
+            likely => format!("Likely: {likely}"),
+        };
+        tell(&format!("motorbench: {path}: columns without a known name are not used: {ignored}. {how}"));
     }
     Ok(recording)
 }
@@ -321,24 +319,9 @@ fn read_model(path: &Path) -> Result<Model, Failure> {
     Model::parse(&text).map_err(|error| failed(&error))
 }
 
-/// First line of a model file that this program has written. Only such a file may be replaced.
-const WRITTEN: &str = "# Written by motorbench, which writes over it.\n";
-
-/// Checks before the computation whether the model may be written there. A file by the user is not replaced.
-fn may_hold_model(path: Option<&Path>) -> Result<(), Failure> {
-    let by_hand =
-        |path: &&Path| path.is_file() && !fs::read(path).is_ok_and(|text| text.starts_with(WRITTEN.as_bytes()));
-    path.filter(by_hand).map_or(Ok(()), |path| {
-        let path = path.display();
-        Err(Failure::input(format!(
-            "{path} was not written by motorbench and is not overwritten: choose another name for the model"
-        )))
-    })
-}
-
 /// Writes a model.
 fn write_model(path: &Path, model: &Model) -> Result<(), Failure> {
-    write(path, &(WRITTEN.to_owned() + &model.to_toml()))
+    write(path, &(own_files::WRITTEN.to_owned() + &model.to_toml()))
 }
 
 /// What comes after a model was found.
@@ -375,7 +358,10 @@ fn write(path: &Path, contents: &(impl AsRef<[u8]> + ?Sized)) -> Result<(), Fail
         let mut output = io::stdout();
         return output.write_all(contents.as_ref()).and_then(|()| output.flush()).or_else(|error| cannot_print(&error));
     }
-    write_whole(path, contents.as_ref()).map_err(|error| cannot_write(path, &error))
+    if let Some(why) = own_files::wrong_ending(path, contents.as_ref()) {
+        return Err(Failure::input(why));
+    }
+    write_whole(path, &own_files::marked(contents.as_ref())).map_err(|error| cannot_write(path, &error))
 }
 
 /// Writes a temporary file beside it and renames that. On a full disk the old file stays, and no partial file appears.
@@ -508,13 +494,12 @@ mod tests {
         let file = folder.path().join("model.toml");
         let model = Model::linear(motorbench_model::motor::MotorParameters::PIVT6);
         for _ in 0..2 {
-            may_hold_model(Some(&file)).unwrap();
+            Outputs::new([], [&file]).unwrap();
             write_model(&file, &model).unwrap();
             assert_eq!(read_model(&file).unwrap().motor, model.motor);
         }
         fs::write(&file, model.to_toml()).unwrap();
-        assert_eq!(may_hold_model(Some(&file)).unwrap_err().code, 1);
-        assert!(may_hold_model(Some(Path::new("-"))).is_ok() && may_hold_model(Some(Path::new("/dev/null"))).is_ok());
+        assert_eq!(Outputs::new([], [&file]).err().map(|failure| failure.code), Some(1));
     }
 
     #[test]

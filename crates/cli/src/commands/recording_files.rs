@@ -1,6 +1,7 @@
 //! The files of a recording of a board, and the messages about those that cannot be written.
 
 use super::files::beside;
+use super::own_files::WRITTEN;
 use super::{Failure, cannot_write, write};
 use motorbench_core::settings::Settings;
 use motorbench_data::rig::NominalMotor;
@@ -39,7 +40,7 @@ pub(super) fn rig_and_side(
     side: &serde_json::Value,
 ) -> Result<Vec<(PathBuf, String)>, Failure> {
     let rig = toml::to_string(&telemetry::rig(settings, nominal)).map_err(Failure::machine)?;
-    Ok(vec![(beside(out, "rig.toml"), rig), (beside(out, "json"), pretty(side)?)])
+    Ok(vec![(beside(out, "rig.toml"), WRITTEN.to_owned() + &rig), (beside(out, "json"), pretty(side)?)])
 }
 
 /// Files that could not be written, by reason.

@@ -1,7 +1,8 @@
 //! Input of `diagnose` and `identify`: recordings of one rig.
 
-use super::{Failure, mapping, read_recording, rig_file, rig_for};
+use super::{Failure, read_recording, rig_file, rig_for};
 use clap::Args;
+use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use std::path::PathBuf;
@@ -16,9 +17,9 @@ pub struct RecordingArguments {
     /// Rig file (TOML); default: the one beside the first recording (run.rig.toml for run.csv), if there is one.
     #[arg(long)]
     pub rig: Option<PathBuf>,
-    /// A column of the file that has another name: FILE_NAME=PROJECT_NAME.
-    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
-    pub columns: Vec<(String, String)>,
+    /// A column of the file that has another name or unit: speed=omega_rad_per_s*6.2832, pwm=duty/255.
+    #[arg(long = "column", visible_alias = "map", value_name = "NAME=CHANNEL")]
+    pub columns: Vec<Mapping>,
 }
 
 impl RecordingArguments {

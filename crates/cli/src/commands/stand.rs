@@ -3,12 +3,12 @@
 mod measure;
 
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, mapping, plot_file, provenance, read_recording, read_rig, write, write_json,
-    write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_recording, read_rig, write, write_json, write_plot,
 };
 use clap::Args;
 use maud::html;
 use motorbench_data::delimited::Delimited;
+use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_diagnosis::steady_state::Winding;
@@ -50,9 +50,9 @@ pub struct Arguments {
     /// Nominal resistance_ohm and torque_constant_Nm_per_A under [motor] (TOML).
     #[arg(long)]
     rig: PathBuf,
-    /// A column of the table that has another name: FILE_NAME=PROJECT_NAME.
-    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
-    columns: Vec<(String, String)>,
+    /// A column of the table that has another name or unit: speed=omega_rad_per_s*6.2832, pwm=duty/255.
+    #[arg(long = "column", value_name = "NAME=CHANNEL")]
+    columns: Vec<Mapping>,
     /// Resistances by a meter at several rotor positions: a table with a column resistance_ohm.
     #[arg(long, value_name = "POSITIONS.csv")]
     resistance: Option<PathBuf>,
@@ -96,7 +96,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 }
 
 /// A table of steady states.
-fn table(path: &Path, columns: &[(String, String)]) -> Result<Recording, Failure> {
+fn table(path: &Path, columns: &[Mapping]) -> Result<Recording, Failure> {
     let table = read_recording(path, columns)?;
     if table.time_s().is_some() {
         return Err(Failure::input(format!(

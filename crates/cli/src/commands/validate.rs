@@ -4,8 +4,8 @@ use super::compare::{Drawn, drawn, table};
 use super::files::{beside, side_file};
 use super::simulate::{judged, trip_name};
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, mapping, plot_file, provenance, read_recording, rig_file, rig_for, spinner,
-    write, write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_recording, rig_file, rig_for, spinner, write,
+    write_json, write_plot,
 };
 use clap::Args;
 use host_sim::figures::{Figures, JUMP};
@@ -13,6 +13,7 @@ use host_sim::scenario::Scenario;
 use host_sim::trial::Point;
 use motorbench_core::message::Trip;
 use motorbench_core::settings::Param;
+use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
 use motorbench_design::law::ControlLaw;
@@ -54,9 +55,9 @@ pub struct Arguments {
     /// Rig file (TOML); default: NAME.rig.toml beside the first recording, if there is one.
     #[arg(long)]
     rig: Option<PathBuf>,
-    /// A column that has another name: FILE_NAME=PROJECT_NAME.
-    #[arg(long = "column", value_name = "FROM=TO", value_parser = mapping)]
-    columns: Vec<(String, String)>,
+    /// A column that has another name or unit: speed=omega_rad_per_s*6.2832, pwm=duty/255.
+    #[arg(long = "column", visible_alias = "map", value_name = "NAME=CHANNEL")]
+    columns: Vec<Mapping>,
     /// Draws all loops, simulated and measured.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,

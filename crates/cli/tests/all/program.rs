@@ -3,6 +3,7 @@
 use crate::motor::PIVT6_TOML;
 use crate::stand::stand_table;
 use assert_cmd::Command;
+use motorbench_data::recording::Channel;
 use motorbench_data::telemetry;
 use motorbench_model::motor::MotorParameters;
 use predicates::prelude::*;
@@ -150,6 +151,28 @@ fn what_is_not_used_of_a_file_is_said() {
     {
         motorbench(command).success().stderr(unknown());
     }
+}
+
+/// A file of a serial monitor and a command line that `convert` itself proposes.
+#[test]
+fn a_file_of_a_serial_monitor_is_read_as_proposed() {
+    let directory = TempDir::new().unwrap();
+    let [log, table, rig] = ["log.txt", "run.csv", "rig.toml"].map(|name| directory.path().join(name));
+    let line = |row: i32| format!("14:59:50.{:03} -> {},{},{},1\n", row, 400 + 10 * row, row % 200, row % 2);
+    let text = format!("Ready\nmillis,pwm,dir,rpm\n{}", (0..200).map(line).collect::<String>());
+    std::fs::write(&log, text).unwrap();
+    let proposed = predicate::str::contains("Likely: --column 'pwm*sign(dir)=duty/255'");
+    motorbench(&["convert", path(&log), path(&table)]).success().stdout(proposed);
+    let columns = ["--column", "pwm*sign(dir)=duty/255"];
+    motorbench(&[&["convert", path(&log), path(&table)][..], &columns].concat()).success();
+    let read = motorbench_files::recording(&table, &[]).unwrap();
+    assert!((read.get(Channel::Duty).unwrap()[150] + 150.0 / 255.0).abs() < 1e-12);
+    // A table is not written as a rig file, and a table by hand is not replaced.
+    std::fs::write(&rig, "[supply]\nvoltage_V = 12\n").unwrap();
+    let kept = || predicate::str::contains("was not written by motorbench and is not overwritten");
+    motorbench(&["convert", path(&log), path(&rig), "--to", "csv"]).code(1).stderr(kept());
+    std::fs::write(&table, "when,what\n1,2\n").unwrap();
+    motorbench(&["convert", path(&log), path(&table)]).code(1).stderr(kept());
 }
 
 #[test]

@@ -1,12 +1,12 @@
 //! MATLAB files of level 5 (`save -v6` and `-v7`, `scipy.io.savemat`). A header of 128 bytes is followed by elements
 //! with a type, a size and data. Variables are elements of type matrix, plain or compressed with zlib.
 
-use super::{Column, Fault, Names};
+use super::{Fault, matrix};
+use crate::content::{Column, Content};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
 
 const HEADER: usize = 128;
-const HDF5: &[u8] = b"\x89HDF";
 // Types of elements.
 const INT8: u32 = 1;
 const INT32: u32 = 5;
@@ -14,9 +14,17 @@ const UINT32: u32 = 6;
 const DOUBLE: u32 = 9;
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
+const UTF8: u32 = 16;
 // Classes of arrays.
 const CLASS_DOUBLE: u8 = 6;
 const CLASSES_OF_NUMBERS: std::ops::RangeInclusive<u8> = CLASS_DOUBLE..=15;
+const CLASS_CELL: u8 = 1;
+const CLASS_STRUCTURE: u8 = 2;
+const CLASS_TEXT: u8 = 4;
+const CLASS_UINT8: u8 = 9;
+const CLASS_UINT32: u8 = 13;
+/// Objects of classes such as timeseries.
+const CLASS_OBJECT_OF_CLASSDEF: u8 = 17;
 const COMPLEX: u8 = 0x08;
 
 #[derive(Clone, Copy)]
@@ -113,12 +121,10 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// Vectors of numbers that are channels, and the names of the other variables.
-pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), Fault> {
+/// Everything with numbers: vectors, the columns of matrices, the fields of structures, the arrays of objects. A variable
+/// that cannot be read is an error only if it is wanted.
+pub fn read(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, Fault> {
     let big_endian = match bytes.get(HEADER - 2..HEADER) {
-        _ if bytes.starts_with(HDF5) || bytes.starts_with(b"MATLAB 7.3") => {
-            return Err(Fault::at_byte(0, "a MATLAB 7.3 file, which is HDF5: save it with save(..., '-v7')"));
-        }
         Some(b"IM") => false,
         Some(b"MI") => true,
         _ => {
@@ -129,72 +135,238 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), F
         }
     };
     let mut reader = Reader { bytes, at: HEADER, big_endian, origin: None };
-    let (mut columns, mut ignored) = (Vec::new(), Vec::new());
+    let mut found = Found { content: Content::default(), is_wanted, objects: 0 };
     while reader.at < bytes.len() {
         let element = reader.element()?;
         if element.kind != COMPRESSED {
             let inner = Reader { at: element.at, bytes: &bytes[..element.at + element.data.len()], ..reader };
-            variable(&element, inner, names, &mut columns, &mut ignored)?;
+            found.variable(&element, inner)?;
             continue;
         }
         let mut plain = Vec::new();
-        ZlibDecoder::new(element.data).read_to_end(&mut plain).map_err(|error| {
+        ZlibDecoder::new(element.data).take(MOST_BYTES).read_to_end(&mut plain).map_err(|error| {
             Fault::at_byte(element.at, format!("its compressed data is damaged ({error}); save it again"))
         })?;
         let mut inner = Reader { bytes: &plain, at: 0, big_endian, origin: Some(element.at) };
         let element = inner.element()?;
         let content = Reader { at: element.at, ..inner };
-        variable(&element, content, names, &mut columns, &mut ignored)?;
+        found.variable(&element, content)?;
     }
-    Ok((columns, ignored))
+    if found.objects > 0 {
+        found.content.notes.push(OBJECTS.into());
+    }
+    Ok(found.content)
 }
 
-/// Reads a variable that is a channel; of another one only the name. `reader` is at the content of its element.
-fn variable(
-    element: &Element<'_>,
-    mut reader: Reader<'_>,
-    names: &Names,
-    columns: &mut Vec<Column>,
-    ignored: &mut Vec<String>,
-) -> Result<(), Fault> {
-    if element.kind != MATRIX || element.data.is_empty() {
-        return Ok(());
+/// Compressed variables are expanded up to this size.
+const MOST_BYTES: u64 = 1 << 31;
+/// Structures in structures are followed so deep.
+const DEEPEST: usize = 12;
+/// Shorter arrays of an object are its settings.
+const SHORTEST: usize = 20;
+/// Note on objects.
+const OBJECTS: &str = "The arrays of MATLAB objects have no names of their own. They are called object/1, object/2 and so on, in the order of the file.";
+
+/// The begin of an array: what is said before its data.
+struct Head {
+    class: u8,
+    is_complex: bool,
+    shape: Vec<f64>,
+    name: String,
+    at: usize,
+}
+
+impl Reader<'_> {
+    fn head(&mut self) -> Result<Head, Fault> {
+        let at = self.at;
+        let flags = self.element()?;
+        let [class, bits] = match (flags.data, self.big_endian) {
+            ([class, bits, ..], false) | ([_, _, bits, class, ..], true) => [*class, *bits],
+            _ => return Err(self.fault(at, "array flags of fewer than 4 bytes")),
+        };
+        if class == CLASS_OBJECT_OF_CLASSDEF {
+            return Ok(Head { class, is_complex: false, shape: Vec::new(), name: String::new(), at });
+        }
+        let shape = self.element()?;
+        let shape = self.numbers(&shape)?;
+        let name = self.element()?;
+        let name = String::from_utf8_lossy(name.data).into_owned();
+        Ok(Head { class, is_complex: bits & COMPLEX != 0, shape, name, at })
     }
-    let at = reader.at;
-    let flags = reader.element()?;
-    let [class, bits] = match (flags.data, reader.big_endian) {
-        ([class, bits, ..], false) | ([_, _, bits, class, ..], true) => [*class, *bits],
-        _ => return Err(reader.fault(at, "array flags of fewer than 4 bytes")),
-    };
-    let shape = reader.element()?;
-    let shape = reader.numbers(&shape)?;
-    let name = reader.element()?;
-    let name = String::from_utf8_lossy(name.data).into_owned();
-    if names.channel(&name).is_none() {
-        let what = if class == 2 { " (a structure: save its fields with save(..., '-struct', ...))" } else { "" };
-        ignored.push(name + what);
-        return Ok(());
+
+    /// The values of an array of numbers.
+    fn values(&mut self, head: &Head, name: &str) -> Result<Vec<f64>, Fault> {
+        if !CLASSES_OF_NUMBERS.contains(&head.class) || head.is_complex {
+            let what = "expected an array of real numbers; convert it with double(...) or real(...)";
+            return Err(self.fault(head.at, format!("{name}: {what}")));
+        }
+        let data = self.element()?;
+        let values = self.numbers(&data)?;
+        let expected = head.shape.iter().product::<f64>();
+        if values.len() as f64 != expected {
+            let what = format!("{name}: {expected} numbers expected, but {} found", values.len());
+            return Err(self.fault(data.at, what));
+        }
+        Ok(values)
     }
-    if !CLASSES_OF_NUMBERS.contains(&class) || bits & COMPLEX != 0 {
-        return Err(reader.fault(
-            at,
-            format!("{name}: expected a vector of real numbers; convert it with double(...) or real(...)"),
-        ));
-    }
-    if shape.iter().filter(|size| **size != 1.0).count() > 1 {
-        let shape = shape.iter().map(f64::to_string).collect::<Vec<_>>().join(" x ");
-        return Err(
-            reader.fault(at, format!("{name} is {shape}: expected a vector; save each column under a name of its own"))
+
+    /// A text of one row.
+    fn text(&mut self) -> Option<String> {
+        let data = self.element().ok()?;
+        let letters = if data.kind == UTF8 { None } else { self.numbers(&data).ok() };
+        let text = letters.map_or_else(
+            || String::from_utf8_lossy(data.data).into_owned(),
+            |letters| letters.iter().filter_map(|letter| char::from_u32(*letter as u32)).collect(),
         );
+        Some(text.trim().to_owned()).filter(|text| !text.is_empty())
     }
-    let data = reader.element()?;
-    let values = reader.numbers(&data)?;
-    let expected = shape.iter().product::<f64>();
-    if values.len() as f64 != expected {
-        return Err(reader.fault(data.at, format!("{name}: {expected} numbers expected, but {} found", values.len())));
+}
+
+/// What has been read so far.
+struct Found<'a> {
+    content: Content,
+    is_wanted: &'a dyn Fn(&str) -> bool,
+    objects: usize,
+}
+
+impl Found<'_> {
+    /// Reads a variable. `reader` is at the content of its element.
+    fn variable(&mut self, element: &Element<'_>, mut reader: Reader<'_>) -> Result<(), Fault> {
+        if element.kind != MATRIX || element.data.is_empty() {
+            return Ok(());
+        }
+        let head = reader.head()?;
+        let name = head.name.clone();
+        if name.is_empty() && matches!(head.class, CLASS_UINT8 | CLASS_OBJECT_OF_CLASSDEF) {
+            if head.class == CLASS_UINT8 {
+                let data = reader.element()?;
+                // Eight bytes of version and byte order.
+                let start = data.at + data.data.len().min(8);
+                let inside = Reader { bytes: &reader.bytes[..data.at + data.data.len()], at: start, ..reader };
+                self.objects(inside, 0);
+            }
+            return Ok(());
+        }
+        match self.array(&head, reader, &name, 0) {
+            Err(fault) if (self.is_wanted)(&name) => Err(fault),
+            Err(_) => {
+                self.content.ignored.push(name);
+                Ok(())
+            }
+            Ok(()) => Ok(()),
+        }
     }
-    columns.push(Column { name, values });
-    Ok(())
+
+    /// Reads an array under a path: `log`, `out/signals/speed`.
+    fn array(&mut self, head: &Head, mut reader: Reader<'_>, path: &str, depth: usize) -> Result<(), Fault> {
+        if depth > DEEPEST {
+            return Ok(());
+        }
+        match head.class {
+            CLASS_CELL => self.cells(head, reader, path, depth),
+            CLASS_STRUCTURE => self.structure(head, reader, path, depth),
+            _ => {
+                let values = reader.values(head, path)?;
+                let sides: Vec<usize> =
+                    head.shape.iter().map(|side| *side as usize).filter(|side| *side != 1).collect();
+                match sides[..] {
+                    [rows, columns] => self.content.columns.extend(matrix(path, &values, rows, columns, true)),
+                    [] | [_] => self.content.columns.push(Column::new(path, values)),
+                    // Simulink keeps a signal of one number as 1 x 1 x samples, one of several as n x 1 x samples.
+                    _ => {
+                        let shape = head.shape.iter().map(f64::to_string).collect::<Vec<_>>().join(" x ");
+                        return Err(reader.fault(head.at, format!("{path} is {shape}: expected a vector or a matrix")));
+                    }
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn cells(&mut self, head: &Head, mut reader: Reader<'_>, path: &str, depth: usize) -> Result<(), Fault> {
+        let count = head.shape.iter().product::<f64>() as usize;
+        for number in 1..=count {
+            let element = reader.element()?;
+            self.inner(&element, reader, &format!("{path}/{number}"), depth)?;
+        }
+        Ok(())
+    }
+
+    /// The array in an element of another one.
+    fn inner(&mut self, element: &Element<'_>, reader: Reader<'_>, path: &str, depth: usize) -> Result<(), Fault> {
+        if element.kind != MATRIX || element.data.is_empty() {
+            return Ok(());
+        }
+        let mut inside = Reader { at: element.at, bytes: &reader.bytes[..element.at + element.data.len()], ..reader };
+        let head = inside.head()?;
+        match head.class {
+            CLASS_CELL | CLASS_STRUCTURE => self.array(&head, inside, path, depth + 1),
+            _ if CLASSES_OF_NUMBERS.contains(&head.class) => self.array(&head, inside, path, depth + 1),
+            _ => Ok(()),
+        }
+    }
+
+    fn structure(&mut self, head: &Head, mut reader: Reader<'_>, path: &str, depth: usize) -> Result<(), Fault> {
+        let length = reader.element()?;
+        let length = reader.numbers(&length)?.first().copied().unwrap_or(0.0) as usize;
+        let names = reader.element()?;
+        let name = |bytes: &[u8]| {
+            String::from_utf8_lossy(bytes.split(|byte| *byte == 0).next().unwrap_or_default()).into_owned()
+        };
+        let names: Vec<String> = names.data.chunks(length.max(1)).map(name).collect();
+        let count = head.shape.iter().product::<f64>() as usize;
+        for number in 1..=count {
+            let mut fields = Vec::new();
+            for field in &names {
+                fields.push((field, reader.element()?));
+            }
+            let own = if count > 1 { format!("{path}/{number}") } else { path.to_owned() };
+            // Simulink calls a signal by its label, or by the block that it comes from.
+            let label = ["label", "blockName"].into_iter().find_map(|key| {
+                let (_, element) = fields.iter().find(|(name, _)| *name == key)?;
+                let mut inside =
+                    Reader { at: element.at, bytes: &reader.bytes[..element.at + element.data.len()], ..reader };
+                inside.head().ok().filter(|head| head.class == CLASS_TEXT)?;
+                inside.text()
+            });
+            for (name, element) in &fields {
+                let path = match &label {
+                    Some(label) if *name == "values" => format!("{path}/{label}"),
+                    Some(_) => continue,
+                    None => format!("{own}/{name}"),
+                };
+                self.inner(element, reader, &path, depth)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The arrays of objects (timeseries, Dataset), which stand together at the end of the file.
+    fn objects(&mut self, mut reader: Reader<'_>, depth: usize) {
+        while reader.at < reader.bytes.len() {
+            let Ok(element) = reader.element() else { return };
+            if element.kind != MATRIX || depth > DEEPEST {
+                continue;
+            }
+            let inside = Reader { at: element.at, bytes: &reader.bytes[..element.at + element.data.len()], ..reader };
+            let mut of_array = inside;
+            match of_array.head() {
+                Ok(head) if CLASSES_OF_NUMBERS.contains(&head.class) && !head.is_complex => {
+                    let path = format!("object/{}", self.objects + 1);
+                    let is_long = head.shape.iter().any(|side| *side >= SHORTEST as f64);
+                    // Bytes are the names and the order of the objects.
+                    if is_long
+                        && !matches!(head.class, CLASS_UINT8 | CLASS_UINT32)
+                        && let Ok(values) = of_array.values(&head, &path)
+                    {
+                        self.objects += 1;
+                        self.content.columns.push(Column::new(path, values));
+                    }
+                }
+                _ => self.objects(inside, depth + 1),
+            }
+        }
+    }
 }
 
 /// A file that MATLAB, Octave and SciPy load: each column a column vector.

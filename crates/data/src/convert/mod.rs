@@ -1,20 +1,25 @@
 //! Recordings to and from the formats of other tools, one file each.
 //!
-//! Reading returns columns, or series with their own times, under the names of the file. [`Names`] maps these names to
-//! channels. Writing starts from a [`Recording`].
+//! Reading returns the [`Content`] of a file under its own names. [`Mapping`] says which names are which channels.
+//! Writing starts from a [`Recording`].
 
 mod csv;
 mod mat;
+mod mat73;
 mod numpy;
 mod plotjuggler;
-mod series;
+mod spreadsheet;
 mod sysid;
 mod wpilog;
 
+use crate::assembled;
+use crate::content::{Column, Content};
+use crate::mapping::Mapping;
 use crate::recording::{Channel, Recording, RecordingError};
+use crate::{table, text_encoding};
 use std::path::Path;
 
-pub use csv::Dialect;
+pub use crate::table::Dialect;
 
 /// A file format. The ending of the file's name gives it, unless the user names another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,8 +32,10 @@ pub enum Format {
     Sysid,
     /// `WPILib` data log.
     Wpilog,
-    /// MATLAB level 5.
+    /// MATLAB level 5 and 7.3.
     Mat,
+    /// Spreadsheets of Office programs.
+    Spreadsheet,
     /// `NumPy`, one array.
     Npy,
     /// `NumPy`, several arrays.
@@ -37,8 +44,8 @@ pub enum Format {
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 7] =
-        [Self::Csv, Self::Plotjuggler, Self::Sysid, Self::Wpilog, Self::Mat, Self::Npy, Self::Npz];
+    pub const ALL: [Self; 8] =
+        [Self::Csv, Self::Plotjuggler, Self::Sysid, Self::Wpilog, Self::Mat, Self::Spreadsheet, Self::Npy, Self::Npz];
 
     /// Its name on the command line.
     pub const fn name(self) -> &'static str {
@@ -48,6 +55,7 @@ impl Format {
             Self::Sysid => "sysid",
             Self::Wpilog => "wpilog",
             Self::Mat => "mat",
+            Self::Spreadsheet => "spreadsheet",
             Self::Npy => "npy",
             Self::Npz => "npz",
         }
@@ -56,11 +64,12 @@ impl Format {
     /// What a file of this format holds, for a help text.
     pub const fn description(self) -> &'static str {
         match self {
-            Self::Csv => "A table with a header line (.csv, .tsv, .txt)",
+            Self::Csv => "A table, also of an instrument or a serial monitor (.csv, .tsv, .txt, .lvm, .log, .dat)",
             Self::Plotjuggler => "CSV of PlotJuggler: times in `__time`, cells may be empty",
             Self::Sysid => "Legacy JSON of WPILib SysId: four tests, rotations (.json)",
             Self::Wpilog => "WPILib data log 1.0 (.wpilog)",
-            Self::Mat => "MATLAB level 5, one vector for each channel (.mat)",
+            Self::Mat => "MATLAB: vectors, matrices, structures, Simulink signals (.mat); HDF5 (.h5)",
+            Self::Spreadsheet => "Spreadsheet of an Office program, reading only (.xlsx, .xls, .ods)",
             Self::Npy => "NumPy, one structured array (.npy)",
             Self::Npz => "NumPy, one array for each channel (.npz)",
         }
@@ -73,19 +82,39 @@ impl Format {
     pub fn of_path(path: &Path) -> Result<Self, ConvertError> {
         let ending = path.extension().and_then(|ending| ending.to_str()).unwrap_or_default().to_lowercase();
         match ending.as_str() {
-            "csv" | "tsv" | "txt" => Ok(Self::Csv),
+            "csv" | "tsv" | "txt" | "lvm" | "log" | "dat" => Ok(Self::Csv),
             "json" => Ok(Self::Sysid),
             "wpilog" => Ok(Self::Wpilog),
-            "mat" => Ok(Self::Mat),
+            "mat" | "h5" | "hdf5" => Ok(Self::Mat),
+            "xlsx" | "xlsm" | "xlsb" | "xls" | "ods" => Ok(Self::Spreadsheet),
             "npy" => Ok(Self::Npy),
             "npz" => Ok(Self::Npz),
             _ => Err(ConvertError::new(
                 path.display(),
                 Fault::whole(
-                    "no format has this ending: expected .csv, .tsv, .txt, .json (SysId), .wpilog, .mat, .npy or .npz. Or give the format with --from or --to",
+                    "no format has this ending: expected .csv, .tsv, .txt, .lvm, .xlsx, .ods, .json (SysId), .wpilog, .mat, .npy or .npz. Or give the format with --from or --to",
                 ),
             )),
         }
+    }
+
+    /// The format of a file's content, by its first bytes, or else by the ending of its name.
+    pub fn of_content(path: &Path, bytes: &[u8]) -> Self {
+        let by_ending = Self::of_path(path).ok();
+        if bytes.starts_with(b"WPILOG") {
+            return Self::Wpilog;
+        }
+        if bytes.starts_with(b"MATLAB 5.0") || mat73::is_one(bytes) {
+            return Self::Mat;
+        }
+        if bytes.starts_with(b"\x93NUMPY") {
+            return Self::Npy;
+        }
+        // Archives, and the older files of Office programs.
+        if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"\xd0\xcf\x11\xe0") {
+            return if by_ending == Some(Self::Npz) { Self::Npz } else { Self::Spreadsheet };
+        }
+        by_ending.unwrap_or(Self::Csv)
     }
 }
 
@@ -135,71 +164,19 @@ impl ConvertError {
     }
 }
 
-/// A name in the file and its channel: `velocity=omega_rad_per_s*6.2832` for revolutions per second.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Mapping {
-    /// Name in the file.
-    pub name: String,
-    /// The channel.
-    pub channel: Channel,
-    /// Factor for its values.
-    pub factor: f64,
-}
-
-impl std::str::FromStr for Mapping {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let expected = "expected NAME=CHANNEL or NAME=CHANNEL*FACTOR, for instance velocity=omega_rad_per_s*6.2832";
-        // The names of some formats contain an equals sign; those of channels do not.
-        let (name, right) = text.rsplit_once('=').ok_or(expected)?;
-        let (column, factor) = right.split_once('*').unwrap_or((right, "1"));
-        let channel = Channel::of_column(column.trim())
-            .ok_or_else(|| format!("no channel is called \"{column}\"; there are {}", all_columns()))?;
-        let is_one = |factor: &f64| factor.is_finite() && *factor != 0.0;
-        let factor = factor.trim().parse().ok().filter(is_one);
-        let factor = factor.ok_or_else(|| format!("the factor must be a number other than 0; {expected}"))?;
-        Ok(Self { name: name.trim().into(), channel, factor })
-    }
-}
-
-fn all_columns() -> String {
-    Channel::ALL.map(Channel::column).join(", ")
-}
-
-/// Maps names of a file to channels: by the given mappings, otherwise by the name itself or the last part of its path.
-#[derive(Clone, Debug, Default)]
-pub struct Names(pub Vec<Mapping>);
-
-impl Names {
-    fn channel(&self, name: &str) -> Option<(Channel, f64)> {
-        if let Some(mapping) = self.0.iter().find(|mapping| mapping.name == name) {
-            return Some((mapping.channel, mapping.factor));
-        }
-        let last = name.rsplit('/').next().unwrap_or(name);
-        Channel::of_column(last).map(|channel| (channel, 1.0))
-    }
-}
-
-/// Values with their name in the file.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Column {
-    name: String,
-    values: Vec<f64>,
-}
-
 /// A recording, and the names of the file that are not used.
 #[derive(Debug)]
 pub struct Converted {
     /// The recording.
     pub recording: Recording,
-    /// Names without a known meaning.
-    pub ignored: Vec<String>,
     /// Message about a file that ends too early.
     pub cut: Option<String>,
 }
 
-/// Reads a file's bytes. `dialect` is for CSV.
+/// A file whose ending is that of CSV.
+const NO_TEXT: &str = "this is not text, but a table is expected. Give its format with --from";
+
+/// Reads a file's bytes. `dialect` is for text.
 ///
 /// # Errors
 /// [`ConvertError`] with the place.
@@ -207,66 +184,54 @@ pub fn read(
     name: &str,
     bytes: &[u8],
     format: Format,
-    names: &Names,
+    mappings: &[Mapping],
     dialect: Dialect,
 ) -> Result<Converted, ConvertError> {
     let failed = |fault| ConvertError::new(name, fault);
-    let whole = |(columns, ignored)| (columns, ignored, None);
-    let (columns, ignored, cut) = match format {
-        Format::Wpilog => wpilog::read(bytes, names).map(|log| (log.columns, log.ignored, log.cut)),
-        Format::Csv if plotjuggler::is_one(bytes) => plotjuggler::read(bytes, names).map(whole),
-        Format::Csv => csv::read(bytes, names, dialect).map(whole),
-        Format::Plotjuggler => plotjuggler::read(bytes, names).map(whole),
-        Format::Sysid => sysid::read(bytes).map(|columns| (columns, Vec::new(), None)),
-        Format::Mat => mat::read(bytes, names).map(whole),
-        Format::Npy => numpy::read_npy(bytes).map(|columns| (columns, Vec::new(), None)),
-        Format::Npz => numpy::read_npz(bytes, names).map(whole),
-    }
-    .map_err(failed)?;
-    Ok(Converted { cut, ..assembled(name, columns, ignored, names)? })
+    let content = content(bytes, format, mappings, dialect).map_err(failed)?;
+    let cut = content.cut.clone();
+    let recording = assembled::recording(name, content, mappings).map_err(|what| failed(Fault::whole(what)))?;
+    recording.check()?;
+    Ok(Converted { recording, cut })
 }
 
-fn assembled(
-    name: &str,
-    columns: Vec<Column>,
-    mut ignored: Vec<String>,
-    names: &Names,
-) -> Result<Converted, ConvertError> {
-    let failed = |what: String| ConvertError::new(name, Fault::whole(what));
-    let there = || columns.iter().map(|column| &column.name).chain(&ignored).cloned().collect::<Vec<_>>().join(", ");
-    if let Some(mapping) = names.0.iter().find(|mapping| columns.iter().all(|column| column.name != mapping.name)) {
-        let (missing, there) = (&mapping.name, there());
-        return Err(failed(format!("there is no numeric column \"{missing}\"; there are {there}")));
+/// What a file holds.
+///
+/// # Errors
+/// [`Fault`] with the place.
+fn content(bytes: &[u8], format: Format, mappings: &[Mapping], dialect: Dialect) -> Result<Content, Fault> {
+    let is_wanted = |name: &str| {
+        let is_channel = Channel::of_column(crate::mapping::last_part(name)).is_some();
+        is_channel || mappings.iter().any(|mapping| mapping.name.contains(name))
+    };
+    match format {
+        Format::Wpilog => wpilog::read(bytes, !mappings.is_empty()),
+        Format::Csv => Ok(plotjuggler::series(text(bytes, dialect)?)),
+        Format::Plotjuggler => plotjuggler::read(text(bytes, dialect)?),
+        Format::Sysid => sysid::read(bytes),
+        Format::Mat if mat73::is_one(bytes) => mat73::read(bytes),
+        Format::Mat => mat::read(bytes, &is_wanted),
+        Format::Spreadsheet => spreadsheet::read(bytes),
+        Format::Npy => numpy::read_npy(bytes),
+        Format::Npz => numpy::read_npz(bytes, &is_wanted),
     }
-    if columns.iter().all(|column| names.channel(&column.name).is_none()) {
-        return Err(failed(format!(
-            "no known channel among {}; map one, for instance --map speed=omega_rad_per_s; channels are {}",
-            there(),
-            all_columns()
-        )));
-    }
-    let mut recording = Recording::new(name);
-    let mut first: Option<(String, usize)> = None;
-    for column in columns {
-        let Some((channel, factor)) = names.channel(&column.name) else {
-            ignored.push(column.name);
-            continue;
-        };
-        let (other, length) = first.get_or_insert_with(|| (column.name.clone(), column.values.len()));
-        if *length != column.values.len() {
-            let (this, own) = (&column.name, column.values.len());
-            return Err(failed(format!(
-                "{this} has {own} values and {other} has {length}: cut or resample them to the same times"
-            )));
-        }
-        if recording.get(channel).is_some() {
-            let column = channel.column();
-            return Err(failed(format!("two names map to {column}: map one of them to another channel")));
-        }
-        recording.set(channel, column.values.into_iter().map(|value| value * factor).collect());
-    }
-    recording.check()?;
-    Ok(Converted { recording, ignored, cut: None })
+}
+
+fn text(bytes: &[u8], dialect: Dialect) -> Result<Content, Fault> {
+    let text = text_encoding::decoded(bytes.to_vec()).or_else(|| text_encoding::decoded_with_noise(bytes));
+    table::read(&text.ok_or_else(|| Fault::whole(NO_TEXT))?, dialect).map_err(Fault::whole)
+}
+
+/// The columns of a matrix, called `name/1`, `name/2` and so on. Samples stand along its longer side.
+fn matrix(name: &str, values: &[f64], rows: usize, columns: usize, by_columns: bool) -> Vec<Column> {
+    let at = |row: usize, column: usize| if by_columns { column * rows + row } else { row * columns + column };
+    let (samples, signals) = (rows.max(columns), rows.min(columns));
+    let of = |signal: usize| {
+        let place = |sample: usize| if rows >= columns { at(sample, signal) } else { at(signal, sample) };
+        (0..samples).map(|sample| values[place(sample)]).collect()
+    };
+    let path = |signal: usize| if name.is_empty() { signal.to_string() } else { format!("{name}/{signal}") };
+    (0..signals).map(|signal| Column::new(path(signal + 1), of(signal))).collect()
 }
 
 /// The bytes of a file. `dialect` is for CSV; `renamed` maps channels to other names in the file.
@@ -284,7 +249,7 @@ pub fn write(
         .map(|channel| {
             let renamed = renamed.iter().find(|(of, _)| *of == channel).map(|(_, name)| name.clone());
             let values = recording.get(channel).expect("it is one of its channels").to_vec();
-            Column { name: renamed.unwrap_or_else(|| channel.column().into()), values }
+            Column::new(renamed.unwrap_or_else(|| channel.column().to_owned()), values)
         })
         .collect();
     let is_another = |(at, column): &(usize, &Column)| columns[..*at].iter().any(|other| other.name == column.name);
@@ -293,12 +258,14 @@ pub fn write(
         return Err(ConvertError::new(&recording.name, Fault::whole(what)));
     }
     match format {
-        Format::Csv if renamed.is_empty() && dialect == Dialect::default() => Ok(recording.to_csv().into_bytes()),
         Format::Csv => csv::write(&columns, dialect),
         Format::Plotjuggler => plotjuggler::write(recording, &columns),
         Format::Sysid => sysid::write(recording),
         Format::Wpilog => wpilog::write(recording, &columns),
         Format::Mat => mat::write(&columns),
+        Format::Spreadsheet => Err(Fault::whole(
+            "spreadsheets are read only: write CSV, which every spreadsheet opens, with --to-delimiter and --to-decimal-comma if needed",
+        )),
         Format::Npy => Ok(numpy::write_npy(&columns)),
         Format::Npz => numpy::write_npz(&columns),
     }
@@ -312,5 +279,7 @@ fn times(recording: &Recording) -> Result<&[f64], Fault> {
         .ok_or_else(|| Fault::whole("a table without t_s cannot be a time series: use CSV, .mat or NumPy"))
 }
 
+#[cfg(test)]
+mod kinds;
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 //! `NumPy`: a structured array whose fields are the columns (.npy), or an archive with an array for each column (.npz).
 
-use super::{Column, Fault, Names};
+use super::{Fault, matrix};
+use crate::content::{Column, Content};
 use npyz::{DType, Endianness, NpyHeader, TypeChar, TypeStr};
 use std::io::{Cursor, Read, Write};
 use zip::write::SimpleFileOptions;
@@ -17,18 +18,14 @@ fn header(bytes: &[u8]) -> Result<(NpyHeader, &[u8]), Fault> {
     Ok((header, &bytes[rest.position() as usize..]))
 }
 
-/// All fields of a structured array with one dimension.
-pub fn read_npy(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
+/// All fields of a structured array with one dimension, or the columns of a matrix.
+pub fn read_npy(bytes: &[u8]) -> Result<Content, Fault> {
     let (header, data) = header(bytes)?;
-    let DType::Record(fields) = header.dtype() else {
-        return Err(Fault::whole(
-            "the array has no field names: save a structured array, or one array for each channel with numpy.savez",
-        ));
-    };
+    let DType::Record(fields) = header.dtype() else { return Ok(Content::of(array(bytes, "")?)) };
     let row_bytes = header.dtype().num_bytes().unwrap_or(0);
     let rows = one_dimension(&header)?;
     let start = bytes.len() - data.len();
-    whole(data, rows * row_bytes, start)?;
+    whole(data, rows.saturating_mul(row_bytes), start)?;
     let mut columns = Vec::new();
     let mut offset = 0;
     for field in fields {
@@ -41,45 +38,56 @@ pub fn read_npy(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
         let size = field.dtype.num_bytes().unwrap_or(0);
         let cells = (0..rows).map(|row| &data[row * row_bytes + offset..][..size]);
         let values = cells.map(|cell| number(kind, cell)).collect::<Option<_>>();
-        columns.push(Column { name: field.name.clone(), values: values.ok_or_else(|| no_numbers(&field.name, kind))? });
+        columns.push(Column::new(field.name.clone(), values.ok_or_else(|| no_numbers(&field.name, kind))?));
         offset += size;
     }
-    Ok(columns)
+    Ok(Content::of(columns))
 }
 
-/// Arrays that are channels, and the names of the others.
-pub fn read_npz(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), Fault> {
+/// Every array of an archive. One that cannot be read is an error only if it is wanted.
+pub fn read_npz(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, Fault> {
     let damaged = |error: zip::result::ZipError| Fault::whole(format!("not an archive of NumPy arrays: {error}"));
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
-    let (mut columns, mut ignored) = (Vec::new(), Vec::new());
+    let mut content = Content::default();
     for index in 0..archive.len() {
         let mut file = archive.by_index(index).map_err(damaged)?;
         let name = file.name().map_err(damaged)?.trim_end_matches(".npy").to_string();
-        if names.channel(&name).is_none() {
-            ignored.push(name);
-            continue;
-        }
-        let mut array = Vec::new();
+        let mut bytes = Vec::new();
         let in_array = |fault: Fault| Fault::at(format_args!("array {name}"), fault.to_string());
-        file.read_to_end(&mut array).map_err(|error| in_array(Fault::whole(error.to_string())))?;
-        let values = vector(&array, &name).map_err(in_array)?;
-        columns.push(Column { name, values });
+        let read = file.read_to_end(&mut bytes).map_err(|error| in_array(Fault::whole(error.to_string())));
+        match read.and_then(|_| array(&bytes, &name).map_err(in_array)) {
+            Ok(columns) => content.columns.extend(columns),
+            Err(fault) if is_wanted(&name) => return Err(fault),
+            Err(_) => content.ignored.push(name),
+        }
     }
-    Ok((columns, ignored))
+    Ok(content)
 }
 
-fn vector(bytes: &[u8], name: &str) -> Result<Vec<f64>, Fault> {
+/// A vector, or the columns of a matrix.
+fn array(bytes: &[u8], name: &str) -> Result<Vec<Column>, Fault> {
     let (header, data) = header(bytes)?;
     let DType::Plain(kind) = header.dtype() else { return Err(Fault::whole("a structured array: save it as .npy")) };
-    let (rows, size) = (one_dimension(&header)?, kind.num_bytes().unwrap_or(0));
-    whole(data, rows * size, bytes.len() - data.len())?;
+    let (shape, size) = (header.shape().to_vec(), kind.num_bytes().unwrap_or(0));
+    let count = shape.iter().try_fold(1_u64, |count, side| count.checked_mul(*side));
+    let count = count.and_then(|count| usize::try_from(count).ok()).unwrap_or(usize::MAX);
+    whole(data, count.saturating_mul(size), bytes.len() - data.len())?;
     if size == 0 {
         return Err(no_numbers(name, &kind));
     }
-    data.chunks_exact(size)
-        .map(|cell| number(&kind, cell))
-        .collect::<Option<_>>()
-        .ok_or_else(|| no_numbers(name, &kind))
+    let values = data.chunks_exact(size).map(|cell| number(&kind, cell)).collect::<Option<Vec<f64>>>();
+    let values = values.ok_or_else(|| no_numbers(name, &kind))?;
+    let sides: Vec<usize> = shape.iter().map(|side| *side as usize).filter(|side| *side != 1).collect();
+    match sides[..] {
+        [] | [_] => Ok(vec![Column::new(name, values)]),
+        [rows, columns] => {
+            let by_columns = header.order() == npyz::Order::Fortran;
+            Ok(matrix(name, &values, rows, columns, by_columns))
+        }
+        _ => Err(Fault::whole(format!(
+            "the array has the shape {shape:?}, but at most two dimensions are expected: give each column its own name"
+        ))),
+    }
 }
 
 fn one_dimension(header: &NpyHeader) -> Result<usize, Fault> {

@@ -1,50 +1,40 @@
 //! `PlotJuggler`'s CSV: a time in `__time`, and a column for each curve. A cell is empty if the curve has no point.
 
-use super::csv::number;
-use super::series::{Series, joined};
-use super::{Column, Fault, Names, times};
+use super::{Column, Fault, times};
+use crate::content::{Content, Series};
 use crate::recording::{Channel, Recording};
 
 const TIME: &str = "__time";
 
-/// Whether the header has the time column.
-pub fn is_one(bytes: &[u8]) -> bool {
-    bytes.starts_with(TIME.as_bytes())
+/// Makes series of a table with the time column. An empty cell is no point of its curve.
+pub fn series(mut content: Content) -> Content {
+    let Some(place) = content.columns.iter().position(|column| column.name == TIME) else { return content };
+    let time = content.columns.remove(place);
+    for column in content.columns.drain(..) {
+        if column.is_text() {
+            content.ignored.push(column.name);
+            continue;
+        }
+        let mut blank = column.blank.iter().peekable();
+        let is_point = |row: &usize| blank.next_if_eq(&row).is_none();
+        let rows: Vec<usize> =
+            (0..column.values.len()).filter(is_point).filter(|row| time.values[*row].is_finite()).collect();
+        let of = |values: &[f64]| rows.iter().map(|row| values[*row]).collect();
+        content.series.push(Series { time_s: of(&time.values), values: of(&column.values), name: column.name });
+    }
+    content.lines.clear();
+    content
 }
 
-/// Columns that are channels, and the names of the others.
-pub fn read(bytes: &[u8], names: &Names) -> Result<(Vec<Column>, Vec<String>), Fault> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
-    let line_fault = |error: csv::Error| {
-        Fault::at(format_args!("line {}", error.position().map_or(1, csv::Position::line)), error.to_string())
-    };
-    let header = reader.headers().map_err(line_fault)?.clone();
-    let Some(time_column) = header.iter().position(|name| name == TIME) else {
+/// Makes series of a table that has to have the time column.
+pub fn read(content: Content) -> Result<Content, Fault> {
+    if content.columns.iter().all(|column| column.name != TIME) {
         return Err(Fault::at(
             "line 1",
             format!("PlotJuggler's CSV needs a column {TIME}; for other tables use --from csv"),
         ));
-    };
-    let mut series: Vec<Series> =
-        header.iter().map(|name| Series { name: name.into(), time_s: Vec::new(), values: Vec::new() }).collect();
-    for row in reader.records() {
-        let row = row.map_err(line_fault)?;
-        let line = row.position().map_or(0, csv::Position::line);
-        let cell = |column: usize| {
-            let text = row.get(column).unwrap_or_default();
-            number(text, false).map_err(|what| Fault::at(format_args!("line {line}, column {}", &header[column]), what))
-        };
-        let t_s = cell(time_column)?;
-        for (column, series) in series.iter_mut().enumerate() {
-            let wanted = column != time_column && names.channel(&series.name).is_some();
-            if wanted && row.get(column).is_some_and(|text| !text.is_empty()) {
-                series.time_s.push(t_s);
-                series.values.push(cell(column)?);
-            }
-        }
     }
-    series.remove(time_column);
-    joined(series, names)
+    Ok(series(content))
 }
 
 /// The recording for `PlotJuggler`. A missing sample is `nan`, since an empty cell would be no sample at all.

@@ -1,21 +1,36 @@
 //! The legacy JSON of `WPILib` `SysId`. It has the tests `slow-forward`, `slow-backward`, `fast-forward` and
 //! `fast-backward`, each a list of `[time in s, V, rotations, rotations/s]`.
 
-use super::{Column, Fault, times};
+use super::{Fault, times};
+use crate::content::{Column, Content};
 use crate::recording::{Channel, Recording};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
 const TESTS: [&str; 4] = ["slow-forward", "slow-backward", "fast-forward", "fast-backward"];
+/// What a sample has, and what brings it to SI units.
+const SIMPLE: [(&str, f64); 4] = [("t_s", 1.0), ("u_V", 1.0), ("theta_rad", TAU), ("omega_rad_per_s", TAU)];
+/// The same for a drivetrain. Its two sides are two motors.
+const DRIVETRAIN: [(&str, f64); 9] = [
+    ("t_s", 1.0),
+    ("left/u_V", 1.0),
+    ("right/u_V", 1.0),
+    ("left/theta_rad", TAU),
+    ("right/theta_rad", TAU),
+    ("left/omega_rad_per_s", TAU),
+    ("right/omega_rad_per_s", TAU),
+    ("gyro/angle_rad", 1.0),
+    ("gyro/rate_rad_per_s", 1.0),
+];
 /// Pause between two tests, so that each counts as a separate recording.
 const PAUSE_S: f64 = 1.0;
 /// A step reaches this share of its largest voltage within its first quarter; a ramp does not.
 const STEP_SHARE: f64 = 0.75;
 
-/// The four tests in the order of time, with pauses between them.
-pub fn read(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
-    let file: Value = serde_json::from_slice(bytes).map_err(|error| {
+/// The tests in the order of time, with pauses between them.
+pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
+    let file: Value = serde_json::from_slice(&with_nulls(bytes)).map_err(|error| {
         Fault::at(format_args!("line {}, column {}", error.line(), error.column()), error.to_string())
     })?;
     if file.get("sysid").is_none() {
@@ -23,37 +38,73 @@ pub fn read(bytes: &[u8]) -> Result<Vec<Column>, Fault> {
             "no key \"sysid\": expected the legacy JSON of SysId, with \"sysid\": true and four tests",
         ));
     }
-    if file["test"] == "Drivetrain" {
-        return Err(Fault::at("\"test\"", "a drivetrain has two motors: export one side as a test \"Simple\""));
-    }
-    let mut tests = Vec::new();
+    let columns = if file["test"] == "Drivetrain" { &DRIVETRAIN[..] } else { &SIMPLE[..] };
+    let (mut tests, mut missing) = (Vec::new(), Vec::new());
     for name in TESTS {
-        let rows =
-            file[name].as_array().ok_or_else(|| Fault::at(format_args!("\"{name}\""), "this test is missing"))?;
-        let samples = rows.iter().enumerate().map(|(row, value)| sample(name, row, value));
-        tests.push(samples.collect::<Result<Vec<_>, _>>()?);
+        let rows = file[name].as_array().map(Vec::as_slice).unwrap_or_default();
+        let samples = rows.iter().enumerate().map(|(row, value)| sample(name, row, value, columns.len()));
+        let samples = samples.collect::<Result<Vec<_>, _>>()?;
+        if samples.is_empty() {
+            missing.push(name);
+        } else {
+            tests.push(samples);
+        }
     }
-    tests.retain(|test| !test.is_empty());
+    if tests.is_empty() {
+        return Err(Fault::whole(format!("all tests are missing or empty: expected {}", TESTS.join(", "))));
+    }
     tests.sort_by(|a, b| a[0][0].total_cmp(&b[0][0]));
-    let mut all: Vec<[f64; 4]> = Vec::new();
+    let mut content = Content::of(columns.iter().map(|(name, _)| Column::new(*name, Vec::new())).collect());
+    let mut start_s = 0.0;
     for test in tests {
-        let start_s = all.last().map_or(0.0, |last| last[0] + PAUSE_S);
         let first_s = test[0][0];
-        all.extend(test.iter().map(|[t_s, u, turns, rate]| [start_s + t_s - first_s, *u, turns * TAU, rate * TAU]));
+        for row in &test {
+            content.columns[0].values.push(start_s + row[0] - first_s);
+            for ((column, (_, factor)), value) in content.columns.iter_mut().zip(columns).zip(row).skip(1) {
+                column.values.push(value * factor);
+            }
+        }
+        start_s = content.columns[0].values.last().copied().unwrap_or(0.0) + PAUSE_S;
     }
-    let channels = [Channel::Time, Channel::Voltage, Channel::Angle, Channel::Speed];
-    let column = |(index, channel): (usize, Channel)| Column {
-        name: channel.column().into(),
-        values: all.iter().map(|sample| sample[index]).collect(),
-    };
-    Ok(channels.into_iter().enumerate().map(column).collect())
+    if !missing.is_empty() {
+        content.notes.push(format!(
+            "Of the four tests {} is missing or empty. With all four the constants are surer.",
+            missing.join(", ")
+        ));
+    }
+    Ok(content)
 }
 
-fn sample(test: &str, row: usize, value: &Value) -> Result<[f64; 4], Fault> {
-    let numbers: Option<Vec<f64>> = value.as_array().and_then(|row| row.iter().map(Value::as_f64).collect());
-    numbers.and_then(|numbers| numbers.try_into().ok()).ok_or_else(|| {
+/// Python writes NaN and Infinity, which JSON does not have: null instead.
+fn with_nulls(bytes: &[u8]) -> Vec<u8> {
+    let (mut kept, mut rest, mut is_text) = (Vec::with_capacity(bytes.len()), bytes, false);
+    while let Some((&byte, after)) = rest.split_first() {
+        let word = ["-Infinity", "Infinity", "NaN"].into_iter().find(|word| rest.starts_with(word.as_bytes()));
+        match word.filter(|_| !is_text) {
+            Some(word) => {
+                kept.extend(b"null");
+                rest = &rest[word.len()..];
+            }
+            None => {
+                is_text ^= byte == b'"' && kept.last() != Some(&b'\\');
+                kept.push(byte);
+                rest = after;
+            }
+        }
+    }
+    kept
+}
+
+fn sample(test: &str, row: usize, value: &Value, width: usize) -> Result<Vec<f64>, Fault> {
+    let number = |cell: &Value| if cell.is_null() { Some(f64::NAN) } else { cell.as_f64() };
+    let numbers: Option<Vec<f64>> = value.as_array().and_then(|row| row.iter().map(number).collect());
+    numbers.filter(|numbers| numbers.len() == width).ok_or_else(|| {
+        let expected = match width {
+            4 => "[time, voltage, position, velocity]",
+            _ => "[time, and voltages, positions, velocities left and right, angle, angular rate]",
+        };
         let place = format!("\"{test}\", sample {}", row + 1);
-        Fault::at(place, format!("expected [time, voltage, position, velocity], found {value}"))
+        Fault::at(place, format!("expected {expected}, found {value}"))
     })
 }
 

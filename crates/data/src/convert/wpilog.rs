@@ -1,8 +1,8 @@
 //! `WPILib` data log, version 1.0. It has records of entries, each with a time in microseconds. A control record gives
 //! the name and the type of an entry.
 
-use super::series::{Series, joined};
-use super::{Column, Fault, Names, times};
+use super::{Column, Fault, times};
+use crate::content::{Content, Series};
 use crate::recording::{Channel, Recording};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
@@ -14,13 +14,52 @@ const FINISH: u8 = 1;
 /// Name of the entry of `SysIdRoutineLog` for the running test; the name of the mechanism follows.
 const TEST_STATE: &str = "sysid-test-state-";
 
-/// Types of single numbers.
+/// Types of entries.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
+    /// A number in each record.
+    One(Number),
+    /// An array in each record.
+    Several(Number),
+    Other,
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Number {
     Double,
     Float,
     Int64,
-    Other,
+    Boolean,
+}
+
+impl Number {
+    fn named(name: &str) -> Option<Self> {
+        match name {
+            "double" => Some(Self::Double),
+            "float" => Some(Self::Float),
+            "int64" => Some(Self::Int64),
+            "boolean" => Some(Self::Boolean),
+            _ => None,
+        }
+    }
+
+    fn size(self) -> usize {
+        match self {
+            Self::Double | Self::Int64 => 8,
+            Self::Float => 4,
+            Self::Boolean => 1,
+        }
+    }
+
+    fn value(self, bytes: &[u8]) -> f64 {
+        let eight = || bytes.try_into().expect("as many as its size");
+        match self {
+            Self::Double => f64::from_le_bytes(eight()),
+            Self::Int64 => i64::from_le_bytes(eight()) as f64,
+            Self::Float => f64::from(f32::from_le_bytes(bytes.try_into().expect("as many as its size"))),
+            Self::Boolean => f64::from(bytes[0] != 0),
+        }
+    }
 }
 
 /// A reading position.
@@ -78,18 +117,8 @@ impl<'a> Cursor<'a> {
     }
 }
 
-/// Content of a log.
-pub struct Log {
-    /// Entries of numbers that are channels.
-    pub columns: Vec<Column>,
-    /// Names of the other entries.
-    pub ignored: Vec<String>,
-    /// Message about a log that ends within a record, as after a power cut.
-    pub cut: Option<String>,
-}
-
-/// Parses a log.
-pub fn read(bytes: &[u8], names: &Names) -> Result<Log, Fault> {
+/// Parses a log. `is_mapped` is whether the user names the entries.
+pub fn read(bytes: &[u8], is_mapped: bool) -> Result<Content, Fault> {
     let mut cursor = Cursor { bytes, at: 0 };
     if cursor.take(MAGIC.len()).ok() != Some(MAGIC) {
         return Err(Fault::at_byte(0, "the file does not begin with WPILOG, so it is not a WPILib data log"));
@@ -117,25 +146,28 @@ pub fn read(bytes: &[u8], names: &Names) -> Result<Log, Fault> {
         }
         let (name, kind) =
             open.get(&entry).ok_or_else(|| Fault::at_byte(at, format!("entry {entry} was never started")))?;
-        if let Some(value) = value(*kind, record.take(size)?) {
-            let series = found.get_mut(name).expect("it was put there when it started");
+        let values = values(*kind, record.take(size)?).map_err(|expected| {
+            Fault::at_byte(at, format!("{name}: its type has {expected} bytes, but {size} were found"))
+        })?;
+        let is_one = matches!(kind, Kind::One(_));
+        for (index, value) in values.into_iter().enumerate() {
+            let name = if is_one { name.clone() } else { format!("{name}/{}", index + 1) };
+            let series = found.entry(name.clone()).or_insert_with(|| empty(name));
             series.time_s.push(stamp_us as f64 * 1e-6);
-            series.values.push(value.map_err(|expected| {
-                Fault::at_byte(at, format!("{name}: its type has {expected} bytes, but {size} were found"))
-            })?);
+            series.values.push(value);
         }
     }
     let mut found: Vec<Series> = found.into_values().collect();
-    if names.0.is_empty() {
+    if !is_mapped {
         name_routine(&mut found, &units);
     }
-    for series in &found {
-        if names.channel(&series.name).is_some() && series.time_s.windows(2).any(|pair| pair[1] < pair[0]) {
-            return Err(Fault::at(&series.name, "the times go backwards, so the log has two runs: split it"));
-        }
-    }
-    let (columns, ignored) = joined(found, names)?;
-    Ok(Log { columns, ignored, cut })
+    let (series, words): (Vec<_>, Vec<_>) = found.into_iter().partition(|series| !series.values.is_empty());
+    let ignored = words.into_iter().map(|series| series.name).collect();
+    Ok(Content { series, ignored, cut, ..Content::default() })
+}
+
+fn empty(name: String) -> Series {
+    Series { name, time_s: Vec::new(), values: Vec::new() }
 }
 
 /// Maps the entries of a `SysIdRoutineLog` with a single motor to channels. With several motors none can be chosen.
@@ -189,17 +221,12 @@ fn control(
         START => {
             let (name, kind, metadata) = (record.text()?, record.text()?, record.text()?);
             units.insert(name.clone(), metadata);
-            let kind = match kind.as_str() {
-                "double" => Kind::Double,
-                "float" => Kind::Float,
-                "int64" => Kind::Int64,
+            let kind = match (Number::named(&kind), kind.strip_suffix("[]").and_then(Number::named)) {
+                (Some(number), _) => Kind::One(number),
+                (_, Some(number)) => Kind::Several(number),
                 _ => Kind::Other,
             };
-            found.entry(name.clone()).or_insert_with(|| Series {
-                name: name.clone(),
-                time_s: Vec::new(),
-                values: Vec::new(),
-            });
+            found.entry(name.clone()).or_insert_with(|| empty(name.clone()));
             open.insert(entry, (name, kind));
         }
         FINISH => {
@@ -211,14 +238,17 @@ fn control(
     Ok(())
 }
 
-/// The value of a numeric record, `None` for other types, the expected size if it differs.
-fn value(kind: Kind, payload: &[u8]) -> Option<Result<f64, usize>> {
-    match kind {
-        Kind::Double => Some(payload.try_into().map(f64::from_le_bytes).map_err(|_| 8)),
-        Kind::Float => Some(payload.try_into().map(|bytes| f64::from(f32::from_le_bytes(bytes))).map_err(|_| 4)),
-        Kind::Int64 => Some(payload.try_into().map(|bytes| i64::from_le_bytes(bytes) as f64).map_err(|_| 8)),
-        Kind::Other => None,
+/// The numbers of a record, or the size that each of them has if that does not fit.
+fn values(kind: Kind, payload: &[u8]) -> Result<Vec<f64>, usize> {
+    let (number, is_right) = match kind {
+        Kind::One(number) => (number, payload.len() == number.size()),
+        Kind::Several(number) => (number, payload.len().is_multiple_of(number.size())),
+        Kind::Other => return Ok(Vec::new()),
+    };
+    if !is_right {
+        return Err(number.size());
     }
+    Ok(payload.chunks_exact(number.size()).map(|bytes| number.value(bytes)).collect())
 }
 
 /// A log with an entry of type `double` for each channel. Its times are whole microseconds; a missing sample is NaN.

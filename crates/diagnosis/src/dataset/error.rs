@@ -1,6 +1,7 @@
 //! Why recordings cannot be used, each with where and what to do.
 
 use super::LONGEST_INTERVAL_S;
+use motorbench_text::terminal_text::short;
 
 /// Why recordings cannot be used together with this rig file.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -22,12 +23,12 @@ pub enum DatasetError {
     NoSupply(String),
     /// A duty of more than all.
     #[error(
-        "{0}: duty reaches {1}; it must be a share of the supply from -1 to 1. If it is in percent: `motorbench convert {0} NEW.csv --map duty=duty*0.01`; if in 255 steps of a timer: duty*0.00392157"
+        "{0}: duty reaches {1}; it must be a share of the supply from -1 to 1. If it is in percent: --column duty=duty/100; if in 255 steps of a timer: --column duty=duty/255"
     )]
     NoShare(String, f64),
     /// A reading that opposes what drives it.
     #[error(
-        "{name}: {column} has the opposite sign of the voltage that drives it. Exchange the encoder's channels or the motor's wires, or `motorbench convert {name} NEW.csv --map {column}={column}*-1`"
+        "{name}: {column} has the opposite sign of the voltage that drives it. Exchange the encoder's channels or the motor's wires, or add --column {column}={column}*-1"
     )]
     Backward {
         /// Which recording.
@@ -37,7 +38,7 @@ pub enum DatasetError {
     },
     /// A motion that is not said to go backwards.
     #[error(
-        "{name}: the voltage reverses but {column} never becomes negative, so it has no sign. Count both channels of the encoder, or record one direction only"
+        "{name}: the voltage reverses but {column} never becomes negative, so it has no sign. Count both channels of the encoder, or record one direction only. If another column has the direction: --column '{column}*sign(dir)={column}'"
     )]
     NoSign {
         /// Which recording.
@@ -58,7 +59,7 @@ pub enum DatasetError {
     Mixed(String, String),
     /// Too slow, or with times in another unit.
     #[error(
-        "{name}: rows are {interval_s} s apart (t_s), too far to show the motor's dynamics: record at 100 Hz or more. Are the times in {unit}? Then `motorbench convert {name} NEW.csv --map t_s=t_s*{factor}`"
+        "{name}: rows are {} s apart (t_s), too far to show the motor's dynamics: record at 100 Hz or more. Are the times in {unit}? Then add --column t_s=t_s*{factor}", short(*.interval_s)
     )]
     TooSlow {
         /// Which recording.

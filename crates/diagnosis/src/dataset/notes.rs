@@ -20,6 +20,7 @@ impl Dataset {
     /// Notes on what was found about the recordings and is not in the rig file.
     pub fn notes(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.origin.contradictions.iter().map(Contradiction::note).collect();
+        notes.extend(self.origin.reading.iter().cloned());
         notes.extend(self.origin.empty.iter().map(|channel| without_a_number(*channel)));
         if !self.origin.held_rotor.is_empty() {
             notes.push(held_rotor::note(&self.origin.held_rotor));

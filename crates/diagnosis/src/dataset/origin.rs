@@ -29,6 +29,8 @@ pub struct Origin {
     pub read_in_stops: Vec<(usize, f64)>,
     /// Number of rows left out because no shaft can have their speed.
     pub impossible: usize,
+    /// How the files were read, where that is not plain.
+    pub reading: Vec<String>,
     /// Number of rows left out because their time is missing.
     pub without_time: usize,
     /// The end of a speed sensor's range, if the motor exceeded it.
@@ -69,6 +71,7 @@ impl Origin {
             is_counted: rig.encoder.counts_per_rev.is_some(),
             contradictions: contradictions(recording, rig),
             empty: recording.empty.clone(),
+            reading: recording.notes.clone(),
             without_time: recording.without_time,
             ..Self::default()
         }
@@ -86,6 +89,7 @@ impl Origin {
         self.read_in_stops.extend(other.read_in_stops.into_iter().map(|(row, read)| (row + before, read)));
         self.impossible += other.impossible;
         self.without_time += other.without_time;
+        self.reading.extend(other.reading.into_iter().filter(|note| !self.reading.contains(note)).collect::<Vec<_>>());
         let is_new = |found: &Contradiction| self.contradictions.iter().all(|known| known.key != found.key);
         let new: Vec<Contradiction> = other.contradictions.into_iter().filter(is_new).collect();
         self.contradictions.extend(new);

@@ -6,8 +6,8 @@ use super::edge_timing::Timed;
 use super::speed_window::{self, Found, Window};
 use super::turns::{self, Ambiguous};
 use super::{
-    DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, Measured, Origin, Output, SHORTEST_S,
-    SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
+    DIFFERENCE_SPAN_S, Dataset, DatasetError, GREATEST_DUTY, LONGEST_INTERVAL_S, LONGEST_OF_ALL_S, Measured, Origin,
+    Output, SHORTEST_S, SHORTEST_STRETCH, Stretch, difference, end_of_range, mistakes,
 };
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig};
@@ -62,7 +62,7 @@ impl Dataset {
             || recording.advice_on_time().map_or_else(|| DatasetError::NoTime(name()), DatasetError::OtherTime);
         let time_s = recording.time_s().ok_or_else(no_time)?.to_vec();
         let interval_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]));
-        if interval_s > LONGEST_INTERVAL_S {
+        if interval_s >= LONGEST_OF_ALL_S {
             return Err(DatasetError::too_slow(name(), interval_s));
         }
         if time_s.len() < 4 * SHORTEST_STRETCH {
@@ -76,6 +76,9 @@ impl Dataset {
         };
         data.read_drive(recording, rig, &time_s)?;
         let window = data.read_motion(recording, rig, &time_s, told)?;
+        if interval_s > LONGEST_INTERVAL_S && !data.shows_steps() {
+            return Err(DatasetError::too_slow(name(), interval_s));
+        }
         data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
         let stretches = stretches(&time_s, interval_s, &data.voltage_v).into_iter();
         data.stretches = stretches.map(|rows| Stretch { rows, interval_s, window }).collect();

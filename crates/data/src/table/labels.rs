@@ -1,0 +1,141 @@
+//! Lines of names and values, as serial plotters take them: `speed:12.5,current:0.3`, `Speed: 12.5 rad/s`,
+//! and Teleplot's `>speed:1709305190123:12.5`.
+
+use super::cells::{Notation, number};
+use super::lines::Line;
+use crate::content::{Broken, Column, Content, Series};
+use crate::recording::Channel;
+use std::collections::BTreeMap;
+
+/// A name and its value.
+type Pair<'a> = (&'a str, f64);
+
+/// Signs between the pairs of a line.
+const BETWEEN: [char; 5] = [',', ';', '\t', ' ', '|'];
+
+/// Reads lines of names and values. `None`: most lines are something else.
+pub fn read(lines: &[Line<'_>]) -> Option<Content> {
+    let is_teleplot = |line: &&Line<'_>| teleplot(line.text).is_some();
+    if 2 * lines.iter().filter(is_teleplot).count() > lines.len() {
+        return Some(series(lines));
+    }
+    let labelled = lines.iter().filter(|line| pairs(line.text).is_some()).count();
+    (2 * labelled > lines.len()).then(|| rows(lines))
+}
+
+/// The pairs of a line; `None` if there is something else in it.
+fn pairs(line: &str) -> Option<Vec<Pair<'_>>> {
+    let mut rest = line.trim_start_matches('>').trim();
+    let mut found = Vec::new();
+    while !rest.is_empty() {
+        let (name, after) = rest.split_once([':', '='])?;
+        let name = name.trim();
+        let is_name = name.starts_with(|c: char| c.is_alphabetic() || c == '_')
+            && !name.contains(BETWEEN.map(|c| if c == ' ' { ',' } else { c }));
+        let after = after.trim_start();
+        let end = after.find(BETWEEN).unwrap_or(after.len());
+        let value = value(&after[..end])?;
+        if !is_name {
+            return None;
+        }
+        found.push((name, value));
+        rest = without_unit(&after[end..]).trim_start_matches(BETWEEN);
+    }
+    (!found.is_empty()).then_some(found)
+}
+
+/// The value of a pair, possibly with its unit: `12.5`, `0.3A`.
+fn value(text: &str) -> Option<f64> {
+    if let Some(value) = number(text, Notation::Point).filter(|_| !text.is_empty()) {
+        return Some(value);
+    }
+    let end = text.rfind(|c: char| c.is_ascii_digit() || c == '.')? + 1;
+    let unit = &text[end..];
+    let is_unit = unit.chars().all(|c| c.is_alphabetic() || matches!(c, '%' | '\u{b0}' | '/'));
+    text[..end].parse().ok().filter(|_| is_unit)
+}
+
+/// What follows a unit that stands after a blank: `12.5 rad/s, ...`.
+fn without_unit(text: &str) -> &str {
+    let Some(after) = text.strip_prefix(' ') else { return text };
+    let end = after.find(BETWEEN).unwrap_or(after.len());
+    let word = &after[..end];
+    let is_unit = !word.is_empty() && !word.contains([':', '=']) && crate::units::named(word).is_some();
+    // The unit is not the begin of the next name: `Speed: 5 rad/s Motor A: 3`.
+    if is_unit { &after[end..] } else { text }
+}
+
+/// A row for each line, or for each group of lines until a name comes again.
+fn rows(lines: &[Line<'_>]) -> Content {
+    let mut content = Content { header: lines.first().map(|line| line.number), is_text: true, ..Content::default() };
+    let mut names: Vec<&str> = Vec::new();
+    let mut rows: Vec<BTreeMap<usize, f64>> = Vec::new();
+    for line in lines {
+        let Some(pairs) = pairs(line.text) else {
+            let what = "it has something besides names and values".to_owned();
+            content.broken.push(Broken { line: line.number, what });
+            continue;
+        };
+        let places: Vec<usize> = pairs
+            .iter()
+            .map(|(name, _)| {
+                names.iter().position(|known| known == name).unwrap_or_else(|| {
+                    names.push(name);
+                    names.len() - 1
+                })
+            })
+            .collect();
+        if rows.last().is_none_or(|row| places.iter().any(|place| row.contains_key(place))) {
+            rows.push(BTreeMap::new());
+            content.lines.push(line.number);
+        }
+        let row = rows.last_mut().expect("one was just added");
+        row.extend(places.into_iter().zip(pairs).map(|(place, (_, value))| (place, value)));
+    }
+    // Rows of before the first name came again, or of a line that lost a pair, lack a value.
+    let value = |row: &BTreeMap<usize, f64>, place: usize| row.get(&place).copied().unwrap_or(f64::NAN);
+    let column = |(place, name): (usize, &&str)| Column::new(*name, rows.iter().map(|row| value(row, place)).collect());
+    content.columns = names.iter().enumerate().map(column).collect();
+    if OWN.iter().all(|(own, ..)| names.contains(own)) {
+        for (own, channel, unit) in OWN {
+            let column = content.columns.iter_mut().find(|column| column.name == own).expect("it is among the names");
+            (column.name, column.unit) = (channel.column().into(), unit.into());
+        }
+    }
+    content
+}
+
+/// What the firmware of this project prints with `stream text`, beside the reference.
+const OWN: [(&str, Channel, &str); 4] = [
+    ("position", Channel::Angle, "rad"),
+    ("speed", Channel::Speed, "rad/s"),
+    ("current", Channel::Current, "A"),
+    ("duty", Channel::Duty, "%"),
+];
+
+/// Name, time in ms, and value of Teleplot's line; text and units follow the value.
+fn teleplot(line: &str) -> Option<(&str, f64, f64)> {
+    let (name, rest) = line.strip_prefix('>')?.split_once(':')?;
+    let mut samples = rest.split(';');
+    let (time, value) = samples.next()?.split_once(':')?;
+    let value = value.split(['|', '\u{a7}']).next()?;
+    Some((name.trim(), time.trim().parse().ok()?, value.trim().parse().ok()?))
+}
+
+fn series(lines: &[Line<'_>]) -> Content {
+    let mut content = Content { header: lines.first().map(|line| line.number), ..Content::default() };
+    for line in lines {
+        let Some((name, time_ms, value)) = teleplot(line.text) else {
+            let what = "it is no line >name:time:value".to_owned();
+            content.broken.push(Broken { line: line.number, what });
+            continue;
+        };
+        let place = content.series.iter().position(|series| series.name == name).unwrap_or_else(|| {
+            content.series.push(Series { name: name.into(), time_s: Vec::new(), values: Vec::new() });
+            content.series.len() - 1
+        });
+        content.series[place].time_s.push(time_ms * 1e-3);
+        content.series[place].values.push(value);
+    }
+    content
+}
