@@ -193,7 +193,7 @@ fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
             code([&**name]),
             number(parameter.nominal.map_or("-".into(), short)),
             number(short(parameter.value)),
-            number(interval.map_or("not fitted".into(), |[low, high]| format!("{} to {}", short(low), short(high)))),
+            interval.map_or_else(|| text("not fitted"), from_to),
             text(scale_words(parameter.scale).unwrap_or("measured")),
         ]
     });
@@ -202,15 +202,10 @@ fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
         .parameters
         .iter()
         .filter_map(|(name, parameter)| parts::found_over_nominal(parameter).map(|picture| [code([&**name]), picture]));
-    let determined = outcome.determined.iter().map(|(name, found)| {
-        let [low, high] = found.ci95;
-        [
-            code([*name]),
-            number(short(found.value)),
-            number(format!("{} to {}", short(low), short(high))),
-            text(found.unit),
-        ]
-    });
+    let determined = outcome
+        .determined
+        .iter()
+        .map(|(name, found)| [code([*name]), number(short(found.value)), from_to(found.ci95), text(found.unit)]);
     html! {
         section {
             h2 { "The motor" }
@@ -226,6 +221,11 @@ fn motor(outcome: &Outcome, data: &Dataset) -> Markup {
             }
         }
     }
+}
+
+/// An interval, which may be broken between its ends.
+fn from_to([low, high]: [f64; 2]) -> Markup {
+    html! { (number(short(low))) " to " (number(short(high))) }
 }
 
 /// The missing torque or voltage of the linear motor, over time and over all quantities that it can depend on.

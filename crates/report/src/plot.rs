@@ -186,7 +186,7 @@ impl Plot {
 
     fn drawn(&self, sizes: &Sizes) -> Markup {
         let mut svg = String::new();
-        let height = (f64::from(self.height) * sizes.share_of_height) as u32;
+        let height = ((f64::from(self.height) * sizes.share_of_height) as u32).max(LOW);
         let result = {
             let area = SVGBackend::with_string(&mut svg, (sizes.width, height)).into_drawing_area();
             let drawn = if self.is_logarithmic {
