@@ -10,6 +10,7 @@ use motorbench_diagnosis::identify::{Effort, Prior, fit};
 use motorbench_model::Model;
 use motorbench_model::catalogue::effect;
 use motorbench_report::diagnosis_page::report;
+use motorbench_report::web_page::Provenance;
 use std::path::Path;
 
 fn identification(criterion: &mut Criterion) {
@@ -50,7 +51,7 @@ fn identification(criterion: &mut Criterion) {
             let diagnosis = diagnose(std::slice::from_ref(&recording), &rig, &|_| ())?;
             Ok::<_, motorbench_diagnosis::dataset::DatasetError>(report(
                 &diagnosis,
-                std::slice::from_ref(&recording.name),
+                Provenance { files: vec![recording.name.clone()], ..Provenance::default() },
             ))
         })
     });

@@ -19,6 +19,8 @@ use tempfile::TempDir;
 const PHONE: (u32, u32) = (390, 844);
 const A4: (u32, u32) = (680, 1009);
 const SCREEN: (u32, u32) = (1280, 900);
+/// A page on a usual screen.
+const WIDE: (u32, u32) = (1200, 900);
 /// Smallest letters that can be read.
 const SMALLEST_LETTERS_PX: f64 = 9.0;
 /// On a phone a table of numbers with more columns scrolls in its frame. Everything else is read without scrolling.
@@ -27,7 +29,7 @@ const PHONE_COLUMNS: usize = 6;
 const TOLERANCE_PX: f64 = 1.5;
 
 /// Finds the texts of all plots, elements that are too wide, and names that are broken within a word.
-const LOOK: &str = r"JSON.stringify({
+const LOOK: &str = r"document.querySelectorAll('details').forEach(part => part.open = true), JSON.stringify({
     title: document.title,
     width: document.documentElement.scrollWidth,
     window: innerWidth,
@@ -40,8 +42,11 @@ const LOOK: &str = r"JSON.stringify({
         return new Set([...range.getClientRects()].map(line => Math.round(line.top))).size > 1;
     }).map(part => part.textContent),
     parted: [...document.querySelectorAll('p:has(+svg)')].filter(caption => getComputedStyle(caption).breakAfter != 'avoid')
-        .map(caption => caption.innerText),
-    plots: [...document.querySelectorAll('svg')].map(svg => {
+        .map(caption => caption.innerText)
+        .concat([...document.querySelectorAll('figure')].filter(figure => getComputedStyle(figure).breakInside != 'avoid').map(figure => figure.innerText)),
+    live: document.querySelectorAll('figure.is-live').length,
+    dead: [...document.querySelectorAll('figure.plot:has(script)')].filter(figure => figure.clientWidth && !figure.classList.contains('is-live')).length,
+    plots: [...document.querySelectorAll('svg:not(.ratio)')].filter(svg => svg.getBoundingClientRect().width).map(svg => {
         const box = svg.getBoundingClientRect();
         const opaque = [...svg.querySelectorAll('rect')].filter(rect => getComputedStyle(rect).fillOpacity == 1
             && getComputedStyle(rect).fill != 'none');
@@ -73,6 +78,9 @@ struct Seen {
     broken: Vec<String>,
     /// Captions that may be printed on another sheet than their plot.
     parted: Vec<String>,
+    /// Plots that can be zoomed, and those that should be and cannot.
+    live: usize,
+    dead: usize,
     plots: Vec<Plot>,
 }
 
@@ -148,6 +156,15 @@ struct Page {
 impl Page {
     /// Opens a file and collects console messages, exceptions and requests to other hosts.
     fn open(browser: &Browser, file: &Path) -> Self {
+        Self::opened(browser, file, true)
+    }
+
+    /// The same without its programs.
+    fn still(browser: &Browser, file: &Path) -> Self {
+        Self::opened(browser, file, false)
+    }
+
+    fn opened(browser: &Browser, file: &Path, runs_scripts: bool) -> Self {
         let url = format!("file://{}", file.display());
         let (tab, heard) = (browser.new_tab().unwrap(), Arc::new(Mutex::new(Vec::new())));
         tab.call_method(Network::Enable {
@@ -180,6 +197,7 @@ impl Page {
             notes.lock().unwrap().extend(complaint);
         };
         tab.add_event_listener(Arc::new(note)).unwrap();
+        tab.call_method(Emulation::SetScriptExecutionDisabled { value: !runs_scripts }).unwrap();
         tab.navigate_to(&url).unwrap().wait_until_navigated().unwrap();
         Self { tab, heard }
     }
@@ -214,11 +232,12 @@ impl Page {
     }
 }
 
-/// A page with text and plots, on a phone and in print.
+/// A page with text and plots: live on a screen and on a phone; as drawings on a phone and in print.
 fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String> {
-    let page = Page::open(browser, file);
+    let mut faults = live_faults(browser, file, least_plots);
+    let page = Page::still(browser, file);
     let phone = page.seen(PHONE, true, "screen");
-    let mut faults = page.faults();
+    faults.extend(page.faults());
     let width = f64::from(PHONE.0);
     if phone.title.is_empty() || phone.texts < 200 || phone.plots.len() < least_plots {
         faults.push(format!("\"{}\": {} letters, {} plots", phone.title, phone.texts, phone.plots.len()));
@@ -251,6 +270,24 @@ fn page_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String
     faults
 }
 
+/// The page with its programs, at both widths.
+fn live_faults(browser: &Browser, file: &Path, least_plots: usize) -> Vec<String> {
+    let page = Page::open(browser, file);
+    let mut faults = Vec::new();
+    for (size, mobile) in [(WIDE, false), (PHONE, true)] {
+        let seen = page.seen(size, mobile, "screen");
+        let (live, dead, width) = (seen.live, seen.dead, seen.width.max(seen.window));
+        if live < least_plots || dead > 0 {
+            faults.push(format!("at {} px {live} plots are live, {dead} are not", size.0));
+        }
+        if width > f64::from(size.0) {
+            faults.push(format!("at {} px {width} px wide with live plots", size.0));
+        }
+    }
+    faults.extend(page.faults());
+    faults
+}
+
 /// A plot in a file of its own, on a screen.
 fn plot_faults(browser: &Browser, file: &Path) -> Vec<String> {
     let page = Page::open(browser, file);
@@ -265,6 +302,7 @@ fn plot_faults(browser: &Browser, file: &Path) -> Vec<String> {
 
 fn browser() -> Option<Browser> {
     let Ok(path) = headless_chrome::browser::default_executable() else {
+        assert!(std::env::var_os("CI").is_none(), "no browser for the pages: scripts/setup browser installs it");
         println!("skipped: no browser for the pages; install the package chromium (scripts/setup browser)");
         return None;
     };
@@ -336,7 +374,20 @@ fn pages_are_read_on_a_phone_and_on_paper() {
     for (quantity, page) in [("--speed", "speed.html"), ("--position", "position.html")] {
         files.run(&["design", "--rig", "rig.toml", quantity, "--bandwidth-Hz", "5", "--report", page]);
     }
-    let pages = [("demo.html", 4), ("diagnosis.html", 3), ("table.html", 0), ("speed.html", 8), ("position.html", 8)];
+    let validate = ["loop.csv", "--scenario", "loop.toml", "--model", "linear.toml", "--rig", "rig.toml"];
+    files.run(&[&["validate"], &validate[..], &["--report", "validate.html"]].concat());
+    files.run(&["compare", "linear.toml", "friction.toml", "--report", "compare.html"]);
+    files.run(&["stand", "pivt6_table2_no_load.csv", "--rig", "pivt6_rig.toml", "--report", "stand.html"]);
+    let pages = [
+        ("demo.html", 9),
+        ("diagnosis.html", 5),
+        ("table.html", 2),
+        ("speed.html", 8),
+        ("position.html", 8),
+        ("validate.html", 3),
+        ("compare.html", 3),
+        ("stand.html", 2),
+    ];
     none(&pages.map(|(name, plots)| (name.to_string(), page_faults(&browser, &files.at(name), plots))));
 }
 

@@ -35,6 +35,7 @@
 //! | [`observer`], [`current_sensor`] | the core's current observer, a Kalman filter, and a comparison of both with a
 //! sensor |
 //! | [`relay`], [`step_tuning`] | gains from an experiment, without a model |
+//! | [`own_loop`] | gains for the Arduino PID library and sketches of one's own |
 //! | [`compensation`] | voltage against friction and the drop of the bridge |
 
 pub mod compensation;
@@ -45,6 +46,7 @@ pub mod fixed_point;
 pub mod law;
 pub mod observer;
 pub mod optimum;
+pub mod own_loop;
 pub mod relay;
 pub mod robustness;
 pub mod sampled_loop;
@@ -341,6 +343,35 @@ fn with_given_weights(
         quantised_for_reversals(motor, rig, law, specification, candidate)
     };
     design.map_err(|error| DesignError::GivenWeights { options, error: Box::new(error) })
+}
+
+/// How much less is asked for from trial to trial, and how often.
+const LESS: f64 = 0.7;
+const MOST_TRIALS: i32 = 10;
+
+/// The fastest specification that a loop can meet, among those less and less fast than one that it cannot: each is tried.
+/// `None` if there is none, or if weights were given.
+pub fn fastest_possible(
+    motor: &MotorParameters,
+    bench: &Bench,
+    law: ControlLaw,
+    refused: &Specification,
+) -> Option<Specification> {
+    (1..=MOST_TRIALS).find_map(|trial| {
+        let less = LESS.powi(trial);
+        let speed = match refused.speed {
+            Speed::BandwidthHz(hz) => Speed::BandwidthHz(two_digits(less * hz)),
+            Speed::SettlingS(settling_s) => Speed::SettlingS(two_digits(settling_s / less)),
+            Speed::Weights(_) => return None,
+        };
+        let specification = Specification { speed, ..*refused };
+        design(motor, bench, law, &specification).is_ok().then_some(specification)
+    })
+}
+
+/// A number that a person can type.
+fn two_digits(value: f64) -> f64 {
+    format!("{value:.1e}").parse().unwrap_or(value)
 }
 
 /// Reasons why shapes were refused. The best attempt is reported.

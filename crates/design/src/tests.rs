@@ -420,3 +420,15 @@ fn given_weights_are_checked() {
         assert!(message.contains(expected), "{message}");
     }
 }
+
+/// A specification that cannot be met comes with one that can, and that one is met.
+#[test]
+fn what_can_be_met_is_met() {
+    let bench = Bench::default();
+    let asked = Specification { speed: Speed::BandwidthHz(80.0), overshoot_percent: 10.0, current_limit_a: 1.0 };
+    let law = ControlLaw::SpeedPid;
+    assert!(design(&MotorParameters::PIVT6, &bench, law, &asked).is_err());
+    let met = fastest_possible(&MotorParameters::PIVT6, &bench, law, &asked).unwrap();
+    assert!(matches!(met.speed, Speed::BandwidthHz(hz) if hz > 5.0 && hz < 80.0), "{:?}", met.speed);
+    assert!(design(&MotorParameters::PIVT6, &bench, law, &met).is_ok());
+}

@@ -64,6 +64,23 @@ impl Motion {
         }
     }
 
+    /// The motor between a row and the next one of its stretch.
+    pub(crate) fn instant(&self, data: &Dataset, row: usize) -> Instant {
+        Instant {
+            time_s: data.time_s[row],
+            voltage_v: data.voltage_v[row],
+            duty: data.duty[row],
+            mean_duty: data.duty[row],
+            supply_v: data.supply_v[row],
+            open: data.open[row],
+            current_a: self.current_a[row],
+            speed_rad_per_s: self.speed_rad_per_s[row],
+            angle_rad: 0.5 * (self.shaft_rad[row] + self.shaft_rad[row + 1]),
+            turned_rad: self.shaft_rad[row + 1] - self.shaft_rad[row],
+            step_s: data.time_s[row + 1] - data.time_s[row],
+        }
+    }
+
     /// The angle at a time before a row, if the stretch had begun: a cubic with the speeds of the neighbouring rows.
     fn angle_before(&self, row: usize, first: usize, rows_s: &[f64], time_s: f64) -> Option<f64> {
         let from = (first..=row).rev().find(|row| rows_s[*row] <= time_s)?;
@@ -108,19 +125,7 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&In
             let next = index + 1;
             let step_s = data.time_s[next] - data.time_s[index];
             step.set_length(&model.motor, inertia_kg_m2, step_s);
-            let at = Instant {
-                time_s: data.time_s[index],
-                voltage_v: data.voltage_v[index],
-                duty: data.duty[index],
-                mean_duty: data.duty[index],
-                supply_v: data.supply_v[index],
-                open: data.open[index],
-                current_a: motion.current_a[index],
-                speed_rad_per_s: motion.speed_rad_per_s[index],
-                angle_rad: 0.5 * (motion.shaft_rad[index] + motion.shaft_rad[next]),
-                turned_rad: motion.shaft_rad[next] - motion.shaft_rad[index],
-                step_s,
-            };
+            let at = motion.instant(data, index);
             let before = speed_rad_per_s;
             let Balance { torque_nm, voltage_v, .. } = added(&at);
             let terms = Balance { torque_nm, voltage_v, ..Balance::default() };

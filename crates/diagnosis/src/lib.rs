@@ -36,6 +36,7 @@
 pub mod compare;
 pub mod dataset;
 pub mod diagnose;
+pub mod evidence;
 pub mod free_run;
 pub mod identify;
 pub mod steady_state;

@@ -1,8 +1,9 @@
 //! A design as half a page of text, and as a self-contained page with plots.
 
-use crate::panels::{COLOURS, LEGEND_LEFT, LEGEND_TOP, legend, row_height};
-use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label, code, document, escaped, list, table};
+use crate::plot::{AFTER, BEFORE, Mark, OTHERS, Plot, REFERENCE};
+use crate::web_page::{Page, Provenance, code, lines, list, table, text as cell};
 use host_sim::trial::Point;
+use maud::{Markup, html};
 use motorbench_core::settings::Param;
 use motorbench_design::compensation::Standstill;
 use motorbench_design::current_sensor::{Comparison, LoopWith};
@@ -17,20 +18,13 @@ use motorbench_model::linear::frequency_response::BodePoint;
 use motorbench_model::motor::MotorParameters;
 use motorbench_text::terminal_text::{short, wrapped};
 use nalgebra::Complex;
-use plotters::coord::Shift;
-use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
-use plotters::prelude::*;
+use plotters::prelude::RGBColor;
 use std::f64::consts::TAU;
-use std::ops::Range;
 
-/// Largest number of points of a line.
-const MAX_POINTS: usize = 800;
-/// Size of all plots on pages, with room for the title and two rows of names.
-const SIZE: (u32, u32) = (PLOT_SIZE.0, PLOT_SIZE.1 + 50);
-const LINEAR: RGBColor = COLOURS[1];
-const CROSSOVER: RGBColor = COLOURS[2];
-const EFFECTS: RGBColor = COLOURS[3];
-const CORE: RGBColor = COLOURS[6];
+const LINEAR: RGBColor = AFTER;
+const CROSSOVER: RGBColor = BEFORE;
+const EFFECTS: RGBColor = OTHERS[2];
+const CORE: RGBColor = OTHERS[1];
 
 /// A line of a summary: a name, and a text that fits a terminal.
 type Entry = (&'static str, String);
@@ -183,134 +177,74 @@ pub fn html(
     trials: &[TrialWithEffects],
     standstill: &[Standstill],
     commands: &[String],
+    provenance: Provenance,
 ) -> String {
     let constants = motor.named().map(|(name, value)| format!("{name} = {}", short(value)));
-    let mut body = format!("<h1>Design</h1>\n<p>For a motor with {}.</p>\n", constants.join(", "));
-    for design in designs {
-        body += &format!("<h2>{}</h2>\n<p>{}.</p>\n", design.law.title(), escaped(&asked(design)));
-        body += &design_tables(design);
-        let [gain, phase] = loop_plots(motor, design);
+    let laws: Vec<&str> = designs.iter().map(|design| design.law.title()).collect();
+    let asked = designs.first().map_or_else(String::new, asked);
+    let verdict = format!("Gains for {}: {asked}.", laws.join(" and "));
+    let mut sections = vec![html! { p { "For a motor with " (constants.join(", ")) "." } }];
+    sections.extend(designs.iter().map(|design| {
         let course = trials.iter().find(|(law, ..)| *law == design.law).map_or(&[][..], |(.., points)| points);
-        let voltage = effort_plot("Voltage on the core", "voltage, V", design, course, |point| point.u_v);
-        let current = effort_plot("Current on the core", "current, A", design, course, |point| point.i_a);
-        body += "<div class=\"pairs\">";
-        for plot in [step_plot(motor, design, course), voltage, current, gain, phase, root_plot(motor, design)] {
-            // Plots are drawn into memory, so only the plot itself can fail.
-            let plot = plot.unwrap_or_else(|error| format!("<p>{}</p>", escaped(&error.to_string())));
-            body += &format!("<div>{plot}</div>");
+        design_section(motor, design, course)
+    }));
+    sections.push(beyond_linear_html(trials, standstill));
+    sections.push(html! { section { h2 { "For the console" } (lines(&commands.join("\n"))) } });
+    Page { title: "motorbench design".into(), kind: "Design", verdict, sections, folded: Vec::new(), provenance }.html()
+}
+
+fn design_section(motor: &MotorParameters, design: &Design, course: &[Point]) -> Markup {
+    let [gain, phase] = loop_plots(motor, design);
+    let figure = |plot: Plot, caption: &str| plot.figure(&html! { b { (caption) } });
+    html! {
+        section {
+            h2 { (design.law.title()) }
+            (figure(step_plot(motor, design, course), "Step through the profile"))
+            (design_tables(design))
+            div.pairs {
+                (figure(effort_plot("voltage, V", design, course, |point| point.u_v), "Voltage on the core"))
+                (figure(effort_plot("current, A", design, course, |point| point.i_a), "Current on the core"))
+                (figure(gain, "Open loop: gain"))
+                (figure(phase, "Open loop: phase"))
+                (figure(root_plot(motor, design), "Roots of the sampled loop"))
+            }
         }
-        body += "</div>\n";
     }
-    body += &beyond_linear_html(trials, standstill);
-    body += &format!("<h2>For the console</h2>\n<pre>{}</pre>\n", escaped(&commands.join("\n")));
-    document("motorbench design", &body)
 }
 
 /// The content of [`summary`] as tables that fit a phone.
-fn design_tables(design: &Design) -> String {
+fn design_tables(design: &Design) -> Markup {
     let gains = design.gains.iter().map(|gain| {
-        let held = format!("{:.6}", gain.held);
-        [code([gain.name.as_str()]), format!("{} {}", gain.value, escaped(&gain.unit)), held]
+        [code([gain.name.as_str()]), cell(format!("{} {}", gain.value, gain.unit)), cell(format!("{:.6}", gain.held))]
     });
-    let gains = table(&["gain", "value", "held as"], gains);
-    gains + &entries(&said(design)) + &current_sensor_table(design.law, &design.current_sensor)
+    html! {
+        (table(&["gain", "value", "held as"], gains))
+        (entries(&said(design)))
+        (current_sensor_table(design.law, &design.current_sensor))
+    }
 }
 
 /// A name and a text in each row.
-fn entries(entries: &[Entry]) -> String {
-    table(&[], entries.iter().map(|(name, text)| [escaped(name), escaped(text)]))
+fn entries(entries: &[Entry]) -> Markup {
+    table(&[], entries.iter().map(|(name, text)| [cell(name), cell(text)]))
 }
 
 /// The content of [`beyond_linear`].
-fn beyond_linear_html(trials: &[TrialWithEffects], standstill: &[Standstill]) -> String {
-    let mut html = String::new();
-    if !trials.is_empty() {
-        let trials: Vec<Entry> = trials.iter().map(with_effects).collect();
-        html += "<h2>With what the linear motor lacks</h2>\n<p>The same steps with the effects of the model, simulated.</p>\n";
-        html += &entries(&trials);
-    }
-    if !standstill.is_empty() {
-        let found: Vec<String> = standstill.iter().map(Standstill::text).collect();
-        html += "<h2>Near standstill</h2>\n<p>Simulated.</p>\n";
-        html += &list(found.iter().map(String::as_str));
-    }
-    html
-}
-
-type Plot = Result<String, Box<dyn std::error::Error>>;
-
-/// A line of a plot.
-struct Line {
-    label: &'static str,
-    colour: RGBColor,
-    points: Vec<(f64, f64)>,
-}
-
-impl Line {
-    /// Thinned to few enough points for a page.
-    fn new(label: &'static str, colour: RGBColor, points: impl ExactSizeIterator<Item = (f64, f64)>) -> Self {
-        let stride = points.len().div_ceil(MAX_POINTS).max(1);
-        Self { label, colour, points: points.step_by(stride).collect() }
-    }
-}
-
-/// A title on white paper; returns where it ends.
-fn titled(root: &DrawingArea<SVGBackend, Shift>, title: &str) -> Result<i32, Box<dyn std::error::Error>> {
-    root.fill(&WHITE)?;
-    root.draw(&Text::new(title, (LEGEND_LEFT, LEGEND_TOP), PLOT_LETTERS))?;
-    Ok(LEGEND_TOP + row_height(PLOT_LETTERS))
-}
-
-/// Lines over time.
-fn over_time(title: &str, y_title: &str, drawn: &[Line]) -> Plot {
-    let times = drawn.iter().flat_map(|line| line.points.iter().map(|point| point.0));
-    lines(title, "time, s", y_title, span(times, 0.0), drawn)
-}
-
-/// Lines over a common axis.
-fn lines<X: AsRangedCoord<Value = f64>>(title: &str, x_title: &str, y_title: &str, x: X, lines: &[Line]) -> Plot
-where
-    X::CoordDescType: ValueFormatter<f64>,
-{
-    let y = span(lines.iter().flat_map(|line| line.points.iter().map(|point| point.1)), 0.05);
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        let below_title = titled(&root, title)?;
-        let names = lines.iter().map(|line| (line.label, line.colour));
-        let below_legend = if lines.len() < 2 { below_title } else { legend(&root, PLOT_LETTERS, below_title, names)? };
-        let mut chart = ChartBuilder::on(&root)
-            .margin(8)
-            .margin_top(below_legend)
-            .margin_right(24)
-            .x_label_area_size(44)
-            .y_label_area_size(72)
-            .build_cartesian_2d(x, y)?;
-        chart
-            .configure_mesh()
-            .x_desc(x_title)
-            .y_desc(y_title)
-            .x_labels(PLOT_LABELS)
-            .x_label_formatter(&axis_label)
-            .y_label_formatter(&axis_label)
-            .label_style(PLOT_LETTERS)
-            .axis_desc_style(PLOT_LETTERS)
-            .light_line_style(WHITE)
-            .draw()?;
-        for line in lines {
-            chart.draw_series(LineSeries::new(line.points.iter().copied(), &line.colour))?;
+fn beyond_linear_html(trials: &[TrialWithEffects], standstill: &[Standstill]) -> Markup {
+    let trials: Vec<Entry> = trials.iter().map(with_effects).collect();
+    let found: Vec<String> = standstill.iter().map(Standstill::text).collect();
+    html! {
+        @if !trials.is_empty() {
+            section {
+                h2 { "With what the linear motor lacks" }
+                p { "The same steps with the effects of the model, simulated." }
+                (entries(&trials))
+            }
         }
-        root.present()?;
+        @if !found.is_empty() {
+            section { h2 { "Near standstill" } p { "Simulated." } (list(found.iter().map(String::as_str))) }
+        }
     }
-    Ok(svg)
-}
-
-/// The range of the values, with a margin.
-fn span(values: impl Iterator<Item = f64>, more: f64) -> Range<f64> {
-    let finite = values.filter(|value| value.is_finite());
-    let (low, high) = finite.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
-    let margin = (more * (high - low)).max(1e-9);
-    low - margin..high + margin
 }
 
 /// `course`: the same trial with the effects of the model; empty if it has none.
@@ -318,28 +252,25 @@ fn step_plot(motor: &MotorParameters, design: &Design, course: &[Point]) -> Plot
     let output = |point: &Point| if design.law.is_position() { point.theta_rad } else { point.omega_rad_per_s };
     let linear = design.linear_response(motor);
     let points = &design.points;
-    let mut drawn = vec![
-        Line::new("reference", BLACK, points.iter().map(|point| (point.t_s, point.reference))),
-        Line::new("linear", LINEAR, points.iter().zip(linear).map(|(point, value)| (point.t_s, value))),
-        Line::new("core", CORE, points.iter().map(|point| (point.t_s, output(point)))),
-    ];
-    if !course.is_empty() {
-        let with_effects = course.iter().map(|point| (point.t_s, output(point)));
-        drawn.push(Line::new("with effects", EFFECTS, with_effects));
-    }
+    let over_time =
+        |points: &[Point], of: &dyn Fn(&Point) -> f64| points.iter().map(|point| [point.t_s, of(point)]).collect();
     let quantity = if design.law.is_position() { "angle, rad" } else { "speed, rad/s" };
-    over_time("Step through the profile", quantity, &drawn)
+    let linear = points.iter().zip(linear).map(|(point, value)| [point.t_s, value]).collect();
+    let plot = Plot::new("time, s", quantity)
+        .line("reference", REFERENCE, over_time(points, &|point| point.reference))
+        .line("linear", LINEAR, linear)
+        .line("core", CORE, over_time(points, &output));
+    match course.is_empty() {
+        true => plot,
+        false => plot.line("with effects", EFFECTS, over_time(course, &output)),
+    }
 }
 
 /// `course` as for the step.
-fn effort_plot(title: &str, y_title: &str, design: &Design, course: &[Point], of: fn(&Point) -> f64) -> Plot {
-    let line =
-        |label, colour, points: &[Point]| Line::new(label, colour, points.iter().map(|point| (point.t_s, of(point))));
-    let mut drawn = vec![line("linear motor", CORE, &design.points)];
-    if !course.is_empty() {
-        drawn.push(line("with effects", EFFECTS, course));
-    }
-    over_time(title, y_title, &drawn)
+fn effort_plot(y_title: &str, design: &Design, course: &[Point], of: fn(&Point) -> f64) -> Plot {
+    let over_time = |points: &[Point]| points.iter().map(|point| [point.t_s, of(point)]).collect();
+    let plot = Plot::new("time, s", y_title).line("linear motor", CORE, over_time(&design.points));
+    if course.is_empty() { plot } else { plot.line("with effects", EFFECTS, over_time(course)) }
 }
 
 /// Gain and phase of the open loop over frequency, one plot each. They cover two decades about the crossover, with the
@@ -350,25 +281,23 @@ fn loop_plots(motor: &MotorParameters, design: &Design) -> [Plot; 2] {
     let near = |point: &&BodePoint| (0.01..100.0).contains(&(point.omega_rad_per_s / TAU / crossover_hz));
     let near: Vec<&BodePoint> = points.iter().filter(near).collect();
     let hz = |point: &BodePoint| point.omega_rad_per_s / TAU;
-    let plot = |title, y_title, label, colour, value: fn(&BodePoint) -> f64, level: (&'static str, f64)| {
-        let (Some(first), Some(last)) = (near.first().map(|point| hz(point)), near.last().map(|point| hz(point)))
-        else {
-            return Err("no frequency about the crossover".into());
-        };
-        let course = Line::new(label, colour, near.iter().map(|point| (hz(point), value(point))));
-        let ends = span(course.points.iter().map(|point| point.1), 0.0);
-        let drawn = [
-            Line::new(level.0, BLACK, [(first, level.1), (last, level.1)].into_iter()),
-            Line::new("crossover", CROSSOVER, [(crossover_hz, ends.start), (crossover_hz, ends.end)].into_iter()),
-            course,
-        ];
-        lines(title, "frequency, Hz", y_title, (first..last).log_scale(), &drawn)
+    let (low, high) = (0.01 * crossover_hz, 100.0 * crossover_hz);
+    let plot = |y_title, label, value: fn(&BodePoint) -> f64, level: (&str, f64)| {
+        let course: Vec<[f64; 2]> = near.iter().map(|point| [hz(point), value(point)]).collect();
+        let [least, most] = course.iter().fold([level.1; 2], |[least, most], [_, y]| [y.min(least), y.max(most)]);
+        let end = near.iter().map(|point| hz(point)).fold(low, f64::max).min(high);
+        let begin = near.iter().map(|point| hz(point)).fold(high, f64::min).min(crossover_hz);
+        Plot::new("frequency, Hz", y_title)
+            .logarithmic()
+            .line(level.0, REFERENCE, vec![[begin, level.1], [end, level.1]])
+            .line("crossover", CROSSOVER, vec![[crossover_hz, least], [crossover_hz, most]])
+            .line(label, LINEAR, course)
     };
     let decibels = |point: &BodePoint| 20.0 * point.magnitude.log10();
     let degrees = |point: &BodePoint| point.phase_rad.to_degrees();
     [
-        plot("Open loop: gain", "gain, dB", "gain", LINEAR, decibels, ("0 dB", 0.0)),
-        plot("Open loop: phase", "phase, degrees", "phase", LINEAR, degrees, ("-180 degrees", -180.0)),
+        plot("gain, dB", "gain", decibels, ("0 dB", 0.0)),
+        plot("phase, degrees", "phase", degrees, ("-180 degrees", -180.0)),
     ]
 }
 
@@ -377,45 +306,24 @@ fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
     let roots = |motor: &MotorParameters| {
         eigenvalues(&SampledLoop::new(motor, design.law, &design.sampling).closed(&design.held).a)
     };
-    let place = |root: &Complex<f64>| (root.re, root.im);
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
-        let below_title = titled(&root, "Roots of the sampled loop; circles: parameters +-30 %")?;
-        let mut chart = ChartBuilder::on(&root)
-            .margin(8)
-            .margin_top(below_title)
-            .margin_right(24)
-            .x_label_area_size(44)
-            .y_label_area_size(72)
-            .build_cartesian_2d(-2.1..2.1, -1.2..1.2)?;
-        chart
-            .configure_mesh()
-            .x_desc("real")
-            .y_desc("imaginary")
-            .x_label_formatter(&axis_label)
-            .y_label_formatter(&axis_label)
-            .label_style(PLOT_LETTERS)
-            .axis_desc_style(PLOT_LETTERS)
-            .light_line_style(WHITE)
-            .draw()?;
-        let circle = (0..=200).map(|i| (TAU * f64::from(i) / 200.0).sin_cos());
-        chart.draw_series(LineSeries::new(circle, &BLACK))?;
-        let others = corners(motor).flat_map(|corner| roots(&corner)).collect::<Vec<_>>();
-        chart.draw_series(others.iter().map(|root| Circle::new(place(root), 2, CORE)))?;
-        chart.draw_series(roots(motor).iter().map(|root| Cross::new(place(root), 4, LINEAR)))?;
-        root.present()?;
-    }
-    Ok(svg)
+    let place = |root: &Complex<f64>| [root.re, root.im];
+    let circle = (0..=200).map(|step| (TAU * f64::from(step) / 200.0).sin_cos()).map(|(x, y)| [x, y]).collect();
+    let others = corners(motor).flat_map(|corner| roots(&corner)).map(|root| place(&root)).collect();
+    let own = roots(motor).iter().map(place).collect();
+    Plot::new("real", "imaginary")
+        .within(-2.1..2.1, -1.2..1.2)
+        .with("unit circle", REFERENCE, Mark::Curve, circle)
+        .dots("parameters +-30 %", CORE, others, Vec::new())
+        .dots("as designed", LINEAR, own, Vec::new())
 }
 
 /// A figure of a loop for a page.
 type Figure = fn(&LoopWith) -> String;
 
 /// The comparison of current sensors for a page. Each source has a column, since a phone is narrow.
-fn current_sensor_table(law: ControlLaw, comparison: &[Comparison]) -> String {
+fn current_sensor_table(law: ControlLaw, comparison: &[Comparison]) -> Markup {
     if comparison.is_empty() {
-        return String::new();
+        return Markup::default();
     }
     let [peak, load] = current_sensor::units(law);
     let rows: [(&str, Figure); 7] = [
@@ -430,9 +338,9 @@ fn current_sensor_table(law: ControlLaw, comparison: &[Comparison]) -> String {
     let header: Vec<&str> =
         std::iter::once("current").chain(comparison.iter().map(|with| with.current.name())).collect();
     let rows = rows.into_iter().map(|(title, figure)| {
-        let cells = comparison.iter().map(move |with| with.found.as_ref().map_or("-".into(), figure));
-        std::iter::once(escaped(title)).chain(cells)
+        let cells = comparison.iter().map(move |with| with.found.as_ref().map_or("-".into(), figure)).map(cell);
+        std::iter::once(cell(title)).chain(cells)
     });
     let said = "What a current sensor would bring: linear loop, exact gains; - where no robust loop is fast enough.";
-    format!("<p>{said}</p>\n{}", table(&header, rows))
+    html! { p { (said) } (table(&header, rows)) }
 }

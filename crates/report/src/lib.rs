@@ -9,13 +9,15 @@
 //! assert!(svg.starts_with("<svg"));
 //! ```
 //!
-//! The three modules to know: [`diagnosis_page`] (the report of a diagnosis), [`diagnosis_text`] (the same for a terminal),
-//! [`panels`] (plots over time).
+//! The modules to know: [`diagnosis_page`] (the report of a diagnosis), [`diagnosis_text`] (the same for a terminal),
+//! [`web_page`] (the template of all pages), [`plot`] (a plot of a page), [`panels`] (plots over time as a file).
 
+pub mod comparison_page;
 pub mod design;
 pub mod diagnosis_page;
 pub mod diagnosis_text;
 pub mod panels;
 pub mod picture;
+pub mod plot;
 pub mod steady_state;
 pub mod web_page;

@@ -1,40 +1,26 @@
 //! Plots over time or frequency, one below the other, as SVG.
 
-use crate::web_page::{PLOT_LABELS, PLOT_LETTERS, PLOT_SIZE, axis_label};
+use crate::plot::{MEASURED, OTHERS, Plot, REFERENCE, axis_label};
+use crate::web_page::text;
+use maud::{Markup, html};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 use std::error::Error;
 use std::ops::Range;
 
-/// Sizes of a picture: its width, the height of a panel, the font size.
-struct Sizes {
-    width: u32,
-    height: u32,
-    letters: (&'static str, i32),
-}
-
-/// A separate file, for a screen.
-const FILE: Sizes = Sizes { width: 900, height: 240, letters: ("sans-serif", 16) };
-/// Part of a page, with the size of all plots on pages.
-const PAGE: Sizes = Sizes { width: PLOT_SIZE.0, height: PLOT_SIZE.1, letters: PLOT_LETTERS };
+/// Width of a picture, height of a panel, font.
+const WIDTH: u32 = 900;
+const HEIGHT: u32 = 240;
+const LETTERS: (&str, i32) = ("sans-serif", 16);
+/// Largest number of labels on an axis.
+const LABELS: usize = 8;
 /// Position of titles and legends: above the plot, right of its axis.
-pub const LEGEND_LEFT: i32 = 78;
+const LEGEND_LEFT: i32 = 78;
 /// Position above them.
-pub const LEGEND_TOP: i32 = 8;
+const LEGEND_TOP: i32 = 8;
 /// Largest number of samples of a line.
 const MOST_POINTS: usize = 800;
-/// Colours for any colour vision (Okabe and Ito 2008).
-pub const COLOURS: [RGBColor; 7] = [
-    RGBColor(0, 0, 0),
-    RGBColor(0, 114, 178),
-    RGBColor(230, 159, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(86, 180, 233),
-    RGBColor(213, 94, 0),
-];
-
 /// Quantities with the same unit.
 pub struct Panel {
     title: String,
@@ -61,20 +47,50 @@ impl Panel {
     }
 }
 
+/// The colour of each line by its name: what was measured, or is asked for, has the same one everywhere.
+fn colours(lines: &[(String, Vec<f64>)]) -> Vec<RGBColor> {
+    let mut others = OTHERS.into_iter().cycle();
+    let of_name = |(name, _): &(String, Vec<f64>)| match name.as_str() {
+        "reference" => REFERENCE,
+        name if name.ends_with("measured") => MEASURED,
+        _ => others.next().unwrap_or(MEASURED),
+    };
+    lines.iter().map(of_name).collect()
+}
+
+/// The same for a page. Those over time are zoomed together.
+pub fn figures(interval_s: f64, panels: &[Panel]) -> Markup {
+    html! { @for panel in panels { (panel.plot(interval_s).figure(&text(&panel.title))) } }
+}
+
+impl Panel {
+    /// Rows of its longest line. Panels of one length show the same time.
+    fn rows(&self) -> usize {
+        self.lines.iter().map(|(_, values)| values.len()).max().unwrap_or(0)
+    }
+
+    fn plot(&self, interval_s: f64) -> Plot {
+        let plot = match &self.frequencies_hz {
+            None => Plot::new("time, s", &self.title).in_group(format!("{} rows", self.rows())),
+            Some(_) => Plot::new("frequency, Hz", &self.title).logarithmic(),
+        };
+        let place = |index: usize| match &self.frequencies_hz {
+            None => index as f64 * interval_s,
+            Some(frequencies_hz) => frequencies_hz[index],
+        };
+        let colours = colours(&self.lines);
+        self.lines.iter().zip(colours).fold(plot, |plot, ((name, values), colour)| {
+            let points = values.iter().enumerate().map(|(index, value)| [place(index), *value]).collect();
+            plot.line(name, colour, points)
+        })
+    }
+}
+
 /// Draws the panels. Those over time have a sample for each `interval_s`. A picture that cannot be drawn is replaced by
 /// the reason.
 pub fn panels(interval_s: f64, panels: &[Panel]) -> String {
-    sized(&FILE, interval_s, panels)
-}
-
-/// The same as part of a page.
-pub fn panels_in_page(interval_s: f64, panels: &[Panel]) -> String {
-    sized(&PAGE, interval_s, panels)
-}
-
-fn sized(sizes: &Sizes, interval_s: f64, panels: &[Panel]) -> String {
     let mut svg = String::new();
-    match draw(&mut svg, sizes, interval_s, panels) {
+    match draw(&mut svg, interval_s, panels) {
         Ok(()) => svg,
         Err(error) => format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\"><text y=\"20\">This plot could not be drawn: {error}</text></svg>"
@@ -82,21 +98,18 @@ fn sized(sizes: &Sizes, interval_s: f64, panels: &[Panel]) -> String {
     }
 }
 
-fn draw(svg: &mut String, sizes: &Sizes, interval_s: f64, panels: &[Panel]) -> Result<(), Box<dyn Error>> {
-    let height = sizes.height * panels.len() as u32;
-    let root = SVGBackend::with_string(svg, (sizes.width, height)).into_drawing_area();
+fn draw(svg: &mut String, interval_s: f64, panels: &[Panel]) -> Result<(), Box<dyn Error>> {
+    let height = HEIGHT * panels.len() as u32;
+    let root = SVGBackend::with_string(svg, (WIDTH, height)).into_drawing_area();
     root.fill(&WHITE)?;
     for (area, panel) in root.split_evenly((panels.len(), 1)).iter().zip(panels) {
         match panel.frequencies_hz.as_deref() {
             None => {
-                let longest = panel.lines.iter().map(|(_, values)| values.len()).max().unwrap_or(0);
-                let axis = 0.0..longest.max(1) as f64 * interval_s;
-                draw_panel(area, sizes.letters, panel, "time, s", axis, |index| index as f64 * interval_s)?;
+                let axis = 0.0..panel.rows().max(1) as f64 * interval_s;
+                draw_panel(area, panel, "time, s", axis, |index| index as f64 * interval_s)?;
             }
             Some(at @ [first, .., last]) => {
-                draw_panel(area, sizes.letters, panel, "frequency, Hz", (*first..*last).log_scale(), |index| {
-                    at[index]
-                })?;
+                draw_panel(area, panel, "frequency, Hz", (*first..*last).log_scale(), |index| at[index])?;
             }
             Some(_) => return Err("fewer than two frequencies".into()),
         }
@@ -107,7 +120,6 @@ fn draw(svg: &mut String, sizes: &Sizes, interval_s: f64, panels: &[Panel]) -> R
 
 fn draw_panel<X: AsRangedCoord<Value = f64>>(
     area: &DrawingArea<SVGBackend, Shift>,
-    letters: (&str, i32),
     panel: &Panel,
     x_title: &str,
     axis: X,
@@ -116,8 +128,8 @@ fn draw_panel<X: AsRangedCoord<Value = f64>>(
 where
     X::CoordDescType: ValueFormatter<f64>,
 {
-    let names = panel.lines.iter().map(|(name, _)| name.as_str()).zip(COLOURS.into_iter().cycle());
-    let below_legend = if panel.lines.len() < 2 { LEGEND_TOP } else { legend(area, letters, LEGEND_TOP, names)? };
+    let names = panel.lines.iter().map(|(name, _)| name.as_str()).zip(colours(&panel.lines));
+    let below_legend = if panel.lines.len() < 2 { LEGEND_TOP } else { legend(area, names)? };
     let mut chart = ChartBuilder::on(area)
         .margin(8)
         .margin_top(below_legend)
@@ -129,15 +141,15 @@ where
         .configure_mesh()
         .x_desc(x_title)
         .y_desc(&panel.title)
-        .x_labels(PLOT_LABELS)
+        .x_labels(LABELS)
         .x_label_formatter(&axis_label)
         .y_labels(6)
         .y_label_formatter(&axis_label)
-        .label_style(letters)
-        .axis_desc_style(letters)
+        .label_style(LETTERS)
+        .axis_desc_style(LETTERS)
         .light_line_style(WHITE)
         .draw()?;
-    for ((_, values), colour) in panel.lines.iter().zip(COLOURS.into_iter().cycle()) {
+    for ((_, values), colour) in panel.lines.iter().zip(colours(&panel.lines)) {
         let step = values.len().div_ceil(MOST_POINTS).max(1);
         let points = values.iter().enumerate().step_by(step).filter(|(_, value)| value.is_finite());
         chart.draw_series(LineSeries::new(points.map(|(index, value)| (x_of(index), *value)), colour))?;
@@ -145,31 +157,24 @@ where
     Ok(())
 }
 
-/// Distance of rows of text.
-pub fn row_height(letters: (&str, i32)) -> i32 {
-    letters.1 + 6
-}
-
-/// Draws the names of lines in their colours above a plot, from `top` on; returns where they end.
-pub fn legend<'a>(
+/// Draws the names of lines in their colours above a plot; returns where they end.
+fn legend<'a>(
     area: &DrawingArea<SVGBackend, Shift>,
-    letters: (&str, i32),
-    top: i32,
     names: impl Iterator<Item = (&'a str, RGBColor)>,
 ) -> Result<i32, Box<dyn Error>> {
-    let right = area.dim_in_pixel().0 as i32;
-    let (mut x, mut y) = (LEGEND_LEFT, top);
+    let (right, row_height) = (area.dim_in_pixel().0 as i32, LETTERS.1 + 6);
+    let (mut x, mut y) = (LEGEND_LEFT, LEGEND_TOP);
     for (name, colour) in names {
         // Letters are about half as wide as high.
-        let width = 42 + name.chars().count() as i32 * letters.1 / 2;
+        let width = 42 + name.chars().count() as i32 * LETTERS.1 / 2;
         if x > LEGEND_LEFT && x + width > right {
-            (x, y) = (LEGEND_LEFT, y + row_height(letters));
+            (x, y) = (LEGEND_LEFT, y + row_height);
         }
-        area.draw(&PathElement::new([(x, y + letters.1 / 3), (x + 18, y + letters.1 / 3)], colour))?;
-        area.draw(&Text::new(name.to_owned(), (x + 24, y), letters))?;
+        area.draw(&PathElement::new([(x, y + LETTERS.1 / 3), (x + 18, y + LETTERS.1 / 3)], colour))?;
+        area.draw(&Text::new(name.to_owned(), (x + 24, y), LETTERS))?;
         x += width;
     }
-    Ok(y + row_height(letters))
+    Ok(y + row_height)
 }
 
 /// The range of the values with a margin.

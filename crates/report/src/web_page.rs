@@ -1,71 +1,134 @@
-//! Pages for a browser: one self-contained file, readable on a phone, complete in print.
+//! The template of all pages for a browser: one self-contained file, readable on a phone, complete in print. Its plots are
+//! drawings that need no program; with JavaScript they can be zoomed, moved and asked for values.
 
-/// Size of a plot in its own units. The page scales it to the available width.
-pub const PLOT_SIZE: (u32, u32) = (560, 300);
-/// Largest number of labels on an axis, for the width of a phone.
-pub const PLOT_LABELS: usize = 8;
-/// Font size of a plot. The drawing uses 1/1.24 of it. A phone with 390 px still shows letters 9.8 px high.
-pub const PLOT_LETTERS: (&str, i32) = ("sans-serif", 19);
+use maud::{DOCTYPE, Markup, PreEscaped, html};
 
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:820px;margin:0 auto;padding:1rem;color:#111}\
-h1{font-size:1.4rem}h2{font-size:1.15rem;margin-top:2rem}h2::first-letter{text-transform:uppercase}svg{max-width:100%;height:auto;display:block}\
-h1,h2,p,li{overflow-wrap:anywhere}code{overflow-wrap:normal}table{border-collapse:collapse;width:100%;font-size:.9rem}\
-td,th{border-bottom:1px solid #ccc;padding:.25rem .4rem;text-align:left}\
-.pairs{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(340px,100%),1fr));gap:0 1rem}.wide{overflow-x:auto;margin-bottom:.8rem}\
-pre{background:#f4f4f4;padding:.6rem;font-size:.8rem;white-space:pre-wrap;overflow-wrap:anywhere}code{font-size:.9em}\
-@media print{@page{size:A4;margin:15mm}body{padding:0;max-width:none}svg,tr,p,li,.pairs>div{break-inside:avoid}\
-h2,h2+p,p:has(+svg){break-after:avoid}.pairs{grid-template-columns:1fr 1fr;gap:0 .5rem}\
-.wide{overflow:visible}table{font-size:8.5pt}td,th{padding:.15rem .25rem}}";
+const STYLE: &str = include_str!("../assets/page.css");
+const LIVE: &str = include_str!("../assets/page.js");
+/// The MIT licensed library that makes plots live.
+const PLOT_LIBRARY: &str = include_str!("../assets/uplot/uPlot.iife.min.js");
+const PLOT_STYLE: &str = include_str!("../assets/uplot/uPlot.min.css");
 
-/// A whole page. `body` is HTML, the title is text.
-pub fn document(title: &str, body: &str) -> String {
-    format!(
-        "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-         <title>{}</title><link rel=\"icon\" href=\"data:,\"><style>{STYLE}</style></head><body>\n{body}</body></html>\n",
-        escaped(title)
-    )
+/// Where the results of a page come from.
+#[derive(Clone, Debug, Default)]
+pub struct Provenance {
+    /// The recordings or tables.
+    pub files: Vec<String>,
+    /// The rig file, the model, the scenario, and what else was read; empty lines are left out.
+    pub inputs: Vec<(&'static str, String)>,
+    /// What was left out of the data.
+    pub left_out: Vec<String>,
+    /// Day and time, if a clock is at hand.
+    pub written: Option<String>,
 }
 
-/// Escapes a text for HTML.
-pub fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+/// A page: a sentence that says the result, and its sections in their order.
+pub struct Page {
+    /// Title of the window.
+    pub title: String,
+    /// What kind of page it is, in a few words.
+    pub kind: &'static str,
+    /// The result in a sentence.
+    pub verdict: String,
+    /// The sections.
+    pub sections: Vec<Markup>,
+    /// Folded sections at the end, each with its heading.
+    pub folded: Vec<(String, Markup)>,
+    /// Where it comes from.
+    pub provenance: Provenance,
+}
+
+impl Page {
+    /// The file.
+    pub fn html(&self) -> String {
+        let page = html! {
+            (DOCTYPE)
+            html lang="en" {
+                head {
+                    meta charset="utf-8";
+                    meta name="viewport" content="width=device-width,initial-scale=1";
+                    title { (self.title) }
+                    link rel="icon" href="data:,";
+                    style { (PreEscaped(PLOT_STYLE)) (PreEscaped(STYLE)) }
+                }
+                body {
+                    p.kind { (self.kind) }
+                    h1 { (self.verdict) }
+                    p.hint { "In a plot: drag to zoom, shift and drag to move, double-click for the whole, click a name to hide its line." }
+                    @for section in &self.sections { (section) }
+                    (provenance(&self.provenance))
+                    @if !self.folded.is_empty() {
+                        div.fold {
+                            @for (heading, section) in &self.folded {
+                                details { summary { (heading) } (section) }
+                            }
+                        }
+                    }
+                    script { (PreEscaped(PLOT_LIBRARY)) }
+                    script { (PreEscaped(LIVE)) }
+                }
+            }
+        };
+        page.into_string() + "\n"
+    }
+}
+
+fn provenance(from: &Provenance) -> Markup {
+    let version = format!("motorbench {}", env!("CARGO_PKG_VERSION"));
+    html! {
+        section.provenance {
+            h2 { "Where this comes from" }
+            ul {
+                @if !from.files.is_empty() { li { "Data: " (from.files.join(", ")) } }
+                @for (what, file) in from.inputs.iter().filter(|(_, file)| !file.is_empty()) { li { (what) ": " (file) } }
+                @for left_out in &from.left_out { li { (left_out) } }
+                li { "Written by " (version) @if let Some(written) = &from.written { ", " (written) } "." }
+            }
+        }
+    }
 }
 
 /// Names as in files, `friction_asymmetry`. In a narrow place they break after an underscore, not within a word.
-pub fn code<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
-    let names = names.into_iter().map(|name| {
-        let parts: Vec<String> = name.split_inclusive(['_', ':']).map(escaped).collect();
-        format!("<code>{}</code>", parts.join("<wbr>"))
-    });
-    names.collect::<Vec<_>>().join(", ")
-}
-
-/// A table: its header, if there is one, and rows of HTML cells. On a narrow screen it scrolls in its own frame.
-pub fn table<Row: IntoIterator<Item = String>>(header: &[&str], rows: impl IntoIterator<Item = Row>) -> String {
-    let cells = |tag: &str, cells: &mut dyn Iterator<Item = String>| {
-        format!("<tr>{}</tr>", cells.map(|cell| format!("<{tag}>{cell}</{tag}>")).collect::<String>())
-    };
-    // A screen reader would read a row without a cell as a single one.
-    let head =
-        if header.is_empty() { String::new() } else { cells("th", &mut header.iter().map(|name| escaped(name))) };
-    let body: String = rows.into_iter().map(|row| cells("td", &mut row.into_iter())).collect();
-    format!("<div class=\"wide\"><table>{head}{body}</table></div>\n")
-}
-
-/// Label of an axis, as short as the number. Its value is a sum of steps, so a value near zero means zero.
-pub fn axis_label(value: &f64) -> String {
-    const NEARLY_ZERO: f64 = 1e-9;
-    if value.abs() < NEARLY_ZERO {
-        return "0".into();
+pub fn code<'a>(names: impl IntoIterator<Item = &'a str>) -> Markup {
+    html! {
+        @for (index, name) in names.into_iter().enumerate() {
+            @if index > 0 { ", " }
+            code { @for (part, text) in name.split_inclusive(['_', ':']).enumerate() { @if part > 0 { wbr; } (text) } }
+        }
     }
-    let rounded = format!("{value:.5e}");
-    rounded.parse::<f64>().map_or(rounded, |value| value.to_string())
+}
+
+/// A table: its header, if there is one, and rows of cells. On a narrow screen it scrolls in its own frame.
+pub fn table<Row: IntoIterator<Item = Markup>>(header: &[&str], rows: impl IntoIterator<Item = Row>) -> Markup {
+    html! {
+        div.wide {
+            table {
+                // A screen reader would read a row without a cell as a single one.
+                @if !header.is_empty() { tr { @for name in header { th { (name) } } } }
+                @for row in rows { tr { @for cell in row { td { (cell) } } } }
+            }
+        }
+    }
+}
+
+/// A text as a cell or a paragraph.
+pub fn text(text: impl AsRef<str>) -> Markup {
+    html! { (text.as_ref()) }
+}
+
+/// A number as a cell: its exponent stays with it.
+pub fn number(number: impl AsRef<str>) -> Markup {
+    html! { span.number { (number.as_ref()) } }
 }
 
 /// A list of texts.
-pub fn list<'a>(items: impl IntoIterator<Item = &'a str>) -> String {
-    let items: String = items.into_iter().map(|item| format!("<li>{}</li>", escaped(item))).collect();
-    format!("<ul>{items}</ul>\n")
+pub fn list<'a>(items: impl IntoIterator<Item = &'a str>) -> Markup {
+    html! { ul { @for item in items { li { (item) } } } }
+}
+
+/// Lines as a terminal shows them.
+pub fn lines(lines: &str) -> Markup {
+    html! { pre { (lines) } }
 }
 
 #[cfg(test)]
@@ -73,8 +136,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_label_is_as_short_as_its_number() {
-        let labels = [-1e-17, 0.1 + 0.2, -100.0, 2.5e-5, 3000.0].map(|value| axis_label(&value));
-        assert_eq!(labels, ["0", "0.3", "-100", "0.000025", "3000"]);
+    fn a_page_is_one_file_that_asks_for_nothing() {
+        let page = Page {
+            title: "a <title>".into(),
+            kind: "test",
+            verdict: "1 < 2".into(),
+            sections: vec![code(["friction_asymmetry"])],
+            folded: vec![("more".into(), lines("a & b"))],
+            provenance: Provenance { files: vec!["run.csv".into()], ..Provenance::default() },
+        };
+        let html = page.html();
+        assert!(html.contains("<title>a &lt;title&gt;</title>") && html.contains("<h1>1 &lt; 2</h1>"));
+        assert!(html.contains("<code>friction_<wbr>asymmetry</code>") && html.contains("<pre>a &amp; b</pre>"));
+        assert!(html.contains("Data: run.csv") && html.contains("<details><summary>more</summary>"));
+        for outside in ["src=\"", "@import", "url(", "<link rel=\"stylesheet\""] {
+            assert!(!html.contains(outside), "{outside}");
+        }
     }
 }

@@ -11,6 +11,7 @@ use motorbench_diagnosis::diagnose::outcome::Verdict;
 use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
 use motorbench_model::motor::MotorParameters;
 use motorbench_report::design::summary;
+use motorbench_report::web_page::Provenance;
 use motorbench_report::{diagnosis_page as report, diagnosis_text as page};
 
 fn diagnosis(recipe: &Recipe, verdict: Verdict) -> Diagnosis {
@@ -26,8 +27,8 @@ fn diagnosis(recipe: &Recipe, verdict: Verdict) -> Diagnosis {
 #[test]
 fn what_has_no_name_is_shown_as_the_residual_of_each_sensor() {
     let plots = |diagnosis: &Diagnosis| {
-        let html = report::report(diagnosis, &["recording.csv".into()]);
-        (html.matches("<svg").count(), html)
+        let html = report::report(diagnosis, Provenance::default());
+        (html.matches("<figure").count(), html)
     };
     let (named, html) = plots(&diagnosis(&Recipe::of(&[]), Verdict::Sufficient));
     assert!(!html.contains("residual of"));

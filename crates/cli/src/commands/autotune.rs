@@ -183,6 +183,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     }
     let accepted = "accepted; the gains are lost at the next reset.\n`motorbench connect save` keeps them\n";
     outputs.say(&arguments.port.named_in(accepted));
+    outputs.wrote("");
     Ok(())
 }
 

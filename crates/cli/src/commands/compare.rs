@@ -1,6 +1,9 @@
 //! `motorbench compare`: two recordings, two models, or a recording and a model.
 
-use super::{Failure, Outputs, plot_file, read_model, read_recording, rig_file, rig_for, write_json, write_plot};
+use super::{
+    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_model, read_recording, rig_file, rig_for, write,
+    write_json, write_plot,
+};
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
 use motorbench_data::mapping::Mapping;
@@ -12,6 +15,7 @@ use motorbench_diagnosis::identify::Z95;
 use motorbench_files::text_file;
 use motorbench_model::Model;
 use motorbench_model::linear::motor_model::speed;
+use motorbench_report::comparison_page::{self, Compared};
 use motorbench_report::panels::{Panel, panels};
 use motorbench_text::terminal_text::{fixed, short};
 use nalgebra::Complex;
@@ -49,8 +53,11 @@ pub struct Arguments {
     /// Draws both: recordings over time, models by step and frequency response.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
-    /// Writes the result as JSON into a file, - for the terminal.
-    #[arg(long, value_name = "FILE|-")]
+    /// Writes a page with plots and figures.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Prints the result as JSON instead of text, or writes it into a file.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
 
@@ -90,14 +97,26 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
 }
 
-fn finish(arguments: &Arguments, result: &Value, text: &str, plot: impl FnOnce() -> String) -> Result<(), Failure> {
+/// What is drawn: panels over time with a sample for each interval, or over frequency.
+pub type Drawn = (f64, Vec<Panel>);
+
+fn finish(arguments: &Arguments, result: &Value, text: &str, (interval_s, drawn): &Drawn) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
-        write_plot(path, &plot())?;
+        write_plot(path, &panels(*interval_s, drawn))?;
+    }
+    if let Some(path) = &arguments.report {
+        let verdict = format!("{} beside {}", arguments.first.display(), arguments.second.display());
+        let (title, kind) = ("motorbench compare", "Comparison");
+        let compared = Compared { title, kind, verdict, panels: drawn, interval_s: *interval_s, figures: text };
+        let from = provenance::of_files([arguments.first.as_path(), &arguments.second]);
+        write(path, &comparison_page::html(&compared, provenance::with(from, "Rig file", arguments.rig.as_deref())))?;
     }
     if let Some(path) = &arguments.json {
         write_json(path, result)?;
     }
-    arguments.outputs()?.say(text);
+    let outputs = arguments.outputs()?;
+    outputs.say(text);
+    outputs.wrote("");
     Ok(())
 }
 
@@ -105,7 +124,7 @@ impl Arguments {
     fn outputs(&self) -> Result<Outputs, Failure> {
         let inputs = [&self.first, &self.second];
         let rigs: Vec<PathBuf> = inputs.iter().filter_map(|path| rig_file(self.rig.as_deref(), Some(path))).collect();
-        Outputs::new(inputs.into_iter().chain(&rigs), self.plot.iter().chain(&self.json))
+        Outputs::new(inputs.into_iter().chain(&rigs), self.plot.iter().chain(&self.report).chain(&self.json))
     }
 }
 
@@ -114,7 +133,7 @@ fn recordings(arguments: &Arguments) -> Result<(), Failure> {
     let compared =
         compare(&read(&arguments.first)?, &read(&arguments.second)?, arguments.delay).map_err(Failure::input)?;
     let result = serde_json::to_value(&compared).map_err(Failure::machine)?;
-    finish(arguments, &result, &table(&compared), || plot(&compared, ["first", "second"]))
+    finish(arguments, &result, &table(&compared), &drawn(&compared, ["first", "second"]))
 }
 
 /// Delay, and difference of each channel.
@@ -130,7 +149,7 @@ pub fn table(compared: &Comparison) -> String {
 }
 
 /// Both over time, a panel for each channel, and below it one for their difference.
-pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
+pub fn drawn(compared: &Comparison, names: [&str; 2]) -> Drawn {
     let of_channel = |channel: &Difference| {
         let both =
             Panel::new(channel.title()).line(names[0], channel.first.clone()).line(names[1], channel.second.clone());
@@ -138,7 +157,7 @@ pub fn plot(compared: &Comparison, names: [&str; 2]) -> String {
         let apart = channel.differs().then(|| Panel::new(&title).line(names[1], channel.second_less_first()));
         [both].into_iter().chain(apart)
     };
-    panels(compared.interval_s, &compared.channels.iter().flat_map(of_channel).collect::<Vec<_>>())
+    (compared.interval_s, compared.channels.iter().flat_map(of_channel).collect())
 }
 
 /// A free run of the model over the recording, compared with all measured quantities.
@@ -162,7 +181,7 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
             Panel::new(measured.output.title()).line("measured", measured.values.clone()).line("model", simulated),
         );
     }
-    finish(arguments, &json!({ "channels": channels }), &text, || panels(data.interval_s, &drawn))
+    finish(arguments, &json!({ "channels": channels }), &text, &(data.interval_s, drawn))
 }
 
 /// Length of the step response of models, in electromechanical time constants, and its samples.
@@ -224,7 +243,7 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
     let [a, b] = steps;
     let step = Panel::new("speed after the step, rad/s").line("first", a).line("second", b);
     let [gain, phase] = bode(&models, corner_rad_per_s);
-    finish(arguments, &result, &text, || panels(interval_s, &[step, gain, phase]))
+    finish(arguments, &result, &text, &(interval_s, vec![step, gain, phase]))
 }
 
 /// Gain and phase of the linear parts, around the motor's own frequency.
@@ -291,5 +310,5 @@ fn constants(arguments: &Arguments) -> Result<(), Failure> {
         text += &format!("  {name:<28} {:>12} {:>12} {sigmas:>8.1}\n", short(a), short(b));
         rows.push(json!({ "name": name, "first": a, "second": b, "sigmas": sigmas }));
     }
-    finish(arguments, &json!({ "parameters": rows }), &text, String::new)
+    finish(arguments, &json!({ "parameters": rows }), &text, &(1.0, Vec::new()))
 }

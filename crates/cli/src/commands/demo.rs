@@ -4,7 +4,7 @@ mod loops;
 mod revealed;
 
 use super::own_files::WRITTEN;
-use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, write_json};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, provenance, write_json};
 use clap::Args;
 #[cfg(feature = "chip")]
 use host_sim::plant::ModelPlant;
@@ -29,8 +29,9 @@ use motorbench_link::record::missing_ticks;
 use motorbench_model::Model;
 use motorbench_model::catalogue::{Effect, Scales, effect};
 use motorbench_model::motor::MotorParameters;
-use motorbench_report::web_page::escaped;
-use motorbench_report::{diagnosis_page as report, diagnosis_text as page};
+use motorbench_report::diagnosis_page::{self as report, Besides};
+use motorbench_report::diagnosis_text as page;
+use motorbench_report::web_page::{Provenance, lines};
 use motorbench_text::terminal_text::{short, wrapped};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -147,11 +148,11 @@ struct Whole {
 impl Whole {
     /// The page: the diagnosis with its plots, the loops, the hidden effect, and the diagnosis in words.
     fn html(&self) -> String {
-        let words = escaped(&page::page(&self.diagnosis));
-        let words = format!("<h2>In the words of <code>diagnose</code></h2><pre>{words}</pre>\n");
-        let names = [format!("demo --seed {}", self.seed), self.recorded.words()];
-        let section = self.loops.section() + &self.revealed.html() + &words;
-        report::report_with(TITLE, &self.diagnosis, &names, &section)
+        let from = provenance::of_files([Path::new(&format!("motorbench demo --seed {}", self.seed))]);
+        let from = Provenance { left_out: vec![format!("{}.", self.recorded.words())], ..from };
+        let words = ("In the words of diagnose".into(), lines(&page::page(&self.diagnosis)));
+        let besides = Besides { early: vec![self.loops.section(), self.revealed.html()], folded: vec![words] };
+        report::report_with(TITLE, "A simulated motor with a hidden effect", &self.diagnosis, from, besides)
     }
 
     fn json(&self) -> serde_json::Value {

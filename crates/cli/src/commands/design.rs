@@ -1,7 +1,7 @@
 //! `motorbench design`: gains for a specification or for weights.
 
 use super::analyse::motor_of;
-use super::{Failure, Outputs, read_model, read_rig, spinner, write, write_json};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, provenance, read_model, read_rig, spinner, write, write_json};
 use clap::{ArgGroup, Args};
 use host_sim::scenario::refusal;
 use motorbench_core::settings::Settings;
@@ -9,15 +9,16 @@ use motorbench_data::rig::Rig;
 use motorbench_design::compensation::{CompensationSetting, Standstill, compensation, model_of, near_standstill};
 use motorbench_design::fixed_point::SettingList;
 use motorbench_design::law::ControlLaw;
+use motorbench_design::own_loop::{Asked, OwnLoop, Sketch, own_loop};
 use motorbench_design::specification::{Specification, Speed};
 use motorbench_design::tachogenerator::Tachogenerator;
 use motorbench_design::weights::{BadWeight, Weights};
-use motorbench_design::{Bench, Design, DesignError, TrialWithEffects, design, trial_with_effects};
+use motorbench_design::{Bench, Design, DesignError, TrialWithEffects, design, fastest_possible, trial_with_effects};
 use motorbench_model::Model;
 use motorbench_model::catalogue::DryLosses;
 use motorbench_model::motor::MotorParameters;
 use motorbench_report::design as report;
-use motorbench_text::terminal_text::wrapped;
+use motorbench_text::terminal_text::{quoted, rounded, short, wrapped};
 use std::path::PathBuf;
 
 /// Designs PID and LQR for a motor, by a specification or by weights.
@@ -36,7 +37,9 @@ use std::path::PathBuf;
     --coulomb-Nm 0.01
   motorbench design --rig rig.toml --speed --lqr --largest 10,1,0.2 \\
     --largest-V 3
-  motorbench design --rig rig.toml --position --lqr --q 100,0.2,0,1000 --r 1")]
+  motorbench design --rig rig.toml --position --lqr --q 100,0.2,0,1000 --r 1
+  motorbench design --rig rig.toml --model model.toml --speed \\
+    --bandwidth-Hz 2 --sketch-ms 20")]
 pub struct Arguments {
     /// Rig file: supply, encoder or tachogenerator, and the motor unless --model gives it.
     #[arg(long, group = "motor", value_name = "RIG.toml")]
@@ -125,8 +128,12 @@ pub struct Arguments {
         value_parser = friction
     )]
     coulomb_nm: f64,
-    /// Writes the designs as JSON into a file, - for the terminal instead of the text.
-    #[arg(long, value_name = "FILE|-")]
+    /// Gains for a sketch of your own instead of the firmware: the Arduino PID library, QuickPID, or plain code. Its sample
+    /// time in milliseconds, 10 to 100. Speed in rpm, output -255 to 255.
+    #[arg(long = "sketch-ms", value_name = "MS", requires = "bandwidth_hz", conflicts_with_all = ["position", "console", "report"])]
+    sketch_ms: Option<f64>,
+    /// Prints the designs as JSON instead of text, or writes them into a file.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
     /// Writes console lines for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
@@ -149,6 +156,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let files = [&arguments.json, &arguments.console, &arguments.report].into_iter().flatten();
     let outputs = Outputs::new(arguments.rig.iter().chain(&arguments.model), files)?;
     let (motor, bench, rig, model) = arguments.problem()?;
+    if let Some((sample_ms, bandwidth_hz)) = arguments.sketch_ms.zip(arguments.bandwidth_hz) {
+        let losses = arguments.losses(&rig);
+        let model = model.unwrap_or_else(|| model_of(&losses, &motor));
+        let overshoot_percent = arguments.overshoot_percent;
+        let asked = Asked { bandwidth_hz, overshoot_percent, sample_s: 1e-3 * sample_ms };
+        return sketch(arguments, &outputs, &own_loop(&model, &bench, &asked).map_err(Failure::input)?, &asked);
+    }
     let specification = arguments.specification(&bench)?;
     let compensation = arguments.compensation(&motor, &rig, model.as_ref())?;
     let extended = model.filter(|model| !model.terms.is_empty());
@@ -169,12 +183,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
             Err(error) => refused.push(Refused { law, why: error.to_string() }),
         }
     }
-    busy.finish_and_clear();
     if designs.is_empty() {
+        busy.set_message("what can be met");
         let mut whys: Vec<String> = refused.into_iter().map(|refused| refused.why).collect();
         whys.dedup();
+        whys.extend(arguments.laws().into_iter().filter_map(|law| met(law, &motor, &bench, &specification)));
+        busy.finish_and_clear();
         return Err(Failure::input(whys.join("\n")));
     }
+    busy.finish_and_clear();
     let mut settings = SettingList::default();
     designs.iter().for_each(|design| settings.merge(&design.settings));
     let settings = compensation.added_to(&settings).map_err(Failure::input)?;
@@ -195,9 +212,75 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write(path, &(commands.join("\n") + "\n"))?;
     }
     if let Some(path) = &arguments.report {
-        write(path, &report::html(&motor, &designs, &trials, &standstill, &commands))?;
+        let from = provenance::with(provenance::of_files([]), "Rig file", arguments.rig.as_deref());
+        let from = provenance::with(from, "Model", arguments.model.as_deref());
+        write(path, &report::html(&motor, &designs, &trials, &standstill, &commands, from))?;
     }
+    let next =
+        arguments.console.as_ref().map(|lines| format!("motorbench send {}", quoted(&lines.display().to_string())));
+    outputs.wrote(&next.unwrap_or_default());
     Ok(())
+}
+
+/// Tells the gains for a sketch.
+fn sketch(arguments: &Arguments, outputs: &Outputs, found: &OwnLoop, asked: &Asked) -> Result<(), Failure> {
+    if let Some(path) = &arguments.json {
+        write_json(path, &serde_json::json!({ "sketch": found, "code": found.code() }))?;
+    }
+    outputs.say(&sketch_page(found, asked));
+    outputs.wrote("");
+    Ok(())
+}
+
+fn sketch_page(found: &OwnLoop, asked: &Asked) -> String {
+    let OwnLoop { sample_s, kp, ki, kff, kaff, loop_s, dead_band: [forward, reverse], count_rpm, bandwidth_hz, .. } =
+        found;
+    let sample_ms = 1e3 * sample_s;
+    let mut text = format!("Speed PI for a sketch, every {sample_ms:.0} ms: bandwidth {bandwidth_hz:.2} Hz\n");
+    if *bandwidth_hz < 0.99 * asked.bandwidth_hz {
+        let slower = format!(
+            "That is slower than the {} Hz asked for: at this sample time, with this motor, a faster loop has no margin. A shorter --sketch-ms, or finer counts, allow more.",
+            short(asked.bandwidth_hz)
+        );
+        text += &wrapped(&slower, "  ", "  ");
+    }
+    let of_value = |name: &str, value: f64, unit: &str| format!("  {name:30} {:>10} {unit}\n", rounded(value, 4));
+    text += &of_value("kp", *kp, "PWM per rpm");
+    text += &of_value("ki", *ki, "PWM per rpm and s");
+    text += &of_value("kd", 0.0, "so no derivative filter");
+    text += &of_value("feed-forward", *kff, "PWM per rpm");
+    text += &of_value("feed-forward, acceleration", *kaff, "PWM per rpm/s");
+    text += &of_value("filter of the reference", 1e3 * loop_s, "ms");
+    text += &of_value("dead band forward", *forward, "PWM");
+    text += &of_value("dead band reverse", *reverse, "PWM");
+    text += &of_value("one count in a sample time", *count_rpm, "rpm");
+    text += "\nTried in simulation, steps of the speed both ways, with all effects of the model\n";
+    for tried in &found.tried {
+        let name = match tried.sketch {
+            Sketch::Library => "PID library, QuickPID",
+            Sketch::Plain => "plain sketch",
+        };
+        text += &format!(
+            "  {name:22} overshoot {:.1} % ({:.1} % with the motor 30 % off), error {:.1} rpm\n",
+            tried.overshoot_percent, tried.overshoot_when_off_percent, tried.error_rpm
+        );
+    }
+    let library = format!(
+        "PID library: PID pid(&rpm, &out, &target, {kp:.5}, {ki:.5}, 0, DIRECT); pid.SetSampleTime({sample_ms:.0}); pid.SetOutputLimits(-255, 255). The target is that of the sketch below, and the bridge gets its output plus what is ahead, limited to -255..255."
+    );
+    let quick =
+        "QuickPID: the same gains, with pOnError, dOnMeas and iAwClamp; its SetSampleTimeUs takes microseconds.";
+    text + "\n" + &wrapped(&library, "", "  ") + &wrapped(quick, "", "  ") + "\nPlain sketch\n\n" + &found.code()
+}
+
+/// What a law can meet instead of a specification.
+fn met(law: ControlLaw, motor: &MotorParameters, bench: &Bench, refused: &Specification) -> Option<String> {
+    let option = match fastest_possible(motor, bench, law, refused)?.speed {
+        Speed::BandwidthHz(hz) => format!("--bandwidth-Hz {hz}"),
+        Speed::SettlingS(settling_s) => format!("--settling-s {settling_s}"),
+        Speed::Weights(_) => return None,
+    };
+    Some(format!("The {} can meet {option}", law.title()))
 }
 
 const NOTHING_TO_COMPENSATE: &str = "nothing to compensate: the model has no [effects.coulomb_friction] and no [effects.voltage_drop]. Without a model give bridge.drop_V in the rig file, or --coulomb-Nm";
@@ -397,6 +480,7 @@ mod tests {
             no_current_sensor: false,
             compensate: false,
             coulomb_nm: 0.0,
+            sketch_ms: None,
             json: None,
             console: None,
             report: None,

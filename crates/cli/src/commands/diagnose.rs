@@ -1,12 +1,17 @@
 //! `motorbench diagnose`: names what the linear motor lacks.
 
 use super::recordings::RecordingArguments;
-use super::{Failure, Outputs, read_recording, rig_beside, rig_for, spinner, write, write_json, write_model};
+use super::{
+    Failure, JSON_TO, Outputs, TERMINAL, next_with_model, provenance, read_recording, rig_beside, rig_file, rig_for,
+    spinner, tell, write, write_json, write_model,
+};
 use clap::Args;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
+use motorbench_diagnosis::dataset::contradictions;
 use motorbench_diagnosis::diagnose::diagnose;
 use motorbench_diagnosis::steady_state;
+use motorbench_report::web_page::Provenance;
 use motorbench_report::{diagnosis_page as report, diagnosis_text as page, steady_state as table_report};
 use rayon::prelude::*;
 use std::io;
@@ -32,8 +37,8 @@ pub struct Arguments {
     /// A folder means its .csv files. Without --rig each file uses the rig file beside it.
     #[arg(long, conflicts_with_all = ["json", "report", "model"])]
     batch: bool,
-    /// Writes the result as JSON into a file, - for the terminal.
-    #[arg(long, value_name = "FILE|-")]
+    /// Prints the result as JSON instead of text, or writes it into a file.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
     /// Writes a page with plots.
     #[arg(long, value_name = "FILE.html")]
@@ -59,18 +64,36 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     {
         return run_table(args, &outputs, table, &rig);
     }
+    // The search may take a minute, and a wrong rig file makes it useless.
+    for contradiction in recordings.iter().flat_map(|recording| contradictions(recording, &rig)) {
+        tell(&format!("motorbench: {}", contradiction.note()));
+    }
     let bar = spinner();
     let result = diagnose(&recordings, &rig, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
     let diagnosis = result.map_err(Failure::input)?;
-    let names: Vec<String> = recordings.iter().map(|recording| recording.name.clone()).collect();
     if let Some(path) = &args.model {
         write_model(path, &diagnosis.model)?;
     }
     if let Some(path) = &args.report {
-        write(path, &report::report(&diagnosis, &names))?;
+        write(path, &report::report(&diagnosis, args.provenance()))?;
     }
-    finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))
+    finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))?;
+    outputs.wrote(&args.model.as_deref().map_or_else(|| args.page_is_next(), next_with_model));
+    Ok(())
+}
+
+impl Arguments {
+    fn page_is_next(&self) -> String {
+        self.report.as_ref().map_or_else(String::new, |page| format!("open {} in a browser", page.display()))
+    }
+
+    /// Where the page comes from.
+    fn provenance(&self) -> Provenance {
+        let files = &self.recordings.recordings;
+        let rig = rig_file(self.recordings.rig.as_deref(), files.first().map(PathBuf::as_path));
+        provenance::with(provenance::of_files(files.iter().map(PathBuf::as_path)), "Rig file", rig.as_deref())
+    }
 }
 
 /// One line for each file, in order of completion; a bad file does not stop the others.
@@ -157,9 +180,10 @@ fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) 
     table.advice_on_time().map_or(Ok(()), |advice| Err(Failure::input(advice)))?;
     let study = steady_state::study(table, rig, None).map_err(Failure::input)?;
     if let Some(path) = &args.report {
-        write(path, &table_report::html(&study, &table.name))?;
+        write(path, &table_report::html(&study, args.provenance()))?;
     }
     finish(args, outputs, &study, || table_report::page(&study))?;
+    outputs.wrote(&args.page_is_next());
     // All other results are written by now.
     args.model.as_ref().map_or(Ok(()), |path| {
         Err(Failure::input(format!(

@@ -1,7 +1,8 @@
 //! Checks the files of one command line. No output may replace another file of the command, and only one result may go
 //! to the terminal.
 
-use super::{Failure, folder, own_files};
+use super::{Failure, folder, own_files, tell};
+use motorbench_text::terminal_text::{fitted, quoted};
 use serde_json::{Map, Value};
 use std::ffi::OsString;
 use std::fs;
@@ -39,6 +40,8 @@ pub(super) fn with_json_joined(arguments: impl IntoIterator<Item = OsString>) ->
 pub(super) struct Outputs {
     /// Whether a result goes to the terminal, so that the text for a person does not.
     pub terminal_is_taken: bool,
+    /// The files, as named.
+    files: Vec<String>,
 }
 
 impl Outputs {
@@ -89,13 +92,22 @@ impl Outputs {
             }
             taken.push(name);
         }
-        Ok(Self { terminal_is_taken: !terminal.is_empty() })
+        let files = files.into_iter().map(|path| quoted(&path.display().to_string())).collect();
+        Ok(Self { terminal_is_taken: !terminal.is_empty(), files })
+    }
+
+    /// Says at the end which files were written, and what comes next, if anything does.
+    pub(super) fn wrote(&self, next: &str) {
+        let then = if next.is_empty() { String::new() } else { format!("; next: {next}") };
+        if !self.files.is_empty() {
+            tell(&format!("wrote {}{then}", self.files.join(", ")));
+        }
     }
 
     /// Text for a person.
     pub(super) fn say(&self, text: &str) {
         if !self.terminal_is_taken {
-            print!("{text}");
+            print!("{}", fitted(text));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `motorbench identify`: the constants of the linear motor.
 
 use super::recordings::RecordingArguments;
-use super::{Failure, Outputs, spinner, write_json, write_model};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, next_with_model, spinner, write_json, write_model};
 use clap::Args;
 use motorbench_data::rig::NominalMotor;
 use motorbench_diagnosis::dataset::Dataset;
@@ -31,8 +31,8 @@ pub struct Arguments {
     /// Writes the motor as a model file; a file that motorbench did not write is not replaced.
     #[arg(long, value_name = "OUT.toml")]
     model: Option<PathBuf>,
-    /// Writes the result as JSON into a file, - for the terminal.
-    #[arg(long, value_name = "FILE|-")]
+    /// Prints the result as JSON instead of text, or writes it into a file.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
 
@@ -81,6 +81,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write_json(path, &identified)?;
     }
     outputs.say(&page(&identified));
+    outputs.wrote(&arguments.model.as_deref().map_or_else(String::new, next_with_model));
     Ok(())
 }
 

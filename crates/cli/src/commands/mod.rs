@@ -17,10 +17,12 @@ mod live;
 mod manual;
 mod own_files;
 mod port;
+mod provenance;
 mod record;
 mod recording_files;
 mod recordings;
 mod send;
+mod settings;
 mod simulate;
 mod stand;
 mod tune;
@@ -39,11 +41,12 @@ use motorbench_data::rig::Rig;
 use motorbench_files::text_file;
 use motorbench_model::Model;
 use motorbench_report::picture::{self, Format};
-use motorbench_text::terminal_text::narrow;
+use motorbench_text::terminal_text::{COLUMNS, narrow, quoted, set_columns, wrapped_to};
 use ratatui::crossterm::terminal::window_size;
 use serde::Serialize;
 use std::any::Any;
 use std::env::args_os;
+use std::ffi::OsString;
 use std::fmt::Display;
 use std::fs;
 use std::io::{self, ErrorKind, IsTerminal as _, Write as _};
@@ -81,6 +84,7 @@ enum Command {
     Connect(connect::Arguments),
     Record(record::Arguments),
     Send(send::Arguments),
+    Settings(settings::Arguments),
     Tune(tune::Arguments),
     Autotune(autotune::Arguments),
     Completions(manual::CompletionsArguments),
@@ -125,9 +129,48 @@ impl Failure {
     }
 }
 
+/// The commands by what a person wants to do.
+const GROUPS: [(&str, &[&str]); 6] = [
+    ("Start", &["demo", "virtual"]),
+    ("Understand a motor", &["diagnose", "identify", "analyse", "simulate", "compare"]),
+    ("Use a board", &["ports", "connect", "settings", "record", "live", "send"]),
+    ("Control", &["design", "tune", "autotune", "validate"]),
+    ("Measure on a test stand", &["stand"]),
+    ("Files and help", &["convert", "completions", "man", "help"]),
+];
+
 /// The command line: every command with its options and examples.
 pub fn command() -> clap::Command {
     Program::command()
+}
+
+/// The command line with the commands of its help in groups.
+fn grouped(command: clap::Command, columns: u16) -> clap::Command {
+    let usage = "{about-with-newline}\n{usage-heading} {usage}\n\n";
+    let template = format!("{usage}{}Options:\n{{options}}\n", groups(&command, columns));
+    command.help_template(template)
+}
+
+/// The commands in their groups, each with the first sentence of its help.
+fn groups(command: &clap::Command, columns: u16) -> String {
+    const NAME: usize = 14;
+    let about = |name: &str| {
+        let found = command.find_subcommand(name).and_then(clap::Command::get_about).map(ToString::to_string);
+        let text = found.unwrap_or_else(|| "Prints this help, or that of a command".into());
+        text.split('.').next().unwrap_or_default().to_string()
+    };
+    let line = |name: &&str| {
+        let (first, other) = (format!("  {name:NAME$}"), " ".repeat(NAME + 2));
+        wrapped_to(usize::from(columns).min(COLUMNS), &about(name), &first, &other)
+    };
+    let group =
+        |(heading, names): &(&str, &[&str])| format!("{heading}:\n{}\n", names.iter().map(line).collect::<String>());
+    GROUPS.iter().map(group).collect()
+}
+
+/// A command line as the program takes it: `--json FILE.json` is one argument.
+pub fn arguments(line: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
+    with_json_joined(line)
 }
 
 /// Columns that the help needs beside the options.
@@ -135,7 +178,7 @@ const BESIDE_OPTIONS: u16 = 60;
 
 /// The command line for a terminal of this width. On a narrow one the help is below the options.
 fn command_on(columns: u16) -> clap::Command {
-    command().next_line_help(columns < BESIDE_OPTIONS)
+    grouped(command(), columns).next_line_help(columns < BESIDE_OPTIONS)
 }
 
 /// Columns of the terminal; the maximum if it does not report them, or if there is none.
@@ -151,8 +194,8 @@ pub fn main() -> ExitCode {
             usual(information);
         }
     }));
-    let parsed =
-        || Program::from_arg_matches(&command_on(columns()).try_get_matches_from(with_json_joined(args_os()))?);
+    set_columns(if io::stdout().is_terminal() { columns().into() } else { COLUMNS });
+    let parsed = || Program::from_arg_matches(&command_on(columns()).try_get_matches_from(arguments(args_os()))?);
     let result = panic::catch_unwind(|| match parsed() {
         Ok(program) => run(program).map(|()| ExitCode::SUCCESS),
         Err(error) => {
@@ -206,6 +249,7 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Connect(arguments) => connect::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Record(arguments) => record::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Send(arguments) => send::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
+        Command::Settings(arguments) => settings::run(&arguments),
         Command::Tune(arguments) => tune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Autotune(arguments) => autotune::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Completions(arguments) => manual::completions(&arguments),
@@ -278,6 +322,12 @@ fn read_model(path: &Path) -> Result<Model, Failure> {
 /// Writes a model.
 fn write_model(path: &Path, model: &Model) -> Result<(), Failure> {
     write(path, &(own_files::WRITTEN.to_owned() + &model.to_toml()))
+}
+
+/// What comes after a model was found.
+fn next_with_model(model: &Path) -> String {
+    let model = quoted(&model.display().to_string());
+    format!("motorbench design --rig RIG.toml --model {model} --speed --bandwidth-Hz 5")
 }
 
 /// A scenario, with another model than its own if one is given.
@@ -450,6 +500,17 @@ mod tests {
         }
         fs::write(&file, model.to_toml()).unwrap();
         assert_eq!(Outputs::new([], [&file]).err().map(|failure| failure.code), Some(1));
+    }
+
+    #[test]
+    fn each_command_stands_in_one_group() {
+        let program = command();
+        let mut names: Vec<&str> = program.get_subcommands().map(clap::Command::get_name).collect();
+        names.push("help");
+        let mut grouped: Vec<&str> = GROUPS.iter().flat_map(|(_, names)| names.iter().copied()).collect();
+        names.sort_unstable();
+        grouped.sort_unstable();
+        assert_eq!(grouped, names);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! `motorbench simulate`: the control core in closed loop with a simulated motor.
 
-use super::{Failure, Outputs, plot_file, spinner, tell, write, write_json, write_plot};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, plot_file, spinner, tell, write, write_json, write_plot};
 use clap::Args;
 use host_sim::figures::Figures;
 use host_sim::scenario::{Outcome, Scenario};
@@ -10,7 +10,7 @@ use motorbench_core::settings::{Settings, find};
 use motorbench_data::names::trip_words;
 use motorbench_files::text_file;
 use motorbench_report::panels::{Panel, panels};
-use motorbench_text::terminal_text::short;
+use motorbench_text::terminal_text::{quoted, short};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::slice;
@@ -35,8 +35,8 @@ pub struct Arguments {
     /// Draws reference, true and measured quantity, current and voltage.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
-    /// Writes the figures as JSON, - for the terminal instead of the table.
-    #[arg(long, value_name = "FILE|-")]
+    /// Prints the figures as JSON instead of the table, or writes them into a file.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
 
@@ -75,6 +75,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(expected) = judged(&scenario, &outcome)? {
         tell(&expected);
     }
+    let next = arguments.csv.as_ref().map(|csv| format!("motorbench diagnose {}", quoted(&csv.display().to_string())));
+    outputs.wrote(&next.unwrap_or_default());
     Ok(())
 }
 

@@ -2,8 +2,11 @@
 
 mod measure;
 
-use super::{Failure, Outputs, plot_file, read_recording, read_rig, write_json, write_plot};
+use super::{
+    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_recording, read_rig, write, write_json, write_plot,
+};
 use clap::Args;
+use maud::html;
 use motorbench_data::delimited::Delimited;
 use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Recording;
@@ -11,7 +14,9 @@ use motorbench_data::rig::Rig;
 use motorbench_diagnosis::steady_state::Winding;
 use motorbench_files::text_file;
 use motorbench_report::diagnosis_text::estimate;
-use motorbench_report::web_page::axis_label;
+use motorbench_report::plot::axis_label;
+use motorbench_report::steady_state;
+use motorbench_report::web_page::lines;
 use motorbench_stand::derived::WrongCell;
 use motorbench_stand::{Directions, EfficiencyMap, LoadedPoint, OperatingPoint, Stand, evaluate};
 use motorbench_text::terminal_text::{fixed, rounded, short, wrapped};
@@ -60,8 +65,11 @@ pub struct Arguments {
     /// Draws the efficiency over voltage and torque, computed with the constants found.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     map: Option<PathBuf>,
-    /// Writes the result as JSON into a file, - for the terminal.
-    #[arg(long, value_name = "FILE|-")]
+    /// Writes a page with plots and figures.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Prints the result as JSON instead of text, or writes it into a file.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
 
@@ -117,9 +125,19 @@ fn report(
     if let Some(path) = &arguments.json {
         write_json(path, &stand)?;
     }
-    outputs.say(&page(&stand, rig.motor.resistance_ohm));
+    let text = page(&stand, rig.motor.resistance_ohm);
+    if let Some(path) = &arguments.report {
+        let figures = html! { section { h2 { "The test stand in figures" } (lines(&text)) } };
+        let (title, kind) = ("motorbench stand", "Test stand");
+        let from = provenance::of_files(arguments.table.iter().map(PathBuf::as_path));
+        let from = provenance::with(from, "Rig file", Some(&arguments.rig));
+        write(path, &steady_state::page_with(title, kind, &stand.study, vec![figures], from))?;
+    }
+    outputs.say(&text);
     // The map comes last, so that a table without a map still has its evaluation.
-    arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))
+    arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))?;
+    outputs.wrote("");
+    Ok(())
 }
 
 fn write_map(path: &Path, stand: &Stand) -> Result<(), Failure> {
@@ -138,7 +156,7 @@ impl Arguments {
     fn outputs(&self) -> Result<Outputs, Failure> {
         let measured = if self.table.is_none() { self.board.files() } else { Vec::new() };
         let others = [&self.table, &self.resistance, &self.earlier, &self.derived].into_iter().flatten();
-        let written = self.map.iter().chain(&self.json).chain(&measured);
+        let written = self.map.iter().chain(&self.report).chain(&self.json).chain(&measured);
         Outputs::new([&self.rig].into_iter().chain(others), written)
     }
 }
@@ -166,7 +184,7 @@ fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
     let mut text = String::new();
     nominal_levels(&mut text, stand);
     losses(&mut text, stand);
-    causes(&mut text, stand);
+    text += &steady_state::cause_lines(&stand.study.outcome, false);
     winding(&mut text, stand, nominal_ohm);
     wrong_cells(&mut text, &stand.slips);
     directions(&mut text, stand);
@@ -221,15 +239,6 @@ fn losses(text: &mut String, stand: &Stand) {
             losses.viscous_W,
             fixed(losses.rest_W, 3)
         );
-    }
-}
-
-fn causes(text: &mut String, stand: &Stand) {
-    text.push_str("\nCauses\n");
-    for cause in &stand.study.outcome.causes {
-        let constants = cause.parameters.iter().map(|(name, value)| format!("{name} = {}", estimate(value)));
-        let line = format!("{}: {}", cause.effect, constants.collect::<Vec<_>>().join(", "));
-        text.push_str(&wrapped(&line, "  ", "    "));
     }
 }
 

@@ -6,7 +6,7 @@ use super::live::LiveArguments;
 use super::port::PortArguments;
 use super::record::finite;
 use super::recording_files::{cannot_grow, rig_and_side, table_file, write_each, write_first};
-use super::{Failure, Outputs, tell, write_json};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, tell, write_json};
 use crate::tune::{Key, REFERENCE, RecordingStore, Session, StoredRecording, screen};
 use clap::Args;
 use motorbench_core::message::Sample;
@@ -50,9 +50,9 @@ pub struct Arguments {
     /// Runs a session by a script: these keys one after another, separated by spaces.
     #[arg(long, value_name = "KEYS", value_delimiter = ' ', allow_hyphen_values = true, value_parser = key)]
     keys: Option<Vec<Key>>,
-    /// Writes the session as JSON into a file when it ends, - for the terminal. It has step tests with figures and
+    /// Prints the session as JSON when it ends, or writes it into a file. It has step tests with figures and
     /// gains, gains before and after, whether they are saved, and recordings.
-    #[arg(long, value_name = "FILE|-")]
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
 

@@ -1,9 +1,12 @@
 //! `motorbench validate`: measured closed loops compared with simulated ones.
 
-use super::compare::{plot, table};
+use super::compare::{Drawn, drawn, table};
 use super::files::{beside, side_file};
 use super::simulate::{judged, trip_name};
-use super::{Failure, Outputs, plot_file, read_recording, rig_file, rig_for, spinner, write_json, write_plot};
+use super::{
+    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_recording, rig_file, rig_for, spinner, write,
+    write_json, write_plot,
+};
 use clap::Args;
 use host_sim::figures::{Figures, JUMP};
 use host_sim::scenario::Scenario;
@@ -17,8 +20,10 @@ use motorbench_design::law::ControlLaw;
 use motorbench_diagnosis::compare::{Comparison, Difference, compare, distance};
 use motorbench_diagnosis::dataset::{contradictions, median};
 use motorbench_diagnosis::diagnose::diagnose;
+use motorbench_report::comparison_page::{self, Compared};
 use motorbench_report::diagnosis_text::verdict;
 use motorbench_report::panels::{Panel, panels};
+use motorbench_report::web_page::Provenance;
 use motorbench_text::terminal_text::{rounded, short, wrapped};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
@@ -56,8 +61,11 @@ pub struct Arguments {
     /// Draws all loops, simulated and measured.
     #[arg(long, value_name = "FILE.svg|png", value_parser = plot_file)]
     plot: Option<PathBuf>,
-    /// Writes the result as JSON into a file, - for the terminal.
-    #[arg(long, value_name = "FILE|-")]
+    /// Writes a page with plots and figures.
+    #[arg(long, value_name = "FILE.html")]
+    report: Option<PathBuf>,
+    /// Prints the result as JSON instead of text, or writes it into a file.
+    #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
     json: Option<PathBuf>,
 }
 
@@ -95,20 +103,46 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let bar = spinner();
     let remaining = remaining(&loops, &rig, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
+    let text = page(&loops, &remaining);
+    let (interval_s, drawn) = picture(&loops);
     if let Some(path) = &arguments.plot {
-        write_plot(path, &picture(&loops))?;
+        write_plot(path, &panels(interval_s, &drawn))?;
+    }
+    if let Some(path) = &arguments.report {
+        let (title, kind, verdict) = ("motorbench validate", "Closed loops, measured and simulated", sentence(&loops));
+        let compared = Compared { title, kind, verdict, panels: &drawn, interval_s, figures: &text };
+        write(path, &comparison_page::html(&compared, arguments.provenance()))?;
     }
     if let Some(path) = &arguments.json {
         write_json(path, &result(&loops, &remaining))?;
     }
-    outputs.say(&page(&loops, &remaining));
+    outputs.say(&text);
+    outputs.wrote("");
     match loops.into_iter().find_map(|one| Some((one.name, one.unexpected?))) {
         Some((name, failure)) => Err(Failure { message: format!("{name}, simulated: {}", failure.message), ..failure }),
         None => Ok(()),
     }
 }
 
+/// How well the channels of the loops agree, in a sentence.
+fn sentence(loops: &[Loop]) -> String {
+    let of_loop = |one: &Loop| {
+        let fits = one.compared.channels.iter().filter_map(|channel| Some((channel.title(), channel.fit_percent?)));
+        let fits: Vec<String> = fits.map(|(title, fit)| format!("{title}: {fit:.0} %")).collect();
+        format!("{}, simulated and measured, agree by {}", one.name, fits.join("; "))
+    };
+    loops.iter().map(of_loop).collect::<Vec<_>>().join(". ")
+}
+
 impl Arguments {
+    /// Where the page comes from.
+    fn provenance(&self) -> Provenance {
+        let from = provenance::of_files(self.measured.iter().map(PathBuf::as_path));
+        let from = provenance::with(from, "Rig file", self.rig.as_deref());
+        let from = provenance::with(from, "Model", self.model.as_deref());
+        self.scenario.iter().fold(from, |from, scenario| provenance::with(from, "Scenario", Some(scenario)))
+    }
+
     /// The scenarios of the recordings.
     fn scenarios(&self) -> Result<Vec<PathBuf>, Failure> {
         if self.scenario.is_empty() {
@@ -129,7 +163,7 @@ impl Arguments {
         let models = loops.iter().filter_map(|one| one.scenario.model_file.as_ref());
         let rig = rig_file(self.rig.as_deref(), self.measured.first().map(PathBuf::as_path));
         let read = self.measured.iter().chain(&scenarios).chain(&self.model).chain(&rig).chain(models);
-        Outputs::new(read, self.plot.iter().chain(&self.json))
+        Outputs::new(read, self.plot.iter().chain(&self.report).chain(&self.json))
     }
 
     fn rig(&self) -> Result<Rig, Failure> {
@@ -322,9 +356,9 @@ fn result(loops: &[Loop], remaining: &[String]) -> Value {
 
 /// One loop: a plot as in `compare`. Several: all channels that they share, over the time of the first, and the
 /// differences.
-fn picture(loops: &[Loop]) -> String {
+fn picture(loops: &[Loop]) -> Drawn {
     if let [only] = loops {
-        return plot(&only.compared, ["simulated", "measured"]);
+        return drawn(&only.compared, ["simulated", "measured"]);
     }
     let interval_s = loops[0].compared.interval_s;
     let sampled = |one: &Loop, values: &[f64]| -> Vec<f64> {
@@ -348,7 +382,7 @@ fn picture(loops: &[Loop]) -> String {
         });
         [both].into_iter().chain(apart)
     };
-    panels(interval_s, &shared(loops).into_iter().flat_map(of_channel).collect::<Vec<_>>())
+    (interval_s, shared(loops).into_iter().flat_map(of_channel).collect())
 }
 
 /// Channels that all loops have.

@@ -3,7 +3,7 @@
 //! In a block of ` ```text `, a line that begins with `$ ` is a command. A backslash at its end continues it in the
 //! next line. Its output follows; a line `...` stands for any lines. Numbers may differ in their last digits.
 
-use motorbench_cli::commands::command;
+use motorbench_cli::commands::{arguments, command};
 use motorbench_data::recording::Channel;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -133,7 +133,7 @@ fn every_command_in_the_pages_is_one() {
     for name in pages() {
         for line in lines(&page(&name)) {
             count += 1;
-            if let Err(error) = command().try_get_matches_from(words(&line)) {
+            if let Err(error) = command().try_get_matches_from(arguments(words(&line).into_iter().map(Into::into))) {
                 assert!(!error.use_stderr(), "{name}: {line}\n{error}");
             }
         }

@@ -100,6 +100,8 @@ pub struct Diagnosis {
     pub outcome: Outcome,
     /// The model with everything found, fitted to all the data.
     pub model: Model,
+    /// The same as it was fitted to [`data`](Self::data): without the counts that were lost and are restored there.
+    pub fitted: Model,
     /// The recordings as they were used.
     pub data: Dataset,
     /// Prediction of the linear motor.
@@ -167,6 +169,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     Ok(Diagnosis {
         outcome,
         model: hidden_drop::also_in(model, &data),
+        fitted: hidden_drop::also_in(last.model, &data),
         base: selection.base.prediction,
         extended: selection.last.prediction,
         base_model: selection.base.model,

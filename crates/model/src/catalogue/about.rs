@@ -63,6 +63,74 @@ impl Simplification {
     }
 }
 
+/// In what form an effect shows: the vertical axis of its plot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Strength {
+    /// A torque on the shaft.
+    Torque,
+    /// A torque against the motion, whichever way it goes.
+    Friction,
+    /// A change of the torque constant and of the back-EMF constant, in percent.
+    TorqueConstant,
+    /// A voltage in the armature.
+    Voltage,
+    /// A voltage of the supply, of which the motor gets the duty.
+    SupplyVoltage,
+    /// A resistance in the armature.
+    Resistance,
+    /// A change of a reading.
+    Reading,
+    /// A change of a reading in percent of it.
+    ShareOfReading,
+    /// A delay of a reading, in milliseconds.
+    Delay,
+}
+
+impl Strength {
+    /// Whether it is read off a sensor and not a force in the motor.
+    pub fn is_of_a_reading(self) -> bool {
+        matches!(self, Self::Reading | Self::ShareOfReading | Self::Delay)
+    }
+}
+
+/// What an effect depends on: the horizontal axis of its plot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coordinate {
+    /// Speed of the shaft.
+    Speed,
+    /// Speed of the shaft without its sign.
+    SpeedSize,
+    /// Angle of the shaft within a turn.
+    Angle,
+    /// Current of the armature.
+    Current,
+    /// Current that the supply delivers.
+    SupplyCurrent,
+    /// Voltage that the bridge was asked for.
+    Voltage,
+    /// Duty of the bridge.
+    Duty,
+    /// Time since the start of the recording.
+    Time,
+    /// Time since the last step of the command.
+    SinceStep,
+}
+
+/// The plot that shows an effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shown {
+    /// Vertical axis.
+    pub as_a: Strength,
+    /// Horizontal axis.
+    pub over: Coordinate,
+}
+
+impl Shown {
+    pub(super) const fn new(as_a: Strength, over: Coordinate) -> Self {
+        Self { as_a, over }
+    }
+}
+
 /// What is known of an effect, for people and for the diagnosis.
 #[derive(Debug)]
 pub struct About {
@@ -99,6 +167,8 @@ pub struct About {
     pub simplification: Simplification,
     /// The sensor that it belongs to, if it does not act on the motor.
     pub sensor: Option<Sensor>,
+    /// The plot that shows it. What has a memory of its own shows after each step of the command.
+    pub shown: Shown,
     /// Whether it only delays the command and adds no term to a balance.
     pub is_delay: bool,
     /// Whether it falsifies the measured angle. What depends on the angle then acts elsewhere than the reading says.
@@ -137,6 +207,7 @@ impl About {
         held_beside: None,
         simplification: Simplification::of_own(1e-3),
         sensor: None,
+        shown: Shown::new(Strength::Reading, Coordinate::SinceStep),
         is_delay: false,
         falsifies_angle: false,
         responds_linearly: false,

@@ -1,7 +1,7 @@
 //! Bridge asymmetry: the bridge gives less voltage in one direction than in the other. Causes are a transistor that no longer
 //! saturates, a bad joint, or pulses whose length differs between the directions.
 
-use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
+use super::{About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -19,6 +19,7 @@ static ABOUT: About = About {
     experiment: "Measure the bridge's output with a meter at the same duty both ways, the motor unplugged and plugged in",
     remedy: "The bridge's other channel, or another bridge; until then a command scaled up the weaker way",
     source: "Texas Instruments, L293D data sheet (saturation voltages and propagation delays that differ between the two ways)",
+    shown: Shown::new(Strength::Voltage, Coordinate::Voltage),
     ..About::DEFAULT
 };
 

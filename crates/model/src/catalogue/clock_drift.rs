@@ -1,6 +1,8 @@
 //! Clock drift: commands and rows are timed by two clocks, a computer's and a board's, that do not run equally fast.
 
-use super::{About, ActsOn, Channels, Law, Parameter, Scales, Search, Simplification, Unit};
+use super::{
+    About, ActsOn, Channels, Coordinate, Law, Parameter, Scales, Search, Shown, Simplification, Strength, Unit,
+};
 
 /// One part per million.
 const PPM: f64 = 1e-6;
@@ -29,6 +31,7 @@ static ABOUT: About = About {
     // A new duty takes effect when the next period of the PWM begins.
     simplification: Simplification::of_own(5e-3),
     is_delay: true,
+    shown: Shown::new(Strength::Delay, Coordinate::Time),
     ..About::DEFAULT
 };
 

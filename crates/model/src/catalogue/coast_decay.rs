@@ -1,7 +1,9 @@
 //! Coasting off phase: with the PWM on the enable pin the current flows back through the diodes and stops. A program may also
 //! disable the bridge at zero duty only, and brake between pulses.
 
-use super::{About, ActsOn, Balance, Instant, Law, OffPhase, Parameter, Scales, Search, Unit};
+use super::{
+    About, ActsOn, Balance, Coordinate, Instant, Law, OffPhase, Parameter, Scales, Search, Shown, Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// Forward voltage of a free-wheeling diode.
@@ -34,6 +36,7 @@ static ABOUT: About = About {
     changes_everything: true,
     // A drop takes voltage from the pulse. With another motor that looks like more voltage in the off phase.
     held_beside: Some("voltage_drop"),
+    shown: Shown::new(Strength::Voltage, Coordinate::Duty),
     ..About::DEFAULT
 };
 

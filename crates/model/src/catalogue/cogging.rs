@@ -1,6 +1,6 @@
 //! Cogging: the magnets pull the rotor's teeth to preferred angles.
 
-use super::{About, ActsOn, Law, Parameter, Scales, Search, Unit, Wave};
+use super::{About, ActsOn, Coordinate, Law, Parameter, Scales, Search, Shown, Strength, Unit, Wave};
 
 /// Most periods a revolution that are looked for: slots times poles of a small motor.
 const MOST_PERIODS: u8 = 24;
@@ -25,6 +25,7 @@ static ABOUT: About = About {
     remedy: "Table of feed-forward over the angle; a faster inner loop; avoid very slow motion",
     source: "Hanselman, Brushless Permanent Magnet Motor Design (2003)",
     responds_linearly: true,
+    shown: Shown::new(Strength::Torque, Coordinate::Angle),
     ..About::DEFAULT
 };
 

@@ -2,7 +2,10 @@
 //! other. The same factor is in the torque and in the back-EMF. A ripple of 3 % is usual for few segments.
 
 use super::law::mean_over_middle;
-use super::{About, ActsOn, Balance, Channels, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
+use super::{
+    About, ActsOn, Balance, Channels, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Simplification,
+    Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// Most ripples a revolution that are looked for: twice an odd number of segments, or an even number of them.
@@ -32,6 +35,7 @@ static ABOUT: About = About {
     // The ripple has harmonics, and in a step the current is taken as it begins.
     simplification: Simplification::of_own(0.02),
     responds_linearly: true,
+    shown: Shown::new(Strength::TorqueConstant, Coordinate::Angle),
     ..About::DEFAULT
 };
 

@@ -1,6 +1,9 @@
 //! Coulomb friction: bearings and brushes resist with a constant torque, and hold the shaft below it.
 
-use super::{About, ActsOn, Balance, DryLosses, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
+use super::{
+    About, ActsOn, Balance, Coordinate, DryLosses, Instant, Law, Parameter, Scales, Search, Shown, Simplification,
+    Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -20,6 +23,7 @@ static ABOUT: About = About {
     source: "Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30 (1994)",
     // Real contacts bend by some milliradians before they slip, and spring back when they stop.
     simplification: Simplification { own: 3.5e-3, inertia: 2.2e-3, viscous_friction: 5e-3 },
+    shown: Shown::new(Strength::Torque, Coordinate::Speed),
     ..About::DEFAULT
 };
 

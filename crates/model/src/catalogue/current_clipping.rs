@@ -1,6 +1,8 @@
 //! Current clipping: the range of the sensor or the converter is smaller than that of the current.
 
-use super::{About, ActsOn, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Unit};
+use super::{
+    About, ActsOn, Coordinate, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Shown, Strength, Unit,
+};
 
 /// See the module.
 pub struct CurrentClipping;
@@ -18,6 +20,7 @@ static ABOUT: About = About {
     remedy: "A sensor of a wider range; current limits below the clip",
     source: "Allegro ACS712 data sheet (range)",
     sensor: Some(Sensor::Current),
+    shown: Shown::new(Strength::Reading, Coordinate::Current),
     ..About::DEFAULT
 };
 

@@ -1,6 +1,8 @@
 //! Current offset: the zero of the sensor differs from the zero that the program subtracts.
 
-use super::{About, ActsOn, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Unit};
+use super::{
+    About, ActsOn, Coordinate, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Shown, Strength, Unit,
+};
 
 /// See the module.
 pub struct CurrentOffset;
@@ -18,6 +20,7 @@ static ABOUT: About = About {
     remedy: "Calibrate the zero at rest before every run (the console's zero command)",
     source: "Allegro ACS712 data sheet (zero current output)",
     sensor: Some(Sensor::Current),
+    shown: Shown::new(Strength::Reading, Coordinate::Current),
     ..About::DEFAULT
 };
 

@@ -1,7 +1,9 @@
 //! Drop asymmetry: the transistors that carry the current in one direction drop more than the others, or a dead time takes
 //! more of their pulses.
 
-use super::{About, ActsOn, Alone, Balance, Instant, Law, Parameter, Scales, Search, Unit};
+use super::{
+    About, ActsOn, Alone, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// A usual difference, to start from.
@@ -25,6 +27,7 @@ static ABOUT: About = About {
     remedy: "Separate feed-forward of the drop for the two directions of the current; a MOSFET bridge",
     source: "Texas Instruments, L293D data sheet (saturation voltages of source and sink transistors)",
     requires: Some(("voltage_drop", Alone::Never)),
+    shown: Shown::new(Strength::Voltage, Coordinate::Current),
     ..About::DEFAULT
 };
 

@@ -1,6 +1,8 @@
 //! Encoder eccentricity: the disc is off centre, so the measured angle is wrong by one wave a revolution.
 
-use super::{About, ActsOn, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Unit};
+use super::{
+    About, ActsOn, Coordinate, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Shown, Strength, Unit,
+};
 
 /// See the module.
 pub struct EncoderEccentricity;
@@ -19,6 +21,7 @@ static ABOUT: About = About {
     source: "Ellis, Control System Design Guide (2012)",
     falsifies_angle: true,
     sensor: Some(Sensor::Encoder),
+    shown: Shown::new(Strength::ShareOfReading, Coordinate::Angle),
     ..About::DEFAULT
 };
 

@@ -1,7 +1,10 @@
 //! Friction asymmetry: brushes at an angle and preloaded bearings rub more in one direction.
 
 use super::drop_asymmetry::USUAL_TORQUE_NM;
-use super::{About, ActsOn, Alone, Balance, DryLosses, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
+use super::{
+    About, ActsOn, Alone, Balance, Coordinate, DryLosses, Instant, Law, Parameter, Scales, Search, Shown,
+    Simplification, Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -22,6 +25,7 @@ static ABOUT: About = About {
     // It is a small difference of two frictions, each of which bends before it slips.
     simplification: Simplification::of_own(5e-3),
     requires: Some(("coulomb_friction", Alone::Never)),
+    shown: Shown::new(Strength::Torque, Coordinate::Speed),
     ..About::DEFAULT
 };
 

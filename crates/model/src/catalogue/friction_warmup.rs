@@ -1,6 +1,6 @@
 //! Friction that falls as grease and brushes warm up.
 
-use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
+use super::{About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit};
 use crate::motor::MotorParameters;
 
 /// Least time constant: no bearing warms up faster.
@@ -25,6 +25,7 @@ static ABOUT: About = About {
     experiment: "Record again at once, without a pause: warm friction stays low; and after an hour's rest",
     remedy: "Warm up before tuning; integral action; tune for the warm motor with margin for the cold one",
     source: "Harnoy, Bearing Design in Machinery (2002)",
+    shown: Shown::new(Strength::Friction, Coordinate::Time),
     ..About::DEFAULT
 };
 

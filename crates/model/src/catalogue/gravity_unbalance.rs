@@ -1,6 +1,6 @@
 //! Unbalance under gravity: an arm, a crank or an eccentric mass on a horizontal shaft.
 
-use super::{About, ActsOn, Law, Parameter, Scales, Search, Unit, Wave};
+use super::{About, ActsOn, Coordinate, Law, Parameter, Scales, Search, Shown, Strength, Unit, Wave};
 
 /// See the module.
 pub struct GravityUnbalance;
@@ -18,6 +18,7 @@ static ABOUT: About = About {
     remedy: "Feed-forward of m g r sin(a); balance the load",
     source: "Leonhard, Control of Electrical Drives (2001)",
     responds_linearly: true,
+    shown: Shown::new(Strength::Torque, Coordinate::Angle),
     ..About::DEFAULT
 };
 

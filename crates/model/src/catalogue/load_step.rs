@@ -1,6 +1,6 @@
 //! Load step: a load comes or goes during the recording.
 
-use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
+use super::{About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -21,6 +21,7 @@ static ABOUT: About = About {
     // A load that comes and goes has a first time at which it comes.
     fits_any_course: true,
     responds_linearly: true,
+    shown: Shown::new(Strength::Torque, Coordinate::Time),
     ..About::DEFAULT
 };
 

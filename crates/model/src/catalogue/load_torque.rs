@@ -1,7 +1,7 @@
 //! Load torque: a weight on a drum or a spring under tension. Its sign does not depend on the motion.
 
 use super::drop_asymmetry::USUAL_TORQUE_NM;
-use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
+use super::{About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit};
 use crate::Term;
 use crate::motor::MotorParameters;
 
@@ -20,6 +20,7 @@ static ABOUT: About = About {
     experiment: "Let the motor coast with the bridge off from both directions and wait: a load above the friction turns the shaft, friction never does",
     remedy: "Integral action, or a constant feed-forward of torque R / k",
     source: "Leonhard, Control of Electrical Drives (2001)",
+    shown: Shown::new(Strength::Torque, Coordinate::Speed),
     ..About::DEFAULT
 };
 

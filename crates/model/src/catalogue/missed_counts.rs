@@ -5,7 +5,9 @@
 //! (`dataset/counter_stops.rs`) or in the residual (`diagnose/unseen_losses.rs`). Edges that are lost at random add scatter
 //! (`diagnose/random_losses.rs`).
 
-use super::{About, ActsOn, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Unit};
+use super::{
+    About, ActsOn, Coordinate, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Shown, Strength, Unit,
+};
 
 /// Least share of the threshold over which the loss of all counts sets in, so that a fit can move the threshold.
 const EDGE: f64 = 0.01;
@@ -40,6 +42,7 @@ static ABOUT: About = About {
     source: "Petrella and others, Speed Measurement Algorithms, IEEE ISIE (2007)",
     falsifies_angle: true,
     sensor: Some(Sensor::Encoder),
+    shown: Shown::new(Strength::Reading, Coordinate::Speed),
     ..About::DEFAULT
 };
 

@@ -41,7 +41,7 @@ mod tacho_ripple;
 mod voltage_drop;
 mod winding_heating;
 
-pub use about::{About, ActsOn, Alone, Sensor, Simplification};
+pub use about::{About, ActsOn, Alone, Coordinate, Sensor, Shown, Simplification, Strength};
 pub use law::{Balance, DryLosses, Instant, Law, OffPhase, Readings, Sampling, Wave};
 pub use parameter::Parameter;
 pub use search::{Channels, Scales, Search};

@@ -1,6 +1,9 @@
 //! Quadratic drag: a fan, a propeller or a rotor in air or oil.
 
-use super::{About, ActsOn, Balance, Effect, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
+use super::{
+    About, ActsOn, Balance, Coordinate, Effect, Instant, Law, Parameter, Scales, Search, Shown, Simplification,
+    Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -20,6 +23,7 @@ static ABOUT: About = About {
     source: "Hoerner, Fluid-Dynamic Drag (1965)",
     // Friction that bends before it slips makes a weak drag uncertain.
     simplification: Simplification::of_own(0.01),
+    shown: Shown::new(Strength::Torque, Coordinate::Speed),
     ..About::DEFAULT
 };
 

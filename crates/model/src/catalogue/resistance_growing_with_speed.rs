@@ -1,7 +1,9 @@
 //! Resistance growing with speed: the current in a coil reverses while a brush short-circuits it. At a high speed there is
 //! little time for that, and the rest is lost in a spark. Brushes that bounce have the same effect.
 
-use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
+use super::{
+    About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Simplification, Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// See the module.
@@ -21,6 +23,7 @@ static ABOUT: About = About {
     source: "Fitzgerald, Kingsley, Umans, Electric Machinery (2003), reactance voltage of commutation: in proportion to current and speed",
     // The swing of the current within a PWM period smooths a drop, with an error of this size at high speeds.
     simplification: Simplification::of_own(0.01),
+    shown: Shown::new(Strength::Resistance, Coordinate::SpeedSize),
     ..About::DEFAULT
 };
 

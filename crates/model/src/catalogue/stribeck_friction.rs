@@ -1,6 +1,9 @@
 //! Stribeck friction: the torque to break loose is greater than the torque to keep moving. The excess falls off with speed.
 
-use super::{About, ActsOn, Alone, Balance, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
+use super::{
+    About, ActsOn, Alone, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Simplification,
+    Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// Greatest Stribeck speed, as a share of the no-load speed: an excess above would be Coulomb friction or drag.
@@ -34,6 +37,7 @@ static ABOUT: About = About {
     simplification: Simplification::of_own(0.024),
     // It is an excess over the Coulomb level. Without one it is often no more than the rest of a wave over the angle.
     requires: Some(("coulomb_friction", Alone::Rarely)),
+    shown: Shown::new(Strength::Torque, Coordinate::Speed),
     ..About::DEFAULT
 };
 

@@ -3,7 +3,7 @@
 //! With a capacitor at the bridge the supply delivers the mean current over a period of the PWM. Without one it delivers the
 //! whole current of the motor during a pulse, and none between.
 
-use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Unit};
+use super::{About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Strength, Unit};
 use crate::motor::MotorParameters;
 
 /// The duty at which both laws lose the same, to start from.
@@ -24,6 +24,7 @@ static ABOUT: About = About {
     experiment: "Measure the supply voltage on the divider, or hold the rotor at several duties",
     remedy: "Measure the supply and divide by it; a stiffer supply; a large capacitor at the bridge",
     source: "Horowitz and Hill, The Art of Electronics (2015)",
+    shown: Shown::new(Strength::SupplyVoltage, Coordinate::SupplyCurrent),
     ..About::DEFAULT
 };
 

@@ -1,6 +1,8 @@
 //! Tachogenerator ripple: its voltage falls while its commutator changes over between segments.
 
-use super::{About, ActsOn, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Unit};
+use super::{
+    About, ActsOn, Coordinate, Law, Parameter, Readings, Sampling, Scales, Search, Sensor, Shown, Strength, Unit,
+};
 use crate::Term;
 
 /// Most ripples a revolution that are looked for.
@@ -26,6 +28,7 @@ static ABOUT: About = About {
     remedy: "Filter below the ripple's frequency, or a notch that moves with the speed",
     source: "Data sheets of tachogenerators (ripple share)",
     sensor: Some(Sensor::Tachogenerator),
+    shown: Shown::new(Strength::ShareOfReading, Coordinate::Angle),
     ..About::DEFAULT
 };
 

@@ -4,7 +4,10 @@
 //! directions. Behind a filter, in a linear amplifier or in a program's averages, the drop follows the mean current and comes
 //! up over a knee.
 
-use super::{About, ActsOn, Balance, Channels, DryLosses, Instant, Law, Parameter, Scales, Search, Unit};
+use super::{
+    About, ActsOn, Balance, Channels, Coordinate, DryLosses, Instant, Law, Parameter, Scales, Search, Shown, Strength,
+    Unit,
+};
 use crate::motor::MotorParameters;
 
 /// Knees that are tried, as shares of the greatest current; 0: the drop acts at every moment.
@@ -28,6 +31,7 @@ static ABOUT: About = About {
     experiment: "Hold the rotor and step the voltage: the line of current over voltage misses zero by the drop",
     remedy: "Feed-forward of the drop in the direction of the current; a MOSFET bridge",
     source: "ST L293D data sheet (saturation voltages); Mohan, Electric Machines and Drives (2012)",
+    shown: Shown::new(Strength::Voltage, Coordinate::Current),
     ..About::DEFAULT
 };
 

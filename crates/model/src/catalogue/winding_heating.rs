@@ -1,6 +1,8 @@
 //! Winding heating: copper gains 0.39 % of resistance a kelvin.
 
-use super::{About, ActsOn, Balance, Instant, Law, Parameter, Scales, Search, Simplification, Unit};
+use super::{
+    About, ActsOn, Balance, Coordinate, Instant, Law, Parameter, Scales, Search, Shown, Simplification, Strength, Unit,
+};
 use crate::motor::MotorParameters;
 
 /// Least time constant: no winding warms up faster.
@@ -24,6 +26,7 @@ static ABOUT: About = About {
     // The ripple of the current heats as well, and the mean current does not include it.
     simplification: Simplification::of_own(0.01),
     is_slow_resistance: true,
+    shown: Shown::new(Strength::Resistance, Coordinate::Time),
     ..About::DEFAULT
 };
 

@@ -1,44 +1,41 @@
 //! The plots of a table's report: measured values, nominal constants, and found constants.
 
-use crate::diagnosis_page::plots::{AFTER, BEFORE, MEASURED, SMALL_NUMBERS_WIDTH, axes, drawn, range};
-use crate::web_page::PLOT_SIZE;
+use crate::plot::{AFTER, BEFORE, MEASURED, Mark, OTHERS, Plot};
+use maud::{Markup, html};
 use motorbench_diagnosis::steady_state::{Explanation, Level, Study};
-use plotters::prelude::*;
-
-/// Colour of another explanation of the table.
-const ALTERNATIVE: RGBColor = RGBColor(0, 158, 115);
-/// Width of a line, and of one that another line covers.
-const LINE: u32 = 2;
-const BEHIND: u32 = 8;
+use plotters::prelude::RGBColor;
 
 /// A line through the levels.
 struct Series {
-    style: ShapeStyle,
+    name: &'static str,
+    colour: RGBColor,
+    mark: Mark,
     /// One value for each level.
     values: Vec<f64>,
 }
 
 /// Speed over voltage: nominal, named, and another explanation that fits as well.
-pub(super) fn speed_plot(study: &Study) -> String {
-    let simulated = |style, explanation: &Explanation| Series {
-        style,
+pub(super) fn speed_plot(study: &Study) -> Markup {
+    let simulated = |name, colour, mark, explanation: &Explanation| Series {
+        name,
+        colour,
+        mark,
         values: study.levels.iter().map(|level| speed_rad_per_s(study, explanation, level)).collect(),
     };
     let nominal = study.explanations.iter().find(|explanation| explanation.terms.is_empty());
-    let lines = nominal.map(|nominal| simulated(BEFORE.stroke_width(LINE), nominal)).into_iter();
+    let lines = nominal.map(|nominal| simulated("nominal values", BEFORE, Mark::Line, nominal)).into_iter();
     // Drawn behind the named one, since both nearly coincide.
-    let lines = lines.chain(study.as_good().map(|other| simulated(ALTERNATIVE.mix(0.5).stroke_width(BEHIND), other)));
-    let lines = lines.chain([simulated(AFTER.stroke_width(LINE), study.named())]);
+    let as_good = study.as_good().map(|other| simulated("explains the table as well", OTHERS[2], Mark::Broad, other));
+    let lines = lines.chain(as_good).chain([simulated("named causes", AFTER, Mark::Line, study.named())]);
     over_voltage(study, "speed, rad/s", |level| level.omega_rad_per_s, &lines.collect::<Vec<_>>())
 }
 
 /// Current over voltage: viscous friction alone, and with dry friction.
-pub(super) fn current_plot(study: &Study) -> String {
-    let lines = study.friction_a.iter().flatten().zip([BEFORE, AFTER]);
-    let lines = lines
-        .map(|(values, colour)| Series { style: colour.stroke_width(LINE), values: values.clone() })
-        .collect::<Vec<_>>();
-    over_voltage(study, "current, A", |level| level.i_A, &lines)
+pub(super) fn current_plot(study: &Study) -> Markup {
+    let lines =
+        study.friction_a.iter().flatten().zip([("viscous friction alone", BEFORE), ("with dry friction", AFTER)]);
+    let lines = lines.map(|(values, (name, colour))| Series { name, colour, mark: Mark::Line, values: values.clone() });
+    over_voltage(study, "current, A", |level| level.i_A, &lines.collect::<Vec<_>>())
 }
 
 /// By voltage and current of a level.
@@ -49,22 +46,18 @@ fn speed_rad_per_s(study: &Study, explanation: &Explanation, level: &Level) -> f
     voltage_v / (constant("back_emf_constant_V_s", study.nominal.1) + growth_ohm_s * level.i_A)
 }
 
-fn over_voltage(study: &Study, what: &str, measured: fn(&Level) -> f64, lines: &[Series]) -> String {
-    let volts = || study.levels.iter().map(|level| level.u_V);
-    let values = study.levels.iter().map(measured).chain(lines.iter().flat_map(|line| line.values.iter().copied()));
-    drawn(PLOT_SIZE, |area| {
-        let mut chart = axes(area, SMALL_NUMBERS_WIDTH, (range(volts()), "voltage, V"), (range(values), what))?;
-        for Series { style, values } in lines {
-            for load_nm in loads_nm(study) {
-                let of_load = study.levels.iter().zip(values).filter(|(level, _)| level.load_Nm == load_nm);
-                let points = of_load.map(|(level, value)| (level.u_V, *value));
-                chart.draw_series(LineSeries::new(points, *style))?;
-            }
+fn over_voltage(study: &Study, what: &str, measured: fn(&Level) -> f64, lines: &[Series]) -> Markup {
+    let mut plot = Plot::new("voltage, V", what);
+    for Series { name, colour, mark, values } in lines {
+        for (index, load_nm) in loads_nm(study).into_iter().enumerate() {
+            let of_load = study.levels.iter().zip(values).filter(|(level, _)| level.load_Nm == load_nm);
+            let points = of_load.map(|(level, value)| [level.u_V, *value]).collect();
+            let name = if index == 0 { (*name).into() } else { format!("{name}, {load_nm} Nm") };
+            plot = plot.with(&name, *colour, *mark, points);
         }
-        let points = study.levels.iter().map(|level| Circle::new((level.u_V, measured(level)), 4, MEASURED.filled()));
-        chart.draw_series(points)?;
-        Ok(())
-    })
+    }
+    let points = study.levels.iter().map(|level| [level.u_V, measured(level)]).collect();
+    plot.dots("measured", MEASURED, points, Vec::new()).figure(&html! { (what) " over voltage" })
 }
 
 /// Each level once: a line goes through the levels under one load.

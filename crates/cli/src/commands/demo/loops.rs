@@ -3,6 +3,7 @@
 use crate::commands::Failure;
 use crate::terminal_plot::{chart, range, side_by_side};
 use host_sim::trial::{Point, Trial};
+use maud::{Markup, html};
 use motorbench_core::message::Mode;
 use motorbench_core::settings::Settings;
 use motorbench_design::compensation::compensation;
@@ -12,8 +13,8 @@ use motorbench_design::{Bench, Design, design};
 use motorbench_diagnosis::diagnose::Diagnosis;
 use motorbench_model::Model;
 use motorbench_model::motor::MotorParameters;
-use motorbench_report::panels::{Panel, panels_in_page};
-use motorbench_report::web_page::{escaped, table};
+use motorbench_report::panels::{Panel, figures};
+use motorbench_report::web_page::{lines, table, text};
 use motorbench_text::terminal_text::short;
 use std::ops::RangeInclusive;
 
@@ -100,7 +101,7 @@ impl Loops {
     }
 
     /// For the page: all speeds in one plot, the slow part enlarged, the table, and the gains.
-    pub(super) fn section(&self) -> String {
+    pub(super) fn section(&self) -> Markup {
         let panel = |title: &str, of: fn(&TriedLoop) -> &[Point]| {
             let first = of(&self.attempts[0]).iter();
             let reference = Panel::new(title).line("reference", first.map(|point| point.reference).collect());
@@ -112,18 +113,22 @@ impl Loops {
         let interval_s = HOLD_S * REFERENCES_RAD_PER_S.len() as f64 / self.attempts[0].points.len() as f64;
         let plots =
             [panel("speed, rad/s", |of| &of.points), panel("speed about standstill, rad/s", TriedLoop::slow_points)]
-                .map(|panel| panels_in_page(interval_s, &[panel]));
+                .map(|panel| figures(interval_s, &[panel]));
         let rows = self.attempts.iter().map(|TriedLoop { name, slow_rms, all_rms, .. }| {
             let [slow_rms, all_rms] = [slow_rms, all_rms].map(|rms| format!("{} rad/s", short(*rms)));
-            [(*name).into(), slow_rms, all_rms]
+            [text(name), text(slow_rms), text(all_rms)]
         });
-        format!(
-            "<h2>The speed loop before and after</h2><p>{BANDWIDTH_HZ} Hz, on the motor as it is.</p>{}{}\
-             <h2>For the board's console</h2><pre>{}</pre>\n",
-            plots.concat(),
-            table(&["speed error, rms", "about standstill", "in all"], rows),
-            escaped(&self.commands.join("\n"))
-        )
+        let [all, slow] = plots;
+        html! {
+            section {
+                h2 { "The speed loop before and after" }
+                p { (BANDWIDTH_HZ) " Hz, on the motor as it is." }
+                (slow) (all)
+                (table(&["speed error, rms", "about standstill", "in all"], rows))
+                h3 { "For the board's console" }
+                (lines(&self.commands.join("\n")))
+            }
+        }
     }
 }
 

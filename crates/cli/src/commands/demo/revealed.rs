@@ -1,8 +1,9 @@
 //! The hidden effect, compared with the diagnosis.
 
 use super::row;
+use maud::{Markup, html};
 use motorbench_model::Model;
-use motorbench_report::web_page::{code, table};
+use motorbench_report::web_page::{code, table, text};
 use motorbench_text::terminal_text::short;
 
 const HEADING: &str = "What was hidden, and what was found";
@@ -61,12 +62,12 @@ impl Revealed {
     }
 
     /// For the page.
-    pub(super) fn html(&self) -> String {
+    pub(super) fn html(&self) -> Markup {
         let rows = self.0.iter().map(|Constant { effect, name, hidden, found }| {
-            let name = if effect.is_empty() { code([*name]) } else { format!("{} {}", code([*effect]), code([*name])) };
-            [name, value_or_dash(*hidden), value_or_dash(*found)]
+            let name = html! { @if !effect.is_empty() { (code([*effect])) " " } (code([*name])) };
+            [name, text(value_or_dash(*hidden)), text(value_or_dash(*found))]
         });
-        format!("<h2>{HEADING}</h2>{}", table(&["", COLUMNS[0], COLUMNS[1]], rows))
+        html! { section { h2 { (HEADING) } (table(&["", COLUMNS[0], COLUMNS[1]], rows)) } }
     }
 }
 

@@ -32,6 +32,12 @@ pub const TABLE: &[Row] = &[
         ..row("demo")
     },
     Row {
+        good: &[&[], &["speed_"]],
+        json: &["--json"],
+        bad: &[(&["counts_per_rew"], 1, "did you mean counts_per_rev?")],
+        ..row("settings")
+    },
+    Row {
         good: &[&["--rig", "model.toml"]],
         json: &["--json"],
         bad: &[
