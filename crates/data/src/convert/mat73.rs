@@ -2,7 +2,7 @@
 
 use super::{Fault, matrix};
 use crate::content::{Column, Content, Series};
-use hdf5_pure::{AttrValue, DType, Dataset, File, Group, Object};
+use hdf5_pure::{AttrValue, DType, Dataset, File as Hdf5, Group, Object};
 
 /// How such a file begins: MATLAB's own text, or HDF5 alone.
 pub fn is_one(bytes: &[u8]) -> bool {
@@ -21,7 +21,7 @@ pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
     let damaged = |error: hdf5_pure::Error| {
         Fault::whole(format!("this HDF5 file (MATLAB 7.3) cannot be read ({error}): save it with save(..., '-v7')"))
     };
-    let file = File::from_bytes(bytes.to_vec()).map_err(damaged)?;
+    let file = Hdf5::from_bytes(bytes.to_vec()).map_err(damaged)?;
     let mut content = Content::default();
     let root = file.root();
     let signals = root.group(REFERENCES).map(|references| signals(&file, &references)).unwrap_or_default();
@@ -111,7 +111,7 @@ fn text(dataset: &Dataset) -> Option<String> {
 }
 
 /// The signals of a Simulink Dataset: groups with `Values`, which have data and times.
-fn signals(file: &File, references: &Group) -> Vec<Series> {
+fn signals(file: &Hdf5, references: &Group) -> Vec<Series> {
     let groups = references.groups().unwrap_or_default();
     let mut found: Vec<Series> = Vec::new();
     for group in groups.iter().filter_map(|name| references.group(name).ok()) {
@@ -125,7 +125,7 @@ fn signals(file: &File, references: &Group) -> Vec<Series> {
 }
 
 /// One signal; several if each sample has several numbers.
-fn signal(file: &File, group: &Group) -> Option<Vec<Series>> {
+fn signal(file: &Hdf5, group: &Group) -> Option<Vec<Series>> {
     let values = group.group("Values").ok()?;
     let named = |name: &str| text(&group.dataset(name).ok()?);
     let block = || {
@@ -160,7 +160,7 @@ fn signal(file: &File, group: &Group) -> Option<Vec<Series>> {
 }
 
 /// The bytes of a streamed signal by its number.
-fn stream(file: &File, number: usize) -> Option<Vec<u8>> {
+fn stream(file: &Hdf5, number: usize) -> Option<Vec<u8>> {
     let root = file.root();
     if let Ok(all) = root.group(STREAM) {
         let by_name = all.dataset(&number.to_string()).ok();
