@@ -1,6 +1,6 @@
 //! Recordings to and from the formats of other tools, one file each.
 //!
-//! Reading returns the [`Content`] of a file under its own names. [`Mapping`] says which names are which channels.
+//! Reading returns the `Content` of a file under its own names. [`Mapping`] says which names are which channels.
 //! Writing starts from a [`Recording`].
 
 mod csv;
