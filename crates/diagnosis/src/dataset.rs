@@ -560,7 +560,7 @@ mod tests {
                 let _ = writeln!(text, "{t_s:.4},{:.1},{:.3}", scale * duty(t_s), 50.0 * duty(t_s - 0.1));
             }
             let error = refusal(&text);
-            assert!(error.contains("duty*0.01") && error.contains("255 steps"), "{error}");
+            assert!(error.contains("--column duty=duty/100") && error.contains("255 steps"), "{error}");
         }
     }
 
@@ -573,7 +573,7 @@ mod tests {
                 let _ = writeln!(text, "{t_s:.4},{:.4},{speed:.3},{:.4}", duty(t_s), current * duty(t_s - 0.001));
             }
             let error = refusal(&text);
-            assert!(error.contains(&format!("--map {column}={column}*-1`")), "{error}");
+            assert!(error.contains(&format!("--column {column}={column}*-1")), "{error}");
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::files::{beside, free_name, with_beside};
 use super::interaction::on_interrupt;
 use super::live::LiveArguments;
+use super::own_files::WRITTEN;
 use super::port::PortArguments;
 use super::recording_files::{cannot_grow, rig_and_side, table_file, with_unwritten, write_each, write_first};
 use super::send::reads_back;
@@ -366,7 +367,8 @@ fn files_beside(
     ticks: f64,
     side: &serde_json::Value,
 ) -> Result<Vec<(PathBuf, String)>, Failure> {
-    let scenario = (beside(out, "scenario.toml"), played.scenario(&arguments.mode, settings, ticks)?);
+    let scenario = WRITTEN.to_owned() + &played.scenario(&arguments.mode, settings, ticks)?;
+    let scenario = (beside(out, "scenario.toml"), scenario);
     // The side file is the last: it says that the others exist.
     Ok([scenario].into_iter().chain(rig_and_side(out, settings, nominal, side)?).collect())
 }

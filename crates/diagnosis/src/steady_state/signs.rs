@@ -57,7 +57,7 @@ mod tests {
         assert_eq!(said("3,0.13,180\n6,0.16,360\n9,0.19,540\n-9,-0.19,-540\n12,0.22,720\n"), "well");
         let backward = said("3,0.13,-180\n6,0.16,-360\n9,0.19,-540\n12,0.22,-720\n");
         assert!(backward.starts_with("t.csv: rpm has the opposite sign of the voltage that drives it"));
-        assert!(backward.contains("--map rpm=rpm*-1"), "{backward}");
+        assert!(backward.contains("--column rpm=rpm*-1"), "{backward}");
         // A single row, as from a slip of the pen.
         assert!(said("3,0.13,180\n6,0.16,-360\n9,0.19,540\n12,0.22,720\n").contains("rpm has the opposite sign"));
         let current = said("3,-0.13,180\n6,-0.16,360\n9,-0.19,540\n12,-0.22,720\n");

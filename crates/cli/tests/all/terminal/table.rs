@@ -147,7 +147,7 @@ pub const TABLE: &[Row] = &[
             (&["none.csv"], 1, "none.csv"),
             (&["bad.csv"], 1, "bad.csv"),
             (&["run.csv", "--rig", "rig.toml", "--model", "/nonexistent/m.toml"], 3, "/nonexistent/m.toml"),
-            (&["run.csv", "--rig", "rig.toml", "--json", "run.csv"], 1, "run.csv is an input and would be overwritten"),
+            (&["run.csv", "--rig", "rig.toml", "--json=run.csv"], 1, "run.csv is an input and would be overwritten"),
             (&["run.csv", "--model", "model.toml"], 1, "model.toml was not written by motorbench"),
             (&[], 2, "<RECORDINGS>"),
         ],
@@ -201,7 +201,7 @@ pub const TABLE: &[Row] = &[
             (&["--rig", "stand.toml", "--port", "/dev/none", "--json", "stand.json"], 1, "choose another name"),
             (&["table.csv"], 2, "--rig"),
             (
-                &["table.csv", "--rig", "stand.toml", "--json", "table.csv"],
+                &["table.csv", "--rig", "stand.toml", "--json=table.csv"],
                 1,
                 "table.csv is an input and would be overwritten",
             ),
@@ -216,7 +216,7 @@ pub const TABLE: &[Row] = &[
             (&["loop.csv", "--scenario", "bad.toml"], 1, "bad.toml"),
             (&["loop.csv"], 1, "--scenario"),
             (
-                &["loop.csv", "--scenario", "loop.toml", "--json", "loop.toml"],
+                &["loop.csv", "--scenario", "loop.toml", "--json=loop.toml"],
                 1,
                 "loop.toml is an input and would be overwritten",
             ),
