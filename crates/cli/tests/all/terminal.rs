@@ -277,7 +277,7 @@ impl Complaints {
         if code != 2 {
             self.message_fits(&on_terminals(arguments, folder, true).err, &what);
         }
-        if !row.json.is_empty() && code != 2 && !arguments.contains(&"--json") {
+        if !row.json.is_empty() && code != 2 && !arguments.iter().any(|argument| argument.starts_with("--json")) {
             self.json(&[arguments, row.json].concat(), code, false, folder);
         }
     }
