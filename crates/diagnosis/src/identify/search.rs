@@ -1,5 +1,6 @@
-//! Levenberg and Marquardt's method from one start. The sensitivities are simulated at each step. If the effort allows
-//! it and the step is short, they are corrected by the change instead (Broyden, Mathematics of Computation 19 (1965)).
+//! Levenberg and Marquardt's method from one start. The sensitivities are simulated at the start and after a long step.
+//! After a short one they are corrected by the change (Broyden, Mathematics of Computation 19 (1965)). Unless the fit is
+//! only a look, it ends on simulated ones.
 
 use super::sensitivities::Sensitivities;
 use super::{Effort, Fit, Prior, Unknown, prior_cost, square, torque_scale, unknowns, weighted_residual};
@@ -107,12 +108,12 @@ impl<'a> Search<'a> {
                     // So near the end they no longer change.
                     return Some(known.sensitivities);
                 }
-                if !effort.is_a_look {
-                    // Corrected sensitivities may have lost a direction.
-                    known = simulated(self);
-                    continue;
+                if effort.is_a_look {
+                    return None;
                 }
-                return None;
+                // Corrected sensitivities may have lost a direction.
+                known = simulated(self);
+                continue;
             }
             steps_left -= 1;
             let pace = gained.max(std::mem::replace(&mut gained_before, gained));
