@@ -618,7 +618,7 @@ impl Outcome {
         }
         advice.extend(data.notes());
         if data.current().is_none() {
-            advice.push("Without the current, torque and voltage can hardly be told apart: record i_A as well.".into());
+            advice.push(self.advice_without_current());
         }
         let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
         if !(reverses(1.0) && reverses(-1.0)) {
@@ -627,6 +627,25 @@ impl Outcome {
             );
         }
         advice
+    }
+}
+
+impl Outcome {
+    /// What a recording without the current says of friction and drop together.
+    fn advice_without_current(&self) -> String {
+        let is_dry = |cause: &Cause| ["coulomb_friction", "voltage_drop"].contains(&cause.effect.as_str());
+        let of = |name: &str| {
+            self.determined.get(name).map(|found| format!("{name} = {} {}", short(found.value), found.unit))
+        };
+        match of("kS").filter(|_| self.causes.iter().any(is_dry)) {
+            Some(sum) => {
+                let others = ["kV", "kA"].into_iter().filter_map(of).collect::<Vec<_>>().join(", ");
+                format!(
+                    "Without the current, friction and a voltage drop cannot be told apart. Their sum is sure: {sum}, with {others}. Record i_A as well to know each."
+                )
+            }
+            None => "Without the current, torque and voltage can hardly be told apart: record i_A as well.".into(),
+        }
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod determined;
 mod hidden_effects;
+mod kinds_of_files;
 mod outcome_schema;
 mod paper;
 mod real_recordings;

@@ -98,6 +98,9 @@ impl BoardArguments {
             );
         }
         let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person, &mut |found| files.keep(found));
+        if plan.positions > 0 || plan.sectors > 0 {
+            let_go(&port).unwrap_or_else(|why| eprintln!("{why}"));
+        }
         let table = table(&save.display().to_string(), &findings.readings, files.loaded);
         // Without a table it would describe nothing, or an earlier table.
         let is_empty = findings.readings.is_empty() && findings.positions.is_empty();
@@ -237,6 +240,17 @@ fn brake(port: &str) -> Option<Brake> {
 #[cfg(not(unix))]
 fn brake(_port: &str) -> Option<Brake> {
     None
+}
+
+/// A hand that turned the rotor of a virtual board holds it: the next command needs it free.
+#[cfg(unix)]
+fn let_go(port: &str) -> Result<(), String> {
+    VirtualControl::of(Path::new(port)).map_or(Ok(()), |mut board| board.order("block off"))
+}
+
+#[cfg(not(unix))]
+fn let_go(_port: &str) -> Result<(), String> {
+    Ok(())
 }
 
 /// The operator at this terminal.
