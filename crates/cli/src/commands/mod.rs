@@ -308,7 +308,14 @@ fn firmware() -> Result<PathBuf, ProgramError> {
     let bar = spinner();
     let building = "the firmware is built; the first time takes a minute";
     bar.set_message(building);
-    let elf = firmware_at_hand(|| if bar.is_hidden() { tell(building) }, |note| bar.suspend(|| tell(note)));
+    let elf = firmware_at_hand(
+        || {
+            if bar.is_hidden() {
+                tell(building)
+            }
+        },
+        |note| bar.suspend(|| tell(note)),
+    );
     bar.finish_and_clear();
     elf
 }

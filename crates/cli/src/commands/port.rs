@@ -47,6 +47,9 @@ pub struct PortArguments {
 /// the port.
 pub(super) const CONNECT: &str = "`motorbench connect";
 
+/// Tolerance between two values of the encoder's counts.
+pub(super) const SAME_COUNTS: f64 = 1e-3;
+
 const LSOF: &str = "`lsof PORT`";
 
 impl PortArguments {

@@ -597,6 +597,8 @@ impl Outcome {
 
     fn advice(&self, data: &Dataset) -> Vec<String> {
         let mut advice = Vec::new();
+        let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
+        let is_one_way = !(reverses(1.0) && reverses(-1.0));
         for cause in &self.causes {
             let Some(about) = motorbench_model::catalogue::effect(&cause.effect).map(|effect| effect.about()) else {
                 continue;
@@ -606,7 +608,8 @@ impl Outcome {
                 advice
                     .push(format!("{} could as well be {others}. To tell them apart: {}.", about.id, about.experiment));
             }
-            advice.push(format!("Against {}: {}.", about.title, about.remedy));
+            let remedy = if about.id == "coast_decay" && is_one_way { OF_ONE_TRANSISTOR } else { about.remedy };
+            advice.push(format!("Against {}: {remedy}.", about.title));
         }
         advice.extend(self.advice_on_values());
         if let Some(unexplained) = &self.unexplained {
@@ -620,8 +623,7 @@ impl Outcome {
         if data.current().is_none() {
             advice.push(self.advice_without_current());
         }
-        let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
-        if !(reverses(1.0) && reverses(-1.0)) {
+        if is_one_way {
             advice.push(
                 "The motor never reverses in this recording. Friction and differences between directions show only when it passes zero both ways: record the sequence `identify`.".into(),
             );
@@ -629,6 +631,9 @@ impl Outcome {
         advice
     }
 }
+
+/// Against an off phase that coasts where the motor never reverses, as behind a single transistor.
+const OF_ONE_TRANSISTOR: &str = "With a bridge leave enable high. One transistor and a diode always coast so at small currents: a second transistor in place of the diode, or a higher PWM frequency, makes the motor linear";
 
 impl Outcome {
     /// What a recording without the current says of friction and drop together.

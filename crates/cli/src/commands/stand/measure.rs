@@ -2,7 +2,7 @@
 
 use crate::commands::files::{beside, free_name, with_beside};
 use crate::commands::interaction::{on_interrupt, typed_lines};
-use crate::commands::port::PortArguments;
+use crate::commands::port::{PortArguments, SAME_COUNTS};
 use crate::commands::record::ended;
 use crate::commands::recording_files::table_file;
 use crate::commands::{Failure, cannot_write, write};
@@ -28,8 +28,6 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 /// Default levels: eighths of the largest voltage, from the level at which most motors turn.
 const LEVELS: std::ops::RangeInclusive<u8> = 3..=8;
 const PARTS: f64 = 8.0;
-/// Tolerance between two values of the encoder's counts.
-const SAME_COUNTS: f64 = 1e-3;
 
 /// Ending of the table of positions.
 const POSITIONS: &str = "positions.csv";
