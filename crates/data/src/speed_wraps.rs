@@ -13,6 +13,13 @@ const FASTEST: f64 = 8.0;
 const SURELY_SHORT: f64 = 0.75;
 /// The simple law of the speed leaves at most this share of half a range. Without a law it would be a half.
 const LEFT_BY_THE_LAW: f64 = 0.25;
+/// What counts of the distance to the law, beside the changes from row to row: it is no more than a motor's own way.
+const NEAR: f64 = 0.05;
+/// Turns to either side, for the fastest speed.
+const MOST_TURNS: usize = 4;
+const TURNS: usize = 2 * MOST_TURNS + 1;
+/// The law and the turns find each other in so many fits, or not at all.
+const MOST_FITS: usize = 4;
 
 /// Whether values go over the ends of 16 bits: a wrap leaves one end of the range and comes back at the other.
 pub fn wrap(values: &[f64]) -> bool {
@@ -42,32 +49,24 @@ pub fn continued(values: &[f64]) -> Option<Vec<f64>> {
 /// Values that change by more than half of the range between rows, continued by the command. A motor follows its
 /// command with a lag, so a simple law says on which turn of the counter a speed is. `None`: no law does.
 pub fn continued_by(command: &[f64], values: &[f64]) -> Option<Vec<f64>> {
-    let rows = values.len().min(MOST_ROWS);
-    let most = greatest(command);
-    if most <= 0.0 || command.len() != values.len() {
+    if greatest(command) <= 0.0 || command.len() != values.len() {
         return None;
     }
-    let mut best: Option<(f64, Vec<f64>)> = None;
-    for lag_rows in lags() {
-        let follows = Law::new(command, lag_rows);
-        for per_unit in gains().map(|share| share * HALF / most) {
-            let off = follows.off(&values[..rows], per_unit);
-            if best.as_ref().is_none_or(|(least, _)| off < *least) {
-                best = Some((off, follows.speed(per_unit, 0.0)));
-            }
+    let mut law = first_law(command, values)?;
+    let mut on_turns = on_likeliest_turns(&law, values);
+    for _ in 0..MOST_FITS {
+        law = fitted(command, &on_turns)?;
+        let again = on_likeliest_turns(&law, values);
+        if again == on_turns {
+            break;
         }
+        on_turns = again;
     }
-    let mut on_turns = on_turns_of(&best?.1, values);
-    // With the dead band of friction and drop, which the first look has left out.
-    for _ in 0..2 {
-        on_turns = on_turns_of(&fitted(command, &on_turns)?, values);
-    }
-    let law = fitted(command, &on_turns)?;
     let left: Vec<f64> = on_turns.iter().zip(&law).map(|(value, law)| value - law).collect();
     let finite = || left.iter().filter(|left| left.is_finite());
     let mean = finite().map(|left| left.abs()).sum::<f64>() / finite().count() as f64;
     // A wrong turn is a whole range off.
-    let is_whole = left.windows(2).all(|pair| !((pair[1] - pair[0]).abs() > HALF));
+    let is_whole = left.windows(2).all(|pair| !((pair[1] - pair[0]).abs() > SURELY_SHORT * HALF));
     (mean < LEFT_BY_THE_LAW * HALF && is_whole).then_some(on_turns)
 }
 
@@ -76,75 +75,102 @@ fn lags() -> impl Iterator<Item = f64> {
     (0..16).map(|step| 0.5 * 1.5_f64.powi(step))
 }
 
+/// Dead bands of friction and drop to try, as shares of the greatest command.
+fn dead_bands() -> impl Iterator<Item = f64> {
+    (0..10).map(|step| 0.05 * f64::from(step))
+}
+
 /// Speeds at the greatest command to try, in halves of the range. Steps are less than what a turn is told by.
 fn gains() -> impl Iterator<Item = f64> {
     let sizes = (0..90).map(|step| 0.5 * 1.032_f64.powi(step)).filter(|share| *share < FASTEST);
     sizes.flat_map(|share| [share, -share])
 }
 
-/// What the command and its sign make of a speed with a lag.
-struct Law {
-    command: Vec<f64>,
-    sign: Vec<f64>,
-}
-
-impl Law {
-    fn new(command: &[f64], lag_rows: f64) -> Self {
-        let sign = |value: &f64| if *value == 0.0 { 0.0 } else { value.signum() };
-        Self { command: lagged(command.iter().copied(), lag_rows), sign: lagged(command.iter().map(sign), lag_rows) }
-    }
-
-    fn speed(&self, per_unit: f64, by_sign: f64) -> Vec<f64> {
-        self.command.iter().zip(&self.sign).map(|(command, sign)| per_unit * command + by_sign * sign).collect()
-    }
-
-    /// Mean distance of wrapped values from this law.
-    fn off(&self, values: &[f64], per_unit: f64) -> f64 {
-        let off = |(value, command): (&f64, &f64)| {
-            let off = value - per_unit * command;
-            (off - RANGE * (off / RANGE).round()).abs()
-        };
-        let known = || values.iter().zip(&self.command).filter(|(value, _)| value.is_finite());
-        known().map(off).sum::<f64>() / known().count() as f64
-    }
-}
-
-/// What follows a value with a lag; a missing one holds.
-fn lagged(values: impl Iterator<Item = f64>, lag_rows: f64) -> Vec<f64> {
-    let (mut input, mut output) = (0.0, 0.0);
+/// What is beyond the dead band of a command, with a lag, as a share of the greatest. A missing command holds.
+fn followed(command: &[f64], dead_band: f64, lag_rows: f64) -> Vec<f64> {
+    let most = greatest(command);
     let left = (-1.0 / lag_rows).exp();
-    let next = |value: f64| {
+    let (mut input, mut output) = (0.0, 0.0);
+    let next = |command: &f64| {
         output = left * output + (1.0 - left) * input;
-        input = if value.is_finite() { value } else { input };
+        if command.is_finite() {
+            input = command.signum() * (command.abs() / most - dead_band).max(0.0);
+        }
         output
     };
-    values.map(next).collect()
+    command.iter().map(next).collect()
 }
 
-/// The values on the turns that are nearest to a law.
-fn on_turns_of(law: &[f64], values: &[f64]) -> Vec<f64> {
-    values.iter().zip(law).map(|(value, law)| value + RANGE * ((law - value) / RANGE).round()).collect()
+/// The law that leaves least of wrapped values, each on its nearest turn.
+fn first_law(command: &[f64], values: &[f64]) -> Option<Vec<f64>> {
+    let rows = values.len().min(MOST_ROWS);
+    let mut best: Option<(f64, f64, Vec<f64>)> = None;
+    for dead_band in dead_bands().step_by(2) {
+        for lag_rows in lags() {
+            let shape = followed(command, dead_band, lag_rows);
+            let known: Vec<(f64, f64)> = values[..rows]
+                .iter()
+                .zip(&shape)
+                .filter(|(value, _)| value.is_finite())
+                .map(|(value, shape)| (*value, *shape))
+                .collect();
+            for gain in gains().map(|halves| halves * HALF) {
+                let off = |(value, shape): &(f64, f64)| {
+                    let off = value - gain * shape;
+                    (off - RANGE * (off / RANGE).round()).abs()
+                };
+                let off = known.iter().map(off).sum::<f64>();
+                if best.as_ref().is_none_or(|(least, ..)| off < *least) {
+                    best = Some((off, gain, shape.clone()));
+                }
+            }
+        }
+    }
+    best.map(|(_, gain, shape)| shape.into_iter().map(|shape| gain * shape).collect())
 }
 
-/// The law with a dead band that fits values best.
+/// The law that fits continued values best.
 fn fitted(command: &[f64], values: &[f64]) -> Option<Vec<f64>> {
-    let fits = lags().filter_map(|lag_rows| {
-        let law = Law::new(command, lag_rows);
-        let rows = || law.command.iter().zip(&law.sign).zip(values).filter(|(_, value)| value.is_finite());
-        let sum = |of: &dyn Fn(f64, f64, f64) -> f64| rows().map(|((u, s), w)| of(*u, *s, *w)).sum::<f64>();
-        let (uu, us, ss) = (sum(&|u, _, _| u * u), sum(&|u, s, _| u * s), sum(&|_, s, _| s * s));
-        let (uw, sw) = (sum(&|u, _, w| u * w), sum(&|_, s, w| s * w));
-        let determinant = uu * ss - us * us;
-        // A command of one size has no dead band of its own.
-        let (per_unit, by_sign) = match determinant > 1e-6 * uu * ss {
-            true => ((uw * ss - sw * us) / determinant, (sw * uu - uw * us) / determinant),
-            false => (uw / uu, 0.0),
-        };
-        let speed = law.speed(per_unit, by_sign);
-        let left = speed.iter().zip(values).map(|(law, value)| (value - law).powi(2)).filter(|left| left.is_finite());
-        Some((left.sum::<f64>(), speed)).filter(|(left, _)| left.is_finite())
+    let laws = dead_bands().flat_map(|dead_band| lags().map(move |lag_rows| followed(command, dead_band, lag_rows)));
+    let fits = laws.filter_map(|shape| {
+        let known = || values.iter().zip(&shape).filter(|(value, _)| value.is_finite());
+        let gain = known().map(|(value, shape)| value * shape).sum::<f64>()
+            / known().map(|(_, shape)| shape * shape).sum::<f64>();
+        let left = known().map(|(value, shape)| (value - gain * shape).powi(2)).sum::<f64>();
+        left.is_finite().then(|| (left, shape.iter().map(|shape| gain * shape).collect()))
     });
-    fits.min_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, speed)| speed)
+    fits.min_by(|a: &(f64, Vec<f64>), b| a.0.total_cmp(&b.0)).map(|(_, law)| law)
+}
+
+/// The turns on which values change as a law does and are near it, over all rows together.
+fn on_likeliest_turns(law: &[f64], values: &[f64]) -> Vec<f64> {
+    let known: Vec<usize> = (0..values.len()).filter(|row| values[*row].is_finite()).collect();
+    let on = |turn: usize, row: usize| values[row] + RANGE * (turn as f64 - MOST_TURNS as f64);
+    let far = |turn: usize, row: usize| NEAR * (on(turn, row) - law[row]).powi(2);
+    let Some(&first) = known.first() else { return values.to_vec() };
+    let mut costs: Vec<f64> = (0..TURNS).map(|turn| far(turn, first)).collect();
+    let mut ways: Vec<[usize; TURNS]> = Vec::new();
+    for pair in known.windows(2) {
+        let (before, row) = (pair[0], pair[1]);
+        let change = law[row] - law[before];
+        let bend = |from: usize, to: usize| (on(to, row) - on(from, before) - change).powi(2);
+        let best = |to: usize| {
+            let ways = (0..TURNS).map(|from| (from, costs[from] + bend(from, to)));
+            ways.min_by(|a, b| a.1.total_cmp(&b.1)).expect("there are turns")
+        };
+        let found: [(usize, f64); TURNS] = std::array::from_fn(best);
+        ways.push(found.map(|(from, _)| from));
+        costs = found.iter().enumerate().map(|(to, (_, cost))| cost + far(to, row)).collect();
+    }
+    let mut turn = (0..TURNS).min_by(|a, b| costs[*a].total_cmp(&costs[*b])).expect("there are turns");
+    let mut found = values.to_vec();
+    for (index, &row) in known.iter().enumerate().rev() {
+        found[row] = on(turn, row);
+        if index > 0 {
+            turn = ways[index - 1][turn];
+        }
+    }
+    found
 }
 
 #[cfg(test)]
@@ -164,16 +190,19 @@ mod tests {
         assert!(!wrap(&small));
     }
 
-    /// Steps of a motor with a dead band: the speed changes by up to two thirds of the range from row to row.
+    /// Steps of a motor whose bridge drops voltage: within the drop it coasts. The speed changes by up to two thirds of
+    /// the range from row to row.
     #[test]
     fn quick_changes_are_continued_by_the_command() {
-        let levels = [0.0, 8.9, -6.4, 10.0, 1.0, -9.5, 4.0, 0.0, -4.6, 8.8];
-        let command: Vec<f64> = (0..1000).map(|row| levels[row / 100]).collect();
-        let mut speed = vec![0.0];
-        for volts in &command[..999] {
+        let levels = [0.0, 8.9, 2.1, -6.4, 10.0, 1.0, -9.5, -2.5, 4.0, 0.0, -4.6, 8.8];
+        let command: Vec<f64> = (0..1200).map(|row| levels[row / 100]).collect();
+        let mut speed = vec![0.0_f64];
+        for volts in &command[..1199] {
             let last = *speed.last().unwrap();
-            let free = 9_700.0 * f64::max(volts.abs() - 1.8, 0.0) * volts.signum();
-            speed.push(last + 0.25 * (free - last));
+            let drive = volts - last / 14_000.0;
+            let driven = 3_500.0 * drive.signum() * (drive.abs() - 1.6).max(0.0);
+            let next: f64 = last + driven;
+            speed.push(next.signum() * (next.abs() - 1_300.0).max(0.0));
         }
         let speed: Vec<f64> = speed.into_iter().map(f64::round).collect();
         assert!(wrap(&wrapped(&speed)) && continued(&wrapped(&speed)) != Some(speed.clone()));
@@ -182,7 +211,7 @@ mod tests {
         let other: Vec<f64> = command.iter().map(|volts| -volts).collect();
         assert_eq!(continued_by(&other, &wrapped(&speed)), Some(speed.clone()));
         // A command that has nothing to do with it.
-        let strange: Vec<f64> = (0..1000).map(|row| f64::from(row % 7) - 3.0).collect();
+        let strange: Vec<f64> = (0..1200).map(|row| f64::from(row % 7) - 3.0).collect();
         assert_eq!(continued_by(&strange, &wrapped(&speed)), None);
     }
 }
