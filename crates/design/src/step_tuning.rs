@@ -1,6 +1,7 @@
 //! Step-response tuning: a first-order model with dead time from a recorded step, and gains for a chosen time constant
 //! of the loop.
 
+use super::fixed_point::rounded;
 use super::relay::speed_pi;
 use serde::Serialize;
 
@@ -140,7 +141,7 @@ pub fn simc_position(model: &FirstOrder, closed_loop_s: f64) -> Vec<(String, f64
         ("position_kff", kd + 1.0 / model.gain_rad_per_s_per_v),
         ("position_tt", ms(kp / ki)),
     ]
-    .map(|(name, value)| (name.to_owned(), value))
+    .map(|(name, value)| (name.to_owned(), rounded(value)))
     .into()
 }
 

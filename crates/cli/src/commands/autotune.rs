@@ -37,6 +37,8 @@ const MOST_LOOKS: usize = 100;
 /// Usual speed of the experiments and of the test, and its largest share of what the motor has shown.
 const USUAL_RAD_PER_S: f64 = 60.0;
 const REACHED_SHARE: f64 = 0.8;
+/// Settings in a console line, which has at most 96 characters.
+const SETTINGS_A_LINE: usize = 3;
 /// A range of the speed up to so many times the needed one costs no more than two bits.
 const WIDEST: f64 = 4.0;
 /// Step of the acceptance test of a position, and its time.
@@ -164,12 +166,10 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     let (found, gains) = experiment(board, settings, arguments)?;
     let ranges = set_ranges(board, settings, found.greatest_rad_per_s)?;
     let now = with(settings, &ranges)?;
-    let restored = |names: &[(String, f64)]| names.iter().map(|(name, _)| shown(settings, name)).collect::<Vec<_>>();
-    let restore = [&gains, &ranges].map(|names| restored(names).join(" "));
     let put_back = |board: &mut Attended| {
-        restore.iter().filter(|line| !line.is_empty()).try_for_each(|line| board.command(&format!("set {line}")))
+        [&gains, &ranges].into_iter().try_for_each(|changed| send(board, &before(settings, changed)))
     };
-    let tested = board.command(&line(&gains)).and_then(|()| match arguments.position {
+    let tested = send(board, &gains).and_then(|()| match arguments.position {
         true => acceptance_of_position(board, &now),
         false => acceptance(board, &now, found.reference_rad_per_s),
     });
@@ -198,8 +198,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
         return Err(Failure::input(test.refusal()));
     }
     if let Some(path) = &arguments.console {
-        let lines: Vec<String> =
-            [&ranges, &gains].into_iter().filter(|set| !set.is_empty()).map(|set| line(set)).collect();
+        let lines = [lines(&ranges), lines(&gains)].concat();
         write(path, &(lines.join("\n") + "\n"))?;
     }
     let accepted = "accepted; the gains are lost at the next reset.\n`motorbench connect save` keeps them\n";
@@ -208,9 +207,22 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     Ok(())
 }
 
-/// Settings as a console line.
-fn line(values: &[(String, f64)]) -> String {
-    values.iter().fold("set".to_string(), |line, (name, value)| format!("{line} {name} {value:.6}"))
+/// Settings as console lines, as few as the board takes in one. A setting has single precision.
+fn lines(values: &[(String, f64)]) -> Vec<String> {
+    let line = |values: &[(String, f64)]| {
+        values.iter().fold("set".to_string(), |line, (name, value)| format!("{line} {name} {}", *value as f32))
+    };
+    values.chunks(SETTINGS_A_LINE).map(line).collect()
+}
+
+fn send(board: &mut impl Board, values: &[(String, f64)]) -> Result<(), BoardError> {
+    lines(values).iter().try_for_each(|line| board.command(line))
+}
+
+/// What some settings were before.
+fn before(settings: &Settings, changed: &[(String, f64)]) -> Vec<(String, f64)> {
+    let value = |name: &str| find(name.as_bytes()).map_or(0.0, |param| settings.get(param).into());
+    changed.iter().map(|(name, _)| (name.clone(), value(name))).collect()
 }
 
 /// Sets the range of the speed for a motor with this greatest speed, if the present one does not fit. A range that is
@@ -228,7 +240,7 @@ fn set_ranges(
     loop {
         let set = [(Param::SpeedRange, range), (Param::CompFrictionWidth, friction_width(range))]
             .map(|(param, value)| (setting_name(param), value));
-        match board.command(&line(&set)) {
+        match send(board, &set) {
             Err(BoardError::Refused { .. }) if 2.0 * range < present => range *= 2.0,
             done => return done.map(|()| set.into()),
         }
@@ -387,12 +399,6 @@ impl Arguments {
     fn reference_below(&self, reached_rad_per_s: f64) -> f64 {
         self.reference.unwrap_or_else(|| USUAL_RAD_PER_S.min(REACHED_SHARE * reached_rad_per_s))
     }
-}
-
-/// A setting as `NAME VALUE`.
-fn shown(settings: &Settings, name: &str) -> String {
-    let value = find(name.as_bytes()).map_or(0.0, |param| settings.get(param));
-    format!("{name} {value}")
 }
 
 /// Lets the bridge brake the motor, which may still turn from the experiment. That motion is no overshoot.
