@@ -433,11 +433,8 @@ fn interpret(
         selection = select::anew_from(&other, prior, &excluded, found, selection.steps, progress);
         data = other;
     }
-    let bad = bad_stretches::find(&data, &selection.last);
-    if !bad.is_empty() {
+    if let Some(rest) = bad_stretches::without(&data, prior, &selection.last) {
         progress("without a stretch that does not follow its command");
-        let mut rest = data.clone();
-        rest.leave_out_rows(&bad);
         let without = anew(&rest);
         if above_floor(&rest, &without.last) < NOT_NOISE {
             return (rest, without);
