@@ -34,7 +34,7 @@ use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::{NominalMotor, Rig};
-use motorbench_model::Model;
+use motorbench_model::{Drive, Model};
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
@@ -91,6 +91,11 @@ const RESISTANCE_OHM: &str = "resistance_ohm";
 /// Advice on constants that were found beside an unknown effect.
 const BESIDE_UNEXPLAINED: &str =
     "Until this is explained, all constants are approximate. Their intervals contain the noise, not the missing cause.";
+/// The constant without which an imposed current has no torque.
+const TORQUE_CONSTANT: &str = "torque_constant_Nm_per_A";
+/// Notes on an imposed current.
+const IMPOSED_CURRENT: &str = "No voltage was recorded, so the current is the input. Bridge and winding cannot be judged: record u_V or duty as well if they matter.";
+const IN_AMPERES: &str = "Without [motor] torque_constant_Nm_per_A in the rig file the scale of all torques is unknown: here 1 Nm stands for the torque of 1 A.";
 /// An error this many times the sensor's noise is reported, even if it is too small for a name.
 const REPORTED_ABOVE_NOISE: f64 = 1.5;
 
@@ -122,7 +127,7 @@ pub struct Diagnosis {
 /// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
-    let prior = Prior::new(&rig.motor, &data).with_bridge(&rig.bridge, &data);
+    let prior = Prior::new(&rig.nominal(), &data).with_bridge(&rig.bridge, &data);
     let mut interpret = interpret_trusted(data, &prior, &[], progress);
     let losses = interpret.random_losses();
     if let Some(losses) = losses {
@@ -148,8 +153,8 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     progress("what is missing");
     let bare = Model::linear(last.model.motor);
     let residuals = residuals(&data, &free_run(&bare, &data));
-    let places = [ActsOn::Torque, ActsOn::Voltage];
-    let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
+    let places = [ActsOn::Torque, ActsOn::Voltage].into_iter().filter(|place| data.axis.drive.shows(*place));
+    let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).collect();
     let everything = data.with_nothing_held_out();
     let opened = last.with_held_open(&everything);
     let outcome = Outcome::of(
@@ -377,8 +382,10 @@ fn interpret(
     progress: select::Progress,
 ) -> (Dataset, Selection) {
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
-    pwm_frequency::settle_at_first(&mut data, prior);
-    reading_phase::settle_at_first(&mut data, prior);
+    if data.axis.drive.is_voltage() {
+        pwm_frequency::settle_at_first(&mut data, prior);
+        reading_phase::settle_at_first(&mut data, prior);
+    }
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);
     for settle in SETTLED_IN_TURN {
@@ -392,6 +399,7 @@ fn interpret(
 /// Effects that do not show in these channels.
 fn excluded(data: &Dataset) -> Vec<&'static str> {
     let channels = Channels {
+        axis: data.axis,
         current: data.current().is_some(),
         speed: data.motion().output == Output::Speed,
         counts: data.origin.is_counted,
@@ -551,6 +559,7 @@ impl Outcome {
             (true, true) => Verdict::Unexplained,
         };
         let mut outcome = Self {
+            axis: data.axis,
             verdict,
             causes,
             unexplained,
@@ -617,8 +626,14 @@ impl Outcome {
             advice.push(BESIDE_UNEXPLAINED.into());
         }
         advice.extend(data.notes());
-        if data.current().is_none() {
+        if data.current().is_none() && data.axis.drive.is_voltage() {
             advice.push("Without the current, torque and voltage can hardly be told apart: record i_A as well.".into());
+        }
+        if data.axis.drive == Drive::Current {
+            advice.push(IMPOSED_CURRENT.into());
+            if self.parameters.get(TORQUE_CONSTANT).is_some_and(|constant| constant.nominal.is_none()) {
+                advice.push(IN_AMPERES.into());
+            }
         }
         let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
         if !(reverses(1.0) && reverses(-1.0)) {
@@ -715,9 +730,10 @@ fn constants(id: &str, model: &Model, intervals: &[Interval], corrections: &Corr
 
 fn parameters(found: &Found, nominal: &NominalMotor, corrections: &Corrections) -> BTreeMap<&'static str, Parameter> {
     let nominal = nominal.values();
-    let Found { model, intervals, scales, .. } = found;
+    let Found { model, intervals, scales, data, .. } = found;
     let named = model.motor.named().into_iter().enumerate();
     named
+        .filter(|(index, _)| data.axis.drive.has_constant(*index))
         .map(|(index, (name, value))| {
             let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
             let ci95 = interval.map_or([value, value], |interval| interval.ci95);
@@ -844,6 +860,7 @@ mod tests {
         let parameters = BTreeMap::from([("torque_constant_Nm_per_A", found)]);
         let causes = wrong_values(&parameters, 0.0);
         Outcome {
+            axis: motorbench_model::Axis::default(),
             verdict: Verdict::Explained,
             causes,
             unexplained: None,
