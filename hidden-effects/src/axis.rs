@@ -128,7 +128,8 @@ fn record(kind: AxisKind, truth: &AxisTruth, (most, fastest, count): (f64, f64, 
             }
             if step == 0 {
                 let read = command + noise.sample(random);
-                let _ = writeln!(csv, "{:.3},{read:.5},{:.7}", row as f64 * ROW_S, (shaft.angle / count).floor() * count);
+                let _ =
+                    writeln!(csv, "{:.3},{read:.5},{:.7}", row as f64 * ROW_S, (shaft.angle / count).floor() * count);
             }
             shaft.advance(command);
         }

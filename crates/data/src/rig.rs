@@ -643,7 +643,10 @@ mod tests {
         assert_eq!((nominal.inertia_kg_m2, nominal.torque_constant_nm_per_a), (Some(95.0), Some(20.0)));
         let message = |text: &str| Rig::parse("rig.toml", text).unwrap_err().to_string();
         let both = message("[axis]\nmotion = 'linear'\n[motor]\ninertia_kg_m2 = 1e-5\n");
-        assert!(both.contains("motor.inertia_kg_m2 is of a rotary axis") && both.contains("Give axis.mass_kg"), "{both}");
+        assert!(
+            both.contains("motor.inertia_kg_m2 is of a rotary axis") && both.contains("Give axis.mass_kg"),
+            "{both}"
+        );
         let other = message("[axis]\nmotion = 'rotary'\nmass_kg = 3\n");
         assert!(other.contains("Give motor.inertia_kg_m2"), "{other}");
         assert!(message("[axis]\nmotion = 'linea'\n").contains("line 2"));

@@ -18,7 +18,8 @@ pub enum Drive {
     Voltage,
     /// The current: its torque follows by the torque constant.
     Current,
-    /// The torque, or the force of a linear axis.
+    /// The torque, or the force of a linear axis, whose files say `force`.
+    #[serde(alias = "force")]
     Torque,
 }
 
@@ -91,7 +92,6 @@ impl Drive {
             Self::Current | Self::Torque => Input::Current(command),
         }
     }
-
 }
 
 impl Axis {

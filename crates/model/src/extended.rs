@@ -437,7 +437,7 @@ mod tests {
         let model = Model::linear(motor).with(effect("coulomb_friction").unwrap(), vec![20.4]);
         let axis = Axis { drive: Drive::Torque, motion: Motion::Linear };
         let text = model.to_toml_of(axis);
-        for part in ["mass_kg = 95.1", "viscous_friction_N_s_per_m = 203.5", "force_N = 20.4", "drive = \"torque\""] {
+        for part in ["mass_kg = 95.1", "viscous_friction_N_s_per_m = 203.5", "force_N = 20.4", "drive = \"force\""] {
             assert!(text.contains(part), "{text}");
         }
         assert!(!text.contains("ohm") && !text.contains("Nm"), "{text}");

@@ -2,9 +2,9 @@
 
 use super::dc_motor::Torques;
 use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, PeriodEnd, Plant, Pwm};
-use motorbench_model::{Input, LinearStep};
 use motorbench_model::catalogue::{ActsOn, Balance, DryLosses, Effect, Instant, Wave};
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Input, LinearStep};
 use motorbench_model::{Model, Term};
 
 /// Longest step; shorter ones are taken as they come.

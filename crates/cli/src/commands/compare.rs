@@ -1,8 +1,8 @@
 //! `motorbench compare`: two recordings, two models, or a recording and a model.
 
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, parsed_model, plot_file, provenance, read_model, read_recording, rig_file, rig_for, write,
-    write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, parsed_model, plot_file, provenance, read_model, read_recording,
+    rig_file, rig_for, write, write_json, write_plot,
 };
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};

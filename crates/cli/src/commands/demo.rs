@@ -26,9 +26,9 @@ use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
 #[cfg(feature = "chip")]
 use motorbench_link::board::{Board, BoardError, untripped};
 use motorbench_link::record::missing_ticks;
-use motorbench_model::{Drive, Model};
 use motorbench_model::catalogue::{Effect, Scales, effect};
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Drive, Model};
 use motorbench_report::diagnosis_page::{self as report, Besides};
 use motorbench_report::diagnosis_text as page;
 use motorbench_report::web_page::{Provenance, lines};

@@ -2,8 +2,8 @@
 
 use super::recordings::RecordingArguments;
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, next_with_model, provenance, read_recording, rig_beside, rig_file, rig_for,
-    spinner, tell, write, write_json, write_model,
+    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, next_with_model, provenance, read_recording, rig_beside,
+    rig_file, rig_for, spinner, tell, write, write_json, write_model,
 };
 use clap::Args;
 use motorbench_data::recording::Recording;

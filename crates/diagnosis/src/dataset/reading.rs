@@ -172,7 +172,9 @@ impl Dataset {
         };
         let angle = match (recording.get(Channel::Angle), counts, rig.encoder.counts_per_rev) {
             // A position has no turn after which it could begin again.
-            (None, _, _) if recording.get(Channel::Position).is_some() => recording.get(Channel::Position).map(<[f64]>::to_vec),
+            (None, _, _) if recording.get(Channel::Position).is_some() => {
+                recording.get(Channel::Position).map(<[f64]>::to_vec)
+            }
             (Some(angle), _, _) => Some(turns::angle_rad(time_s, angle).map_err(too_fast(Channel::Angle))?),
             (None, Some(counts), Some(per_rev)) => {
                 let counts = turns::counts(time_s, counts, per_rev).map_err(too_fast(Channel::Counts))?;
@@ -360,8 +362,12 @@ fn axis(recording: &Recording, rig: &Rig) -> Result<Axis, DatasetError> {
         (Some(rotary), Some(linear), _) => {
             return Err(DatasetError::TwoMotions(name(), rotary.column(), linear.column()));
         }
-        (Some(channel), None, Some(Motion::Linear)) => return Err(DatasetError::OtherMotion(name(), channel.column(), "linear")),
-        (None, Some(channel), Some(Motion::Rotary)) => return Err(DatasetError::OtherMotion(name(), channel.column(), "rotary")),
+        (Some(channel), None, Some(Motion::Linear)) => {
+            return Err(DatasetError::OtherMotion(name(), channel.column(), "linear"));
+        }
+        (None, Some(channel), Some(Motion::Rotary)) => {
+            return Err(DatasetError::OtherMotion(name(), channel.column(), "rotary"));
+        }
         (_, Some(_), _) => Motion::Linear,
         (_, None, stated) => stated.unwrap_or_default(),
     };

@@ -6,7 +6,7 @@ use super::judge::{NOT_NOISE, above_floor};
 use crate::dataset::{Dataset, LONG_ROW};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
-use motorbench_model::Model;
+use motorbench_model::{Drive, Model};
 
 /// At shorter row intervals commands are hardly missing, unless a row is missing...
 const SHORTEST_ROW_S: f64 = 1.5e-3;
@@ -31,7 +31,8 @@ const CLOSER: f64 = 0.98;
 
 /// Estimates when the commands changed, if that explains most of the rest. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    if above_floor(data, found) < NOT_NOISE {
+    // A measured current is no command.
+    if above_floor(data, found) < NOT_NOISE || data.axis.drive == Drive::Current {
         return false;
     }
     let is_refined = data.has_moments();

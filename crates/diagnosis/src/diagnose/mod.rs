@@ -34,11 +34,11 @@ use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::{NominalMotor, Rig};
-use motorbench_model::{Drive, Model};
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::{Quantity, Unit};
+use motorbench_model::{Drive, Model};
 use motorbench_text::terminal_text::short;
 use outcome::{
     Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, ScaleOrigin, Unexplained, Verdict, confidence,

@@ -6,9 +6,9 @@
 
 use super::{Place, Unknown, dot, prior_cost};
 use crate::dataset::Dataset;
-use motorbench_model::{Drive, Model};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::Quantity;
+use motorbench_model::{Drive, Model};
 
 /// Golden section.
 const SECTION: f64 = 0.618_033_988_749_895;

@@ -1,8 +1,8 @@
 //! How a diagnosis searches for an effect: starts for its constants, and what else may explain the same data.
 
 use super::Effect;
-use crate::axis::{Axis, Drive};
 use crate::Term;
+use crate::axis::{Axis, Drive};
 use crate::motor::MotorParameters;
 
 /// What a recording has, for the effects that need it to be seen.
