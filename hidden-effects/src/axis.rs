@@ -111,7 +111,7 @@ fn record(kind: AxisKind, truth: &AxisTruth, (most, fastest, count): (f64, f64, 
     let noise = noise.expect("a deviation that is a number");
     // The loop of a current drive is much faster than its log; a force is asked for once a row.
     let steps_in_a_tick = if kind == AxisKind::RotaryCurrent { 5 } else { STEPS_IN_A_ROW };
-    let gain = 0.4 * most / fastest * 4.0;
+    let gain = 1.6 * most / fastest;
     let (mut reference, mut sum, mut command) = (0.0, 0.0, 0.0);
     let rows = (LENGTH_S / ROW_S) as usize;
     for row in 0..rows {

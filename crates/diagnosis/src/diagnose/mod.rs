@@ -545,13 +545,12 @@ impl Outcome {
         let parameters = parameters(found, &prior.nominal, &corrections);
         causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
-        if unexplained.is_none() {
-            // An unexplained effect biases the constants as well.
-            let shows = |cause: &Cause| {
-                !is_of_the_reading(&cause.effect, data, model) && !is_between_rows(&cause.effect, data, &model.motor)
-            };
-            causes.extend(wrong_values(&parameters, bridge_ohm(data, model)).into_iter().filter(shows));
-        }
+        let mut wrong = wrong_values(&parameters, bridge_ohm(data, model));
+        wrong.retain(|cause| !is_between_rows(&cause.effect, data, &model.motor));
+        // An unexplained effect biases the constants as well.
+        let is_a_cause = |cause: &Cause| unexplained.is_none() && !is_of_the_reading(&cause.effect, data, model);
+        let (wrong, contradicted): (Vec<Cause>, Vec<Cause>) = wrong.into_iter().partition(is_a_cause);
+        causes.extend(wrong);
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
             (true, false) => Verdict::Sufficient,
             (false, false) => Verdict::Explained,
@@ -569,10 +568,37 @@ impl Outcome {
             advice: Vec::new(),
         };
         outcome.advice = outcome.advice(data);
+        let contradictions = contradicted.iter().filter_map(|cause| outcome.contradiction(cause, &model.motor));
+        let contradictions: Vec<String> = contradictions.collect();
+        outcome.advice.extend(contradictions);
         outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
         outcome.advice.extend(hidden_drop.map(|drop| drop.note()));
         outcome
+    }
+
+    /// Note on a nominal value that the constants contradict, where another reason is more likely than a wrong value.
+    fn contradiction(&self, cause: &Cause, motor: &MotorParameters) -> Option<String> {
+        let (name, found) = cause.parameters.iter().next()?;
+        let nominal = self.parameters.get(name.as_str())?.nominal?;
+        let [low, high] = found.ci95?;
+        let likelier = match self.unexplained {
+            Some(_) => "More likely what has no name bends it.".to_owned(),
+            None => "More likely it is of the reading: a filter, a window or a delay that the rig file does not state."
+                .to_owned(),
+        };
+        let of_winding = (cause.effect == INDUCTANCE).then(|| {
+            let milliseconds = 1e3 * TimeConstants::of(motor).electromagnetic_s;
+            format!(" It would be a winding of {} ms, which a filter or a delay resembles.", short(milliseconds))
+        });
+        Some(format!(
+            "{name} = {} [{}, {}] contradicts the {} of the rig file. {likelier}{} Do not correct the rig file by it.",
+            short(found.value),
+            short(low),
+            short(high),
+            short(nominal),
+            of_winding.unwrap_or_default()
+        ))
     }
 
     /// Note on an error above the noise that is too small for a name.
@@ -900,6 +926,22 @@ mod tests {
             assert!(low <= ci95[0] && ci95[1] <= high, "{value}: {low} {high}");
         }
         assert_eq!(widened(0.01, [0.0, 0.02])[0], 0.0, "the interval of a constant without a sign ends at zero");
+    }
+
+    /// Beside an unexplained rest a value is no cause, but it is not passed over either.
+    #[test]
+    fn a_contradicted_value_is_told_where_it_is_no_cause() {
+        let mut outcome = with_torque_constant(1.0);
+        let found = Parameter { nominal: Some(3e-3), value: 11e-3, ci95: [9e-3, 13e-3], scale: ScaleOrigin::Measured };
+        outcome.parameters.insert("inductance_H", found);
+        outcome.unexplained =
+            Some(Unexplained { acts_on: ActsOn::Torque, depends_on: NOTHING_SEEN.into(), share: 0.9 });
+        let wrong = wrong_values(&outcome.parameters, 0.0);
+        let motor = MotorParameters { resistance_ohm: 2.5, inductance_h: 11e-3, ..MotorParameters::PIVT6 };
+        let [wrong] = &wrong[..] else { panic!("{wrong:?}") };
+        let told = outcome.contradiction(wrong, &motor).unwrap();
+        assert!(told.starts_with("inductance_H = 0.0110 [0.00900, 0.0130] contradicts the 0.00300"), "{told}");
+        assert!(told.contains("what has no name bends it") && told.contains("a winding of 4.40 ms"), "{told}");
     }
 
     /// A bridge of transistors adds its slope to the winding's resistance.
