@@ -34,6 +34,8 @@ pub use held_rotor::HeldRotor;
 pub use origin::Origin;
 pub use speed_window::Window;
 
+/// A part of a stretch with fewer rows is left out as well.
+const LEAST_ROWS_LEFT: usize = 20;
 /// Shorter stretches are not used.
 const SHORTEST_STRETCH: usize = 20;
 /// A shorter recording shows few causes, and hardly separates them.
@@ -392,6 +394,29 @@ impl Dataset {
         });
         let busiest = parts.max_by(|one, other| changes(&one.rows).total_cmp(&changes(&other.rows)));
         Self { stretches: busiest.into_iter().collect(), ..self.clone() }
+    }
+
+    /// Leaves out rows that do not follow their command. The simulation begins anew behind them, with what is measured
+    /// there.
+    pub fn leave_out_rows(&mut self, rows: Range<usize>) {
+        for measured in &mut self.measured {
+            measured.values[rows.clone()].fill(f64::NAN);
+        }
+        let parts = |stretch: &Stretch| {
+            let before = stretch.rows.start..stretch.rows.end.min(rows.start);
+            let after = stretch.rows.start.max(rows.end)..stretch.rows.end;
+            let long = [before, after].into_iter().filter(|rows| rows.len() > LEAST_ROWS_LEFT);
+            long.map(|rows| Stretch { rows, ..stretch.clone() }).collect::<Vec<_>>()
+        };
+        self.stretches = self.stretches.iter().flat_map(parts).collect();
+        self.origin.left_out.push(rows);
+        self.origin.left_out.sort_by_key(|rows| rows.start);
+        // Rows between two of them that are too few went as well.
+        self.origin.left_out.dedup_by(|next, last| {
+            let adjoins = next.start <= last.end + LEAST_ROWS_LEFT;
+            last.end = if adjoins { next.end.max(last.end) } else { last.end };
+            adjoins
+        });
     }
 
     /// Total length of all stretches.
