@@ -26,9 +26,9 @@ use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
 #[cfg(feature = "chip")]
 use motorbench_link::board::{Board, BoardError, untripped};
 use motorbench_link::record::missing_ticks;
-use motorbench_model::Model;
 use motorbench_model::catalogue::{Effect, Scales, effect};
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Drive, Model};
 use motorbench_report::diagnosis_page::{self as report, Besides};
 use motorbench_report::diagnosis_text as page;
 use motorbench_report::web_page::{Provenance, lines};
@@ -231,6 +231,7 @@ fn draw(random: &mut ChaCha8Rng) -> Model {
         viscous_friction_nm_s: about(pivt6.viscous_friction_nm_s),
     };
     let scales = Scales {
+        drive: Drive::Voltage,
         motor,
         voltage_v: SUPPLY_V,
         speed_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,
