@@ -33,6 +33,8 @@ pub use held_rotor::HeldRotor;
 pub use origin::Origin;
 pub use speed_window::Window;
 
+/// A part of a stretch with fewer rows is left out as well.
+const LEAST_ROWS_LEFT: usize = 20;
 /// Shorter stretches are not used.
 const SHORTEST_STRETCH: usize = 20;
 /// A shorter recording shows few causes, and hardly separates them.
@@ -382,6 +384,28 @@ impl Dataset {
         });
         let busiest = parts.max_by(|one, other| changes(&one.rows).total_cmp(&changes(&other.rows)));
         Self { stretches: busiest.into_iter().collect(), ..self.clone() }
+    }
+
+    /// Leaves out rows that do not follow their command. The simulation begins anew behind them, with what is measured
+    /// there.
+    pub fn leave_out_rows(&mut self, left_out: &[Range<usize>]) {
+        for rows in left_out {
+            for measured in &mut self.measured {
+                measured.values[rows.clone()].fill(f64::NAN);
+            }
+            let parts = |stretch: &Stretch| {
+                let before = stretch.rows.start..stretch.rows.end.min(rows.start);
+                let after = stretch.rows.start.max(rows.end)..stretch.rows.end;
+                let long = |rows: &Range<usize>| rows.len() > LEAST_ROWS_LEFT;
+                [before, after]
+                    .into_iter()
+                    .filter(long)
+                    .map(|rows| Stretch { rows, ..stretch.clone() })
+                    .collect::<Vec<_>>()
+            };
+            self.stretches = self.stretches.iter().flat_map(parts).collect();
+            self.origin.left_out_s.push([rows.start, rows.end - 1].map(|row| self.time_s[row]));
+        }
     }
 
     /// Total length of all stretches.

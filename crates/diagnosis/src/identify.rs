@@ -388,7 +388,12 @@ fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
     let Parameter { min, max, slow, default, most_of_speed, .. } = term.effect.about().parameters[index];
     let longest = if slow { SLOWEST * scales.duration_s } else { f64::INFINITY };
     // 0 would be another law.
-    let min = if default == Some(0.0) { LEAST_OF_START * term.values[index] } else { min };
+    let nearest = LEAST_OF_START * term.values[index];
+    let (min, max) = match default {
+        Some(0.0) if nearest < 0.0 => (min, nearest),
+        Some(0.0) => (nearest, max),
+        _ => (min, max),
+    };
     let fastest = most_of_speed * scales.no_load_rad_per_s();
     event_bounds(term.effect, index, scales).unwrap_or((min, max.min(longest).min(fastest).max(min)))
 }
@@ -670,6 +675,30 @@ impl Fit {
     /// Residuals of one measured quantity, measured minus simulated, missing ones as NaN.
     pub fn residual_of(&self, data: &Dataset, output: usize) -> Vec<f64> {
         data.measured[output].values.iter().zip(&self.prediction[output]).map(|(y, p)| y - p).collect()
+    }
+
+    /// Number of residuals, less what their correlation within the shorter blocks takes.
+    pub fn independent_residuals(&self, data: &Dataset) -> f64 {
+        let block = (BLOCKS_S[0] / data.interval_s).max(1.0) as usize;
+        let blocks = self.residual.chunks(data.len()).flat_map(|output| output.chunks(block));
+        let of_sums: f64 = blocks.map(|block| block.iter().sum::<f64>().powi(2)).sum();
+        let correlation = of_sums / square(&self.residual).max(f64::MIN_POSITIVE);
+        self.used() as f64 / correlation.max(1.0)
+    }
+
+    /// Number of residuals that it used.
+    pub fn used(&self) -> usize {
+        self.residual.iter().filter(|residual| **residual != 0.0).count()
+    }
+
+    /// Whether a fitted constant of a term is at the end of its range, where its law becomes another one or makes no
+    /// sense.
+    pub fn is_at_a_bound(&self, term: usize) -> bool {
+        let at_a_bound = |unknown: &Unknown| {
+            let value = unknown.get(&self.model) * unknown.size;
+            matches!(unknown.place, Place::Term(of, _) if of == term) && (value <= unknown.min || value >= unknown.max)
+        };
+        self.unknowns.iter().any(at_a_bound)
     }
 
     /// Covariance of the coordinates that holds for residuals correlated within a block.

@@ -54,6 +54,11 @@ impl Dataset {
                 self.motion().output.channel(), short(value), 100.0 * rows as f64 / self.len() as f64
             ));
         }
+        for [from_s, to_s] in &self.origin.left_out_s {
+            notes.push(format!(
+                "From {from_s:.2} s to {to_s:.2} s the motion does not follow its command, so these rows are left out. Everything else is explained without them. Did the program pause there, or did something touch the shaft?"
+            ));
+        }
         if self.origin.impossible > 0 {
             notes.push(format!(
                 "{} rows are left out: each has a speed that no shaft can have for a single row. Lines may be garbled.",

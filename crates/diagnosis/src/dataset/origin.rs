@@ -29,6 +29,8 @@ pub struct Origin {
     pub read_in_stops: Vec<(usize, f64)>,
     /// Number of rows left out because no shaft can have their speed.
     pub impossible: usize,
+    /// Begin and end of stretches that do not follow their command and are left out.
+    pub left_out_s: Vec<[f64; 2]>,
     /// How the files were read, where that is not plain.
     pub reading: Vec<String>,
     /// Number of rows left out because their time is missing.
@@ -71,6 +73,7 @@ impl Origin {
             is_counted: rig.encoder.counts_per_rev.is_some(),
             contradictions: contradictions(recording, rig),
             empty: recording.empty.clone(),
+            left_out_s: Vec::new(),
             reading: recording.notes.clone(),
             without_time: recording.without_time,
             ..Self::default()

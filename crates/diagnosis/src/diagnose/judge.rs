@@ -64,6 +64,14 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
     }
 }
 
+/// Evidence for `after` over `before` in natural units (Schwarz, Annals of Statistics 6 (1978)): of the costs of two fits to
+/// the same data, with the number of independent residuals and a price for each further constant.
+pub(super) fn evidence_nats(data: &Dataset, before: &Fit, after: &Fit) -> f64 {
+    let independent = after.independent_residuals(data);
+    let further = after.moved() as f64 - before.moved() as f64;
+    0.5 * independent * (before.cost / after.cost).ln() - 0.5 * further * independent.ln()
+}
+
 /// Gain over its standard error for several parts of the data together.
 pub fn sigmas_together(parts: &[Gain]) -> f64 {
     let total: f64 = parts.iter().map(|part| part.sigmas * part.error).sum();

@@ -8,6 +8,7 @@
 //!    most likely ([`missing`]).
 //! 4. The reported constants are fitted once more to all the data.
 
+mod bad_stretches;
 mod command_times;
 mod counter_stops;
 mod current_window;
@@ -15,6 +16,7 @@ mod data_sheet;
 pub mod determined;
 mod hidden_drop;
 pub mod judge;
+mod laws;
 pub mod missing;
 pub mod outcome;
 mod pwm_frequency;
@@ -28,7 +30,7 @@ mod unseen_losses;
 
 use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE, greatest};
 use crate::free_run::{Prediction, free_run};
-use crate::identify::{Effort, Fit, Interval, Place, Prior, Uncertainty, Z95, fit};
+use crate::identify::{Effort, Fit, Interval, Place, Prior, Uncertainty, Z95, fit, has_unknown_torque_scale};
 use determined::AllDetermined;
 use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
@@ -64,7 +66,8 @@ const LEAST_OF_ANY_COURSE: f64 = 20.0;
 /// The multiple for a fault of a sensor beside a rest below the threshold. There the law of a torque may differ from
 /// the named one, and a sensor's fault would absorb the difference. Right names had three and more, wrong ones one.
 const LEAST_OF_SMALL_REST: f64 = 2.0;
-/// With this evidence an effect is real, though its strength may be unknown. Right names had more, wrong names less.
+/// With this evidence an effect is real, though its strength may be unknown: the data may lack the scale that it is
+/// proportional to, such as that of all torques. Right names had more, wrong names less.
 const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
 /// Tolerance of a data sheet: logarithm of found over nominal.
 pub const DATA_SHEET_TOLERANCE: f64 = 0.25;
@@ -132,10 +135,10 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     let hidden_drop = HiddenDrop::of(&interpret.data, &prior, &rig.bridge, &interpret.selection.last);
     if let Some(drop) = hidden_drop {
         progress("behind a drop that the data do not show");
-        interpret = interpret_trusted(drop.before(&interpret.data), &prior, &[], progress);
+        interpret = interpret.behind(drop, &prior, progress);
     }
     let (scale, interpret) = with_corrected_scale(interpret, &prior, progress);
-    let Interpretation { data, selection, fullest, last } = interpret;
+    let Interpretation { data, selection, fullest, last, by_other_laws } = interpret;
     let motion = data.motion_index();
     let fit_percent = judge::fit_percent(&data, &selection.last.prediction, motion);
     if fit_percent < LEAST_FIT_PERCENT && above_floor(&data, &selection.last) < NOT_NOISE {
@@ -156,7 +159,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
         &data,
         &prior,
         (&selection, &fullest),
-        &Found::of(&opened, last.moved(), &everything, &prior),
+        &Found::of(&opened, last.moved(), &everything, &prior).or_by(&by_other_laws),
         Corrections {
             losses,
             scale,
@@ -197,6 +200,17 @@ impl<'a> Found<'a> {
         intervals.truncate(moved);
         let scales = determined::scales(&uncertainty, data, &prior.nominal);
         Self { model: &opened.model, intervals, uncertainty, scales, data }
+    }
+
+    /// The intervals contain what other laws that explain as much make of the constants.
+    fn or_by(mut self, other_laws: &[Vec<Interval>]) -> Self {
+        for interval in &mut self.intervals {
+            let by_another = |other: &&Interval| other.place == interval.place;
+            for other in other_laws.iter().flatten().filter(by_another).collect::<Vec<_>>() {
+                interval.ci95 = [interval.ci95[0].min(other.ci95[0]), interval.ci95[1].max(other.ci95[1])];
+            }
+        }
+        self
     }
 
     fn determined(&self, corrections: &Corrections) -> AllDetermined {
@@ -267,9 +281,32 @@ struct Interpretation {
     fullest: Fit,
     /// The model with the trusted effects alone, fitted to all data.
     last: Fit,
+    /// Intervals of its constants by other laws of the same effects that explain as much.
+    by_other_laws: Vec<Vec<Interval>>,
 }
 
 impl Interpretation {
+    /// With the laws that all the data suggest.
+    fn settled(data: Dataset, prior: &Prior, mut selection: Selection, fullest: Fit, last: Fit) -> Self {
+        let found = last.cost;
+        let laws::Settled { best: last, others: by_other_laws } =
+            laws::settle(last, &data.with_nothing_held_out(), prior);
+        if last.cost != found {
+            selection.last = fit(&last.model, &data, prior, Effort::AGAIN);
+        }
+        Self { data, selection, fullest, last, by_other_laws }
+    }
+
+    /// The same behind a drop that the data do not show. It scales the voltage, so the same effects act.
+    fn behind(self, drop: HiddenDrop, prior: &Prior, progress: select::Progress) -> Self {
+        let data = drop.before(&self.data);
+        let refit = |found: &Fit, data: &Dataset| fit(&found.model, data, prior, Effort::FULL);
+        let [last, fullest] = [&self.selection.last, &self.fullest].map(|found| refit(found, &data));
+        let selection = select::anew_from(&data, prior, &excluded(&data), last, self.selection.steps, progress);
+        let last = refit(&selection.last, &data.with_nothing_held_out());
+        Self::settled(data, prior, selection, fullest, last)
+    }
+
     /// A constant share of lost counts, where no other effect explains lost counts.
     fn random_losses(&self) -> Option<RandomLosses> {
         let Self { data, selection, .. } = self;
@@ -327,13 +364,17 @@ fn interpret_trusted(
     loop {
         let last = fit(&selection.last.model, &everything, prior, Effort::FULL);
         let intervals = last.uncertainty(&everything).intervals();
-        let nothing = |standing: &Standing| may_be_nothing(standing, &last.model, &intervals);
+        let is_scale_unknown = has_unknown_torque_scale(&everything);
+        let nothing = |standing: &Standing| {
+            let is_real = is_scale_unknown || standing.gain.sigmas > BEYOND_DOUBT_SIGMAS;
+            !(is_of_a_scale(standing.id) && is_real) && may_be_nothing(standing, &last.model, &intervals)
+        };
         match selection.standings.iter().position(nothing) {
             Some(index) => match selection.standings[index].id {
                 id if is_of_a_scale(id) => remove_effect(&seen, prior, &mut selection, index),
                 id => return interpret_trusted(data, prior, &[excluded_ids, &[id]].concat(), progress),
             },
-            None => return Interpretation { data: seen, selection, fullest, last },
+            None => return Interpretation::settled(seen, prior, selection, fullest, last),
         }
     }
 }
@@ -386,7 +427,38 @@ fn interpret(
             selection = anew(&data);
         }
     }
+    if let Some((other, found)) = with_another_part_held_out(&data, prior, &selection) {
+        progress("with another part held out");
+        let excluded = [&excluded(&other), excluded_ids].concat();
+        selection = select::anew_from(&other, prior, &excluded, found, selection.steps, progress);
+        data = other;
+    }
+    let bad = bad_stretches::find(&data, &selection.last);
+    if !bad.is_empty() {
+        progress("without a stretch that does not follow its command");
+        let mut rest = data.clone();
+        rest.leave_out_rows(&bad);
+        let without = anew(&rest);
+        if above_floor(&rest, &without.last) < NOT_NOISE {
+            return (rest, without);
+        }
+    }
     (data, selection)
+}
+
+/// What happens once, such as the moment at which a shaft breaks loose, is not known to a fit without the part that has it.
+/// If the seen data are explained and the held-out ones are not, another part is held out, where that one is explained.
+fn with_another_part_held_out(data: &Dataset, prior: &Prior, selection: &Selection) -> Option<(Dataset, Fit)> {
+    let widest = &selection.widest;
+    let is_seen_explained = widest.cost < NOT_NOISE.powi(2) * widest.used() as f64;
+    if above_floor(data, &selection.last) < NOT_NOISE || !is_seen_explained {
+        return None;
+    }
+    let anew = |other: Dataset| {
+        let found = fit(&widest.model, &other, prior, Effort::AGAIN);
+        (other, found)
+    };
+    data.with_others_held_out().map(anew).find(|(other, found)| above_floor(other, found) < NOT_NOISE)
 }
 
 /// Effects that do not show in these channels.
@@ -478,8 +550,7 @@ impl Rest {
     }
 }
 
-/// Whether the interval of an effect's strength contains zero. It does not count if the data only lack the scale that
-/// the strength is proportional to, such as that of all torques: then the effect itself is beyond doubt.
+/// Whether the interval of an effect's strength contains zero.
 fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) -> bool {
     let Some(index) = model.terms.iter().position(|term| term.id() == standing.id) else { return false };
     let effect = model.terms[index].effect;
@@ -494,8 +565,7 @@ fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) ->
         let mut known = intervals.iter().filter_map(|interval| holds_nothing(interval, &group)).peekable();
         known.peek().is_some() && known.all(|holds_nothing| holds_nothing)
     };
-    !(is_of_a_scale(standing.id) && standing.gain.sigmas > BEYOND_DOUBT_SIGMAS)
-        && effect.about().strengths().into_iter().any(may_be_nothing)
+    effect.about().strengths().into_iter().any(may_be_nothing)
 }
 
 /// Whether an effect is proportional to its strength.

@@ -6,7 +6,7 @@ mod forward;
 mod winding;
 
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
-use super::judge::{Gain, NOT_NOISE, above_floor, gain};
+use super::judge::{AS_GOOD, Gain, NOT_NOISE, above_floor, gain};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
@@ -15,6 +15,7 @@ use forward::Lead;
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{CATALOGUE, Effect};
 use motorbench_model::{Model, Term};
+use std::collections::BTreeSet;
 
 /// Largest number of effects.
 const MOST_EFFECTS: usize = 7;
@@ -27,7 +28,9 @@ const SAME_SIGMAS: f64 = 2.5;
 const SAME_SHARE: f64 = 0.02;
 /// Another law of an effect, or a rival, is fitted further if its cost so far is at most this multiple of the present
 /// one.
-const NEAR: f64 = 10.0;
+pub(super) const NEAR: f64 = 10.0;
+/// Up to this multiple of the noise floor a rest may come from the simplifications of the laws.
+const SMALL_REST: f64 = 2.0;
 
 /// A step from one model to a larger one.
 #[derive(Clone, Debug)]
@@ -65,6 +68,8 @@ pub struct Selection {
     pub base: Fit,
     /// What was added in turn.
     pub steps: Vec<Step>,
+    /// The model with every effect that was added.
+    pub widest: Fit,
     /// The model with every effect that passed.
     pub last: Fit,
     /// The evidence for each of its effects.
@@ -82,24 +87,41 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     progress("linear motor");
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let chooser = Chooser { data, prior, excluded, progress };
-    let mut way = chooser.way(&base);
-    if let Some(of_any_course) = chooser.of_any_course(&way.0) {
-        progress("without what follows any course");
-        let without = [excluded, &[of_any_course]].concat();
-        way = chooser.better(way, Chooser { excluded: &without, ..chooser }.way(&base));
+    let way = chooser.best_way(&base);
+    let was_doubtful = chooser.is_doubtful(&way.0);
+    let mut chosen = chooser.finished(way);
+    // What only many effects together explain may lose them one by one.
+    if !was_doubtful && chooser.is_doubtful(&chosen.last) {
+        let other = chooser.finished(chooser.way_from_usual(&base));
+        let key = |choice: &Choice| (chooser.doubts(&choice.last), choice.last.cost);
+        if key(&other) < key(&chosen) {
+            chosen = other;
+        }
     }
-    if chooser.is_implausible(&way.0)
-        && let Some(other) = chooser.beside_nominal(&way.0)
-    {
-        let step = Step::new(&way.0, &other, chooser.gain(&way.0, &other));
-        let steps = [&way.1[..], &[step]].concat();
-        way = chooser.better(way, (other, steps));
-    }
-    let (mut last, steps) = way;
-    progress("to the end");
-    last = chooser.replace_excessive_inductance(chooser.to_the_end(last));
-    let (last, standings) = chooser.backward(last);
-    Selection { base, steps, last, standings }
+    let Choice { steps, widest, last, standings } = chosen;
+    Selection { base, steps, widest, last, standings }
+}
+
+/// The evidence for the effects of a model that was selected from other data.
+pub fn anew_from(
+    data: &Dataset,
+    prior: &Prior,
+    excluded: &[&str],
+    found: Fit,
+    steps: Vec<Step>,
+    progress: Progress,
+) -> Selection {
+    let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
+    let (last, standings) = Chooser { data, prior, excluded, progress }.backward(found.clone());
+    Selection { base, steps, widest: found, last, standings }
+}
+
+/// A way to its end, with the effects that have evidence of their own.
+struct Choice {
+    steps: Vec<Step>,
+    widest: Fit,
+    last: Fit,
+    standings: Vec<Standing>,
 }
 
 struct Chooser<'a> {
@@ -110,19 +132,76 @@ struct Chooser<'a> {
 }
 
 impl Chooser<'_> {
+    /// The best way from the linear fit to a model without doubts.
+    fn best_way(&self, base: &Fit) -> Way {
+        let mut way = self.way(base);
+        if let Some(of_any_course) = self.of_any_course(&way.0) {
+            (self.progress)("without what follows any course");
+            let without = [self.excluded, &[of_any_course]].concat();
+            way = self.better(way, Chooser { excluded: &without, ..*self }.way(base));
+        }
+        if self.is_implausible(&way.0)
+            && let Some(other) = self.beside_nominal(&way.0)
+        {
+            let step = Step::new(&way.0, &other, self.gain(&way.0, &other));
+            let steps = [&way.1[..], &[step]].concat();
+            way = self.better(way, (other, steps));
+        }
+        way
+    }
+
+    fn finished(&self, (found, steps): Way) -> Choice {
+        (self.progress)("to the end");
+        let widest = self.replace_excessive_inductance(self.to_the_end(found));
+        let (last, standings) = self.backward(widest.clone());
+        Choice { steps, widest, last, standings }
+    }
+
     /// Adds significant effects to the linear fit. If doubts remain, it also tries other ways and takes the best.
     fn way(&self, base: &Fit) -> Way {
-        let is_doubtful = |(fit, _): &Way| self.doubts(fit) != ([false; 2], false);
         let mut way = self.forward(base.clone(), Vec::new(), Lead::Significance);
-        if is_doubtful(&way) {
-            way = self.better(way, self.forward(base.clone(), Vec::new(), Lead::Cost));
+        if self.is_doubtful(&way.0) {
+            let usual = self.way_from_usual(base);
+            let agree = self.agree(&way.0, &usual.0);
+            // Otherwise the rig file's motor is no good start: its values may be wrong.
+            let is_no_start = usual.0.cost > way.0.cost;
+            way = self.better(way, usual);
+            if agree {
+                return way;
+            }
+            if is_no_start && self.is_doubtful(&way.0) {
+                way = self.better(way, self.forward(base.clone(), Vec::new(), Lead::Cost));
+            }
         }
-        if is_doubtful(&way)
+        if self.is_doubtful(&way.0)
             && let Some((anew, step)) = self.anew(base)
         {
             way = self.better(way, self.forward(anew, vec![step], Lead::Significance));
         }
         way
+    }
+
+    /// From the rig file's motor with the usual effects: a linear fit to a gap, a delay or a ramp puts them into its
+    /// constants, and does not come back.
+    fn way_from_usual(&self, base: &Fit) -> Way {
+        (self.progress)("from the motor of the rig file");
+        let model = self.with_usual(Model::linear(self.prior.motor), &scales(&self.prior.motor, self.data));
+        let usual = fit(&model, self.data, self.prior, Effort::AGAIN);
+        let step = Step::new(base, &usual, self.gain(base, &usual));
+        self.forward(usual, vec![step], Lead::Cost)
+    }
+
+    /// Whether two ways from far apart end with the same effects and nearly the same small rest: a third one hardly ends
+    /// with less.
+    fn agree(&self, one: &Fit, other: &Fit) -> bool {
+        let names = |fit: &Fit| fit.model.terms.iter().map(Term::id).collect::<BTreeSet<_>>();
+        names(one) == names(other)
+            && one.cost.max(other.cost) < AS_GOOD * one.cost.min(other.cost)
+            && above_floor(self.data, one) < SMALL_REST
+    }
+
+    fn is_doubtful(&self, fit: &Fit) -> bool {
+        self.doubts(fit) != ([false; 2], false)
     }
 
     fn better(&self, way: Way, other: Way) -> Way {

@@ -180,6 +180,9 @@ pub struct About {
     pub fits_any_course: bool,
     /// Whether it has events, such as blows. Other constants move them in time, so that readings change by leaps.
     pub has_events: bool,
+    /// Whether it acts where a resting shaft breaks loose. It moves the begin of the motion, which a linear response does not
+    /// show.
+    pub acts_at_breakaway: bool,
     /// Whether the linear motor fitted without it is useless as a start. The fit then starts from the nominal motor as well.
     pub changes_everything: bool,
     /// Whether it describes how the bridge is switched. A plant whose bridge is switched does not need it.
@@ -213,6 +216,7 @@ impl About {
         responds_linearly: false,
         fits_any_course: false,
         has_events: false,
+        acts_at_breakaway: false,
         changes_everything: false,
         is_of_switching: false,
         is_slow_resistance: false,

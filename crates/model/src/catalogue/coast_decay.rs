@@ -67,7 +67,7 @@ impl Law for CoastDecay {
             return;
         }
         let recovered_v = at.supply_v + 2.0 * DIODE_V;
-        balance.off_excess_v += values[0] * (recovered_v - balance.dry_drop_v);
+        balance.off_excess_v = values[0] * (recovered_v - balance.dry_drop_v);
     }
 }
 

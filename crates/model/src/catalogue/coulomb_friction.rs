@@ -62,4 +62,10 @@ impl Search for CoulombFriction {
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         vec![vec![0.03 * scales.stall_torque_nm()]]
     }
+
+    /// A drop takes what this torque needs of the voltage.
+    fn takes_over(&self, rival: &str, values: &[f64], Scales { motor, .. }: &Scales) -> Option<Vec<f64>> {
+        let torque_nm = values[0] * motor.torque_constant_nm_per_a / motor.resistance_ohm;
+        (rival == "voltage_drop").then(|| vec![torque_nm])
+    }
 }

@@ -82,6 +82,11 @@ pub trait Search {
         Vec::new()
     }
 
+    /// The same by laws that differ in a detail. They change its constants and not its name, so they are tried last.
+    fn refined_laws(&self, _values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        Vec::new()
+    }
+
     /// Similar laws that are not in the catalogue, with the values that come closest. The effect is named only where none of
     /// them explains more.
     fn similar_laws(&self, _values: &[f64], _scales: &Scales) -> Vec<(&'static dyn Effect, Vec<f64>)> {
@@ -91,6 +96,11 @@ pub trait Search {
     /// The values with which it comes closest to a rival that has `values`: another effect, or
     /// [`INDUCTANCE`](super::INDUCTANCE).
     fn instead_of(&self, _rival: &str, _values: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
+
+    /// By how much its constants grow where it also does what a rival with `values` did beside it.
+    fn takes_over(&self, _rival: &str, _values: &[f64], _scales: &Scales) -> Option<Vec<f64>> {
         None
     }
 

@@ -37,6 +37,7 @@ static ABOUT: About = About {
     simplification: Simplification::of_own(0.024),
     // It is an excess over the Coulomb level. Without one it is often no more than the rest of a wave over the angle.
     requires: Some(("coulomb_friction", Alone::Rarely)),
+    acts_at_breakaway: true,
     shown: Shown::new(Strength::Torque, Coordinate::Speed),
     ..About::DEFAULT
 };

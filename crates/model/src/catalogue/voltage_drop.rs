@@ -2,7 +2,7 @@
 //!
 //! In a switched bridge the drop acts at every moment. A current that swings through zero within a PWM period loses it in both
 //! directions. Behind a filter, in a linear amplifier or in a program's averages, the drop follows the mean current and comes
-//! up over a knee.
+//! up over a knee. In the off phase a bridge may drop more than in the pulse, or less.
 
 use super::{
     About, ActsOn, Balance, Channels, Coordinate, DryLosses, Instant, Law, Parameter, Scales, Search, Shown, Strength,
@@ -12,6 +12,12 @@ use crate::motor::MotorParameters;
 
 /// Knees that are tried, as shares of the greatest current; 0: the drop acts at every moment.
 const KNEES: [f64; 3] = [0.0, 5e-4, 1e-2];
+
+/// Two transistors conduct in the pulse, a transistor and a diode in the off phase. The two differ by no more than a diode
+/// from a saturated transistor.
+const MOST_OFF_PHASE_V: f64 = 0.6;
+/// How much more the off phase may drop, as a share of the drop, for a start.
+const OFF_PHASE: f64 = 0.2;
 
 /// See the module.
 pub struct VoltageDrop;
@@ -23,6 +29,11 @@ static ABOUT: About = About {
     parameters: &[
         Parameter::positive("drop_V", Unit::Volt),
         Parameter::of_another_law("knee_A", Unit::Ampere, f64::INFINITY),
+        Parameter {
+            known: Some((0.0, 0.5 * MOST_OFF_PHASE_V)),
+            min: -MOST_OFF_PHASE_V,
+            ..Parameter::of_another_law("off_phase_V", Unit::Volt, MOST_OFF_PHASE_V)
+        },
     ],
     linear_in: 1,
     law: "U = drop_V sign(i), or drop_V tanh(i / knee_A) of the mean current",
@@ -46,7 +57,7 @@ impl Law for VoltageDrop {
 
     /// A drop that follows the mean current is not that of a switched bridge.
     fn is_dry_losses_alone(&self, values: &[f64]) -> bool {
-        values[1] == 0.0
+        values[1..] == [0.0, 0.0]
     }
 
     fn contribute(
@@ -59,19 +70,34 @@ impl Law for VoltageDrop {
     ) {
         balance.dry_drop_v += values[0];
         balance.knee_a = balance.knee_a.max(values[1]);
+        balance.off_excess_v += values[2];
     }
 }
 
 impl Search for VoltageDrop {
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
-        with_knees(0.05 * scales.voltage_v, scales)
+        laws(0.05 * scales.voltage_v, scales)
+    }
+
+    /// A friction takes the voltage that its torque needs.
+    fn takes_over(&self, rival: &str, values: &[f64], Scales { motor, .. }: &Scales) -> Option<Vec<f64>> {
+        let drop_v = values[0] * motor.resistance_ohm / motor.torque_constant_nm_per_a;
+        (rival == "coulomb_friction").then(|| vec![drop_v, 0.0, 0.0])
     }
 
     fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
-        let mut laws = with_knees(values[0], scales);
+        let mut laws = laws(values[0], scales);
         // A fit moves the knee: the law with a moved knee stays in the list.
-        laws.retain(|law| law[1] != values[1]);
+        laws.retain(|law| law[1..] != values[1..]);
         laws
+    }
+
+    /// A drop at every moment, and another one in the off phase.
+    fn refined_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
+        match values[1..] == [0.0, 0.0] {
+            true => [-OFF_PHASE, OFF_PHASE].map(|share| vec![values[0], 0.0, share * values[0]]).to_vec(),
+            false => Vec::new(),
+        }
     }
 
     /// At a single voltage the drop only scales it.
@@ -80,6 +106,6 @@ impl Search for VoltageDrop {
     }
 }
 
-fn with_knees(drop_v: f64, scales: &Scales) -> Vec<Vec<f64>> {
-    KNEES.map(|share| vec![drop_v, share * scales.current_a]).to_vec()
+fn laws(drop_v: f64, scales: &Scales) -> Vec<Vec<f64>> {
+    KNEES.map(|share| vec![drop_v, share * scales.current_a, 0.0]).to_vec()
 }

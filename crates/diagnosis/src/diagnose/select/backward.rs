@@ -1,13 +1,13 @@
 //! Backward: drops effects without evidence, and replaces an effect by a better rival.
 
 use super::winding::looks_like_inductance;
-use super::{Chooser, Gain, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same};
+use super::{Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same};
 use crate::dataset::{Dataset, Measured};
 use crate::diagnose::data_sheet::squared_deviations;
-use crate::diagnose::judge::{NOT_NOISE, sigmas_together};
+use crate::diagnose::judge::{NOT_NOISE, evidence_nats, sigmas_together};
 use crate::identify::{Effort, Fit, fit, scales};
 use maybe_rayon::prelude::*;
-use motorbench_model::catalogue::{Alone, CATALOGUE, INDUCTANCE, Parameter, effect};
+use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use motorbench_model::{Model, Term};
 
 /// Significance needed to name an effect, all others being present. Many effects are tried, and residuals have long
@@ -16,6 +16,9 @@ pub(in crate::diagnose) const NAMED_SIGMAS: f64 = 6.0;
 /// If the held-out data are not decisive: significance needed on all data. It is higher because three times as much
 /// data repeats a systematic error of the model.
 const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
+/// Evidence in natural units that is called very strong (Kass and Raftery, Journal of the American Statistical Association
+/// 90 (1995)).
+const VERY_STRONG_NATS: f64 = 5.0;
 /// Significance of an effect whose usual companion is absent; wrong names had ten.
 const ALONE_SIGMAS: f64 = 50.0;
 /// A similar law outside the catalogue is the better one with this significance, however small its gain.
@@ -104,7 +107,7 @@ impl Chooser<'_> {
 
     /// The model without one of its effects.
     fn check(&self, current: &Fit, id: &'static str) -> Check {
-        let without = fit(&current.model.without(id), self.data, self.prior, Effort::CHECK);
+        let without = self.without(current, id);
         let mut own = self.gain(&without, current);
         // If only another motor fits without it, the data sheet counts for the effect as well.
         let more_deviation = squared_deviations(self.prior, &without) - squared_deviations(self.prior, current);
@@ -131,10 +134,37 @@ impl Chooser<'_> {
         let is_named = stands
             && !term.effect.is_a_scale(&term.values, &scales(&current.model.motor, self.data))
             && !self.spoils(&own)
-            && (keeps_the_motor || keeps_the_winding() || has_evidence(&own) && is_certain())
+            && (keeps_the_motor
+                || keeps_the_winding()
+                || has_evidence(&own) && is_certain()
+                || self.is_usual_and_likely(current, &without, id, &own))
             && self.number_matters(current, &without, id)
             && self.law_matters(current, &without, id);
         Check { id, without, own, stands, is_named }
+    }
+
+    /// The model without one of its effects. Without a current, friction and drop take the same volts at any speed: there the
+    /// fit also starts from another effect that has taken over.
+    fn without(&self, current: &Fit, id: &str) -> Fit {
+        let without = fit(&current.model.without(id), self.data, self.prior, Effort::CHECK);
+        if self.data.current().is_some() {
+            return without;
+        }
+        let values = &current.model.term(id).expect("one of its own terms").values;
+        let scales = scales(&current.model.motor, self.data);
+        let taken_over = current.model.terms.iter().filter_map(|term| {
+            let more = term.effect.takes_over(id, values, &scales)?;
+            let mut model = current.model.without(id);
+            let taking = model.terms.iter_mut().find(|other| other.id() == term.id())?;
+            taking.values.iter_mut().zip(more).for_each(|(value, more)| *value += more);
+            Some(fit(&model, self.data, self.prior, Effort::CHECK))
+        });
+        taken_over.fold(without, |best, other| if other.cost < best.cost { other } else { best })
+    }
+
+    /// Hardly any bench is without the usual effects: for them very strong evidence suffices.
+    fn is_usual_and_likely(&self, current: &Fit, without: &Fit, id: &str, own: &Gain) -> bool {
+        USUAL.contains(&id) && own.share > LEAST_SHARE && evidence_nats(self.data, without, current) > VERY_STRONG_NATS
     }
 
     /// Whether an effect explains one quantity at the cost of another.
@@ -233,16 +263,18 @@ impl Chooser<'_> {
         rivals.into_par_iter().map(at_its_best).filter(is_there).filter(makes_sense).collect()
     }
 
-    /// Fits from where another effect looks most like `id`.
+    /// Fits from where another effect looks most like `id`: beside the motor that was found with `id`, and beside the
+    /// nominal one.
     fn lookalikes(&self, model: &Model, id: &str, effort: Effort) -> Vec<(&'static str, Fit)> {
         let values = &model.term(id).expect("one of its own terms").values;
-        self.possible()
-            .filter(|effect| !model.has(effect.about().id))
-            .filter_map(|effect| {
-                let start = model.without(id).with(effect, effect.instead_of(id, values)?);
-                Some((effect.about().id, fit(&start, self.data, self.prior, effort)))
-            })
-            .collect()
+        let looks_alike = |effect: &'static dyn Effect| {
+            let beside_found = model.without(id).with(effect, effect.instead_of(id, values)?);
+            let beside_nominal = Model { motor: self.prior.motor, terms: beside_found.terms.clone() };
+            let fits = [beside_found, beside_nominal].map(|start| fit(&start, self.data, self.prior, effort));
+            let best = fits.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+            best.map(|best| (effect.about().id, best))
+        };
+        self.possible().filter(|effect| !model.has(effect.about().id)).filter_map(looks_alike).collect()
     }
 
     fn standing(&self, id: &'static str, own: Gain, current: &Fit, rivals: &[(&'static str, Fit)]) -> Standing {

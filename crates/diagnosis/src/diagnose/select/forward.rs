@@ -18,6 +18,9 @@ const LEAST_COST_WITHOUT_EVIDENCE: f64 = 0.9;
 /// If the cost falls to this share but rises in places, the fit has not converged yet.
 const NOT_THERE_YET: f64 = 0.5;
 
+/// Number of starts that are fitted before what they reached limits the next ones.
+const AT_A_TIME: usize = 6;
+
 /// The rule for the next effect.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Lead {
@@ -44,6 +47,11 @@ impl Chooser<'_> {
             {
                 *best = fit(&best.model, self.data, self.prior, Effort::FULL);
                 chosen = significant(&fits[..1]);
+            }
+            if chosen.is_none() && above_floor(self.data, &current) > NOT_NOISE {
+                fits.extend(self.at_breakaway(&current));
+                fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+                chosen = significant(&fits);
             }
             if chosen.is_none()
                 && (ahead < MOST_WITHOUT_EVIDENCE || lead == Lead::Cost)
@@ -78,6 +86,19 @@ impl Chooser<'_> {
         fits
     }
 
+    /// Fits with what acts where a resting shaft breaks loose. It moves the begin of the motion, so that the first
+    /// derivatives promise nothing.
+    fn at_breakaway(&self, current: &Fit) -> Vec<Fit> {
+        let scales = scales(&current.model.motor, self.data);
+        let absent = self.possible().filter(|effect| !current.model.has(effect.about().id));
+        let starts = absent.filter(|effect| effect.about().acts_at_breakaway).flat_map(|effect| {
+            effect.starts(&scales).into_iter().map(move |start| (effect, start)).collect::<Vec<_>>()
+        });
+        let models: Vec<Model> = starts.map(|(effect, start)| current.model.with(effect, start)).collect();
+        let effort = Effort::TRIAL.useless_above(current.cost);
+        models.into_par_iter().map(|model| fit(&model, self.data, self.prior, effort)).collect()
+    }
+
     fn first_with_evidence(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
         let gains = fits.iter().map(|fit| self.gain(current, fit));
         gains.enumerate().find(|(_, gain)| has_evidence(gain))
@@ -109,17 +130,16 @@ impl Chooser<'_> {
         let nominal = Model::linear(self.prior.motor);
         let changed = self.with_global_effects(&nominal, &scales);
         let beginnings = [usual(nominal.clone())].into_iter().chain(changed.iter().cloned());
-        let models = beginnings.flat_map(|from| {
+        let starts = beginnings.flat_map(|from| {
             // Of an effect with alternative laws, the one that promises most.
-            let promises = fit(&from, self.data, self.prior, Effort::NONE).promises(self.data, &scales, self.excluded);
-            let others = promises.into_iter().map(|promise| (CATALOGUE[promise.effect], promise.start));
-            others.map(|(effect, start)| from.with(effect, start)).collect::<Vec<_>>()
+            let from = fit(&from, self.data, self.prior, Effort::NONE);
+            let promises = from.promises(self.data, &scales, self.excluded);
+            let promised = promises
+                .into_iter()
+                .map(|promise| (from.cost - promise.gain, from.model.with(CATALOGUE[promise.effect], promise.start)));
+            promised.collect::<Vec<_>>()
         });
-        let fits: Vec<_> = models
-            .collect::<Vec<_>>()
-            .into_par_iter()
-            .map(|model| fit(&model, self.data, self.prior, Effort::TRIAL))
-            .collect();
+        let fits = self.best_first(starts.collect());
         let key = |fit: &Fit| (self.is_implausible(fit), fit.cost);
         let best =
             |fits: Vec<Fit>| fits.into_iter().min_by(|a, b| key(a).partial_cmp(&key(b)).expect("costs are finite"));
@@ -130,6 +150,20 @@ impl Chooser<'_> {
         let best = best(last)?;
         let step = Step::new(base, &best, self.gain(base, &best));
         Some((best, step))
+    }
+
+    /// Fits from many starts with their expected costs. The most promising ones are fitted first. The others end where they
+    /// cannot become better than those.
+    fn best_first(&self, mut starts: Vec<(f64, Model)>) -> Vec<Fit> {
+        starts.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut fits: Vec<Fit> = Vec::new();
+        for batch in starts.chunks(AT_A_TIME) {
+            let least = fits.iter().map(|fit| fit.cost).fold(f64::INFINITY, f64::min);
+            let effort = Effort::TRIAL.useless_above(least);
+            let fitted = batch.into_par_iter().map(|(_, model)| fit(model, self.data, self.prior, effort));
+            fits.extend(fitted.collect::<Vec<_>>());
+        }
+        fits
     }
 
     /// The effects found, beside the nominal motor, with an effect that changes the whole motion in place of those of
@@ -160,7 +194,7 @@ impl Chooser<'_> {
         self.possible().filter(|effect| USUAL.contains(&effect.about().id))
     }
 
-    fn with_usual(&self, model: Model, scales: &Scales) -> Model {
+    pub(super) fn with_usual(&self, model: Model, scales: &Scales) -> Model {
         self.usual().fold(model, |model, effect| model.with_start(effect, scales))
     }
 

@@ -1,0 +1,50 @@
+//! Laws of the named effects that differ in their constants and not in their names. All the data decide which one is
+//! reported. What the others would make of the constants goes into the intervals.
+
+use super::judge::{AS_GOOD, evidence_nats};
+use super::select::NEAR;
+use crate::dataset::Dataset;
+use crate::identify::{Effort, Fit, Interval, Prior, fit, scales};
+use maybe_rayon::prelude::*;
+use motorbench_model::Term;
+
+/// A model with its laws settled.
+pub(super) struct Settled {
+    /// The one with the most evidence.
+    pub best: Fit,
+    /// Intervals of the constants with each law that explains as much.
+    pub others: Vec<Vec<Interval>>,
+}
+
+/// Tries the other laws of each effect of `found`, one at a time. `data`: those of the fit.
+pub(super) fn settle(found: Fit, data: &Dataset, prior: &Prior) -> Settled {
+    let usual = found.clone();
+    let mut best = found;
+    let mut tried = Vec::new();
+    for other in others(&usual, data, prior) {
+        if evidence_nats(data, &best, &other) > 0.0 {
+            tried.push(std::mem::replace(&mut best, other));
+        } else {
+            tried.push(other);
+        }
+    }
+    let as_good = tried.into_iter().filter(|other| other.cost <= AS_GOOD * best.cost);
+    let others = as_good.map(|other| other.uncertainty(data).intervals()).collect();
+    Settled { best, others }
+}
+
+/// Fits with another law of one effect, whose constants are not at the end of what makes sense.
+fn others(found: &Fit, data: &Dataset, prior: &Prior) -> Vec<Fit> {
+    let scales = scales(&found.model.motor, data);
+    let laws = |(index, term): (usize, &Term)| {
+        let laws = [term.effect.other_laws(&term.values, &scales), term.effect.refined_laws(&term.values, &scales)];
+        laws.concat().into_iter().map(move |values| (index, values)).collect::<Vec<_>>()
+    };
+    let laws: Vec<_> = found.model.terms.iter().enumerate().flat_map(laws).collect();
+    let fitted = laws.into_par_iter().filter_map(|(index, values)| {
+        let start = fit(&found.model.with_values(index, values), data, prior, Effort::NONE);
+        let near = (start.cost < NEAR * found.cost).then(|| fit(&start.model, data, prior, Effort::AGAIN))?;
+        (!near.is_at_a_bound(index)).then_some(near)
+    });
+    fitted.collect()
+}
