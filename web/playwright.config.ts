@@ -4,7 +4,7 @@ const PORT = 8438;
 
 export default defineConfig({
   testDir: 'tests',
-  timeout: 180_000,
+  timeout: 600_000,
   expect: { timeout: 15_000 },
   // Boards run in real time: two at once on two cores would hold each other up.
   workers: 1,

@@ -38,9 +38,9 @@ test.describe('the firmware on the simulated chip', () => {
     await expect(page.locator('.state')).toHaveText('drive off');
     await page.getByLabel(/No limit of current/).check();
     await page.getByRole('button', { name: 'Record 20 s' }).click();
-    await expect(page.getByText(/Enough to identify. 20000 samples, 0 frames lost/)).toBeVisible({ timeout: 150_000 });
+    await expect(page.getByText(/Enough to identify. 20000 samples, 0 frames lost/)).toBeVisible({ timeout: 400_000 });
     await page.getByRole('button', { name: 'Diagnose', exact: true }).click();
-    await expect(page.locator('.causes')).toContainText('coulomb friction', { timeout: 150_000 });
+    await expect(page.locator('.causes')).toContainText('coulomb friction', { timeout: 400_000 });
     await page.locator('summary', { hasText: /^Design$/ }).click();
     await page.getByRole('button', { name: 'Design', exact: true }).click();
     await page.getByRole('button', { name: 'Send to the board' }).click({ timeout: 90_000 });

@@ -105,7 +105,7 @@ test('a class code hides the same effect for everybody, and a student finds it',
   await page.getByRole('button', { name: 'Record 20 s' }).click();
   await expect(page.getByText(/Enough to identify/)).toBeVisible({ timeout: 60_000 });
   await page.getByRole('button', { name: 'Diagnose', exact: true }).click();
-  await expect(page.locator('.verdict')).toBeVisible({ timeout: 150_000 });
+  await expect(page.locator('.verdict')).toBeVisible({ timeout: 400_000 });
   await expect(page.locator('.causes')).toContainText(hidden);
   await page.getByRole('combobox', { name: 'It is' }).selectOption({ label: hidden });
   await page.getByRole('button', { name: 'Check the answer' }).click();
