@@ -388,24 +388,25 @@ impl Dataset {
 
     /// Leaves out rows that do not follow their command. The simulation begins anew behind them, with what is measured
     /// there.
-    pub fn leave_out_rows(&mut self, left_out: &[Range<usize>]) {
-        for rows in left_out {
-            for measured in &mut self.measured {
-                measured.values[rows.clone()].fill(f64::NAN);
-            }
-            let parts = |stretch: &Stretch| {
-                let before = stretch.rows.start..stretch.rows.end.min(rows.start);
-                let after = stretch.rows.start.max(rows.end)..stretch.rows.end;
-                let long = |rows: &Range<usize>| rows.len() > LEAST_ROWS_LEFT;
-                [before, after]
-                    .into_iter()
-                    .filter(long)
-                    .map(|rows| Stretch { rows, ..stretch.clone() })
-                    .collect::<Vec<_>>()
-            };
-            self.stretches = self.stretches.iter().flat_map(parts).collect();
-            self.origin.left_out_s.push([rows.start, rows.end - 1].map(|row| self.time_s[row]));
+    pub fn leave_out_rows(&mut self, rows: Range<usize>) {
+        for measured in &mut self.measured {
+            measured.values[rows.clone()].fill(f64::NAN);
         }
+        let parts = |stretch: &Stretch| {
+            let before = stretch.rows.start..stretch.rows.end.min(rows.start);
+            let after = stretch.rows.start.max(rows.end)..stretch.rows.end;
+            let long = [before, after].into_iter().filter(|rows| rows.len() > LEAST_ROWS_LEFT);
+            long.map(|rows| Stretch { rows, ..stretch.clone() }).collect::<Vec<_>>()
+        };
+        self.stretches = self.stretches.iter().flat_map(parts).collect();
+        self.origin.left_out.push(rows);
+        self.origin.left_out.sort_by_key(|rows| rows.start);
+        // Rows between two of them that are too few went as well.
+        self.origin.left_out.dedup_by(|next, last| {
+            let adjoins = next.start <= last.end + LEAST_ROWS_LEFT;
+            last.end = if adjoins { next.end.max(last.end) } else { last.end };
+            adjoins
+        });
     }
 
     /// Total length of all stretches.

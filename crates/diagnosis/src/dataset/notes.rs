@@ -54,7 +54,8 @@ impl Dataset {
                 self.motion().output.channel(), short(value), 100.0 * rows as f64 / self.len() as f64
             ));
         }
-        for [from_s, to_s] in &self.origin.left_out_s {
+        for rows in &self.origin.left_out {
+            let [from_s, to_s] = [rows.start, rows.end - 1].map(|row| self.time_s[row]);
             notes.push(format!(
                 "From {from_s:.2} s to {to_s:.2} s the motion does not follow its command, so these rows are left out. Everything else is explained without them. Did the program pause there, or did something touch the shaft?"
             ));

@@ -3,6 +3,7 @@
 use super::{Contradiction, CounterStop, EdgeTiming, EndOfRange, HeldRotor, PWM_HZ, contradictions};
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig, Timing};
+use std::ops::Range;
 
 /// How recordings were made. For several recordings of one rig: what the rig file says of all, and what each adds.
 #[derive(Clone, Debug, Default)]
@@ -29,8 +30,8 @@ pub struct Origin {
     pub read_in_stops: Vec<(usize, f64)>,
     /// Number of rows left out because no shaft can have their speed.
     pub impossible: usize,
-    /// Begin and end of stretches that do not follow their command and are left out.
-    pub left_out_s: Vec<[f64; 2]>,
+    /// Rows that do not follow their command and are left out.
+    pub left_out: Vec<Range<usize>>,
     /// How the files were read, where that is not plain.
     pub reading: Vec<String>,
     /// Number of rows left out because their time is missing.
@@ -73,7 +74,6 @@ impl Origin {
             is_counted: rig.encoder.counts_per_rev.is_some(),
             contradictions: contradictions(recording, rig),
             empty: recording.empty.clone(),
-            left_out_s: Vec::new(),
             reading: recording.notes.clone(),
             without_time: recording.without_time,
             ..Self::default()

@@ -4,53 +4,71 @@
 
 use super::judge::{NOT_NOISE, above_floor};
 use super::missing::lack;
-use super::residuals;
+use super::{excluded, residuals};
 use crate::dataset::{Dataset, Stretch, median};
-use crate::identify::Fit;
-use motorbench_model::catalogue::ActsOn;
+use crate::identify::{Effort, Fit, Prior, fit, scales};
+use motorbench_model::Model;
+use motorbench_model::catalogue::{ActsOn, USUAL, effect};
 use std::ops::Range;
 
 /// The lack is looked at in blocks of this length.
 const BLOCK_S: f64 = 0.1;
 /// A block stands out by this multiple of the usual lack. Even a law that is missing acts in many blocks, so it is usual.
 const STANDS_OUT: f64 = 5.0;
-/// Blocks on either side that are left out as well: the filter smears the lack, and the motor has to come back.
-const MARGIN_BLOCKS: usize = 2;
-/// At most this share of a recording is left out, in at most so many places. More is a cause, and no accident.
-const MOST_LEFT_OUT: f64 = 0.1;
-const MOST_STRETCHES: usize = 3;
+/// Its neighbours belong to it from this share of its lack on.
+const BELONGS: f64 = 0.2;
+/// At most so many places are left out, and this share of a recording. More is a cause, and no accident.
+const MOST_PLACES: usize = 4;
+const MOST_LEFT_OUT: f64 = 0.15;
 
-/// The rows of such stretches, where the model leaves more than noise.
-pub(super) fn find(data: &Dataset, found: &Fit) -> Vec<Range<usize>> {
+/// The data without such stretches, where `found` leaves more than noise and there are any. The greatest is left out
+/// first, since it biases the fit by which the others are found.
+pub(super) fn without(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Dataset> {
     if above_floor(data, found) < NOT_NOISE {
-        return Vec::new();
+        return None;
     }
+    let mut rest = data.clone();
+    for _ in 0..MOST_PLACES {
+        let Some(rows) = standing_out(&rest, &usual_model(&rest, prior)) else { break };
+        rest.leave_out_rows(rows);
+    }
+    let left: usize = rest.stretches.iter().map(|stretch| stretch.rows.len()).sum();
+    let all: usize = data.stretches.iter().map(|stretch| stretch.rows.len()).sum();
+    (left < all && left as f64 > (1.0 - MOST_LEFT_OUT) * all as f64).then_some(rest)
+}
+
+/// The nominal motor with the effects that hardly any bench is without, fitted.
+fn usual_model(data: &Dataset, prior: &Prior) -> Fit {
+    let (scales, excluded) = (scales(&prior.motor, data), excluded(data));
+    let usual = USUAL.into_iter().filter(|id| !excluded.contains(id)).filter_map(effect);
+    let model = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
+    fit(&model, data, prior, Effort::AGAIN)
+}
+
+/// The rows around the greatest lack, if that stands out.
+fn standing_out(data: &Dataset, found: &Fit) -> Option<Range<usize>> {
     let place = if data.current().is_some() { ActsOn::Voltage } else { ActsOn::Torque };
     let lack = lack(data, &found.model.motor, &residuals(data, &found.prediction), place).values;
     let blocks: Vec<(Range<usize>, f64)> = data.stretches.iter().flat_map(|stretch| blocks(stretch, &lack)).collect();
     let usual = median(blocks.iter().map(|(_, size)| *size));
-    let stands_out: Vec<bool> = blocks.iter().map(|(_, size)| *size > STANDS_OUT * usual).collect();
-    let near = |block: usize| {
-        let last = (block + MARGIN_BLOCKS).min(blocks.len() - 1);
-        stands_out[block.saturating_sub(MARGIN_BLOCKS)..=last].contains(&true)
-    };
-    let mut left_out: Vec<Range<usize>> = Vec::new();
-    for (rows, _) in (0..blocks.len()).filter(|block| near(*block)).map(|block| &blocks[block]) {
-        match left_out.last_mut().filter(|last| last.end == rows.start) {
-            Some(last) => last.end = rows.end,
-            None => left_out.push(rows.clone()),
-        }
+    let greatest = (0..blocks.len()).max_by(|a, b| blocks[*a].1.total_cmp(&blocks[*b].1))?;
+    if blocks[greatest].1 < STANDS_OUT * usual {
+        return None;
     }
-    let rows: usize = left_out.iter().map(Range::len).sum();
-    let is_an_accident = left_out.len() <= MOST_STRETCHES && rows as f64 <= MOST_LEFT_OUT * data.len() as f64;
-    if is_an_accident { left_out } else { Vec::new() }
+    let least = (BELONGS * blocks[greatest].1).max(usual);
+    let belongs = |block: &usize| blocks[*block].1 > least;
+    let first = (0..greatest).rev().take_while(belongs).last().unwrap_or(greatest);
+    let last = (greatest + 1..blocks.len()).take_while(belongs).last().unwrap_or(greatest);
+    Some(blocks[first].0.start..blocks[last].0.end)
 }
 
 /// Blocks of rows with the size of the lack in each.
 fn blocks(stretch: &Stretch, lack: &[f64]) -> Vec<(Range<usize>, f64)> {
     let length = (BLOCK_S / stretch.interval_s).max(1.0) as usize;
-    let starts = stretch.rows.clone().step_by(length);
-    starts
+    stretch
+        .rows
+        .clone()
+        .step_by(length)
         .map(|start| {
             let rows = start..(start + length).min(stretch.rows.end);
             let squares: f64 = lack[rows.clone()].iter().map(|value| value * value).sum();

@@ -26,6 +26,7 @@ mod ripple_phase;
 mod scale;
 pub mod select;
 mod speed_reading;
+mod undecided;
 mod unseen_losses;
 
 use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE, greatest};
@@ -37,7 +38,7 @@ use judge::{NOT_NOISE, above_floor};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::{NominalMotor, Rig};
 use motorbench_model::Model;
-use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
+use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, Effect, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::{Quantity, Unit};
@@ -184,6 +185,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
 
 /// The model that is reported, and how well it is known.
 struct Found<'a> {
+    fit: &'a Fit,
     model: &'a Model,
     intervals: Vec<Interval>,
     uncertainty: Uncertainty<'a>,
@@ -199,7 +201,7 @@ impl<'a> Found<'a> {
         let mut intervals = uncertainty.intervals();
         intervals.truncate(moved);
         let scales = determined::scales(&uncertainty, data, &prior.nominal);
-        Self { model: &opened.model, intervals, uncertainty, scales, data }
+        Self { fit: opened, model: &opened.model, intervals, uncertainty, scales, data }
     }
 
     /// The intervals contain what other laws that explain as much make of the constants.
@@ -211,6 +213,10 @@ impl<'a> Found<'a> {
             }
         }
         self
+    }
+
+    fn not_shown(&self) -> Vec<&'static dyn Effect> {
+        undecided::not_shown(self.data, self.fit)
     }
 
     fn determined(&self, corrections: &Corrections) -> AllDetermined {
@@ -433,11 +439,8 @@ fn interpret(
         selection = select::anew_from(&other, prior, &excluded, found, selection.steps, progress);
         data = other;
     }
-    let bad = bad_stretches::find(&data, &selection.last);
-    if !bad.is_empty() {
+    if let Some(rest) = bad_stretches::without(&data, prior, &selection.last) {
         progress("without a stretch that does not follow its command");
-        let mut rest = data.clone();
-        rest.leave_out_rows(&bad);
         let without = anew(&rest);
         if above_floor(&rest, &without.last) < NOT_NOISE {
             return (rest, without);
@@ -614,7 +617,9 @@ impl Outcome {
             };
             causes.extend(wrong_values(&parameters, bridge_ohm(data, model)).into_iter().filter(shows));
         }
+        let not_shown = if causes.is_empty() && unexplained.is_none() { found.not_shown() } else { Vec::new() };
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
+            (true, false) if !not_shown.is_empty() => Verdict::Undecided,
             (true, false) => Verdict::Sufficient,
             (false, false) => Verdict::Explained,
             (false, true) => Verdict::PartlyExplained,
@@ -630,6 +635,7 @@ impl Outcome {
             advice: Vec::new(),
         };
         outcome.advice = outcome.advice(data);
+        outcome.advice.extend(not_shown.into_iter().map(undecided::advice));
         outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
         outcome.advice.extend(hidden_drop.map(|drop| drop.note()));

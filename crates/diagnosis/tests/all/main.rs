@@ -2,8 +2,18 @@
 
 mod determined;
 mod hidden_effects;
+mod hosts_and_bridges;
 mod outcome_schema;
 mod paper;
 mod real_recordings;
 mod scoring;
 mod steady_tables;
+
+use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Another one in each run.
+fn fresh_seed() -> u64 {
+    let seed = SystemTime::now().duration_since(UNIX_EPOCH).expect("it is after 1970").as_nanos() as u64;
+    println!("seed {seed}");
+    seed
+}

@@ -3,6 +3,7 @@
 //! The tables are computed here from the power balance, not from the equations of the study. Each fresh draw must reach
 //! a bound that a correct program misses less than once in ten thousand.
 
+use crate::fresh_seed;
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
 use motorbench_diagnosis::steady_state::Winding;
@@ -11,7 +12,6 @@ use motorbench_model::catalogue::ActsOn;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
-use std::time::{SystemTime, UNIX_EPOCH};
 
 const TABLES: u64 = 200;
 /// Of 200 at least 193 are right on the average, in the worst of these tests; within two intervals of 95 % lies the truth of 175.
@@ -120,12 +120,6 @@ fn named(
     }
     println!("{right} of {TABLES}, {within} within");
     (right, within)
-}
-
-fn fresh_seed() -> u64 {
-    let seed = SystemTime::now().duration_since(UNIX_EPOCH).unwrap().as_nanos() as u64;
-    println!("seed {seed}");
-    seed
 }
 
 #[test]

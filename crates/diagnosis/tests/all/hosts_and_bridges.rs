@@ -1,0 +1,153 @@
+//! What hosts and bridges do that is no effect of the catalogue, and what a short recording cannot show: a pause of the
+//! program, an off phase that drops less than the pulse, a single step. The simulation shares nothing with the models.
+
+use crate::fresh_seed;
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::Rig;
+use motorbench_diagnosis::diagnose::diagnose;
+use motorbench_diagnosis::diagnose::outcome::{Outcome, Verdict};
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::fmt::Write as _;
+
+const SUPPLY_V: f64 = 12.0;
+const RESISTANCE_OHM: f64 = 8.0;
+const INDUCTANCE_H: f64 = 5e-3;
+const TORQUE_CONSTANT: f64 = 0.045;
+const INERTIA_KG_M2: f64 = 2e-5;
+const FRICTION_NM: f64 = 0.004;
+const PWM_HZ: f64 = 3921.57;
+const STEP_S: f64 = 2.5e-6;
+
+/// A motor with Coulomb friction behind a bridge with brushes of a constant drop in the pulse and in the off phase.
+#[derive(Default)]
+struct Bench {
+    drops_v: [f64; 2],
+    time_s: f64,
+    current_a: f64,
+    speed_rad_per_s: f64,
+}
+
+impl Bench {
+    /// Runs at a duty for a time; returns the mean current.
+    fn run(&mut self, duty: f64, length_s: f64) -> f64 {
+        let steps = (length_s / STEP_S).round() as usize;
+        let mut sum_a = 0.0;
+        for _ in 0..steps {
+            let is_pulse = (self.time_s * PWM_HZ).fract() < duty.abs();
+            let (source_v, drop_v) =
+                if is_pulse { (duty.signum() * SUPPLY_V, self.drops_v[0]) } else { (0.0, self.drops_v[1]) };
+            let driving_v = source_v - RESISTANCE_OHM * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
+            let free_a = self.current_a + STEP_S / INDUCTANCE_H * driving_v;
+            self.current_a = towards_zero(free_a, STEP_S / INDUCTANCE_H * drop_v);
+            let free = self.speed_rad_per_s + STEP_S / INERTIA_KG_M2 * TORQUE_CONSTANT * self.current_a;
+            self.speed_rad_per_s = towards_zero(free, STEP_S / INERTIA_KG_M2 * FRICTION_NM);
+            self.time_s += STEP_S;
+            sum_a += self.current_a;
+        }
+        sum_a / steps as f64
+    }
+}
+
+fn towards_zero(value: f64, by: f64) -> f64 {
+    value.signum() * (value.abs() - by).max(0.0)
+}
+
+/// Steps and a slow ramp through zero.
+fn command(time_s: f64) -> f64 {
+    match time_s {
+        ..1.0 => 0.8,
+        ..2.0 => -0.6,
+        ..2.5 => 0.0,
+        ..4.0 => 0.7 - 1.4 * (time_s - 2.5) / 1.5,
+        ..5.0 => -0.4,
+        _ => 0.9 * (3.0 * time_s).sin(),
+    }
+}
+
+/// A recording of 8 s at 1 kHz. `acts` is the command that acts in place of the recorded one.
+fn outcome(drops_v: [f64; 2], acts: impl Fn(f64) -> f64, random: &mut impl Rng) -> Outcome {
+    let mut bench = Bench { drops_v, ..Bench::default() };
+    let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+    let (mut speed_rad_per_s, mut current_a) = (0.0, 0.0);
+    for row in 0..8000 {
+        let time_s = f64::from(row) * 1e-3;
+        let mut noise = |size: f64| size * random.random_range(-1.0..1.0);
+        let (speed, current) = (speed_rad_per_s + noise(0.3), current_a + noise(0.01));
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
+        current_a = bench.run(acts(time_s), 1e-3);
+        speed_rad_per_s = bench.speed_rad_per_s;
+    }
+    let rig = format!(
+        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {PWM_HZ}\n[recording]\ncommand_delay_s = 0\ncurrent_window_s = 0.001\nspeed_window_s = 0\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n"
+    );
+    let recording = Recording::parse("run.csv", text.as_bytes(), &[]).expect("it is well-formed");
+    diagnose(&[recording], &Rig::parse("rig.toml", &rig).expect("it is well-formed"), &|_| ())
+        .expect("it can be used")
+        .outcome
+}
+
+fn names(outcome: &Outcome) -> Vec<&str> {
+    let mut names: Vec<&str> = outcome.causes.iter().map(|cause| cause.effect.as_str()).collect();
+    names.sort_unstable();
+    names
+}
+
+fn contains(outcome: &Outcome, name: &str, truth: f64) -> bool {
+    let [low, high] = outcome.parameters[name].ci95;
+    low <= truth && truth <= high
+}
+
+/// For half a second the host holds its command. Everything else is explained without that stretch.
+#[test]
+fn a_pause_of_the_host_is_left_out_and_told() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let from_s = random.random_range(5.2..6.8);
+    let held = |time_s: f64| command(if (from_s..from_s + 0.5).contains(&time_s) { from_s } else { time_s });
+    let found = outcome([0.0; 2], held, &mut random);
+    assert_eq!(names(&found), ["coulomb_friction"], "seed {seed}: {found:?}");
+    let friction = found.causes[0].parameters["torque_Nm"].value;
+    assert!((friction / FRICTION_NM - 1.0).abs() < 0.03, "seed {seed}: {friction}");
+    let note = found.advice.iter().find(|note| note.contains("does not follow its command"));
+    let note = note.unwrap_or_else(|| panic!("seed {seed}: {:?}", found.advice));
+    let times: Vec<f64> = note.split(' ').filter_map(|word| word.parse().ok()).collect();
+    assert!(times[0] <= from_s + 0.05 && times[1] >= from_s + 0.4, "seed {seed}: {note}, it was {from_s}");
+    assert!(times[1] - times[0] < 1.2, "seed {seed}: {note}");
+}
+
+/// The off phase acts as another supply, except where the current touches zero in each period.
+#[test]
+fn the_intervals_know_a_drop_that_differs_in_the_off_phase() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let less_v = random.random_range(0.25..0.5);
+    let found = outcome([2.1, 2.1 - less_v], command, &mut random);
+    assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "seed {seed}: {found:?}");
+    for (name, truth) in [
+        ("resistance_ohm", RESISTANCE_OHM),
+        ("torque_constant_Nm_per_A", TORQUE_CONSTANT),
+        ("inertia_kg_m2", INERTIA_KG_M2),
+    ] {
+        assert!(contains(&found, name, truth), "seed {seed}, {less_v} V less: {name} {:?}", found.parameters[name]);
+    }
+}
+
+/// One step of the speed fits any friction: what it takes of the voltage is in the gain.
+#[test]
+fn a_single_step_does_not_say_that_there_is_no_friction() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
+    for row in 0..1000 {
+        let time_s = f64::from(row) * 2e-3;
+        let since_s = f64::max(time_s - 0.1, 0.0);
+        let speed = 150.0 * (1.0 - f64::exp(-since_s / 0.05)) + random.random_range(-0.5..0.5);
+        let _ = writeln!(text, "{time_s:.3},{},{speed:.3}", if time_s < 0.1 { 0 } else { 9 });
+    }
+    let recording = Recording::parse("run.csv", text.as_bytes(), &[]).expect("it is well-formed");
+    let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").expect("it is well-formed");
+    let found = diagnose(&[recording], &rig, &|_| ()).expect("it can be used").outcome;
+    assert_eq!(found.verdict, Verdict::Undecided, "seed {seed}: {found:?}");
+    assert!(found.advice.iter().any(|advice| advice.contains("coulomb_friction")), "seed {seed}: {:?}", found.advice);
+}
