@@ -200,6 +200,9 @@ fn nothing_known(content: &Content, has: &[Channel]) -> String {
 fn no_channel(columns: &[Column], has: &[Channel]) -> String {
     let numbers = || columns.iter().filter(|column| !column.is_text());
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).filter(|name| !name.is_empty()).collect();
+    if columns.is_empty() {
+        return "no numbers were found in it. Save the signals as plain vectors, or as CSV".into();
+    }
     let are_numbered = names.iter().all(|name| last_part(name).parse::<usize>().is_ok());
     let proposal = suggestions::options(numbers(), has);
     let is_probe =

@@ -28,6 +28,7 @@ mod stand;
 mod tune;
 mod validate;
 mod virtual_board;
+mod web;
 
 use clap::{CommandFactory, FromArgMatches as _, Parser, Subcommand};
 use files::{JSON_TO, Outputs, TERMINAL, beside, is_terminal, with_json_joined};
@@ -39,7 +40,7 @@ use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_files::text_file;
-use motorbench_model::Model;
+use motorbench_model::{Axis, Model, ModelError, Motion};
 use motorbench_report::picture::{self, Format};
 use motorbench_text::terminal_text::{COLUMNS, narrow, quoted, set_columns, wrapped_to};
 use ratatui::crossterm::terminal::window_size;
@@ -80,6 +81,7 @@ enum Command {
     Stand(stand::Arguments),
     Validate(validate::Arguments),
     Virtual(virtual_board::Arguments),
+    Web(web::Arguments),
     Ports(port::PortsArguments),
     Connect(connect::Arguments),
     Record(record::Arguments),
@@ -131,7 +133,7 @@ impl Failure {
 
 /// The commands by what a person wants to do.
 const GROUPS: [(&str, &[&str]); 6] = [
-    ("Start", &["demo", "virtual"]),
+    ("Start", &["demo", "virtual", "web"]),
     ("Understand a motor", &["diagnose", "identify", "analyse", "simulate", "compare"]),
     ("Use a board", &["ports", "connect", "settings", "record", "live", "send"]),
     ("Control", &["design", "tune", "autotune", "validate"]),
@@ -245,6 +247,7 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Virtual(arguments) => virtual_board::run(&arguments),
+        Command::Web(arguments) => web::run(&arguments),
         Command::Ports(arguments) => port::list(&arguments),
         Command::Connect(arguments) => connect::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Record(arguments) => record::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
@@ -322,19 +325,44 @@ fn firmware() -> Result<PathBuf, ProgramError> {
 
 /// A model file.
 fn read_model(path: &Path) -> Result<Model, Failure> {
+    parsed_model(path, Model::parse)
+}
+
+fn parsed_model<T>(path: &Path, parse: impl Fn(&str) -> Result<T, ModelError>) -> Result<T, Failure> {
     let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", path.display()));
     let text = text_file::read(path, "a model file (TOML)").map_err(|error| failed(&error))?;
-    Model::parse(&text).map_err(|error| failed(&error))
+    parse(&text).map_err(|error| failed(&error))
 }
 
 /// Writes a model.
-fn write_model(path: &Path, model: &Model) -> Result<(), Failure> {
-    write(path, &(own_files::WRITTEN.to_owned() + &model.to_toml()))
+fn write_model(path: &Path, axis: Axis, model: &Model) -> Result<(), Failure> {
+    write(path, &(own_files::WRITTEN.to_owned() + &model.to_toml_of(axis)))
+}
+
+/// A result with the names and units of the axis.
+fn in_units_of(axis: Axis, result: &impl Serialize) -> Result<serde_json::Value, Failure> {
+    let value = serde_json::to_value(result).map_err(Failure::machine)?;
+    Ok(if axis.motion == Motion::Rotary { value } else { renamed(axis.motion, value) })
+}
+
+fn renamed(motion: Motion, value: serde_json::Value) -> serde_json::Value {
+    use serde_json::Value;
+    match value {
+        Value::String(text) => Value::String(motion.words(&text).into_owned()),
+        Value::Array(all) => all.into_iter().map(|one| renamed(motion, one)).collect(),
+        Value::Object(all) => {
+            all.into_iter().map(|(name, one)| (motion.words(&name).into_owned(), renamed(motion, one))).collect()
+        }
+        other => other,
+    }
 }
 
 /// What comes after a model was found.
-fn next_with_model(model: &Path) -> String {
+fn next_with_model(axis: Axis, model: &Path) -> String {
     let model = quoted(&model.display().to_string());
+    if !axis.drive.is_voltage() {
+        return format!("motorbench compare OTHER.csv {model}");
+    }
     format!("motorbench design --rig RIG.toml --model {model} --speed --bandwidth-Hz 5")
 }
 
@@ -503,7 +531,7 @@ mod tests {
         let model = Model::linear(motorbench_model::motor::MotorParameters::PIVT6);
         for _ in 0..2 {
             Outputs::new([], [&file]).unwrap();
-            write_model(&file, &model).unwrap();
+            write_model(&file, Axis::default(), &model).unwrap();
             assert_eq!(read_model(&file).unwrap().motor, model.motor);
         }
         fs::write(&file, model.to_toml()).unwrap();

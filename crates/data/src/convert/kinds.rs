@@ -221,6 +221,36 @@ fn variables_of_matlab_7_3() {
     assert!((values(&found, Channel::Time)[29] - 0.0058).abs() < 1e-12);
 }
 
+/// Simulink keeps the samples of a streamed signal in a group of the signal's number, in the type of the signal.
+#[test]
+fn streamed_signals_of_a_simulink_dataset() {
+    let mut file = FileBuilder::new();
+    let (mut references, mut streams) = (file.create_group("#refs#"), file.create_group("#sigstream#"));
+    for (number, name, single) in [(0.0_f64, "speed", true), (1.0, "volts", false)] {
+        let mut element = references.create_group(name);
+        let letters: Vec<u16> = name.encode_utf16().collect();
+        element.create_dataset("Name").with_u16_data(&letters).with_shape(&[letters.len() as u64, 1]);
+        let mut inside = element.create_group("Values");
+        inside.create_dataset("DataR2").with_f64_data(&[number]).with_shape(&[1, 1]);
+        inside.create_dataset("CompressedTime").with_f64_data(&[0.0, 0.001, 30.0]).with_shape(&[3, 1]);
+        element.add_group(inside.finish());
+        references.add_group(element.finish());
+        let samples: Vec<u8> = (0..30_u8)
+            .flat_map(|row| match single {
+                true => (3.0 * f32::from(row)).to_le_bytes().to_vec(),
+                false => f64::from(row).to_le_bytes().to_vec(),
+            })
+            .collect();
+        let mut stream = streams.create_group(&number.to_string());
+        stream.create_dataset("#data#").with_u8_data(&samples).with_shape(&[samples.len() as u64]);
+        streams.add_group(stream.finish());
+    }
+    file.add_group(references.finish());
+    file.add_group(streams.finish());
+    let found = read_as(Format::Mat, &file.finish().unwrap(), &["volts=u_V", "speed=omega_rad_per_s"]).unwrap();
+    assert_eq!((values(&found, Channel::Speed)[29], values(&found, Channel::Voltage)[29]), (87.0, 29.0));
+}
+
 /// A test of SysId: time, voltage, turns, turns/s.
 fn sysid_test(start_s: f64, volts: f64) -> serde_json::Value {
     (0..30).map(|row| json!([start_s + 0.01 * f64::from(row), volts, 0.1, volts / 2.0])).collect()

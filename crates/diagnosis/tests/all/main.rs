@@ -1,5 +1,6 @@
 //! The diagnosis on benches with a hidden effect, on published tables and on real recordings.
 
+mod axis;
 mod determined;
 mod hidden_effects;
 mod hosts_and_bridges;
