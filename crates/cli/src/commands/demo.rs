@@ -17,6 +17,7 @@ use motorbench_core::message::State;
 use motorbench_core::message::{Mode, Request, Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::VOLT;
+#[cfg(feature = "chip")]
 use motorbench_data::names::setting_name;
 use motorbench_data::names::trip_words;
 use motorbench_data::rig::{NominalMotor, Rig};
