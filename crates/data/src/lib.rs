@@ -26,6 +26,8 @@ pub mod names;
 pub mod recording;
 pub mod rig;
 mod series;
+mod speed_signs;
+mod speed_wraps;
 pub mod statistics;
 mod suggestions;
 mod table;

@@ -726,6 +726,17 @@ impl Fit {
         (-gradient.dot(&factors), factors.iter().copied().collect())
     }
 
+    /// By how much the cost would fall if an effect with these constants were in the data: what the model's own constants
+    /// and their priors cannot take of it.
+    pub fn would_gain(&self, data: &Dataset, effect: &'static dyn Effect, values: Vec<f64>) -> f64 {
+        let replay = Replay::new(data);
+        let base = Base::new(&self.model, &replay, Steps::Coarse);
+        let line = base.change(&self.model.with(effect, values), effect.changes_motion());
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        let along = DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &line)));
+        square(&line) - (along.transpose() * inverse * &along)[0]
+    }
+
     /// Residuals of one measured quantity, measured minus simulated, missing ones as NaN.
     pub fn residual_of(&self, data: &Dataset, output: usize) -> Vec<f64> {
         data.measured[output].values.iter().zip(&self.prediction[output]).map(|(y, p)| y - p).collect()

@@ -43,6 +43,10 @@ pub fn verdict(outcome: &Outcome) -> String {
             "The linear motor is enough: its error is the noise of the sensors, or less than {} % of the signal's range.",
             100.0 * TOLERANCE
         ),
+        Verdict::Undecided => {
+            "Undecided. The linear motor fits, but this recording could not have shown friction or a voltage drop."
+                .into()
+        }
         Verdict::Explained => {
             wrapped(&format!("The linear motor is not enough. The cause: {names}."), "", "").trim_end().into()
         }

@@ -306,8 +306,16 @@ fn rig_for(named: Option<&Path>, recording: Option<&Path>) -> Result<Rig, Failur
 #[cfg(feature = "chip")]
 fn firmware() -> Result<PathBuf, ProgramError> {
     let bar = spinner();
-    bar.set_message("the firmware is built; the first time takes a minute");
-    let elf = firmware_at_hand(|note| bar.suspend(|| tell(note)));
+    let building = "the firmware is built; the first time takes a minute";
+    bar.set_message(building);
+    let elf = firmware_at_hand(
+        || {
+            if bar.is_hidden() {
+                tell(building)
+            }
+        },
+        |note| bar.suspend(|| tell(note)),
+    );
     bar.finish_and_clear();
     elf
 }

@@ -89,6 +89,23 @@ fn a_workbook_is_read_like_a_table() {
     assert!(values(&found, Channel::Rpm)[..2] == [10.0, 20.25] && values(&found, Channel::Rpm)[2].is_nan());
     let why = read_as(Format::Spreadsheet, b"PK\x03\x04nothing", &[]).unwrap_err();
     assert!(why.contains("this spreadsheet cannot be read") && why.contains("save the sheet as CSV"), "{why}");
+    // An archive that has a sheet, but not the list of the sheets.
+    let archive = |part: &str| {
+        let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+        archive.start_file(part, SimpleFileOptions::default()).unwrap();
+        archive.write_all(b"<worksheet/>").unwrap();
+        archive.finish().unwrap().into_inner()
+    };
+    for (part, what) in [
+        (
+            "xl/worksheets/sheet1.xml",
+            "it has no xl/workbook.xml, the list of its sheets; it has xl/worksheets/sheet1.xml",
+        ),
+        ("run.csv", "this archive is no spreadsheet: it has run.csv"),
+    ] {
+        let why = read_as(Format::Spreadsheet, &archive(part), &[]).unwrap_err();
+        assert!(why.contains(what) && why.contains("soffice --headless --convert-to csv FILE"), "{why}");
+    }
 }
 
 /// An element of a MATLAB file of level 5.

@@ -142,7 +142,9 @@ impl Quantity {
         if self.is_relative {
             [-half, half].map(|off| derived.value * (off / derived.value).exp())
         } else {
-            [(derived.value - half).max(0.0), derived.value + half]
+            // A load that drives makes a dead band negative; nothing else does.
+            let least = if derived.value < 0.0 { f64::NEG_INFINITY } else { 0.0 };
+            [(derived.value - half).max(least), derived.value + half]
         }
     }
 }

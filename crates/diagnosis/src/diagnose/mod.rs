@@ -26,6 +26,7 @@ mod ripple_phase;
 mod scale;
 pub mod select;
 mod speed_reading;
+mod undecided;
 mod unseen_losses;
 
 use crate::dataset::{Dataset, DatasetError, Measured, Output, TOLERANCE, greatest};
@@ -36,7 +37,7 @@ use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::{NominalMotor, Rig};
-use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, INDUCTANCE, USUAL, effect};
+use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, Effect, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::{Quantity, Unit};
@@ -189,6 +190,7 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
 
 /// The model that is reported, and how well it is known.
 struct Found<'a> {
+    fit: &'a Fit,
     model: &'a Model,
     intervals: Vec<Interval>,
     uncertainty: Uncertainty<'a>,
@@ -204,7 +206,7 @@ impl<'a> Found<'a> {
         let mut intervals = uncertainty.intervals();
         intervals.truncate(moved);
         let scales = determined::scales(&uncertainty, data, &prior.nominal);
-        Self { model: &opened.model, intervals, uncertainty, scales, data }
+        Self { fit: opened, model: &opened.model, intervals, uncertainty, scales, data }
     }
 
     /// The intervals contain what other laws that explain as much make of the constants.
@@ -216,6 +218,10 @@ impl<'a> Found<'a> {
             }
         }
         self
+    }
+
+    fn not_shown(&self) -> Vec<&'static dyn Effect> {
+        undecided::not_shown(self.data, self.fit)
     }
 
     fn determined(&self, corrections: &Corrections) -> AllDetermined {
@@ -618,7 +624,9 @@ impl Outcome {
         let is_a_cause = |cause: &Cause| unexplained.is_none() && !is_of_the_reading(&cause.effect, data, model);
         let (wrong, contradicted): (Vec<Cause>, Vec<Cause>) = wrong.into_iter().partition(is_a_cause);
         causes.extend(wrong);
+        let not_shown = if causes.is_empty() && unexplained.is_none() { found.not_shown() } else { Vec::new() };
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
+            (true, false) if !not_shown.is_empty() => Verdict::Undecided,
             (true, false) => Verdict::Sufficient,
             (false, false) => Verdict::Explained,
             (false, true) => Verdict::PartlyExplained,
@@ -635,6 +643,7 @@ impl Outcome {
             advice: Vec::new(),
         };
         outcome.advice = outcome.advice(data);
+        outcome.advice.extend(not_shown.into_iter().map(undecided::advice));
         let contradictions = contradicted.iter().filter_map(|cause| outcome.contradiction(cause, &model.motor));
         let contradictions: Vec<String> = contradictions.collect();
         outcome.advice.extend(contradictions);
@@ -699,6 +708,8 @@ impl Outcome {
 
     fn advice(&self, data: &Dataset) -> Vec<String> {
         let mut advice = Vec::new();
+        let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
+        let is_one_way = !(reverses(1.0) && reverses(-1.0));
         for cause in &self.causes {
             let Some(about) = motorbench_model::catalogue::effect(&cause.effect).map(|effect| effect.about()) else {
                 continue;
@@ -708,7 +719,8 @@ impl Outcome {
                 advice
                     .push(format!("{} could as well be {others}. To tell them apart: {}.", about.id, about.experiment));
             }
-            advice.push(format!("Against {}: {}.", about.title, about.remedy));
+            let remedy = if about.id == "coast_decay" && is_one_way { OF_ONE_TRANSISTOR } else { about.remedy };
+            advice.push(format!("Against {}: {remedy}.", about.title));
         }
         advice.extend(self.advice_on_values());
         if let Some(unexplained) = &self.unexplained {
@@ -720,7 +732,7 @@ impl Outcome {
         }
         advice.extend(data.notes());
         if data.current().is_none() && data.axis.drive.is_voltage() {
-            advice.push("Without the current, torque and voltage can hardly be told apart: record i_A as well.".into());
+            advice.push(self.advice_without_current());
         }
         if data.axis.drive == Drive::Current {
             advice.push(IMPOSED_CURRENT.into());
@@ -728,13 +740,34 @@ impl Outcome {
                 advice.push(IN_AMPERES.into());
             }
         }
-        let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
-        if !(reverses(1.0) && reverses(-1.0)) {
+        if is_one_way {
             advice.push(
                 "The motor never reverses in this recording. Friction and differences between directions show only when it passes zero both ways: record the sequence `identify`.".into(),
             );
         }
         advice
+    }
+}
+
+/// Against an off phase that coasts where the motor never reverses, as behind a single transistor.
+const OF_ONE_TRANSISTOR: &str = "With a bridge leave enable high. One transistor and a diode always coast so at small currents: a second transistor in place of the diode, or a higher PWM frequency, makes the motor linear";
+
+impl Outcome {
+    /// What a recording without the current says of friction and drop together.
+    fn advice_without_current(&self) -> String {
+        let is_dry = |cause: &Cause| ["coulomb_friction", "voltage_drop"].contains(&cause.effect.as_str());
+        let of = |name: &str| {
+            self.determined.get(name).map(|found| format!("{name} = {} {}", short(found.value), found.unit))
+        };
+        match of("kS").filter(|_| self.causes.iter().any(is_dry)) {
+            Some(sum) => {
+                let others = ["kV", "kA"].into_iter().filter_map(of).collect::<Vec<_>>().join(", ");
+                format!(
+                    "Without the current, friction and a voltage drop cannot be told apart. Their sum is sure: {sum}, with {others}. Record i_A as well to know each."
+                )
+            }
+            None => "Without the current, torque and voltage can hardly be told apart: record i_A as well.".into(),
+        }
     }
 }
 

@@ -39,6 +39,8 @@ pub struct Outcome {
 pub enum Verdict {
     /// The linear motor with its found constants reaches the noise of the sensors.
     Sufficient,
+    /// It does so as well, but the recording would not have shown friction or drop of a usual strength.
+    Undecided,
     /// With the named causes the model reaches the noise of the sensors.
     Explained,
     /// The named causes hold, but a rest remains.

@@ -1,11 +1,11 @@
-//! What hosts and bridges do that is no effect of the catalogue: a pause of the program, an off phase that drops less
-//! than the pulse. The simulation shares nothing with the models.
+//! What hosts and bridges do that is no effect of the catalogue, and what a short recording cannot show: a pause of the
+//! program, an off phase that drops less than the pulse, a single step. The simulation shares nothing with the models.
 
 use crate::fresh_seed;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_diagnosis::diagnose::diagnose;
-use motorbench_diagnosis::diagnose::outcome::Outcome;
+use motorbench_diagnosis::diagnose::outcome::{Outcome, Verdict};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::fmt::Write as _;
@@ -131,4 +131,23 @@ fn the_intervals_know_a_drop_that_differs_in_the_off_phase() {
     ] {
         assert!(contains(&found, name, truth), "seed {seed}, {less_v} V less: {name} {:?}", found.parameters[name]);
     }
+}
+
+/// One step of the speed fits any friction: what it takes of the voltage is in the gain.
+#[test]
+fn a_single_step_does_not_say_that_there_is_no_friction() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut text = String::from("t_s,u_V,omega_rad_per_s\n");
+    for row in 0..1000 {
+        let time_s = f64::from(row) * 2e-3;
+        let since_s = f64::max(time_s - 0.1, 0.0);
+        let speed = 150.0 * (1.0 - f64::exp(-since_s / 0.05)) + random.random_range(-0.5..0.5);
+        let _ = writeln!(text, "{time_s:.3},{},{speed:.3}", if time_s < 0.1 { 0 } else { 9 });
+    }
+    let recording = Recording::parse("run.csv", text.as_bytes(), &[]).expect("it is well-formed");
+    let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n").expect("it is well-formed");
+    let found = diagnose(&[recording], &rig, &|_| ()).expect("it can be used").outcome;
+    assert_eq!(found.verdict, Verdict::Undecided, "seed {seed}: {found:?}");
+    assert!(found.advice.iter().any(|advice| advice.contains("coulomb_friction")), "seed {seed}: {:?}", found.advice);
 }

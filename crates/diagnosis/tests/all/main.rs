@@ -4,6 +4,7 @@ mod axis;
 mod determined;
 mod hidden_effects;
 mod hosts_and_bridges;
+mod kinds_of_files;
 mod outcome_schema;
 mod paper;
 mod real_recordings;
