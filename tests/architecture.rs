@@ -81,7 +81,7 @@ fn the_tree_is_on_the_disk() {
 }
 
 /// Crates that also run in a browser, where there are no files, no threads and no terminal.
-const IN_A_BROWSER: [&str; 8] = [
+const IN_A_BROWSER: [&str; 9] = [
     "core",
     "crates/text",
     "crates/model",
@@ -90,6 +90,7 @@ const IN_A_BROWSER: [&str; 8] = [
     "crates/diagnosis",
     "crates/design",
     "crates/report",
+    "crates/web",
 ];
 /// What they leave to those above them.
 const LEFT_TO_OTHERS: [&str; 8] =

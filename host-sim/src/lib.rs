@@ -18,7 +18,9 @@
 //! plant), [`scenario::Scenario`] (a whole experiment from a file).
 
 pub mod figures;
+pub mod hidden_bench;
 pub mod plant;
 pub mod scenario;
 pub mod sensor_effects;
 pub mod trial;
+pub mod virtual_board;

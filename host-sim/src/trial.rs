@@ -105,6 +105,8 @@ pub struct Surroundings {
     pub tacho_ripple: f64,
     /// Periods of that ripple in a turn.
     pub tacho_ripples_per_turn: f64,
+    /// The contact of the emergency stop is closed.
+    pub stop_closed: bool,
 }
 
 impl Surroundings {
@@ -119,6 +121,7 @@ impl Surroundings {
             current_noise_v: 0.0,
             tacho_ripple: 0.0,
             tacho_ripples_per_turn: TACHO_RIPPLES_PER_TURN,
+            stop_closed: false,
         }
     }
 }
@@ -142,6 +145,8 @@ pub struct Trial<P> {
     /// Drives on their way to the bridge, the oldest first. Each takes effect at a tick, for this many PWM periods.
     drives: VecDeque<Drive>,
     late_periods: usize,
+    /// The host has said something valid since the last tick.
+    host_spoke: bool,
     off_phase: OffPhase,
     sensors: SensorEffects,
     /// Sum of the block of conversions under way, of the last complete block, and of the last two.
@@ -162,7 +167,7 @@ impl<P: Plant> Trial<P> {
             counts_per_rad: get(Param::CountsPerRev) / TAU,
             current_v_per_a: 1e-3 * get(Param::CurrentGain),
             tacho_v_s_per_rad: TACHO_DIVIDER * 1e-3 * 60.0 / TAU * get(Param::TachoGain),
-            periods: (f64::from(HARDWARE.pwm_hz) / get(Param::TickRate)) as usize,
+            periods: periods_of(&settings),
         };
         Ok(Self {
             position: plant.angle_rad() * scales.counts_per_rad + 0.5,
@@ -177,6 +182,7 @@ impl<P: Plant> Trial<P> {
             periods: 0,
             drives: VecDeque::from([Drive::default()]),
             late_periods: LATE_PERIODS,
+            host_spoke: false,
             off_phase: OffPhase::Brakes,
             sensors: SensorEffects::default(),
             sums: [0, BLOCK as u16 * MIDDLE, 2 * BLOCK as u16 * MIDDLE],
@@ -214,6 +220,28 @@ impl<P: Plant> Trial<P> {
         (0..ticks).map(|at| self.tick((at == 0).then_some(request))).collect()
     }
 
+    /// Takes other settings between two ticks, as a whole. Encoder and sensors stay the rig's, those that the trial began
+    /// with: only the program's idea of them changes.
+    ///
+    /// # Errors
+    /// A setting the core cannot hold; nothing has changed then.
+    pub fn configure(&mut self, settings: &Settings) -> Result<(), BuildError> {
+        self.control.configure(&LoopConfig::build(settings)?);
+        self.settings = *settings;
+        self.scales.periods = periods_of(settings);
+        Ok(())
+    }
+
+    /// The next tick counts as one with a word of the host.
+    pub fn host_speaks(&mut self) {
+        self.host_spoke = true;
+    }
+
+    /// The control core.
+    pub fn control(&self) -> &ControlLoop {
+        &self.control
+    }
+
     /// The last sample.
     pub fn sample(&self) -> &Sample {
         self.control.sample()
@@ -228,6 +256,7 @@ impl<P: Plant> Trial<P> {
     pub fn tick(&mut self, request: Option<Request>) -> Point {
         let before = pwm(&self.drives[0], self.off_phase);
         self.drives.push_back(self.control.tick(request, &self.inputs()));
+        self.host_spoke = false;
         self.drives.pop_front();
         let now = pwm(&self.drives[0], self.off_phase);
         let point = self.point();
@@ -265,7 +294,9 @@ impl<P: Plant> Trial<P> {
             tacho: self.tacho,
             supply: supply.clamp(0.0, HIGHEST) as u16,
             duty_scale: duty_scale(supply_bits),
-            flags: Inputs::MAIN_LOOP_ALIVE,
+            flags: Inputs::MAIN_LOOP_ALIVE
+                | if self.host_spoke { Inputs::HOST_SPOKE } else { 0 }
+                | if self.surroundings.stop_closed { Inputs::STOP_CLOSED } else { 0 },
         }
     }
 
@@ -384,6 +415,11 @@ impl Trial<ModelPlant> {
         trial.sensors = SensorEffects::of(model);
         Ok(trial)
     }
+}
+
+/// PWM periods of a tick.
+fn periods_of(settings: &Settings) -> usize {
+    (f64::from(HARDWARE.pwm_hz) / f64::from(settings.get(Param::TickRate))) as usize
 }
 
 /// Whether the bridge is open for the rest of a period.

@@ -20,9 +20,11 @@
 mod assembled;
 mod content;
 pub mod convert;
+pub mod coverage;
 pub mod delimited;
 pub mod mapping;
 pub mod names;
+pub mod preview;
 pub mod recording;
 pub mod rig;
 mod series;

@@ -114,6 +114,23 @@ fn is_two_way(channel: Channel) -> bool {
     matches!(channel, Channel::Duty | Channel::Voltage | Channel::Current | Channel::Speed | Channel::Rpm)
 }
 
+/// What each column likely is, the right side of a mapping; empty where nothing speaks for a channel, or another column
+/// has it already.
+pub fn likely_channels(columns: &[Column]) -> Vec<String> {
+    let own = |column: &Column| Channel::of_column(crate::mapping::last_part(&column.name));
+    let mut taken: Vec<Channel> = columns.iter().filter_map(own).collect();
+    let mut of = |column: &Column| {
+        if let Some(channel) = own(column) {
+            return channel.column().to_owned();
+        }
+        let free = |(channel, _): &(Channel, String)| !taken.iter().any(|other| is_same_quantity(*other, *channel));
+        let Some((channel, right)) = likely(column).filter(free) else { return String::new() };
+        taken.push(channel);
+        right
+    };
+    columns.iter().map(&mut of).collect()
+}
+
 /// Whether a column says which way the motor is driven.
 fn is_direction(column: &Column) -> bool {
     words(&column.name).iter().any(|word| ["dir", "direction", "sign", "richtung", "reverse"].contains(&word.as_str()))

@@ -12,6 +12,10 @@ use std::f64::consts::TAU;
 /// Step of the firmware's current reading at 185 mV/A: one converter step divided by the conversions in a sum.
 const CURRENT_STEP_A: f64 = converter::STEP_V as f64 / (2.0 * converter::BLOCK as f64) / 0.185;
 
+/// The drive stops by itself if the program is silent for longer. The number is unusual on purpose: a board with it was
+/// left by a program that was killed.
+pub const LOST_AFTER_MS: f32 = 501.0;
+
 /// Settings of a recording for an identification: nothing limits the excitation, and only the current trips remain.
 pub const IDENTIFICATION_SETTINGS: [(Param, f32); 6] = [
     (Param::CurrentLimit, 0.0),

@@ -64,6 +64,8 @@ use fixed_point::SettingList;
 use host_sim::trial::Point;
 use law::{ControlLaw, Signal, setting_name, setting_unit};
 use motorbench_core::settings::{Param, Settings};
+use motorbench_data::rig;
+use motorbench_model::Model;
 use motorbench_model::motor::MotorParameters;
 use robustness::{Robustness, Weakness};
 use sampled_loop::{Gains, MotorTiming, SampledLoop, Sampling};
@@ -103,6 +105,45 @@ impl Default for Bench {
             current_measured: true,
             delay_s: 0.0,
         }
+    }
+}
+
+/// A key of the rig file that a design cannot do without.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MissingKey {
+    /// A design needs it.
+    #[error("{0} is missing: add it, the design needs it")]
+    Needed(&'static str),
+    /// There is no sensor of the speed.
+    #[error("encoder.counts_per_rev is missing: add it. A speed loop can use tachogenerator.gain_V_per_krpm instead")]
+    Sensor,
+}
+
+impl Bench {
+    /// The rig of a file, with the delay of a model of its motor.
+    ///
+    /// # Errors
+    /// [`MissingKey`].
+    pub fn of_rig(rig: &rig::Rig, model: Option<&Model>) -> Result<Self, MissingKey> {
+        let tachogenerator = match tachogenerator::of_rig(rig) {
+            Some(gain) => Some(gain.ok_or(MissingKey::Needed("tachogenerator.gain_V_per_krpm"))?),
+            None => None,
+        };
+        if rig.encoder.counts_per_rev.is_none() && tachogenerator.is_none() {
+            return Err(MissingKey::Sensor);
+        }
+        let late_s = |model: &Model| {
+            // It includes the lag of a tachogenerator that measures the speed.
+            model.delay_s() + if tachogenerator.is_some() { model.tachogenerator_lag_s() } else { 0.0 }
+        };
+        Ok(Self {
+            supply_v: rig.supply.voltage_v.ok_or(MissingKey::Needed("supply.voltage_V"))?,
+            counts_per_rev: rig.encoder.counts_per_rev,
+            tachogenerator,
+            current_measured: rig.current_sensor.present != Some(false),
+            delay_s: model.map_or(0.0, late_s),
+            ..Self::default()
+        })
     }
 }
 

@@ -10,6 +10,7 @@ use host_sim::trial::{TACHO_DIVIDER, TACHO_RIPPLES_PER_TURN, Trial, USUAL_RIPPLE
 use motorbench_core::converter;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::tachogenerator::{LEAST_VOLTAGE_V, NEAR_ZERO};
+use motorbench_data::rig::Rig;
 use motorbench_model::motor::MotorParameters;
 use serde::Serialize;
 use std::f64::consts::TAU;
@@ -140,6 +141,23 @@ fn volts_per_acceleration(motor: &MotorParameters) -> f64 {
 /// Whether settings take the speed from the tachogenerator.
 pub fn is_speed_sensor(settings: &Settings) -> bool {
     settings.get(Param::SpeedSensor) != 0.0
+}
+
+/// The tachogenerator, if the rig uses it for the speed or has no encoder. The inner value is `None` without a gain.
+pub fn of_rig(rig: &Rig) -> Option<Option<Tachogenerator>> {
+    let given = &rig.tachogenerator;
+    let takes_its_place = rig.encoder.counts_per_rev.is_none() && given.gain_v_per_krpm.is_some();
+    if !given.feedback.unwrap_or(takes_its_place) {
+        return None;
+    }
+    Some(given.gain_v_per_krpm.map(|gain_v_per_krpm| {
+        let usual = Tachogenerator::new(gain_v_per_krpm);
+        Tachogenerator {
+            ripple: given.ripple.unwrap_or(usual.ripple),
+            ripples_per_rev: given.ripples_per_rev.unwrap_or(usual.ripples_per_rev),
+            ..usual
+        }
+    }))
 }
 
 #[cfg(test)]

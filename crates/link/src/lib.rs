@@ -19,7 +19,7 @@
 
 pub mod board;
 mod connection;
-pub mod coverage;
+
 #[doc(hidden)]
 pub mod fake_board;
 pub mod growing;

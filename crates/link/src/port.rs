@@ -17,6 +17,8 @@ use std::time::Duration;
 
 /// A read waits this long.
 const WAIT: Duration = Duration::from_millis(5);
+/// Length of the pulse that resets a board.
+const RESET_PULSE: Duration = Duration::from_millis(250);
 /// USB vendor and product of boards and of the chips that clones use.
 const BOARDS: [(u16, u16, &str); 9] = [
     (0x2341, 0x0043, "Arduino Uno R3"),
@@ -127,6 +129,14 @@ pub type Port = Box<dyn SerialPort>;
 /// # Errors
 /// [`BoardError::Failed`] with what to do: missing, busy, not permitted; else as [`Link::start_unless`].
 pub fn open(name: &str, stopped: Arc<AtomicBool>) -> Result<Link<Port>, BoardError> {
+    Link::start_unless(open_line(name)?, stopped)
+}
+
+/// Opens a port at the speed of the firmware, for a program that speaks the protocol itself.
+///
+/// # Errors
+/// [`BoardError::Failed`] with what to do: missing, busy, not permitted.
+pub fn open_line(name: &str) -> Result<Port, BoardError> {
     // The operating system's message is clearer than that of the library.
     File::options().read(true).write(true).open(name).map_err(|error| BoardError::Failed(cannot_open(name, &error)))?;
     let port = serialport::new(name, HARDWARE.baud).timeout(WAIT).open_native().map_err(|error| {
@@ -139,7 +149,28 @@ pub fn open(name: &str, stopped: Arc<AtomicBool>) -> Result<Link<Port>, BoardErr
     })?;
     #[cfg(unix)]
     let port = unblocked(port).map_err(|error| BoardError::Failed(format!("{name}: {error}")))?;
-    Link::start_unless(Box::new(port), stopped)
+    Ok(Box::new(port))
+}
+
+/// Changes the speed of a line, for the bootloader of a board.
+///
+/// # Errors
+/// The message of the operating system.
+pub fn set_speed(port: &mut Port, baud: u32) -> io::Result<()> {
+    Ok(port.set_baud_rate(baud)?)
+}
+
+/// Resets a board: its bootloader then listens for a new program.
+///
+/// # Errors
+/// The message of the operating system. A virtual board has no such line.
+pub fn reset(port: &mut Port) -> io::Result<()> {
+    for high in [false, true] {
+        port.write_data_terminal_ready(high)?;
+        port.write_request_to_send(high)?;
+        std::thread::sleep(RESET_PULSE);
+    }
+    Ok(())
 }
 
 /// Makes a read return at once: bytes that were seen may be gone to another program, and waiting for them would never

@@ -1,11 +1,11 @@
 //! Records an excitation that the firmware plays. It keeps every sample, however the recording ends.
 
-use super::coverage::{Coverage, Covered, Lack};
 use super::{Line, Link, Losses};
 use crate::board::{Board, BoardError, Silence};
 use motorbench_core::excitation::{Player, Sequence};
 use motorbench_core::message::{Sample, State, Trip};
 use motorbench_core::settings::{Param, Settings};
+use motorbench_data::coverage::{Coverage, Covered, Lack};
 use std::time::{Duration, Instant};
 
 /// Interval at which the telemetry is fetched.

@@ -105,6 +105,11 @@
   const ready = figure => {
     if (figure.clientWidth > 0 && !figure.classList.contains('is-live')) show(figure);
   };
+  // A page that shows this one in a frame makes room for all of it.
+  if (parent !== window) {
+    const tell = () => parent.postMessage({ height: document.documentElement.offsetHeight }, '*');
+    new ResizeObserver(tell).observe(document.documentElement);
+  }
   if (typeof uPlot === 'undefined') return;
   const all = [...document.querySelectorAll('figure.plot:has(script)')];
   all.forEach(ready);

@@ -17,6 +17,7 @@ pub mod design;
 pub mod diagnosis_page;
 pub mod diagnosis_text;
 pub mod panels;
+#[cfg(feature = "png")]
 pub mod picture;
 pub mod plot;
 pub mod steady_state;

@@ -6,6 +6,7 @@ mod revealed;
 use super::own_files::WRITTEN;
 use super::{Failure, JSON_TO, Outputs, TERMINAL, is_terminal, provenance, write_json};
 use clap::Args;
+use host_sim::hidden_bench::{RECORDED_S, SUPPLY_V, data_sheet, draw};
 #[cfg(feature = "chip")]
 use host_sim::plant::ModelPlant;
 use host_sim::trial::Trial;
@@ -27,14 +28,12 @@ use motorbench_diagnosis::diagnose::{Diagnosis, diagnose};
 #[cfg(feature = "chip")]
 use motorbench_link::board::{Board, BoardError, untripped};
 use motorbench_link::record::missing_ticks;
-use motorbench_model::catalogue::{Effect, Scales, effect};
-use motorbench_model::motor::MotorParameters;
-use motorbench_model::{Drive, Model};
+use motorbench_model::Model;
 use motorbench_report::diagnosis_page::{self as report, Besides};
 use motorbench_report::diagnosis_text as page;
 use motorbench_report::web_page::{Provenance, lines};
 use motorbench_text::terminal_text::{short, wrapped};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use revealed::Revealed;
 use std::fs::File;
@@ -42,23 +41,11 @@ use std::io::{ErrorKind, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Effects of motor and load that the demonstration may hide, besides friction and the bridge's drop.
-const HIDDEN: [&str; 8] = [
-    "stribeck_friction",
-    "quadratic_drag",
-    "cogging",
-    "gravity_unbalance",
-    "supply_sag",
-    "winding_heating",
-    "load_step",
-    "shaft_compliance",
-];
 /// Level of the identifying sequence, and the length of its steps.
 const LEVEL_V: f64 = 10.0;
 const STEP_TICKS: u32 = 500;
-const SUPPLY_V: f64 = 12.0;
 /// Duration of the sequence, and a slightly longer waiting time.
-const SEQUENCE_S: f64 = 20.0;
+const SEQUENCE_S: f64 = RECORDED_S;
 #[cfg(feature = "chip")]
 const WAIT_S: f64 = SEQUENCE_S + 0.1;
 /// Message during the recording.
@@ -100,7 +87,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = arguments.outputs()?;
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let truth = draw(&mut random);
-    let nominal = wrong(&truth.motor, &mut random);
+    let nominal = data_sheet(&truth.motor, &mut random);
     let settings = recording_settings();
     let recorded = record(&truth, settings)?;
     let drawn = wrapped(&format!("A motor with a hidden effect (seed {seed}): {}.", recorded.words()), "", "");
@@ -217,59 +204,6 @@ impl Arguments {
         }
         let rig = self.csv.as_deref().map(rig_of);
         Outputs::new([], [&self.report, &self.csv, &rig, &self.json].into_iter().flatten())
-    }
-}
-
-/// A bench with friction, a bridge drop, and one more effect.
-fn draw(random: &mut ChaCha8Rng) -> Model {
-    let pivt6 = MotorParameters::PIVT6;
-    let mut about = |value: f64| value * random.random_range(0.85..1.15);
-    let motor = MotorParameters {
-        resistance_ohm: about(pivt6.resistance_ohm),
-        inductance_h: about(pivt6.inductance_h),
-        torque_constant_nm_per_a: about(pivt6.torque_constant_nm_per_a),
-        inertia_kg_m2: about(2.0 * pivt6.inertia_kg_m2),
-        viscous_friction_nm_s: about(pivt6.viscous_friction_nm_s),
-    };
-    let scales = Scales {
-        drive: Drive::Voltage,
-        motor,
-        voltage_v: SUPPLY_V,
-        speed_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,
-        supply_v: SUPPLY_V,
-        current_a: SUPPLY_V / motor.resistance_ohm,
-        duration_s: SEQUENCE_S,
-        interval_s: 1e-3,
-        pwm_hz: 20_000.0,
-    };
-    let known = |id: &str| effect(id).expect("an effect of the catalogue");
-    let hidden = known(HIDDEN[random.random_range(0..HIDDEN.len())]);
-    Model::linear(motor)
-        .with(known("coulomb_friction"), vec![random.random_range(0.03..0.06) * scales.stall_torque_nm()])
-        .with(known("voltage_drop"), vec![random.random_range(1.0..2.2)])
-        .with(hidden, values(hidden, &scales, random))
-}
-
-/// One of the effect's usual values, scaled by a random factor of at most three.
-fn values(effect: &dyn Effect, scales: &Scales, random: &mut ChaCha8Rng) -> Vec<f64> {
-    let mut starts = effect.starts(scales);
-    let mut values = starts.swap_remove(random.random_range(0..starts.len()));
-    let factor = random.random_range(1.0..3.0);
-    for value in values.iter_mut().take(effect.about().linear_in) {
-        *value *= factor;
-    }
-    values
-}
-
-/// Values of a data sheet: off by up to 15 %.
-fn wrong(motor: &MotorParameters, random: &mut ChaCha8Rng) -> MotorParameters {
-    let mut off = |value: f64| value * random.random_range(0.85..1.15);
-    MotorParameters {
-        resistance_ohm: off(motor.resistance_ohm),
-        inductance_h: off(motor.inductance_h),
-        torque_constant_nm_per_a: off(motor.torque_constant_nm_per_a),
-        inertia_kg_m2: off(motor.inertia_kg_m2),
-        viscous_friction_nm_s: off(motor.viscous_friction_nm_s),
     }
 }
 
@@ -391,14 +325,8 @@ fn on_clock_of(samples: &[Sample], truth: &Model, settings: &Settings) -> Model 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn what_is_hidden_can_be_hidden() {
-        for id in HIDDEN {
-            let hidden = effect(id).expect("of the catalogue");
-            assert!(hidden.acts_on_motor(), "{id} is not the motor's");
-        }
-    }
+    use motorbench_model::catalogue::effect;
+    use motorbench_model::motor::MotorParameters;
 
     #[test]
     fn a_page_that_nobody_asked_for_is_written_over_nothing() {

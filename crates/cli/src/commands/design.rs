@@ -11,7 +11,6 @@ use motorbench_design::fixed_point::SettingList;
 use motorbench_design::law::ControlLaw;
 use motorbench_design::own_loop::{Asked, OwnLoop, Sketch, own_loop};
 use motorbench_design::specification::{Specification, Speed};
-use motorbench_design::tachogenerator::Tachogenerator;
 use motorbench_design::weights::{BadWeight, Weights};
 use motorbench_design::{Bench, Design, DesignError, TrialWithEffects, design, fastest_possible, trial_with_effects};
 use motorbench_model::Model;
@@ -375,29 +374,10 @@ impl Arguments {
         };
         let (motor, _) = motor_of(motor_file)?;
         let rig = read_rig(surroundings)?;
-        let missing = |key: &str| {
-            let name = surroundings.display();
-            Failure::input(format!("{name}: {key} is missing: add it, the design needs it"))
-        };
-        let tachogenerator = match tachogenerator(&rig) {
-            Some(gain) => Some(gain.ok_or_else(|| missing("tachogenerator.gain_V_per_krpm"))?),
-            None => None,
-        };
-        if rig.encoder.counts_per_rev.is_none() && tachogenerator.is_none() {
-            let name = surroundings.display();
-            return Err(Failure::input(format!(
-                "{name}: encoder.counts_per_rev is missing: add it. A speed loop can use tachogenerator.gain_V_per_krpm instead"
-            )));
-        }
         let model = self.model.as_deref().map(read_model).transpose()?;
-        let bench = Bench {
-            supply_v: rig.supply.voltage_v.ok_or_else(|| missing("supply.voltage_V"))?,
-            counts_per_rev: rig.encoder.counts_per_rev,
-            tachogenerator,
-            current_measured: !self.no_current_sensor && rig.current_sensor.present != Some(false),
-            delay_s: model.as_ref().map_or(0.0, |model| late_s(model, tachogenerator.is_some())),
-            ..Bench::default()
-        };
+        let refused = |why| Failure::input(format!("{}: {why}", surroundings.display()));
+        let bench = Bench::of_rig(&rig, model.as_ref()).map_err(refused)?;
+        let bench = Bench { current_measured: !self.no_current_sensor && bench.current_measured, ..bench };
         Ok((motor, bench, rig, model))
     }
 }
@@ -407,28 +387,6 @@ impl Arguments {
 struct Refused {
     law: ControlLaw,
     why: String,
-}
-
-/// Delay of a model's loop. It includes the lag of a tachogenerator that measures the speed.
-fn late_s(model: &Model, by_tachogenerator: bool) -> f64 {
-    model.delay_s() + if by_tachogenerator { model.tachogenerator_lag_s() } else { 0.0 }
-}
-
-/// The tachogenerator, if the rig uses it for the speed or has no encoder. The inner value is `None` without a gain.
-fn tachogenerator(rig: &Rig) -> Option<Option<Tachogenerator>> {
-    let given = &rig.tachogenerator;
-    let takes_its_place = rig.encoder.counts_per_rev.is_none() && given.gain_v_per_krpm.is_some();
-    if !given.feedback.unwrap_or(takes_its_place) {
-        return None;
-    }
-    Some(given.gain_v_per_krpm.map(|gain_v_per_krpm| {
-        let usual = Tachogenerator::new(gain_v_per_krpm);
-        Tachogenerator {
-            ripple: given.ripple.unwrap_or(usual.ripple),
-            ripples_per_rev: given.ripples_per_rev.unwrap_or(usual.ripples_per_rev),
-            ..usual
-        }
-    }))
 }
 
 fn written((law, figures, _): &TrialWithEffects) -> serde_json::Value {
@@ -456,6 +414,7 @@ fn page(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use motorbench_design::tachogenerator::{Tachogenerator, of_rig};
 
     const RIG: &str = "[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 1024\n[motor]\nresistance_ohm = 5.84\n\
         inductance_H = 11.68e-3\ntorque_constant_Nm_per_A = 0.072\ninertia_kg_m2 = 2.22e-5\nviscous_friction_Nm_s = 5e-6\n";
@@ -619,7 +578,7 @@ mod tests {
 
     #[test]
     fn a_tachogenerator_is_the_sensor_where_there_is_no_encoder_or_where_the_rig_says_so() {
-        let of = |text: &str| tachogenerator(&Rig::parse("rig.toml", text).unwrap());
+        let of = |text: &str| of_rig(&Rig::parse("rig.toml", text).unwrap());
         let (encoder, tacho) = ("[encoder]\ncounts_per_rev = 1024\n", "[tachogenerator]\ngain_V_per_krpm = 3\n");
         assert_eq!(of(encoder), None);
         assert_eq!(of(tacho), Some(Some(Tachogenerator::new(3.0))));

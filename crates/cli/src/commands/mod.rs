@@ -28,6 +28,7 @@ mod stand;
 mod tune;
 mod validate;
 mod virtual_board;
+mod web;
 
 use clap::{CommandFactory, FromArgMatches as _, Parser, Subcommand};
 use files::{JSON_TO, Outputs, TERMINAL, beside, is_terminal, with_json_joined};
@@ -80,6 +81,7 @@ enum Command {
     Stand(stand::Arguments),
     Validate(validate::Arguments),
     Virtual(virtual_board::Arguments),
+    Web(web::Arguments),
     Ports(port::PortsArguments),
     Connect(connect::Arguments),
     Record(record::Arguments),
@@ -131,7 +133,7 @@ impl Failure {
 
 /// The commands by what a person wants to do.
 const GROUPS: [(&str, &[&str]); 6] = [
-    ("Start", &["demo", "virtual"]),
+    ("Start", &["demo", "virtual", "web"]),
     ("Understand a motor", &["diagnose", "identify", "analyse", "simulate", "compare"]),
     ("Use a board", &["ports", "connect", "settings", "record", "live", "send"]),
     ("Control", &["design", "tune", "autotune", "validate"]),
@@ -245,6 +247,7 @@ fn run(program: Program) -> Result<(), Failure> {
         Command::Identify(arguments) => identify::run(&arguments),
         Command::Diagnose(args) => diagnose::run(&args),
         Command::Virtual(arguments) => virtual_board::run(&arguments),
+        Command::Web(arguments) => web::run(&arguments),
         Command::Ports(arguments) => port::list(&arguments),
         Command::Connect(arguments) => connect::run(&arguments).map_err(|failure| arguments.port.failure(failure)),
         Command::Record(arguments) => record::run(&arguments).map_err(|failure| arguments.port.failure(failure)),

@@ -69,6 +69,11 @@ impl PortArguments {
         Failure { message: self.named_in(&failure.message), ..failure }
     }
 
+    /// The port, if the user named one.
+    pub(super) fn name(&self) -> Option<&str> {
+        self.port.as_deref()
+    }
+
     pub(super) fn open(&self) -> Result<(Link<Port>, String), Failure> {
         let name = match &self.port {
             Some(name) => name.clone(),

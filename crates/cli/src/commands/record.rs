@@ -15,10 +15,11 @@ use indicatif::ProgressStyle;
 use motorbench_core::excitation::Kind;
 use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings, find};
+use motorbench_data::coverage::{Coverage, Lack};
 use motorbench_data::names::setting_name;
 use motorbench_data::rig::{NominalMotor, Rig};
 use motorbench_link::board::{Board, BoardError, arm, leave_host, limit, watch_host};
-use motorbench_link::coverage::{Coverage, Lack};
+
 use motorbench_link::growing::GrowingCsv;
 use motorbench_link::live::Live;
 use motorbench_link::port::Port;

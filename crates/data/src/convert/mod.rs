@@ -195,6 +195,22 @@ pub fn read(
     Ok(Converted { recording, cut })
 }
 
+/// All that a file holds, with its own names.
+///
+/// # Errors
+/// [`ConvertError`] with the place.
+pub(crate) fn named_content(name: &str, bytes: &[u8], format: Format) -> Result<Content, ConvertError> {
+    let failed = |fault| ConvertError::new(name, fault);
+    // A log has many series, a file of MATLAB many variables: all are wanted.
+    match format {
+        Format::Wpilog => wpilog::read(bytes, true),
+        Format::Mat if !mat73::is_one(bytes) => mat::read(bytes, &|_| true),
+        Format::Npz => numpy::read_npz(bytes, &|_| true),
+        _ => content(bytes, format, &[], Dialect::default()),
+    }
+    .map_err(failed)
+}
+
 /// What a file holds.
 ///
 /// # Errors

@@ -1,0 +1,62 @@
+import { execFileSync } from 'node:child_process';
+import { existsSync, mkdirSync } from 'node:fs';
+import { fileURLToPath } from 'node:url';
+import AxeBuilder from '@axe-core/playwright';
+import { expect, type Page } from '@playwright/test';
+
+const root = fileURLToPath(new URL('../../', import.meta.url));
+
+/** The program that was built last, which the results of the page are compared with. */
+export function program(): string {
+  const found = process.env.MOTORBENCH ?? ['target/release/motorbench', 'target/debug/motorbench'].map(path => root + path).find(existsSync);
+  if (!found) throw new Error('the program is missing: cargo build -p motorbench');
+  return found;
+}
+
+export function run(...argumentsOf: string[]): string {
+  return execFileSync(program(), argumentsOf, { encoding: 'utf8', cwd: root, maxBuffer: 1 << 28 });
+}
+
+/** No error of the page passes unseen, and nothing is asked of another host. */
+export function watch(page: Page): string[] {
+  const faults: string[] = [];
+  page.on('pageerror', error => faults.push(String(error)));
+  page.on('console', line => {
+    if (line.type() === 'error') faults.push(line.text());
+  });
+  page.on('request', request => {
+    const { hostname, protocol } = new URL(request.url());
+    if (protocol.startsWith('http') && hostname !== '127.0.0.1') faults.push(`asks ${request.url()}`);
+  });
+  return faults;
+}
+
+export async function accessible(page: Page): Promise<void> {
+  const { violations } = await new AxeBuilder({ page }).exclude('iframe').analyze();
+  const said = violations.map(({ id, help, nodes }) => `${id}: ${help}: ${nodes.map(node => node.html).slice(0, 3).join(' | ')}`);
+  expect(said).toEqual([]);
+}
+
+/** Pictures for the documentation, where they are asked for: PICTURES=1. */
+export async function pictures(page: Page, name: string): Promise<void> {
+  if (!process.env.PICTURES) return;
+  const folder = `${root}docs/images/web`;
+  mkdirSync(folder, { recursive: true });
+  const before = page.viewportSize()!;
+  for (const width of [1200, 390]) {
+    await page.setViewportSize({ width, height: width === 1200 ? 900 : 844 });
+    await page.waitForTimeout(700);
+    await page.screenshot({ path: `${folder}/${name}-${width}.png`, animations: 'disabled' });
+  }
+  await page.setViewportSize(before);
+}
+
+/** No part of the page is wider than a phone. */
+export async function fitsAPhone(page: Page): Promise<void> {
+  const before = page.viewportSize()!;
+  await page.setViewportSize({ width: 390, height: 844 });
+  await page.waitForTimeout(200);
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
+  await page.setViewportSize(before);
+  expect(wide).toBeLessThanOrEqual(0);
+}
