@@ -4,11 +4,13 @@
 //! where the PWM is switched). The seed chooses Karnopp's or LuGre's friction. Sensors are sampled, quantised and noisy
 //! as on the Uno. The diagnosis gets only [`Trial::csv`] and [`Trial::rig_toml`].
 
+mod axis;
 mod drive;
 mod live;
 mod rig;
 mod sensors;
 
+pub use axis::{AxisEffect, AxisKind, AxisTrial, AxisTruth, draw_axis};
 pub use drive::Excitation;
 pub use live::{LiveBench, Switch};
 use rand::{Rng, RngExt, SeedableRng};

@@ -105,6 +105,7 @@ pub fn draw(random: &mut ChaCha8Rng) -> Model {
         viscous_friction_nm_s: about(pivt6.viscous_friction_nm_s),
     };
     let scales = Scales {
+        drive: motorbench_model::Drive::Voltage,
         motor,
         voltage_v: SUPPLY_V,
         speed_rad_per_s: SUPPLY_V / motor.torque_constant_nm_per_a,

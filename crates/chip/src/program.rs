@@ -131,15 +131,16 @@ const SOURCES: [&str; 8] =
     ["boards", "core", "src", "avr-specs", "Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml"];
 
 /// The firmware for who wants to run it, not to change it: what was built before is taken where it is newer than all its
-/// sources, and where cargo cannot run, which leaves `note` a word of it.
+/// sources, and where cargo cannot run, which leaves `note` a word of it. `begins` is called before it is built.
 ///
 /// # Errors
 /// As [`firmware_elf`], when there is none either.
-pub fn firmware_at_hand(note: impl FnOnce(&str)) -> Result<PathBuf, ProgramError> {
+pub fn firmware_at_hand(begins: impl FnOnce(), note: impl FnOnce(&str)) -> Result<PathBuf, ProgramError> {
     let built = elf_path("firmware");
     if is_newer(&built, &workspace_root()) {
         return Ok(built);
     }
+    begins();
     match firmware_elf() {
         // A mistake in sources that are there is a person's to mend.
         Err(ProgramError::Build(why)) if built.is_file() && !(can_build() && has_sources()) => {

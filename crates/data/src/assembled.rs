@@ -3,7 +3,7 @@
 use crate::content::{Broken, Column, Content};
 use crate::mapping::{self, Mapping, Term, all_columns, last_part, resolved};
 use crate::recording::{Channel, LONGEST_TABLE, Recording};
-use crate::{series, suggestions, times, units};
+use crate::{series, speed_wraps, suggestions, units};
 
 /// Largest share of rows that may be unreadable. More are not explained by noise on a line.
 pub const MOST_BROKEN: f64 = 0.01;
@@ -61,22 +61,14 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
     if rows > 0 && !broken.is_empty() {
         recording.notes.push(note_on(&broken));
     }
+    let command = command(&uses, &columns, rows);
     for Use { channel, term, factor, offset } in uses {
-        let mut values = mapping::values(term, &columns, rows);
-        if matches!(channel, Channel::Speed | Channel::Rpm) {
-            match times::without_wraps_of_16_bits(&values) {
-                Some(continued) => {
-                    values = continued;
-                    recording.notes.push(format!("{} wraps at 16 bits. It is continued.", channel.column()));
-                }
-                None if times::wraps_at_16_bits(&values) => {
-                    return Err(format!(
-                        "{} wraps at 16 bits, and changes by more than half of that between rows, so it cannot be continued. Record it in 32 bits, in a larger unit, or more often",
-                        channel.column()
-                    ));
-                }
-                None => {}
-            }
+        let is_speed = matches!(channel, Channel::Speed | Channel::Rpm);
+        let of_term = if is_speed { mapping::speeds } else { mapping::values };
+        let mut values = of_term(term, &columns, rows);
+        if is_speed && speed_wraps::wrap(&values) {
+            values = without_wraps(channel, &values, command.as_deref())?;
+            recording.notes.push(format!("{} wraps at 16 bits. It is continued.", channel.column()));
         }
         let keep = values.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| value * factor + offset);
         recording.set(channel, keep.collect());
@@ -85,6 +77,25 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
     recording.leave_rows_without_time_out();
     recording.mend_times();
     Ok(recording)
+}
+
+/// What the bridge is told, if the file has it.
+fn command(uses: &[Use], columns: &[&Column], rows: usize) -> Option<Vec<f64>> {
+    let is_command = |found: &&Use| matches!(found.channel, Channel::Voltage | Channel::Duty);
+    uses.iter().find(is_command).map(|found| mapping::values(found.term, columns, rows))
+}
+
+/// A speed of 16 bits as it was before it wrapped. The command says more than the last row does.
+fn without_wraps(channel: Channel, values: &[f64], command: Option<&[f64]>) -> Result<Vec<f64>, String> {
+    command
+        .and_then(|command| speed_wraps::continued_by(command, values))
+        .or_else(|| speed_wraps::continued(values))
+        .ok_or_else(|| {
+            format!(
+                "{} wraps at 16 bits, and changes by more than half of that between rows, so it cannot be continued. Record it in 32 bits, in a larger unit, or more often",
+                channel.column()
+            )
+        })
 }
 
 fn unequal(first: &Column, other: &Column) -> String {
@@ -189,6 +200,9 @@ fn nothing_known(content: &Content, has: &[Channel]) -> String {
 fn no_channel(columns: &[Column], has: &[Channel]) -> String {
     let numbers = || columns.iter().filter(|column| !column.is_text());
     let names: Vec<&str> = columns.iter().map(|column| column.name.as_str()).filter(|name| !name.is_empty()).collect();
+    if columns.is_empty() {
+        return "no numbers were found in it. Save the signals as plain vectors, or as CSV".into();
+    }
     let are_numbered = names.iter().all(|name| last_part(name).parse::<usize>().is_ok());
     let proposal = suggestions::options(numbers(), has);
     let is_probe =

@@ -28,6 +28,8 @@ pub mod preview;
 pub mod recording;
 pub mod rig;
 mod series;
+mod speed_signs;
+mod speed_wraps;
 pub mod statistics;
 mod suggestions;
 mod table;

@@ -7,7 +7,7 @@
 
 use crate::content::Column;
 use crate::recording::Channel;
-use crate::units;
+use crate::{speed_signs, units};
 use motorbench_text::keys;
 
 /// A name in the file and its channel.
@@ -173,16 +173,29 @@ pub fn values(term: Term, columns: &[&Column], rows: usize) -> Vec<f64> {
         Term::Column(column) => columns[column].values.clone(),
         Term::Row => (0..rows).map(|row| row as f64).collect(),
         Term::Signed(of, by) => {
-            // The level of a pin has no negative value: its 0 is the other direction.
-            let is_level = !columns[by].values.iter().any(|value| *value < 0.0);
-            let sign = |by: f64| match by {
-                by if by.is_nan() => f64::NAN,
-                by if by < 0.0 || is_level && by == 0.0 => -1.0,
-                _ => 1.0,
-            };
-            columns[of].values.iter().zip(&columns[by].values).map(|(of, by)| signed(of.abs(), sign(*by))).collect()
+            columns[of].values.iter().zip(signs(columns[by])).map(|(of, sign)| signed(of.abs(), sign)).collect()
         }
         Term::Quadrature(a, b) => quadrature(&columns[a].values, &columns[b].values),
+    }
+}
+
+/// The directions in a column, 1 or -1.
+fn signs(column: &Column) -> Vec<f64> {
+    // The level of a pin has no negative value: its 0 is the other direction.
+    let is_level = !column.values.iter().any(|value| *value < 0.0);
+    let sign = |by: &f64| match *by {
+        by if by.is_nan() => f64::NAN,
+        by if by < 0.0 || is_level && by == 0.0 => -1.0,
+        _ => 1.0,
+    };
+    column.values.iter().map(sign).collect()
+}
+
+/// The values of a term that is a speed: with a sign by another column it turns back only when it has come to zero.
+pub fn speeds(term: Term, columns: &[&Column], rows: usize) -> Vec<f64> {
+    match term {
+        Term::Signed(of, by) => speed_signs::signed(&columns[of].values, &signs(columns[by])),
+        _ => values(term, columns, rows),
     }
 }
 

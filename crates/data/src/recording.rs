@@ -7,6 +7,7 @@ use crate::convert::{self, ConvertError, Converted, Dialect, Format};
 use crate::mapping::Mapping;
 use crate::statistics::{greatest, median};
 use crate::times;
+use motorbench_model::Motion;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Read;
@@ -38,11 +39,21 @@ pub enum Channel {
     AngleReference,
     /// Known torque of a load against positive rotation.
     LoadTorque,
+    /// Torque that a drive was asked for.
+    Torque,
+    /// Force that a drive was asked for.
+    Force,
+    /// Position of a linear axis.
+    Position,
+    /// Speed of a linear axis.
+    Velocity,
+    /// Known force of a load against positive motion.
+    LoadForce,
 }
 
 impl Channel {
     /// Every channel, in the order of columns.
-    pub const ALL: [Self; 12] = [
+    pub const ALL: [Self; 17] = [
         Self::Time,
         Self::Duty,
         Self::Voltage,
@@ -55,6 +66,11 @@ impl Channel {
         Self::SpeedReference,
         Self::AngleReference,
         Self::LoadTorque,
+        Self::Torque,
+        Self::Force,
+        Self::Position,
+        Self::Velocity,
+        Self::LoadForce,
     ];
 
     /// Column name.
@@ -72,6 +88,11 @@ impl Channel {
             Self::SpeedReference => "ref_rad_per_s",
             Self::AngleReference => "ref_rad",
             Self::LoadTorque => "load_Nm",
+            Self::Torque => "torque_Nm",
+            Self::Force => "force_N",
+            Self::Position => "x_m",
+            Self::Velocity => "v_m_per_s",
+            Self::LoadForce => "load_N",
         }
     }
 
@@ -90,6 +111,11 @@ impl Channel {
             Self::SpeedReference => "reference of the speed, rad/s",
             Self::AngleReference => "reference of the angle, rad",
             Self::LoadTorque => "load, Nm",
+            Self::Torque => "torque, Nm",
+            Self::Force => "force, N",
+            Self::Position => "position, m",
+            Self::Velocity => "speed, m/s",
+            Self::LoadForce => "load, N",
         }
     }
 
@@ -99,11 +125,23 @@ impl Channel {
         match self {
             // Nanoseconds since 1970 are allowed as time.
             Self::Time => 1e19,
-            Self::Duty | Self::Voltage | Self::Current | Self::Supply | Self::LoadTorque => 1e6,
-            Self::Speed | Self::SpeedReference => 1e7,
+            Self::Duty | Self::Voltage | Self::Current | Self::Supply | Self::LoadTorque | Self::Torque => 1e6,
+            Self::Speed | Self::SpeedReference | Self::Force | Self::LoadForce | Self::Position | Self::Velocity => 1e7,
             Self::Rpm => 1e8,
             Self::Angle | Self::AngleReference => 1e9,
             Self::Counts => 1e12,
+        }
+    }
+
+    /// How an axis moves that has it; nothing for a channel that every axis may have.
+    pub fn motion(self) -> Option<Motion> {
+        match self {
+            Self::Force | Self::Position | Self::Velocity | Self::LoadForce => Some(Motion::Linear),
+            Self::Counts | Self::Angle | Self::Speed | Self::Rpm | Self::Torque | Self::LoadTorque => {
+                Some(Motion::Rotary)
+            }
+            Self::Time | Self::Duty | Self::Voltage | Self::Current | Self::Supply => None,
+            Self::SpeedReference | Self::AngleReference => None,
         }
     }
 

@@ -23,6 +23,9 @@
 //! current_window_s = 0.001  # current is a mean over so long before the row; left out: found where it shows
 //! speed_window_s = 0.008    # the speed is a difference of counts over so long; 0: of the moment; left out: found
 //! speed_ahead_s = 0.004     # so much of that after the row; left out: none or half, as fits
+//! [axis]                    # a linear axis: m, N, kg in place of rad, Nm, kg m2
+//! motion = "linear"
+//! mass_kg = 95.0            # in place of motor.inertia_kg_m2
 //! [motor]                   # nominal values, each optional
 //! resistance_ohm = 5.84
 //! inductance_H = 11.7e-3
@@ -32,6 +35,7 @@
 //! ```
 
 use motorbench_core::HARDWARE;
+use motorbench_model::Motion;
 use motorbench_model::motor::{self, MotorParameters, NonPhysical};
 use motorbench_text::keys;
 use serde::{Deserialize, Serialize};
@@ -61,6 +65,9 @@ pub struct Rig {
     /// Nominal constants of the motor.
     #[serde(skip_serializing_if = "is_default")]
     pub motor: NominalMotor,
+    /// How it moves, and the nominal constants of a linear axis.
+    #[serde(skip_serializing_if = "is_default")]
+    pub axis: AxisKeys,
     /// Keys of the file without a meaning here.
     #[serde(skip)]
     pub ignored: Vec<String>,
@@ -223,6 +230,32 @@ pub struct NominalMotor {
     pub viscous_friction_nm_s: Option<f64>,
 }
 
+/// How the axis moves. The constants are those of a linear one, in place of the motor's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct AxisKeys {
+    /// Rotary or linear; left out: by the columns of a recording.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<Motion>,
+    /// Force over current.
+    #[serde(rename = "force_constant_N_per_A", skip_serializing_if = "Option::is_none")]
+    pub force_constant_n_per_a: Option<f64>,
+    /// Everything that moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<f64>,
+    /// Viscous friction.
+    #[serde(rename = "viscous_friction_N_s_per_m", skip_serializing_if = "Option::is_none")]
+    pub viscous_friction_n_s_per_m: Option<f64>,
+}
+
+impl AxisKeys {
+    /// Rotary or linear, where the file says it.
+    pub fn stated(&self) -> Option<Motion> {
+        let constants = [self.force_constant_n_per_a, self.mass_kg, self.viscous_friction_n_s_per_m];
+        self.motion.or(constants.iter().any(Option::is_some).then_some(Motion::Linear))
+    }
+}
+
 impl NominalMotor {
     /// In the order of [`MotorParameters::named`](motorbench_model::motor::MotorParameters::named).
     pub fn values(&self) -> [Option<f64>; 5] {
@@ -287,6 +320,20 @@ pub enum RigError {
         /// `" or zero"` if zero is allowed.
         unless_zero: &'static str,
     },
+    /// A constant of the other kind of motion.
+    #[error("{path}: {key} is of a {of} axis, and the file says that this one is {is}. {instead}")]
+    Axis {
+        /// The file.
+        path: String,
+        /// The key.
+        key: &'static str,
+        /// Where it belongs.
+        of: &'static str,
+        /// What the file says.
+        is: &'static str,
+        /// What to write.
+        instead: &'static str,
+    },
     /// A share outside 0 to 1.
     #[error("{path}: {key} = {value}: it must be a share of the PWM period, 0 to 1")]
     Share {
@@ -344,6 +391,7 @@ impl Rig {
     fn check(&self, path: &str) -> Result<(), RigError> {
         let may_be_zero = [
             "motor.viscous_friction_Nm_s",
+            "axis.viscous_friction_N_s_per_m",
             "bridge.drop_V",
             "current_sensor.resolution_A",
             "tachogenerator.ripple",
@@ -364,7 +412,67 @@ impl Rig {
                 return Err(RigError::Value { path: path.into(), key, value, unless_zero });
             }
         }
+        self.check_axis(path)?;
         self.check_current_sampled_at(path)
+    }
+
+    /// One kind of motion in one file.
+    fn check_axis(&self, path: &str) -> Result<(), RigError> {
+        let Some(motion) = self.axis.stated() else { return Ok(()) };
+        let given = |key: &&(&'static str, Option<f64>, &'static str)| key.1.is_some();
+        let (of, is, keys) = match motion {
+            Motion::Linear => (
+                "rotary",
+                "linear",
+                [
+                    ("motor.inertia_kg_m2", self.motor.inertia_kg_m2, "Give axis.mass_kg"),
+                    (
+                        "motor.torque_constant_Nm_per_A",
+                        self.motor.torque_constant_nm_per_a,
+                        "Give axis.force_constant_N_per_A",
+                    ),
+                    (
+                        "motor.viscous_friction_Nm_s",
+                        self.motor.viscous_friction_nm_s,
+                        "Give axis.viscous_friction_N_s_per_m",
+                    ),
+                ],
+            ),
+            Motion::Rotary => (
+                "linear",
+                "rotary",
+                [
+                    ("axis.mass_kg", self.axis.mass_kg, "Give motor.inertia_kg_m2"),
+                    (
+                        "axis.force_constant_N_per_A",
+                        self.axis.force_constant_n_per_a,
+                        "Give motor.torque_constant_Nm_per_A",
+                    ),
+                    (
+                        "axis.viscous_friction_N_s_per_m",
+                        self.axis.viscous_friction_n_s_per_m,
+                        "Give motor.viscous_friction_Nm_s",
+                    ),
+                ],
+            ),
+        };
+        match keys.iter().find(given) {
+            Some((key, _, instead)) => Err(RigError::Axis { path: path.into(), key, of, is, instead }),
+            None => Ok(()),
+        }
+    }
+
+    /// The nominal constants, those of a linear axis in the places of a motor's.
+    pub fn nominal(&self) -> NominalMotor {
+        match self.axis.stated() {
+            Some(Motion::Linear) => NominalMotor {
+                torque_constant_nm_per_a: self.axis.force_constant_n_per_a,
+                inertia_kg_m2: self.axis.mass_kg,
+                viscous_friction_nm_s: self.axis.viscous_friction_n_s_per_m,
+                ..self.motor
+            },
+            _ => self.motor,
+        }
     }
 
     fn check_current_sampled_at(&self, path: &str) -> Result<(), RigError> {
@@ -376,7 +484,7 @@ impl Rig {
         }
     }
 
-    fn numbers(&self) -> [(&'static str, Option<f64>); 18] {
+    fn numbers(&self) -> [(&'static str, Option<f64>); 21] {
         [
             ("supply.voltage_V", self.supply.voltage_v),
             ("bridge.drop_V", self.bridge.drop_v),
@@ -396,6 +504,9 @@ impl Rig {
             ("motor.torque_constant_Nm_per_A", self.motor.torque_constant_nm_per_a),
             ("motor.inertia_kg_m2", self.motor.inertia_kg_m2),
             ("motor.viscous_friction_Nm_s", self.motor.viscous_friction_nm_s),
+            ("axis.force_constant_N_per_A", self.axis.force_constant_n_per_a),
+            ("axis.mass_kg", self.axis.mass_kg),
+            ("axis.viscous_friction_N_s_per_m", self.axis.viscous_friction_n_s_per_m),
         ]
     }
 }
@@ -404,7 +515,8 @@ impl Rig {
 const CURRENT_SAMPLED_AT: &str = "recording.current_sampled_at";
 
 /// Keys besides those of [`Rig::numbers`].
-const OTHER_KEYS: [&str; 6] = [
+const OTHER_KEYS: [&str; 7] = [
+    "axis.motion",
     "bridge.kind",
     "bridge.decay",
     "current_sensor.present",
@@ -509,15 +621,36 @@ mod tests {
                 "feedback" => "tachogenerator.feedback = true\n".into(),
                 "counts_per_rev" => "encoder.counts_per_rev = 2000\n".into(),
                 "readings" => "recording.readings = 'mean'\n".into(),
+                "motion" => "axis.motion = 'linear'\n".into(),
                 _ => format!("{table}.{key} = 0.5\n"),
             })
             .collect();
-        let rig = Rig::parse("rig.toml", &every).unwrap();
-        assert!(rig.ignored.is_empty(), "{:?}", rig.ignored);
+        // No axis has all of them.
+        let refused = Rig::parse("rig.toml", &every).unwrap_err().to_string();
+        assert!(refused.contains("Give axis.mass_kg"), "{refused}");
+        let rig: Rig = toml::from_str(&every).unwrap();
         // After writing, all of them are there: the list misses no key.
         let written: toml::Table = toml::to_string(&rig).unwrap().parse().unwrap();
         let count: usize = written.values().map(|table| table.as_table().unwrap().len()).sum();
         assert_eq!(count, rig.keys().count());
+    }
+
+    #[test]
+    fn a_linear_axis_has_a_mass_in_the_place_of_an_inertia() {
+        let rig = Rig::parse("rig.toml", "[axis]\nmass_kg = 95\nforce_constant_N_per_A = 20\n").unwrap();
+        assert_eq!(rig.axis.stated(), Some(Motion::Linear));
+        let nominal = rig.nominal();
+        assert_eq!((nominal.inertia_kg_m2, nominal.torque_constant_nm_per_a), (Some(95.0), Some(20.0)));
+        let message = |text: &str| Rig::parse("rig.toml", text).unwrap_err().to_string();
+        let both = message("[axis]\nmotion = 'linear'\n[motor]\ninertia_kg_m2 = 1e-5\n");
+        assert!(
+            both.contains("motor.inertia_kg_m2 is of a rotary axis") && both.contains("Give axis.mass_kg"),
+            "{both}"
+        );
+        let other = message("[axis]\nmotion = 'rotary'\nmass_kg = 3\n");
+        assert!(other.contains("Give motor.inertia_kg_m2"), "{other}");
+        assert!(message("[axis]\nmotion = 'linea'\n").contains("line 2"));
+        assert!(message("[axis]\nmas_kg = 3\n").contains("did you mean mass_kg?"));
     }
 
     #[test]

@@ -25,6 +25,7 @@ enum Role {
 fn role(channel: Option<Channel>) -> Role {
     match channel {
         Some(Channel::Speed | Channel::Rpm | Channel::Counts | Channel::Angle) => Role::Motion,
+        Some(Channel::Position | Channel::Velocity) => Role::Motion,
         Some(Channel::Current) => Role::Reading,
         _ => Role::Held,
     }

@@ -21,6 +21,8 @@ const WORDS: [(Channel, &[&str]); 11] = [
     (Channel::Voltage, &["voltage", "volts", "volt", "u", "v", "spannung", "applied"]),
 ];
 
+/// What brings the raw reading of a converter to amperes; its offset gives it a sign.
+const OF_CONVERTER: &str = "*AMPERES_PER_STEP-AMPERES_AT_0";
 /// Steps of PWM that programs use.
 const FULL_SCALES: [f64; 5] = [1.0, 100.0, 255.0, 1023.0, 65_535.0];
 
@@ -60,7 +62,7 @@ fn likely(column: &Column) -> Option<(Channel, String)> {
         Channel::Time => seconds(column).to_owned(),
         Channel::Current if has(&["ma"]) => "/1000".to_owned(),
         // The raw reading of a converter.
-        Channel::Current if has(&["adc", "acs"]) => "*AMPERES_PER_STEP-AMPERES_AT_0".to_owned(),
+        Channel::Current if has(&["adc", "acs"]) => OF_CONVERTER.to_owned(),
         Channel::Duty => share(column),
         Channel::Speed if has(&["rps"]) => "*6.283185".to_owned(),
         Channel::Speed if has(&["deg"]) => "*0.01745329".to_owned(),
@@ -100,11 +102,16 @@ pub fn options<'a>(columns: impl Iterator<Item = &'a Column>, has: &[Channel]) -
         let sign = columns
             .iter()
             .find(|other| is_direction(other))
-            .filter(|_| channel == Channel::Duty && has_no_sign(column));
+            .filter(|_| is_two_way(channel) && has_no_sign(column) && !right.ends_with(OF_CONVERTER));
         let sign = sign.map_or_else(String::new, |sign| format!("*sign({})", sign.name));
         let _ = write!(options, " --column {}", quoted(&format!("{}{sign}={right}", column.name)));
     }
     options.trim_start().to_owned()
+}
+
+/// Whether a quantity has a sign on a bridge that drives both ways.
+fn is_two_way(channel: Channel) -> bool {
+    matches!(channel, Channel::Duty | Channel::Voltage | Channel::Current | Channel::Speed | Channel::Rpm)
 }
 
 /// What each column likely is, the right side of a mapping; empty where nothing speaks for a channel, or another column

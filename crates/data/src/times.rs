@@ -185,47 +185,6 @@ fn line(values: &[f64]) -> (f64, f64) {
     (mean - slope * middle, slope)
 }
 
-/// Values of 16 bits that wrap, continued. `None`: they do not wrap.
-pub fn without_wraps_of_16_bits(values: &[f64]) -> Option<Vec<f64>> {
-    const HALF: f64 = 32_768.0;
-    let finite = || values.iter().filter(|value| value.is_finite());
-    let is_count = finite().all(|value| value.fract() == 0.0 && (-HALF..HALF).contains(value));
-    let greatest = finite().fold(0.0, |greatest: f64, value| greatest.max(value.abs()));
-    // A wrap leaves one end of the range and comes back at the other.
-    if !is_count || greatest < 0.9 * HALF {
-        return None;
-    }
-    let (mut turns, mut wraps, mut last) = (0.0, 0, None);
-    let continued: Vec<f64> = values
-        .iter()
-        .map(|value| {
-            if value.is_nan() {
-                return f64::NAN;
-            }
-            let step: f64 = value - last.unwrap_or(*value);
-            if step.abs() > HALF {
-                turns -= step.signum();
-                wraps += 1;
-            }
-            last = Some(*value);
-            value + 2.0 * HALF * turns
-        })
-        .collect();
-    // A speed comes back; one that never does was no wrap.
-    let most = continued.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-    (wraps > 1 && most < 4.0 * HALF).then_some(continued)
-}
-
-/// Whether values go over the ends of 16 bits in a way that cannot be continued: they change by more than half of the
-/// range between rows.
-pub fn wraps_at_16_bits(values: &[f64]) -> bool {
-    const HALF: f64 = 32_768.0;
-    let is_count = |value: &f64| value.is_nan() || value.fract() == 0.0 && (-HALF..HALF).contains(value);
-    let greatest = crate::statistics::greatest(values);
-    let jumps = values.windows(2).filter(|pair| (pair[1] - pair[0]).abs() > HALF).count();
-    values.iter().all(is_count) && greatest > 0.95 * HALF && jumps > 1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -296,14 +255,5 @@ mod tests {
             let found = mended(&stamps).unwrap();
             assert_eq!((found.time_s.len(), found.kept[300]), (399, false), "{wrong}: {:?}", found.notes);
         }
-    }
-
-    #[test]
-    fn speeds_of_16_bits_are_continued() {
-        let speed: Vec<f64> = (0..200).map(|row| (45_000.0 * (f64::from(row) * 0.05).sin()).round()).collect();
-        let wrapped: Vec<f64> = speed.iter().map(|value| (value + 32_768.0).rem_euclid(65_536.0) - 32_768.0).collect();
-        assert_eq!(without_wraps_of_16_bits(&wrapped), Some(speed.clone()));
-        let small: Vec<f64> = speed.iter().map(|value| (value * 0.7).round()).collect();
-        assert_eq!(without_wraps_of_16_bits(&small), None);
     }
 }

@@ -4,7 +4,7 @@ use crate::recording::Channel;
 use std::f64::consts::{PI, TAU};
 
 /// Names of units as programs and instruments write them, with one name for each.
-const NAMES: [(&str, &[&str]); 22] = [
+const NAMES: [(&str, &[&str]); 26] = [
     ("s", &["s", "sec", "secs", "second", "seconds", "sek"]),
     ("ms", &["ms", "msec", "millisecond", "milliseconds", "millis"]),
     ("us", &["us", "\u{b5}s", "\u{3bc}s", "usec", "microsecond", "microseconds", "micros"]),
@@ -23,6 +23,10 @@ const NAMES: [(&str, &[&str]); 22] = [
     ("rev", &["rev", "revs", "rotation", "rotations", "turn", "turns"]),
     ("Nm", &["nm", "n m", "n\u{b7}m", "n*m"]),
     ("mNm", &["mnm", "mn m", "mn\u{b7}m"]),
+    ("m/s", &["m/s", "m s-1"]),
+    ("mm/s", &["mm/s"]),
+    ("mm", &["mm", "millimetre", "millimeter"]),
+    ("N", &["n", "newton", "newtons"]),
     ("%", &["%", "percent", "pct"]),
     ("counts", &["counts", "count", "ticks", "cnt"]),
     ("counts/s", &["counts/s", "cps", "ticks/s"]),
@@ -79,8 +83,10 @@ pub fn factor(channel: Channel, unit: &str) -> Option<f64> {
         (Channel::Angle | Channel::AngleReference, "rad") | (Channel::Counts, "counts") => Some(1.0),
         (Channel::Angle | Channel::AngleReference, "deg") => Some(PI / 180.0),
         (Channel::Angle | Channel::AngleReference, "rev") => Some(TAU),
-        (Channel::LoadTorque, "Nm") => Some(1.0),
-        (Channel::LoadTorque, "mNm") => Some(1e-3),
+        (Channel::LoadTorque | Channel::Torque, "Nm") | (Channel::LoadForce | Channel::Force, "N") => Some(1.0),
+        (Channel::LoadTorque | Channel::Torque, "mNm") => Some(1e-3),
+        (Channel::Velocity, "m/s") => Some(1.0),
+        (Channel::Velocity, "mm/s") | (Channel::Position, "mm") => Some(1e-3),
         (Channel::Duty, "%") => Some(0.01),
         _ => None,
     }

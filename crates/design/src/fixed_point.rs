@@ -224,7 +224,7 @@ pub fn rig_settings(
     if edges_per_s > MAX_EDGES_PER_S {
         return Err(DesignError::TooFast { edges_per_s, limit_per_s: MAX_EDGES_PER_S });
     }
-    let speed_range = power_of_two(SPEED_HEADROOM * no_load_rad_per_s).max(8.0);
+    let speed_range = speed_range(no_load_rad_per_s);
     let mut list = SettingList::default();
     let drive_a = (ACCELERATION_PART * current_limit_a).min(ACCELERATION_PART * bench.supply_v / motor.resistance_ohm);
     list.set(Param::TickRate, bench.tick_rate_hz)?;
@@ -234,7 +234,7 @@ pub fn rig_settings(
     }
     for (param, value) in [
         (Param::SpeedRange, speed_range),
-        (Param::CompFrictionWidth, speed_range / WIDTHS_A_RANGE),
+        (Param::CompFrictionWidth, friction_width(speed_range)),
         (Param::SupplyVoltage, bench.supply_v),
         (Param::VoltageLimit, bench.supply_v),
         (Param::Resistance, motor.resistance_ohm),
@@ -271,6 +271,16 @@ fn set_speed_sensor(
     list.set(Param::SpeedSensor, 1.0)?;
     list.set(Param::TachoGain, tachogenerator.gain_v_per_krpm)?;
     list.set(Param::SpeedFilter, 1e3 * tachogenerator.filter_s(motor, specification, 1.0 / bench.tick_rate_hz))
+}
+
+/// Full scale of the speed for a motor with this greatest speed.
+pub fn speed_range(no_load_rad_per_s: f64) -> f64 {
+    power_of_two(SPEED_HEADROOM * no_load_rad_per_s).clamp(8.0, 4096.0)
+}
+
+/// Width of the friction compensation's transition for a full scale of the speed.
+pub fn friction_width(speed_range: f64) -> f64 {
+    speed_range / WIDTHS_A_RANGE
 }
 
 /// Smallest power of two that is not below `value`.
@@ -333,7 +343,7 @@ fn is_too_fine(error: BuildError) -> bool {
 fn double_range(list: &mut SettingList, range: Param) -> Result<(), DesignError> {
     let doubled = 2.0 * f64::from(list.all.get(range));
     if range == Param::SpeedRange {
-        list.set(Param::CompFrictionWidth, doubled / WIDTHS_A_RANGE)?;
+        list.set(Param::CompFrictionWidth, friction_width(doubled))?;
     }
     list.set(range, doubled)
 }

@@ -1,6 +1,7 @@
 //! Step-response tuning: a first-order model with dead time from a recorded step, and gains for a chosen time constant
 //! of the loop.
 
+use super::fixed_point::rounded;
 use super::relay::speed_pi;
 use serde::Serialize;
 
@@ -14,6 +15,8 @@ pub struct FirstOrder {
     pub time_constant_s: f64,
     /// Dead time `theta`.
     pub dead_time_s: f64,
+    /// Speed after the step.
+    pub end_rad_per_s: f64,
 }
 
 /// Why a step cannot be used.
@@ -106,6 +109,7 @@ pub fn fit(t_s: &[f64], u_v: &[f64], omega_rad_per_s: &[f64]) -> Result<FirstOrd
         gain_rad_per_s_per_v: change_rad_per_s / change_v,
         time_constant_s,
         dead_time_s: (early + time_constant_s * (1.0 - EARLY).ln()).max(0.0),
+        end_rad_per_s: final_rad_per_s,
     })
 }
 
@@ -117,6 +121,28 @@ pub fn fit(t_s: &[f64], u_v: &[f64], omega_rad_per_s: &[f64]) -> Result<FirstOrd
 pub fn simc(model: &FirstOrder, closed_loop_s: f64) -> Vec<(String, f64)> {
     let slow_s = closed_loop_s + model.dead_time_s;
     speed_pi(proportional(model, slow_s), model.time_constant_s.min(4.0 * slow_s))
+}
+
+/// Gains of the position PID by the same rule, for the integral of the speed: `Kc = 1 / (K (tc + theta))`, `Ti = 4 (tc +
+/// theta)`, `Td = tau` of the series form, here as those of the parallel form. The derivative's filter is a tenth of
+/// `Td`; the feed-forward is what a constant speed needs.
+pub fn simc_position(model: &FirstOrder, closed_loop_s: f64) -> Vec<(String, f64)> {
+    let slow_s = closed_loop_s + model.dead_time_s;
+    let proportional = 1.0 / (model.gain_rad_per_s_per_v * slow_s);
+    let (integral_s, derivative_s) = (4.0 * slow_s, model.time_constant_s);
+    let (kp, kd) = (proportional * (1.0 + derivative_s / integral_s), proportional * derivative_s);
+    let ki = proportional / integral_s;
+    let ms = |seconds: f64| (1e3 * seconds).max(1.0);
+    [
+        ("position_kp", kp),
+        ("position_ki", ki),
+        ("position_kd", kd),
+        ("position_tf", ms(0.1 * derivative_s)),
+        ("position_kff", kd + 1.0 / model.gain_rad_per_s_per_v),
+        ("position_tt", ms(kp / ki)),
+    ]
+    .map(|(name, value)| (name.to_owned(), rounded(value)))
+    .into()
 }
 
 /// The same by lambda tuning: `Ti = tau` in every case.
@@ -175,5 +201,29 @@ mod tests {
         let backward: Vec<f64> = omega.iter().map(|w| -w).collect();
         assert!(message(&t_s, &u_v, &backward).contains("sign of the encoder"));
         assert!(message(&t_s[..120], &u_v[..120], &omega[..120]).contains("record for longer"));
+    }
+
+    /// The loop with these gains, sampled at 1 ms, with its dead time: it follows a ramp of the reference and rests.
+    #[test]
+    fn a_position_follows_with_the_gains_of_a_step() {
+        for (gain, time_constant_s, dead_time_s) in [(14.0, 0.05, 0.002), (1.6, 0.17, 0.004), (30.0, 0.01, 0.001)] {
+            let model =
+                FirstOrder { gain_rad_per_s_per_v: gain, time_constant_s, dead_time_s, end_rad_per_s: 8.0 * gain };
+            let gains = simc_position(&model, 0.03);
+            let of = |name: &str| gains.iter().find(|(known, _)| known == name).unwrap().1;
+            let [kp, ki, kd, kff] = ["position_kp", "position_ki", "position_kd", "position_kff"].map(of);
+            let (mut angle, mut speed, mut integral, mut most) = (0.0_f64, 0.0, 0.0, 0.0_f64);
+            let mut late = vec![0.0; (1e3 * dead_time_s) as usize];
+            for tick in 0..2000 {
+                let reference = (0.002 * f64::from(tick)).min(1.0);
+                let ahead = if reference < 1.0 { 2.0 } else { 0.0 };
+                integral += 1e-3 * ki * (reference - angle);
+                late.push(kp * (reference - angle) + integral - kd * speed + kff * ahead);
+                speed += 1e-3 / time_constant_s * (gain * late.remove(0) - speed);
+                angle += 1e-3 * speed;
+                most = most.max(angle);
+            }
+            assert!(most < 1.2 && (angle - 1.0).abs() < 0.01, "{gain}: {most}, {angle}");
+        }
     }
 }

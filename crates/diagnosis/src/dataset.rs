@@ -2,6 +2,7 @@
 
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
+use motorbench_model::{Axis, Drive};
 use std::ops::Range;
 
 mod columns;
@@ -183,13 +184,15 @@ pub struct Dataset {
     pub stretches: Vec<Stretch>,
     /// Time of each sample since the start of its recording.
     pub time_s: Vec<f64>,
-    /// Voltage asked of the bridge from this sample to the next.
-    pub voltage_v: Vec<f64>,
-    /// The same as share of the supply.
+    /// What is imposed, and how the axis moves.
+    pub axis: Axis,
+    /// What was asked for from this sample to the next, or flowed: volts, amperes or newton metres, as the drive has it.
+    pub command: Vec<f64>,
+    /// The same as share of the supply, or of its greatest value.
     pub duty: Vec<f64>,
     /// How long before its row each command acted, if rows are fewer than commands; empty: at its row.
     pub earlier_s: Vec<f64>,
-    /// Supply voltage.
+    /// Supply voltage; where no voltage is imposed, the greatest command.
     pub supply_v: Vec<f64>,
     /// The bridge is off from this sample to the next.
     pub open: Vec<bool>,
@@ -229,7 +232,8 @@ impl Dataset {
                 all = one;
                 continue;
             }
-            if !all.measured.iter().map(|m| m.output).eq(one.measured.iter().map(|m| m.output)) {
+            let has_the_same = all.measured.iter().map(|m| m.output).eq(one.measured.iter().map(|m| m.output));
+            if !has_the_same || all.axis != one.axis {
                 return Err(DatasetError::Mixed(recording.name.clone(), recordings[0].name.clone()));
             }
             all.append(one);
@@ -245,7 +249,9 @@ impl Dataset {
             let resolution = if measured.output == Output::Current { rig.current_sensor.resolution_a } else { None };
             measured.tolerance = (TOLERANCE * spread(&measured.values)).max(resolution.unwrap_or(0.0));
         }
-        if rig.recording.command_delay_s.is_none() && row_order::is_written_after(&all) {
+        // A measured current is none that was written.
+        let may_be_written_after = rig.recording.command_delay_s.is_none() && all.axis.drive != Drive::Current;
+        if may_be_written_after && row_order::is_written_after(&all) {
             all.origin.written_after = true;
             row_order::move_commands(&mut all, row_order::Towards::Before);
         }
@@ -325,7 +331,7 @@ impl Dataset {
         let moved = |rows: Range<usize>| rows.start + before..rows.end + before;
         self.stretches.extend(other.stretches.into_iter().map(|one| Stretch { rows: moved(one.rows), ..one }));
         self.time_s.extend(other.time_s);
-        self.voltage_v.extend(other.voltage_v);
+        self.command.extend(other.command);
         self.duty.extend(other.duty);
         self.supply_v.extend(other.supply_v);
         self.open.extend(other.open);
@@ -338,11 +344,15 @@ impl Dataset {
         }
     }
 
-    /// Whether the motor is only driven by one voltage, in one direction and the other.
+    /// Whether the motor is only driven by one voltage, in one direction and the other. An imposed current has no such
+    /// doubt about it.
     pub fn has_one_magnitude(&self) -> bool {
+        if !self.axis.drive.is_voltage() {
+            return false;
+        }
         let motion = &self.motion().values;
-        let (asked_v, fastest) = (greatest(&self.voltage_v), greatest(motion));
-        let drives = |row: usize, share: f64| !self.open[row] && self.voltage_v[row].abs() > share * asked_v;
+        let (asked_v, fastest) = (greatest(&self.command), greatest(motion));
+        let drives = |row: usize, share: f64| !self.open[row] && self.command[row].abs() > share * asked_v;
         let happens = |row: &usize| drives(*row, AT_REST) || motion[*row].abs() > AT_REST * fastest;
         let happening = (0..self.len()).filter(happens).count();
         let by_that = (0..self.len()).filter(|row| drives(*row, SAME_MAGNITUDE)).count();
@@ -351,16 +361,16 @@ impl Dataset {
 
     /// Whether it was driven in one direction from beginning to end.
     pub fn is_steady(&self) -> bool {
-        spread(&self.voltage_v) < 1e-3 * greatest(&self.voltage_v)
+        spread(&self.command) < 1e-3 * greatest(&self.command)
     }
 
     /// Whether steps are seen on their way, and not only before and after: by the median over all steps.
     fn shows_steps(&self) -> bool {
         let motion = held(&self.motion().values);
-        let least = STEP * greatest(&self.voltage_v);
+        let least = STEP * greatest(&self.command);
         let is_step = |row: &usize| {
-            let after = &self.voltage_v[*row..row + SETTLED];
-            (after[0] - self.voltage_v[row - 1]).abs() > least && after.iter().all(|volts| *volts == after[0])
+            let after = &self.command[*row..row + SETTLED];
+            (after[0] - self.command[row - 1]).abs() > least && after.iter().all(|volts| *volts == after[0])
         };
         let left = |row: usize| {
             let [before, next, last] = [0, 1, SETTLED].map(|rows| motion[row + rows]);
@@ -373,7 +383,7 @@ impl Dataset {
     /// The same with one stretch of at most this length: the one in which the command changes most.
     pub fn excerpt(&self, length_s: f64) -> Self {
         let changes = |rows: &Range<usize>| {
-            let volts = self.voltage_v[rows.clone()].windows(2);
+            let volts = self.command[rows.clone()].windows(2);
             volts.map(|pair| (pair[1] - pair[0]).powi(2)).sum::<f64>()
         };
         let parts = self.stretches.iter().flat_map(|stretch| {

@@ -68,11 +68,11 @@ impl Motion {
     pub(crate) fn instant(&self, data: &Dataset, row: usize) -> Instant {
         Instant {
             time_s: data.time_s[row],
-            voltage_v: data.voltage_v[row],
+            voltage_v: if data.axis.drive.is_voltage() { data.command[row] } else { 0.0 },
             duty: data.duty[row],
             mean_duty: data.duty[row],
             supply_v: data.supply_v[row],
-            open: data.open[row],
+            open: data.open[row] || !data.axis.drive.is_voltage(),
             current_a: self.current_a[row],
             speed_rad_per_s: self.speed_rad_per_s[row],
             angle_rad: 0.5 * (self.shaft_rad[row] + self.shaft_rad[row + 1]),
@@ -113,6 +113,15 @@ pub fn drive(model: &Model, data: &Dataset, steps: Steps) -> Motion {
     Replay::new(data).drive(model, steps)
 }
 
+/// The angle or position of the model alone, in each stretch from where it was measured first.
+pub fn position(model: &Model, data: &Dataset) -> Vec<f64> {
+    let mut position = drive(model, data, Steps::Fine).angle_rad;
+    for Stretch { rows, .. } in &data.stretches {
+        position[rows.clone()].iter_mut().for_each(|angle| *angle += data.angle_rad[rows.start]);
+    }
+    position
+}
+
 /// A motion with the first-order response of the linear motor to a small added torque and voltage. Where the motor was at
 /// rest it stays at rest.
 pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&Instant) -> Balance) -> Motion {
@@ -129,7 +138,9 @@ pub fn nudged(model: &Model, data: &Dataset, motion: &Motion, added: impl Fn(&In
             let before = speed_rad_per_s;
             let Balance { torque_nm, voltage_v, .. } = added(&at);
             let terms = Balance { torque_nm, voltage_v, ..Balance::default() };
-            Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, 0.0, at.open, &terms);
+            // Nothing is added to a current that is imposed.
+            let input = data.axis.drive.input(0.0, at.open);
+            Reached { current_a, speed_rad_per_s, .. } = step.take(current_a, before, input, &terms);
             if at.speed_rad_per_s == 0.0 && motion.speed_rad_per_s[next] == 0.0 {
                 speed_rad_per_s = 0.0;
             }
@@ -246,7 +257,7 @@ mod tests {
         assert!(prediction[1].iter().all(|speed| speed.abs() < 1e-9), "{:?}", prediction[1]);
         // Each level lasts for many time constants of the winding.
         let end_of_level = 19;
-        let settled_a = data.voltage_v[end_of_level - 1] / motor.resistance_ohm;
+        let settled_a = data.command[end_of_level - 1] / motor.resistance_ohm;
         let share_left = (-18e-3 * motor.resistance_ohm / motor.inductance_h).exp();
         let flows_a = prediction[0][end_of_level];
         assert!((flows_a - settled_a).abs() < (1e-3 + 2.0 * share_left) * settled_a, "{flows_a} {settled_a}");

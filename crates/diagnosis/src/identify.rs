@@ -13,13 +13,13 @@ use maybe_rayon::prelude::*;
 use motorbench_data::rig::{Bridge, NominalMotor};
 use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, Scales, VOLTAGE_DROP};
 use motorbench_model::motor::MotorParameters;
-use motorbench_model::{Model, Term};
+use motorbench_model::{Drive, Model, Term};
 use nalgebra::{DMatrix, DVector};
 use search::Search;
 use sensitivities::Sensitivities;
 pub use speed_window::with_window_settled;
 use std::sync::OnceLock;
-pub use torque_scale::is_unknown as has_unknown_torque_scale;
+pub use torque_scale::{is_unknown as has_unknown_torque_scale, scales_all as scales_all_torques};
 pub use uncertainty::{Derived, Uncertainty};
 
 mod search;
@@ -83,7 +83,14 @@ pub struct Prior {
 impl Prior {
     /// From nominal values, and from the extremes of the data where there are none.
     pub fn new(nominal: &NominalMotor, data: &Dataset) -> Self {
-        let voltage_v = greatest(&data.voltage_v);
+        match data.axis.drive {
+            Drive::Voltage => Self::behind_a_voltage(nominal, data),
+            Drive::Current | Drive::Torque => Self::behind_an_imposed_current(nominal, data),
+        }
+    }
+
+    fn behind_a_voltage(nominal: &NominalMotor, data: &Dataset) -> Self {
+        let voltage_v = greatest(&data.command);
         let speed = greatest(&data.motion().values).max(1e-9);
         let k = nominal.torque_constant_nm_per_a.unwrap_or(0.9 * voltage_v / speed);
         let peak_a = data.current().map(|current| greatest(&current.values));
@@ -116,18 +123,58 @@ impl Prior {
         }
     }
 
+    /// Without a winding: the constants of one are there for the form's sake, and no fit moves them. Without a torque constant
+    /// all torques are in amperes, and nominal values in newton metres say nothing.
+    fn behind_an_imposed_current(nominal: &NominalMotor, data: &Dataset) -> Self {
+        let k = nominal.torque_constant_nm_per_a.filter(|_| data.axis.drive.has_constant(TORQUE_CONSTANT));
+        let is_in_amperes = data.axis.drive == Drive::Current && k.is_none();
+        let nominal = if is_in_amperes { &NominalMotor::default() } else { nominal };
+        let torque_nm = k.unwrap_or(1.0) * greatest(&data.command).max(f64::MIN_POSITIVE);
+        let speed = greatest(&data.motion().values).max(1e-9);
+        let motor = MotorParameters {
+            resistance_ohm: 1.0,
+            inductance_h: 1.0,
+            torque_constant_nm_per_a: k.unwrap_or(1.0),
+            inertia_kg_m2: nominal.inertia_kg_m2.unwrap_or(USUAL_TIME_CONSTANTS_S.0 * torque_nm / speed),
+            viscous_friction_nm_s: nominal.viscous_friction_nm_s.unwrap_or(0.02 * torque_nm / speed),
+        };
+        let inertia = if nominal.inertia_kg_m2.is_some() { NOMINAL_SPREAD } else { GUESS_SPREAD };
+        let friction = if nominal.viscous_friction_nm_s.is_some() { FRICTION_SPREAD } else { 10.0 };
+        let least = 0.005 * torque_nm / speed;
+        Self {
+            motor,
+            spread: [
+                NOMINAL_SPREAD,
+                NOMINAL_SPREAD,
+                NOMINAL_SPREAD,
+                inertia,
+                friction * motor.viscous_friction_nm_s.max(least),
+            ],
+            nominal: NominalMotor {
+                torque_constant_nm_per_a: k,
+                inertia_kg_m2: nominal.inertia_kg_m2,
+                viscous_friction_nm_s: nominal.viscous_friction_nm_s,
+                ..NominalMotor::default()
+            },
+            bridge_drop_v: None,
+        }
+    }
+
     /// The same with a bridge by its data sheet.
     pub fn with_bridge(self, bridge: &Bridge, data: &Dataset) -> Self {
-        Self { bridge_drop_v: bridge.drop_v.filter(|_| !data.has_one_magnitude()), ..self }
+        let can_show_one = data.axis.drive.is_voltage() && !data.has_one_magnitude();
+        Self { bridge_drop_v: bridge.drop_v.filter(|_| can_show_one), ..self }
     }
 }
 
 /// Sizes for the starting values of effects.
 pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
-    let voltage_v = greatest(&data.voltage_v);
+    let (drive, command) = (data.axis.drive, greatest(&data.command));
+    let voltage_v = if drive.is_voltage() { command } else { 0.0 };
     let speed_rad_per_s = greatest(&data.motion().values);
-    let computed_a = voltage_v / motor.resistance_ohm;
+    let computed_a = if drive.is_voltage() { voltage_v / motor.resistance_ohm } else { command };
     Scales {
+        drive,
         motor: *motor,
         voltage_v,
         speed_rad_per_s,
@@ -144,6 +191,7 @@ pub fn scales(motor: &MotorParameters, data: &Dataset) -> Scales {
 pub const Z95: f64 = 1.96;
 
 /// Places of [`motor_values`].
+const TORQUE_CONSTANT: usize = 2;
 const INERTIA: usize = 3;
 const VISCOUS_FRICTION: usize = 4;
 
@@ -400,7 +448,7 @@ fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
 
 fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
     let expected = motor_values(&prior.motor);
-    let motor = (0..5).map(|index| {
+    let motor = (0..5).filter(|index| is_fitted(*index, data)).map(|index| {
         let logarithmic = index < 4;
         let mean = if logarithmic { expected[index].ln() } else { expected[index] / prior.spread[index] };
         Unknown {
@@ -413,6 +461,12 @@ fn unknowns(model: &Model, data: &Dataset, prior: &Prior) -> Vec<Unknown> {
         }
     });
     motor.chain(unknowns_of_terms(model, data, prior.bridge_drop_v, |term| !model.holds(term))).collect()
+}
+
+/// Whether the data can say anything of a constant of the motor. Without a known load, the torque constant only scales all
+/// torques of an imposed current.
+fn is_fitted(index: usize, data: &Dataset) -> bool {
+    data.axis.drive.has_constant(index) && !(index == TORQUE_CONSTANT && scales_all_torques(data))
 }
 
 /// The constants of the chosen terms that a fit can move. A drop that the rig file gives is known to its tolerance.

@@ -59,6 +59,9 @@ pub enum BoardError {
     /// The drive switched itself off.
     #[error("the drive tripped ({}): {}; then `motorbench connect clear`", trip_words(*.0), cause(*.0))]
     Tripped(Trip),
+    /// The drive had switched itself off before this command.
+    #[error("the drive is off since an earlier trip ({}): {}; then `motorbench connect clear`", trip_words(*.0), cause(*.0))]
+    TrippedBefore(Trip),
     /// The user stopped it.
     #[error("stopped by hand")]
     Interrupted,
@@ -78,11 +81,15 @@ const LATCHED_S: f64 = 0.05;
 /// Arms the drive. If a trip is latched, the error is that trip.
 ///
 /// # Errors
-/// [`BoardError`], [`BoardError::Tripped`] for such a trip.
+/// [`BoardError`], [`BoardError::TrippedBefore`] for such a trip.
 pub fn arm(board: &mut impl Board) -> Result<(), BoardError> {
-    match board.command("arm") {
-        Err(refused @ BoardError::Refused { .. }) => latched(board).and(Err(refused)),
-        done => done,
+    let refused = match board.command("arm") {
+        Err(refused @ BoardError::Refused { .. }) => refused,
+        done => return done,
+    };
+    match latched(board) {
+        Err(BoardError::Tripped(trip)) => Err(BoardError::TrippedBefore(trip)),
+        looked => looked.and(Err(refused)),
     }
 }
 
@@ -201,9 +208,11 @@ mod tests {
         let mut board = Fake::that_sends(u32::MAX);
         assert_eq!([arm(&mut board), clear(&mut board)], [Ok(()), Ok(())]);
         board.trip = Trip::EmergencyStop;
-        let stays = BoardError::Tripped(Trip::EmergencyStop);
-        assert_eq!([arm(&mut board), clear(&mut board)], [Err(stays.clone()), Err(stays.clone())]);
+        let (before, stays) =
+            (BoardError::TrippedBefore(Trip::EmergencyStop), BoardError::Tripped(Trip::EmergencyStop));
+        assert_eq!([arm(&mut board), clear(&mut board)], [Err(before.clone()), Err(stays.clone())]);
         assert!(stays.to_string().contains("release the emergency stop; then"));
+        assert!(before.to_string().starts_with("the drive is off since an earlier trip"));
     }
 
     #[test]

@@ -50,7 +50,7 @@ impl From<BoardError> for Ended {
         match error {
             BoardError::Tripped(trip) => Self::Tripped(trip),
             BoardError::Interrupted => Self::Interrupted,
-            refused @ BoardError::Refused { .. } => Self::Refused(refused.to_string()),
+            refused @ (BoardError::Refused { .. } | BoardError::TrippedBefore(_)) => Self::Refused(refused.to_string()),
             error => Self::Failed(error.to_string()),
         }
     }

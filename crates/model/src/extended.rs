@@ -9,6 +9,7 @@
 //! torque_Nm = 0.004
 //! ```
 
+use crate::axis::{Axis, Drive, Motion};
 use crate::catalogue::{Alone, CATALOGUE, DryLosses, Effect, OffPhase, Parameter, Scales, effect};
 use crate::motor::{MotorParameters, NonPhysical};
 use motorbench_text::keys;
@@ -107,6 +108,11 @@ pub enum ModelError {
         /// What was meant.
         meant: &'static str,
     },
+    /// An axis behind a drive, where a motor behind a bridge is needed.
+    #[error(
+        "[axis]: this model has no winding, so it cannot be driven by a voltage. `motorbench compare RECORDING MODEL` simulates it"
+    )]
+    Axis,
     /// A constant that no motor has.
     #[error("[motor] {0}")]
     Motor(#[from] NonPhysical),
@@ -247,6 +253,9 @@ impl Model {
     /// [`ModelError`], which names line or key.
     pub fn parse(text: &str) -> Result<Self, ModelError> {
         let syntax = |error: toml::de::Error| ModelError::Syntax(keys::explained(&error));
+        if DeTable::parse(text).map_err(syntax)?.get_ref().contains_key("axis") {
+            return Err(ModelError::Axis);
+        }
         // Other tables belong to the rig or the scenario in whose file the model stands.
         for key in DeTable::parse(text).map_err(syntax)?.get_ref().keys().map(|key| key.get_ref()) {
             let slip = |meant: &&str| *meant != key.as_ref();
@@ -262,6 +271,36 @@ impl Model {
         Ok(Self { motor: file.motor, terms })
     }
 
+    /// Reads a model file of a motor, or of an axis behind a drive.
+    ///
+    /// # Errors
+    /// [`ModelError`], which names line or key.
+    pub fn parse_with_axis(text: &str) -> Result<(Axis, Self), ModelError> {
+        match Self::parse(text) {
+            Err(ModelError::Axis) => {}
+            other => return other.map(|model| (Axis::default(), model)),
+        }
+        let file: AxisFile = toml::from_str(text).map_err(|error| ModelError::Syntax(keys::explained(&error)))?;
+        let table = file.axis;
+        let axis = Axis { drive: table.drive, motion: table.motion };
+        let motor = table.motor()?;
+        let term = |(id, constants): (&String, &BTreeMap<String, f64>)| {
+            read_term(text, id, &with_rotary_names(axis.motion, id, constants))
+        };
+        let terms = file.effects.iter().map(term).collect::<Result<_, _>>()?;
+        Ok((axis, Self { motor, terms }))
+    }
+
+    /// The model of an axis as a file. A motor behind a bridge has the [usual one](Self::to_toml).
+    pub fn to_toml_of(&self, axis: Axis) -> String {
+        if axis.is_usual() {
+            return self.to_toml();
+        }
+        let table = AxisTable::of(axis, &self.motor);
+        let file = AxisFile { axis: table, effects: self.effects() };
+        axis.motion.words(&toml::to_string(&file).expect("numbers and names are TOML")).into_owned()
+    }
+
     /// Its effects by their identifiers, the constants of each by their names.
     pub fn effects(&self) -> BTreeMap<String, BTreeMap<String, f64>> {
         let constants =
@@ -273,6 +312,72 @@ impl Model {
     pub fn to_toml(&self) -> String {
         toml::to_string(&ModelFile { motor: self.motor, effects: self.effects() }).expect("numbers and names are TOML")
     }
+}
+
+#[derive(Serialize, Deserialize)]
+struct AxisFile {
+    axis: AxisTable,
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    effects: BTreeMap<String, BTreeMap<String, f64>>,
+}
+
+/// What a drive leaves of the motor's constants. Those of a linear axis are read by their own names.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct AxisTable {
+    drive: Drive,
+    motion: Motion,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resistance_ohm: Option<f64>,
+    #[serde(rename = "inductance_H", skip_serializing_if = "Option::is_none")]
+    inductance_h: Option<f64>,
+    #[serde(
+        rename = "torque_constant_Nm_per_A",
+        alias = "force_constant_N_per_A",
+        skip_serializing_if = "Option::is_none"
+    )]
+    torque_constant_nm_per_a: Option<f64>,
+    #[serde(alias = "mass_kg")]
+    inertia_kg_m2: f64,
+    #[serde(rename = "viscous_friction_Nm_s", alias = "viscous_friction_N_s_per_m")]
+    viscous_friction_nm_s: f64,
+}
+
+impl AxisTable {
+    fn of(axis: Axis, motor: &MotorParameters) -> Self {
+        let has = |place: usize, value: f64| axis.drive.has_constant(place).then_some(value);
+        Self {
+            drive: axis.drive,
+            motion: axis.motion,
+            resistance_ohm: has(0, motor.resistance_ohm),
+            inductance_h: has(1, motor.inductance_h),
+            torque_constant_nm_per_a: has(2, motor.torque_constant_nm_per_a),
+            inertia_kg_m2: motor.inertia_kg_m2,
+            viscous_friction_nm_s: motor.viscous_friction_nm_s,
+        }
+    }
+
+    /// With ones in the place of what a drive has not.
+    fn motor(&self) -> Result<MotorParameters, NonPhysical> {
+        let motor = MotorParameters {
+            resistance_ohm: self.resistance_ohm.unwrap_or(1.0),
+            inductance_h: self.inductance_h.unwrap_or(1.0),
+            torque_constant_nm_per_a: self.torque_constant_nm_per_a.unwrap_or(1.0),
+            inertia_kg_m2: self.inertia_kg_m2,
+            viscous_friction_nm_s: self.viscous_friction_nm_s,
+        };
+        motor.check().map(|()| motor)
+    }
+}
+
+/// Constants of an effect by the names that they have inside.
+fn with_rotary_names(motion: Motion, id: &str, constants: &BTreeMap<String, f64>) -> BTreeMap<String, f64> {
+    let parameters = effect(id).map_or(&[][..], |effect| effect.about().parameters);
+    let inside = |name: &String| {
+        let known = parameters.iter().find(|parameter| motion.words(parameter.name) == name.as_str());
+        known.map_or_else(|| name.clone(), |parameter| parameter.name.to_owned())
+    };
+    constants.iter().map(|(name, value)| (inside(name), *value)).collect()
 }
 
 fn read_term(text: &str, id: &str, constants: &BTreeMap<String, f64>) -> Result<Term, ModelError> {
@@ -318,6 +423,28 @@ mod tests {
         let read = Model::parse(&model.to_toml()).unwrap();
         assert_eq!(read.motor, model.motor);
         assert_eq!(format!("{:?}", read.terms), format!("{:?}", model.terms));
+    }
+
+    #[test]
+    fn the_file_of_an_axis_comes_back_in_its_own_units() {
+        let motor = MotorParameters {
+            resistance_ohm: 1.0,
+            inductance_h: 1.0,
+            torque_constant_nm_per_a: 1.0,
+            inertia_kg_m2: 95.1,
+            viscous_friction_nm_s: 203.5,
+        };
+        let model = Model::linear(motor).with(effect("coulomb_friction").unwrap(), vec![20.4]);
+        let axis = Axis { drive: Drive::Torque, motion: Motion::Linear };
+        let text = model.to_toml_of(axis);
+        for part in ["mass_kg = 95.1", "viscous_friction_N_s_per_m = 203.5", "force_N = 20.4", "drive = \"force\""] {
+            assert!(text.contains(part), "{text}");
+        }
+        assert!(!text.contains("ohm") && !text.contains("Nm"), "{text}");
+        let (read_axis, read) = Model::parse_with_axis(&text).unwrap();
+        assert_eq!((read_axis, read.motor), (axis, motor));
+        assert_eq!(format!("{:?}", read.terms), format!("{:?}", model.terms));
+        assert!(Model::parse(&text).unwrap_err().to_string().contains("no winding"));
     }
 
     #[test]

@@ -20,6 +20,7 @@
 //! The three types to know: [`motor::MotorParameters`] (the linear motor), [`catalogue::Effect`] (the law of one effect),
 //! [`Model`] (both together).
 
+mod axis;
 pub mod between_rows;
 pub mod catalogue;
 pub mod closed_form;
@@ -31,6 +32,7 @@ pub mod pwm_period;
 mod steady_voltage;
 pub mod unit;
 
+pub use axis::{Axis, Drive, Input, Motion};
 pub use extended::{Model, ModelError, Term};
 pub use linear_step::{LinearStep, Reached, SAME_LENGTH_S, oppose_motion};
 pub use steady_voltage::Direction;

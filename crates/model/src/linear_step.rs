@@ -1,5 +1,6 @@
 //! One step of the linear motor, and what dry losses leave of it.
 
+use super::axis::Input;
 use super::pwm_period::Volts;
 use crate::catalogue::Balance;
 use crate::closed_form::{Family, combine};
@@ -16,7 +17,7 @@ const NEWTON_CLOSENESS: f64 = 1e-3;
 pub struct LinearStep {
     current_of: [f64; 4],
     speed_of: [f64; 4],
-    /// Speed left, and gained of a torque, while no current can flow.
+    /// Speed left, and gained of a torque, while the current is imposed.
     open_speed_of: [f64; 2],
     /// Voltage and torque that make a unit of current and of speed.
     inverse_gains: [f64; 2],
@@ -92,12 +93,16 @@ impl LinearStep {
 
     /// Current and speed at the end of the step.
     #[inline]
-    pub fn take(&self, current_a: f64, speed: f64, voltage_v: f64, open: bool, terms: &Balance) -> Reached {
-        if open {
-            let free = self.open_speed_of[0] * speed + self.open_speed_of[1] * terms.torque_nm;
-            let speed_rad_per_s = oppose_motion(speed, free, self.open_speed_of[1], terms);
-            return Reached { current_a: 0.0, speed_rad_per_s, mean_a: 0.0 };
-        }
+    pub fn take(&self, current_a: f64, speed: f64, input: Input, terms: &Balance) -> Reached {
+        let voltage_v = match input {
+            Input::Voltage(voltage_v) => voltage_v,
+            Input::Current(imposed_a) => {
+                let torque_nm = terms.torque_nm + self.torque_constant_nm_per_a * imposed_a;
+                let free = self.open_speed_of[0] * speed + self.open_speed_of[1] * torque_nm;
+                let speed_rad_per_s = oppose_motion(speed, free, self.open_speed_of[1], terms);
+                return Reached { current_a: imposed_a, speed_rad_per_s, mean_a: imposed_a };
+            }
+        };
         let inputs = [current_a, speed, voltage_v + terms.voltage_v, terms.torque_nm];
         let dot = |row: &[f64; 4]| row[0] * inputs[0] + row[1] * inputs[1] + row[2] * inputs[2] + row[3] * inputs[3];
         let free_a = dot(&self.current_of);
@@ -177,6 +182,23 @@ fn turned(before: f64, left: f64, free: f64, dry: impl FnOnce() -> [f64; 2]) -> 
 mod tests {
     use super::*;
 
+    /// What a current-controlled drive imposes makes its torque whatever winding is behind it.
+    #[test]
+    fn an_imposed_current_moves_the_shaft_without_the_winding() {
+        let motor = MotorParameters { viscous_friction_nm_s: 2e-4, ..MotorParameters::PIVT6 };
+        let other = MotorParameters { resistance_ohm: 100.0, inductance_h: 1.0, ..motor };
+        let after = |motor: &MotorParameters| {
+            let step = LinearStep::new(motor, motor.inertia_kg_m2, 0.05);
+            step.take(3.0, 10.0, Input::Current(0.5), &Balance::default())
+        };
+        let reached = after(&motor);
+        assert_eq!((reached.current_a, reached.mean_a), (0.5, 0.5));
+        assert_eq!(reached.speed_rad_per_s, after(&other).speed_rad_per_s);
+        let steady = 0.5 * motor.torque_constant_nm_per_a / motor.viscous_friction_nm_s;
+        let left = (-0.05 * motor.viscous_friction_nm_s / motor.inertia_kg_m2).exp();
+        assert!((reached.speed_rad_per_s - (steady + (10.0 - steady) * left)).abs() < 1e-9);
+    }
+
     /// Until the current has turned round, its drop works the other way.
     #[test]
     fn a_drop_turns_round_with_the_current_within_a_step() {
@@ -184,7 +206,7 @@ mod tests {
         let after = |steps: i32, terms: &Balance| {
             let step = LinearStep::new(&motor, motor.inertia_kg_m2, 2e-4 / f64::from(steps));
             (0..steps).fold((0.15, 0.0), |(current_a, speed), _| {
-                let reached = step.take(current_a, speed, -12.0, false, terms);
+                let reached = step.take(current_a, speed, Input::Voltage(-12.0), terms);
                 (reached.current_a, reached.speed_rad_per_s)
             })
         };

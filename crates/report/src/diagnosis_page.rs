@@ -54,7 +54,8 @@ pub fn report_with(
     }
     folded.extend(besides.folded);
     let verdict = verdict(outcome).replace('\n', " ");
-    Page { title: page_title.into(), kind, verdict, sections, folded, provenance }.html()
+    let page = Page { title: page_title.into(), kind, verdict, sections, folded, provenance }.html();
+    outcome.axis.motion.words(&page).into_owned()
 }
 
 /// Rows that no model was compared with.

@@ -31,7 +31,7 @@ pub fn page(diagnosis: &Diagnosis) -> String {
             text.push_str(&wrapped(advice, "  - ", "    "));
         }
     }
-    text
+    outcome.axis.motion.words(&text).into_owned()
 }
 
 /// The verdict in a sentence.
@@ -224,6 +224,7 @@ mod tests {
             runner_up: None,
         };
         let outcome = Outcome {
+            axis: motorbench_model::Axis::default(),
             verdict: Verdict::Explained,
             causes: vec![cause.clone()],
             unexplained: None,

@@ -94,6 +94,26 @@ pub fn step(
     Ok(fit(&time_s, &volts, &column(&|sample| speed(sample, settings)))?)
 }
 
+/// Speed at a voltage that is held for `hold_s`. Ends disarmed.
+///
+/// # Errors
+/// [`TuningError`].
+pub fn steady_speed(
+    board: &mut impl Board,
+    settings: &Settings,
+    voltage_v: f64,
+    hold_s: f64,
+) -> Result<f64, TuningError> {
+    let rate_hz = f64::from(settings.get(Param::TickRate));
+    jumping(board, settings, |board| {
+        board.command(&format!("ref {voltage_v}"))?;
+        samples_of(board, hold_s - LAST_PART_S, rate_hz)?;
+        let samples = untripped(samples_of(board, LAST_PART_S, rate_hz)?)?;
+        let mean = samples.iter().map(|sample| speed(sample, settings)).sum::<f64>() / samples.len().max(1) as f64;
+        if mean == 0.0 { Err(TuningError::Standstill) } else { Ok(mean) }
+    })
+}
+
 /// Sets open loop without a slew limit for an experiment, and restores the board after it.
 fn jumping<B: Board, R>(
     board: &mut B,

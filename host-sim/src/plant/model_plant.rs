@@ -2,9 +2,9 @@
 
 use super::dc_motor::Torques;
 use super::{Bridge, BridgeLosses, DcMotor, DcMotorParameters, Inputs, Motion, PeriodEnd, Plant, Pwm};
-use motorbench_model::LinearStep;
 use motorbench_model::catalogue::{ActsOn, Balance, DryLosses, Effect, Instant, Wave};
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Input, LinearStep};
 use motorbench_model::{Model, Term};
 
 /// Longest step; shorter ones are taken as they come.
@@ -459,7 +459,7 @@ impl Stepwise {
             term.effect.contribute(&term.values, &self.model.motor, &at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        let reached = linear.take(self.current_a, before, at.voltage_v, false, &terms);
+        let reached = linear.take(self.current_a, before, Input::Voltage(at.voltage_v), &terms);
         (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
         if inputs.blocked {
             self.speed_rad_per_s = 0.0;

@@ -6,10 +6,12 @@ use super::record::finite;
 use super::{Failure, JSON_TO, Outputs, TERMINAL, write, write_json};
 use clap::Args;
 use motorbench_core::message::Sample;
-use motorbench_core::settings::{Param, Settings};
+use motorbench_core::settings::{Param, Settings, find};
+use motorbench_data::names::setting_name;
 use motorbench_data::telemetry::speed_bit_rad_per_s;
+use motorbench_design::fixed_point::{friction_width, rounded, speed_range};
 use motorbench_design::relay::{Relay, tyreus_luyben};
-use motorbench_design::step_tuning::simc;
+use motorbench_design::step_tuning::{simc, simc_position};
 use motorbench_link::Link;
 use motorbench_link::board::{Board, BoardError, arm, leave_host, samples_of, untripped, watch_host};
 use motorbench_link::port::Port;
@@ -32,18 +34,35 @@ const LEAST_SAMPLES_SHARE: f64 = 0.9;
 const RESTING_SHARE: f64 = 0.05;
 const READ_INTERVAL_S: f64 = 0.1;
 const MOST_LOOKS: usize = 100;
+/// Usual speed of the experiments and of the test, and its largest share of what the motor has shown.
+const USUAL_RAD_PER_S: f64 = 60.0;
+const REACHED_SHARE: f64 = 0.8;
+/// Settings in a console line, which has at most 96 characters.
+const SETTINGS_A_LINE: usize = 3;
+/// A range of the speed up to so many times the needed one costs no more than two bits.
+const WIDEST: f64 = 4.0;
+/// Step of the acceptance test of a position, and its time.
+const STEP_RAD: f64 = 2.0;
+const POSITION_TEST_S: f64 = 2.0;
+/// A position cannot be nearer than its counts.
+const LEAST_COUNTS: f64 = 2.0;
+/// Usual time constants of the closed loops.
+const SPEED_LOOP_MS: f64 = 10.0;
+const POSITION_LOOP_MS: f64 = 30.0;
 /// Limits of the acceptance test.
 const MOST_OVERSHOOT_PERCENT: f64 = 35.0;
 const MOST_ERROR_SHARE: f64 = 0.03;
 
-/// Gains of the speed PID without a model, by an experiment on the board, with an acceptance test.
+/// Gains of the speed or position PID without a model, by an experiment on the board, with an acceptance test.
 #[derive(Args)]
 #[command(after_help = "Examples:
   motorbench autotune --from 6 --to 8
+  motorbench autotune --position --closed-loop 50
   motorbench autotune --relay 1 --bias 7 --reference 60 --console gains.txt
 
 A motor that sticks is refused: its friction would be measured instead of the
-loop.")]
+loop. Where the range of the speed does not fit the motor, as with a gear motor,
+it is set with the gains.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
@@ -56,18 +75,22 @@ pub struct Arguments {
     /// How long each voltage is held.
     #[arg(long, value_name = "S", default_value_t = 0.5, value_parser = hold, allow_negative_numbers = true)]
     hold: f64,
-    /// Wanted time constant of the closed loop, in ms.
-    #[arg(long, value_name = "MS", default_value_t = 10.0, value_parser = positive, allow_negative_numbers = true)]
-    closed_loop: f64,
+    /// Gains of the position PID instead of the speed PID.
+    #[arg(long, conflicts_with = "relay")]
+    position: bool,
+    /// Wanted time constant of the closed loop, in ms; default: 10 for the speed, 30 for the position.
+    #[arg(long, value_name = "MS", value_parser = positive, allow_negative_numbers = true)]
+    closed_loop: Option<f64>,
     /// Does a relay experiment with this voltage amplitude instead of a step.
     #[arg(long, value_name = "V", value_parser = positive, allow_negative_numbers = true)]
     relay: Option<f64>,
     /// First guess of the voltage that the motor needs at the reference of the relay experiment.
     #[arg(long, value_name = "V", default_value_t = 7.0, allow_negative_numbers = true, value_parser = finite)]
     bias: f64,
-    /// Speed of the relay experiment and of the acceptance test, in rad/s.
-    #[arg(long, default_value_t = 60.0, allow_negative_numbers = true, value_parser = turning)]
-    reference: f64,
+    /// Speed of the relay experiment and of the acceptance test, in rad/s; default: 60, or 80 % of the motor's speed in the
+    /// experiment where that is less.
+    #[arg(long, allow_negative_numbers = true, value_parser = turning, conflicts_with = "position")]
+    reference: Option<f64>,
     /// Writes the gains as console lines, for `motorbench send`.
     #[arg(long, value_name = "FILE.txt")]
     console: Option<PathBuf>,
@@ -124,7 +147,7 @@ impl Board for Attended {
 /// # Errors
 /// [`Failure`]: the board, a useless experiment, or gains that fail the test.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
-    if arguments.relay.is_some() && arguments.reference < 0.0 {
+    if arguments.relay.is_some() && arguments.reference.is_some_and(|reference| reference < 0.0) {
         return Err(Failure::input("--relay needs a --reference above 0; only the step experiment can go backwards"));
     }
     let outputs = Outputs::new([], arguments.console.iter().chain(&arguments.json))?;
@@ -141,45 +164,42 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// Experiment, gains, acceptance test.
 fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outputs: &Outputs) -> Result<(), Failure> {
     let (found, gains) = experiment(board, settings, arguments)?;
-    let line = gains.iter().fold("set".to_string(), |line, (name, value)| format!("{line} {name} {value:.6}"));
-    let before: Vec<String> = gains.iter().map(|(name, _)| shown(settings, name)).collect();
-    board.command(&line)?;
-    let restore = format!("set {}", before.join(" "));
-    let tested = acceptance(board, settings, arguments.reference);
+    let ranges = set_ranges(board, settings, found.greatest_rad_per_s)?;
+    let now = with(settings, &ranges)?;
+    let put_back = |board: &mut Attended| {
+        [&gains, &ranges].into_iter().try_for_each(|changed| send(board, &before(settings, changed)))
+    };
+    let tested = send(board, &gains).and_then(|()| match arguments.position {
+        true => acceptance_of_position(board, &now),
+        false => acceptance(board, &now, found.reference_rad_per_s),
+    });
     if tested.is_err() {
         // The reason is reported below. A board that is gone has lost the gains with its supply.
-        let _ = board.command(&restore);
+        let _ = put_back(board);
     }
-    let (overshoot_percent, error) = tested?;
-    let most_error = MOST_ERROR_SHARE * arguments.reference.abs();
-    let accepted = overshoot_percent <= MOST_OVERSHOOT_PERCENT && error <= most_error;
+    let test = Test { arguments, reference_rad_per_s: found.reference_rad_per_s, now: &now, result: tested? };
+    let accepted = test.is_passed();
+    let set: Vec<(String, f64)> = ranges.iter().chain(&gains).cloned().collect();
     if let Some(path) = &arguments.json {
         let result = json!({
             "experiment": found.json,
             "gains": gains.iter().cloned().collect::<BTreeMap<_, _>>(),
-            "test": {
-                "reference_rad_per_s": arguments.reference,
-                "overshoot_percent": overshoot_percent,
-                "steady_error_rad_per_s": error,
-            },
+            "ranges": ranges.iter().cloned().collect::<BTreeMap<_, _>>(),
+            "test": test.json(),
             "accepted": accepted,
         });
         write_json(path, &result)?;
     }
     outputs.say(&format!("{}\ngains\n", found.text));
-    gains.iter().for_each(|(name, value)| outputs.say(&format!("  {name} {value:.6}\n")));
-    outputs.say(&format!(
-        "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, error at the end {error:.2} rad/s\n",
-        arguments.reference
-    ));
+    set.iter().for_each(|(name, value)| outputs.say(&format!("  {name} {value:.6}\n")));
+    outputs.say(&test.text());
     if !accepted {
-        board.command(&restore)?;
-        return Err(Failure::input(format!(
-            "not accepted (limits: {MOST_OVERSHOOT_PERCENT} % overshoot, {most_error:.1} rad/s error); the old gains are restored. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely"
-        )));
+        put_back(board)?;
+        return Err(Failure::input(test.refusal()));
     }
     if let Some(path) = &arguments.console {
-        write(path, &(line + "\n"))?;
+        let lines = [lines(&ranges), lines(&gains)].concat();
+        write(path, &(lines.join("\n") + "\n"))?;
     }
     let accepted = "accepted; the gains are lost at the next reset.\n`motorbench connect save` keeps them\n";
     outputs.say(&arguments.port.named_in(accepted));
@@ -187,10 +207,122 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     Ok(())
 }
 
+/// Settings as console lines, as few as the board takes in one. A setting has single precision.
+fn lines(values: &[(String, f64)]) -> Vec<String> {
+    let line = |values: &[(String, f64)]| {
+        values.iter().fold("set".to_string(), |line, (name, value)| format!("{line} {name} {}", *value as f32))
+    };
+    values.chunks(SETTINGS_A_LINE).map(line).collect()
+}
+
+fn send(board: &mut impl Board, values: &[(String, f64)]) -> Result<(), BoardError> {
+    lines(values).iter().try_for_each(|line| board.command(line))
+}
+
+/// What some settings were before.
+fn before(settings: &Settings, changed: &[(String, f64)]) -> Vec<(String, f64)> {
+    let value = |name: &str| find(name.as_bytes()).map_or(0.0, |param| settings.get(param).into());
+    changed.iter().map(|(name, _)| (name.clone(), value(name))).collect()
+}
+
+/// Sets the range of the speed for a motor with this greatest speed, if the present one does not fit. A range that is
+/// too fine for the encoder is doubled. Returns what was set.
+fn set_ranges(
+    board: &mut impl Board,
+    settings: &Settings,
+    greatest_rad_per_s: f64,
+) -> Result<Vec<(String, f64)>, BoardError> {
+    let mut range = speed_range(greatest_rad_per_s);
+    let present = f64::from(settings.get(Param::SpeedRange));
+    if (range..=WIDEST * range).contains(&present) {
+        return Ok(Vec::new());
+    }
+    loop {
+        let set = [(Param::SpeedRange, range), (Param::CompFrictionWidth, friction_width(range))]
+            .map(|(param, value)| (setting_name(param), value));
+        match send(board, &set) {
+            Err(BoardError::Refused { .. }) if 2.0 * range < present => range *= 2.0,
+            done => return done.map(|()| set.into()),
+        }
+    }
+}
+
+/// Settings with some that the board has accepted.
+fn with(settings: &Settings, changed: &[(String, f64)]) -> Result<Settings, Failure> {
+    let mut settings = settings.clone();
+    for (name, value) in changed {
+        if let Some(param) = find(name.as_bytes()) {
+            settings.set(param, *value as f32).map_err(|rule| Failure::machine(format!("{name}: {rule:?}")))?;
+        }
+    }
+    Ok(settings)
+}
+
+/// The acceptance test and its result: overshoot in percent, and error at the end in rad/s or rad.
+struct Test<'a> {
+    arguments: &'a Arguments,
+    reference_rad_per_s: f64,
+    now: &'a Settings,
+    result: (f64, f64),
+}
+
+impl Test<'_> {
+    fn most_error(&self) -> f64 {
+        match self.arguments.position {
+            true => (MOST_ERROR_SHARE * STEP_RAD).max(LEAST_COUNTS * rad_per_count(self.now)),
+            false => MOST_ERROR_SHARE * self.reference_rad_per_s.abs(),
+        }
+    }
+
+    fn is_passed(&self) -> bool {
+        let (overshoot_percent, error) = self.result;
+        overshoot_percent <= MOST_OVERSHOOT_PERCENT && error <= self.most_error()
+    }
+
+    fn json(&self) -> Value {
+        let (overshoot_percent, error) = self.result;
+        match self.arguments.position {
+            true => json!({ "step_rad": STEP_RAD, "overshoot_percent": overshoot_percent, "steady_error_rad": error }),
+            false => json!({
+                "reference_rad_per_s": self.reference_rad_per_s,
+                "overshoot_percent": overshoot_percent,
+                "steady_error_rad_per_s": error,
+            }),
+        }
+    }
+
+    fn text(&self) -> String {
+        let (overshoot_percent, error) = self.result;
+        match self.arguments.position {
+            true => format!(
+                "acceptance test, {STEP_RAD} rad on: overshoot {overshoot_percent:.1} %, error at the end {error:.4} rad\n"
+            ),
+            false => format!(
+                "acceptance test to {} rad/s: overshoot {overshoot_percent:.1} %, error at the end {error:.2} rad/s\n",
+                rounded(self.reference_rad_per_s)
+            ),
+        }
+    }
+
+    fn refusal(&self) -> String {
+        let most_error = match self.arguments.position {
+            true => format!("{:.3} rad", self.most_error()),
+            false => format!("{:.1} rad/s", self.most_error()),
+        };
+        format!(
+            "not accepted (limits: {MOST_OVERSHOOT_PERCENT} % overshoot, {most_error} error); the old gains are restored. Try a slower --closed-loop, or a voltage and a reference at which the motor turns freely"
+        )
+    }
+}
+
 /// Result of an experiment, as text and as JSON.
 struct Found {
     text: String,
     json: Value,
+    /// The motor's greatest speed, as the experiment shows it.
+    greatest_rad_per_s: f64,
+    /// Speed of the acceptance test.
+    reference_rad_per_s: f64,
 }
 
 fn experiment(
@@ -198,30 +330,58 @@ fn experiment(
     settings: &Settings,
     arguments: &Arguments,
 ) -> Result<(Found, Vec<(String, f64)>), Failure> {
-    let failed = |error: TuningError| match error {
+    match arguments.relay {
+        Some(amplitude_v) => by_relay(board, settings, arguments, amplitude_v),
+        None => by_step(board, settings, arguments),
+    }
+    .map_err(|error| match error {
         TuningError::Board(error) => Failure::from(error),
         other => Failure::input(other),
+    })
+}
+
+fn by_step(
+    board: &mut Attended,
+    settings: &Settings,
+    arguments: &Arguments,
+) -> Result<(Found, Vec<(String, f64)>), TuningError> {
+    let model = on_board::step(board, settings, [arguments.from, arguments.to], arguments.hold)?;
+    let text = format!(
+        "step: {:.2} rad/s per volt, time constant {:.1} ms, dead time {:.1} ms",
+        model.gain_rad_per_s_per_v,
+        1e3 * model.time_constant_s,
+        1e3 * model.dead_time_s
+    );
+    let more_v = f64::from(settings.get(Param::VoltageLimit)) - arguments.to.abs();
+    let reached = model.end_rad_per_s.abs();
+    let found = Found {
+        text,
+        json: json!({ "kind": "step", "model": model }),
+        greatest_rad_per_s: reached + model.gain_rad_per_s_per_v * more_v.max(0.0),
+        reference_rad_per_s: arguments.reference_below(reached),
     };
-    let Some(amplitude_v) = arguments.relay else {
-        let volts = [arguments.from, arguments.to];
-        let model = on_board::step(board, settings, volts, arguments.hold).map_err(failed)?;
-        let text = format!(
-            "step: {:.2} rad/s per volt, time constant {:.1} ms, dead time {:.1} ms",
-            model.gain_rad_per_s_per_v,
-            1e3 * model.time_constant_s,
-            1e3 * model.dead_time_s
-        );
-        let found = Found { text, json: json!({ "kind": "step", "model": model }) };
-        return Ok((found, simc(&model, 1e-3 * arguments.closed_loop)));
+    let loop_s = |usual_ms: f64| 1e-3 * arguments.closed_loop.unwrap_or(usual_ms);
+    let gains = match arguments.position {
+        true => simc_position(&model, loop_s(POSITION_LOOP_MS)),
+        false => simc(&model, loop_s(SPEED_LOOP_MS)),
     };
-    let relay = Relay {
-        reference_rad_per_s: arguments.reference,
-        bias_v: arguments.bias,
-        amplitude_v,
-        hysteresis_rad_per_s: 0.5,
-        timeout_s: 10.0,
+    Ok((found, gains))
+}
+
+fn by_relay(
+    board: &mut Attended,
+    settings: &Settings,
+    arguments: &Arguments,
+    amplitude_v: f64,
+) -> Result<(Found, Vec<(String, f64)>), TuningError> {
+    let reached = match arguments.reference {
+        Some(reference) => reference,
+        None => on_board::steady_speed(board, settings, arguments.bias, arguments.hold)?.abs(),
     };
-    let found = on_board::relay(board, settings, &relay).map_err(failed)?;
+    let reference_rad_per_s = arguments.reference_below(reached);
+    let relay =
+        Relay { reference_rad_per_s, bias_v: arguments.bias, amplitude_v, hysteresis_rad_per_s: 0.5, timeout_s: 10.0 };
+    let found = on_board::relay(board, settings, &relay)?;
     let text = format!(
         "relay: period {:.1} ms, ultimate gain {:.3} V s/rad; {:.1} ms of the period are the delay to the computer and back",
         1e3 * found.cycle.period_s,
@@ -229,13 +389,16 @@ fn experiment(
         1e3 * found.delay_s
     );
     let json = json!({ "kind": "relay", "cycle": found.cycle, "delay_s": found.delay_s });
-    Ok((Found { text, json }, tyreus_luyben(&found.cycle)))
+    let share = f64::from(settings.get(Param::VoltageLimit)) / arguments.bias.abs().max(f64::MIN_POSITIVE);
+    let greatest_rad_per_s = reference_rad_per_s * share.max(1.0);
+    Ok((Found { text, json, greatest_rad_per_s, reference_rad_per_s }, tyreus_luyben(&found.cycle)))
 }
 
-/// A setting as `NAME VALUE`.
-fn shown(settings: &Settings, name: &str) -> String {
-    let value = motorbench_core::settings::find(name.as_bytes()).map_or(0.0, |param| settings.get(param));
-    format!("{name} {value}")
+impl Arguments {
+    /// Speed of the test for a motor that has reached this one.
+    fn reference_below(&self, reached_rad_per_s: f64) -> f64 {
+        self.reference.unwrap_or_else(|| USUAL_RAD_PER_S.min(REACHED_SHARE * reached_rad_per_s))
+    }
 }
 
 /// Lets the bridge brake the motor, which may still turn from the experiment. That motion is no overshoot.
@@ -267,9 +430,38 @@ fn acceptance(board: &mut impl Board, settings: &Settings, reference: f64) -> Re
     has_come(&samples)?;
     let share = |sample: &Sample| f64::from(sample.speed) * speed_bit_rad_per_s(settings) / reference;
     let shares: Vec<f64> = samples.iter().map(share).collect();
+    Ok(judged(&shares, reference))
+}
+
+/// Goes on by a step from rest; returns overshoot in percent, and mean error at the end in rad.
+fn acceptance_of_position(board: &mut impl Board, settings: &Settings) -> Result<(f64, f64), BoardError> {
+    come_to_rest(board, settings, USUAL_RAD_PER_S)?;
+    arm(board)?;
+    let rate_hz = f64::from(settings.get(Param::TickRate));
+    let begun = untripped(samples_of(board, READ_INTERVAL_S, rate_hz)?)?;
+    let start = begun.last().map_or(0, |sample| sample.counts);
+    let angle = |counts: i32| f64::from(counts.wrapping_sub(start)) * rad_per_count(settings);
+    board.command("mode position")?;
+    board.samples(0.0)?;
+    board.command(&format!("ref {:.5}", f64::from(start) * rad_per_count(settings) + STEP_RAD))?;
+    let samples = samples_of(board, POSITION_TEST_S, rate_hz).and_then(untripped);
+    let off = board.command("disarm");
+    let samples = samples?;
+    off?;
+    has_come(&samples)?;
+    let shares: Vec<f64> = samples.iter().map(|sample| angle(sample.counts) / STEP_RAD).collect();
+    Ok(judged(&shares, STEP_RAD))
+}
+
+/// Overshoot in percent, and the mean error at the end, of a course in shares of what was asked for.
+fn judged(shares: &[f64], asked: f64) -> (f64, f64) {
     let last = &shares[shares.len() - (LAST_PART * shares.len() as f64) as usize..];
-    let error = last.iter().map(|share| (share - 1.0) * reference).sum::<f64>() / last.len() as f64;
-    Ok((100.0 * (shares.iter().copied().fold(1.0, f64::max) - 1.0), error.abs()))
+    let error = last.iter().map(|share| (share - 1.0) * asked).sum::<f64>() / last.len() as f64;
+    (100.0 * (shares.iter().copied().fold(1.0, f64::max) - 1.0), error.abs())
+}
+
+fn rad_per_count(settings: &Settings) -> f64 {
+    std::f64::consts::TAU / f64::from(settings.get(Param::CountsPerRev))
 }
 
 /// Lost samples may contain an overshoot.
@@ -291,6 +483,14 @@ mod tests {
 
     fn tested(board: &mut Fake) -> Result<(f64, f64), BoardError> {
         acceptance(board, &Settings::defaults(), 60.0)
+    }
+
+    /// A gear motor needs a finer range of the speed, and a fast one a wider one. What fits is left as it is.
+    #[test]
+    fn the_range_of_the_speed_is_set_where_it_does_not_fit() {
+        let set = |greatest: f64| set_ranges(&mut Fake::that_sends(0), &Settings::defaults(), greatest).unwrap();
+        let of = |range: f64| vec![("speed_range".into(), range), ("comp_friction_width".into(), range / 256.0)];
+        assert_eq!([set(140.0), set(300.0), set(15.0), set(600.0)], [vec![], vec![], of(32.0), of(1024.0)]);
     }
 
     #[test]

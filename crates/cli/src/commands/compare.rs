@@ -1,16 +1,17 @@
 //! `motorbench compare`: two recordings, two models, or a recording and a model.
 
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_model, read_recording, rig_file, rig_for, write,
-    write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, parsed_model, plot_file, provenance, read_model, read_recording,
+    rig_file, rig_for, write, write_json, write_plot,
 };
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
 use motorbench_data::mapping::Mapping;
-use motorbench_diagnosis::compare::{Comparison, Difference, compare};
+use motorbench_data::recording::Channel;
+use motorbench_diagnosis::compare::{Comparison, Difference, compare, distance};
 use motorbench_diagnosis::dataset::Dataset;
 use motorbench_diagnosis::diagnose::judge;
-use motorbench_diagnosis::free_run::free_run;
+use motorbench_diagnosis::free_run::{free_run, position};
 use motorbench_diagnosis::identify::Z95;
 use motorbench_files::text_file;
 use motorbench_model::Model;
@@ -165,7 +166,15 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     let rig = rig_for(arguments.rig.as_deref(), Some(recording))?;
     let recording = read_recording(recording, &arguments.columns)?;
     let mut data = Dataset::new(&[recording], &rig).map_err(Failure::input)?;
-    let model = read_model(model)?;
+    let (axis, model) = parsed_model(model, Model::parse_with_axis)?;
+    if axis != data.axis {
+        return Err(Failure::input(format!(
+            "{}: the recording has {}, and the model {}. Compare it with a recording of its own kind",
+            arguments.second.display(),
+            data.axis.words(),
+            axis.words()
+        )));
+    }
     // The model was not fitted here, so all data are new to it.
     data.held_out.fill(true);
     let prediction = free_run(&model, &data);
@@ -181,7 +190,17 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
             Panel::new(measured.output.title()).line("measured", measured.values.clone()).line("model", simulated),
         );
     }
-    finish(arguments, &json!({ "channels": channels }), &text, &(data.interval_s, drawn))
+    if !data.axis.drive.is_voltage() {
+        let simulated = position(&model, &data);
+        let (rms, fit) = distance(&data.angle_rad, &simulated);
+        text += &format!("  {:<18} {:>10} rad rms, of the free run\n", Channel::Angle.column(), short(rms));
+        channels.push(json!({ "channel": Channel::Angle.column(), "rms": rms, "fit_percent": fit }));
+        let panel = Panel::new(Channel::Angle.title()).line("measured", data.angle_rad.clone());
+        drawn.push(panel.line("model", simulated));
+    }
+    let text = data.axis.motion.words(&text).into_owned();
+    let result = in_units_of(data.axis, &json!({ "channels": channels }))?;
+    finish(arguments, &result, &text, &(data.interval_s, drawn))
 }
 
 /// Length of the step response of models, in electromechanical time constants, and its samples.

@@ -5,8 +5,9 @@ use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use motorbench_data::convert::{self, Dialect, Format};
 use motorbench_data::mapping::Mapping;
-use motorbench_data::recording::Channel;
+use motorbench_data::recording::{Channel, Recording};
 use motorbench_files::text_file;
+use motorbench_text::terminal_text::quoted;
 use std::path::{Path, PathBuf};
 
 /// Converts recordings from and to CSV of other programs, PlotJuggler, WPILib SysId and WPILOG, MATLAB and NumPy.
@@ -80,6 +81,30 @@ fn delimiter(text: &str) -> Result<u8, String> {
     }
 }
 
+/// The names that --rename gives, as a reader of the target has to map them.
+fn own_names(renamed: &[(Channel, String)]) -> Vec<Mapping> {
+    let mapping = |(channel, name): &(Channel, String)| Mapping {
+        name: name.clone(),
+        channel: *channel,
+        factor: None,
+        offset: 0.0,
+    };
+    renamed.iter().map(mapping).collect()
+}
+
+/// The command for a target that is a recording of a motor.
+fn next(target: &Path, kept: &Recording, renamed: &[(Channel, String)]) -> String {
+    let has = |channels: &[Channel]| channels.iter().any(|channel| kept.get(*channel).is_some());
+    let is_driven = has(&[Channel::Voltage, Channel::Duty]) && kept.time_s().is_some();
+    let moves = has(&[Channel::Speed, Channel::Rpm, Channel::Angle, Channel::Counts, Channel::Current]);
+    if is_terminal(target) || !(is_driven && moves) {
+        return String::new();
+    }
+    let columns = renamed.iter().map(|(channel, name)| quoted(&format!("{name}={}", channel.column())));
+    let columns: String = columns.map(|column| format!(" --column {column}")).collect();
+    format!("motorbench diagnose {} --rig RIG.toml{columns}", quoted(&target.display().to_string()))
+}
+
 /// Runs it.
 ///
 /// # Errors
@@ -90,7 +115,8 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     // The standard output has no ending.
     let target_format = arguments.to.or_else(|| is_terminal(&arguments.target).then_some(Format::Csv));
     let to = format(target_format, &arguments.target)?;
-    let outputs = Outputs::new([&arguments.source], [&arguments.target].into_iter().chain(&arguments.json))?;
+    let written = [&arguments.target].into_iter().chain(&arguments.json);
+    let outputs = Outputs::with_names([&arguments.source], written, &own_names(&arguments.renamed))?;
     let name = arguments.source.display().to_string();
     let bytes = std::fs::read(&arguments.source)
         .map_err(|error| Failure::input(format!("{name}: {}", text_file::explained(&arguments.source, error))))?;
@@ -139,5 +165,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         };
         outputs.say(&format!("not used, since they have no known name: {ignored}. {how}\n"));
     }
+    outputs.wrote(&next(target, kept, &arguments.renamed));
     Ok(())
 }

@@ -2,8 +2,8 @@
 
 use super::recordings::RecordingArguments;
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, next_with_model, provenance, read_recording, rig_beside, rig_file, rig_for,
-    spinner, tell, write, write_json, write_model,
+    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, next_with_model, provenance, read_recording, rig_beside,
+    rig_file, rig_for, spinner, tell, write, write_json, write_model,
 };
 use clap::Args;
 use motorbench_data::recording::Recording;
@@ -11,6 +11,7 @@ use motorbench_data::rig::Rig;
 use motorbench_diagnosis::dataset::contradictions;
 use motorbench_diagnosis::diagnose::diagnose;
 use motorbench_diagnosis::steady_state;
+use motorbench_model::Motion;
 use motorbench_report::web_page::Provenance;
 use motorbench_report::{diagnosis_page as report, diagnosis_text as page, steady_state as table_report};
 use rayon::prelude::*;
@@ -72,14 +73,19 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
     let result = diagnose(&recordings, &rig, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
     let diagnosis = result.map_err(Failure::input)?;
+    let axis = diagnosis.data.axis;
     if let Some(path) = &args.model {
-        write_model(path, &diagnosis.model)?;
+        write_model(path, axis, &diagnosis.model)?;
     }
     if let Some(path) = &args.report {
         write(path, &report::report(&diagnosis, args.provenance()))?;
     }
-    finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))?;
-    outputs.wrote(&args.model.as_deref().map_or_else(|| args.page_is_next(), next_with_model));
+    match axis.motion {
+        Motion::Rotary => finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))?,
+        Motion::Linear => finish(args, &outputs, &in_units_of(axis, &diagnosis.outcome)?, || page::page(&diagnosis))?,
+    }
+    let next = args.model.as_deref().map(|model| next_with_model(axis, model));
+    outputs.wrote(&next.unwrap_or_else(|| args.page_is_next()));
     Ok(())
 }
 
@@ -141,7 +147,8 @@ fn alone(path: &Path, args: &Arguments, rig: &Rig) -> Result<serde_json::Value, 
     let outcome = if recording.time_s().is_none() {
         serde_json::to_value(steady_state::study(&recording, rig, None).map_err(|error| error.to_string())?)
     } else {
-        serde_json::to_value(diagnose(&[recording], rig, &|_| ()).map_err(|error| error.to_string())?.outcome)
+        let outcome = diagnose(&[recording], rig, &|_| ()).map_err(|error| error.to_string())?.outcome;
+        return in_units_of(outcome.axis, &outcome).map_err(|failure| failure.message);
     };
     outcome.map_err(|error| error.to_string())
 }

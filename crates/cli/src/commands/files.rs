@@ -2,6 +2,7 @@
 //! to the terminal.
 
 use super::{Failure, folder, own_files, tell};
+use motorbench_data::mapping::Mapping;
 use motorbench_text::terminal_text::{fitted, quoted};
 use serde_json::{Map, Value};
 use std::ffi::OsString;
@@ -53,6 +54,18 @@ impl Outputs {
         read: impl IntoIterator<Item = &'a PathBuf>,
         written: impl IntoIterator<Item = &'a PathBuf>,
     ) -> Result<Self, Failure> {
+        Self::with_names(read, written, &[])
+    }
+
+    /// The same where the outputs call channels by these names.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub(super) fn with_names<'a>(
+        read: impl IntoIterator<Item = &'a PathBuf>,
+        written: impl IntoIterator<Item = &'a PathBuf>,
+        names: &[Mapping],
+    ) -> Result<Self, Failure> {
         let (terminal, files): (Vec<&PathBuf>, Vec<&PathBuf>) = written.into_iter().partition(|path| is_terminal(path));
         if terminal.len() > 1 {
             return Err(Failure::input(
@@ -86,7 +99,7 @@ impl Outputs {
                 || files.iter().any(|table| side_file(table).is_some_and(|side| files.contains(&&side)));
             if let Ok(there) = fs::read(&name)
                 && !is_of_measurement()
-                && !own_files::may_be_replaced(&name, &there)
+                && !own_files::may_be_replaced(&name, &there, names)
             {
                 return Err(Failure::input(own_files::not_ours(path)));
             }
@@ -98,10 +111,7 @@ impl Outputs {
 
     /// Says at the end which files were written, and what comes next, if anything does.
     pub(super) fn wrote(&self, next: &str) {
-        let then = if next.is_empty() { String::new() } else { format!("; next: {next}") };
-        if !self.files.is_empty() {
-            tell(&format!("wrote {}{then}", self.files.join(", ")));
-        }
+        say_written(&self.files, next);
     }
 
     /// Text for a person.
@@ -109,6 +119,14 @@ impl Outputs {
         if !self.terminal_is_taken {
             print!("{}", fitted(text));
         }
+    }
+}
+
+/// Says which files were written, and what comes next.
+pub(super) fn say_written(files: &[String], next: &str) {
+    let then = if next.is_empty() { String::new() } else { format!("; next: {next}") };
+    if !files.is_empty() {
+        tell(&format!("wrote {}{then}", files.join(", ")));
     }
 }
 

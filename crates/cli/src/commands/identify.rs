@@ -1,7 +1,7 @@
 //! `motorbench identify`: the constants of the linear motor.
 
 use super::recordings::RecordingArguments;
-use super::{Failure, JSON_TO, Outputs, TERMINAL, next_with_model, spinner, write_json, write_model};
+use super::{Failure, JSON_TO, Outputs, TERMINAL, in_units_of, next_with_model, spinner, write_json, write_model};
 use clap::Args;
 use motorbench_data::rig::NominalMotor;
 use motorbench_diagnosis::dataset::Dataset;
@@ -9,8 +9,8 @@ use motorbench_diagnosis::diagnose::determined::{AllDetermined, determined};
 use motorbench_diagnosis::diagnose::judge;
 use motorbench_diagnosis::free_run::free_run;
 use motorbench_diagnosis::identify::{Effort, Place, Prior, fit, with_window_settled};
-use motorbench_model::Model;
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Model, Motion};
 use motorbench_report::diagnosis_text::determined_lines;
 use motorbench_text::terminal_text::{short, wrapped};
 use serde::Serialize;
@@ -70,18 +70,23 @@ struct Fitted {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = Outputs::new(&arguments.recordings.files(), arguments.model.iter().chain(&arguments.json))?;
     let (rig, recordings) = (arguments.recordings.rig()?, arguments.recordings.read()?);
-    let data = with_window_settled(Dataset::new(&recordings, &rig).map_err(Failure::input)?, &rig.motor);
+    let nominal = rig.nominal();
+    let data = with_window_settled(Dataset::new(&recordings, &rig).map_err(Failure::input)?, &nominal);
+    let axis = data.axis;
     let bar = spinner();
-    let (model, identified) = identify(&data, &rig.motor, &|text| bar.set_message(text.to_string()));
+    let (model, identified) = identify(&data, &nominal, &|text| bar.set_message(text.to_string()));
     bar.finish_and_clear();
     if let Some(path) = &arguments.model {
-        write_model(path, &model)?;
+        write_model(path, axis, &model)?;
     }
     if let Some(path) = &arguments.json {
-        write_json(path, &identified)?;
+        match axis.motion {
+            Motion::Rotary => write_json(path, &identified)?,
+            Motion::Linear => write_json(path, &in_units_of(axis, &identified)?)?,
+        }
     }
-    outputs.say(&page(&identified));
-    outputs.wrote(&arguments.model.as_deref().map_or_else(String::new, next_with_model));
+    outputs.say(&axis.motion.words(&page(&identified)));
+    outputs.wrote(&arguments.model.as_deref().map_or_else(String::new, |model| next_with_model(axis, model)));
     Ok(())
 }
 
@@ -109,7 +114,8 @@ fn identify(data: &Dataset, nominal: &NominalMotor, progress: &dyn Fn(&str)) -> 
         let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
         (name, Constant { value, ci95: interval.map_or([value, value], |interval| interval.ci95) })
     };
-    let parameters = last.model.motor.named().into_iter().enumerate().map(constant).collect();
+    let named = last.model.motor.named().into_iter().enumerate();
+    let parameters = named.filter(|(index, _)| data.axis.drive.has_constant(*index)).map(constant).collect();
     let leaves_more_than_noise = judge::above_floor(data, &seen) > judge::NOT_NOISE;
     (last.model, Identified { determined, parameters, fit: quality, leaves_more_than_noise, notes: data.notes() })
 }
@@ -121,8 +127,8 @@ fn page(identified: &Identified) -> String {
     let mut text = determined_lines(&identified.determined);
     text += "The linear motor, with 95 % intervals\n";
     for (name, _) in MotorParameters::PIVT6.named() {
-        let Constant { value, ci95: [low, high] } = identified.parameters[name];
-        let _ = writeln!(text, "  {name:<26} {:>10}  [{}, {}]", short(value), short(low), short(high));
+        let Some(Constant { value, ci95: [low, high] }) = identified.parameters.get(name) else { continue };
+        let _ = writeln!(text, "  {name:<26} {:>10}  [{}, {}]", short(*value), short(*low), short(*high));
     }
     text += "Free-running simulation against held-out data\n";
     for (channel, fitted) in &identified.fit {

@@ -2,6 +2,7 @@
 
 use super::{Failure, JSON_TO, Outputs, TERMINAL, read_recording, write_json};
 use clap::Args;
+use motorbench_data::mapping::Mapping;
 use motorbench_link::live::{Live, PLOTJUGGLER, TELEPLOT};
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
@@ -18,6 +19,9 @@ The first goes to PlotJuggler on this computer (UDP Server, JSON).")]
 pub struct Arguments {
     /// Recording to replay.
     recording: PathBuf,
+    /// A column of the file that has another name or unit: speed=omega_rad_per_s*6.2832, pwm=duty/255.
+    #[arg(long = "column", visible_alias = "map", value_name = "NAME=CHANNEL")]
+    columns: Vec<Mapping>,
     /// Address of PlotJuggler's UDP server. If no plotter is named, its default address is used.
     #[arg(long, value_name = "HOST:PORT", num_args = 0..=1, default_missing_value = PLOTJUGGLER, value_parser = address)]
     udp: Option<SocketAddr>,
@@ -38,7 +42,7 @@ pub struct Arguments {
 /// [`Failure`] for a recording without time, and for an invalid address.
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let outputs = Outputs::new([&arguments.recording], &arguments.json)?;
-    let recording = read_recording(&arguments.recording, &[])?;
+    let recording = read_recording(&arguments.recording, &arguments.columns)?;
     let Some(time_s) = recording.time_s() else {
         return Err(Failure::input(format!(
             "{}: no column t_s: a table of steady states cannot be replayed",
@@ -61,6 +65,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     }
     let to: Vec<String> = udp.iter().chain(&arguments.teleplot).map(SocketAddr::to_string).collect();
     outputs.say(&format!("{} samples sent to {}\n", recording.len(), to.join(" and ")));
+    outputs.wrote("");
     Ok(())
 }
 

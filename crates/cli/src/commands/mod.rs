@@ -40,7 +40,7 @@ use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_files::text_file;
-use motorbench_model::Model;
+use motorbench_model::{Axis, Model, ModelError, Motion};
 use motorbench_report::picture::{self, Format};
 use motorbench_text::terminal_text::{COLUMNS, narrow, quoted, set_columns, wrapped_to};
 use ratatui::crossterm::terminal::window_size;
@@ -309,27 +309,60 @@ fn rig_for(named: Option<&Path>, recording: Option<&Path>) -> Result<Rig, Failur
 #[cfg(feature = "chip")]
 fn firmware() -> Result<PathBuf, ProgramError> {
     let bar = spinner();
-    bar.set_message("the firmware is built; the first time takes a minute");
-    let elf = firmware_at_hand(|note| bar.suspend(|| tell(note)));
+    let building = "the firmware is built; the first time takes a minute";
+    bar.set_message(building);
+    let elf = firmware_at_hand(
+        || {
+            if bar.is_hidden() {
+                tell(building)
+            }
+        },
+        |note| bar.suspend(|| tell(note)),
+    );
     bar.finish_and_clear();
     elf
 }
 
 /// A model file.
 fn read_model(path: &Path) -> Result<Model, Failure> {
+    parsed_model(path, Model::parse)
+}
+
+fn parsed_model<T>(path: &Path, parse: impl Fn(&str) -> Result<T, ModelError>) -> Result<T, Failure> {
     let failed = |error: &dyn Display| Failure::input(format!("{}: {error}", path.display()));
     let text = text_file::read(path, "a model file (TOML)").map_err(|error| failed(&error))?;
-    Model::parse(&text).map_err(|error| failed(&error))
+    parse(&text).map_err(|error| failed(&error))
 }
 
 /// Writes a model.
-fn write_model(path: &Path, model: &Model) -> Result<(), Failure> {
-    write(path, &(own_files::WRITTEN.to_owned() + &model.to_toml()))
+fn write_model(path: &Path, axis: Axis, model: &Model) -> Result<(), Failure> {
+    write(path, &(own_files::WRITTEN.to_owned() + &model.to_toml_of(axis)))
+}
+
+/// A result with the names and units of the axis.
+fn in_units_of(axis: Axis, result: &impl Serialize) -> Result<serde_json::Value, Failure> {
+    let value = serde_json::to_value(result).map_err(Failure::machine)?;
+    Ok(if axis.motion == Motion::Rotary { value } else { renamed(axis.motion, value) })
+}
+
+fn renamed(motion: Motion, value: serde_json::Value) -> serde_json::Value {
+    use serde_json::Value;
+    match value {
+        Value::String(text) => Value::String(motion.words(&text).into_owned()),
+        Value::Array(all) => all.into_iter().map(|one| renamed(motion, one)).collect(),
+        Value::Object(all) => {
+            all.into_iter().map(|(name, one)| (motion.words(&name).into_owned(), renamed(motion, one))).collect()
+        }
+        other => other,
+    }
 }
 
 /// What comes after a model was found.
-fn next_with_model(model: &Path) -> String {
+fn next_with_model(axis: Axis, model: &Path) -> String {
     let model = quoted(&model.display().to_string());
+    if !axis.drive.is_voltage() {
+        return format!("motorbench compare OTHER.csv {model}");
+    }
     format!("motorbench design --rig RIG.toml --model {model} --speed --bandwidth-Hz 5")
 }
 
@@ -498,7 +531,7 @@ mod tests {
         let model = Model::linear(motorbench_model::motor::MotorParameters::PIVT6);
         for _ in 0..2 {
             Outputs::new([], [&file]).unwrap();
-            write_model(&file, &model).unwrap();
+            write_model(&file, Axis::default(), &model).unwrap();
             assert_eq!(read_model(&file).unwrap().motor, model.motor);
         }
         fs::write(&file, model.to_toml()).unwrap();

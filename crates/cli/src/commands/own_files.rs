@@ -3,7 +3,9 @@
 //! Text carries a mark. A table has none, since other programs read it: it is known by its columns.
 
 use motorbench_data::convert::{self, Dialect, Format};
+use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::Channel;
+use serde_json::{Map, Value};
 use std::path::Path;
 
 /// First line of a TOML file that motorbench wrote.
@@ -93,8 +95,9 @@ fn names(contents: &[u8]) -> Option<Vec<&str>> {
     names.iter().all(is_name).then_some(names)
 }
 
-/// Whether motorbench has written what is there, as far as that can be known.
-pub(super) fn may_be_replaced(path: &Path, there: &[u8]) -> bool {
+/// Whether motorbench has written what is there, as far as that can be known. `own` maps the names that this command
+/// gives to channels.
+pub(super) fn may_be_replaced(path: &Path, there: &[u8], own: &[Mapping]) -> bool {
     let contains = |mark: &[u8]| there.windows(mark.len()).any(|part| part == mark);
     match Kind::of(there) {
         _ if there.trim_ascii().is_empty() => true,
@@ -102,21 +105,29 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8]) -> bool {
         Kind::Json => {
             // The side file of a measurement.
             let is_side = contains(b"\"firmware\"") && contains(b"\"settings\"");
-            is_side || there.ends_with(IN_JSON.as_bytes())
+            is_side || there.ends_with(IN_JSON.as_bytes()) || is_list_of_ports(there)
         }
         Kind::Page | Kind::Plot => contains(IN_PAGES.as_bytes()),
         Kind::Picture => contains(IN_PNG),
         Kind::Lines => there.split(|byte| *byte == b'\n').all(|line| line.is_empty() || line.starts_with(b"set ")),
-        Kind::Table => names(there).is_some_and(|names| is_recording(&names) || names == BODE),
-        Kind::Other => is_converted(path, there),
+        Kind::Table => names(there).is_some_and(|names| is_recording(&names, own) || names == BODE),
+        Kind::Other => is_converted(path, there, own),
     }
 }
 
+/// Whether it is what `ports` writes: a list cannot carry a mark.
+fn is_list_of_ports(there: &[u8]) -> bool {
+    let is_port = |port: &Map<String, Value>| ["board", "port", "simulated", "what"].iter().eq(port.keys());
+    serde_json::from_slice::<Vec<Map<String, Value>>>(there).is_ok_and(|ports| ports.iter().all(is_port))
+}
+
 /// Whether a file of another program has this project's channels only, as `convert` writes them.
-fn is_converted(path: &Path, there: &[u8]) -> bool {
+fn is_converted(path: &Path, there: &[u8], own: &[Mapping]) -> bool {
     let format = Format::of_content(path, there);
-    format != Format::Csv
-        && convert::read("", there, format, &[], Dialect::default()).is_ok_and(|read| read.recording.ignored.is_empty())
+    let is_whole = |names: &[Mapping]| {
+        convert::read("", there, format, names, Dialect::default()).is_ok_and(|read| read.recording.ignored.is_empty())
+    };
+    format != Format::Csv && (is_whole(&[]) || is_whole(own))
 }
 
 /// Columns of the frequency responses of `analyse`.
@@ -131,8 +142,9 @@ const BODE: [&str; 7] = [
 ];
 
 /// Whether all columns are channels; PlotJuggler calls its time otherwise.
-fn is_recording(names: &[&str]) -> bool {
-    names.iter().all(|name| *name == "__time" || Channel::of_column(name).is_some())
+fn is_recording(names: &[&str], own: &[Mapping]) -> bool {
+    let is_own = |name: &str| own.iter().any(|mapping| mapping.name == name);
+    names.iter().all(|name| *name == "__time" || Channel::of_column(name).is_some() || is_own(name))
 }
 
 /// Why contents cannot go into a file: its ending is that of another kind.
@@ -195,7 +207,7 @@ mod tests {
         let toml = [WRITTEN.as_bytes(), b"[motor]\n"].concat();
         let png = [b"\x89PNG\r\n\x1a\n".as_slice(), END_OF_PNG].concat();
         for written in [&b"{\n  \"a\": 1\n}\n"[..], b"<!DOCTYPE html>\n<p>", b"<svg></svg>", &png, &toml] {
-            assert!(may_be_replaced(Path::new("x"), &marked(written)), "{}", String::from_utf8_lossy(written));
+            assert!(may_be_replaced(Path::new("x"), &marked(written), &[]), "{}", String::from_utf8_lossy(written));
         }
         // Check sums of the standard: of a chunk of nothing but its name.
         assert_eq!(crc(b"IEND"), 0xae42_6082);
@@ -208,9 +220,9 @@ mod tests {
             b"notes: buy bearings",
             b"\x93NUMPY",
         ] {
-            assert!(!may_be_replaced(Path::new("x"), by_hand), "{}", String::from_utf8_lossy(by_hand));
+            assert!(!may_be_replaced(Path::new("x"), by_hand, &[]), "{}", String::from_utf8_lossy(by_hand));
         }
-        assert!(may_be_replaced(Path::new("x.json"), b""));
+        assert!(may_be_replaced(Path::new("x.json"), b"", &[]));
     }
 
     #[test]
@@ -223,7 +235,19 @@ mod tests {
         let bode = BODE.join(",") + "\n1,2,3,4,5,6,7\n";
         for (there, is_ours) in [(&b"t_s,rpm\n0,1\n"[..], true), (b"when,what\n1,2\n", false), (bode.as_bytes(), true)]
         {
-            assert_eq!(may_be_replaced(Path::new("run.csv"), there), is_ours);
+            assert_eq!(may_be_replaced(Path::new("run.csv"), there, &[]), is_ours);
         }
+    }
+
+    /// A list of ports cannot carry a mark, nor can a table whose channels this command calls otherwise.
+    #[test]
+    fn what_has_no_mark_is_known_by_its_names() {
+        let ports = br#"[{ "port": "COM3", "what": "Arduino Uno", "board": true, "simulated": false }]"#;
+        let other = br#"[{ "port": 3, "what": "notes" }]"#;
+        assert!(may_be_replaced(Path::new("ports.json"), ports, &[]));
+        assert!(!may_be_replaced(Path::new("ports.json"), other, &[]));
+        let (table, own) = (b"t_s,speed\n0,1\n", ["speed=omega_rad_per_s".parse().unwrap()]);
+        assert!(!may_be_replaced(Path::new("run.csv"), table, &[]));
+        assert!(may_be_replaced(Path::new("run.csv"), table, &own));
     }
 }

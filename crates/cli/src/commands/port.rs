@@ -6,21 +6,34 @@ use clap::Args;
 use motorbench_core::settings::{Param, Settings};
 use motorbench_data::names::setting_name;
 use motorbench_link::board::{Board, BoardError, LOST_AFTER_MS};
-use motorbench_link::port::{Port, only_board, open, ports};
+use motorbench_link::port::{Port, USUAL_LINK, only_board, open, ports};
+#[cfg(unix)]
+use motorbench_link::virtual_control::Starting;
 use motorbench_link::{Link, OTHER_READER};
 use motorbench_text::terminal_text::quoted;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
+#[cfg(unix)]
+use std::sync::atomic::Ordering;
+#[cfg(unix)]
+use std::time::Duration;
 
 impl From<BoardError> for Failure {
     fn from(error: BoardError) -> Self {
         match error {
             BoardError::Silent { .. } | BoardError::NoTelemetry => Self::machine(format!("{error}; {OTHER_READER}")),
             BoardError::Failed(_) => Self::machine(error),
-            BoardError::Refused { .. } | BoardError::Tripped(_) | BoardError::Interrupted => Self::input(error),
+            BoardError::Refused { .. }
+            | BoardError::Tripped(_)
+            | BoardError::TrippedBefore(_)
+            | BoardError::Interrupted => Self::input(error),
         }
     }
 }
+
+/// How often it is looked for a virtual board that is starting.
+#[cfg(unix)]
+const LOOK_AGAIN: Duration = Duration::from_millis(200);
 
 /// The port of a board.
 #[derive(Args)]
@@ -33,6 +46,9 @@ pub struct PortArguments {
 /// Placeholders in hints about `connect` and about other programs at the port. The code that makes hints does not know
 /// the port.
 pub(super) const CONNECT: &str = "`motorbench connect";
+
+/// Tolerance between two values of the encoder's counts.
+pub(super) const SAME_COUNTS: f64 = 1e-3;
 
 const LSOF: &str = "`lsof PORT`";
 
@@ -61,7 +77,10 @@ impl PortArguments {
     pub(super) fn open(&self) -> Result<(Link<Port>, String), Failure> {
         let name = match &self.port {
             Some(name) => name.clone(),
-            None => only_board().map_err(Failure::machine)?,
+            None => {
+                wait_for_virtual(Path::new(USUAL_LINK));
+                only_board().map_err(Failure::machine)?
+            }
         };
         let mut link = open(&name, Arc::clone(&STOPPED))?;
         take_back_watch(&mut link)?;
@@ -81,6 +100,21 @@ impl PortArguments {
         Ok((link, name, settings))
     }
 }
+
+/// Waits for a virtual board that is on its way.
+#[cfg(unix)]
+fn wait_for_virtual(link: &Path) {
+    if !Starting::is_at(link) {
+        return;
+    }
+    tell("waiting for `motorbench virtual`, which is starting");
+    while Starting::is_at(link) && !STOPPED.load(Ordering::Relaxed) {
+        std::thread::sleep(LOOK_AGAIN);
+    }
+}
+
+#[cfg(not(unix))]
+fn wait_for_virtual(_link: &Path) {}
 
 /// Settings that protect motor and bridge. Greater values protect less, except for the lowest supply.
 const PROTECTIONS: [Param; 8] = [

@@ -4,7 +4,7 @@ use super::files::{beside, free_name, with_beside};
 use super::interaction::on_interrupt;
 use super::live::LiveArguments;
 use super::own_files::WRITTEN;
-use super::port::PortArguments;
+use super::port::{CONNECT, PortArguments, SAME_COUNTS};
 use super::recording_files::{cannot_grow, rig_and_side, table_file, with_unwritten, write_each, write_first};
 use super::send::reads_back;
 use super::{Failure, JSON_TO, Outputs, TERMINAL, bar, cannot_write, read_rig, tell, write_json};
@@ -17,7 +17,7 @@ use motorbench_core::message::Sample;
 use motorbench_core::settings::{Param, Settings, find};
 use motorbench_data::coverage::{Coverage, Lack};
 use motorbench_data::names::setting_name;
-use motorbench_data::rig::NominalMotor;
+use motorbench_data::rig::{NominalMotor, Rig};
 use motorbench_link::board::{Board, BoardError, arm, leave_host, limit, watch_host};
 
 use motorbench_link::growing::GrowingCsv;
@@ -132,15 +132,16 @@ fn assignment(text: &str) -> Result<(String, f64), String> {
 pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let out = &arguments.out.clone().unwrap_or_else(|| free_name("run", &BESIDE));
     let outputs = Outputs::new(&arguments.motor, with_beside(out, &BESIDE).iter().chain(&arguments.json))?;
-    let nominal = match &arguments.motor {
-        Some(path) => read_rig(path)?.motor,
-        None => NominalMotor::default(),
-    };
+    let rig = arguments.motor.as_deref().map(read_rig).transpose()?;
+    let nominal = rig.as_ref().map_or_else(NominalMotor::default, |rig| rig.motor);
     // Checked before the motor turns: a wrong folder must not cost a recording.
     let mut growing = GrowingCsv::new(out).map_err(|error| cannot_write(out, &error))?;
     let stopped = on_interrupt()?;
     let mut live = arguments.live.open()?;
     let (mut link, _, before) = arguments.port.open_to_drive()?;
+    if let Some(other) = rig.as_ref().and_then(|rig| other_encoder(rig, &before)) {
+        tell(&arguments.port.named_in(&other));
+    }
     let changed = arguments.changes(&before);
     let stop = || stopped.load(Ordering::Relaxed);
     let done = play((arguments, out), &changed, &mut link, nominal, &mut growing, &mut live, &stop);
@@ -155,6 +156,15 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         tell(&arguments.port.named_in(&format!("motorbench: {}", kept.message)));
     }
     finished.and(put_back)
+}
+
+/// What is wrong if the rig file has another encoder than the board.
+fn other_encoder(rig: &Rig, settings: &Settings) -> Option<String> {
+    let board = f64::from(settings.get(Param::CountsPerRev));
+    let of_rig = rig.encoder.counts_per_rev.filter(|of_rig| (of_rig / board - 1.0).abs() > SAME_COUNTS)?;
+    Some(format!(
+        "the rig file has {of_rig} counts a revolution, the board {board}: all speeds are wrong by that. {CONNECT} 'set counts_per_rev {of_rig}' save` sets it, as current_gain for the current sensor"
+    ))
 }
 
 /// The files beside a recording.

@@ -1,6 +1,6 @@
 //! `motorbench tune`: the tuning console, and a scripted session of it.
 
-use super::files::{beside, free_name, with_beside};
+use super::files::{beside, free_name, is_terminal, say_written, with_beside};
 use super::interaction::on_interrupt;
 use super::live::LiveArguments;
 use super::port::PortArguments;
@@ -15,6 +15,7 @@ use motorbench_data::rig::NominalMotor;
 use motorbench_link::board::BoardError;
 use motorbench_link::growing::GrowingCsv;
 use motorbench_link::record::{Ended, Record, by_name, side_file_of_running};
+use motorbench_text::terminal_text::quoted;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -193,7 +194,19 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.json {
         write_json(path, &account)?;
     }
+    say_what_is_kept(&account.recordings, arguments.json.as_deref());
     outcome(account.ended)
+}
+
+/// Says which files the session has left.
+fn say_what_is_kept(recordings: &[String], json: Option<&Path>) {
+    let json = json.filter(|path| !is_terminal(path)).map(|path| path.display().to_string());
+    let files: Vec<String> = recordings.iter().chain(&json).map(|name| quoted(name)).collect();
+    let next = recordings.last().map_or_else(String::new, |last| {
+        let rig = beside(Path::new(last), "rig.toml").display().to_string();
+        format!("motorbench diagnose {} --rig {}", quoted(last), quoted(&rig))
+    });
+    say_written(&files, &next);
 }
 
 /// The exit code for the end of the session.

@@ -105,7 +105,7 @@ mod with_chip {
     use host_sim::plant::ModelPlant;
     use motorbench_chip::{Bench, EEPROM_BYTES, Rig as Circuit, Tachogenerator};
     use motorbench_data::rig::Rig;
-    use motorbench_link::virtual_control::{VirtualControl, control_path};
+    use motorbench_link::virtual_control::{Starting, VirtualControl, control_path};
     use rustix::event::{PollFd, PollFlags, Timespec, poll};
     use rustix::fs::OFlags;
     use rustix::io::{ioctl_fionbio, ioctl_fionread};
@@ -154,6 +154,7 @@ mod with_chip {
         let rig = arguments.rig.as_deref().map(read_rig).transpose()?;
         let mut surroundings =
             Surroundings::new(arguments.model.as_deref(), arguments.rig.as_deref().zip(rig.as_ref()))?;
+        let starting = Starting::at(&arguments.link);
         let elf = match &arguments.firmware {
             Some(path) => path.clone(),
             None => {
@@ -172,7 +173,7 @@ mod with_chip {
             surroundings.obey(&mut bench, order).map_err(|why| failure(format!("--with {why}")))?;
         }
         let mut eeprom = arguments.eeprom.clone().map(Eeprom).map(|eeprom| eeprom.load(&mut bench)).transpose()?;
-        let ended = serve(arguments, &mut bench, surroundings, &mut eeprom);
+        let ended = serve(arguments, &mut bench, surroundings, &mut eeprom, starting);
         if let Some(eeprom) = &mut eeprom {
             eeprom.keep(&bench)?;
         }
@@ -324,6 +325,7 @@ mod with_chip {
         bench: &mut Bench<ModelPlant>,
         mut surroundings: Surroundings,
         eeprom: &mut Option<KeptEeprom>,
+        starting: Option<Starting>,
     ) -> Result<(), Failure> {
         let (mut line, name) = SerialLine::new().map_err(Failure::machine)?;
         let named = NamedPort::new(&arguments.link, &name)?;
@@ -331,6 +333,7 @@ mod with_chip {
         let control = Control::new(&named.0, sender.clone())?;
         from_terminal(sender);
         let greeting = bench.run_until_line(GREETS_WITHIN_S).map_err(Failure::machine)?;
+        drop(starting);
         // It has been read here; who opens the port shall find it as well.
         greeting.iter().for_each(|said| line.send(format!("{said}\r\n").as_bytes()));
         if arguments.json.is_some() {

@@ -228,7 +228,7 @@ impl<L: Line> Session<L> {
                 Ok(())
             }
             // The cause of the trip is still present.
-            Err(BoardError::Tripped(trip)) => {
+            Err(BoardError::Tripped(trip) | BoardError::TrippedBefore(trip)) => {
                 self.message = format!("no drive ({}): {}; then a clears it and arms", trip_words(trip), cause(trip));
                 Ok(())
             }

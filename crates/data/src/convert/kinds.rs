@@ -89,6 +89,23 @@ fn a_workbook_is_read_like_a_table() {
     assert!(values(&found, Channel::Rpm)[..2] == [10.0, 20.25] && values(&found, Channel::Rpm)[2].is_nan());
     let why = read_as(Format::Spreadsheet, b"PK\x03\x04nothing", &[]).unwrap_err();
     assert!(why.contains("this spreadsheet cannot be read") && why.contains("save the sheet as CSV"), "{why}");
+    // An archive that has a sheet, but not the list of the sheets.
+    let archive = |part: &str| {
+        let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+        archive.start_file(part, SimpleFileOptions::default()).unwrap();
+        archive.write_all(b"<worksheet/>").unwrap();
+        archive.finish().unwrap().into_inner()
+    };
+    for (part, what) in [
+        (
+            "xl/worksheets/sheet1.xml",
+            "it has no xl/workbook.xml, the list of its sheets; it has xl/worksheets/sheet1.xml",
+        ),
+        ("run.csv", "this archive is no spreadsheet: it has run.csv"),
+    ] {
+        let why = read_as(Format::Spreadsheet, &archive(part), &[]).unwrap_err();
+        assert!(why.contains(what) && why.contains("soffice --headless --convert-to csv FILE"), "{why}");
+    }
 }
 
 /// An element of a MATLAB file of level 5.
@@ -202,6 +219,36 @@ fn variables_of_matlab_7_3() {
     let found = read_as(Format::Mat, &file.finish().unwrap(), &["volts=u_V", "speed=omega_rad_per_s"]).unwrap();
     assert_eq!((found.len(), values(&found, Channel::Speed)[29]), (30, 87.0));
     assert!((values(&found, Channel::Time)[29] - 0.0058).abs() < 1e-12);
+}
+
+/// Simulink keeps the samples of a streamed signal in a group of the signal's number, in the type of the signal.
+#[test]
+fn streamed_signals_of_a_simulink_dataset() {
+    let mut file = FileBuilder::new();
+    let (mut references, mut streams) = (file.create_group("#refs#"), file.create_group("#sigstream#"));
+    for (number, name, single) in [(0.0_f64, "speed", true), (1.0, "volts", false)] {
+        let mut element = references.create_group(name);
+        let letters: Vec<u16> = name.encode_utf16().collect();
+        element.create_dataset("Name").with_u16_data(&letters).with_shape(&[letters.len() as u64, 1]);
+        let mut inside = element.create_group("Values");
+        inside.create_dataset("DataR2").with_f64_data(&[number]).with_shape(&[1, 1]);
+        inside.create_dataset("CompressedTime").with_f64_data(&[0.0, 0.001, 30.0]).with_shape(&[3, 1]);
+        element.add_group(inside.finish());
+        references.add_group(element.finish());
+        let samples: Vec<u8> = (0..30_u8)
+            .flat_map(|row| match single {
+                true => (3.0 * f32::from(row)).to_le_bytes().to_vec(),
+                false => f64::from(row).to_le_bytes().to_vec(),
+            })
+            .collect();
+        let mut stream = streams.create_group(&number.to_string());
+        stream.create_dataset("#data#").with_u8_data(&samples).with_shape(&[samples.len() as u64]);
+        streams.add_group(stream.finish());
+    }
+    file.add_group(references.finish());
+    file.add_group(streams.finish());
+    let found = read_as(Format::Mat, &file.finish().unwrap(), &["volts=u_V", "speed=omega_rad_per_s"]).unwrap();
+    assert_eq!((values(&found, Channel::Speed)[29], values(&found, Channel::Voltage)[29]), (87.0, 29.0));
 }
 
 /// A test of SysId: time, voltage, turns, turns/s.

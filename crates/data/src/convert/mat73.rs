@@ -159,10 +159,13 @@ fn signal(file: &Hdf5, group: &Group) -> Option<Vec<Series>> {
     Some(columns.into_iter().filter(is_whole).map(series).collect())
 }
 
-/// The bytes of a streamed signal by its number.
+/// The bytes of a streamed signal by its number: a dataset, or a group with the bytes and what describes them.
 fn stream(file: &Hdf5, number: usize) -> Option<Vec<u8>> {
     let root = file.root();
     if let Ok(all) = root.group(STREAM) {
+        if let Ok(one) = all.group(&number.to_string()) {
+            return one.dataset("#data#").ok()?.read_raw().ok();
+        }
         let by_name = all.dataset(&number.to_string()).ok();
         let in_order = || {
             let names = all.datasets().ok()?;

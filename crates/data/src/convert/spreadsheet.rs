@@ -12,10 +12,8 @@ const BETWEEN: u8 = b'\t';
 
 /// Reads a workbook.
 pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
-    let damaged = |error: &dyn std::fmt::Display| {
-        Fault::whole(format!("this spreadsheet cannot be read ({error}): save the sheet as CSV"))
-    };
-    let mut book = open_workbook_auto_from_rs(Cursor::new(bytes)).map_err(|error| damaged(&error))?;
+    let mut book = open_workbook_auto_from_rs(Cursor::new(bytes))
+        .map_err(|error| Fault::whole(format!("{}. {AS_CSV}", what_is_wrong(bytes, &error))))?;
     let names = book.sheet_names();
     let mut longest: Option<(usize, Content)> = None;
     let mut why = "it has no sheet with a table of numbers".to_owned();
@@ -35,6 +33,37 @@ pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
         }
     }
     longest.map(|(_, content)| content).ok_or_else(|| Fault::whole(why))
+}
+
+/// What a person does with a spreadsheet that cannot be read.
+const AS_CSV: &str =
+    "Open it in the program that wrote it and save the sheet as CSV, or run `soffice --headless --convert-to csv FILE`";
+
+/// Why a workbook cannot be opened. An archive is named with what it lacks.
+fn what_is_wrong(bytes: &[u8], error: &impl std::fmt::Display) -> String {
+    let unread = format!("this spreadsheet cannot be read ({error})");
+    let Ok(archive) = zip::ZipArchive::new(Cursor::new(bytes)) else { return unread };
+    let parts: Vec<String> = archive.file_names().flatten().map(Into::into).collect();
+    let has = |name: &str| parts.iter().any(|part| part == name);
+    let is_office = parts.iter().any(|part| part.starts_with("xl/"));
+    match (is_office, has("xl/workbook.xml"), has("content.xml")) {
+        (true, false, _) => {
+            let parts = first_of(&parts);
+            format!("this .xlsx is not whole: it has no xl/workbook.xml, the list of its sheets; it has {parts}")
+        }
+        (false, _, false) => format!("this archive is no spreadsheet: it has {}", first_of(&parts)),
+        _ => unread,
+    }
+}
+
+/// The first names of many.
+fn first_of(parts: &[String]) -> String {
+    const MOST: usize = 5;
+    match parts.len() {
+        0 => "no file in it".into(),
+        count if count > MOST => format!("{} and {} more", parts[..MOST].join(", "), count - MOST),
+        _ => parts.join(", "),
+    }
 }
 
 impl Content {

@@ -74,6 +74,35 @@ proptest! {
         assert_same(&recording, &there_and_back(&recording, Format::Csv, german), 0.0, 0.0);
     }
 
+    /// Whatever the channels and the clock are: times since 1970 in whole microseconds, counters of 32 bits.
+    #[test]
+    fn times_and_counts_of_any_size_come_back(
+        start_us in 0..2_000_000_000_000_000_u64,
+        steps_us in prop::collection::vec(500_000..5_000_000_u64, 2..60),
+        counts in prop::collection::vec(any::<i32>(), 60),
+        missing in 0..60_usize,
+    ) {
+        let mut recording = Recording::new("made.csv");
+        let times = steps_us.iter().scan(start_us, |time_us, step_us| {
+            *time_us += step_us;
+            Some(*time_us as f64 / 1e6)
+        });
+        recording.set(Channel::Time, times.collect());
+        let count = |row: usize| if row == missing { f64::NAN } else { f64::from(counts[row]) };
+        recording.set(Channel::Counts, (0..steps_us.len()).map(count).collect());
+        recording.set(Channel::Supply, vec![12.0; steps_us.len()]);
+        for format in [Format::Mat, Format::Npy, Format::Npz, Format::Csv] {
+            assert_same(&recording, &there_and_back(&recording, format, Dialect::default()), 0.0, 0.0);
+        }
+        // Logs count from their first sample, in microseconds.
+        let start_s = recording.time_s().unwrap()[0];
+        let mut from_0 = recording.clone();
+        from_0.set(Channel::Time, recording.time_s().unwrap().iter().map(|t_s| t_s - start_s).collect());
+        for format in [Format::Plotjuggler, Format::Wpilog] {
+            assert_same(&from_0, &there_and_back(&recording, format, Dialect::default()), 1e-9, 1e-6);
+        }
+    }
+
     /// For any bytes, reading returns a recording or an error with a message.
     #[test]
     fn damaged_files_never_panic(

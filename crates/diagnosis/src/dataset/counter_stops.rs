@@ -222,7 +222,7 @@ impl Dataset {
         };
         let of_stretch = |Stretch { rows, .. }: &Stretch| {
             let counts: Vec<f64> = rows.clone().map(count).collect();
-            let stops = find(&counts, &self.voltage_v[rows.clone()]).into_iter();
+            let stops = find(&counts, &self.command[rows.clone()]).into_iter();
             stops.map(|stop| stop.later_by(rows.start)).collect::<Vec<_>>()
         };
         self.stretches.iter().flat_map(of_stretch).collect()

@@ -46,12 +46,12 @@ pub(super) fn note(stands_at_a: f64) -> String {
 fn stands(data: &Dataset, resolution_a: f64) -> bool {
     let Some(Measured { values, .. }) = data.current() else { return false };
     width(values) <= MOST_STEPS * resolution_a
-        && correlation(&about_mean(&data.voltage_v), &about_mean(values)).abs() < FOLLOWS
+        && correlation(&about_mean(&data.command), &about_mean(values)).abs() < FOLLOWS
 }
 
 /// Whether the motor is driven and moves: then a current flows.
 fn turns(data: &Dataset) -> bool {
-    let is_driven = data.voltage_v.iter().zip(&data.open).any(|(volts, open)| *volts != 0.0 && !open);
+    let is_driven = data.command.iter().zip(&data.open).any(|(volts, open)| *volts != 0.0 && !open);
     let motion = &data.motion().values;
     is_driven && greatest(motion) > MOVES * noise(motion)
 }

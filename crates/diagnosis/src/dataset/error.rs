@@ -16,7 +16,9 @@ pub enum DatasetError {
     #[error("{0} has the same rows as {1}. Its noise would count twice as evidence: leave one of them out")]
     Twice(String, String),
     /// Nothing says what drove the motor.
-    #[error("{0}: no column u_V or duty. Record the command of the bridge")]
+    #[error(
+        "{0}: nothing says what drove the motor. Record the command of the bridge (u_V or duty), or of a drive the current or the command (i_A, torque_Nm, force_N)"
+    )]
     NoDrive(String),
     /// A duty alone has no volts.
     #[error("{0}: duty without u_V needs the supply: [supply] voltage_V in the rig file, or a column supply_V")]
@@ -28,24 +30,41 @@ pub enum DatasetError {
     NoShare(String, f64),
     /// A reading that opposes what drives it.
     #[error(
-        "{name}: {column} has the opposite sign of the voltage that drives it. Exchange the encoder's channels or the motor's wires, or add --column {column}={column}*-1"
+        "{name}: {column} has the opposite sign of the {drive} that drives it. Exchange the encoder's channels or the motor's wires, or add --column {column}={column}*-1"
     )]
     Backward {
         /// Which recording.
         name: String,
         /// What has the wrong sign.
         column: &'static str,
+        /// What is imposed.
+        drive: &'static str,
     },
     /// A motion that is not said to go backwards.
     #[error(
-        "{name}: the voltage reverses but {column} never becomes negative, so it has no sign. Count both channels of the encoder, or record one direction only. If another column has the direction: --column '{column}*sign(dir)={column}'"
+        "{name}: the {drive} reverses but {column} never becomes negative, so it has no sign. Count both channels of the encoder, or record one direction only. If another column has the direction: --column '{column}*sign(dir)={column}'"
     )]
     NoSign {
         /// Which recording.
         name: String,
         /// What has no sign.
         column: &'static str,
+        /// What is imposed.
+        drive: &'static str,
     },
+    /// Two inputs of one plant.
+    #[error(
+        "{0}: {1} and {2} both say what drives the motor. A bridge has a voltage, a drive a torque or a force: leave one of the columns out"
+    )]
+    TwoDrives(String, &'static str, &'static str),
+    /// An axis that turns and does not.
+    #[error("{0}: {1} is of a rotary axis and {2} of a linear one: leave out what is not of this axis")]
+    TwoMotions(String, &'static str, &'static str),
+    /// Columns of another axis than the rig file's.
+    #[error(
+        "{0}: the rig file says that the axis is {2}, and {1} is a column of the other kind. Correct [axis] motion, or map the column to one of this kind (linear: x_m, v_m_per_s, force_N; rotary: theta_rad, omega_rad_per_s, torque_Nm)"
+    )]
+    OtherMotion(String, &'static str, &'static str),
     /// Counts alone have no angle.
     #[error("{0}: counts without an angle or a speed need [encoder] counts_per_rev in the rig file")]
     NoCountsPerRev(String),

@@ -63,8 +63,8 @@ impl Dataset {
 
     fn answers_without_motion(&self) -> bool {
         let Some(current) = self.current() else { return false };
-        let driven_v = DRIVEN * greatest(&self.voltage_v);
-        let is_driven = |row: &usize| !self.open[*row] && self.voltage_v[*row].abs() > driven_v;
+        let driven_v = DRIVEN * greatest(&self.command);
+        let is_driven = |row: &usize| !self.open[*row] && self.command[*row].abs() > driven_v;
         let driven: Vec<usize> = (0..self.len()).filter(is_driven).collect();
         let motion = self.motion();
         let of_counts = match motion.output {
@@ -85,12 +85,12 @@ impl Dataset {
 
     /// Share of a reading's variance that the present command explains.
     fn share_of_the_command(&self, reading: &[f64]) -> f64 {
-        let most_v = greatest(&self.voltage_v);
-        let part = |row: usize| ((self.voltage_v[row] / most_v + 1.0) * 0.5 * (PARTS - 1) as f64).round() as usize;
+        let most_v = greatest(&self.command);
+        let part = |row: usize| ((self.command[row] / most_v + 1.0) * 0.5 * (PARTS - 1) as f64).round() as usize;
         let mut parts = vec![Vec::new(); PARTS];
         let mut since_s = f64::NEG_INFINITY;
         for row in 0..self.len() {
-            if row == 0 || self.voltage_v[row] != self.voltage_v[row - 1] || self.open[row] {
+            if row == 0 || self.command[row] != self.command[row - 1] || self.open[row] {
                 since_s = self.time_s[row];
             }
             if self.time_s[row] - since_s > SETTLED_S && reading[row].is_finite() {

@@ -62,7 +62,7 @@ impl Dataset {
     /// With every voltage multiplied.
     pub fn with_voltage_times(&self, factor: f64) -> Self {
         let mut all = self.clone();
-        all.voltage_v.iter_mut().chain(&mut all.supply_v).for_each(|voltage| *voltage *= factor);
+        all.command.iter_mut().chain(&mut all.supply_v).for_each(|voltage| *voltage *= factor);
         all.origin.hidden_drop_v *= factor;
         all
     }

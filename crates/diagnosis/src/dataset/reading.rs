@@ -11,6 +11,7 @@ use super::{
 };
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig};
+use motorbench_model::{Axis, Drive, Motion};
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -70,6 +71,7 @@ impl Dataset {
         }
         let mut data = Self {
             interval_s,
+            axis: axis(recording, rig)?,
             origin: Origin::of(recording, rig),
             time_s: time_s.iter().map(|t_s| t_s - time_s[0]).collect(),
             ..Self::default()
@@ -79,8 +81,9 @@ impl Dataset {
         if interval_s > LONGEST_INTERVAL_S && !data.shows_steps() {
             return Err(DatasetError::too_slow(name(), interval_s));
         }
-        data.load_nm = recording.get(Channel::LoadTorque).map_or_else(|| vec![0.0; time_s.len()], held);
-        let stretches = stretches(&time_s, interval_s, &data.voltage_v).into_iter();
+        let load = recording.get(Channel::LoadTorque).or_else(|| recording.get(Channel::LoadForce));
+        data.load_nm = load.map_or_else(|| vec![0.0; time_s.len()], held);
+        let stretches = stretches(&time_s, interval_s, &data.command).into_iter();
         data.stretches = stretches.map(|rows| Stretch { rows, interval_s, window }).collect();
         if data.stretches.iter().all(|stretch| stretch.rows.len() <= window.span) {
             return Err(DatasetError::LongWindow(name(), window.span as f64 * interval_s));
@@ -93,6 +96,10 @@ impl Dataset {
     }
 
     fn read_drive(&mut self, recording: &Recording, rig: &Rig, time_s: &[f64]) -> Result<(), DatasetError> {
+        if !self.axis.drive.is_voltage() {
+            self.read_imposed(recording, rig, time_s);
+            return Ok(());
+        }
         let duty = recording.get(Channel::Duty);
         let voltage = recording.get(Channel::Voltage);
         let command = voltage.or(duty).ok_or_else(|| DatasetError::NoDrive(recording.name.clone()))?;
@@ -109,7 +116,7 @@ impl Dataset {
             (Some(duty), _) => held(duty),
             (None, _) => held(command).iter().zip(&self.supply_v).map(|(u, supply)| u / supply).collect(),
         };
-        self.voltage_v = match voltage {
+        self.command = match voltage {
             Some(voltage) => held(voltage),
             None => duty.iter().zip(&self.supply_v).map(|(duty, supply)| duty * supply).collect(),
         };
@@ -120,6 +127,25 @@ impl Dataset {
         Ok(())
     }
 
+    /// A current, torque or force that a drive imposes. Between two readings a measured current goes straight.
+    fn read_imposed(&mut self, recording: &Recording, rig: &Rig, time_s: &[f64]) {
+        let imposed = imposed_channel(self.axis.drive, recording).and_then(|channel| recording.get(channel));
+        let imposed = imposed.expect("it decided on the drive");
+        self.open = open_bridge(imposed, time_s);
+        self.command = held(imposed);
+        if self.axis.drive == Drive::Current {
+            let next = |row: usize| self.command[(row + 1).min(imposed.len() - 1)];
+            let mean = |row: usize| match rig.recording.readings {
+                Readings::Instant => 0.5 * (self.command[row] + next(row)),
+                Readings::Mean => next(row),
+            };
+            self.command = (0..imposed.len()).map(mean).collect();
+        }
+        let most = greatest(&self.command).max(f64::MIN_POSITIVE);
+        self.supply_v = vec![most; imposed.len()];
+        self.duty = self.command.iter().map(|command| command / most).collect();
+    }
+
     /// Returns the window of a speed that is a mean.
     fn read_motion(
         &mut self,
@@ -128,11 +154,12 @@ impl Dataset {
         time_s: &[f64],
         told: Option<SpeedReading>,
     ) -> Result<Window, DatasetError> {
-        if let Some(current) = recording.get(Channel::Current) {
+        if let Some(current) = recording.get(Channel::Current).filter(|_| self.axis.drive.is_voltage()) {
             self.add(Output::Current, current.to_vec());
         }
         let speed = recording
             .get(Channel::Speed)
+            .or_else(|| recording.get(Channel::Velocity))
             .map(<[f64]>::to_vec)
             .or_else(|| recording.get(Channel::Rpm).map(|rpm| rpm.iter().map(|rpm| rpm * TAU / 60.0).collect()));
         let counts = recording.get(Channel::Counts);
@@ -144,6 +171,10 @@ impl Dataset {
             }
         };
         let angle = match (recording.get(Channel::Angle), counts, rig.encoder.counts_per_rev) {
+            // A position has no turn after which it could begin again.
+            (None, _, _) if recording.get(Channel::Position).is_some() => {
+                recording.get(Channel::Position).map(<[f64]>::to_vec)
+            }
             (Some(angle), _, _) => Some(turns::angle_rad(time_s, angle).map_err(too_fast(Channel::Angle))?),
             (None, Some(counts), Some(per_rev)) => {
                 let counts = turns::counts(time_s, counts, per_rev).map_err(too_fast(Channel::Counts))?;
@@ -280,7 +311,7 @@ impl Dataset {
         }
         let motion = self.motion();
         let moves = greatest(&motion.values) > 5.0 * motion.noise.max(1e-9);
-        if greatest(&self.voltage_v) < 1e-6 || !moves {
+        if greatest(&self.command) < 1e-6 || !moves {
             return Err(DatasetError::Quiet(name.into()));
         }
         Ok(())
@@ -293,24 +324,74 @@ impl Dataset {
             return Ok(());
         }
         let drive: Vec<f64> =
-            self.voltage_v.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
+            self.command.iter().zip(&self.open).map(|(volts, open)| if *open { 0.0 } else { *volts }).collect();
         let against = |measured: &&Measured| correlation(&drive, &measured.values) < BACKWARD;
         let column = |measured: &Measured| {
             let made_of = match measured.output {
-                Output::Current => [Channel::Current; 2],
-                Output::AngleDifference => [Channel::Angle, Channel::Counts],
-                Output::Speed | Output::MeanSpeed | Output::TimedSpeed => [Channel::Speed, Channel::Rpm],
+                Output::Current => [Channel::Current; 3],
+                Output::AngleDifference => [Channel::Angle, Channel::Counts, Channel::Position],
+                Output::Speed | Output::MeanSpeed | Output::TimedSpeed => {
+                    [Channel::Speed, Channel::Rpm, Channel::Velocity]
+                }
             };
             made_of.into_iter().find(|channel| recorded.contains(channel)).unwrap_or(made_of[0]).column()
         };
         if mistakes::has_no_sign(&drive, &self.motion().values) {
-            return Err(DatasetError::NoSign { name: name.into(), column: column(self.motion()) });
+            return Err(DatasetError::NoSign {
+                name: name.into(),
+                column: column(self.motion()),
+                drive: self.axis.drive_words(),
+            });
         }
         match self.measured.iter().find(against) {
-            Some(measured) => Err(DatasetError::Backward { name: name.into(), column: column(measured) }),
+            Some(measured) => Err(DatasetError::Backward {
+                name: name.into(),
+                column: column(measured),
+                drive: self.axis.drive_words(),
+            }),
             None => Ok(()),
         }
     }
+}
+
+/// What a recording says that was imposed, and how its axis moves.
+fn axis(recording: &Recording, rig: &Rig) -> Result<Axis, DatasetError> {
+    let name = || recording.name.clone();
+    let moves = |motion: Motion| recording.channels().find(|channel| channel.motion() == Some(motion));
+    let motion = match (moves(Motion::Rotary), moves(Motion::Linear), rig.axis.stated()) {
+        (Some(rotary), Some(linear), _) => {
+            return Err(DatasetError::TwoMotions(name(), rotary.column(), linear.column()));
+        }
+        (Some(channel), None, Some(Motion::Linear)) => {
+            return Err(DatasetError::OtherMotion(name(), channel.column(), "linear"));
+        }
+        (None, Some(channel), Some(Motion::Rotary)) => {
+            return Err(DatasetError::OtherMotion(name(), channel.column(), "rotary"));
+        }
+        (_, Some(_), _) => Motion::Linear,
+        (_, None, stated) => stated.unwrap_or_default(),
+    };
+    let voltage = [Channel::Voltage, Channel::Duty].into_iter().find(|channel| recording.get(*channel).is_some());
+    let torque = imposed_channel(Drive::Torque, recording);
+    let drive = match (voltage, torque, recording.get(Channel::Current)) {
+        (Some(voltage), Some(torque), _) => {
+            return Err(DatasetError::TwoDrives(name(), voltage.column(), torque.column()));
+        }
+        (Some(_), None, _) | (None, None, None) => Drive::Voltage,
+        (None, Some(_), _) => Drive::Torque,
+        (None, None, Some(_)) => Drive::Current,
+    };
+    Ok(Axis { drive, motion })
+}
+
+/// The column of what a drive imposes.
+fn imposed_channel(drive: Drive, recording: &Recording) -> Option<Channel> {
+    let of: &[Channel] = match drive {
+        Drive::Voltage => &[Channel::Voltage, Channel::Duty],
+        Drive::Current => &[Channel::Current],
+        Drive::Torque => &[Channel::Torque, Channel::Force],
+    };
+    of.iter().copied().find(|channel| recording.get(*channel).is_some())
 }
 
 /// Where the command is missing for longer than a lost sample.
@@ -327,12 +408,12 @@ fn open_bridge(command: &[f64], time_s: &[f64]) -> Vec<bool> {
     open
 }
 
-fn stretches(time_s: &[f64], interval_s: f64, voltage_v: &[f64]) -> Vec<Range<usize>> {
+fn stretches(time_s: &[f64], interval_s: f64, command: &[f64]) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut start = 0;
     let is_gap = |index: usize| {
         let pause_s = time_s[index] - time_s[index - 1];
-        let is_held = pause_s < LONGEST_HELD_S && voltage_v[index] == voltage_v[index - 1];
+        let is_held = pause_s < LONGEST_HELD_S && command[index] == command[index - 1];
         pause_s > GAP_INTERVALS * interval_s && !is_held
     };
     for index in 1..=time_s.len() {

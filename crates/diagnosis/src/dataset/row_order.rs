@@ -55,7 +55,7 @@ pub(super) enum Towards {
 /// Moves each command by a row.
 pub(super) fn move_commands(data: &mut Dataset, towards: Towards) {
     for Stretch { rows, .. } in &data.stretches {
-        moved(&mut data.voltage_v[rows.clone()], towards);
+        moved(&mut data.command[rows.clone()], towards);
         moved(&mut data.duty[rows.clone()], towards);
         moved(&mut data.open[rows.clone()], towards);
     }
@@ -93,8 +93,8 @@ impl Answers {
         let rows = || data.stretches.iter().flat_map(|Stretch { rows, .. }| rows.start + first..rows.end - 1);
         let regressors = |row: usize| -> [f64; COEFFICIENTS] {
             std::array::from_fn(|index| match index {
-                0..=LAST_CHANGE => data.voltage_v[row + 1 - index] - data.voltage_v[row - index],
-                index => [1.0, reading.values[row - 1], motion.values[row - motion_before], data.voltage_v[row - 1]]
+                0..=LAST_CHANGE => data.command[row + 1 - index] - data.command[row - index],
+                index => [1.0, reading.values[row - 1], motion.values[row - motion_before], data.command[row - 1]]
                     [index - LAST_CHANGE - 1],
             })
         };

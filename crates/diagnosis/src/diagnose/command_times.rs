@@ -6,7 +6,7 @@ use super::judge::{NOT_NOISE, above_floor};
 use crate::dataset::{Dataset, LONG_ROW};
 use crate::free_run::free_run;
 use crate::identify::{Effort, Fit, Prior, fit};
-use motorbench_model::Model;
+use motorbench_model::{Drive, Model};
 
 /// At shorter row intervals commands are hardly missing, unless a row is missing...
 const SHORTEST_ROW_S: f64 = 1.5e-3;
@@ -31,7 +31,8 @@ const CLOSER: f64 = 0.98;
 
 /// Estimates when the commands changed, if that explains most of the rest. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    if above_floor(data, found) < NOT_NOISE {
+    // A measured current is no command.
+    if above_floor(data, found) < NOT_NOISE || data.axis.drive == Drive::Current {
         return false;
     }
     let is_refined = data.has_moments();
@@ -81,7 +82,7 @@ fn with_moments(mut data: Dataset, sought: &[usize], prior: &Prior, model: &Mode
 
 /// The `chosen` rows whose command differs clearly from the one before.
 fn sought(data: &Dataset, chosen: impl Fn(usize) -> bool) -> Vec<usize> {
-    let volts = &data.voltage_v;
+    let volts = &data.command;
     let greatest_v = volts.iter().fold(0.0, |greatest: f64, volts| greatest.max(volts.abs()));
     let changes = |row: usize| (volts[row] - volts[row - 1]).abs() > LEAST_CHANGE * greatest_v;
     let rows = data.stretches.iter().flat_map(|stretch| stretch.rows.clone().skip(1));
@@ -177,7 +178,7 @@ mod tests {
             let fine = dataset(FINE_S, undriven);
             let moved = free_run(&model, &fine);
             let [speed, current] = [1, 0].map(|output| &moved[output]);
-            let written = (0..FINE_ROWS).step_by(ONE_OF).map(|row| [fine.voltage_v[row], speed[row], current[row]]);
+            let written = (0..FINE_ROWS).step_by(ONE_OF).map(|row| [fine.command[row], speed[row], current[row]]);
             let mut data = dataset(FINE_S * ONE_OF as f64, written);
             let changes = sought(&data, |_| true);
             data = data.with_commands_between(&changes);
@@ -186,8 +187,8 @@ mod tests {
                 data.earlier_s = moments(&data, &model, &changes);
             }
             for row in changes {
-                let (before, after) = (data.voltage_v[row - 1], data.voltage_v[row]);
-                let back = (1..=ONE_OF).find(|back| fine.voltage_v[ONE_OF * row - back] != after).unwrap();
+                let (before, after) = (data.command[row - 1], data.command[row]);
+                let back = (1..=ONE_OF).find(|back| fine.command[ONE_OF * row - back] != after).unwrap();
                 let off_s = data.earlier_s[row] - (back - 1) as f64 * FINE_S;
                 // The effect of half a millisecond of a step of 10 V.
                 prop_assert!((off_s * (after - before)).abs() < 5e-3, "{row}: {off_s} s of {} V", after - before);

@@ -5,12 +5,12 @@
 
 use super::outcome::ScaleOrigin;
 use crate::dataset::{Dataset, greatest};
-use crate::identify::{Derived, Uncertainty, Z95, has_unknown_torque_scale};
+use crate::identify::{Derived, Uncertainty, Z95, has_unknown_torque_scale, scales_all_torques};
 use motorbench_data::rig::NominalMotor;
 use motorbench_model::linear::motor_model::{TimeConstants, speed};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::{Quantity::Current as CurrentScale, Unit};
-use motorbench_model::{Direction, Model};
+use motorbench_model::{Direction, Drive, Model};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -44,15 +44,22 @@ struct Quantity {
     scale: Unit,
     /// Its error is a share of its value.
     is_relative: bool,
-    of: fn(&Model, &Dataset) -> f64,
+    of: Of,
 }
 
-const fn relative(name: &'static str, unit: &'static str, scale: Unit, of: fn(&Model, &Dataset) -> f64) -> Quantity {
+type Of = fn(&Model, &Dataset) -> f64;
+
+const fn relative(name: &'static str, unit: &'static str, scale: Unit, of: Of) -> Quantity {
     Quantity { name, unit, scale, is_relative: true, of }
 }
 
-const fn voltage(name: &'static str, of: fn(&Model, &Dataset) -> f64) -> Quantity {
+const fn voltage(name: &'static str, of: Of) -> Quantity {
     Quantity { name, unit: "V", scale: Unit::Volt, is_relative: false, of }
+}
+
+/// No bridge and no scale makes it more uncertain than the fit says.
+const fn dry(name: &'static str, unit: &'static str, of: Of) -> Quantity {
+    Quantity { name, unit, scale: Unit::One, is_relative: false, of }
 }
 
 const QUANTITIES: [Quantity; 11] = [
@@ -66,7 +73,7 @@ const QUANTITIES: [Quantity; 11] = [
     voltage("dead_band_reverse_V", |model, data| model.dead_band_v(Direction::Reverse, supply_v(data))),
     voltage("breakaway_V", |model, data| either_way(|way| model.breakaway_v(way, supply_v(data)))),
     voltage("turning_V", |model, data| either_way(|way| model.turning_v(way, supply_v(data)))),
-    Quantity { name: "delay_s", unit: "s", scale: Unit::Second, is_relative: false, of: |model, _| model.delay_s() },
+    DELAY,
     voltage("kS", |model, data| {
         0.5 * Direction::BOTH.map(|way| model.dead_band_v(way, supply_v(data))).into_iter().sum::<f64>()
     }),
@@ -75,6 +82,40 @@ const QUANTITIES: [Quantity; 11] = [
         time_constant_s(&model.motor) / gain(&model.motor)
     }),
 ];
+
+/// What an imposed current determines: torques over the torque constant.
+const OF_A_CURRENT: [Quantity; 6] = [
+    relative("time_constant_s", "s", Unit::Second, |model, _| shaft_time_constant_s(&model.motor)),
+    dry("friction_forward_A", "A", |model, _| {
+        model.dry_losses().friction_forward_nm / model.motor.torque_constant_nm_per_a
+    }),
+    dry("friction_reverse_A", "A", |model, _| {
+        model.dry_losses().friction_reverse_nm / model.motor.torque_constant_nm_per_a
+    }),
+    relative("viscous_A_s_per_rad", "A s/rad", Unit::One, |model, _| {
+        model.motor.viscous_friction_nm_s / model.motor.torque_constant_nm_per_a
+    }),
+    relative("acceleration_A_s2_per_rad", "A s^2/rad", Unit::One, |model, _| {
+        model.motor.inertia_kg_m2 / model.motor.torque_constant_nm_per_a
+    }),
+    DELAY,
+];
+
+/// What an imposed torque determines besides the constants themselves.
+const OF_A_TORQUE: [Quantity; 4] = [
+    relative("time_constant_s", "s", Unit::Second, |model, _| shaft_time_constant_s(&model.motor)),
+    dry("friction_forward_Nm", "Nm", |model, _| model.dry_losses().friction_forward_nm),
+    dry("friction_reverse_Nm", "Nm", |model, _| model.dry_losses().friction_reverse_nm),
+    DELAY,
+];
+
+const DELAY: Quantity =
+    Quantity { name: "delay_s", unit: "s", scale: Unit::Second, is_relative: false, of: |model, _| model.delay_s() };
+
+/// Of the speed, where no winding brakes it.
+fn shaft_time_constant_s(motor: &MotorParameters) -> f64 {
+    motor.inertia_kg_m2 / motor.viscous_friction_nm_s.max(f64::MIN_POSITIVE)
+}
 
 /// Steady speed per volt beyond the dead band.
 fn gain(motor: &MotorParameters) -> f64 {
@@ -101,7 +142,9 @@ impl Quantity {
         if self.is_relative {
             [-half, half].map(|off| derived.value * (off / derived.value).exp())
         } else {
-            [(derived.value - half).max(0.0), derived.value + half]
+            // A load that drives makes a dead band negative; nothing else does.
+            let least = if derived.value < 0.0 { f64::NEG_INFINITY } else { 0.0 };
+            [(derived.value - half).max(least), derived.value + half]
         }
     }
 }
@@ -118,6 +161,10 @@ pub fn scales(uncertainty: &Uncertainty, data: &Dataset, nominal: &NominalMotor)
     let of_current = |index: usize| CurrentScale.power(MotorParameters::UNITS[index]) != 0.0;
     let is_any_given = (0..5).any(|index| of_current(index) && given[index].is_some());
     std::array::from_fn(|index| {
+        if scales_all_torques(data) {
+            let is_given = nominal.torque_constant_nm_per_a.is_some();
+            return if is_given { ScaleOrigin::Nominal } else { ScaleOrigin::Unknown };
+        }
         let is_unknown = has_unknown_torque_scale(data) && of_current(index);
         let is_narrowed = is_determined(&uncertainty.of(|model| model.motor.named()[index].1));
         match (is_unknown, is_narrowed) {
@@ -143,7 +190,12 @@ pub fn determined(
         (is_moved && is_determined(&derived))
             .then_some((quantity.name, Determined { value: derived.value, ci95, unit: quantity.unit }))
     };
-    QUANTITIES.iter().filter_map(found).collect()
+    let quantities: &[Quantity] = match data.axis.drive {
+        Drive::Voltage => &QUANTITIES,
+        Drive::Current => &OF_A_CURRENT,
+        Drive::Torque => &OF_A_TORQUE,
+    };
+    quantities.iter().filter_map(found).collect()
 }
 
 /// What a person needs to know to drive it: the least voltages, also as a PWM value of 8 bits.

@@ -34,7 +34,7 @@ impl HiddenDrop {
         if !data.has_one_magnitude() {
             return None;
         }
-        let asked_v = greatest(&data.voltage_v);
+        let asked_v = greatest(&data.command);
         let (drop_v, spread_v) = bridge.drop_v.map_or(USUAL_V, |drop_v| (drop_v, GIVEN_DROP_SPREAD_V));
         let left = (1.0 - drop_v / asked_v).max(LEAST_LEFT);
         let known = (-left.ln(), spread_v / (left * asked_v));

@@ -15,6 +15,9 @@ use std::cmp::Ordering;
 /// Standard deviations of the walk over a second that are tried, as shares of the discrepancy's own size.
 const WALKS: [f64; 4] = [0.1, 1.0, 10.0, 100.0];
 
+/// In this time a lacking torque makes the error of the speed, where no winding limits it.
+const WITHIN_S: f64 = 0.1;
+
 /// A winding warms up in this share of the recording. A slower warm-up does not show, and a faster one is hardly
 /// possible.
 const WARMING: f64 = 0.3;
@@ -63,6 +66,10 @@ fn typical(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_
     let speed = spread(|output| output != Output::Current);
     let k = motor.torque_constant_nm_per_a;
     match acts_on {
+        // The error that a constant torque would leave, without a back-EMF to limit it: .
+        ActsOn::Torque if !data.axis.drive.is_voltage() => {
+            (motor.viscous_friction_nm_s + motor.inertia_kg_m2 / WITHIN_S) * speed
+        }
         ActsOn::Torque => k * current_a + k * k / motor.resistance_ohm * speed,
         ActsOn::Voltage => motor.resistance_ohm * current_a + k * speed,
         ActsOn::CurrentSensor => current_a.max(1e-6),
@@ -78,6 +85,13 @@ struct Filter {
     /// Observation row of each measured quantity: its weights of the states.
     rows: Vec<(Vector3<f64>, f64)>,
     history: Vec<Moment>,
+}
+
+/// The torque alone is left where the current is imposed: nothing brakes the speed's error through the winding.
+fn without_winding(mut rates: Matrix3<f64>) -> Matrix3<f64> {
+    rates.row_mut(0).fill(0.0);
+    rates[(1, 0)] = 0.0;
+    rates
 }
 
 /// Transition from one row of a stretch to the next.
@@ -109,6 +123,7 @@ impl Filter {
             let row = if current { Vector3::new(1.0, 0.0, bias) } else { Vector3::new(0.0, 1.0, bias) };
             (row, measured.least_error(measured.noise).powi(2))
         });
+        let rates = if data.axis.drive.is_voltage() { rates } else { without_winding(rates) };
         // The speed of a held rotor does not change.
         let mut held_rates = rates;
         held_rates.row_mut(1).fill(0.0);

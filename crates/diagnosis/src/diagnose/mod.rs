@@ -37,11 +37,11 @@ use hidden_drop::HiddenDrop;
 use judge::{NOT_NOISE, above_floor};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::{NominalMotor, Rig};
-use motorbench_model::Model;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Channels, Effect, INDUCTANCE, USUAL, effect};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::{Quantity, Unit};
+use motorbench_model::{Drive, Model};
 use motorbench_text::terminal_text::short;
 use outcome::{
     Cause, Estimate, Outcome, Parameter, Quality, RmseGain, RunnerUp, ScaleOrigin, Unexplained, Verdict, confidence,
@@ -95,6 +95,11 @@ const RESISTANCE_OHM: &str = "resistance_ohm";
 /// Advice on constants that were found beside an unknown effect.
 const BESIDE_UNEXPLAINED: &str =
     "Until this is explained, all constants are approximate. Their intervals contain the noise, not the missing cause.";
+/// The constant without which an imposed current has no torque.
+const TORQUE_CONSTANT: &str = "torque_constant_Nm_per_A";
+/// Notes on an imposed current.
+const IMPOSED_CURRENT: &str = "No voltage was recorded, so the current is the input. Bridge and winding cannot be judged: record u_V or duty as well if they matter.";
+const IN_AMPERES: &str = "Without [motor] torque_constant_Nm_per_A in the rig file the scale of all torques is unknown: here 1 Nm stands for the torque of 1 A.";
 /// An error this many times the sensor's noise is reported, even if it is too small for a name.
 const REPORTED_ABOVE_NOISE: f64 = 1.5;
 
@@ -126,7 +131,7 @@ pub struct Diagnosis {
 /// [`DatasetError`], when the recordings cannot be used; it says what to record instead.
 pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress) -> Result<Diagnosis, DatasetError> {
     let data = Dataset::new(recordings, rig)?;
-    let prior = Prior::new(&rig.motor, &data).with_bridge(&rig.bridge, &data);
+    let prior = Prior::new(&rig.nominal(), &data).with_bridge(&rig.bridge, &data);
     let mut interpret = interpret_trusted(data, &prior, &[], progress);
     let losses = interpret.random_losses();
     if let Some(losses) = losses {
@@ -152,8 +157,8 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
     progress("what is missing");
     let bare = Model::linear(last.model.motor);
     let residuals = residuals(&data, &free_run(&bare, &data));
-    let places = [ActsOn::Torque, ActsOn::Voltage];
-    let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).to_vec();
+    let places = [ActsOn::Torque, ActsOn::Voltage].into_iter().filter(|place| data.axis.drive.shows(*place));
+    let lacks = places.map(|place| missing::lack(&data, &bare.motor, &residuals, place)).collect();
     let everything = data.with_nothing_held_out();
     let opened = last.with_held_open(&everything);
     let outcome = Outcome::of(
@@ -424,8 +429,10 @@ fn interpret(
     progress: select::Progress,
 ) -> (Dataset, Selection) {
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
-    pwm_frequency::settle_at_first(&mut data, prior);
-    reading_phase::settle_at_first(&mut data, prior);
+    if data.axis.drive.is_voltage() {
+        pwm_frequency::settle_at_first(&mut data, prior);
+        reading_phase::settle_at_first(&mut data, prior);
+    }
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);
     for settle in SETTLED_IN_TURN {
@@ -467,6 +474,7 @@ fn with_another_part_held_out(data: &Dataset, prior: &Prior, selection: &Selecti
 /// Effects that do not show in these channels.
 fn excluded(data: &Dataset) -> Vec<&'static str> {
     let channels = Channels {
+        axis: data.axis,
         current: data.current().is_some(),
         speed: data.motion().output == Output::Speed,
         counts: data.origin.is_counted,
@@ -610,13 +618,12 @@ impl Outcome {
         let parameters = parameters(found, &prior.nominal, &corrections);
         causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
-        if unexplained.is_none() {
-            // An unexplained effect biases the constants as well.
-            let shows = |cause: &Cause| {
-                !is_of_the_reading(&cause.effect, data, model) && !is_between_rows(&cause.effect, data, &model.motor)
-            };
-            causes.extend(wrong_values(&parameters, bridge_ohm(data, model)).into_iter().filter(shows));
-        }
+        let mut wrong = wrong_values(&parameters, bridge_ohm(data, model));
+        wrong.retain(|cause| !is_between_rows(&cause.effect, data, &model.motor));
+        // An unexplained effect biases the constants as well.
+        let is_a_cause = |cause: &Cause| unexplained.is_none() && !is_of_the_reading(&cause.effect, data, model);
+        let (wrong, contradicted): (Vec<Cause>, Vec<Cause>) = wrong.into_iter().partition(is_a_cause);
+        causes.extend(wrong);
         let not_shown = if causes.is_empty() && unexplained.is_none() { found.not_shown() } else { Vec::new() };
         let verdict = match (causes.is_empty(), unexplained.is_some()) {
             (true, false) if !not_shown.is_empty() => Verdict::Undecided,
@@ -626,6 +633,7 @@ impl Outcome {
             (true, true) => Verdict::Unexplained,
         };
         let mut outcome = Self {
+            axis: data.axis,
             verdict,
             causes,
             unexplained,
@@ -636,10 +644,37 @@ impl Outcome {
         };
         outcome.advice = outcome.advice(data);
         outcome.advice.extend(not_shown.into_iter().map(undecided::advice));
+        let contradictions = contradicted.iter().filter_map(|cause| outcome.contradiction(cause, &model.motor));
+        let contradictions: Vec<String> = contradictions.collect();
+        outcome.advice.extend(contradictions);
         outcome.advice.extend(outcome.small_rest());
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
         outcome.advice.extend(hidden_drop.map(|drop| drop.note()));
         outcome
+    }
+
+    /// Note on a nominal value that the constants contradict, where another reason is more likely than a wrong value.
+    fn contradiction(&self, cause: &Cause, motor: &MotorParameters) -> Option<String> {
+        let (name, found) = cause.parameters.iter().next()?;
+        let nominal = self.parameters.get(name.as_str())?.nominal?;
+        let [low, high] = found.ci95?;
+        let likelier = match self.unexplained {
+            Some(_) => "More likely what has no name bends it.".to_owned(),
+            None => "More likely it is of the reading: a filter, a window or a delay that the rig file does not state."
+                .to_owned(),
+        };
+        let of_winding = (cause.effect == INDUCTANCE).then(|| {
+            let milliseconds = 1e3 * TimeConstants::of(motor).electromagnetic_s;
+            format!(" It would be a winding of {} ms, which a filter or a delay resembles.", short(milliseconds))
+        });
+        Some(format!(
+            "{name} = {} [{}, {}] contradicts the {} of the rig file. {likelier}{} Do not correct the rig file by it.",
+            short(found.value),
+            short(low),
+            short(high),
+            short(nominal),
+            of_winding.unwrap_or_default()
+        ))
     }
 
     /// Note on an error above the noise that is too small for a name.
@@ -673,6 +708,8 @@ impl Outcome {
 
     fn advice(&self, data: &Dataset) -> Vec<String> {
         let mut advice = Vec::new();
+        let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
+        let is_one_way = !(reverses(1.0) && reverses(-1.0));
         for cause in &self.causes {
             let Some(about) = motorbench_model::catalogue::effect(&cause.effect).map(|effect| effect.about()) else {
                 continue;
@@ -682,7 +719,8 @@ impl Outcome {
                 advice
                     .push(format!("{} could as well be {others}. To tell them apart: {}.", about.id, about.experiment));
             }
-            advice.push(format!("Against {}: {}.", about.title, about.remedy));
+            let remedy = if about.id == "coast_decay" && is_one_way { OF_ONE_TRANSISTOR } else { about.remedy };
+            advice.push(format!("Against {}: {remedy}.", about.title));
         }
         advice.extend(self.advice_on_values());
         if let Some(unexplained) = &self.unexplained {
@@ -693,16 +731,43 @@ impl Outcome {
             advice.push(BESIDE_UNEXPLAINED.into());
         }
         advice.extend(data.notes());
-        if data.current().is_none() {
-            advice.push("Without the current, torque and voltage can hardly be told apart: record i_A as well.".into());
+        if data.current().is_none() && data.axis.drive.is_voltage() {
+            advice.push(self.advice_without_current());
         }
-        let reverses = |sign: f64| data.motion().values.iter().any(|speed| sign * speed > 10.0 * data.motion().noise);
-        if !(reverses(1.0) && reverses(-1.0)) {
+        if data.axis.drive == Drive::Current {
+            advice.push(IMPOSED_CURRENT.into());
+            if self.parameters.get(TORQUE_CONSTANT).is_some_and(|constant| constant.nominal.is_none()) {
+                advice.push(IN_AMPERES.into());
+            }
+        }
+        if is_one_way {
             advice.push(
                 "The motor never reverses in this recording. Friction and differences between directions show only when it passes zero both ways: record the sequence `identify`.".into(),
             );
         }
         advice
+    }
+}
+
+/// Against an off phase that coasts where the motor never reverses, as behind a single transistor.
+const OF_ONE_TRANSISTOR: &str = "With a bridge leave enable high. One transistor and a diode always coast so at small currents: a second transistor in place of the diode, or a higher PWM frequency, makes the motor linear";
+
+impl Outcome {
+    /// What a recording without the current says of friction and drop together.
+    fn advice_without_current(&self) -> String {
+        let is_dry = |cause: &Cause| ["coulomb_friction", "voltage_drop"].contains(&cause.effect.as_str());
+        let of = |name: &str| {
+            self.determined.get(name).map(|found| format!("{name} = {} {}", short(found.value), found.unit))
+        };
+        match of("kS").filter(|_| self.causes.iter().any(is_dry)) {
+            Some(sum) => {
+                let others = ["kV", "kA"].into_iter().filter_map(of).collect::<Vec<_>>().join(", ");
+                format!(
+                    "Without the current, friction and a voltage drop cannot be told apart. Their sum is sure: {sum}, with {others}. Record i_A as well to know each."
+                )
+            }
+            None => "Without the current, torque and voltage can hardly be told apart: record i_A as well.".into(),
+        }
     }
 }
 
@@ -791,9 +856,10 @@ fn constants(id: &str, model: &Model, intervals: &[Interval], corrections: &Corr
 
 fn parameters(found: &Found, nominal: &NominalMotor, corrections: &Corrections) -> BTreeMap<&'static str, Parameter> {
     let nominal = nominal.values();
-    let Found { model, intervals, scales, .. } = found;
+    let Found { model, intervals, scales, data, .. } = found;
     let named = model.motor.named().into_iter().enumerate();
     named
+        .filter(|(index, _)| data.axis.drive.has_constant(*index))
         .map(|(index, (name, value))| {
             let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
             let ci95 = interval.map_or([value, value], |interval| interval.ci95);
@@ -920,6 +986,7 @@ mod tests {
         let parameters = BTreeMap::from([("torque_constant_Nm_per_A", found)]);
         let causes = wrong_values(&parameters, 0.0);
         Outcome {
+            axis: motorbench_model::Axis::default(),
             verdict: Verdict::Explained,
             causes,
             unexplained: None,
@@ -959,6 +1026,22 @@ mod tests {
             assert!(low <= ci95[0] && ci95[1] <= high, "{value}: {low} {high}");
         }
         assert_eq!(widened(0.01, [0.0, 0.02])[0], 0.0, "the interval of a constant without a sign ends at zero");
+    }
+
+    /// Beside an unexplained rest a value is no cause, but it is not passed over either.
+    #[test]
+    fn a_contradicted_value_is_told_where_it_is_no_cause() {
+        let mut outcome = with_torque_constant(1.0);
+        let found = Parameter { nominal: Some(3e-3), value: 11e-3, ci95: [9e-3, 13e-3], scale: ScaleOrigin::Measured };
+        outcome.parameters.insert("inductance_H", found);
+        outcome.unexplained =
+            Some(Unexplained { acts_on: ActsOn::Torque, depends_on: NOTHING_SEEN.into(), share: 0.9 });
+        let wrong = wrong_values(&outcome.parameters, 0.0);
+        let motor = MotorParameters { resistance_ohm: 2.5, inductance_h: 11e-3, ..MotorParameters::PIVT6 };
+        let [wrong] = &wrong[..] else { panic!("{wrong:?}") };
+        let told = outcome.contradiction(wrong, &motor).unwrap();
+        assert!(told.starts_with("inductance_H = 0.0110 [0.00900, 0.0130] contradicts the 0.00300"), "{told}");
+        assert!(told.contains("what has no name bends it") && told.contains("a winding of 4.40 ms"), "{told}");
     }
 
     /// A bridge of transistors adds its slope to the winding's resistance.

@@ -4,6 +4,7 @@
 
 use super::acts_on_words;
 use super::determined::AllDetermined;
+use motorbench_model::Axis;
 use motorbench_model::catalogue::ActsOn;
 use serde::{Serialize, Serializer};
 use std::collections::BTreeMap;
@@ -11,6 +12,9 @@ use std::collections::BTreeMap;
 /// A whole result.
 #[derive(Clone, Debug, Serialize)]
 pub struct Outcome {
+    /// What is imposed and how it moves, where that is not a voltage and a turning shaft.
+    #[serde(skip_serializing_if = "Axis::is_usual")]
+    pub axis: Axis,
     /// What came out.
     pub verdict: Verdict,
     /// For a recording: the effects found, strongest first, then wrong values. For a table: in the order of its

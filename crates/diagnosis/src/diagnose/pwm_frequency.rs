@@ -38,7 +38,7 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
 /// Sets the frequency with which a model fits better, or equally well with a more plausible winding. Returns whether it
 /// changed.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    if data.origin.pwm_is_known {
+    if data.origin.pwm_is_known || !data.axis.drive.is_voltage() {
         return false;
     }
     let least_gain = if above_floor(data, found) < NOT_NOISE { f64::INFINITY } else { LEAST_LOG_LIKELIHOOD_GAIN };

@@ -98,7 +98,7 @@ fn since_steps(data: &Dataset) -> Vec<(usize, f64, f64)> {
     for stretch in &data.stretches {
         let mut last: Option<(f64, f64)> = None;
         for row in stretch.rows.clone().skip(1) {
-            let by_v = data.voltage_v[row] - data.voltage_v[row - 1];
+            let by_v = data.command[row] - data.command[row - 1];
             if by_v.abs() > STEP * data.supply_v[row] {
                 last = Some((data.time_s[row], by_v.signum()));
             }

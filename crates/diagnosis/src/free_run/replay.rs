@@ -98,8 +98,8 @@ pub(super) struct Piece {
     /// Its begin.
     pub time_s: f64,
     pub length_s: f64,
-    /// Mean voltage and duty of the command.
-    pub voltage_v: f64,
+    /// Mean of the command, as [`Dataset::command`], and its duty.
+    pub command: f64,
     pub duty: f64,
     /// Whether the bridge is open.
     pub open: bool,
@@ -208,11 +208,11 @@ impl<'a> Knife<'a> {
                 let share = (since_s + 0.5 * length_s) / interval_s;
                 let half = 0.5 * length_s / interval_s;
                 let delay_s = self.delay_at(index);
-                let (voltage_v, duty) = self.command(index, since_s - delay_s, length_s);
+                let (command, duty) = self.command(index, since_s - delay_s, length_s);
                 pieces.push(Piece {
                     time_s: data.time_s[index] + since_s,
                     length_s,
-                    voltage_v,
+                    command,
                     duty,
                     open: data.open[self.acting_at(index, since_s + 0.5 * length_s - delay_s)],
                     angle_rad: course.angle_rad(share),
@@ -235,7 +235,7 @@ impl<'a> Knife<'a> {
         let before = self.acting_at(index, since_s - delay_s);
         let after = self.acting_at(index, since_s + length_s - delay_s);
         let leap_v = LEAP * data.supply_v[before];
-        let leaps = |row: usize| (data.voltage_v[row] - data.voltage_v[before]).abs() > leap_v;
+        let leaps = |row: usize| (data.command[row] - data.command[before]).abs() > leap_v;
         let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row);
         let Some(switched) = (before + 1..=after).find(switches) else { return whole };
         let first_s = data.acts_from_s(switched) + delay_s - data.time_s[index] - since_s;
@@ -270,28 +270,28 @@ impl<'a> Knife<'a> {
         later.last().unwrap_or(index)
     }
 
-    /// Means of voltage and duty, each held until the next acts, over `length_s` from `offset_s` after sample `index`.
+    /// Means of command and duty, each held until the next acts, over `length_s` from `offset_s` after sample `index`.
     fn command(&self, index: usize, offset_s: f64, length_s: f64) -> (f64, f64) {
         let data = self.data;
         let from_s = data.time_s[index] + offset_s;
         let mut end_s = from_s + length_s;
         let mut sample = self.last_acting(index, end_s);
         if sample == index && (offset_s >= 0.0 || index == self.range.start && !self.from_rest) {
-            return (data.voltage_v[index], data.duty[index]);
+            return (data.command[index], data.duty[index]);
         }
-        let (mut voltage, mut duty) = (0.0, 0.0);
+        let (mut command, mut duty) = (0.0, 0.0);
         loop {
             let acts_before = sample == self.range.start && !self.from_rest;
             let start_s = if acts_before { f64::NEG_INFINITY } else { data.acts_from_s(sample) };
             let since_s = start_s.max(from_s);
             if since_s < end_s {
-                voltage += data.voltage_v[sample] * (end_s - since_s);
+                command += data.command[sample] * (end_s - since_s);
                 duty += data.duty[sample] * (end_s - since_s);
                 end_s = since_s;
             }
             // Before a start from rest no command acted.
             if since_s <= from_s || sample == self.range.start {
-                return (voltage / length_s, duty / length_s);
+                return (command / length_s, duty / length_s);
             }
             sample -= 1;
         }

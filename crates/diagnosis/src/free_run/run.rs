@@ -6,7 +6,7 @@ use crate::dataset::{Dataset, Stretch};
 use motorbench_data::rig;
 use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
 use motorbench_model::pwm_period::Ripple;
-use motorbench_model::{LinearStep, Model, Term};
+use motorbench_model::{Input, LinearStep, Model, Term};
 use std::ops::Range;
 
 /// A held rotor is simulated with this inertia, so that no torque moves it.
@@ -104,7 +104,8 @@ impl<'a> Run<'a> {
         let (data, cut) = (self.data, self.cut);
         let index = next - 1;
         let interval_s = data.time_s[next] - data.time_s[index];
-        let sampled_at = data.origin.current_sampled_at(data.time_s[next]);
+        let is_voltage = data.axis.drive.is_voltage();
+        let sampled_at = data.origin.current_sampled_at(data.time_s[next]).filter(|_| is_voltage);
         let (mut charge, first_a) = (0.0, self.current_a);
         for piece in cut.row(index - self.range.start) {
             charge += piece.length_s * self.simulate(index, piece, sampled_at.is_some());
@@ -124,26 +125,33 @@ impl<'a> Run<'a> {
     fn simulate(&mut self, index: usize, piece: &Piece, is_kept: bool) -> f64 {
         let data = self.data;
         self.step.set_length(&self.model.motor, self.inertia_kg_m2, piece.length_s);
-        self.change_duty(piece.voltage_v, piece.duty);
+        let input = data.axis.drive.input(piece.command, piece.open);
+        let (voltage_v, current_a) = match input {
+            Input::Voltage(voltage_v) => (voltage_v, self.current_a),
+            // A bridge that has just been switched off ends the current of this instant.
+            Input::Current(_) if data.axis.drive.is_voltage() => (piece.command, self.current_a),
+            Input::Current(imposed_a) => (0.0, imposed_a),
+        };
+        self.change_duty(voltage_v, piece.duty);
         let mut at = Instant {
             time_s: piece.time_s,
-            voltage_v: piece.voltage_v,
+            voltage_v,
             duty: piece.duty,
             mean_duty: piece.duty,
             supply_v: data.supply_v[index],
-            open: piece.open,
-            current_a: self.current_a,
+            open: matches!(input, Input::Current(_)),
+            current_a,
             speed_rad_per_s: self.speed_rad_per_s,
             angle_rad: self.shaft_rad(piece.angle_rad),
             turned_rad: piece.turned_rad,
             step_s: piece.length_s,
         };
-        self.advance(&mut at, data.load_nm[index], is_kept)
+        self.advance(&mut at, input, data.load_nm[index], is_kept)
     }
 
     /// The mean current over the step.
     #[inline]
-    fn advance(&mut self, at: &mut Instant, load_nm: f64, is_kept: bool) -> f64 {
+    fn advance(&mut self, at: &mut Instant, input: Input, load_nm: f64, is_kept: bool) -> f64 {
         let motor = &self.model.motor;
         let ripple = self.undriven.with_duty(at.duty);
         let dry_drop_v = self.data.origin.hidden_drop_v;
@@ -152,7 +160,7 @@ impl<'a> Run<'a> {
             effect.contribute(values, motor, at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        let reached = self.step.take(self.current_a, before, at.voltage_v, at.open, &terms);
+        let reached = self.step.take(self.current_a, before, input, &terms);
         (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
         self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
         at.current_a = self.current_a;

@@ -21,7 +21,7 @@ pub fn with_window_settled(data: Dataset, nominal: &NominalMotor) -> Dataset {
 fn cost(data: &Dataset, nominal: &NominalMotor) -> f64 {
     let prior = Prior::new(nominal, data);
     let scales = scales(&prior.motor, data);
-    let usual = USUAL.iter().filter_map(|id| effect(id));
+    let usual = USUAL.iter().filter_map(|id| effect(id)).filter(|effect| data.axis.allows(effect.about()));
     let model = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
     fit(&model, data, &prior, Effort::TRIAL).cost
 }

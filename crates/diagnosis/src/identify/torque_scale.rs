@@ -6,9 +6,9 @@
 
 use super::{Place, Unknown, dot, prior_cost};
 use crate::dataset::Dataset;
-use motorbench_model::Model;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::Quantity;
+use motorbench_model::{Drive, Model};
 
 /// Golden section.
 const SECTION: f64 = 0.618_033_988_749_895;
@@ -18,7 +18,16 @@ const CLOSENESS: f64 = 1e-4;
 
 /// Whether nothing measured has the scale in it.
 pub fn is_unknown(data: &Dataset) -> bool {
-    data.current().is_none() && data.load_nm.iter().all(|load_nm| *load_nm == 0.0)
+    data.axis.drive.is_voltage() && data.current().is_none() && has_no_load(data)
+}
+
+/// Whether the torque constant only scales all torques: a current is imposed, and no load is known.
+pub fn scales_all(data: &Dataset) -> bool {
+    data.axis.drive == Drive::Current && has_no_load(data)
+}
+
+fn has_no_load(data: &Dataset) -> bool {
+    data.load_nm.iter().all(|load_nm| *load_nm == 0.0)
 }
 
 /// With which power of the scale a constant goes. Voltages and motions stay, so that the scale is that of the current.

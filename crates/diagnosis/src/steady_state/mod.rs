@@ -24,6 +24,7 @@ use crate::diagnose::outcome::{
 };
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
+use motorbench_model::Axis;
 use motorbench_text::terminal_text::short;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -479,6 +480,7 @@ fn outcome(
     };
     let advice = advice(levels, unexplained.as_ref());
     Outcome {
+        axis: Axis::default(),
         verdict,
         causes,
         unexplained,

@@ -4,6 +4,9 @@ use super::NEARLY_AT_REST;
 use crate::dataset::{DatasetError, greatest};
 use motorbench_data::recording::{Channel, Recording};
 
+/// What drives the motor of a table.
+const VOLTAGE: &str = "voltage";
+
 /// Refuses such a table with the same messages as recordings.
 pub(super) fn check(table: &Recording, voltage: &[f64], current: &[f64], speed: &[f64]) -> Result<(), DatasetError> {
     // A weight may turn a motor against its voltage.
@@ -13,16 +16,16 @@ pub(super) fn check(table: &Recording, voltage: &[f64], current: &[f64], speed: 
     let column = [Channel::Speed, Channel::Rpm].into_iter().find(|channel| table.get(*channel).is_some());
     let (name, motion) = (table.name.clone(), column.unwrap_or(Channel::Speed).column());
     if goes_both_ways(voltage) && !goes_both_ways(speed) {
-        return Err(DatasetError::NoSign { name, column: motion });
+        return Err(DatasetError::NoSign { name, column: motion, drive: VOLTAGE });
     }
     if opposes(voltage, speed) {
-        return Err(DatasetError::Backward { name, column: motion });
+        return Err(DatasetError::Backward { name, column: motion, drive: VOLTAGE });
     }
     // The offset of the sensor may exceed the no-load current: single rows prove nothing, all together do.
     let power_w: f64 =
         voltage.iter().zip(current).map(|(u_v, i_a)| u_v * i_a).filter(|power_w| !power_w.is_nan()).sum();
     if power_w < 0.0 {
-        return Err(DatasetError::Backward { name, column: Channel::Current.column() });
+        return Err(DatasetError::Backward { name, column: Channel::Current.column(), drive: VOLTAGE });
     }
     Ok(())
 }

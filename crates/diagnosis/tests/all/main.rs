@@ -1,8 +1,10 @@
 //! The diagnosis on benches with a hidden effect, on published tables and on real recordings.
 
+mod axis;
 mod determined;
 mod hidden_effects;
 mod hosts_and_bridges;
+mod kinds_of_files;
 mod outcome_schema;
 mod paper;
 mod real_recordings;

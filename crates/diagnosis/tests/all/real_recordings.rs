@@ -95,3 +95,28 @@ fn static_curves_without_a_current_are_refused() {
         assert!(matches!(error, StudyError::NoCurrent(_)), "{error}");
     }
 }
+
+/// A slide behind a current-controlled drive, in a closed position loop (EMPS). The published constants are those of an
+/// inverse identification with Coulomb friction and an offset.
+#[test]
+fn emps_has_friction_and_an_offset() {
+    let Some(folder) = folder("emps") else { return };
+    let columns = ["drive_V=force_N*35.150652", "position_m=x_m"].map(|column| column.parse().unwrap());
+    let recording = motorbench_files::recording(&folder.join("identification.csv"), &columns).unwrap();
+    let diagnosis = diagnose(&[recording], &Rig::default(), &|_| ()).unwrap();
+    let constant = |id: &str, name: &str| {
+        let cause = diagnosis.outcome.causes.iter().find(|cause| cause.effect == id);
+        cause.unwrap_or_else(|| panic!("{id}: {:?}", diagnosis.outcome.causes)).parameters[name].value
+    };
+    assert!(names(&diagnosis, "load_torque"), "the published offset: {:?}", diagnosis.outcome.causes);
+    let parameter = |name: &str| diagnosis.outcome.parameters[name].value;
+    for (found, published, share) in [
+        (parameter("inertia_kg_m2"), 95.1, 0.03),
+        (parameter("viscous_friction_Nm_s"), 203.5, 0.1),
+        (constant("coulomb_friction", "torque_Nm"), 20.4, 0.1),
+        // Half the difference between both directions acts as the offset does.
+        (0.5 * constant("friction_asymmetry", "difference_Nm"), -3.2, 0.15),
+    ] {
+        assert!((found / published - 1.0).abs() < share, "{found} for {published}");
+    }
+}

@@ -58,7 +58,7 @@ pub struct Instant {
     pub mean_duty: f64,
     /// Supply voltage.
     pub supply_v: f64,
-    /// Whether the bridge is off, so that no current flows.
+    /// Whether the current is what it is, whatever the voltages: zero while the bridge is off, or that of a drive.
     pub open: bool,
     /// Armature current.
     pub current_a: f64,

@@ -129,7 +129,7 @@ impl dyn Effect + '_ {
             Some(Sensor::Encoder) => channels.counts,
             Some(Sensor::Tachogenerator) => channels.speed,
         };
-        is_recorded && self.can_show_in(channels)
+        is_recorded && channels.axis.allows(self.about()) && self.can_show_in(channels)
     }
 }
 

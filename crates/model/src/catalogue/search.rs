@@ -2,11 +2,14 @@
 
 use super::Effect;
 use crate::Term;
+use crate::axis::{Axis, Drive};
 use crate::motor::MotorParameters;
 
 /// What a recording has, for the effects that need it to be seen.
 #[derive(Clone, Copy, Debug)]
 pub struct Channels {
+    /// What is imposed, and how it moves.
+    pub axis: Axis,
     /// A current.
     pub current: bool,
     /// A speed, not an angle.
@@ -22,15 +25,17 @@ pub struct Channels {
 /// Sizes of a recording and of the motor as far as it is known, from which an effect takes plausible values.
 #[derive(Clone, Copy, Debug)]
 pub struct Scales {
+    /// What is imposed.
+    pub drive: Drive,
     /// The linear motor found so far.
     pub motor: MotorParameters,
-    /// Greatest voltage.
+    /// Greatest voltage; 0 where none is imposed.
     pub voltage_v: f64,
     /// Greatest speed.
     pub speed_rad_per_s: f64,
     /// Greatest voltage of the supply.
     pub supply_v: f64,
-    /// Greatest current, measured or computed.
+    /// Greatest current, measured, computed or imposed; for an imposed torque that over the torque constant.
     pub current_a: f64,
     /// Length.
     pub duration_s: f64,
@@ -41,14 +46,21 @@ pub struct Scales {
 }
 
 impl Scales {
-    /// Torque at standstill and full voltage.
+    /// Torque at standstill and full command.
     pub fn stall_torque_nm(&self) -> f64 {
-        self.motor.torque_constant_nm_per_a * self.voltage_v / self.motor.resistance_ohm
+        let current_a = match self.drive {
+            Drive::Voltage => self.voltage_v / self.motor.resistance_ohm,
+            Drive::Current | Drive::Torque => self.current_a,
+        };
+        self.motor.torque_constant_nm_per_a * current_a
     }
 
-    /// Speed at which the supply's whole voltage is back-EMF.
+    /// Speed at which the supply's whole voltage is back-EMF. An imposed current knows no such end: then the greatest speed.
     pub fn no_load_rad_per_s(&self) -> f64 {
-        self.supply_v / self.motor.torque_constant_nm_per_a
+        match self.drive {
+            Drive::Voltage => self.supply_v / self.motor.torque_constant_nm_per_a,
+            Drive::Current | Drive::Torque => self.speed_rad_per_s,
+        }
     }
 }
 

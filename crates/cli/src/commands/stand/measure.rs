@@ -2,7 +2,7 @@
 
 use crate::commands::files::{beside, free_name, with_beside};
 use crate::commands::interaction::{on_interrupt, typed_lines};
-use crate::commands::port::PortArguments;
+use crate::commands::port::{PortArguments, SAME_COUNTS};
 use crate::commands::record::ended;
 use crate::commands::recording_files::table_file;
 use crate::commands::{Failure, cannot_write, write};
@@ -28,8 +28,6 @@ use std::sync::mpsc::{Receiver, TryRecvError};
 /// Default levels: eighths of the largest voltage, from the level at which most motors turn.
 const LEVELS: std::ops::RangeInclusive<u8> = 3..=8;
 const PARTS: f64 = 8.0;
-/// Tolerance between two values of the encoder's counts.
-const SAME_COUNTS: f64 = 1e-3;
 
 /// Ending of the table of positions.
 const POSITIONS: &str = "positions.csv";
@@ -98,6 +96,9 @@ impl BoardArguments {
             );
         }
         let findings = drive(&mut link, &settings, &rig.motor, &plan, &mut person, &mut |found| files.keep(found));
+        if plan.positions > 0 || plan.sectors > 0 {
+            let_go(&port).unwrap_or_else(|why| eprintln!("{why}"));
+        }
         let table = table(&save.display().to_string(), &findings.readings, files.loaded);
         // Without a table it would describe nothing, or an earlier table.
         let is_empty = findings.readings.is_empty() && findings.positions.is_empty();
@@ -237,6 +238,17 @@ fn brake(port: &str) -> Option<Brake> {
 #[cfg(not(unix))]
 fn brake(_port: &str) -> Option<Brake> {
     None
+}
+
+/// A hand that turned the rotor of a virtual board holds it: the next command needs it free.
+#[cfg(unix)]
+fn let_go(port: &str) -> Result<(), String> {
+    VirtualControl::of(Path::new(port)).map_or(Ok(()), |mut board| board.order("block off"))
+}
+
+#[cfg(not(unix))]
+fn let_go(_port: &str) -> Result<(), String> {
+    Ok(())
 }
 
 /// The operator at this terminal.
