@@ -28,6 +28,9 @@ pub(super) fn settle(found: Fit, data: &Dataset, prior: &Prior) -> Settled {
             tried.push(other);
         }
     }
+    if best.cost != usual.cost {
+        best = fit(&best.model, data, prior, Effort::FULL);
+    }
     let as_good = tried.into_iter().filter(|other| other.cost <= AS_GOOD * best.cost);
     let others = as_good.map(|other| other.uncertainty(data).intervals()).collect();
     Settled { best, others }

@@ -303,7 +303,7 @@ impl Interpretation {
         let laws::Settled { best: last, others: by_other_laws } =
             laws::settle(last, &data.with_nothing_held_out(), prior);
         if last.cost != found {
-            selection.last = fit(&last.model, &data, prior, Effort::AGAIN);
+            selection.last = fit(&last.model, &data, prior, Effort::FULL);
         }
         Self { data, selection, fullest, last, by_other_laws }
     }
