@@ -62,6 +62,8 @@ const STEP_S: f64 = 25e-6;
 const STEPS_IN_A_ROW: usize = 40;
 const LENGTH_S: f64 = 12.0;
 const ROW_S: f64 = 1e-3;
+/// From rest to the greatest speed.
+const RAMP_S: f64 = 0.2;
 
 /// A trial by its seed.
 pub fn draw_axis(seed: u64, kind: AxisKind, hidden: &[AxisEffect]) -> AxisTrial {
@@ -101,7 +103,7 @@ pub fn draw_axis(seed: u64, kind: AxisKind, hidden: &[AxisEffect]) -> AxisTrial 
     AxisTrial { csv, rig_toml, truth }
 }
 
-/// A speed loop whose reference changes every half second, and rests.
+/// A speed loop whose reference goes to another level every half second along a ramp, as motion controllers have it.
 fn record(kind: AxisKind, truth: &AxisTruth, (most, fastest, count): (f64, f64, f64), random: &mut impl Rng) -> String {
     let mut shaft = Shaft { truth: *truth, speed: 0.0, angle: 0.0 };
     let (mut csv, noise) = match kind {
@@ -112,16 +114,18 @@ fn record(kind: AxisKind, truth: &AxisTruth, (most, fastest, count): (f64, f64, 
     // The loop of a current drive is much faster than its log; a force is asked for once a row.
     let steps_in_a_tick = if kind == AxisKind::RotaryCurrent { 5 } else { STEPS_IN_A_ROW };
     let gain = 1.6 * most / fastest;
-    let (mut reference, mut sum, mut command) = (0.0, 0.0, 0.0);
+    let (mut level, mut reference, mut sum, mut command) = (0.0, 0.0_f64, 0.0, 0.0);
     let rows = (LENGTH_S / ROW_S) as usize;
     for row in 0..rows {
         if row % 500 == 0 {
             let is_rest = row == 0 || random.random_range(0.0..1.0) < 0.15;
-            reference = if is_rest { 0.0 } else { fastest * random.random_range(-1.0..1.0) };
+            level = if is_rest { 0.0 } else { fastest * random.random_range(-1.0..1.0) };
         }
         for step in 0..STEPS_IN_A_ROW {
             if step % steps_in_a_tick == 0 {
                 let tick_s = steps_in_a_tick as f64 * STEP_S;
+                let most_by = fastest * tick_s / RAMP_S;
+                reference += (level - reference).clamp(-most_by, most_by);
                 let error = reference - shaft.speed;
                 sum = f64::clamp(sum + 8.0 * gain * error * tick_s, -most, most);
                 command = f64::clamp(gain * error + sum, -most, most);

@@ -42,8 +42,12 @@ pub fn continued(values: &[f64]) -> Option<Vec<f64>> {
         value + RANGE * turns
     };
     let continued: Vec<f64> = values.iter().map(on_turn).collect();
-    let is_sure = continued.windows(2).all(|pair| !((pair[1] - pair[0]).abs() > SURELY_SHORT * HALF));
-    (is_sure && greatest(&continued) < 2.0 * RANGE).then_some(continued)
+    (!jumps(&continued) && greatest(&continued) < 2.0 * RANGE).then_some(continued)
+}
+
+/// Whether values change from row to row by so much that another turn may be the right one.
+fn jumps(values: &[f64]) -> bool {
+    values.windows(2).any(|pair| (pair[1] - pair[0]).abs() > SURELY_SHORT * HALF)
 }
 
 /// Values that change by more than half of the range between rows, continued by the command. A motor follows its
@@ -66,8 +70,7 @@ pub fn continued_by(command: &[f64], values: &[f64]) -> Option<Vec<f64>> {
     let finite = || left.iter().filter(|left| left.is_finite());
     let mean = finite().map(|left| left.abs()).sum::<f64>() / finite().count() as f64;
     // A wrong turn is a whole range off.
-    let is_whole = left.windows(2).all(|pair| !((pair[1] - pair[0]).abs() > SURELY_SHORT * HALF));
-    (mean < LEFT_BY_THE_LAW * HALF && is_whole).then_some(on_turns)
+    (mean < LEFT_BY_THE_LAW * HALF && !jumps(&left)).then_some(on_turns)
 }
 
 /// Time constants to try, in rows.

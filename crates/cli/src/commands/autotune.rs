@@ -249,7 +249,7 @@ fn set_ranges(
 
 /// Settings with some that the board has accepted.
 fn with(settings: &Settings, changed: &[(String, f64)]) -> Result<Settings, Failure> {
-    let mut settings = settings.clone();
+    let mut settings = *settings;
     for (name, value) in changed {
         if let Some(param) = find(name.as_bytes()) {
             settings.set(param, *value as f32).map_err(|rule| Failure::machine(format!("{name}: {rule:?}")))?;

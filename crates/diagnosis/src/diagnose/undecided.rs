@@ -9,7 +9,7 @@ use motorbench_model::catalogue::{Effect, USUAL, effect};
 /// matters: 3 % of the stall torque, 5 % of the voltage. `found`: fitted to the data.
 pub(super) fn not_shown(data: &Dataset, found: &Fit) -> Vec<&'static dyn Effect> {
     let scales = scales(&found.model.motor, data);
-    let usual = USUAL.into_iter().filter_map(effect);
+    let usual = USUAL.into_iter().filter_map(effect).filter(|effect| data.axis.allows(effect.about()));
     usual
         .filter(|effect| found.would_gain(data, *effect, effect.starts(&scales).swap_remove(0)) < LEAST_PROMISE)
         .collect()
