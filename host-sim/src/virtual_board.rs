@@ -327,6 +327,10 @@ mod tests {
         board.advance(1000);
         let braked = board.speed_rad_per_s();
         assert!(free > loaded + 5.0 && loaded > braked + 5.0, "{free} {loaded} {braked}");
+        // Only a motor that turns should give counts.
+        board.surroundings().load_torque_nm = 0.0;
+        board.brake(0.0);
+        board.advance(1000);
         board.surroundings().encoder_unplugged = true;
         board.advance(2000);
         let trip = board.machine.trial.sample().trip;
