@@ -138,19 +138,6 @@ fn a_speed_that_wraps_at_16_bits() {
     assert_is_the_motor("16 bits", &diagnosed(&text, &[&factor]));
 }
 
-/// A sketch has the PWM without a sign beside a pin for the direction, and counts the edges of one channel.
-#[test]
-fn a_sketch_that_counts_without_a_direction() {
-    let rows = motor(720, 0.01, levels);
-    let mut text = "millis,pwm,dir,rpm,current\n".to_owned();
-    for Row { t_s, volts, speed, current } in rows {
-        let (pwm, dir, rpm) = (volts.abs() / 12.0 * 255.0, i32::from(volts >= 0.0), speed.abs() / TAU * 60.0);
-        text += &format!("{:.0},{pwm:.0},{dir},{rpm:.2},{current}\n", 1e3 * t_s);
-    }
-    let names = ["millis=t_s/1000", "pwm*sign(dir)=duty/255", "rpm*sign(dir)=rpm", "current=i_A"];
-    assert_is_the_motor("direction", &diagnosed(&text, &names));
-}
-
 /// A curve has a point where its value was logged: the command when it changes, speed and current at their own times.
 #[test]
 fn curves_that_are_written_on_change() {
