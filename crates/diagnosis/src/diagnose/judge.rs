@@ -72,6 +72,12 @@ pub(super) fn evidence_nats(data: &Dataset, before: &Fit, after: &Fit) -> f64 {
     0.5 * independent * (before.cost / after.cost).ln() - 0.5 * further * independent.ln()
 }
 
+/// Log-likelihood that one reading of each held-out quantity gains from `before` to `after`, in natural units.
+pub(super) fn held_out_nats(data: &Dataset, before: &Fit, after: &Fit) -> f64 {
+    let error = |fit: &Fit, output: usize| rmse(data, &fit.prediction, output).max(f64::MIN_POSITIVE);
+    (0..data.measured.len()).map(|output| (error(before, output) / error(after, output)).ln()).sum()
+}
+
 /// Gain over its standard error for several parts of the data together.
 pub fn sigmas_together(parts: &[Gain]) -> f64 {
     let total: f64 = parts.iter().map(|part| part.sigmas * part.error).sum();

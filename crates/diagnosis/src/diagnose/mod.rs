@@ -299,11 +299,18 @@ struct Interpretation {
 impl Interpretation {
     /// With the laws that all the data suggest.
     fn settled(data: Dataset, prior: &Prior, mut selection: Selection, fullest: Fit, last: Fit) -> Self {
-        let found = last.cost;
-        let laws::Settled { best: last, others: by_other_laws } =
+        let found = last.clone();
+        let laws::Settled { best: mut last, others: mut by_other_laws } =
             laws::settle(last, &data.with_nothing_held_out(), prior);
-        if last.cost != found {
-            selection.last = fit(&last.model, &data, prior, Effort::FULL);
+        if last.cost != found.cost {
+            let anew = fit(&last.model, &data, prior, Effort::FULL);
+            // The held-out data must not speak against it.
+            if judge::held_out_nats(&data, &selection.last, &anew) > 0.0 {
+                selection.last = anew;
+            } else {
+                by_other_laws.push(last.uncertainty(&data.with_nothing_held_out()).intervals());
+                last = found;
+            }
         }
         Self { data, selection, fullest, last, by_other_laws }
     }
