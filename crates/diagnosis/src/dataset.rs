@@ -34,8 +34,6 @@ pub use held_rotor::HeldRotor;
 pub use origin::Origin;
 pub use speed_window::Window;
 
-/// A part of a stretch with fewer rows is left out as well.
-const LEAST_ROWS_LEFT: usize = 20;
 /// Shorter stretches are not used.
 const SHORTEST_STRETCH: usize = 20;
 /// A shorter recording shows few causes, and hardly separates them.
@@ -405,7 +403,7 @@ impl Dataset {
         let parts = |stretch: &Stretch| {
             let before = stretch.rows.start..stretch.rows.end.min(rows.start);
             let after = stretch.rows.start.max(rows.end)..stretch.rows.end;
-            let long = [before, after].into_iter().filter(|rows| rows.len() > LEAST_ROWS_LEFT);
+            let long = [before, after].into_iter().filter(|rows| rows.len() > SHORTEST_STRETCH);
             long.map(|rows| Stretch { rows, ..stretch.clone() }).collect::<Vec<_>>()
         };
         self.stretches = self.stretches.iter().flat_map(parts).collect();
@@ -413,7 +411,7 @@ impl Dataset {
         self.origin.left_out.sort_by_key(|rows| rows.start);
         // Rows between two of them that are too few went as well.
         self.origin.left_out.dedup_by(|next, last| {
-            let adjoins = next.start <= last.end + LEAST_ROWS_LEFT;
+            let adjoins = next.start <= last.end + SHORTEST_STRETCH;
             last.end = if adjoins { next.end.max(last.end) } else { last.end };
             adjoins
         });

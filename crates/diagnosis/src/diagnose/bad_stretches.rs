@@ -4,11 +4,11 @@
 
 use super::judge::{NOT_NOISE, above_floor};
 use super::missing::lack;
+use super::select::usual_model;
 use super::{excluded, residuals};
 use crate::dataset::{Dataset, Stretch, median};
-use crate::identify::{Effort, Fit, Prior, fit, scales};
-use motorbench_model::Model;
-use motorbench_model::catalogue::{ActsOn, USUAL, effect};
+use crate::identify::{Fit, Prior};
+use motorbench_model::catalogue::ActsOn;
 use std::ops::Range;
 
 /// The lack is looked at in blocks of this length.
@@ -29,20 +29,12 @@ pub(super) fn without(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Data
     }
     let mut rest = data.clone();
     for _ in 0..MOST_PLACES {
-        let Some(rows) = standing_out(&rest, &usual_model(&rest, prior)) else { break };
+        let Some(rows) = standing_out(&rest, &usual_model(&rest, prior, &excluded(&rest))) else { break };
         rest.leave_out_rows(rows);
     }
     let left: usize = rest.stretches.iter().map(|stretch| stretch.rows.len()).sum();
     let all: usize = data.stretches.iter().map(|stretch| stretch.rows.len()).sum();
     (left < all && left as f64 > (1.0 - MOST_LEFT_OUT) * all as f64).then_some(rest)
-}
-
-/// The nominal motor with the effects that hardly any bench is without, fitted.
-fn usual_model(data: &Dataset, prior: &Prior) -> Fit {
-    let (scales, excluded) = (scales(&prior.motor, data), excluded(data));
-    let usual = USUAL.into_iter().filter(|id| !excluded.contains(id)).filter_map(effect);
-    let model = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
-    fit(&model, data, prior, Effort::AGAIN)
 }
 
 /// The rows around the greatest lack, if that stands out.

@@ -8,32 +8,30 @@ use crate::identify::{Effort, Fit, Interval, Prior, fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::Term;
 
-/// A model with its laws settled.
+/// The laws of a model compared with others.
 pub(super) struct Settled {
-    /// The one with the most evidence.
-    pub best: Fit,
+    /// A fit with more evidence than the model has.
+    pub better: Option<Fit>,
     /// Intervals of the constants with each law that explains as much.
     pub others: Vec<Vec<Interval>>,
 }
 
 /// Tries the other laws of each effect of `found`, one at a time. `data`: those of the fit.
-pub(super) fn settle(found: Fit, data: &Dataset, prior: &Prior) -> Settled {
-    let usual = found.clone();
-    let mut best = found;
+pub(super) fn settle(found: &Fit, data: &Dataset, prior: &Prior) -> Settled {
+    let mut better: Option<Fit> = None;
     let mut tried = Vec::new();
-    for other in others(&usual, data, prior) {
-        if evidence_nats(data, &best, &other) > 0.0 {
-            tried.push(std::mem::replace(&mut best, other));
+    for other in others(found, data, prior) {
+        if evidence_nats(data, better.as_ref().unwrap_or(found), &other) > 0.0 {
+            tried.push(better.replace(other).unwrap_or_else(|| found.clone()));
         } else {
             tried.push(other);
         }
     }
-    if best.cost != usual.cost {
-        best = fit(&best.model, data, prior, Effort::FULL);
-    }
-    let as_good = tried.into_iter().filter(|other| other.cost <= AS_GOOD * best.cost);
+    let better = better.map(|better| fit(&better.model, data, prior, Effort::FULL));
+    let least = better.as_ref().unwrap_or(found).cost;
+    let as_good = tried.into_iter().filter(|other| other.cost <= AS_GOOD * least);
     let others = as_good.map(|other| other.uncertainty(data).intervals()).collect();
-    Settled { best, others }
+    Settled { better, others }
 }
 
 /// Fits with another law of one effect, whose constants are not at the end of what makes sense.

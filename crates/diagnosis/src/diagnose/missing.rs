@@ -66,7 +66,7 @@ fn typical(data: &Dataset, motor: &MotorParameters, residual: &[Vec<f64>], acts_
     let speed = spread(|output| output != Output::Current);
     let k = motor.torque_constant_nm_per_a;
     match acts_on {
-        // The error that a constant torque would leave, without a back-EMF to limit it: .
+        // The error that a constant torque would leave, without a back-EMF to limit it.
         ActsOn::Torque if !data.axis.drive.is_voltage() => {
             (motor.viscous_friction_nm_s + motor.inertia_kg_m2 / WITHIN_S) * speed
         }

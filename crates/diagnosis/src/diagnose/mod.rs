@@ -191,7 +191,6 @@ pub fn diagnose(recordings: &[Recording], rig: &Rig, progress: select::Progress)
 /// The model that is reported, and how well it is known.
 struct Found<'a> {
     fit: &'a Fit,
-    model: &'a Model,
     intervals: Vec<Interval>,
     uncertainty: Uncertainty<'a>,
     scales: [ScaleOrigin; 5],
@@ -206,7 +205,7 @@ impl<'a> Found<'a> {
         let mut intervals = uncertainty.intervals();
         intervals.truncate(moved);
         let scales = determined::scales(&uncertainty, data, &prior.nominal);
-        Self { fit: opened, model: &opened.model, intervals, uncertainty, scales, data }
+        Self { fit: opened, intervals, uncertainty, scales, data }
     }
 
     /// The intervals contain what other laws that explain as much make of the constants.
@@ -298,18 +297,16 @@ struct Interpretation {
 
 impl Interpretation {
     /// With the laws that all the data suggest.
-    fn settled(data: Dataset, prior: &Prior, mut selection: Selection, fullest: Fit, last: Fit) -> Self {
-        let found = last.clone();
-        let laws::Settled { best: mut last, others: mut by_other_laws } =
-            laws::settle(last, &data.with_nothing_held_out(), prior);
-        if last.cost != found.cost {
-            let anew = fit(&last.model, &data, prior, Effort::FULL);
+    fn settled(data: Dataset, prior: &Prior, mut selection: Selection, fullest: Fit, mut last: Fit) -> Self {
+        let everything = data.with_nothing_held_out();
+        let laws::Settled { better, others: mut by_other_laws } = laws::settle(&last, &everything, prior);
+        if let Some(better) = better {
+            let anew = fit(&better.model, &data, prior, Effort::FULL);
             // The held-out data must not speak against it.
             if judge::held_out_nats(&data, &selection.last, &anew) > 0.0 {
-                selection.last = anew;
+                (selection.last, last) = (anew, better);
             } else {
-                by_other_laws.push(last.uncertainty(&data.with_nothing_held_out()).intervals());
-                last = found;
+                by_other_laws.push(better.uncertainty(&everything).intervals());
             }
         }
         Self { data, selection, fullest, last, by_other_laws }
@@ -610,7 +607,7 @@ impl Outcome {
         found: &Found,
         corrections: Corrections,
     ) -> Self {
-        let Found { model, intervals, .. } = found;
+        let Found { fit: Fit { model, .. }, intervals, .. } = found;
         let Corrections { losses, scale, hidden_drop, .. } = corrections;
         let mut causes: Vec<Cause> =
             selection.standings.iter().map(|standing| cause(data, standing, model, intervals, &corrections)).collect();
@@ -762,7 +759,7 @@ const OF_ONE_TRANSISTOR: &str = "With a bridge leave enable high. One transistor
 impl Outcome {
     /// What a recording without the current says of friction and drop together.
     fn advice_without_current(&self) -> String {
-        let is_dry = |cause: &Cause| ["coulomb_friction", "voltage_drop"].contains(&cause.effect.as_str());
+        let is_dry = |cause: &Cause| USUAL.contains(&cause.effect.as_str());
         let of = |name: &str| {
             self.determined.get(name).map(|found| format!("{name} = {} {}", short(found.value), found.unit))
         };
@@ -863,7 +860,7 @@ fn constants(id: &str, model: &Model, intervals: &[Interval], corrections: &Corr
 
 fn parameters(found: &Found, nominal: &NominalMotor, corrections: &Corrections) -> BTreeMap<&'static str, Parameter> {
     let nominal = nominal.values();
-    let Found { model, intervals, scales, data, .. } = found;
+    let Found { fit: Fit { model, .. }, intervals, scales, data, .. } = found;
     let named = model.motor.named().into_iter().enumerate();
     named
         .filter(|(index, _)| data.axis.drive.has_constant(*index))

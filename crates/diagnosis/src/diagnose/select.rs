@@ -89,17 +89,20 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
     let chooser = Chooser { data, prior, excluded, progress };
     let way = chooser.best_way(&base);
     let was_doubtful = chooser.is_doubtful(&way.0);
-    let mut chosen = chooser.finished(way);
+    let chosen = chooser.finished(&base, way);
     // What only many effects together explain may lose them one by one.
     if !was_doubtful && chooser.is_doubtful(&chosen.last) {
-        let other = chooser.finished(chooser.way_from_usual(&base));
-        let key = |choice: &Choice| (chooser.doubts(&choice.last), choice.last.cost);
-        if key(&other) < key(&chosen) {
-            chosen = other;
+        let other = chooser.finished(&base, chooser.way_from_usual(&base));
+        if chooser.rank(&other.last) < chooser.rank(&chosen.last) {
+            return other;
         }
     }
-    let Choice { steps, widest, last, standings } = chosen;
-    Selection { base, steps, widest, last, standings }
+    chosen
+}
+
+/// The rig file's motor with the effects that hardly any bench is without, fitted.
+pub(super) fn usual_model(data: &Dataset, prior: &Prior, excluded: &[&str]) -> Fit {
+    Chooser { data, prior, excluded, progress: &|_| () }.usual_model()
 }
 
 /// The evidence for the effects of a model that was selected from other data.
@@ -114,14 +117,6 @@ pub fn anew_from(
     let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
     let (last, standings) = Chooser { data, prior, excluded, progress }.backward(found.clone());
     Selection { base, steps, widest: found, last, standings }
-}
-
-/// A way to its end, with the effects that have evidence of their own.
-struct Choice {
-    steps: Vec<Step>,
-    widest: Fit,
-    last: Fit,
-    standings: Vec<Standing>,
 }
 
 struct Chooser<'a> {
@@ -150,11 +145,12 @@ impl Chooser<'_> {
         way
     }
 
-    fn finished(&self, (found, steps): Way) -> Choice {
+    /// A way to its end, with the effects that have evidence of their own.
+    fn finished(&self, base: &Fit, (found, steps): Way) -> Selection {
         (self.progress)("to the end");
         let widest = self.replace_excessive_inductance(self.to_the_end(found));
         let (last, standings) = self.backward(widest.clone());
-        Choice { steps, widest, last, standings }
+        Selection { base: base.clone(), steps, widest, last, standings }
     }
 
     /// Adds significant effects to the linear fit. If doubts remain, it also tries other ways and takes the best.
@@ -185,10 +181,14 @@ impl Chooser<'_> {
     /// constants, and does not come back.
     fn way_from_usual(&self, base: &Fit) -> Way {
         (self.progress)("from the motor of the rig file");
-        let model = self.with_usual(Model::linear(self.prior.motor), &scales(&self.prior.motor, self.data));
-        let usual = fit(&model, self.data, self.prior, Effort::AGAIN);
+        let usual = self.usual_model();
         let step = Step::new(base, &usual, self.gain(base, &usual));
         self.forward(usual, vec![step], Lead::Cost)
+    }
+
+    fn usual_model(&self) -> Fit {
+        let model = self.with_usual(Model::linear(self.prior.motor), &scales(&self.prior.motor, self.data));
+        fit(&model, self.data, self.prior, Effort::AGAIN)
     }
 
     /// Whether two ways from far apart end with the same effects and nearly the same small rest: a third one hardly ends
@@ -205,8 +205,12 @@ impl Chooser<'_> {
     }
 
     fn better(&self, way: Way, other: Way) -> Way {
-        let key = |(fit, _): &Way| (self.doubts(fit), fit.cost);
-        if key(&other) < key(&way) { other } else { way }
+        if self.rank(&other.0) < self.rank(&way.0) { other } else { way }
+    }
+
+    /// The lower one is better.
+    fn rank(&self, fit: &Fit) -> (([bool; 2], bool), f64) {
+        (self.doubts(fit), fit.cost)
     }
 
     fn doubts(&self, fit: &Fit) -> ([bool; 2], bool) {
