@@ -1,7 +1,7 @@
 /** The bench on a board, real or virtual: stop, state, live traces, drive, steps, recording, diagnosis, design, gains. */
 
 import { Analysis, Cancelled, type Effect, type Predicted, type Result } from './analysis';
-import type { Client } from './client';
+import { Stopped, type Client } from './client';
 import { axes, plotIn, series, type Line } from './plot';
 import { resultView } from './result';
 import { Traces } from './traces';
@@ -57,7 +57,7 @@ export class Bench {
   private readonly losses = h('dd', {}, '0');
   private readonly log = h('pre', { class: 'console', tabindex: 0, 'aria-label': 'Lines and answers' });
   private readonly resultArea = h('div', { 'aria-live': 'polite' });
-  private readonly armButton = button('Arm', () => this.act(() => this.toggleArmed()), { class: 'primary' });
+  private readonly armButton = button('Arm', () => this.toggleArmed(), { class: 'primary' });
   private readonly mode = select(MODES.map(([name, text]): [string, string] => [name, text]), 'speed');
   private readonly reference = number(0, { id: 'reference' });
   private rows = new Map<string, () => void>();
@@ -66,6 +66,10 @@ export class Bench {
   private rig = '';
   private csv = '';
   private shownTrip = -1;
+  /** The end of the last order to the board. */
+  private turn: Promise<unknown> = Promise.resolve();
+  /** What drives the motor by itself now. */
+  private playing = '';
   private clock: ReturnType<typeof setInterval> | undefined;
   private readonly onkey = (event: KeyboardEvent) => {
     if (event.key === 'Escape') this.stop();
@@ -115,11 +119,8 @@ export class Bench {
   }
 
   private stop(): void {
-    this.isStopped = true;
     void this.client.stop();
   }
-  /** Set by the stop: what drives the motor looks at it. */
-  private isStopped = false;
 
   private note(line: string): void {
     this.log.textContent = `${(this.log.textContent ?? '').slice(-8000)}${line}\n`;
@@ -132,8 +133,32 @@ export class Bench {
     try {
       await what();
     } catch (error) {
-      if (!this.client.isGone) this.said.replaceChildren(message(error instanceof Cancelled ? 'note' : 'error', errorText(error)));
+      const isWanted = error instanceof Cancelled || error instanceof Stopped;
+      if (!this.client.isGone) this.said.replaceChildren(message(isWanted ? 'note' : 'error', errorText(error)));
     }
+  }
+
+  /** Orders to the board follow each other: a second button waits until the first is through. */
+  private order(what: (since: number) => Promise<unknown>): Promise<void> {
+    const since = this.client.stops;
+    return this.act(() => {
+      if (this.playing) throw new Error(`${this.playing} runs: wait for its end, or press STOP.`);
+      const done = this.turn.then(() => what(since));
+      this.turn = done.catch(() => {});
+      return done;
+    });
+  }
+
+  /** An order that takes seconds; others are refused meanwhile. */
+  private play(name: string, what: (since: number) => Promise<unknown>): Promise<void> {
+    return this.order(async since => {
+      this.playing = name;
+      try {
+        await what(since);
+      } finally {
+        this.playing = '';
+      }
+    });
   }
 
   private get isArmed(): boolean {
@@ -171,20 +196,21 @@ export class Bench {
         'error',
         h('strong', {}, `The drive switched itself off: ${known?.words ?? `trip ${trip}`}. `),
         `${upperFirst((known?.cure ?? 'the firmware is newer than this page').replaceAll('`', ''))}.`,
-        h('div', { class: 'actions' }, button('Clear the trip', () => this.act(() => this.client.ask('clear'))), sameBy('motorbench connect clear')),
+        h('div', { class: 'actions' }, button('Clear the trip', () => this.order(since => this.client.ask('clear', since))), sameBy('motorbench connect clear')),
       ),
     );
   }
 
-  private async arm(): Promise<void> {
-    this.isStopped = false;
-    await this.client.arm(this.libraries.lost_after_ms());
+  private arm(since: number): Promise<void> {
+    return this.client.arm(this.libraries.lost_after_ms(), since);
   }
 
   private async toggleArmed(): Promise<void> {
     if (this.isArmed) return this.stop();
-    await this.arm();
-    await this.client.ask(`mode ${this.mode.value}`);
+    await this.order(async since => {
+      await this.arm(since);
+      await this.client.ask(`mode ${this.mode.value}`, since);
+    });
   }
 
   private built(): HTMLElement {
@@ -234,11 +260,11 @@ export class Bench {
     };
     this.mode.addEventListener('change', () => {
       update();
-      if (this.isArmed) void this.act(() => this.client.ask(`mode ${this.mode.value}`));
+      if (this.isArmed) void this.order(since => this.client.ask(`mode ${this.mode.value}`, since));
     });
     this.reference.addEventListener('input', update);
     this.reference.setAttribute('aria-describedby', 'reference-range');
-    const send = () => this.act(() => this.client.ask(`ref ${Number(this.reference.value)}`));
+    const send = () => this.order(since => this.client.ask(`ref ${Number(this.reference.value)}`, since));
     update();
     return h(
       'section',
@@ -268,7 +294,7 @@ export class Bench {
     const bar = h('progress', { max: 1, value: 0, 'aria-label': 'Recorded' });
     const covered = h('p', { class: 'read', 'aria-live': 'polite' }, '');
     const after = h('div', { class: 'actions' });
-    const go = button('Record 20 s', () => this.act(() => this.record(Number(amplitude.value), free.checked, bar, covered, after, go)), { class: 'primary' });
+    const go = button('Record 20 s', () => this.play('The recording', since => this.record(since, Number(amplitude.value), free.checked, bar, covered, after, go)), { class: 'primary' });
     return h(
       'section',
       { class: 'card', 'aria-label': 'Record and diagnose' },
@@ -285,6 +311,7 @@ export class Bench {
   }
 
   private async record(
+    since: number,
     amplitude: number,
     isFree: boolean,
     bar: HTMLProgressElement,
@@ -306,12 +333,12 @@ export class Bench {
     const lostBefore = receiver.losses()[0]!;
     try {
       await this.client.set(wanted);
-      await this.arm();
-      await this.client.ask('mode open');
+      await this.arm(since);
+      await this.client.ask('mode open', since);
       receiver.record();
-      await this.client.ask(`sequence identify ${amplitude} 0 500`);
+      await this.client.ask(`sequence identify ${amplitude} 0 500`, since);
       const ticks = 20 * this.client.setting('tick_rate');
-      const ended = await this.played(() => {
+      const ended = await this.played(since, () => {
         bar.value = receiver.recorded() / ticks;
         covered.textContent = (JSON.parse(receiver.covered()) as { words: string }).words;
       });
@@ -342,7 +369,7 @@ export class Bench {
   }
 
   /** Waits until the sequence is over; why it ended early, or an empty text. */
-  private async played(each: () => void): Promise<string> {
+  private async played(since: number, each: () => void): Promise<string> {
     let hasBegun = false;
     const begun = performance.now();
     for (;;) {
@@ -352,7 +379,7 @@ export class Bench {
       const state = this.traces.last(STATE);
       if ((state & PLAYING) !== 0) hasBegun = true;
       else if (this.traces.last(TRIP) > 0) return 'The drive tripped: see above.';
-      else if (this.isStopped) return 'It was stopped.';
+      else if (this.client.stops !== since) return 'It was stopped.';
       else if (hasBegun) return '';
       else if (performance.now() - begun > 2000) throw new Error('The sequence did not begin: is the drive armed?');
     }
@@ -390,9 +417,9 @@ export class Bench {
       table.replaceChildren(...runs.slice(-4).map(stepRow));
       if (runs.length > 0) plot = overlaid(plotArea, runs.slice(-4));
     };
-    const go = async () => {
+    const go = async (since: number) => {
       const [step, duration_s] = [Number(size.value), Math.min(10, Math.max(0.1, Number(duration.value)))];
-      const measured = await this.step(mode.value, step, duration_s);
+      const measured = await this.step(since, mode.value, step, duration_s);
       runs.push({ ...measured, name: `${runs.filter(run => !run.isModel).length + 1}`, isModel: false });
       draw();
       if (!this.result?.model) return;
@@ -406,7 +433,7 @@ export class Bench {
       { class: 'card' },
       h('summary', {}, 'Step tests'),
       h('div', { class: 'fields' }, field('Mode', mode), h('div', { class: 'field' }, h('label', { for: 'step-size' }, 'Step'), h('span', { class: 'with-unit' }, withId(size, 'step-size'), unit)), field('Duration', duration, 's')),
-      h('div', { class: 'actions' }, button('Step', () => this.act(go), { class: 'primary' }), button('Forget all', () => { runs.length = 0; draw(); })),
+      h('div', { class: 'actions' }, button('Step', () => this.play('The step', go), { class: 'primary' }), button('Forget all', () => { runs.length = 0; draw(); })),
       plotArea,
       h('table', {}, h('thead', {}, h('tr', {}, ...['', 'Rise', 'Settles', 'Overshoot'].map(name => h('th', { scope: 'col' }, name)))), table),
       h('small', {}, 'After a diagnosis the model’s prediction is drawn beside the measured step.'),
@@ -414,14 +441,15 @@ export class Bench {
     );
   }
 
-  private async step(mode: string, size: number, duration_s: number): Promise<Omit<Step, 'name' | 'isModel'>> {
-    await this.arm();
-    await this.client.ask(`mode ${mode}`);
+  private async step(since: number, mode: string, size: number, duration_s: number): Promise<Omit<Step, 'name' | 'isModel'>> {
+    await this.arm(since);
+    await this.client.ask(`mode ${mode}`, since);
     const isPosition = mode.endsWith('position');
     const start = isPosition ? this.traces.last(ANGLE) : 0;
     const from = this.traces.count;
-    await this.client.ask(`ref ${start + size}`);
+    await this.client.ask(`ref ${start + size}`, since);
     await new Promise(resolve => setTimeout(resolve, 1000 * duration_s + 100));
+    if (this.client.stops !== since) throw new Stopped('Stopped.');
     const rows = this.traces.since(from, [TIME, isPosition ? ANGLE : SPEED, VOLTAGE, CURRENT]);
     await this.client.stop();
     const [t, value, voltage, current] = rows.map(row => row.slice(0, Math.round(duration_s * this.client.setting('tick_rate')))) as [number[], number[], number[], number[]];
@@ -458,7 +486,7 @@ export class Bench {
         };
         place.replaceChildren(
           h('pre', { class: 'console', tabindex: 0, 'aria-label': 'Design' }, text),
-          h('div', { class: 'actions' }, button('Send to the board', () => this.act(send), { class: 'primary' }), button('Save on the board', () => this.act(() => this.saveSettings())), button('Save lines', () => save('gains.txt', `${commands.join('\n')}\n`))),
+          h('div', { class: 'actions' }, button('Send to the board', () => this.order(send), { class: 'primary' }), button('Save on the board', () => this.order(() => this.saveSettings())), button('Save lines', () => save('gains.txt', `${commands.join('\n')}\n`))),
           sameBy('motorbench send gains.txt --save'),
         );
       } catch (error) {
@@ -511,8 +539,8 @@ export class Bench {
       h(
         'div',
         { class: 'actions' },
-        button('Send', () => this.act(send), { class: 'primary' }),
-        button('Save on the board', () => this.act(() => this.saveSettings())),
+        button('Send', () => this.order(send), { class: 'primary' }),
+        button('Save on the board', () => this.order(() => this.saveSettings())),
       ),
       sameBy("motorbench connect 'set speed_kp 0.05' save"),
     );
@@ -562,13 +590,13 @@ export class Bench {
 
   private consolePart(): HTMLElement {
     const line = h('input', { 'aria-label': 'Line for the console', spellcheck: 'false', autocapitalize: 'off', placeholder: 'help', style: 'width: 100%' });
-    const send = () => this.act(async () => {
+    const send = () => this.order(async since => {
       const text = line.value.trim();
       if (!text) return;
-      if (/^(arm)\b/.test(text)) return this.arm();
+      if (/^(arm)\b/.test(text)) return this.arm(since);
       if (/^(stream|echo|record)\b/.test(text)) throw new Error('This page steers the stream itself: use its buttons for this.');
       line.value = '';
-      await this.client.ask(text);
+      await this.client.ask(text, since);
     });
     return h(
       'details',

@@ -20,6 +20,7 @@ export const COLUMNS = 10;
 
 export class Refused extends Error {}
 export class Silent extends Error {}
+export class Stopped extends Error {}
 
 export interface Shown {
   name: string;
@@ -42,6 +43,8 @@ export class Client {
   /** Every line and its answer, for the log. */
   onlog: (line: string) => void = () => {};
   isGone = false;
+  /** How often the drive was switched off from this page. Nothing that was ordered before is sent after it. */
+  stops = 0;
 
   private reply = '';
   private waiter: (() => void) | null = null;
@@ -127,17 +130,21 @@ export class Client {
     this.lose('The board was reset, so its drive is off. Connect again.');
   }
 
-  /** The answer to a line, without `# ` and without its end. One line is asked at a time. */
-  ask(line: string): Promise<string[]> {
+  /**
+   * The answer to a line, without `# ` and without its end. One line is asked at a time.
+   * `since`: the count of stops when the person ordered it; a later stop cancels it.
+   */
+  ask(line: string, since = this.stops): Promise<string[]> {
     this.queued += 1;
-    const next = this.queue.then(() => this.askNow(line));
+    const next = this.queue.then(() => this.askNow(line, since));
     this.queue = next.catch(() => {}).finally(() => (this.queued -= 1));
     return next;
   }
 
-  private async askNow(line: string): Promise<string[]> {
+  private async askNow(line: string, since: number): Promise<string[]> {
     for (let tried = 1; ; tried++) {
       if (this.isGone) throw new Error('The line to the board is gone.');
+      if (since !== this.stops) throw new Stopped('Stopped.');
       const before = this.receiver.losses()[0]!;
       this.reply = '';
       await this.write(`\n${line}\n`);
@@ -215,16 +222,17 @@ export class Client {
   }
 
   /** Arms; the board stops by itself when this page is gone. */
-  async arm(lostAfterMs: number): Promise<void> {
+  async arm(lostAfterMs: number, since = this.stops): Promise<void> {
     if (!(this.setting('trip_host') > 0)) {
       await this.set([['trip_host', lostAfterMs]]);
       this.trippedHost = lostAfterMs;
     }
-    await this.ask('arm');
+    await this.ask('arm', since);
   }
 
-  /** Off at once: ahead of all lines that wait. */
+  /** Off at once: ahead of all lines that wait, which are not sent any more. */
   async stop(): Promise<void> {
+    this.stops += 1;
     await this.write('\ndisarm\n').catch(() => {});
     // Its answer belongs to no line that waits: the next line is sent when it has come.
     this.queue = this.queue.then(() => pause(STRAY_MS));

@@ -1,18 +1,7 @@
 import { existsSync, readFileSync } from 'node:fs';
-import { expect, test, type Page } from '@playwright/test';
-import { accessible, fitsAPhone, pictures, watch } from './help';
+import { expect, test } from '@playwright/test';
+import { accessible, connected, fitsAPhone, pictures, value, watch, withoutSerial } from './help';
 import { Chip, connectTo, Optiboot } from './serial';
-
-const value = async (page: Page, name: string) => {
-  const row = page.locator('.readings div').filter({ has: page.locator('dt', { hasText: new RegExp(`^${name}$`) }) });
-  return parseFloat((await row.locator('dd').textContent())!.replace('−', '-'));
-};
-
-async function connected(page: Page) {
-  await page.goto('./#board');
-  await page.getByRole('button', { name: 'Connect', exact: true }).click();
-  await expect(page.getByRole('button', { name: 'STOP' })).toBeVisible({ timeout: 30_000 });
-}
 
 test.describe('the firmware on the simulated chip', () => {
   let chip: Chip;
@@ -31,11 +20,12 @@ test.describe('the firmware on the simulated chip', () => {
     await page.getByLabel('Reference', { exact: true }).fill('60');
     await page.getByRole('button', { name: 'Set the reference' }).click();
     await expect.poll(() => value(page, 'speed'), { timeout: 30_000 }).toBeCloseTo(60, -0.8);
-    await accessible(page);
-    await fitsAPhone(page);
     await pictures(page, 'board');
     await page.keyboard.press('Escape');
     await expect(page.locator('.state')).toHaveText('drive off');
+    // This check holds the page up for longer than a driven motor waits for it.
+    await accessible(page);
+    await fitsAPhone(page);
     await page.getByLabel(/No limit of current/).check();
     await page.getByRole('button', { name: 'Record 20 s' }).click();
     await expect(page.getByText(/Enough to identify. 20000 samples, 0 frames lost/)).toBeVisible({ timeout: 400_000 });
@@ -74,6 +64,38 @@ test.describe('the firmware on the simulated chip', () => {
     }
     await expect.poll(() => value(page, 'frames lost')).toBeGreaterThan(0);
     await page.getByRole('button', { name: 'STOP' }).click();
+    await expect(page.locator('.state')).toHaveText('drive off');
+    expect(faults).toEqual([]);
+  });
+
+  test('a stop cancels what was ordered before it, and nothing else drives while a recording runs', async ({ page }) => {
+    const faults = watch(page);
+    await connectTo(page, chip);
+    await chip.start();
+    await connected(page);
+    const sent: string[] = [];
+    const { take } = chip;
+    chip.take = bytes => {
+      sent.push(String(bytes));
+      take.call(chip, bytes);
+    };
+    // Both within one turn of the page: the line that arms waits for its settings, and must not follow the stop.
+    await page.evaluate(() => {
+      const named = (name: string) => [...document.querySelectorAll('button')].find(button => button.textContent!.startsWith(name))!;
+      named('Arm').click();
+      named('STOP').click();
+    });
+    await expect(page.getByText('Stopped.')).toBeVisible();
+    await page.waitForTimeout(500);
+    expect(sent.filter(line => line.trim() === 'arm')).toEqual([]);
+    await expect(page.locator('.state')).toHaveText('drive off');
+
+    await page.getByRole('button', { name: 'Record 20 s' }).click();
+    await expect(page.locator('.state')).toContainText('armed');
+    await page.getByRole('button', { name: 'Set the reference' }).click();
+    await expect(page.getByText('The recording runs: wait for its end, or press STOP.')).toBeVisible();
+    await page.keyboard.press('Escape');
+    await expect(page.getByText('It was stopped.')).toBeVisible();
     await expect(page.locator('.state')).toHaveText('drive off');
     expect(faults).toEqual([]);
   });
@@ -163,10 +185,7 @@ test.describe('the bootloader', () => {
 });
 
 test('a browser without Web Serial says so, and names the way through', async ({ page }) => {
-  await page.addInitScript(() => {
-    // As in a browser that has none.
-    delete (Navigator.prototype as { serial?: unknown }).serial;
-  });
+  await withoutSerial(page);
   await page.goto('./#board');
   await expect(page.getByText('This browser cannot open a serial port.')).toBeVisible();
   await expect(page.getByText('motorbench web', { exact: true })).toBeVisible();

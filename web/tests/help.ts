@@ -13,8 +13,14 @@ export function program(): string {
   return found;
 }
 
+/** What the program prints; on one core, as the page computes. */
 export function run(...argumentsOf: string[]): string {
-  return execFileSync(program(), argumentsOf, { encoding: 'utf8', cwd: root, maxBuffer: 1 << 28 });
+  return execFileSync(program(), argumentsOf, {
+    encoding: 'utf8',
+    cwd: root,
+    env: { ...process.env, RAYON_NUM_THREADS: '1' },
+    maxBuffer: 1 << 28,
+  });
 }
 
 /** No error of the page passes unseen, and nothing is asked of another host. */
@@ -59,4 +65,39 @@ export async function fitsAPhone(page: Page): Promise<void> {
   const wide = await page.evaluate(() => document.documentElement.scrollWidth - document.documentElement.clientWidth);
   await page.setViewportSize(before);
   expect(wide).toBeLessThanOrEqual(0);
+}
+
+/** How far a number may be off, as a share of itself. The mathematical functions of WebAssembly and of the system's library differ in the last digit, and a fit ends where its cost hardly falls. */
+const SAME_NUMBER = 1e-4;
+
+/** Where two outcomes differ: their names, their order, their texts, or a number by more than the last digits. */
+export function differences(found: unknown, expected: unknown, path = ''): string[] {
+  if (typeof found === 'number' && typeof expected === 'number') {
+    const isSame = Math.abs(found - expected) <= SAME_NUMBER * Math.abs(expected) + 1e-12;
+    return isSame ? [] : [`${path}: ${found} for ${expected}`];
+  }
+  if (found && expected && typeof found === 'object' && typeof expected === 'object') {
+    const [here, there] = [found, expected] as Record<string, unknown>[];
+    return [...new Set([...Object.keys(here!), ...Object.keys(there!)])].flatMap(key => differences(here![key], there![key], `${path}/${key}`));
+  }
+  return found === expected ? [] : [`${path}: ${String(found)} for ${String(expected)}`];
+}
+
+/** A value of the list beside the traces. */
+export const reading = (page: Page, name: string) =>
+  page.locator('.readings div').filter({ has: page.locator('dt', { hasText: new RegExp(`^${name}$`) }) }).locator('dd');
+export const value = async (page: Page, name: string) => parseFloat((await reading(page, name).textContent())!.replace('−', '-'));
+
+/** Opens the door of a board, and connects. */
+export async function connected(page: Page): Promise<void> {
+  await page.goto('./#board');
+  await page.getByRole('button', { name: 'Connect', exact: true }).click();
+  await expect(page.getByRole('button', { name: 'STOP' })).toBeVisible({ timeout: 30_000 });
+}
+
+/** As in a browser that has no Web Serial. */
+export async function withoutSerial(page: Page): Promise<void> {
+  await page.addInitScript(() => {
+    delete (Navigator.prototype as { serial?: unknown }).serial;
+  });
 }

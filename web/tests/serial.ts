@@ -95,21 +95,27 @@ export class Chip implements FarEnd {
   private process: ChildProcess | null = null;
   private descriptor = -1;
   private stream: ReadStream | null = null;
-  private readonly link = join(tmpdir(), `motorbench-web-${process.pid}-${Date.now()}`);
+  /** The port, for programs other than the page. */
+  readonly link = join(tmpdir(), `motorbench-web-${process.pid}-${Date.now()}`);
 
-  async start(...lines: string[]): Promise<void> {
-    const also = lines.flatMap(line => ['--with', line]);
-    this.process = spawn(program(), ['virtual', '--link', this.link, '--json', '--wait-for-reader', '5', ...also], { stdio: ['pipe', 'pipe', 'inherit'] });
-    await new Promise<void>((resolve, reject) => {
-      this.process!.stdout!.once('data', () => resolve());
-      this.process!.once('exit', code => reject(new Error(`motorbench virtual ended (${code})`)));
-    });
-    if (!existsSync(this.link)) throw new Error('the virtual board has no port');
+  /** Starts the board and holds its port. */
+  async start(): Promise<void> {
+    await this.power();
     this.descriptor = openSync(this.link, constants.O_RDWR | constants.O_NOCTTY | constants.O_NONBLOCK);
     this.stream = new ReadStream(this.descriptor);
     this.stream.setRawMode(true);
     this.stream.on('data', bytes => this.disturb(bytes as Buffer).forEach(part => this.send(part)));
     this.stream.on('error', () => {});
+  }
+
+  /** Starts the board; its port is free. */
+  async power(): Promise<void> {
+    this.process = spawn(program(), ['virtual', '--link', this.link, '--json', '--wait-for-reader', '5'], { stdio: ['pipe', 'pipe', 'inherit'] });
+    await new Promise<void>((resolve, reject) => {
+      this.process!.stdout!.once('data', () => resolve());
+      this.process!.once('exit', code => reject(new Error(`motorbench virtual ended (${code})`)));
+    });
+    if (!existsSync(this.link)) throw new Error('the virtual board has no port');
   }
 
   /** A line as `motorbench virtual` takes it. */
@@ -126,6 +132,7 @@ export class Chip implements FarEnd {
     this.process?.stdin?.write('quit\n');
     this.process?.kill();
     this.stream?.destroy();
+    if (this.descriptor < 0) return;
     try {
       closeSync(this.descriptor);
     } catch {

@@ -1,10 +1,6 @@
 import { expect, test, type Page } from '@playwright/test';
 import { readFileSync } from 'node:fs';
-import { accessible, fitsAPhone, pictures, watch } from './help';
-
-const reading = (page: Page, name: string) =>
-  page.locator('.readings div').filter({ has: page.locator('dt', { hasText: new RegExp(`^${name}$`) }) }).locator('dd');
-const value = async (page: Page, name: string) => parseFloat((await reading(page, name).textContent())!.replace('−', '-'));
+import { accessible, fitsAPhone, pictures, reading, value, watch } from './help';
 
 async function start(page: Page) {
   await page.goto('./#virtual');

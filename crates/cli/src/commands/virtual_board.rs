@@ -90,7 +90,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         json: _,
     } = arguments;
     Err(Failure::machine(
-        "this program was built without the simulated chip: run `scripts/setup chip`, then `cargo run --release -p host-sim --features chip -- virtual` (Linux, macOS)",
+        "this program was built without the simulated chip: run `scripts/setup chip`, then `cargo run --release -p motorbench --features chip -- virtual` (Linux, macOS)",
     ))
 }
 
