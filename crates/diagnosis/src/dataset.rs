@@ -31,7 +31,7 @@ pub use edge_timing::{BetweenEdges, EdgeTiming};
 pub use end_of_range::EndOfRange;
 pub use error::DatasetError;
 pub use held_rotor::HeldRotor;
-pub use origin::Origin;
+pub use origin::{Averaged, Origin};
 pub use speed_window::Window;
 
 /// Shorter stretches are not used.

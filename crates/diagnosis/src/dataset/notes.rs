@@ -16,6 +16,14 @@ const BY_RIPPLE: &str = "The angle of the shaft was estimated from the ripple of
 /// Note on a speed that is assumed to be a mean.
 const OVER_ITS_ROW: &str = "The speed is compared as a mean since the row before; a delay would explain it as well. Set [recording] speed_window_s in the rig file to say which it is (0: of the moment).";
 
+/// Note on a speed that was found to be a moving average.
+fn averaged(window_s: f64) -> String {
+    format!(
+        "The speed is compared as a mean over the last {} s: a lag explains it less well, or no better. If that is right, write [recording] speed_window_s = {0} into the rig file. A shorter window, or the counts themselves, would show more of the motor.",
+        short(window_s)
+    )
+}
+
 impl Dataset {
     /// Notes on what was found about the recordings and is not in the rig file.
     pub fn notes(&self) -> Vec<String> {
@@ -36,7 +44,11 @@ impl Dataset {
             && self.motion().output == Output::MeanSpeed
             && self.origin.timing.speed_window_s.is_none()
         {
-            notes.push(if self.origin.taken_over_its_row { OVER_ITS_ROW.into() } else { window.note(*interval_s) });
+            notes.push(match (self.origin.taken_over_its_row, self.origin.averaged) {
+                (true, _) => OVER_ITS_ROW.into(),
+                (_, Some(_)) => averaged(window.span as f64 * interval_s),
+                _ => window.note(*interval_s),
+            });
         }
         if self.origin.angle_by_ripple {
             notes.push(BY_RIPPLE.into());

@@ -5,6 +5,15 @@ use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig, Timing};
 use std::ops::Range;
 
+/// What a speed that several rows share is a mean of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Averaged {
+    /// Of the readings at the last rows, as a program averages them.
+    Readings,
+    /// Over the time between them.
+    Time,
+}
+
 /// How recordings were made. For several recordings of one rig: what the rig file says of all, and what each adds.
 #[derive(Clone, Debug, Default)]
 pub struct Origin {
@@ -52,6 +61,8 @@ pub struct Origin {
     pub window_end_is_known: bool,
     /// Whether a speed is assumed to be a mean since the row before.
     pub taken_over_its_row: bool,
+    /// The speed was found to be a mean over several rows.
+    pub averaged: Option<Averaged>,
     /// Whether the angle was estimated from the ripple of the speed.
     pub angle_by_ripple: bool,
     /// How a speed was timed by edges.

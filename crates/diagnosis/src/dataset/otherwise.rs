@@ -1,6 +1,6 @@
 //! The same recordings with another interpretation: another scale, or another choice of what the rig file leaves open.
 
-use super::{Dataset, HELD_OUT, HELD_OUT_EVERY, Output, Stretch, Window, row_order};
+use super::{Averaged, Dataset, HELD_OUT, HELD_OUT_EVERY, Output, Stretch, Window, row_order};
 use motorbench_data::rig::Readings;
 
 impl Dataset {
@@ -90,23 +90,39 @@ impl Dataset {
 
     /// With the speed timed in the other way, or as a mean since the row before, where nothing says what it is.
     pub fn with_other_speed_reading(&self) -> Option<Self> {
-        if self.origin.timing.readings == Readings::Mean || self.origin.timing.speed_window_s.is_some() {
+        if self.is_speed_reading_told() {
             return None;
         }
         let mut other = self.clone();
         match (&mut other.origin.edge_timing, self.motion().output) {
             (timing @ Some(_), _) => *timing = Some(timing.take()?.since_row_before()?),
-            (None, Output::Speed) => other.take_speed_as_mean_of_its_row(),
+            (None, Output::Speed) => other.take_speed_as_mean_over(1),
             _ => return None,
         }
         Some(other)
     }
 
-    fn take_speed_as_mean_of_its_row(&mut self) {
+    /// With the speed as a mean over the last `rows` intervals, where nothing says what it is.
+    pub fn with_speed_averaged(&self, rows: usize, averaged: Averaged) -> Option<Self> {
+        let may_be = !self.is_speed_reading_told() && self.motion().output == Output::Speed;
+        may_be.then(|| {
+            let mut other = self.clone();
+            other.take_speed_as_mean_over(rows);
+            other.origin.averaged = Some(averaged);
+            other
+        })
+    }
+
+    fn is_speed_reading_told(&self) -> bool {
+        self.origin.timing.readings == Readings::Mean || self.origin.timing.speed_window_s.is_some()
+    }
+
+    fn take_speed_as_mean_over(&mut self, rows: usize) {
         let index = self.motion_index();
         self.measured[index].output = Output::MeanSpeed;
-        self.stretches.iter_mut().for_each(|stretch| stretch.window = Window::up_to_now(1));
-        (self.origin.window_end_is_known, self.origin.taken_over_its_row) = (true, true);
+        self.stretches.iter_mut().for_each(|stretch| stretch.window = Window::up_to_now(rows));
+        self.origin.window_end_is_known = true;
+        self.origin.taken_over_its_row = rows == 1;
         // A recorded angle leaves no choice.
         if self.count_rad <= 0.0 {
             self.integrate_mean_speed();

@@ -413,7 +413,7 @@ fn best_interpretation(
 
 /// Settings that the rig file leaves open, in the order in which they are estimated from the current fit. Each returns
 /// whether it changed the data.
-const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 10] = [
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 11] = [
     command_times::settle,
     |data, _, found| counter_stops::settle(data, found),
     |data, _, found| counter_stops::settle(data, found),
@@ -421,6 +421,7 @@ const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 10] = [
     |data, _, found| unseen_losses::settle(data, found),
     pwm_frequency::settle,
     speed_reading::settle,
+    speed_reading::settle_average,
     current_window::settle,
     ripple_phase::settle,
     command_times::settle,

@@ -1,14 +1,23 @@
 //! Determines what a speed is where the rig file does not give it: an instantaneous value, a mean since the row before,
 //! or a speed timed by edges in one of two ways. A mean is late by half its length, which is not a delay of the bridge.
 
+use super::excluded;
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
-use crate::dataset::Dataset;
+use super::select::usual_model;
+use crate::dataset::{Averaged, Dataset};
 use crate::identify::{Effort, Fit, Prior, fit};
-use motorbench_model::Term;
+use maybe_rayon::prelude::*;
+use motorbench_model::{Model, Term};
+use std::ops::RangeInclusive;
 
 /// Without a delay, another reading has to lower the cost to this share. Rows are mostly short beside the motor's time
 /// constant, and many causes fit a little better with a small delay.
 const LEAST_GAIN: f64 = 0.9;
+
+/// A mean over a window is late by half of it. Windows between these multiples of what a lag suggests are tried...
+const WINDOWS: RangeInclusive<f64> = 0.6..=1.6;
+/// ... in so many steps, and in as many again around the best.
+const WINDOW_STEPS: usize = 8;
 
 /// Takes the other reading of the speed, if it explains a delay or a rest. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
@@ -27,4 +36,52 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
         *data = other;
     }
     explains
+}
+
+/// Takes a lag of the speed for a mean over as long a window, if that explains as much with a constant less. Returns
+/// whether it did.
+pub(super) fn settle_average(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
+    let late_s = |term: &Term| term.effect.speed_late_s(&term.values);
+    let Some(lag) = found.model.terms.iter().find(|term| late_s(term) >= data.interval_s) else { return false };
+    let model = found.model.without(lag.id());
+    let rows = 2.0 * late_s(lag) / data.interval_s;
+    let [least, most] = [WINDOWS.start(), WINDOWS.end()].map(|share| (share * rows).round() as usize);
+    let limit = AS_GOOD * found.cost;
+    let step = (most - least).div_ceil(WINDOW_STEPS).max(1);
+    let coarse = best_window(data, prior, &model, limit, (least..=most).step_by(step));
+    let best = coarse.and_then(|found| {
+        let around = found.span.saturating_sub(step)..=found.span + step;
+        best_window(data, prior, &model, limit, around.step_by(step.div_ceil(WINDOW_STEPS / 2)))
+    });
+    let Some(best) = best.filter(|best| best.cost <= limit) else { return false };
+    *data = best.data;
+    true
+}
+
+/// Data whose speed is taken as a mean, and what a model costs there.
+struct WithWindow {
+    data: Dataset,
+    span: usize,
+    cost: f64,
+}
+
+/// The window of several rows with which a model costs least.
+fn best_window(
+    data: &Dataset,
+    prior: &Prior,
+    model: &Model,
+    limit: f64,
+    spans: impl Iterator<Item = usize>,
+) -> Option<WithWindow> {
+    let shortest = data.stretches.iter().map(|stretch| stretch.rows.len()).min()?;
+    let possible: Vec<usize> = spans.filter(|span| (2..shortest / 2).contains(span)).collect();
+    let each = possible.into_iter().flat_map(|span| [(span, Averaged::Readings), (span, Averaged::Time)]);
+    let tried = each.collect::<Vec<_>>().into_par_iter().filter_map(|(span, averaged)| {
+        let data = data.with_speed_averaged(span, averaged)?;
+        let as_found = fit(model, &data, prior, Effort::TRIAL.useless_above(limit)).cost;
+        // What was found beside a lag may be far from what acts beside a window.
+        let as_usual = usual_model(&data, prior, &excluded(&data)).cost;
+        Some(WithWindow { data, span, cost: as_found.min(as_usual) })
+    });
+    tried.min_by(|a, b| a.cost.total_cmp(&b.cost))
 }

@@ -1,7 +1,7 @@
 //! Readings of a model's sensors from its motion.
 
 use super::{Motion, Prediction};
-use crate::dataset::{BetweenEdges, Dataset, Output, Stretch, difference};
+use crate::dataset::{Averaged, BetweenEdges, Dataset, Output, Stretch, difference};
 use motorbench_data::rig;
 use motorbench_model::between_rows::Bulge;
 use motorbench_model::catalogue::{Readings, Sampling};
@@ -32,6 +32,7 @@ pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
             // Each is measured once at most.
             Output::Current => std::mem::take(&mut motion.current_a),
             Output::Speed => std::mem::take(&mut motion.speed_rad_per_s),
+            Output::MeanSpeed if data.origin.averaged == Some(Averaged::Readings) => mean_of_readings(&motion, data),
             Output::MeanSpeed | Output::AngleDifference => mean_speed(&motion, data),
             Output::TimedSpeed => timed_speed(&motion, data),
         })
@@ -109,6 +110,21 @@ fn mean_speed(motion: &Motion, data: &Dataset) -> Vec<f64> {
     for Stretch { rows, window, .. } in &data.stretches {
         let differences = difference(&motion.angle_rad[rows.clone()], &data.time_s[rows.clone()], *window);
         speed[rows.clone()].copy_from_slice(&differences);
+    }
+    speed
+}
+
+/// Means of as many readings at rows as the window has.
+fn mean_of_readings(motion: &Motion, data: &Dataset) -> Vec<f64> {
+    let mut speed = vec![f64::NAN; data.len()];
+    for Stretch { rows, window, .. } in &data.stretches {
+        let readings = window.span + 1;
+        let mut sum: f64 = motion.speed_rad_per_s[rows.clone()].iter().take(window.span).sum();
+        for row in rows.clone().skip(window.span) {
+            sum += motion.speed_rad_per_s[row];
+            speed[row] = sum / readings as f64;
+            sum -= motion.speed_rad_per_s[row - window.span];
+        }
     }
     speed
 }

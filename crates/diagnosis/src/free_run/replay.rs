@@ -156,6 +156,10 @@ fn first_speed(motion: &Measured, stretch: &Stretch) -> f64 {
     if matches!(motion.output, Output::Speed | Output::TimedSpeed) {
         return first(values);
     }
+    // A program's own mean begins at zero only where the shaft stands.
+    if values.first().is_some_and(|first| first.abs() < NOT_ZERO * motion.noise) {
+        return 0.0;
+    }
     let Window { span, ahead } = stretch.window;
     let mean = |windows: usize| values.get(windows * span - ahead).copied();
     match (mean(1), mean(2)) {

@@ -65,26 +65,48 @@ fn command(time_s: f64) -> f64 {
     }
 }
 
-/// A recording of 8 s at 1 kHz. `acts` is the command that acts in place of the recorded one.
-fn outcome(drops_v: [f64; 2], acts: impl Fn(f64) -> f64, random: &mut impl Rng) -> Outcome {
+/// What a bench does in a millisecond.
+struct Row {
+    time_s: f64,
+    speed_rad_per_s: f64,
+    /// Mean since the row before.
+    current_a: f64,
+}
+
+/// 8 s of a bench. `acts` is the command that acts in place of the recorded one.
+fn course(drops_v: [f64; 2], acts: impl Fn(f64) -> f64) -> Vec<Row> {
     let mut bench = Bench { drops_v, ..Bench::default() };
-    let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
-    let (mut speed_rad_per_s, mut current_a) = (0.0, 0.0);
-    for row in 0..8000 {
+    let mut current_a = 0.0;
+    let rows = (0..8000).map(|row| {
         let time_s = f64::from(row) * 1e-3;
-        let mut noise = |size: f64| size * random.random_range(-1.0..1.0);
-        let (speed, current) = (speed_rad_per_s + noise(0.3), current_a + noise(0.01));
-        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
+        let now = Row { time_s, speed_rad_per_s: bench.speed_rad_per_s, current_a };
         current_a = bench.run(acts(time_s), 1e-3);
-        speed_rad_per_s = bench.speed_rad_per_s;
-    }
+        now
+    });
+    rows.collect()
+}
+
+/// The diagnosis of a table. `window_s`: over which the speed is a mean, where the rig file says it.
+fn diagnosed(text: &str, window_s: Option<f64>, encoder: &str) -> Outcome {
+    let window = window_s.map_or_else(String::new, |window_s| format!("speed_window_s = {window_s}\n"));
     let rig = format!(
-        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {PWM_HZ}\n[recording]\ncommand_delay_s = 0\ncurrent_window_s = 0.001\nspeed_window_s = 0\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n"
+        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {PWM_HZ}\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n{encoder}[recording]\ncommand_delay_s = 0\ncurrent_window_s = 0.001\n{window}"
     );
     let recording = Recording::parse("run.csv", text.as_bytes(), &[]).expect("it is well-formed");
     diagnose(&[recording], &Rig::parse("rig.toml", &rig).expect("it is well-formed"), &|_| ())
         .expect("it can be used")
         .outcome
+}
+
+/// The diagnosis of speeds of the moment at 1 kHz.
+fn outcome(drops_v: [f64; 2], acts: impl Fn(f64) -> f64, random: &mut impl Rng) -> Outcome {
+    let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+    for Row { time_s, speed_rad_per_s, current_a } in course(drops_v, acts) {
+        let mut noise = |size: f64| size * random.random_range(-1.0..1.0);
+        let (speed, current) = (speed_rad_per_s + noise(0.3), current_a + noise(0.01));
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
+    }
+    diagnosed(&text, Some(0.0), "")
 }
 
 fn names(outcome: &Outcome) -> Vec<&str> {
@@ -150,4 +172,52 @@ fn a_single_step_does_not_say_that_there_is_no_friction() {
     let found = diagnose(&[recording], &rig, &|_| ()).expect("it can be used").outcome;
     assert_eq!(found.verdict, Verdict::Undecided, "seed {seed}: {found:?}");
     assert!(found.advice.iter().any(|advice| advice.contains("coulomb_friction")), "seed {seed}: {:?}", found.advice);
+}
+
+/// A program that shows the mean of its last readings is late by half of them, but is no first-order lag.
+#[test]
+fn a_moving_average_is_no_lag() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let readings = random.random_range(6..=16);
+    // The program sets a command, reads and prints every 10 ms.
+    let held = |time_s: f64| command((100.0 * time_s + 1e-6).floor() / 100.0);
+    let rows: Vec<Row> = course([1.6; 2], held).into_iter().step_by(10).collect();
+    let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+    for (index, Row { time_s, current_a, .. }) in rows.iter().enumerate() {
+        let last = &rows[(index + 1).saturating_sub(readings)..=index];
+        let mean = last.iter().map(|row| row.speed_rad_per_s).sum::<f64>() / readings as f64;
+        let mut noise = |size: f64| size * random.random_range(-1.0..1.0);
+        let (speed, current) = (mean + noise(0.1), current_a + noise(0.01));
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(*time_s));
+    }
+    let found = diagnosed(&text, None, "");
+    assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "seed {seed}, {readings} readings: {found:?}");
+    for (name, truth) in [("resistance_ohm", RESISTANCE_OHM), ("torque_constant_Nm_per_A", TORQUE_CONSTANT)] {
+        assert!(contains(&found, name, truth), "seed {seed}, {readings}: {name} {:?}", found.parameters[name]);
+    }
+    let note = found.advice.iter().find(|note| note.contains("a mean over the last"));
+    assert!(note.is_some(), "seed {seed}, {readings} readings: {:?}", found.advice);
+}
+
+/// A handler that misses edges while the shaft turns one way. A bridge that gives less one way looks like it.
+#[test]
+fn counts_that_are_lost_one_way_are_the_encoders() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let (way, share) = (if random.random() { 1.0 } else { -1.0 }, random.random_range(0.05..0.2));
+    let mut text = String::from("t_s,duty,counts,i_A\n");
+    let mut counts = 0.0;
+    for Row { time_s, speed_rad_per_s, current_a } in course([0.0; 2], command) {
+        let lost = if way * speed_rad_per_s > 0.0 { share } else { 0.0 };
+        counts += (1.0 - lost) * speed_rad_per_s * 1e-3 * 1320.0 / std::f64::consts::TAU;
+        let current = current_a + random.random_range(-0.01..0.01);
+        let _ = writeln!(text, "{time_s:.3},{:.5},{},{current:.5}", command(time_s), f64::floor(counts));
+    }
+    let found = diagnosed(&text, None, "[encoder]\ncounts_per_rev = 1320\n");
+    assert_eq!(names(&found), ["coulomb_friction", "missed_counts"], "seed {seed}, {way} {share}: {found:?}");
+    let cause = found.causes.iter().find(|cause| cause.effect == "missed_counts").expect("it was named");
+    assert_eq!(cause.parameters["one_way"].value, way, "seed {seed}: {cause:?}");
+    let lost = &cause.parameters["lost_share"];
+    assert!((lost.value - share).abs() < 0.01, "seed {seed}: {lost:?} for {share}");
 }
