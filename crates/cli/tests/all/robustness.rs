@@ -1,6 +1,6 @@
 //! Faults between a board and the program, with the real firmware. The line damages, cuts and delays; the computer is
 //! busy; the disk is full; the board has other firmware. Nothing is lost silently, the motor stops, and the message
-//! says what to do. (Unplugged, reset, tripped, busy: `tests/virtual_board.rs`.)
+//! says what to do. (Unplugged, reset, tripped, busy: `virtual_board`.)
 
 use crate::board::{Board, MOTORBENCH, rows, text};
 use motorbench_data::recording::Channel;

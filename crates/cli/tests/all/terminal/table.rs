@@ -223,7 +223,7 @@ pub const TABLE: &[Row] = &[
         ],
         ..row("validate")
     },
-    // Ends by itself. All other tests of it are in tests/virtual_board.rs.
+    // Ends by itself. All other tests of it are in `virtual_board`.
     Row {
         #[cfg(feature = "chip")]
         good: &[&["--seconds", "0.2", "--link", "virtual"]],
