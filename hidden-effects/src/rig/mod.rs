@@ -2,8 +2,8 @@
 
 mod drawing;
 
-use crate::live::Switch;
 use crate::Motor;
+use crate::live::Switch;
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
 

@@ -3,10 +3,11 @@
 //! In a block of ` ```text `, a line that begins with `$ ` is a command. A backslash at its end continues it in the
 //! next line. Its output follows; a line `...` stands for any lines. Numbers may differ in their last digits.
 
+use crate::demonstration::{ARGUMENTS, demonstration};
 use motorbench_cli::commands::{arguments, command};
 use motorbench_data::recording::Channel;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 use tempfile::TempDir;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
@@ -34,17 +35,6 @@ const SAME_OF_A_BOARD: Tolerance = Tolerance { numbers: 0.02, errors: 0.3 };
 /// Tolerance as a share of the largest number in the line.
 const SAME_OF_LARGEST: f64 = 1e-4;
 
-/// Pages whose commands without a board are run, with the files that are copied into their folder.
-const RUN: &[(&str, &[&str])] = &[
-    ("docs/how-to/wrong-model.md", &["examples/recording"]),
-    ("docs/how-to/loop.md", &["examples/recording"]),
-    ("docs/explanation/physics.md", &["examples/recording"]),
-    ("docs/tutorials/ten-minutes.md", &["examples/recording"]),
-    ("docs/how-to/stand.md", &["examples/pivt6"]),
-    // Recorded by the simulated chip. The core on this computer gives another noise.
-    #[cfg(feature = "chip")]
-    ("docs/tutorials/class.md", &[]),
-];
 /// Commands that drive a board, or run until they are stopped.
 const BOARD: [&str; 7] = ["virtual", "ports", "connect", "record", "send", "tune", "autotune"];
 
@@ -280,23 +270,52 @@ fn needs_board(words: &[String]) -> bool {
 
 /// A command without a board and without an operator.
 fn run_alone(words: &[String], folder: &Path) -> Said {
+    if words[1..] == ARGUMENTS {
+        demonstration().copy_recording(folder);
+        let Output { status, stdout, .. } = &demonstration().output;
+        return (String::from_utf8_lossy(stdout).into_owned(), status.code());
+    }
     let done = Command::new(env!("CARGO_BIN_EXE_motorbench")).args(&words[1..]).current_dir(folder).output().unwrap();
     let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     (out + &err, done.status.code())
 }
 
-#[test]
-fn what_the_pages_show_comes_out() {
-    let mut wrong = Vec::new();
-    for &(name, folders) in RUN {
-        let folder = TempDir::new().unwrap();
-        folders.iter().for_each(|from| copied(&PathBuf::from(ROOT).join(from), folder.path()));
-        let alone = |words: &[String]| (!needs_board(words)).then(|| run_alone(words, folder.path()));
-        let (count, differs) = run(name, folder.path(), SAME, alone);
-        assert!(count > 0, "{name} shows no command that needs no board");
-        wrong.extend(differs);
-    }
-    assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
+/// Runs the commands of a page that need no board, in a folder with the page's files.
+fn comes_out(name: &str) {
+    let (_, folders) = RUN.iter().find(|(page, _)| *page == name).expect("a page that is run");
+    let folder = TempDir::new().unwrap();
+    folders.iter().for_each(|from| copied(&PathBuf::from(ROOT).join(from), folder.path()));
+    let alone = |words: &[String]| (!needs_board(words)).then(|| run_alone(words, folder.path()));
+    let (count, differs) = run(name, folder.path(), SAME, alone);
+    assert!(count > 0, "{name} shows no command that needs no board");
+    assert!(differs.is_empty(), "- in the page, + what comes out\n{}", differs.join("\n"));
+}
+
+/// A test for each page, so that they run in parallel.
+macro_rules! pages_that_are_run {
+    ($($(#[$condition:meta])* $test:ident: $page:literal, $folders:expr;)*) => {
+        /// Pages whose commands without a board are run, with the files that are copied into their folder.
+        const RUN: &[(&str, &[&str])] = &[$($(#[$condition])* ($page, &$folders)),*];
+
+        $(
+            $(#[$condition])*
+            #[test]
+            fn $test() {
+                comes_out($page);
+            }
+        )*
+    };
+}
+
+pages_that_are_run! {
+    what_the_page_of_a_wrong_model_shows_comes_out: "docs/how-to/wrong-model.md", ["examples/recording"];
+    what_the_page_of_the_loop_shows_comes_out: "docs/how-to/loop.md", ["examples/recording"];
+    what_the_page_of_physics_shows_comes_out: "docs/explanation/physics.md", ["examples/recording"];
+    what_the_tutorial_shows_comes_out: "docs/tutorials/ten-minutes.md", ["examples/recording"];
+    what_the_page_of_the_stand_shows_comes_out: "docs/how-to/stand.md", ["examples/pivt6"];
+    // Recorded by the simulated chip. The core on this computer gives another noise.
+    #[cfg(feature = "chip")]
+    what_the_page_for_a_class_shows_comes_out: "docs/tutorials/class.md", [];
 }
 
 /// The board of the pages, with the actions at the shaft that a page describes.

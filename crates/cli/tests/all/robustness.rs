@@ -372,20 +372,27 @@ fn what_is_no_firmware_of_this_version_is_told_so() {
         ("other", "Marlin 2.0 ready\r\n", &["no answer to `version`", "firmware"]),
         ("silent", "", &["no answer to `version`", "baud"]),
     ];
-    for (name, answer, expected) in cases {
-        let (folder, port) = something_else(name, answer);
-        for command in [&["record", "--out", "run.csv"][..], &["connect", "status"], &["autotune"]] {
-            let done = Command::new(MOTORBENCH)
-                .args([&command[..1], &["--port", port.to_str().unwrap()], &command[1..]].concat())
-                .current_dir(&folder)
-                .output()
-                .unwrap();
-            assert_eq!(done.status.code(), Some(3), "{name} {command:?}: {}", text(&done.stderr));
-            for part in expected {
-                assert!(text(&done.stderr).contains(part), "{name} {command:?}: {}", text(&done.stderr));
-            }
+    // Each waits for seconds in vain.
+    std::thread::scope(|scope| {
+        for (name, answer, expected) in cases {
+            scope.spawn(move || is_told_so(name, answer, expected));
         }
-        assert!(!folder.join("run.csv").exists(), "nothing was recorded");
-        std::fs::remove_dir_all(&folder).unwrap();
+    });
+}
+
+fn is_told_so(name: &str, answer: &'static str, expected: &[&str]) {
+    let (folder, port) = something_else(name, answer);
+    for command in [&["record", "--out", "run.csv"][..], &["connect", "status"], &["autotune"]] {
+        let done = Command::new(MOTORBENCH)
+            .args([&command[..1], &["--port", port.to_str().unwrap()], &command[1..]].concat())
+            .current_dir(&folder)
+            .output()
+            .unwrap();
+        assert_eq!(done.status.code(), Some(3), "{name} {command:?}: {}", text(&done.stderr));
+        for part in expected {
+            assert!(text(&done.stderr).contains(part), "{name} {command:?}: {}", text(&done.stderr));
+        }
     }
+    assert!(!folder.join("run.csv").exists(), "nothing was recorded");
+    std::fs::remove_dir_all(&folder).unwrap();
 }

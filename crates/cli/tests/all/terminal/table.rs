@@ -22,7 +22,7 @@ pub const fn row(command: &'static str) -> Row {
 /// Commands that need no board.
 pub const TABLE: &[Row] = &[
     Row {
-        good: &[&["--seed", "8"]],
+        good: &[&["--seed", "12", "--csv", "team12.csv"]],
         json: &["--json"],
         bad: &[
             (&["--csv", "a.csv", "--report", "a.rig.toml"], 1, "two outputs have the name a.rig.toml"),

@@ -3,7 +3,7 @@
 use crate::board::{Board, rows, text, until};
 use crate::motor::PIVT6_TOML;
 use motorbench_data::recording::Channel;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
