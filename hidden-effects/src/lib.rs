@@ -58,9 +58,9 @@ pub enum Effect {
     /// u - `drop_V` sign(i): the range spans MOSFET bridges to the Darlingtons of an L293D. Of three, one follows the mean
     /// current, as behind an amplifier, half of those over a knee of 0.2 to 2 % of the greatest current.
     VoltageDrop,
-    /// A supply with an inner resistance of 10 to 40 % of the winding's.
-    /// u = duty (supply - `resistance_ohm` duty i) behind a capacitor; in three of ten, without one (`within_pulses`), its whole
-    /// current flows while a pulse lasts: u = duty (supply - `resistance_ohm` i sign(duty)).
+    /// A supply with an inner resistance of 10 to 40 % of the winding's. u = duty (supply - `resistance_ohm` duty i)
+    /// behind a capacitor. Three of ten have none (`within_pulses`), and the whole current flows while a pulse lasts: u
+    /// = duty (supply - `resistance_ohm` i sign(duty)).
     SupplySag,
     /// The winding's resistance rises by 15 to 45 % in the course of the recording.
     /// Copper, 0.393 %/K: R (1 + x) with `time_constant_s` dx/dt = `rise_per_W` P - x, P the power lost in the winding.
@@ -84,10 +84,10 @@ pub enum Effect {
     CurrentClipping,
     /// The disc is off centre: 0.6 to 3 degrees.
     EncoderEccentricity,
-    /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost; of two in five that share of all edges while it is
-    /// that fast, of half of these coming up gradually, over a tenth to half of that speed. Where nothing but counts says how
-    /// fast it is, half of them are lost at random. Where counts are recorded, of three in ten the counter stands instead,
-    /// some twenty times, for `stop_s`: 3 to 50 ms.
+    /// 5 to 20 % of the edges above 75 to 55 % of full speed are lost. Two in five lose that share of all edges while
+    /// the motor is that fast. In half of these the loss comes up gradually, over a tenth to half of that speed. Where
+    /// nothing but counts says how fast it is, half of them are lost at random. Where counts are recorded, of three in
+    /// ten the counter stands instead, some twenty times, for `stop_s`: 3 to 50 ms.
     MissedCounts,
     /// 2 to 5 % of ripple, 11 to 31 times a revolution.
     /// Speed times 1 + ripple sin(`ripples_per_rev` angle + phase).
@@ -243,8 +243,9 @@ pub enum Channels {
     VoltageSpeed,
     /// `t_s, u_V, omega_rad_per_s, i_A`, the speed being a difference of counts over some rows, up to its own or around it.
     VoltageMeanSpeedCurrent,
-    /// `t_s, u_V, omega_rad_per_s, i_A`, the speed being timed by the edges of a coarse encoder: by the last two, held until
-    /// the next or for a fifth of a second, or by all since the row before, fading while none comes.
+    /// `t_s, u_V, omega_rad_per_s, i_A`; the speed is timed by the edges of a coarse encoder. It is timed by the last
+    /// two, and held until the next or for a fifth of a second. Or it is timed by all since the row before, and fades
+    /// while none comes.
     VoltageTimedSpeedCurrent,
 }
 

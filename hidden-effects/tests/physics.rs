@@ -1,7 +1,8 @@
 //! Each hidden effect against a formula by hand, and the form of what is handed out.
 //!
-//! Most tests drive a staircase, which draws nothing: two trials of one seed then have the same motor and the same duty,
-//! and differ by what is hidden alone. Balances are checked at the ends of its stairs, where nothing accelerates.
+//! Most tests drive a staircase, which draws nothing. Two trials of one seed then have the same motor and the same
+//! duty; they differ by what is hidden alone. Balances are checked at the ends of its stairs, where nothing
+//! accelerates.
 
 use hidden_effects::{Channels, Effect, Excitation, Recipe, Trial, draw};
 use std::cell::Cell;

@@ -1,4 +1,4 @@
-//! A bench with friction, a bridge's drop, and one more effect that nobody is told: drawn from a seed, or from a code
+//! A bench with friction, a bridge's drop, and one more effect that is hidden. It is drawn from a seed, or from a code
 //! that a class shares.
 
 use motorbench_model::Model;

@@ -1,5 +1,5 @@
-//! The sensor effects of a model, below the core: offset, lag and saturation of the current sensor, an eccentric or
-//! lossy encoder, ripple and lag of a tachogenerator.
+//! The sensor effects of a model, below the core: offset, lag and saturation of the current sensor. Also an eccentric
+//! or lossy encoder, and ripple and lag of a tachogenerator.
 
 use crate::plant::PeriodEnd;
 use motorbench_model::between_rows::Bulge;

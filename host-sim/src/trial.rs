@@ -25,7 +25,7 @@ use serde::Serialize;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
-/// From the tick's instant to the voltage at the motor: the tick takes about 3,000 cycles (190 us), and the PWM takes a
+/// From the tick's instant to the voltage at the motor. The tick takes about 3,000 cycles (190 us), and the PWM takes a
 /// new duty at the start of its next period.
 pub const DRIVE_DELAY_S: f64 = 0.2e-3;
 /// Default ripple of a tachogenerator without a data sheet.
@@ -403,8 +403,7 @@ impl<P: Plant> Trial<P> {
 }
 
 impl Trial<ModelPlant> {
-    /// A motor at rest and disarmed, with all effects of a model: of the motor, of the sensors, of the bridge's delay
-    /// and of its off phase.
+    /// A motor at rest and disarmed, with all effects of a model: those of the motor, the sensors, and the bridge.
     ///
     /// # Errors
     /// A setting the core cannot hold.

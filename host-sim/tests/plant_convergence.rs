@@ -1,7 +1,7 @@
 //! The plant against reference solutions where it is stiff or discontinuous: error against step, order, bound.
 //!
-//! The reference is a classical Runge-Kutta method of steps far below every time constant, which looks for the instant at
-//! which a sign term lets go or takes hold by bisection, and shares nothing with the plant. Run with `--nocapture` for
+//! The reference is a classical Runge-Kutta method of steps far below every time constant. It looks by bisection for
+//! the instant at which a sign term lets go or takes hold. It shares nothing with the plant. Run with `--nocapture` for
 //! the tables.
 
 use host_sim::plant::{Bridge, Inputs, ModelPlant, PeriodEnd, Plant, Pwm};
@@ -289,8 +289,8 @@ fn cogging_beside_friction_and_drop() {
     }
 }
 
-/// PWM periods taken at once as maps, and the same switched by hand: braking and coasting, both directions, through
-/// standstill, the sample within the rest and within the pulse.
+/// PWM periods taken at once as maps, and the same switched by hand. Tried are braking and coasting, both directions,
+/// standstill, and the sample within the rest and within the pulse.
 #[test]
 fn whole_periods_are_their_parts() {
     let friction = with(&with(&Model::linear(MOTOR), "coulomb_friction", vec![0.006]), "voltage_drop", vec![1.8]);

@@ -1,5 +1,5 @@
-//! What the firmware costs on the simulated chip, in exact cycles: measured here, held to its bounds by
-//! `cycles_on_chip`, printed as the table of docs/reference/benchmarks.md by `cargo bench --features chip --bench firmware`.
+//! What the firmware costs on the simulated chip, in exact cycles. `tests/chip/cycles.rs` holds it to its bounds. It is
+//! printed as the table of docs/reference/benchmarks.md by `cargo bench --features chip --bench firmware`.
 
 use super::Uno;
 use host_sim::plant::DcMotor;

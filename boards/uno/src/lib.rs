@@ -1,5 +1,5 @@
-//! The Arduino Uno, as far as the control core and its simulations must know it: clock, PWM, converter and timer in one
-//! constant, and what is wired where.
+//! The Arduino Uno, as far as the control core and its simulations must know it. Clock, PWM, converter and timer are
+//! one constant; the pins are in a table.
 //!
 //! A port to another board is a package of the same name with these items.
 //!

@@ -1,7 +1,7 @@
 //! THE pin map: what is wired where on the Uno.
 //!
-//! The firmware takes its port bits from here, the simulated chip wires its motor to the same constants, and a test
-//! holds the table of `docs/how-to/hardware.md` against [`PIN_MAP`].
+//! The firmware takes its port bits from here. The simulated chip wires its motor to the same constants. A test holds
+//! the table of `docs/how-to/hardware.md` against [`PIN_MAP`].
 
 /// One pin of the ATmega328P with its name on the Uno's header.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,10 @@
 //! The analogue-to-digital converter (section 24), which replaces simavr's.
 //!
 //! simavr takes 24 ADC clocks for a conversion, knows no trigger but free running, and keeps its result in eight bits
-//! too few. The chip, in clocks of the ADC: 13 for a conversion started by the program, sampled after 1.5; 13.5 for one
-//! started by a trigger, sampled after 2 and preceded by three processor cycles of synchronisation, because the trigger
-//! resets the prescaler; 25, sampled after 13.5, for the first one after switching on (table 24-1).
+//! too few. The chip, in clocks of the ADC (table 24-1): a conversion started by the program takes 13 and is sampled
+//! after 1.5. One started by a trigger takes 13.5 and is sampled after 2. Three processor cycles of synchronisation
+//! precede it, because the trigger resets the prescaler. The first one after switching on takes 25 and is sampled after
+//! 13.5.
 //!
 //! A trigger is a rising edge of an interrupt flag. As long as the flag stays up there is no other, and an edge during
 //! a conversion is lost (section 24.4). Not modelled: the triggers from the analogue comparator and from INT0.
@@ -160,8 +161,8 @@ fn trigger_vector(adcsrb: u8) -> Option<u8> {
     }
 }
 
-/// When a flag went up that simavr has just raised: for Timer1 to the cycle, for the others when the instruction ended
-/// during which it happened.
+/// When a flag went up that simavr has just raised. For Timer1 it is exact to the cycle; for the others it is the end
+/// of the instruction.
 fn trigger_instant(cpu: &Cpu, vector: u8) -> u64 {
     let now = cpu.now();
     let offset = match vector {

@@ -1,8 +1,8 @@
 //! The EEPROM (section 8.4), which replaces simavr's.
 //!
 //! simavr writes in no time, shows EEPE low at once and raises EE_READY once, 3.4 ms later. On the chip EEPE stays up
-//! for 3.4 ms (1.8 ms if only erasing or only writing), EE_READY asks as long as EEPE is down, EEMPE opens the way for
-//! four cycles, a read halts the processor for four cycles and a write for two.
+//! for 3.4 ms (1.8 ms if only erasing or only writing). EE_READY asks as long as EEPE is down. EEMPE opens the way for
+//! four cycles. A read halts the processor for four cycles and a write for two.
 //!
 //! A cell reads 0xFF from the start of an erase until its write is complete. That is what a power cut leaves behind.
 

@@ -11,7 +11,7 @@ use motorbench_core::HARDWARE;
 use super::rig::Rig;
 use super::sensors::Noise;
 
-/// The lines pass no more edges of the motor than this, as those of an encoder do; it is more than the firmware is meant for.
+/// The lines pass no more edges of the motor than this, as those of an encoder do. The firmware is meant for fewer.
 const MOST_EDGES_PER_S: u32 = 125_000;
 const EDGE_CYCLES: u64 = (HARDWARE.clock_hz / MOST_EDGES_PER_S) as u64;
 /// So many counts the lines may be late, for instance after a blow; what is beyond that is lost, in whole rounds of their levels.

@@ -1,11 +1,11 @@
 //! The only module that talks to simavr's C code, and the only one with `unsafe` in it.
 //!
-//! [`Core`] owns one simulated ATmega328P and one [`Device`], the Rust model of everything simavr leaves out or gets
-//! wrong. simavr calls back into the device while it runs; the device answers through a [`Cpu`].
+//! [`Core`] owns one simulated ATmega328P and one [`Device`]. The device is the Rust model of everything simavr leaves
+//! out or gets wrong. simavr calls back into the device while it runs; the device answers through a [`Cpu`].
 //!
 //! Ownership: the device lives in a `RefCell` inside a heap block that outlives the simulator. Callbacks only ever form
-//! shared references to that block. A notification that arrives while the device is already at work is one that the
-//! device caused itself (it drove a pin, it raised an interrupt), and is not delivered.
+//! shared references to that block. A notification that arrives while the device is at work was caused by the device
+//! itself: it drove a pin or raised an interrupt. It is not delivered.
 
 use std::cell::{Cell, Ref, RefCell, RefMut};
 use std::ffi::{c_int, c_void};
@@ -537,8 +537,8 @@ unsafe fn timer(avr: *mut sim::avr_t, digit: u8) -> *mut sim::avr_timer_t {
     }
 }
 
-/// Timer1 of the chip, with its compare unit A cut off from the port: simavr would write PORTB1 with each edge of OC1A,
-/// and the pin's level is computed by `pwm` instead.
+/// Timer1 of the chip, with its compare unit A cut off from the port. simavr would write PORTB1 with each edge of OC1A;
+/// here `pwm` computes the pin's level.
 ///
 /// # Safety
 /// `avr` is an initialised ATmega328P.

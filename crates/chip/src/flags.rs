@@ -57,7 +57,7 @@ pub(super) fn enable(cpu: &Cpu, address: u16, value: u8) -> bool {
 }
 
 /// Lets the compare units of Timer2 work whose interrupts are enabled. As a free-running time stamp at the processor's
-/// clock its compare matches would be a tenth of the simulator's work, for flags that nobody looks at: OCF2A and OCF2B
+/// clock its compare matches would take a tenth of the simulator's work. Nobody looks at their flags: OCF2A and OCF2B
 /// are not raised while their interrupts are disabled.
 pub(super) fn timer2_compares(cpu: &Cpu, enables: u8) {
     for (unit, register) in [OCR2A, OCR2B].into_iter().enumerate() {
@@ -75,7 +75,7 @@ pub(super) fn clear_bit(cpu: &Cpu, address: u16, bit: u8) -> Option<u8> {
     Some(vector)
 }
 
-/// Forgets the flags of pins whose interrupt is set to the low level, for which the chip has none (section 13.2.3);
+/// Forgets the flags of pins whose interrupt is set to the low level. The chip has none for them (section 13.2.3), but
 /// simavr sets them with each change of the pin.
 pub(super) fn forget_levels(cpu: &Cpu) {
     let sense = cpu.read(EICRA);

@@ -1,8 +1,8 @@
 //! The firmware's own machine code on a simulated ATmega328P, with a simulated motor at its pins.
 //!
-//! [`Chip`] is the processor with its peripherals, [`Bench`] puts a [`Plant`](host_sim::plant::Plant), an encoder and the
-//! analogue sensors around it. The processor core, the timers' counters, the ports, INT0/INT1 and the watchdog are
-//! simavr's; what simavr leaves out or gets wrong stands in one module each:
+//! [`Chip`] is the processor with its peripherals, [`Bench`] puts a [`Plant`](host_sim::plant::Plant), an encoder and
+//! the analogue sensors around it. The processor core, the timers' counters, the ports, INT0/INT1 and the watchdog are
+//! simavr's. One module each has what simavr leaves out or gets wrong:
 //!
 //! | module | replaces or cures |
 //! |---|---|
@@ -18,9 +18,9 @@
 //! Sections and tables named in comments are those of the ATmega328P data sheet DS40002061.
 //!
 //! Times are processor cycles of 62.5 ns since power-on. An output pin changes at the start of the instruction that
-//! writes it, up to two cycles early. Not modelled: start-up times after a reset, the synchronisers of the input pins
-//! (one to two cycles), Timer1 in other modes than 14 as far as its pins go, the compare
-//! flags of Timer2 while their interrupts are disabled, the bootloader.
+//! writes it, up to two cycles early. Not modelled: start-up times after a reset; the synchronisers of the input pins
+//! (one to two cycles); the pins of Timer1 in other modes than 14. Nor are the compare flags of Timer2 while their
+//! interrupts are disabled, and the bootloader.
 #![cfg(feature = "chip")]
 
 mod adc;

@@ -129,8 +129,8 @@ impl Meter {
         &self.markers
     }
 
-    /// Cycles from each marker with the value `from` to the next one with the value `to`, less the `out_cycles` of the
-    /// first writing instruction itself (1 for OUT, 2 for SBI, CBI and STS).
+    /// Cycles from each marker with the value `from` to the next one with the value `to`. The `out_cycles` of the first
+    /// writing instruction are taken off: 1 for OUT, 2 for SBI, CBI and STS.
     pub fn between_markers(&self, from: u8, to: u8, out_cycles: u64) -> Vec<u64> {
         let mut start = None;
         let mut times = Vec::new();

@@ -1,9 +1,9 @@
 //! Starting timers together through GTCCR (data sheet sections 17.4.1 and 18.11.9), which simavr ignores.
 //!
-//! While TSM is set, the timers whose prescalers are held (PSRSYNC: Timer0 and Timer1, PSRASY: Timer2) stand; the counts
-//! written meanwhile begin to run in the cycle in which TSM is cleared. Modelled for the counts of Timer0 and Timer2
-//! that are written as 0 during the hold, which is what it is used for; a prescaler reset without TSM and the standstill
-//! of Timer1 for these few cycles are not.
+//! While TSM is set, the timers whose prescalers are held (PSRSYNC: Timer0 and Timer1, PSRASY: Timer2) stand; the
+//! counts written meanwhile begin to run in the cycle in which TSM is cleared. Modelled for the counts of Timer0 and
+//! Timer2 that are written as 0 during the hold, which is what it is used for. A prescaler reset without TSM, and the
+//! standstill of Timer1 for these few cycles, are not modelled.
 
 use super::ffi::Cpu;
 use super::registers::{GTCCR, TCNT0, TCNT2};

@@ -130,8 +130,8 @@ pub fn firmware_elf() -> Result<PathBuf, ProgramError> {
 const SOURCES: [&str; 8] =
     ["boards", "core", "src", "avr-specs", "Cargo.toml", "Cargo.lock", ".cargo/config.toml", "rust-toolchain.toml"];
 
-/// The firmware for who wants to run it, not to change it: what was built before is taken where it is newer than all its
-/// sources, and where cargo cannot run, which leaves `note` a word of it. `begins` is called before it is built.
+/// The firmware for a person who runs it and does not change it. A built one is taken if it is newer than all its
+/// sources. It is also taken if cargo cannot run; then `note` gets a message. `begins` is called before it is built.
 ///
 /// # Errors
 /// As [`firmware_elf`], when there is none either.
@@ -190,8 +190,8 @@ fn build(binary: &str) -> Result<PathBuf, String> {
     run(Command::new("avr-gcc").arg("--version"))?;
     let mut cargo = Command::new(cargo());
     cargo.args(["firmware", "--bin", binary]).current_dir(workspace_root());
-    // What cargo sets for the calling test would otherwise make the firmware's dependencies build anew, and flags meant
-    // for the host replace those of the AVR target.
+    // What cargo sets for the calling test would make the firmware's dependencies build anew. Flags for the host would
+    // replace those of the AVR target.
     for (name, _) in std::env::vars_os() {
         let name = name.to_string_lossy();
         let for_tests = name.starts_with("CARGO_") && !["CARGO_HOME", "CARGO_TARGET_DIR"].contains(&name.as_ref());

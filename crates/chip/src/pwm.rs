@@ -1,13 +1,13 @@
 //! OC1A of Timer1 in mode 14, computed from the registers.
 //!
-//! On the chip OCR1A is double buffered: what is written takes effect at BOTTOM (section 16.9.3), a compare value equal
-//! to TOP gives a constant level, and with COM1A1:0 = 0 the pin shows PORTB1. simavr takes a new value at once, misses
-//! one with an unchanged low byte, gives 0 % for TOP, and writes PORTB1 with each edge. Here the two bytes are taken
-//! together when the low one is written, as the chip does through its TEMP register (section 16.3). OCR1B, which simavr's
-//! timer keeps on serving, is held back until BOTTOM as well.
+//! On the chip OCR1A is double buffered: what is written takes effect at BOTTOM (section 16.9.3). A compare value equal
+//! to TOP gives a constant level. With COM1A1:0 = 0 the pin shows PORTB1. simavr takes a new value at once and misses
+//! one with an unchanged low byte. It gives 0 % for TOP, and writes PORTB1 with each edge. Here the two bytes are taken
+//! together when the low one is written, as the chip does through its TEMP register (section 16.3). OCR1B, which
+//! simavr's timer keeps on serving, is held back until BOTTOM as well.
 //!
 //! The COM1A bits and the port take effect at once, as they do on the chip. Not modelled: other modes than 14 (the pin
-//! then shows PORTB1), and the last state of the waveform generator: a pin connected in the middle of a period shows what
+//! then shows PORTB1), and the last state of the waveform generator. A pin that is connected within a period shows what
 //! it would show had it been connected from the start.
 
 use super::ffi::Cpu;

@@ -1,9 +1,9 @@
 //! The motor and its sensors as the chip's world.
 //!
-//! Plant and chip share one time. The plant is advanced to each instant at which something happens between them: a
-//! switching edge of the bridge, an edge of the encoder, a sample of the converter, a row of the recording, and at least
-//! every other PWM period. Encoder edges come at the cycle in which the angle passes the boundary: it is predicted from the
-//! speed, and predicted anew if the plant is then found on the near side.
+//! Plant and chip share one time. The plant is advanced to each instant at which something happens between them, and at
+//! least every other PWM period. That is a switching edge of the bridge, an edge of the encoder, a sample of the
+//! converter, or a row of the recording. Encoder edges come at the cycle in which the angle passes the boundary. It is
+//! predicted from the speed. If the plant is then on the near side, it is predicted anew.
 
 use motorbench_board::pins::{CURRENT_SENSE, EMERGENCY_STOP, SUPPLY_SENSE, TACHOGENERATOR};
 use motorbench_core::HARDWARE;

@@ -1,11 +1,12 @@
 //! Gains for a loop of one's own: the Arduino PID library, QuickPID, or a plain sketch. Speed in rpm, output in PWM values
 //! from -255 to 255, a sample time of some 10 ms.
 //!
-//! The gains follow from the motor as a first-order lag with the dead time of the sampling: of the mean speed over a sample
-//! time, half of it, and of the output that is held, the other half (Skogestad, Journal of Process Control 13 (2003)). The
-//! reference passes a filter with the time constant of the loop, and the feed-forward is that of the filtered course: behind
-//! a feed-forward of the step itself the integral would overshoot. The gains are tried on the model with everything in it, at that sample time, with the counts of the encoder, and with all constants
-//! of the motor 30 % off.
+//! The gains follow from the motor as a first-order lag with the dead time of the sampling (Skogestad, Journal of
+//! Process Control 13 (2003)). Half a sample time comes from the mean of the speed, half from the output that is held.
+//! The reference passes a filter with the time constant of the loop, and the feed-forward is that of the filtered
+//! course. With a feed-forward of the step itself the integral would overshoot. The gains are tried on the model with
+//! everything in it, at that sample time and with the counts of the encoder. They are tried again with all constants of
+//! the motor 30 % off.
 
 use crate::Bench;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};

@@ -1,9 +1,10 @@
 //! What a drive imposes on a motor, and along what the motor moves.
 //!
-//! A bridge imposes a voltage: current and speed follow by two balances. A current-controlled drive imposes the current, and
-//! some take a torque or a force as their command: the balance of torques alone is left, and speed and angle are the only
-//! states. In a linear axis metres take the place of radians, newtons that of newton metres and kilograms that of kilogram
-//! square metres. The equations are the same, so only names and units differ ([`Motion::words`]).
+//! A bridge imposes a voltage: current and speed follow by two balances. A current-controlled drive imposes the
+//! current, and some take a torque or a force as their command. The balance of torques alone is left, and speed and
+//! angle are the only states. In a linear axis metres take the place of radians, newtons that of newton metres and
+//! kilograms that of kilogram square metres. The equations are the same, so only names and units differ
+//! ([`Motion::words`]).
 
 use crate::catalogue::{About, ActsOn, Coordinate};
 use serde::{Deserialize, Serialize};
@@ -65,8 +66,8 @@ impl Drive {
         self == Self::Voltage
     }
 
-    /// Whether something at this place of the motor can be seen behind such a drive: an imposed current knows neither the
-    /// voltages behind it nor a sensor of its own.
+    /// Whether something at this place of the motor can be seen behind such a drive. An imposed current shows neither
+    /// the voltages nor its own sensor.
     pub fn shows(self, place: ActsOn) -> bool {
         match place {
             ActsOn::Torque | ActsOn::AngleSensor => true,

@@ -33,7 +33,7 @@ impl Bulge {
         self.constants < LEAST_BENT
     }
 
-    /// The area between curve and line from a place (0 to 1) to the end, on a scale of its own: the curve is
+    /// The area between curve and line from a place (0 to 1) to the end, on a scale of its own. The curve is
     /// `exp(-constants s) - 1 + s (1 - exp(-constants))`.
     fn area_after(self, place: f64) -> f64 {
         let left = (-self.constants).exp();

@@ -1,8 +1,8 @@
 //! Linear equations of two states with constant inputs in closed form: `x' = A x + u`.
 //!
-//! By Cayley and Hamilton `A^2 = trace A - determinant`, so the exponential of `A t` and its integrals are all sums of the
-//! identity and of `A`, each with two [`Weights`] that depend on trace, determinant and time alone. They come from
-//! Taylor's series; a time that is too long for it is halved until it is short, and what is found is doubled again.
+//! By Cayley and Hamilton `A^2 = trace A - determinant`. So the exponential of `A t` and its integrals are all sums of
+//! the identity and of `A`. Each has two [`Weights`] that depend on trace, determinant and time alone. They come from
+//! Taylor's series. A time that is too long for it is halved until it is short, and the result is doubled again.
 
 /// Largest product of rate and time for the series: what follows its last term is below 1e-15.
 const SHORT: f64 = 0.1;

@@ -1,5 +1,5 @@
-//! The DC motor: its constants, the linear systems they make, the laws of the effects that a linear motor lacks, and the
-//! extended model with its one step.
+//! The DC motor: its constants, and the linear systems that they make. The laws of the effects that a linear motor
+//! lacks, and the extended model with its one step.
 //!
 //! ```
 //! use motorbench_model::catalogue::effect;

@@ -84,8 +84,8 @@ pub fn check_constant(name: &str, value: f64) -> Result<(), NonPhysical> {
 }
 
 impl MotorParameters {
-    /// The PIVT-6 25/3A: 5.84 ohm measured at rest, 0.072 Nm/A, electromagnetic time constant 2 ms and electromechanical
-    /// one 25 ms from its data sheet, which imply inductance and inertia.
+    /// The PIVT-6 25/3A: 5.84 ohm measured at rest, 0.072 Nm/A. Its data sheet has the time constants, 2 ms
+    /// electromagnetic and 25 ms electromechanical. They imply inductance and inertia.
     pub const PIVT6: Self = Self {
         resistance_ohm: 5.84,
         inductance_h: 5.84 * 2e-3,

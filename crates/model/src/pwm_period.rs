@@ -1,5 +1,5 @@
-//! The current within one period of the PWM. Where that is short beside the electrical time constant it rises and falls in
-//! straight lines; at the few hundred hertz of an Uno's timers as they come it does so in exponentials.
+//! The current within one period of the PWM. Where that is short beside the electrical time constant it rises and falls
+//! in straight lines. At the few hundred hertz of an Uno's unchanged timers it does so in exponentials.
 
 /// A period of less than this share of the electrical time constant has straight lines.
 const STRAIGHT: f64 = 0.2;
@@ -365,8 +365,8 @@ mod tests {
 
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(300))]
-        /// Wherever the switched current comes to rest, mean and moments are those computed; without resistance it drifts
-        /// for ever where it does not touch zero, with it comes to rest there as well. The off phase brakes or coasts.
+        /// Wherever the switched current settles, its mean and moments are those computed. Without resistance a current
+        /// that does not touch zero drifts for ever; with it, it settles there as well. The off phase brakes or coasts.
         #[test]
         fn the_switched_current(
             duty in prop_oneof![-0.95f64..-0.02, 0.02f64..0.95],

@@ -45,7 +45,7 @@ impl Model {
         self.steady_v(direction, [TURNING, 0.0], supply_v)
     }
 
-    /// Mean voltage over a turn, at the speed that the effects see and the speed of the linear motor, as shares of that
+    /// Mean voltage over a turn. The speed that the effects see and the speed of the linear motor are shares of that
     /// without a load.
     fn steady_v(&self, direction: Direction, [seen, share]: [f64; 2], supply_v: f64) -> f64 {
         let sense = if direction == Direction::Forward { 1.0 } else { -1.0 };

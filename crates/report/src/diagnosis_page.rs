@@ -1,5 +1,6 @@
-//! The result as one self-contained HTML file: the verdict, the gain, measured and simulated quantities before and after,
-//! for each cause the plot that proves it, the motor, what to do, and where the data come from. The rest is folded away.
+//! The result as one self-contained HTML file. It has the verdict, the gain, and measured and simulated quantities
+//! before and after. For each cause it has the plot that proves it. The motor, what to do, and the source of the data
+//! follow. The rest is folded away.
 
 use crate::diagnosis_text::{against_nominal, estimate, rival_comparison, scale_words, title, verdict};
 use crate::web_page::{Page, Provenance, code, list, number, table, text};

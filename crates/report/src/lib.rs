@@ -9,8 +9,8 @@
 //! assert!(svg.starts_with("<svg"));
 //! ```
 //!
-//! The modules to know: [`diagnosis_page`] (the report of a diagnosis), [`diagnosis_text`] (the same for a terminal),
-//! [`web_page`] (the template of all pages), [`plot`] (a plot of a page), [`panels`] (plots over time as a file).
+//! The modules to know: [`diagnosis_page`] is the report of a diagnosis, [`diagnosis_text`] the same for a terminal.
+//! [`web_page`] is the template of all pages, [`plot`] a plot of a page, [`panels`] has plots over time as a file.
 
 pub mod comparison_page;
 pub mod design;

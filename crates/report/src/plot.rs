@@ -1,5 +1,5 @@
-//! A plot of a page: drawn twice, for a screen and for a phone, with its numbers beside the drawing so that a browser can
-//! make it live.
+//! A plot of a page. It is drawn twice, for a screen and for a phone. Its numbers stand beside the drawing, so that a
+//! browser can make it live.
 
 use maud::{Markup, PreEscaped, html};
 use plotters::coord::Shift;

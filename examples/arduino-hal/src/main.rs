@@ -1,7 +1,8 @@
 //! The control core on `arduino-hal`: its `Peripherals`, its `pins!`, its serial port, and motorbench's control loop.
 //!
-//! The loop runs at 1 kHz by waiting, not from a timer: enough to show that both worlds' types are the same, and a
-//! start for who already has a program on `arduino-hal`. It measures the current and reports it; the motor stays off.
+//! The loop runs at 1 kHz by waiting, not from a timer. That is enough to show that both worlds' types are the same. It
+//! is a start if you already have a program on `arduino-hal`. It measures the current and reports it; the motor stays
+//! off.
 #![no_std]
 #![no_main]
 

@@ -26,8 +26,8 @@ fn now() -> String {
     format!("{year}-{month:02}-{day:02} {:02}:{:02} UTC", minutes / 60, minutes % 60)
 }
 
-/// Year, month and day so many days after 1 January 1970 (Hinnant, chrono-compatible date algorithms: years that begin in
-/// March have their leap day at the end).
+/// Year, month and day so many days after 1 January 1970 (Hinnant, chrono-compatible date algorithms). Years that begin
+/// in March have their leap day at the end.
 fn date(days: u64) -> [u64; 3] {
     let days = days + 719_468;
     let (era, of_era) = (days / 146_097, days % 146_097);

@@ -1,30 +1,33 @@
 //! `motorbench validate`: measured closed loops compared with simulated ones.
 
-use super::compare::{Drawn, drawn, table};
-use super::files::{beside, side_file};
+mod page;
+mod pairing;
+
+use super::compare::{Drawn, drawn};
+use super::files::beside;
 use super::simulate::{judged, trip_name};
 use super::{
     Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_recording, rig_file, rig_for, spinner, write,
     write_json, write_plot,
 };
 use clap::Args;
-use host_sim::figures::{Figures, JUMP};
+use host_sim::figures::Figures;
 use host_sim::scenario::Scenario;
 use host_sim::trial::Point;
 use motorbench_core::message::Trip;
-use motorbench_core::settings::Param;
 use motorbench_data::mapping::Mapping;
 use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::Rig;
 use motorbench_design::law::ControlLaw;
-use motorbench_diagnosis::compare::{Comparison, Difference, compare, distance};
-use motorbench_diagnosis::dataset::{contradictions, median};
+use motorbench_diagnosis::compare::{Comparison, Difference};
+use motorbench_diagnosis::dataset::contradictions;
 use motorbench_diagnosis::diagnose::diagnose;
 use motorbench_report::comparison_page::{self, Compared};
 use motorbench_report::diagnosis_text::verdict;
 use motorbench_report::panels::{Panel, panels};
 use motorbench_report::web_page::Provenance;
-use motorbench_text::terminal_text::{rounded, short, wrapped};
+use page::page;
+use pairing::{NOTHING_BEYOND, agrees_by_course, agrees_by_mode, compared, is_short};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -226,105 +229,6 @@ fn title(scenario: &Scenario) -> &'static str {
     ControlLaw::ALL.into_iter().find(|law| law.mode() == scenario.mode).map_or("open loop", ControlLaw::title)
 }
 
-/// Note about a simulated drive that has tripped.
-const NOTHING_BEYOND: &str = "the comparison ends there";
-
-/// Pairs the measured loop with the simulated one, whose drive may have tripped. Returns them as compared, from the
-/// origin of the simulation.
-fn compared(
-    scenario: &Scenario,
-    simulated: &Recording,
-    measured: &Recording,
-    until_s: Option<f64>,
-) -> Result<(Comparison, Recording), Failure> {
-    let upto = until_s.map_or_else(|| simulated.clone(), |until_s| simulated.before(until_s));
-    // The delay is determined by the references up to that time.
-    let mut blank = simulated.clone();
-    for channel in simulated.channels().filter(|channel| *channel != Channel::Time) {
-        let values = simulated.get(channel).unwrap_or_default().iter().enumerate();
-        blank.set(channel, values.map(|(row, value)| if row < upto.len() { *value } else { f64::NAN }).collect());
-    }
-    // The simulation comes first: its times are those of the scenario.
-    let asked = compare(&blank, measured, None).map_err(Failure::input)?;
-    let moved = from_origin(scenario, &asked, measured);
-    let compared = compare(&upto, &moved, Some(asked.delay_s)).map_err(Failure::input)?;
-    Ok((compared, moved))
-}
-
-/// The measured loop with the positions of the simulated one. A loop starts at any angle, and its sequence is relative
-/// to that.
-fn from_origin(scenario: &Scenario, asked: &Comparison, measured: &Recording) -> Recording {
-    let mut moved = measured.clone();
-    let column = Channel::AngleReference.column();
-    let Some(reference) = asked.channels.iter().find(|found| found.channel == column) else { return moved };
-    let origin_rad = median(reference.second_less_first().into_iter());
-    let counts_per_rad = f64::from(scenario.settings.get(Param::CountsPerRev)) / TAU;
-    for (channel, per_rad) in [(Channel::AngleReference, 1.0), (Channel::Angle, 1.0), (Channel::Counts, counts_per_rad)]
-    {
-        if let Some(values) = measured.get(channel) {
-            moved.set(channel, values.iter().map(|value| value - origin_rad * per_rad).collect());
-        }
-    }
-    moved
-}
-
-/// The column with the reference of a mode; an open loop has none.
-fn reference(scenario: &Scenario) -> Option<Channel> {
-    match scenario.mode {
-        mode if mode.is_speed() => Some(Channel::SpeedReference),
-        mode if mode.is_position() => Some(Channel::AngleReference),
-        _ => None,
-    }
-}
-
-/// Whether a recording has the reference of the scenario's mode. If this cannot be checked, a note says so.
-fn agrees_by_mode(scenario: &Scenario, measured: &Recording, file: &Path) -> Result<Option<String>, String> {
-    let wanted = reference(scenario);
-    let has =
-        [Channel::SpeedReference, Channel::AngleReference].into_iter().find(|channel| measured.get(*channel).is_some());
-    let mode = format!("that is of the {}", title(scenario));
-    match (wanted, has) {
-        (Some(wanted), _) if measured.get(wanted).is_some() => Ok(None),
-        (None, None) => Ok(None),
-        (_, Some(other)) => Err(format!("{mode}, the recording has a column {}", other.column())),
-        (Some(wanted), None) if side_file(file).is_some() => {
-            Err(format!("{mode}, the recording of an open loop, without a column {}", wanted.column()))
-        }
-        (Some(wanted), None) => {
-            let (file, column) = (file.display(), wanted.column());
-            Ok(Some(format!("{file} has no {column}, so the program cannot check that it belongs to this scenario")))
-        }
-    }
-}
-
-/// Largest share of the reference by which two references may differ. The second value is for open loop, where limits
-/// of the motor change the voltage.
-const SAME_COURSE: f64 = 0.25;
-const SAME_VOLTAGE: f64 = 0.5;
-
-/// Whether the recording has the same reference as the simulation.
-fn agrees_by_course(scenario: &Scenario, compared: &Comparison) -> Result<(), String> {
-    let (channel, most) =
-        reference(scenario).map_or((Channel::Voltage, SAME_VOLTAGE), |channel| (channel, SAME_COURSE));
-    let Some(asked) = compared.channels.iter().find(|found| found.channel == channel.column()) else { return Ok(()) };
-    let (apart, _) = distance(&asked.first, &asked.second);
-    let (size, _) = distance(&asked.first, &vec![0.0; asked.first.len()]);
-    match apart > most * size {
-        true => Err(format!("{} of the two differ by {} rms", asked.channel, short(apart))),
-        false => Ok(()),
-    }
-}
-
-/// Share of the scenario below which a note reports a short recording.
-const WHOLE: f64 = 0.95;
-
-fn is_short(scenario: &Scenario, compared: &Comparison) -> Option<String> {
-    let Comparison { duration_s, .. } = compared;
-    (*duration_s < WHOLE * scenario.duration_s).then(|| {
-        format!("the scenario lasts {} s; the recording has {} s of it", short(scenario.duration_s), short(*duration_s))
-    })
-}
-
 /// Loops of the same law are named by their files.
 fn name(loops: &mut [Loop], files: &[PathBuf]) {
     let laws: Vec<String> = loops.iter().map(|one| one.name.clone()).collect();
@@ -450,157 +354,5 @@ fn remaining(loops: &[Loop], rig: &Rig, progress: motorbench_diagnosis::diagnose
             let alone = format!("Diagnosis of the measured loop alone: {verdict}");
             vec![lacks, alone]
         }
-    }
-}
-
-fn page(loops: &[Loop], remaining: &[String]) -> String {
-    let mut text = match loops {
-        [only] => {
-            let (table, figures) = (table(&only.compared), figures_table(&only.figures));
-            let between = if figures.is_empty() { "" } else { "\n" };
-            format!("Measured (second) against simulated (first)\n{table}{between}{figures}")
-        }
-        _ => side_by_side(loops),
-    };
-    for one in loops {
-        let name = if loops.len() > 1 { format!("{}: ", one.name) } else { String::new() };
-        one.notes.iter().for_each(|note| text += &format!("\n{}", wrapped(&format!("{name}{note}"), "", "  ")));
-    }
-    text.push('\n');
-    for line in remaining {
-        line.lines().for_each(|line| text += &wrapped(line, "", "  "));
-    }
-    text
-}
-
-/// Figures of one loop, a line each.
-fn figures_table(figures: &[Vec<Figures>; 2]) -> String {
-    if figures[0].is_empty() {
-        // An open loop has no reference.
-        return String::new();
-    }
-    let mut text = String::from("  at, s    figure                     simulated     measured\n");
-    for (simulated, measured) in figures[0].iter().zip(&figures[1]) {
-        let rows = [
-            ("rise, s", simulated.rise_s, measured.rise_s),
-            ("settling, s", simulated.settling_s, measured.settling_s),
-            ("overshoot, %", simulated.overshoot_percent, measured.overshoot_percent),
-            ("steady error", simulated.steady_error, measured.steady_error),
-            ("tracking error, rms", Some(simulated.tracking_rms), Some(measured.tracking_rms)),
-        ];
-        let largest = simulated.largest_error.map(|error| ("largest error", Some(error), measured.largest_error));
-        // A continuous reference has no rise time.
-        let told = |(_, simulated, measured): &(_, Option<f64>, Option<f64>)| simulated.is_some() || measured.is_some();
-        for (name, simulated_value, measured_value) in rows.into_iter().chain(largest).filter(told) {
-            let (time, a, b) = (short(simulated.time_s), or_dash(simulated_value, 3), or_dash(measured_value, 3));
-            text += &format!("  {time:<8} {name:<22} {a:>13} {b:>12}\n");
-        }
-    }
-    text
-}
-
-fn or_dash(value: Option<f64>, digits: i32) -> String {
-    value.filter(|value| value.is_finite()).map_or("-".into(), |value| rounded(value, digits))
-}
-
-/// Channels in the table of several loops, as many as fit a line.
-const TABLE_CHANNELS: usize = 4;
-/// References of two loops are the same if their times differ by less than this.
-const SAME_TIME_S: f64 = 0.02;
-
-/// Fit of each loop, and figures of each reference, with the loops in rows.
-fn side_by_side(loops: &[Loop]) -> String {
-    let told = |channel: &&str| *channel != "duty" && !channel.starts_with("ref_");
-    let channels: Vec<&str> = shared(loops).into_iter().filter(told).take(TABLE_CHANNELS).collect();
-    let mut text = String::from("Measured against simulated: fit in % (rms of the difference)\n  loop        ");
-    channels.iter().for_each(|channel| text += &format!("{channel:>16}"));
-    for one in loops {
-        text += &format!("\n  {:<12.12}", one.name);
-        for channel in &channels {
-            let found = difference(one, channel);
-            let fit = found.fit_percent.map_or("-".into(), |fit| format!("{fit:.1}"));
-            text += &format!("{:>16}", format!("{fit} ({})", rounded(found.rms, 2)));
-        }
-    }
-    text.push('\n');
-    if !same_course(loops) {
-        text += "\nThe loops follow different courses: each by itself.\n";
-        for one in loops {
-            text += &format!("\n{}\n{}", one.name, figures_table(&one.figures));
-        }
-        return text;
-    }
-    for (index, first) in loops[0].figures[0].iter().enumerate() {
-        text += &format!("\n  {:<22}", format!("{} at {} s", first.course, short(first.time_s)));
-        text.extend(COLUMNS.map(|title| format!("{title:>8}")));
-        text.push('\n');
-        for one in loops {
-            for (source, figures) in ["simulated", "measured"].into_iter().zip(&one.figures) {
-                let Some(figures) = figures.get(index) else { continue };
-                text += &format!("  {:<12.12} {source:<9}{}\n", one.name, cells(figures));
-            }
-        }
-    }
-    text + "\n" + &wrapped(&ranking(loops), "", "  ")
-}
-
-/// Titles of [`cells`].
-const COLUMNS: [&str; 7] = ["rise, s", "settled", "over, %", "error", "summed", "rms, V", "peak, A"];
-
-fn cells(figures: &Figures) -> String {
-    let cells = [
-        (figures.rise_s, 3),
-        (figures.settling_s, 3),
-        (figures.overshoot_percent, 3),
-        (figures.steady_error, 2),
-        (Some(figures.iae), 3),
-        (Some(figures.effort_v), 3),
-        (Some(figures.peak_a), 3),
-    ];
-    cells.into_iter().map(|(value, digits)| format!("{:>8}", or_dash(value, digits))).collect()
-}
-
-/// Whether all loops had the same references in the same order.
-fn same_course(loops: &[Loop]) -> bool {
-    let first = &loops[0].figures[0];
-    let same = |a: &Figures, b: &Figures| {
-        a.course == b.course && (a.time_s - b.time_s).abs() < SAME_TIME_S && (a.to - b.to).abs() <= 1e-3 * b.to.abs()
-    };
-    !first.is_empty()
-        && loops.iter().all(|one| {
-            let figures = &one.figures[0];
-            figures.len() == first.len() && figures.iter().zip(first).all(|(a, b)| same(a, b))
-        })
-}
-
-/// The loop with the smallest summed error, and whether the simulation predicted it.
-fn ranking(loops: &[Loop]) -> String {
-    // A jump belongs to its sequence.
-    let references = |figures: &&Figures| figures.course != JUMP;
-    let sum = |figures: &[Figures]| figures.iter().filter(references).map(|figures| figures.iae).sum::<f64>();
-    let sums: Vec<[f64; 2]> = loops.iter().map(|one| one.figures.each_ref().map(|figures| sum(figures))).collect();
-    let least = |source: usize| (0..loops.len()).min_by(|a, b| sums[*a][source].total_cmp(&sums[*b][source]));
-    let (Some(simulated), Some(measured)) = (least(0), least(1)) else { return String::new() };
-    let each = loops.iter().zip(&sums).map(|(one, [simulated, measured])| {
-        format!("{} {} ({})", one.name, rounded(*measured, 4), rounded(*simulated, 4))
-    });
-    let predicted = match simulated == measured {
-        true => "as simulated".to_string(),
-        false => format!("in simulation the {}", loops[simulated].name),
-    };
-    format!(
-        "Summed error over all references, measured (simulated): {}. The {} has the smallest, {predicted}.",
-        each.collect::<Vec<_>>().join(", "),
-        loops[measured].name
-    )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn an_open_loop_has_no_table_of_figures() {
-        assert_eq!(figures_table(&[Vec::new(), Vec::new()]), "");
     }
 }

@@ -130,8 +130,8 @@ mod with_chip {
     const SLICE_S: f64 = 2e-3;
     /// Behind by more than this the clock is set anew: the computer was busy.
     const LATEST: Duration = Duration::from_millis(200);
-    /// The chip waits for a program that may have left so many bytes in the line, 40 ms of telemetry: a busy computer's delays
-    /// are not the board's.
+    /// The chip waits for a program that may have left so many bytes in the line, 40 ms of telemetry. A busy computer's
+    /// delays are not the board's.
     const UNREAD: usize = 1024;
     /// How often it is looked meanwhile.
     const LOOK_AGAIN: Duration = Duration::from_millis(1);
@@ -396,9 +396,9 @@ mod with_chip {
 
     /// The pseudo-terminal that is the board's serial line.
     ///
-    /// What one side has written a thread of the operating system carries to the other, and a busy computer lets that wait as
-    /// it does any thread. Only a read or a poll of a side that seems empty carries it at once: so no word of a program to the
-    /// board is overlooked, and nothing that it has not read.
+    /// A thread of the operating system carries what one side has written to the other. A busy computer lets that
+    /// thread wait. Only a read or a poll of a side that seems empty carries it at once. So no word of a program to the
+    /// board is overlooked, and the bytes that the program has not read are known.
     struct SerialLine {
         board: File,
         /// The program's side. Kept open so that the line outlives its users.

@@ -1,5 +1,5 @@
 //! The link to a scripted board: half frames, flipped bytes, a reset, an unplugged cable, another version. Tests with
-//! the real firmware are in `tests/virtual_board.rs`.
+//! the real firmware are in `virtual_board`.
 
 use motorbench_cli::tune::{Key, RecordingStore, Session, StoredRecording};
 use motorbench_core::message::{Mode, Sample, State, Trip};

@@ -8,6 +8,7 @@ mod motor;
 
 mod batch;
 mod convert;
+mod demonstration;
 mod link;
 mod pages;
 mod program;

@@ -3,10 +3,11 @@
 //! In a block of ` ```text `, a line that begins with `$ ` is a command. A backslash at its end continues it in the
 //! next line. Its output follows; a line `...` stands for any lines. Numbers may differ in their last digits.
 
+use crate::demonstration::{ARGUMENTS, demonstration};
 use motorbench_cli::commands::{arguments, command};
 use motorbench_data::recording::Channel;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Output};
 use tempfile::TempDir;
 
 const ROOT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
@@ -34,17 +35,6 @@ const SAME_OF_A_BOARD: Tolerance = Tolerance { numbers: 0.02, errors: 0.3 };
 /// Tolerance as a share of the largest number in the line.
 const SAME_OF_LARGEST: f64 = 1e-4;
 
-/// Pages whose commands without a board are run, with the files that are copied into their folder.
-const RUN: &[(&str, &[&str])] = &[
-    ("docs/how-to/wrong-model.md", &["examples/recording"]),
-    ("docs/how-to/loop.md", &["examples/recording"]),
-    ("docs/explanation/physics.md", &["examples/recording"]),
-    ("docs/tutorials/ten-minutes.md", &["examples/recording"]),
-    ("docs/how-to/stand.md", &["examples/pivt6"]),
-    // Recorded by the simulated chip. The core on this computer gives another noise.
-    #[cfg(feature = "chip")]
-    ("docs/tutorials/class.md", &[]),
-];
 /// Commands that drive a board, or run until they are stopped.
 const BOARD: [&str; 7] = ["virtual", "ports", "connect", "record", "send", "tune", "autotune"];
 
@@ -280,23 +270,52 @@ fn needs_board(words: &[String]) -> bool {
 
 /// A command without a board and without an operator.
 fn run_alone(words: &[String], folder: &Path) -> Said {
+    if words[1..] == ARGUMENTS {
+        demonstration().copy_recording(folder);
+        let Output { status, stdout, .. } = &demonstration().output;
+        return (String::from_utf8_lossy(stdout).into_owned(), status.code());
+    }
     let done = Command::new(env!("CARGO_BIN_EXE_motorbench")).args(&words[1..]).current_dir(folder).output().unwrap();
     let [out, err] = [&done.stdout, &done.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
     (out + &err, done.status.code())
 }
 
-#[test]
-fn what_the_pages_show_comes_out() {
-    let mut wrong = Vec::new();
-    for &(name, folders) in RUN {
-        let folder = TempDir::new().unwrap();
-        folders.iter().for_each(|from| copied(&PathBuf::from(ROOT).join(from), folder.path()));
-        let alone = |words: &[String]| (!needs_board(words)).then(|| run_alone(words, folder.path()));
-        let (count, differs) = run(name, folder.path(), SAME, alone);
-        assert!(count > 0, "{name} shows no command that needs no board");
-        wrong.extend(differs);
-    }
-    assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
+/// Runs the commands of a page that need no board, in a folder with the page's files.
+fn comes_out(name: &str) {
+    let (_, folders) = RUN.iter().find(|(page, _)| *page == name).expect("a page that is run");
+    let folder = TempDir::new().unwrap();
+    folders.iter().for_each(|from| copied(&PathBuf::from(ROOT).join(from), folder.path()));
+    let alone = |words: &[String]| (!needs_board(words)).then(|| run_alone(words, folder.path()));
+    let (count, differs) = run(name, folder.path(), SAME, alone);
+    assert!(count > 0, "{name} shows no command that needs no board");
+    assert!(differs.is_empty(), "- in the page, + what comes out\n{}", differs.join("\n"));
+}
+
+/// A test for each page, so that they run in parallel.
+macro_rules! pages_that_are_run {
+    ($($(#[$condition:meta])* $test:ident: $page:literal, $folders:expr;)*) => {
+        /// Pages whose commands without a board are run, with the files that are copied into their folder.
+        const RUN: &[(&str, &[&str])] = &[$($(#[$condition])* ($page, &$folders)),*];
+
+        $(
+            $(#[$condition])*
+            #[test]
+            fn $test() {
+                comes_out($page);
+            }
+        )*
+    };
+}
+
+pages_that_are_run! {
+    what_the_page_of_a_wrong_model_shows_comes_out: "docs/how-to/wrong-model.md", ["examples/recording"];
+    what_the_page_of_the_loop_shows_comes_out: "docs/how-to/loop.md", ["examples/recording"];
+    what_the_page_of_physics_shows_comes_out: "docs/explanation/physics.md", ["examples/recording"];
+    what_the_tutorial_shows_comes_out: "docs/tutorials/ten-minutes.md", ["examples/recording"];
+    what_the_page_of_the_stand_shows_comes_out: "docs/how-to/stand.md", ["examples/pivt6"];
+    // Recorded by the simulated chip. The core on this computer gives another noise.
+    #[cfg(feature = "chip")]
+    what_the_page_for_a_class_shows_comes_out: "docs/tutorials/class.md", [];
 }
 
 /// The board of the pages, with the actions at the shaft that a page describes.
@@ -306,27 +325,32 @@ mod with_a_board {
     use crate::board::{Board, MOTORBENCH};
     use crate::motor::PIVT6_TOML;
     use std::io::{BufRead, BufReader, Read, Write};
+    use std::path::Path;
     use std::process::{Command, Stdio};
 
     /// The folder of the board.
     const PORT: &str = "/tmp/motorbench";
 
-    /// Pages with the nominal motor in `rig.toml`.
-    const PAGES: [(&str, &str); 2] = [("docs/how-to/board.md", ""), ("docs/how-to/stand.md", PIVT6_TOML)];
+    #[test]
+    fn what_the_page_of_a_board_shows_comes_out() {
+        comes_out_on_a_board("docs/how-to/board.md", "");
+    }
 
     #[test]
-    fn what_the_pages_show_of_a_board_comes_out() {
-        let mut wrong = Vec::new();
-        for (name, motor) in PAGES {
-            let board = Board::new("pages");
-            std::fs::write(board.folder.join("rig.toml"), motor).unwrap();
-            let elsewhere = RUN.iter().any(|(page, _)| *page == name);
-            let runs = |words: &[String]| (needs_board(words) || !elsewhere).then(|| on(&board, words));
-            let (count, differs) = run(name, &board.folder, SAME_OF_A_BOARD, runs);
-            assert!(count > 1, "{name} shows {count} commands");
-            wrong.extend(differs);
-        }
-        assert!(wrong.is_empty(), "- in the page, + what comes out\n{}", wrong.join("\n"));
+    fn what_the_page_of_the_stand_shows_of_a_board_comes_out() {
+        comes_out_on_a_board("docs/how-to/stand.md", PIVT6_TOML);
+    }
+
+    /// Runs a page's commands on a board of its own. `motor`: the nominal motor in `rig.toml`.
+    fn comes_out_on_a_board(name: &str, motor: &str) {
+        let stem = Path::new(name).file_stem().unwrap();
+        let board = Board::new(&format!("page-{}", stem.display()));
+        std::fs::write(board.folder.join("rig.toml"), motor).unwrap();
+        let elsewhere = RUN.iter().any(|(page, _)| *page == name);
+        let runs = |words: &[String]| (needs_board(words) || !elsewhere).then(|| on(&board, words));
+        let (count, differs) = run(name, &board.folder, SAME_OF_A_BOARD, runs);
+        assert!(count > 1, "{name} shows {count} commands");
+        assert!(differs.is_empty(), "- in the page, + what comes out\n{}", differs.join("\n"));
     }
 
     /// Runs a page's command on this board instead of the page's, also a command that uses the only board on USB.

@@ -1,5 +1,6 @@
 //! The program as a user runs it: simulated recordings through its commands.
 
+use crate::demonstration::demonstration;
 use crate::motor::PIVT6_TOML;
 use crate::stand::stand_table;
 use assert_cmd::Command;
@@ -376,10 +377,9 @@ fn a_scenario_without_a_motor_says_how_it_gets_one() {
 /// terminal gets a few plain lines and a picture of characters.
 #[test]
 fn the_demonstration_names_what_it_hid() {
-    let directory = TempDir::new().unwrap();
-    let [page, result] = ["demo.html", "demo.json"].map(|name| directory.path().join(name));
-    let done = motorbench(&["demo", "--seed", "7", "--report", path(&page), "--json", path(&result)]).success();
-    let shown: serde_json::Value = serde_json::from_slice(&std::fs::read(&result).unwrap()).unwrap();
+    let done = demonstration();
+    assert_eq!(done.output.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.output.stderr));
+    let shown: serde_json::Value = serde_json::from_slice(&std::fs::read(done.file("demo.json")).unwrap()).unwrap();
     assert_eq!(shown["missing"], 0);
     let named: Vec<&str> = shown["diagnosis"]["causes"]
         .as_array()
@@ -392,8 +392,8 @@ fn the_demonstration_names_what_it_hid() {
     assert!(hidden.keys().all(|effect| named.contains(&effect.as_str())) && named.len() == 3, "{named:?} {hidden:?}");
     let rms = |index: usize| shown["loops"][index]["standstill_rms_rad_per_s"].as_f64().unwrap();
     assert!(rms(2) < 0.9 * rms(0), "{}", shown["loops"]);
-    fits_a_terminal(&String::from_utf8(done.get_output().stdout.clone()).unwrap());
-    let page = std::fs::read_to_string(&page).unwrap();
+    fits_a_terminal(&String::from_utf8(done.output.stdout.clone()).unwrap(), hidden);
+    let page = std::fs::read_to_string(done.file("demo.html")).unwrap();
     for heading in [
         "The speed loop before and after",
         "What was hidden, and what was found",
@@ -410,11 +410,15 @@ fn the_demonstration_names_what_it_hid() {
 }
 
 /// What the demonstration prints.
-fn fits_a_terminal(text: &str) {
+fn fits_a_terminal(text: &str, hidden: &serde_json::Map<String, Value>) {
     const MOST_LINES: usize = 23;
     assert!(text.lines().count() <= MOST_LINES && text.lines().all(|line| line.chars().count() <= 80), "{text}");
-    for what in ["20000 samples in 20 s, 0 missing", "linear   extended", "hidden      found", "load_step torque_Nm"] {
+    for what in ["20000 samples in 20 s, 0 missing", "linear   extended", "hidden      found"] {
         assert!(text.contains(what), "no {what} in\n{text}");
+    }
+    for (effect, constants) in hidden {
+        let name = constants.as_object().unwrap().keys().next().unwrap();
+        assert!(text.contains(&format!("  {effect} {name}  ")), "no {effect} {name} in\n{text}");
     }
     let is_line = |character: char| ('\u{2801}'..='\u{28ff}').contains(&character);
     let drawn = text.lines().filter(|line| line.contains(is_line) && line.contains('•')).count();

@@ -3,6 +3,7 @@
 
 mod table;
 
+use crate::demonstration::{ARGUMENTS, demonstration};
 use crate::motor::PIVT6_TOML;
 use motorbench_data::rig::NominalMotor;
 use motorbench_data::telemetry;
@@ -208,7 +209,10 @@ impl Complaints {
     fn good(&mut self, row: &Row, arguments: &[&str], folder: &Path) {
         let what = arguments.join(" ");
         if row.is_long {
-            let done = self.json_file(arguments, folder);
+            let done = match arguments == ARGUMENTS {
+                true => self.demonstrated(),
+                false => self.json_file(arguments, folder),
+            };
             return self.readable(row, arguments, &done);
         }
         let done = piped(arguments, folder);
@@ -253,6 +257,20 @@ impl Complaints {
         self.expect(made.is_some(), &what, "no JSON in the file");
         self.expect(!done.out.is_empty(), &what, "it says nothing");
         let _ = std::fs::remove_file(file);
+        done
+    }
+
+    /// The same of the demonstration that other tests have run.
+    fn demonstrated(&mut self) -> Done {
+        let run = demonstration();
+        let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).expect("UTF-8");
+        let done =
+            Done { code: run.output.status.code(), out: text(&run.output.stdout), err: text(&run.output.stderr) };
+        self.ended(&done, 0, "demo");
+        let made = std::fs::read(run.file("demo.json")).ok();
+        let made = made.and_then(|text| serde_json::from_slice::<serde_json::Value>(&text).ok());
+        self.expect(made.is_some(), "demo", "no JSON in the file");
+        self.expect(!done.out.is_empty(), "demo", "it says nothing");
         done
     }
 

@@ -1,5 +1,5 @@
 //! Tables as people have them: any usual separator, lines before the header, a row of units, prefixes of a serial
-//! monitor, `name:value` lines, broken lines, numbers and times in the notations of other programs.
+//! monitor. Also `name:value` lines, broken lines, and numbers and times in the notations of other programs.
 //!
 //! What cannot be read is not guessed. It is counted, with the number of its first line.
 

@@ -8,8 +8,9 @@ use host_sim::trial::Trial;
 use motorbench_core::message::Trip;
 use rayon::prelude::*;
 
-/// Ranges of random motors, two decades each, uniform in the logarithm: resistance in ohm, L/R in s, torque constant in
-/// Nm/A, electromechanical time constant in s. The last is viscous friction relative to the braking by the back-EMF.
+/// Ranges of random motors, two decades each, uniform in the logarithm. They are resistance in ohm, L/R in s, torque
+/// constant in Nm/A, electromechanical time constant in s. The last is viscous friction relative to the braking by the
+/// back-EMF.
 const DECADES: [[f64; 2]; 5] = [[0.2, 20.0], [0.1e-3, 10e-3], [0.005, 0.5], [5e-3, 0.5], [1e-3, 1e-1]];
 
 /// A random motor in [`DECADES`]. Its encoder can be counted by the chip, and its specification suits its own time
@@ -171,27 +172,45 @@ struct Tally {
     refused: std::collections::BTreeMap<&'static str, usize>,
 }
 
-/// Random motors with all four laws; the LQRs with the current measured and observed. An offered design works on the
-/// core with the motor of the model, and with one that is 30 % off in every parameter. Refusals stay the exception for
-/// every law.
+/// Motors of the long trial. The suite takes some of them.
+const MOTORS: u64 = 40;
+
+/// The motors are drawn from nearly all of their ranges.
 #[test]
-fn what_is_offered_is_stable_on_the_core() {
-    const MOTORS: u64 = 40;
-    let draws = || (0..MOTORS).map(Draw::new);
+fn random_motors_fill_their_decades() {
     for (at, [from, to]) in DECADES.into_iter().enumerate() {
-        let decades = draws().map(|draw| (draw.drawn[at] / from).log10() / (to / from).log10());
+        let decades = (0..MOTORS).map(|seed| (Draw::new(seed).drawn[at] / from).log10() / (to / from).log10());
         let [least, most] = decades.fold([1.0_f64, 0.0_f64], |[low, high], part| [low.min(part), high.max(part)]);
         assert!(least < 0.1 && most > 0.9, "parameter {at} is drawn from {least:.2} to {most:.2} of its decades alone");
     }
+}
+
+/// Every fifth motor of the trial.
+#[test]
+fn what_is_offered_is_stable_on_the_core() {
+    offered_designs_are_stable(&(0..MOTORS).step_by(5).collect::<Vec<_>>());
+}
+
+#[test]
+#[ignore = "takes minutes: `scripts/trials motors`"]
+fn what_is_offered_for_every_motor_is_stable_on_the_core() {
+    offered_designs_are_stable(&(0..MOTORS).collect::<Vec<_>>());
+}
+
+/// Random motors with all four laws; the LQRs with the current measured and observed. An offered design works on the
+/// core with the motor of the model, and with one that is 30 % off in every parameter. Refusals stay the exception for
+/// every law.
+fn offered_designs_are_stable(motors: &[u64]) {
     let observed = [ControlLaw::SpeedLqr, ControlLaw::PositionLqr].map(|law| (law, false));
     let cases = [&ControlLaw::ALL.map(|law| (law, true))[..], &observed].concat();
     let cases = &cases;
-    let results: Vec<(usize, Option<DesignError>)> = (0..MOTORS)
-        .into_par_iter()
-        .flat_map_iter(|seed| (0..cases.len()).map(move |case| (seed, case)))
+    let results: Vec<(usize, Option<DesignError>)> = motors
+        .par_iter()
+        .enumerate()
+        .flat_map_iter(|(index, seed)| (0..cases.len()).map(move |case| (index, *seed, case)))
         // An observer makes the loop larger and the search slower, so only every other motor is tried.
-        .filter(|(seed, case)| cases[*case].1 || seed % 2 == 0)
-        .map(|(seed, case)| {
+        .filter(|(index, _, case)| cases[*case].1 || index % 2 == 0)
+        .map(|(_, seed, case)| {
             let mut draw = Draw::new(seed);
             let (law, current_measured) = cases[case];
             draw.bench.current_measured = current_measured;
@@ -220,9 +239,9 @@ fn what_is_offered_is_stable_on_the_core() {
     }
     for ((law, current_measured), Tally { offered, refused }) in cases.iter().zip(&tallies) {
         let current = if *current_measured { "" } else { ", the current observed" };
-        let motors = offered + refused.values().sum::<usize>();
-        println!("{}{current}: {offered} of {motors} offered; refused: {refused:?}", law.title());
-        assert!(10 * offered >= 9 * motors && motors >= MOTORS as usize / 2, "{law:?}: {refused:?}");
+        let tried = offered + refused.values().sum::<usize>();
+        println!("{}{current}: {offered} of {tried} offered; refused: {refused:?}", law.title());
+        assert!(10 * offered >= 9 * tried && tried >= motors.len() / 2, "{law:?}: {refused:?}");
     }
     let refused = results.iter().filter(|(_, error)| error.is_some()).count();
     assert!(refused * 20 <= results.len(), "{refused} of {} are refused", results.len());
@@ -281,18 +300,29 @@ fn by_tachogenerator(seeds: impl IntoParallelIterator<Item = u64>) -> ByTachogen
 
 /// The sign changes only if a conversion sees the motor near standstill, with a voltage. Offered designs reverse;
 /// designs refused for the reversal would not.
+fn offered_designs_reverse(seeds: Vec<u64>) {
+    let motors = seeds.len();
+    let found = by_tachogenerator(seeds);
+    let offered: usize = found.tallies.iter().map(|tally| tally.offered).sum();
+    assert!(offered >= motors && found.lost > 0, "{offered} {}", found.lost);
+}
+
+/// Some of the motors of the trial, with some that are refused for the reversal.
 #[test]
 fn what_is_offered_by_a_tachogenerator_turns_about() {
-    const MOTORS: u64 = 20;
-    let found = by_tachogenerator(0..MOTORS);
-    let offered: usize = found.tallies.iter().map(|tally| tally.offered).sum();
-    assert!(offered >= MOTORS as usize && found.lost > 0, "{offered} {}", found.lost);
+    offered_designs_reverse((0..6).collect());
+}
+
+#[test]
+#[ignore = "takes minutes: `scripts/trials motors`"]
+fn what_is_offered_by_every_tachogenerator_turns_about() {
+    offered_designs_reverse((0..20).collect());
 }
 
 /// The same with freshly drawn motors.
 #[test]
 fn designs_for_freshly_drawn_tachogenerators_reverse() {
-    const MOTORS: u64 = 6;
+    const MOTORS: u64 = 4;
     let now = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap();
     let first = now.as_secs();
     println!("seeds from {first}");

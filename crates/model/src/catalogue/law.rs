@@ -83,8 +83,8 @@ pub struct Balance {
     pub ripple: Ripple,
     /// Voltage that works against the current, whichever way it flows, and lets none start below it.
     pub dry_drop_v: f64,
-    /// Current over which the drop comes up, where it acts on the mean over a period of the PWM; 0: it acts at every moment
-    /// within.
+    /// Current over which the drop comes up, where it acts on the mean over a period of the PWM. 0: it acts at every
+    /// moment.
     pub knee_a: f64,
     /// By how much it is greater in the off phase of the PWM.
     pub off_excess_v: f64,

@@ -59,7 +59,7 @@ const ABOUT_A_RESONANCE: [f64; 7] = [-16.0, -4.0, -1.0, 0.0, 1.0, 4.0, 16.0];
 
 impl<F: Fn(f64) -> Complex<f64>> Sweep<F> {
     /// From a frequency to another. `resonances` are poles in the s plane, in rad/s, of the response and of what is
-    /// computed from it: a peak narrower than any grid stands at one of them.
+    /// computed from it. A peak that is narrower than the grid stands at one of them.
     pub fn new(response: F, [from, to]: [f64; 2], resonances: &[Complex<f64>]) -> Self {
         let about = |pole: &Complex<f64>| {
             let (at, half_width) = (pole.im, pole.re.abs());

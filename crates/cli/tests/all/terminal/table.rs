@@ -22,7 +22,7 @@ pub const fn row(command: &'static str) -> Row {
 /// Commands that need no board.
 pub const TABLE: &[Row] = &[
     Row {
-        good: &[&["--seed", "8"]],
+        good: &[&["--seed", "12", "--csv", "team12.csv"]],
         json: &["--json"],
         bad: &[
             (&["--csv", "a.csv", "--report", "a.rig.toml"], 1, "two outputs have the name a.rig.toml"),
@@ -223,7 +223,7 @@ pub const TABLE: &[Row] = &[
         ],
         ..row("validate")
     },
-    // Ends by itself. All other tests of it are in tests/virtual_board.rs.
+    // Ends by itself. All other tests of it are in `virtual_board`.
     Row {
         #[cfg(feature = "chip")]
         good: &[&["--seconds", "0.2", "--link", "virtual"]],

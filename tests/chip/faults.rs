@@ -1,10 +1,8 @@
-//! Every half-broken encoder in every closed loop on the simulated chip: the drive is off before it can run away, and
-//! without a fault it stays on. `--ignored --nocapture every_fault` runs all combinations and writes `docs/reference/safety.md`;
-//! what the suite runs is every ninth of them.
+//! Every half-broken encoder in every closed loop on the simulated chip. The drive is off before it can run away;
+//! without a fault it stays on. `--ignored --nocapture every_fault` runs all combinations and writes
+//! `docs/reference/safety.md`; what the suite runs is every ninth of them.
 
-mod common;
-
-use common::Uno;
+use crate::common::Uno;
 use host_sim::plant::Bridge;
 use motorbench_chip::EncoderFault;
 use motorbench_core::message::Trip;
@@ -204,8 +202,8 @@ fn a_draw_of_all_faults_switches_the_drive_off_in_time() {
     check(&cases, &outcomes);
 }
 
-/// What a sound motor may do near standstill: creep at 1 rpm in its friction, hold a position against a load that changes
-/// its sign, be turned back by a load for a moment.
+/// What a sound motor may do near standstill: creep at 1 rpm in its friction, or hold a position against a load that
+/// changes its sign. A load may turn it back for a moment.
 #[test]
 fn motion_near_standstill_is_no_fault() {
     let runs_on = |what: &str, orders: &[&str], loads: &dyn Fn(usize) -> f64| {

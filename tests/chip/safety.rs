@@ -1,8 +1,6 @@
 //! Every trip provoked on the chip: it comes, in how many milliseconds, and the bridge is off.
 
-mod common;
-
-use common::Uno;
+use crate::common::Uno;
 use host_sim::plant::Bridge;
 use motorbench_chip::{EncoderFault, SensorFault, registers};
 use motorbench_core::message::{State, Trip};
@@ -294,8 +292,8 @@ fn a_lost_host_trips() {
     assert!(tripped.tick - before <= 260 && !tripped.state.has(State::ENABLED));
 }
 
-/// A listing of the settings takes longer than the host may be silent: what it says meanwhile counts when it comes, and
-/// a host that is gone is missed in time.
+/// A listing of the settings takes longer than the host may be silent. What the host says meanwhile counts when it
+/// comes. A host that is gone is missed in time.
 #[test]
 fn a_host_is_heard_and_missed_while_a_reply_is_written() {
     for goes_on in [true, false] {

@@ -1,8 +1,8 @@
-//! The thesis experiment end to end: given an Uno with the real firmware and a motor with friction behind an L293D, the
-//! motor is identified over the serial line, PID and LQR are designed from what was found, run in the firmware, and the
+//! The thesis experiment end to end, on an Uno with the real firmware and a motor with friction behind an L293D. The
+//! motor is identified over the serial line. PID and LQR are designed from the result and run in the firmware. The
 //! simulation says beforehand what they do.
 
-#[path = "thesis/mod.rs"]
+#[path = "../thesis/mod.rs"]
 mod set_up;
 
 use host_sim::plant::DcMotorParameters;

@@ -1,8 +1,6 @@
 //! The firmware on the simulated chip, with a motor attached: it holds what it is told to hold.
 
-mod common;
-
-use common::Uno;
+use crate::common::Uno;
 use motorbench_core::message::{State, Trip};
 
 /// How a step was answered: what the firmware reports and what the shaft does must tell the same.

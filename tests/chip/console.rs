@@ -1,8 +1,6 @@
 //! The console on the chip: what it refuses, and settings that outlive a power cut.
 
-mod common;
-
-use common::Uno;
+use crate::common::Uno;
 use motorbench_core::message::State;
 use motorbench_core::protocol::Frame;
 

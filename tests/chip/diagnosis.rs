@@ -1,9 +1,8 @@
-//! What is hidden in a bench is found in what the firmware records of it over its serial port: the real program on the
-//! simulated chip, its PWM switching the bridge, its interrupts counting the encoder, its converter reading the current.
+//! What is hidden in a bench is found in what the firmware records of it over its serial port. The real program runs on
+//! the simulated chip. Its PWM switches the bridge, its interrupts count the encoder, its converter reads the current.
+//! The suite takes an effect of the angle, of the winding and of the shaft. `scripts/trials chip` takes all twelve.
 
-mod common;
-
-use common::Uno;
+use crate::common::Uno;
 use hidden_effects::{Effect, LiveBench, Recipe, Switch, Truth};
 use host_sim::plant::{Bridge, Inputs, Plant};
 use motorbench_chip::Rig;
@@ -129,16 +128,19 @@ fn a_torque_that_depends_on_the_angle() {
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn a_drag() {
     assert_found(2, Effect::QuadraticDrag);
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn a_load_that_comes() {
     assert_found(3, Effect::LoadStep);
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn a_soft_supply() {
     assert_found(4, Effect::SupplySag);
 }
@@ -149,26 +151,31 @@ fn a_winding_that_heats() {
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn friction_that_warms_up() {
     assert_found(6, Effect::FrictionWarmup);
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn a_sticking_friction() {
     assert_found(7, Effect::StribeckFriction);
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn an_unbalance() {
     assert_found(8, Effect::GravityUnbalance);
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn a_soft_shaft() {
     assert_found(9, Effect::ShaftCompliance);
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn a_weight() {
     assert_found(10, Effect::LoadTorque);
 }
@@ -179,6 +186,7 @@ fn backlash() {
 }
 
 #[test]
+#[ignore = "`scripts/trials chip`"]
 fn asymmetry() {
     assert_found(12, Effect::FrictionAsymmetry);
 }

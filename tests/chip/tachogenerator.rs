@@ -1,9 +1,7 @@
-//! The studies' stand on the real firmware: given an Uno whose encoder is unplugged and a motor with friction behind an
-//! L293D, whose speed a tachogenerator with ripple tells, PID and LQR as designed for it do what the simulated loop does.
+//! The studies' stand on the real firmware. The Uno's encoder is unplugged, and the motor has friction behind an L293D.
+//! A tachogenerator with ripple measures its speed. PID and LQR designed for it do what the simulated loop does.
 
-mod common;
-
-use common::Uno;
+use crate::common::Uno;
 use host_sim::figures::{Figures, step_figures};
 use host_sim::plant::ModelPlant;
 use host_sim::scenario::reference::{Course, Reference};

@@ -1,7 +1,7 @@
 //! The control loop on the chip and the same control loop on the host: same inputs, same outputs, bit for bit.
 //!
-//! Given a run of the firmware with a motor attached, its inputs and requests are read from the chip's memory tick by
-//! tick; the host's copy of the core gets them and must produce every sample the chip sent over its serial line.
+//! The firmware runs with a motor attached, and its inputs and requests are read from the chip's memory tick by tick.
+//! The host's copy of the core gets them. It must produce every sample that the chip sent over its serial line.
 
 use host_sim::plant::{DcMotor, DcMotorParameters};
 use motorbench_chip::{Bench, Rig, firmware_elf};

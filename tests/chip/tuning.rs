@@ -1,6 +1,6 @@
-//! Tuning without a model, on the real firmware: given an Uno with a motor that has friction, breakaway friction and a
-//! bridge that loses voltage, relay and step experiments over its serial line give gains that hold a speed, and refuse
-//! where friction is all that they would measure.
+//! Tuning without a model, on the real firmware. The motor has friction and breakaway friction, and its bridge loses
+//! voltage. Relay and step experiments over the serial line give gains that hold a speed. They refuse where they would
+//! measure nothing but friction.
 
 use host_sim::plant::ModelPlant;
 use motorbench_chip::{Bench, ChipBoard, Rig, firmware_elf};

@@ -1,9 +1,7 @@
-//! What the firmware costs on the chip stays within its bounds: the goals, or where one proved out of reach, what was
-//! reached (docs/reference/benchmarks.md says what takes the time). The figures themselves: `cargo bench --features chip --bench firmware`.
+//! What the firmware costs on the chip stays within its bounds. A bound is the goal, or what was reached where the goal
+//! was not (docs/reference/benchmarks.md). The figures themselves: `cargo bench --features chip --bench firmware`.
 
-mod common;
-
-use common::{Uno, figures};
+use crate::common::{Uno, figures};
 use motorbench_board::pins::{CURRENT_SENSE, SUPPLY_SENSE};
 use motorbench_chip::Sample;
 use motorbench_chip::registers::vector;
@@ -29,8 +27,8 @@ fn interrupts_are_short_and_come_on_time() {
     assert!(interrupts.tick_jitter_cycles <= 120, "{}", interrupts.tick_jitter_cycles);
 }
 
-/// A start from saved settings takes longer than one from the defaults: the last conversion of a round, the supply's, comes
-/// before each tick all the same.
+/// A start from saved settings takes longer than one from the defaults. The last conversion of a round, the supply's,
+/// comes before each tick all the same.
 #[test]
 fn a_round_of_conversions_ends_with_each_tick() {
     for mut uno in started_from_defaults_and_from_saved_settings() {
@@ -85,8 +83,8 @@ fn it_fits_the_uno() {
     assert!(memory.flash <= 32_256 && memory.static_ram <= 1024 && memory.stack_free >= 256);
 }
 
-/// What rig files of recordings say: when a voltage follows the tick that records it, and of when its mean current is,
-/// however long the start has taken.
+/// What rig files of recordings say holds however long the start has taken: when a voltage follows its tick, and of
+/// when its mean current is.
 #[test]
 fn a_recording_is_of_the_times_that_its_rig_file_says() {
     for mut uno in started_from_defaults_and_from_saved_settings() {
