@@ -114,6 +114,12 @@ impl Format {
         if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"\xd0\xcf\x11\xe0") {
             return if by_ending == Some(Self::Npz) { Self::Npz } else { Self::Spreadsheet };
         }
+        // An object on each line is a table; SysId's file is one object.
+        let lines = bytes.split(|byte| *byte == b'\n').take(2);
+        let objects = lines.filter(|line| line.trim_ascii_start().starts_with(b"{\"")).count();
+        if by_ending == Some(Self::Sysid) && objects == 2 {
+            return Self::Csv;
+        }
         by_ending.unwrap_or(Self::Csv)
     }
 }

@@ -1,5 +1,5 @@
 //! Lines of names and values, as serial plotters take them: `speed:12.5,current:0.3`, `Speed: 12.5 rad/s`,
-//! and Teleplot's `>speed:1709305190123:12.5`.
+//! Teleplot's `>speed:1709305190123:12.5`, and an object of JSON on each line.
 
 use super::cells::{Notation, number};
 use super::lines::Line;
@@ -25,6 +25,30 @@ pub fn read(lines: &[Line<'_>]) -> Option<Content> {
 
 /// The pairs of a line; `None` if there is something else in it.
 fn pairs(line: &str) -> Option<Vec<Pair<'_>>> {
+    line.strip_prefix('{').map_or_else(|| pairs_of_words(line), pairs_of_json)
+}
+
+/// The pairs of an object in JSON on one line, without its first brace. Objects in it are no pairs.
+fn pairs_of_json(line: &str) -> Option<Vec<Pair<'_>>> {
+    let inside = line.trim_end_matches(',').trim_end().strip_suffix('}')?;
+    fn pair(text: &str) -> Option<Pair<'_>> {
+        let (name, value) = text.split_once("\":")?;
+        Some((name.trim().strip_prefix('"')?, self::value(value.trim().trim_matches('"'))?))
+    }
+    // A comma before a name separates; one in a name does not.
+    let mut found = Vec::new();
+    let mut rest = inside;
+    while !rest.trim().is_empty() {
+        let value = rest.find("\":")?;
+        let end = rest[value..].find(',').map_or(rest.len(), |comma| value + comma);
+        found.push(pair(&rest[..end])?);
+        rest = rest.get(end + 1..).unwrap_or_default();
+    }
+    (!found.is_empty()).then_some(found)
+}
+
+/// The pairs of a line as serial plotters read it.
+fn pairs_of_words(line: &str) -> Option<Vec<Pair<'_>>> {
     let mut rest = line.trim_start_matches('>').trim();
     let mut found = Vec::new();
     while !rest.is_empty() {
