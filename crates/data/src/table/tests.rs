@@ -90,6 +90,16 @@ fn names_and_values_in_each_line() {
     ] {
         assert_is_it(&read(&text, &SKETCH).unwrap_or_else(|why| panic!("{what}: {why}")), 200, what);
     }
+    // A unit in the line counts like one in a header.
+    let said = lines(200, |ms, pwm, rpm, ma| format!("t = {ms} ms | pwm = {pwm} | speed = {rpm} rpm | I = {ma}mA"));
+    assert_is_it(&read(&said, &["pwm=duty/255", "speed=rpm", "I=i_A"]).unwrap(), 200, "units");
+    let another = said.replacen("= -93mA", "= -0.093 A", 1);
+    let found = read(&another, &["pwm=duty/255", "speed=rpm", "I=i_A"]).unwrap();
+    assert!(
+        found.len() == 199 && found.notes.iter().any(|note| note.contains("the unit of I is \"A\"")),
+        "{:?}",
+        found.notes
+    );
     let teleplot = lines(200, |ms, pwm, rpm, ma| format!(">pwm:{ms}:{pwm}\n>rpm:{ms}:{rpm}\u{a7}rpm|g\n>mA:{ms}:{ma}"));
     assert_is_it(&read(&teleplot, &SKETCH[1..]).unwrap(), 200, "teleplot");
     // The stream of this project's firmware has no times: its rate gives them.
