@@ -6,6 +6,7 @@
 mod csv;
 mod mat;
 mod mat73;
+mod mat_objects;
 mod numpy;
 mod plotjuggler;
 mod spreadsheet;
