@@ -15,6 +15,7 @@ use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, 
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Drive, Model, Term};
 use nalgebra::{DMatrix, DVector};
+pub use fits::Fits;
 use search::Search;
 use sensitivities::Sensitivities;
 pub use speed_window::with_window_settled;
@@ -22,6 +23,7 @@ use std::sync::OnceLock;
 pub use torque_scale::{is_unknown as has_unknown_torque_scale, scales_all as scales_all_torques};
 pub use uncertainty::{Derived, Uncertainty};
 
+mod fits;
 mod search;
 mod sensitivities;
 mod speed_window;
@@ -369,6 +371,8 @@ pub struct Fit {
     residual: Vec<f64>,
     /// Step size of the simulations for the sensitivities.
     steps: Steps,
+    /// Whether it ended because it could not reach [`Effort::useless_above`].
+    is_given_up: bool,
     /// The sensitivities and the inverse of their normal matrix, computed when needed.
     sensitivities: OnceLock<(Sensitivities, DMatrix<f64>)>,
 }
@@ -378,12 +382,17 @@ pub struct Fit {
 /// The time of an event (the only constants with a [`spacing`](motorbench_model::catalogue::Search::spacing)) is read
 /// from all the data: if it lies in a held-out stretch, the other data do not contain it.
 pub fn fit(start: &Model, data: &Dataset, prior: &Prior, effort: Effort) -> Fit {
-    let (scales, replay) = (scales(&start.motor, data), Replay::new(data));
+    fit_in(&Replay::new(data), start, prior, effort)
+}
+
+/// The same where the command has been cut into steps already.
+fn fit_in(replay: &Replay, start: &Model, prior: &Prior, effort: Effort) -> Fit {
+    let scales = scales(&start.motor, replay.data);
     let located = start.terms.iter().enumerate().find_map(|(term, Term { effect, .. })| {
         let (index, spacing) = effect.spacing(&scales)?;
-        Some(located(start, &replay, term, index, spacing))
+        Some(located(start, replay, term, index, spacing))
     });
-    Search::new(located.as_ref().unwrap_or(start), &replay, prior).run(effort)
+    Search::new(located.as_ref().unwrap_or(start), replay, prior).run(effort)
 }
 
 /// The model with the constant, within half a spacing, at which the sum of all squares is least, held-out data
@@ -586,11 +595,10 @@ impl Fit {
     }
 
     /// Expected gain of each effect outside the model (score test; Rao 1948), with its best start, best first.
-    pub fn promises(&self, data: &Dataset, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
-        let replay = Replay::new(data);
-        let base = Base::new(&self.model, &replay, Steps::Coarse);
+    pub fn promises(&self, replay: &Replay, scales: &Scales, excluded: &[&str]) -> Vec<Promise> {
+        let base = Base::new(&self.model, replay, Steps::Coarse);
         // Computed before the threads start: otherwise they would wait for each other.
-        self.sensitivities(data);
+        self.sensitivities(replay.data);
         let candidates: Vec<(usize, Vec<f64>)> = CATALOGUE
             .iter()
             .enumerate()

@@ -9,7 +9,7 @@ use super::data_sheet::{doubts, has_wrong_values, is_implausible};
 use super::judge::{AS_GOOD, Gain, NOT_NOISE, above_floor, gain};
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
-use crate::identify::{Effort, Fit, LEAST_PROMISE, Prior, Promise, fit, scales};
+use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, scales};
 pub(super) use backward::NAMED_SIGMAS;
 use forward::Lead;
 use maybe_rayon::prelude::*;
@@ -85,8 +85,9 @@ pub type Progress<'a> = &'a (dyn Fn(&str) + Sync);
 /// Selects the effects.
 pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progress) -> Selection {
     progress("linear motor");
-    let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
-    let chooser = Chooser { data, prior, excluded, progress };
+    let fits = Fits::new(data, prior);
+    let base = fits.fit(&Model::linear(prior.motor), Effort::FULL);
+    let chooser = Chooser { fits: &fits, data, prior, excluded, progress };
     let way = chooser.best_way(&base);
     let was_doubtful = chooser.is_doubtful(&way.0);
     let chosen = chooser.finished(&base, way);
@@ -102,7 +103,7 @@ pub fn select(data: &Dataset, prior: &Prior, excluded: &[&str], progress: Progre
 
 /// The rig file's motor with the effects that hardly any bench is without, fitted.
 pub(super) fn usual_model(data: &Dataset, prior: &Prior, excluded: &[&str]) -> Fit {
-    Chooser { data, prior, excluded, progress: &|_| () }.usual_model()
+    Chooser { fits: &Fits::new(data, prior), data, prior, excluded, progress: &|_| () }.usual_model()
 }
 
 /// The evidence for the effects of a model that was selected from other data.
@@ -114,12 +115,14 @@ pub fn anew_from(
     steps: Vec<Step>,
     progress: Progress,
 ) -> Selection {
-    let base = fit(&Model::linear(prior.motor), data, prior, Effort::FULL);
-    let (last, standings) = Chooser { data, prior, excluded, progress }.backward(found.clone());
+    let fits = Fits::new(data, prior);
+    let base = fits.fit(&Model::linear(prior.motor), Effort::FULL);
+    let (last, standings) = Chooser { fits: &fits, data, prior, excluded, progress }.backward(found.clone());
     Selection { base, steps, widest: found, last, standings }
 }
 
 struct Chooser<'a> {
+    fits: &'a Fits<'a>,
     data: &'a Dataset,
     prior: &'a Prior,
     excluded: &'a [&'a str],
@@ -188,7 +191,7 @@ impl Chooser<'_> {
 
     fn usual_model(&self) -> Fit {
         let model = self.with_usual(Model::linear(self.prior.motor), &scales(&self.prior.motor, self.data));
-        fit(&model, self.data, self.prior, Effort::AGAIN)
+        self.fits.fit(&model, Effort::AGAIN)
     }
 
     /// Whether two ways from far apart end with the same effects and nearly the same small rest: a third one hardly ends
@@ -217,17 +220,8 @@ impl Chooser<'_> {
         (doubts(self.data, self.prior, fit), has_wrong_values(self.prior, fit))
     }
 
-    /// What one fit gains over another. If an effect's term needs finer time steps, both models are simulated with
-    /// them, so that the steps gain nothing.
     fn gain(&self, before: &Fit, after: &Fit) -> Gain {
-        let step_s = [longest_step_s(&before.model), longest_step_s(&after.model)];
-        let at = |fit: &Fit, own_s: f64| {
-            let least_s = step_s[0].min(step_s[1]);
-            (least_s < own_s).then(|| read(&fit.model, self.data, drive(&fit.model, self.data, Steps::AtMost(least_s))))
-        };
-        let finer = [at(before, step_s[0]), at(after, step_s[1])];
-        let prediction = |fit: usize, own| finer[fit].as_ref().unwrap_or(own);
-        gain(self.data, prediction(0, &before.prediction), prediction(1, &after.prediction))
+        gain_over(self.data, before, after)
     }
 
     /// Effects that show in these channels.
@@ -237,7 +231,7 @@ impl Chooser<'_> {
 
     fn promises(&self, from: &Fit) -> Vec<Promise> {
         let scales = scales(&from.model.motor, self.data);
-        let mut promises = from.promises(self.data, &scales, self.excluded);
+        let mut promises = from.promises(&self.fits.replay, &scales, self.excluded);
         promises.retain(|promise| promise.gain > LEAST_PROMISE);
         promises
     }
@@ -248,7 +242,7 @@ impl Chooser<'_> {
             .map(|promise| {
                 let effect = CATALOGUE[promise.effect];
                 let starts = (&promise.other_starts).into_par_iter().chain([&promise.start]);
-                let fits = starts.map(|start| fit(&from.with(effect, start.clone()), self.data, self.prior, effort));
+                let fits = starts.map(|start| self.fits.fit(&from.with(effect, start.clone()), effort));
                 let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one start at least");
                 (effect.about().id, best)
             })
@@ -259,16 +253,16 @@ impl Chooser<'_> {
     /// Fits until nothing is gained, also from starting points where an effect may converge to a better solution.
     fn to_the_end(&self, mut last: Fit) -> Fit {
         last = self.or_other_laws(last, |_| true);
-        last = fit(&last.model, self.data, self.prior, Effort::FULL);
+        last = self.fits.fit(&last.model, Effort::FULL);
         for index in 0..last.model.terms.len() {
             let Term { effect, values } = &last.model.terms[index];
             let others = effect
                 .elsewhere(values, &scales(&last.model.motor, self.data))
                 .into_par_iter()
-                .map(|values| fit(&last.model.with_values(index, values), self.data, self.prior, Effort::TRIAL));
+                .map(|values| self.fits.fit(&last.model.with_values(index, values), Effort::TRIAL));
             let best = others.min_by(|a, b| a.cost.total_cmp(&b.cost));
             if let Some(better) = best.filter(|best| best.cost < last.cost) {
-                last = fit(&better.model, self.data, self.prior, Effort::FULL);
+                last = self.fits.fit(&better.model, Effort::FULL);
             }
         }
         last
@@ -285,9 +279,9 @@ impl Chooser<'_> {
             }
             let laws = others
                 .into_par_iter()
-                .map(|values| fit(&found.model.with_values(index, values), self.data, self.prior, Effort::NONE));
+                .map(|values| self.fits.fit(&found.model.with_values(index, values), Effort::NONE));
             let near = laws.filter(|fit| fit.cost < NEAR * found.cost);
-            let mut fits: Vec<Fit> = near.map(|near| fit(&near.model, self.data, self.prior, Effort::TRIAL)).collect();
+            let mut fits: Vec<Fit> = near.map(|near| self.fits.fit(&near.model, Effort::TRIAL)).collect();
             fits.push(found);
             fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let as_good = (0..fits.len()).filter(|law| is_same(&self.gain(&fits[*law], &fits[0])));
@@ -311,13 +305,26 @@ impl Chooser<'_> {
             return found;
         }
         let model = Model { motor: self.prior.motor, terms: found.model.terms.clone() };
-        let other = fit(&model, self.data, self.prior, Effort::TRIAL);
+        let other = self.fits.fit(&model, Effort::TRIAL);
         if other.cost < found.cost { other } else { found }
     }
 
     fn is_implausible(&self, fit: &Fit) -> bool {
         is_implausible(self.prior, fit)
     }
+}
+
+/// What one fit gains over another. If an effect's term needs finer time steps, both models are simulated with them, so
+/// that the steps gain nothing.
+fn gain_over(data: &Dataset, before: &Fit, after: &Fit) -> Gain {
+    let step_s = [longest_step_s(&before.model), longest_step_s(&after.model)];
+    let at = |fit: &Fit, own_s: f64| {
+        let least_s = step_s[0].min(step_s[1]);
+        (least_s < own_s).then(|| read(&fit.model, data, drive(&fit.model, data, Steps::AtMost(least_s))))
+    };
+    let finer = [at(before, step_s[0]), at(after, step_s[1])];
+    let prediction = |fit: usize, own| finer[fit].as_ref().unwrap_or(own);
+    gain(data, prediction(0, &before.prediction), prediction(1, &after.prediction))
 }
 
 /// Whether a model is no better than the other.

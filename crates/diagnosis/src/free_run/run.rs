@@ -4,7 +4,7 @@ use super::replay::{Cut, Piece};
 use super::{Motion, inertia_kg_m2};
 use crate::dataset::{Dataset, Stretch};
 use motorbench_data::rig;
-use motorbench_model::catalogue::{ActsOn, Balance, Effect, Instant};
+use motorbench_model::catalogue::{ActsOn, Balance, Coordinate, Effect, Instant};
 use motorbench_model::pwm_period::Ripple;
 use motorbench_model::{Input, LinearStep, Model, Term};
 use std::ops::Range;
@@ -35,6 +35,8 @@ pub(super) struct Run<'a> {
     lost_rad: f64,
     /// Error of that angle by the model's sensor.
     angle_sensor: Vec<&'a Term>,
+    /// Whether an effect depends on the angle of the shaft.
+    acts_by_angle: bool,
     /// Mean of the current since the sample before.
     mean_a: f64,
     /// Mean of the current since the sample before, less the mean of the two samples.
@@ -55,6 +57,7 @@ impl<'a> Run<'a> {
             values: &term.values,
             state: term.effect.begins(speed_rad_per_s),
         });
+        let acting: Vec<Acting> = acting.collect();
         let of_the_angle = model.terms.iter().filter(|term| term.effect.about().acts_on == [ActsOn::AngleSensor]);
         Self {
             model,
@@ -63,7 +66,8 @@ impl<'a> Run<'a> {
             range: stretch.rows.clone(),
             inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
             step: LinearStep::default(),
-            acting: acting.collect(),
+            acts_by_angle: acting.iter().any(|acting| acting.effect.about().shown.over == Coordinate::Angle),
+            acting,
             current_a,
             speed_rad_per_s,
             angle_rad: 0.0,
@@ -142,7 +146,7 @@ impl<'a> Run<'a> {
             open: matches!(input, Input::Current(_)),
             current_a,
             speed_rad_per_s: self.speed_rad_per_s,
-            angle_rad: self.shaft_rad(piece.angle_rad),
+            angle_rad: if self.acts_by_angle { self.shaft_rad(piece.angle_rad) } else { 0.0 },
             turned_rad: piece.turned_rad,
             step_s: piece.length_s,
         };

@@ -22,6 +22,7 @@ pub(super) struct Search<'a> {
     unknowns: Vec<Unknown>,
     at: Point,
     damping: f64,
+    is_given_up: bool,
 }
 
 /// The present point.
@@ -55,7 +56,7 @@ impl<'a> Search<'a> {
             let coordinate = unknown.get(&model);
             unknown.set(&mut model, coordinate);
         }
-        Self { replay, at: Point::new(model, replay, &unknowns), unknowns, damping: 1e-3 }
+        Self { replay, at: Point::new(model, replay, &unknowns), unknowns, damping: 1e-3, is_given_up: false }
     }
 
     pub fn run(mut self, effort: Effort) -> Fit {
@@ -69,6 +70,7 @@ impl<'a> Search<'a> {
             unknowns: self.unknowns,
             residual,
             steps: effort.sensitivities,
+            is_given_up: self.is_given_up,
             sensitivities: sensitivities.map_or_else(OnceLock::new, |found| {
                 let inverse = found.inverse();
                 OnceLock::from((found, inverse))
@@ -117,8 +119,8 @@ impl<'a> Search<'a> {
             }
             steps_left -= 1;
             let pace = gained.max(std::mem::replace(&mut gained_before, gained));
-            let is_useless = self.at.cost - steps_left as f64 * pace > effort.useless_above;
-            if steps_left == 0 || is_useless {
+            self.is_given_up = self.at.cost - steps_left as f64 * pace > effort.useless_above;
+            if steps_left == 0 || self.is_given_up {
                 return None;
             }
             if corrects && gained < FAR * before.cost {

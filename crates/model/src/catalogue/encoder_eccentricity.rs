@@ -31,12 +31,11 @@ impl Law for EncoderEccentricity {
     }
 
     fn ahead_rad(&self, values: &[f64], angle_rad: f64) -> f64 {
-        let ahead_rad = |angle_rad: f64| {
-            let (sine, cosine) = angle_rad.sin_cos();
-            values[0] * cosine + values[1] * sine
-        };
-        // The angle of the shaft in two steps: the reading is close to it.
-        ahead_rad(angle_rad - ahead_rad(angle_rad))
+        let (sine, cosine) = angle_rad.sin_cos();
+        let near_rad = values[0] * cosine + values[1] * sine;
+        // The shaft is behind the reading by so little that two terms of the series turn the wave back.
+        let slope = values[1] * cosine - values[0] * sine;
+        near_rad - near_rad * slope - 0.5 * near_rad * near_rad * near_rad
     }
 
     fn sense(&self, values: &[f64], at: &Sampling, _state: &mut [f64], readings: &mut Readings) {

@@ -1,7 +1,7 @@
 //! Backward: drops effects without evidence, and replaces an effect by a better rival.
 
 use super::winding::looks_like_inductance;
-use super::{Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same};
+use super::{Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, gain_over, has_evidence, is_same};
 use crate::dataset::{Dataset, Measured};
 use crate::diagnose::data_sheet::squared_deviations;
 use crate::diagnose::judge::{NOT_NOISE, evidence_nats, sigmas_together};
@@ -146,7 +146,7 @@ impl Chooser<'_> {
     /// The model without one of its effects. Without a current, friction and drop take the same volts at any speed: there the
     /// fit also starts from another effect that has taken over.
     fn without(&self, current: &Fit, id: &str) -> Fit {
-        let without = fit(&current.model.without(id), self.data, self.prior, Effort::CHECK);
+        let without = self.fits.fit(&current.model.without(id), Effort::CHECK);
         if self.data.current().is_some() {
             return without;
         }
@@ -157,7 +157,7 @@ impl Chooser<'_> {
             let mut model = current.model.without(id);
             let taking = model.terms.iter_mut().find(|other| other.id() == term.id())?;
             taking.values.iter_mut().zip(more).for_each(|(value, more)| *value += more);
-            Some(fit(&model, self.data, self.prior, Effort::CHECK))
+            Some(self.fits.fit(&model, Effort::CHECK))
         });
         taken_over.fold(without, |best, other| if other.cost < best.cost { other } else { best })
     }
@@ -179,7 +179,7 @@ impl Chooser<'_> {
     fn sigmas_on_all(&self, current: &Fit, without: &Fit, on_held_out: &Gain) -> f64 {
         let on_other = |data: Dataset| {
             let anew = |found: &Fit| fit(&found.model, &data, self.prior, Effort::AGAIN);
-            Chooser { data: &data, ..*self }.gain(&anew(without), &anew(current))
+            gain_over(&data, &anew(without), &anew(current))
         };
         let mut parts: Vec<Gain> = self.data.with_others_held_out().map(on_other).collect();
         parts.push(on_held_out.clone());
@@ -200,7 +200,7 @@ impl Chooser<'_> {
             let mut values = term.values.clone();
             values[index] = *other;
             let other = without.model.with(term.effect, values);
-            fit(&other, self.data, self.prior, Effort::CHECK.useless_above(as_well)).cost < as_well
+            self.fits.fit(&other, Effort::CHECK.useless_above(as_well)).cost < as_well
         };
         let as_good = (&looked_at).into_par_iter().filter(|other| does_as_well(other)).count();
         2 * as_good <= looked_at.len()
@@ -211,7 +211,7 @@ impl Chooser<'_> {
         let term = current.model.term(id).expect("one of its own terms");
         let others = term.effect.similar_laws(&term.values, &scales(&current.model.motor, self.data));
         others.into_iter().all(|(other, values)| {
-            let other = fit(&without.model.with(other, values), self.data, self.prior, Effort::CHECK);
+            let other = self.fits.fit(&without.model.with(other, values), Effort::CHECK);
             self.gain(current, &other).sigmas < OTHER_LAW_SIGMAS
         })
     }
@@ -270,7 +270,7 @@ impl Chooser<'_> {
         let looks_alike = |effect: &'static dyn Effect| {
             let beside_found = model.without(id).with(effect, effect.instead_of(id, values)?);
             let beside_nominal = Model { motor: self.prior.motor, terms: beside_found.terms.clone() };
-            let fits = [beside_found, beside_nominal].map(|start| fit(&start, self.data, self.prior, effort));
+            let fits = [beside_found, beside_nominal].map(|start| self.fits.fit(&start, effort));
             let best = fits.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
             best.map(|best| (effect.about().id, best))
         };

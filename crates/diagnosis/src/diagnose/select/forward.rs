@@ -2,7 +2,7 @@
 
 use super::{Chooser, Gain, MOST_EFFECTS, Step, Way, has_evidence};
 use crate::diagnose::judge::{NOT_NOISE, above_floor, above_noise};
-use crate::identify::{Effort, Fit, fit, scales};
+use crate::identify::{Effort, Fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{ActsOn, CATALOGUE, Effect, Scales, USUAL};
 use motorbench_model::{Model, Term};
@@ -45,7 +45,7 @@ impl Chooser<'_> {
             if chosen.is_none()
                 && let Some(best) = fits.first_mut().filter(|best| best.cost < NOT_THERE_YET * current.cost)
             {
-                *best = fit(&best.model, self.data, self.prior, Effort::FULL);
+                *best = self.fits.fit(&best.model, Effort::FULL);
                 chosen = significant(&fits[..1]);
             }
             if chosen.is_none() && above_floor(self.data, &current) > NOT_NOISE {
@@ -96,7 +96,7 @@ impl Chooser<'_> {
         });
         let models: Vec<Model> = starts.map(|(effect, start)| current.model.with(effect, start)).collect();
         let effort = Effort::TRIAL.useless_above(current.cost);
-        models.into_par_iter().map(|model| fit(&model, self.data, self.prior, effort)).collect()
+        models.into_par_iter().map(|model| self.fits.fit(&model, effort)).collect()
     }
 
     fn first_with_evidence(&self, current: &Fit, fits: &[Fit]) -> Option<(usize, Gain)> {
@@ -117,7 +117,7 @@ impl Chooser<'_> {
             let bare = models.clone().into_iter().chain([nominal]);
             models.extend(bare.map(|model| self.with_usual(model, &scales)));
         }
-        models.into_par_iter().map(|model| fit(&model, self.data, self.prior, effort)).collect()
+        models.into_par_iter().map(|model| self.fits.fit(&model, effort)).collect()
     }
 
     /// Another start, if the way from the linear fit failed or gave an implausible motor. From the nominal motor, each
@@ -132,8 +132,8 @@ impl Chooser<'_> {
         let beginnings = [usual(nominal.clone())].into_iter().chain(changed.iter().cloned());
         let starts = beginnings.flat_map(|from| {
             // Of an effect with alternative laws, the one that promises most.
-            let from = fit(&from, self.data, self.prior, Effort::NONE);
-            let promises = from.promises(self.data, &scales, self.excluded);
+            let from = self.fits.fit(&from, Effort::NONE);
+            let promises = from.promises(&self.fits.replay, &scales, self.excluded);
             let promised = promises
                 .into_iter()
                 .map(|promise| (from.cost - promise.gain, from.model.with(CATALOGUE[promise.effect], promise.start)));
@@ -146,7 +146,7 @@ impl Chooser<'_> {
         // From so far away a trial fit does not converge, and with many effects at once it does not come near.
         let whole = changed.into_iter().map(usual);
         let last: Vec<Model> = [best(fits)?.model].into_iter().chain(whole).collect();
-        let last = last.into_par_iter().map(|model| fit(&model, self.data, self.prior, Effort::AGAIN)).collect();
+        let last = last.into_par_iter().map(|model| self.fits.fit(&model, Effort::AGAIN)).collect();
         let best = best(last)?;
         let step = Step::new(base, &best, self.gain(base, &best));
         Some((best, step))
@@ -160,7 +160,7 @@ impl Chooser<'_> {
         for batch in starts.chunks(AT_A_TIME) {
             let least = fits.iter().map(|fit| fit.cost).fold(f64::INFINITY, f64::min);
             let effort = Effort::TRIAL.useless_above(least);
-            let fitted = batch.into_par_iter().map(|(_, model)| fit(model, self.data, self.prior, effort));
+            let fitted = batch.into_par_iter().map(|(_, model)| self.fits.fit(model, effort));
             fits.extend(fitted.collect::<Vec<_>>());
         }
         fits
@@ -179,7 +179,7 @@ impl Chooser<'_> {
             .flat_map(|effect| changed.iter().map(move |model| model.with_start(effect, &scales)))
             .collect();
         let fits = changed.into_iter().chain(besides).collect::<Vec<_>>().into_par_iter();
-        fits.map(|model| fit(&model, self.data, self.prior, Effort::FULL)).min_by(|a, b| a.cost.total_cmp(&b.cost))
+        fits.map(|model| self.fits.fit(&model, Effort::FULL)).min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
     /// An effect that fits any course over time and still leaves more than noise: a change at some moment is the first

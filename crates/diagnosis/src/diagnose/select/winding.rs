@@ -20,7 +20,7 @@ impl Chooser<'_> {
         let fits = like_it.map(|(effect, values)| {
             let mut model = found.model.with(effect, values);
             model.motor.inductance_h -= excess_h;
-            self.or_other_laws(fit(&model, self.data, self.prior, Effort::FULL), |term| term.id() == effect.about().id)
+            self.or_other_laws(self.fits.fit(&model, Effort::FULL), |term| term.id() == effect.about().id)
         });
         let has_the_winding = fits.filter(|other| self.excessive_inductance_h(other).is_none());
         match has_the_winding.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
@@ -36,7 +36,7 @@ impl Chooser<'_> {
             return found;
         }
         let held = self.with_nominal_inductance(&found);
-        let other = fit(&held.model, self.data, self.prior, Effort::FULL);
+        let other = self.fits.fit(&held.model, Effort::FULL);
         let other = self.or_other_laws(other, |term| looks_like_inductance(term.id()));
         if other.cost < found.cost { other } else { found }
     }
