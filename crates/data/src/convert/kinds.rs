@@ -255,7 +255,7 @@ fn signals_of_matlab_objects_have_their_names() {
     let inside = [vec![0, 1, b'I', b'M', 0, 0, 0, 0], array(1, [cells.len() as u32, 1], "", &cells.concat())].concat();
     let workspace = array(9, [1, inside.len() as u32], "", &element(2, &inside));
     let names = ["input signal=u_V", "Motor Angular Velocity=omega_rad_per_s"];
-    let found = read_as(Format::Mat, &matlab(&[workspace.clone()]), &names).unwrap();
+    let found = read_as(Format::Mat, &matlab(std::slice::from_ref(&workspace)), &names).unwrap();
     assert_eq!((values(&found, Channel::Voltage), values(&found, Channel::Speed)), (&volts[..], &speed[..]));
     assert!((values(&found, Channel::Time)[39] - 0.0195).abs() < 1e-12);
     // Beside a vector they are columns like it.

@@ -189,6 +189,11 @@ impl<'a> Reader<'a> {
         Reader { at: element.at, bytes: &self.bytes[..element.at + element.data.len()], ..*self }
     }
 
+    /// All elements from here to the end, or to the first that is damaged.
+    pub fn elements(&mut self) -> Vec<Element<'a>> {
+        std::iter::from_fn(|| self.element().ok()).collect()
+    }
+
     /// Whether the numbers begin with their highest byte.
     pub fn big_endian(&self) -> bool {
         self.big_endian

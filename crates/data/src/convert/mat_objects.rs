@@ -115,10 +115,7 @@ impl<'a> Objects<'a> {
             CLASS_CELL | CLASS_STRUCTURE => {
                 let names =
                     if head.class == CLASS_STRUCTURE { inside.field_names().unwrap_or_default() } else { Vec::new() };
-                let mut elements = Vec::new();
-                while let Ok(element) = inside.element() {
-                    elements.push(element);
-                }
+                let elements = inside.elements();
                 // A field of that name says how the ones beside it are called.
                 let place = names.iter().position(|name| name == "Name");
                 let said = place.and_then(|place| {
@@ -174,23 +171,14 @@ impl<'a> Objects<'a> {
 
 /// The cells with the objects: the first array of cells.
 fn cells(mut reader: Reader<'_>, depth: usize) -> Option<Vec<Element<'_>>> {
-    while depth <= DEEPEST {
-        let element = reader.element().ok()?;
-        if element.kind != MATRIX {
-            continue;
-        }
-        let mut inside = reader.inside(&element);
-        let Ok(head) = inside.head() else { continue };
-        if head.class != CLASS_CELL {
-            return cells(inside, depth + 1);
-        }
-        let mut found = Vec::new();
-        while let Ok(cell) = inside.element() {
-            found.push(cell);
-        }
-        return Some(found);
+    if depth > DEEPEST {
+        return None;
     }
-    None
+    let is_array = |element: &Element<'_>| element.kind == MATRIX;
+    let element = reader.elements().into_iter().find(is_array)?;
+    let mut inside = reader.inside(&element);
+    let head = inside.head().ok()?;
+    if head.class == CLASS_CELL { Some(inside.elements()) } else { cells(inside, depth + 1) }
 }
 
 /// Where the parts of the bytes begin: classes, properties of the one kind, objects, properties of the other, the end.
