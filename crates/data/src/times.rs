@@ -146,7 +146,10 @@ fn evenly_spaced(mended: &mut Mended, run: std::ops::Range<usize>) -> Option<()>
     let (start_s, step_s) = line(&stamps);
     let even = |index: usize| start_s + step_s * index as f64;
     let off = stamps.iter().enumerate().map(|(index, stamp)| (stamp - even(index)).abs()).fold(0.0, f64::max);
-    if off > OFF_BY * clump_s {
+    // Between clumps the steps are long, within one they are short. Steps of every length are those of the rows.
+    let mean_s = steps.iter().sum::<f64>() / steps.len() as f64;
+    let between = steps.iter().filter(|step| (SHORT * mean_s..0.5 * clump_s).contains(*step)).count();
+    if off > OFF_BY * clump_s || between as f64 > CLUMPED * steps.len() as f64 {
         // Rows are missing, or they really came so. Only rows at one time are no samples.
         take_repeated_out(mended, &rows);
         return Some(());
@@ -243,6 +246,11 @@ mod tests {
         // Uneven, but in order.
         let uneven: Vec<f64> = (0..200).map(|row| f64::from(row) * 0.01 + f64::from(row % 7) * 0.001).collect();
         assert_eq!(mended(&uneven, 1.0), None);
+        // Steps of every length are no clumps, though some are short.
+        let steps_s = [0.5, 4.0, 1.2, 3.3, 0.4, 5.0, 2.1, 1.6, 4.4];
+        let any: Vec<f64> = (0..99).map(|row| steps_s.iter().cycle().take(row).sum()).collect();
+        assert!(is_clumped(&any));
+        assert_eq!(mended(&any, 1.0).unwrap(), Mended { time_s: any.clone(), kept: vec![true; 99], notes: Vec::new() });
         let falling: Vec<f64> = times(100, 0.01).into_iter().rev().collect();
         assert_eq!(mended(&falling, 1.0), None);
         assert_eq!(mended(&[0.0, 0.0], 1.0), None);

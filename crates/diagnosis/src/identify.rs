@@ -9,13 +9,13 @@
 
 use crate::dataset::{Dataset, greatest};
 use crate::free_run::{Motion, Prediction, Replay, Steps, drive, nudged, read};
-pub use fits::Fits;
 use maybe_rayon::prelude::*;
 use motorbench_data::rig::{Bridge, NominalMotor};
 use motorbench_model::catalogue::{Alone, Balance, CATALOGUE, Effect, Parameter, Scales, VOLTAGE_DROP};
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::{Drive, Model, Term};
 use nalgebra::{DMatrix, DVector};
+pub use fits::Fits;
 use search::Search;
 use sensitivities::Sensitivities;
 pub use speed_window::with_window_settled;
