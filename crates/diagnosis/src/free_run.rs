@@ -219,7 +219,7 @@ mod tests {
             ("current_offset", &[-0.3]),
             ("current_clipping", &[0.8]),
             ("encoder_eccentricity", &[0.02, 0.01]),
-            ("missed_counts", &[0.3, 50.0, 1.0, 0.0]),
+            ("missed_counts", &[0.3, 50.0, 1.0, 0.0, 0.0]),
         ];
         let with = |model: Model, (id, values): &(&str, &[f64])| model.with(effect(id).unwrap(), values.to_vec());
         let linear = || Model::linear(MotorParameters::PIVT6);

@@ -7,8 +7,12 @@ use motorbench_model::{Model, SAME_LENGTH_S};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Longest step for recordings at 200 Hz or more; slower ones take a tenth of their interval, at most the second value.
-const LONGEST_STEPS_S: [f64; 2] = [0.5e-3, 2e-3];
+/// Longest step for a recording of many rows; one with fewer takes a tenth of its interval, at most
+/// [`LONGEST_OF_SLOW_S`]. A step is exact but for terms that change within it.
+const LONGEST_S: f64 = 0.5e-3;
+/// The same where no current was measured: a shaft changes more slowly than a current.
+const LONGEST_WITHOUT_CURRENT_S: f64 = 1e-3;
+const LONGEST_OF_SLOW_S: f64 = 2e-3;
 /// A voltage change is a jump from this share of the supply on.
 const LEAP: f64 = 0.1;
 /// From this many standard deviations of the noise on, a first reading differs from zero.
@@ -68,6 +72,8 @@ struct Cutting {
     steps: Steps,
     /// Longest step that the terms of the model allow.
     longest_step_s: f64,
+    /// Longest step for many rows.
+    usual_step_s: f64,
     delay_s: f64,
     /// By how much the delay grows in each second of the recording.
     delay_growth: f64,
@@ -78,13 +84,14 @@ impl Cutting {
         Self {
             steps,
             longest_step_s: longest_step_s(model),
+            usual_step_s: if data.current().is_some() { LONGEST_S } else { LONGEST_WITHOUT_CURRENT_S },
             delay_s: model.delay_s() + data.origin.timing.command_delay_s.unwrap_or(0.0),
             delay_growth: model.delay_growth(),
         }
     }
 
     fn longest_step_s(&self, stretch: &Stretch) -> f64 {
-        let usual_step_s = (0.1 * stretch.interval_s).clamp(LONGEST_STEPS_S[0], LONGEST_STEPS_S[1]);
+        let usual_step_s = (0.1 * stretch.interval_s).clamp(self.usual_step_s, LONGEST_OF_SLOW_S);
         self.longest_step_s.min(match self.steps {
             Steps::Fine => usual_step_s,
             Steps::Coarse => 2.0 * usual_step_s,

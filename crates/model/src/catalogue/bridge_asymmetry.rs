@@ -48,4 +48,10 @@ impl Search for BridgeAsymmetry {
     fn starts(&self, _scales: &Scales) -> Vec<Vec<f64>> {
         [-0.1, 0.1].map(|share| vec![share]).to_vec()
     }
+
+    /// Counts that are lost one way make it slower that way as well.
+    fn instead_of(&self, id: &str, values: &[f64]) -> Option<Vec<f64>> {
+        let &[lost_share, .., one_way] = values else { return None };
+        (id == "missed_counts" && one_way != 0.0).then(|| vec![if one_way < 0.0 { -lost_share } else { lost_share }])
+    }
 }
