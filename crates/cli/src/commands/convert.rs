@@ -120,7 +120,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
     let name = arguments.source.display().to_string();
     let bytes = std::fs::read(&arguments.source)
         .map_err(|error| Failure::input(format!("{name}: {}", text_file::explained(&arguments.source, error))))?;
-    let from = arguments.from.unwrap_or_else(|| Format::of_content(&arguments.source, &bytes));
+    let from = match arguments.from.unwrap_or_else(|| Format::of_content(&arguments.source, &bytes)) {
+        Format::Csv => format(arguments.from, &arguments.source)?,
+        by_content => by_content,
+    };
     let dialect = Dialect { delimiter: arguments.delimiter, decimal_comma: arguments.decimal_comma };
     let converted = convert::read(&name, &bytes, from, &arguments.names, dialect).map_err(Failure::input)?;
     let dialect = Dialect { delimiter: arguments.to_delimiter, decimal_comma: arguments.to_decimal_comma };
