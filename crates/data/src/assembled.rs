@@ -62,6 +62,7 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
         recording.notes.push(note_on(&broken));
     }
     let command = command(&uses, &columns, rows);
+    let tick_s = uses.iter().find(|found| found.channel == Channel::Time).map_or(1.0, |found| found.factor);
     for Use { channel, term, factor, offset } in uses {
         let is_speed = matches!(channel, Channel::Speed | Channel::Rpm);
         let of_term = if is_speed { mapping::speeds } else { mapping::values };
@@ -75,7 +76,7 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
     }
     recording.notes.extend(content.notes);
     recording.leave_rows_without_time_out();
-    recording.mend_times();
+    recording.mend_times(tick_s);
     Ok(recording)
 }
 

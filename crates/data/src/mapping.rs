@@ -138,11 +138,12 @@ fn one(name: &str, names: &[&str]) -> Result<Option<usize>, String> {
     let bare = |full: &str| units::in_name(full).map_or(full.to_owned(), |(bare, _)| bare.to_owned());
     let equal = |full: &str| full.rsplit_once('#').map_or(full.to_owned(), |(name, _)| name.to_owned());
     let end = format!("/{name}");
-    let ways: [&dyn Fn(&str) -> bool; 5] = [
+    let ways: [&dyn Fn(&str) -> bool; 6] = [
         &|full| full == name,
         &|full| equal(full) == name,
         &|full| bare(full) == name || full.ends_with(&end) || bare(full).ends_with(&end),
         &|full| equal(last_part(full)) == name,
+        &|full| bare(last_part(full)) == name,
         &|full| full.eq_ignore_ascii_case(name),
     ];
     for is_it in ways {
@@ -160,10 +161,11 @@ fn one(name: &str, names: &[&str]) -> Result<Option<usize>, String> {
     Ok(number.map(|number| number - 1))
 }
 
-/// The part of a path after its last slash.
+/// The part of a path after its last slash, or without one after its last point: `/motor/speed`, `field.speed`.
 pub fn last_part(name: &str) -> &str {
     let whole = units::in_name(name).map_or(name, |(bare, _)| bare);
-    let start = whole.rfind('/').map_or(0, |slash| slash + 1);
+    let begins_a_name = |point: &usize| whole[point + 1..].starts_with(char::is_alphabetic);
+    let start = whole.rfind('/').or_else(|| whole.rfind('.').filter(begins_a_name)).map_or(0, |sign| sign + 1);
     &name[start..]
 }
 
@@ -275,6 +277,7 @@ mod tests {
         assert_eq!(found("/motor/speed"), Ok(Term::Column(0)));
         assert_eq!(found("rpm#2"), Ok(Term::Column(2)));
         assert_eq!(found("Time"), Ok(Term::Column(5)));
+        assert_eq!(resolved("pwm", &["time", "field.pwm", "field.rpm"]), Ok(Term::Column(1)));
         assert_eq!(found("3"), Ok(Term::Column(2)));
         assert_eq!(found("row"), Ok(Term::Row));
         assert_eq!(found("left/v*sign(speed)"), Ok(Term::Signed(3, 0)));

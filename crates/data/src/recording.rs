@@ -303,8 +303,8 @@ impl Recording {
     }
 
     /// Mends times that do not increase, where one explanation fits.
-    pub(crate) fn mend_times(&mut self) {
-        let Some(mended) = self.time_s().and_then(times::mended) else { return };
+    pub(crate) fn mend_times(&mut self, tick_s: f64) {
+        let Some(mended) = self.time_s().and_then(|time_s| times::mended(time_s, tick_s)) else { return };
         for values in self.columns.values_mut() {
             let mut kept = mended.kept.iter();
             values.retain(|_| *kept.next().expect("columns are equally long"));

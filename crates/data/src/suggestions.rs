@@ -76,6 +76,7 @@ fn likely(column: &Column) -> Option<(Channel, String)> {
 /// What brings times to seconds, by the usual step: rows are hardly a second apart.
 fn seconds(column: &Column) -> &'static str {
     match median(column.values.windows(2).map(|pair| pair[1] - pair[0])) {
+        step if step >= 1e6 => "/1000000000",
         step if step >= 1000.0 => "/1000000",
         step if step >= 0.5 => "/1000",
         _ => "",

@@ -35,13 +35,13 @@ pub struct Mended {
     pub notes: Vec<String>,
 }
 
-/// Mends times. `None` for those that need it not, or that nothing explains.
-pub fn mended(time_s: &[f64]) -> Option<Mended> {
+/// Mends times. `tick_s` is the unit in which the file counts. `None` for those that need it not, or that nothing explains.
+pub fn mended(time_s: &[f64], tick_s: f64) -> Option<Mended> {
     if time_s.windows(2).all(|pair| pair[1] > pair[0]) && !is_clumped(time_s) {
         return None;
     }
     let mut mended = Mended { time_s: time_s.to_vec(), kept: vec![true; time_s.len()], notes: Vec::new() };
-    let runs = forward(&mut mended)?;
+    let runs = forward(&mut mended, tick_s)?;
     for run in runs {
         evenly_spaced(&mut mended, run)?;
     }
@@ -67,7 +67,7 @@ impl Mended {
 }
 
 /// Continues counters that wrap, puts runs one after the other, and takes out rows out of order. Returns the runs.
-fn forward(mended: &mut Mended) -> Option<Vec<std::ops::Range<usize>>> {
+fn forward(mended: &mut Mended, tick_s: f64) -> Option<Vec<std::ops::Range<usize>>> {
     let time_s = mended.time_s.clone();
     let usual_s = median(time_s.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0));
     let (mut offset_s, mut wraps, mut after_s, mut starts) = (0.0, 0, "", vec![0]);
@@ -78,11 +78,11 @@ fn forward(mended: &mut Mended) -> Option<Vec<std::ops::Range<usize>>> {
         if step_s >= 0.0 {
             let is_glitch = step_s > LONGEST_STEP * usual_s
                 && time_s.get(row + 1).is_some_and(|next| *next < time_s[row] && *next > time_s[last]);
-            if is_glitch && wrapped(time_s[row + 1] - time_s[row], usual_s).is_none() {
+            if is_glitch && wrapped(time_s[row + 1] - time_s[row], usual_s, tick_s).is_none() {
                 mended.kept[row] = false;
                 continue;
             }
-        } else if let Some((period_s, unit)) = wrapped(step_s, usual_s) {
+        } else if let Some((period_s, unit)) = wrapped(step_s, usual_s, tick_s) {
             offset_s += period_s;
             (wraps, after_s, wrap_s) = (wraps + 1, unit, period_s);
         } else if goes_on(&time_s[row..]) && time_s[row + 1] < time_s[last] - LONGEST_STEP * usual_s {
@@ -110,8 +110,9 @@ fn forward(mended: &mut Mended) -> Option<Vec<std::ops::Range<usize>>> {
 }
 
 /// The period of the counter that explains a step back, and its name.
-fn wrapped(step_s: f64, usual_s: f64) -> Option<(f64, &'static str)> {
-    let counters = UNITS_S.into_iter().flat_map(|(unit_s, name)| BITS.map(|bits| (2_f64.powi(bits) * unit_s, name)));
+fn wrapped(step_s: f64, usual_s: f64, tick_s: f64) -> Option<(f64, &'static str)> {
+    let units = UNITS_S.into_iter().chain([(tick_s, "counts of the file's clock")]);
+    let counters = units.flat_map(|(unit_s, name)| BITS.map(|bits| (2_f64.powi(bits) * unit_s, name)));
     let periods = counters.chain([(DAY_S, "the clock of a day"), (0.5 * DAY_S, "the clock of half a day")]);
     let fits = periods.filter(|(period_s, _)| (0.0..=LONGEST_STEP * usual_s).contains(&(step_s + period_s)));
     fits.min_by(|a, b| (step_s + a.0 - usual_s).abs().total_cmp(&(step_s + b.0 - usual_s).abs()))
@@ -145,7 +146,10 @@ fn evenly_spaced(mended: &mut Mended, run: std::ops::Range<usize>) -> Option<()>
     let (start_s, step_s) = line(&stamps);
     let even = |index: usize| start_s + step_s * index as f64;
     let off = stamps.iter().enumerate().map(|(index, stamp)| (stamp - even(index)).abs()).fold(0.0, f64::max);
-    if off > OFF_BY * clump_s {
+    // Between clumps the steps are long, within one they are short. Steps of every length are those of the rows.
+    let mean_s = steps.iter().sum::<f64>() / steps.len() as f64;
+    let between = steps.iter().filter(|step| (SHORT * mean_s..0.5 * clump_s).contains(*step)).count();
+    if off > OFF_BY * clump_s || between as f64 > CLUMPED * steps.len() as f64 {
         // Rows are missing, or they really came so. Only rows at one time are no samples.
         take_repeated_out(mended, &rows);
         return Some(());
@@ -209,7 +213,7 @@ mod tests {
         ] {
             let step_s = if period < 1.0 { 0.01 } else { 0.02 };
             let wrapping: Vec<f64> = times(300, step_s).iter().map(|t_s| (period - 0.03 + t_s) % period).collect();
-            let found = mended(&wrapping).unwrap();
+            let found = mended(&wrapping, 1.0).unwrap();
             assert_even(&found, step_s);
             assert!(found.notes[0].contains(name), "{:?}", found.notes);
         }
@@ -218,7 +222,7 @@ mod tests {
     #[test]
     fn runs_after_a_reset_follow_one_another() {
         let twice = [times(100, 0.01), times(150, 0.01)].concat();
-        let found = mended(&twice).unwrap();
+        let found = mended(&twice, 1.0).unwrap();
         assert_eq!(found.time_s.len(), 250);
         assert!((found.time_s[100] - found.time_s[99] - PAUSE_S).abs() < 1e-9);
         assert!(found.notes[0].contains("starts again 1 times"), "{:?}", found.notes);
@@ -227,24 +231,29 @@ mod tests {
     #[test]
     fn clumps_are_spread() {
         let stamps: Vec<f64> = times(500, 0.01).iter().map(|t_s| (t_s / 0.016).ceil() * 0.016).collect();
-        let found = mended(&stamps).unwrap();
+        let found = mended(&stamps, 1.0).unwrap();
         assert!((found.time_s[499] - found.time_s[0] - 4.99).abs() < 0.01);
         assert!(found.time_s.windows(2).all(|pair| (pair[1] - pair[0] - 0.01).abs() < 1e-4));
         // Two rows in each millisecond.
         let found =
-            mended(&times(500, 0.0005).iter().map(|t_s| (t_s * 1e3).floor() * 1e-3).collect::<Vec<_>>()).unwrap();
+            mended(&times(500, 0.0005).iter().map(|t_s| (t_s * 1e3).floor() * 1e-3).collect::<Vec<_>>(), 1.0).unwrap();
         assert!(found.time_s.windows(2).all(|pair| (pair[1] - pair[0] - 0.0005).abs() < 1e-5));
     }
 
     #[test]
     fn what_nothing_explains_is_not_mended() {
-        assert_eq!(mended(&times(100, 0.01)), None);
+        assert_eq!(mended(&times(100, 0.01), 1.0), None);
         // Uneven, but in order.
         let uneven: Vec<f64> = (0..200).map(|row| f64::from(row) * 0.01 + f64::from(row % 7) * 0.001).collect();
-        assert_eq!(mended(&uneven), None);
+        assert_eq!(mended(&uneven, 1.0), None);
+        // Steps of every length are no clumps, though some are short.
+        let steps_s = [0.5, 4.0, 1.2, 3.3, 0.4, 5.0, 2.1, 1.6, 4.4];
+        let any: Vec<f64> = (0..99).map(|row| steps_s.iter().cycle().take(row).sum()).collect();
+        assert!(is_clumped(&any));
+        assert_eq!(mended(&any, 1.0).unwrap(), Mended { time_s: any.clone(), kept: vec![true; 99], notes: Vec::new() });
         let falling: Vec<f64> = times(100, 0.01).into_iter().rev().collect();
-        assert_eq!(mended(&falling), None);
-        assert_eq!(mended(&[0.0, 0.0]), None);
+        assert_eq!(mended(&falling, 1.0), None);
+        assert_eq!(mended(&[0.0, 0.0], 1.0), None);
     }
 
     #[test]
@@ -252,7 +261,7 @@ mod tests {
         for wrong in [1.0, 1e6] {
             let mut stamps = times(400, 0.01);
             stamps[300] = wrong;
-            let found = mended(&stamps).unwrap();
+            let found = mended(&stamps, 1.0).unwrap();
             assert_eq!((found.time_s.len(), found.kept[300]), (399, false), "{wrong}: {:?}", found.notes);
         }
     }

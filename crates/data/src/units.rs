@@ -40,8 +40,13 @@ pub fn named(text: &str) -> Option<&'static str> {
     NAMES.into_iter().find(|(_, names)| names.contains(&lower.as_str())).map(|(unit, _)| unit)
 }
 
-/// The unit in brackets at the end of a name, and the name without it: `speed [rpm]`, `Time (ms)`.
+/// The unit at the end of a name, and the name without it: `speed [rpm]`, `Time (ms)`, `CH1 in V`.
 pub fn in_name(name: &str) -> Option<(&str, &'static str)> {
+    if let Some((before, unit)) = name.rsplit_once(" in ").or_else(|| Some(("", name.strip_prefix("in ")?)))
+        && let Some(unit) = named(unit).filter(|unit| !unit.is_empty())
+    {
+        return Some((before.trim(), unit));
+    }
     let inside = name.strip_suffix([')', ']'])?;
     let (before, unit) = inside.rsplit_once(['(', '['])?;
     let unit = named(unit).filter(|unit| !unit.is_empty())?;
@@ -109,6 +114,10 @@ mod tests {
         );
         assert_eq!(in_name("/motor/speed[rad/s]"), Some(("/motor/speed", "rad/s")));
         assert_eq!((in_name("Time (ms)"), in_name("f(x)")), (Some(("Time", "ms")), None));
+        assert_eq!(
+            (in_name("CH1 in V"), in_name("in s"), in_name("step in x")),
+            (Some(("CH1", "V")), Some(("", "s")), None)
+        );
         for (name, unit) in [
             ("time_ms", Some("ms")),
             ("micros", Some("us")),

@@ -187,6 +187,84 @@ fn arrays_of_matlab_objects() {
     assert!(found.notes.iter().any(|note| note.contains("object/1")), "{:?}", found.notes);
 }
 
+/// Two timeseries in an object that holds them, as Simulink saves a Dataset: one has its times one by one, the other as
+/// start, step and number.
+#[test]
+fn signals_of_matlab_objects_have_their_names() {
+    let volts: Vec<f64> = (0..40).map(f64::from).collect();
+    let speed: Vec<f64> = volts.iter().map(|value| 2.0 * value).collect();
+    let times: Vec<f64> = volts.iter().map(|value| 0.5e-3 * value).collect();
+    let words = |values: &[u32]| values.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
+    let text = |text: &str| array(4, [1, text.len() as u32], "", &element(16, text.as_bytes()));
+    let column = |values: &[f64]| array(6, [values.len() as u32, 1], "", &doubles(values));
+    let reference = |objects: &[u32]| {
+        let numbers = [&[0xdd00_0000, 2, objects.len() as u32, 1], objects, &[1]].concat();
+        array(13, [numbers.len() as u32, 1], "", &element(6, &words(&numbers)))
+    };
+    // Names by their number, from 1; the fourth and the fifth are classes.
+    let names = b"Name\0Data_\0TimeInfo\0timeseries\0holder\0Time_\0Increment_\0Length\0any\0";
+    let list = |properties: &[[u32; 2]]| {
+        let mut found = vec![properties.len() as u32];
+        found.extend(properties.iter().flat_map(|[name, cell]| [*name, 1, *cell]));
+        found.resize(found.len().next_multiple_of(2), 0);
+        found
+    };
+    let saved = [vec![0, 0], list(&[[9, 9]])].concat();
+    let plain = [
+        vec![0, 0],
+        list(&[[1, 0], [2, 1], [3, 2]]),
+        list(&[[6, 3]]),
+        list(&[[1, 4], [2, 5], [3, 6]]),
+        list(&[[7, 7], [8, 8]]),
+    ]
+    .concat();
+    let classes = [0_u32; 12];
+    let objects: Vec<u32> = [
+        [0, 0, 0, 0, 0, 0],
+        [2, 0, 0, 1, 0, 1],
+        [1, 0, 0, 0, 1, 2],
+        [1, 0, 0, 0, 2, 3],
+        [1, 0, 0, 0, 3, 4],
+        [1, 0, 0, 0, 4, 5],
+    ]
+    .concat();
+    let mut parts = vec![40 + names.len().next_multiple_of(8)];
+    for length in [classes.len(), saved.len(), objects.len(), plain.len()] {
+        parts.push(parts.last().unwrap() + 4 * length);
+    }
+    let mut bytes = words(&[4, 9]);
+    bytes.extend(words(&parts.iter().map(|part| *part as u32).collect::<Vec<_>>()));
+    bytes.resize(40, 0);
+    bytes.extend(names);
+    bytes.resize(parts[0], 0);
+    bytes.extend([words(&classes), words(&saved), words(&objects), words(&plain)].concat());
+    let cells = [
+        array(9, [1, bytes.len() as u32], "", &element(2, &bytes)),
+        array(6, [0, 0], "", &[]),
+        text("input signal"),
+        column(&volts),
+        reference(&[3]),
+        column(&times),
+        text("Motor Angular Velocity"),
+        column(&speed),
+        reference(&[5]),
+        column(&[0.5e-3]),
+        column(&[40.0]),
+        array(1, [2, 1], "", &[reference(&[2]), reference(&[4])].concat()),
+    ];
+    let inside = [vec![0, 1, b'I', b'M', 0, 0, 0, 0], array(1, [cells.len() as u32, 1], "", &cells.concat())].concat();
+    let workspace = array(9, [1, inside.len() as u32], "", &element(2, &inside));
+    let names = ["input signal=u_V", "Motor Angular Velocity=omega_rad_per_s"];
+    let found = read_as(Format::Mat, &matlab(std::slice::from_ref(&workspace)), &names).unwrap();
+    assert_eq!((values(&found, Channel::Voltage), values(&found, Channel::Speed)), (&volts[..], &speed[..]));
+    assert!((values(&found, Channel::Time)[39] - 0.0195).abs() < 1e-12);
+    // Beside a vector they are columns like it.
+    let current = array(6, [40, 1], "current", &doubles(&volts));
+    let names = [&names[..], &["current=i_A", "input signal/time=t_s"]].concat();
+    let found = read_as(Format::Mat, &matlab(&[current, workspace]), &names).unwrap();
+    assert_eq!((values(&found, Channel::Current), values(&found, Channel::Speed)), (&volts[..], &speed[..]));
+}
+
 #[test]
 fn variables_of_matlab_7_3() {
     let mut file = FileBuilder::new();

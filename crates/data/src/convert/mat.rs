@@ -1,8 +1,8 @@
 //! MATLAB files of level 5 (`save -v6` and `-v7`, `scipy.io.savemat`). A header of 128 bytes is followed by elements
 //! with a type, a size and data. Variables are elements of type matrix, plain or compressed with zlib.
 
-use super::{Fault, matrix};
-use crate::content::{Column, Content};
+use super::{Fault, mat_objects, matrix};
+use crate::content::{Column, Content, Series};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
 
@@ -12,23 +12,24 @@ const INT8: u32 = 1;
 const INT32: u32 = 5;
 const UINT32: u32 = 6;
 const DOUBLE: u32 = 9;
-const MATRIX: u32 = 14;
+pub const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 const UTF8: u32 = 16;
 // Classes of arrays.
 const CLASS_DOUBLE: u8 = 6;
 const CLASSES_OF_NUMBERS: std::ops::RangeInclusive<u8> = CLASS_DOUBLE..=15;
-const CLASS_CELL: u8 = 1;
-const CLASS_STRUCTURE: u8 = 2;
-const CLASS_TEXT: u8 = 4;
+pub const CLASS_CELL: u8 = 1;
+pub const CLASS_STRUCTURE: u8 = 2;
+pub const CLASS_TEXT: u8 = 4;
 const CLASS_UINT8: u8 = 9;
-const CLASS_UINT32: u8 = 13;
+pub const CLASS_UINT32: u8 = 13;
 /// Objects of classes such as timeseries.
 const CLASS_OBJECT_OF_CLASSDEF: u8 = 17;
 const COMPLEX: u8 = 0x08;
 
+/// Reads elements one after the other.
 #[derive(Clone, Copy)]
-struct Reader<'a> {
+pub struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
     big_endian: bool,
@@ -36,9 +37,13 @@ struct Reader<'a> {
     origin: Option<usize>,
 }
 
-struct Element<'a> {
-    kind: u32,
-    data: &'a [u8],
+/// Bytes with a type.
+#[derive(Clone, Copy)]
+pub struct Element<'a> {
+    /// Its type.
+    pub kind: u32,
+    /// Its bytes.
+    pub data: &'a [u8],
     /// Where the data begins.
     at: usize,
 }
@@ -72,7 +77,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The next element, padding included. Up to four bytes of data share a word with type and size.
-    fn element(&mut self) -> Result<Element<'a>, Fault> {
+    pub fn element(&mut self) -> Result<Element<'a>, Fault> {
         let word = self.u32()?;
         if word >> 16 != 0 {
             let at = self.at;
@@ -135,7 +140,8 @@ pub fn read(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, F
         }
     };
     let mut reader = Reader { bytes, at: HEADER, big_endian, origin: None };
-    let mut found = Found { content: Content::default(), is_wanted, objects: 0 };
+    let mut found =
+        Found { content: Content::default(), is_wanted, objects: 0, variables: Vec::new(), workspace: None };
     while reader.at < bytes.len() {
         let element = reader.element()?;
         if element.kind != COMPRESSED {
@@ -152,10 +158,7 @@ pub fn read(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, F
         let content = Reader { at: element.at, ..inner };
         found.variable(&element, content)?;
     }
-    if found.objects > 0 {
-        found.content.notes.push(OBJECTS.into());
-    }
-    Ok(found.content)
+    Ok(found.with_signals())
 }
 
 /// Compressed variables are expanded up to this size.
@@ -164,20 +167,40 @@ const MOST_BYTES: u64 = 1 << 31;
 const DEEPEST: usize = 12;
 /// Shorter arrays of an object are its settings.
 const SHORTEST: usize = 20;
+/// How the names of arrays of objects begin.
+const OBJECT: &str = "object/";
 /// Note on objects.
-const OBJECTS: &str = "The arrays of MATLAB objects have no names of their own. They are called object/1, object/2 and so on, in the order of the file.";
+const OBJECTS: &str = "The names of these MATLAB objects cannot be read. Their arrays are called object/1, object/2 and so on, in the order of the file.";
 
 /// The begin of an array: what is said before its data.
-struct Head {
-    class: u8,
+pub struct Head {
+    /// The class of its values.
+    pub class: u8,
     is_complex: bool,
-    shape: Vec<f64>,
+    /// Its sides.
+    pub shape: Vec<f64>,
     name: String,
     at: usize,
 }
 
-impl Reader<'_> {
-    fn head(&mut self) -> Result<Head, Fault> {
+impl<'a> Reader<'a> {
+    /// A reader of what is in an element.
+    pub fn inside(&self, element: &Element<'_>) -> Self {
+        Reader { at: element.at, bytes: &self.bytes[..element.at + element.data.len()], ..*self }
+    }
+
+    /// All elements from here to the end, or to the first that is damaged.
+    pub fn elements(&mut self) -> Vec<Element<'a>> {
+        std::iter::from_fn(|| self.element().ok()).collect()
+    }
+
+    /// Whether the numbers begin with their highest byte.
+    pub fn big_endian(&self) -> bool {
+        self.big_endian
+    }
+
+    /// The begin of the array in this element.
+    pub fn head(&mut self) -> Result<Head, Fault> {
         let at = self.at;
         let flags = self.element()?;
         let [class, bits] = match (flags.data, self.big_endian) {
@@ -195,7 +218,7 @@ impl Reader<'_> {
     }
 
     /// The values of an array of numbers.
-    fn values(&mut self, head: &Head, name: &str) -> Result<Vec<f64>, Fault> {
+    pub fn values(&mut self, head: &Head, name: &str) -> Result<Vec<f64>, Fault> {
         if !CLASSES_OF_NUMBERS.contains(&head.class) || head.is_complex {
             let what = "expected an array of real numbers; convert it with double(...) or real(...)";
             return Err(self.fault(head.at, format!("{name}: {what}")));
@@ -210,8 +233,31 @@ impl Reader<'_> {
         Ok(values)
     }
 
+    /// The name of a variable that is an object, and the numbers of its objects.
+    fn object_variable(&mut self) -> Option<(String, Vec<usize>)> {
+        let name = self.element().ok()?;
+        let name = String::from_utf8_lossy(name.data).into_owned();
+        let (_kind, _class) = (self.element().ok()?, self.element().ok()?);
+        let references = self.element().ok()?;
+        let mut inside = self.inside(&references);
+        let head = inside.head().ok()?;
+        let numbers = inside.values(&head, &name).ok()?;
+        Some((name, mat_objects::references(&numbers)))
+    }
+
+    /// The names of a structure's fields, which stand before the fields.
+    pub fn field_names(&mut self) -> Result<Vec<String>, Fault> {
+        let length = self.element()?;
+        let length = self.numbers(&length)?.first().copied().unwrap_or(0.0) as usize;
+        let names = self.element()?;
+        let name = |bytes: &[u8]| {
+            String::from_utf8_lossy(bytes.split(|byte| *byte == 0).next().unwrap_or_default()).into_owned()
+        };
+        Ok(names.data.chunks(length.max(1)).map(name).collect())
+    }
+
     /// A text of one row.
-    fn text(&mut self) -> Option<String> {
+    pub fn text(&mut self) -> Option<String> {
         let data = self.element().ok()?;
         let letters = if data.kind == UTF8 { None } else { self.numbers(&data).ok() };
         let text = letters.map_or_else(
@@ -227,6 +273,16 @@ struct Found<'a> {
     content: Content,
     is_wanted: &'a dyn Fn(&str) -> bool,
     objects: usize,
+    /// Variables that are objects, with the numbers of these.
+    variables: Vec<(String, Vec<usize>)>,
+    /// The bytes that hold the objects.
+    workspace: Option<Workspace>,
+}
+
+/// The bytes of a variable that holds all objects of a file.
+struct Workspace {
+    bytes: Vec<u8>,
+    big_endian: bool,
 }
 
 impl Found<'_> {
@@ -242,8 +298,11 @@ impl Found<'_> {
                 let data = reader.element()?;
                 // Eight bytes of version and byte order.
                 let start = data.at + data.data.len().min(8);
-                let inside = Reader { bytes: &reader.bytes[..data.at + data.data.len()], at: start, ..reader };
-                self.objects(inside, 0);
+                self.objects(Reader { at: start, ..reader.inside(&data) }, 0);
+                let bytes = data.data.get(8..).unwrap_or_default().to_vec();
+                self.workspace = Some(Workspace { bytes, big_endian: reader.big_endian });
+            } else {
+                self.variables.extend(reader.object_variable());
             }
             return Ok(());
         }
@@ -255,6 +314,30 @@ impl Found<'_> {
             }
             Ok(()) => Ok(()),
         }
+    }
+
+    /// The content, with the signals of objects by their names where these can be read.
+    fn with_signals(mut self) -> Content {
+        let signals = self.workspace.as_ref().map_or_else(Vec::new, |Workspace { bytes, big_endian }| {
+            let reader = Reader { bytes, at: 0, big_endian: *big_endian, origin: None };
+            mat_objects::signals(reader, &self.variables)
+        });
+        let is_other = |column: &Column| !column.name.starts_with(OBJECT) && column.values.len() >= SHORTEST;
+        let has_others = self.content.columns.iter().any(is_other);
+        if !signals.is_empty() && !has_others {
+            let names = self.content.columns.drain(..).map(|column| column.name);
+            self.content.ignored.extend(names.filter(|name| !name.starts_with(OBJECT)));
+            self.content.series = signals;
+        } else if !signals.is_empty() {
+            self.content.columns.retain(|column| !column.name.starts_with(OBJECT));
+            for Series { name, time_s, values } in signals {
+                self.content.columns.push(Column::new(format!("{name}/time"), time_s));
+                self.content.columns.push(Column::new(name, values));
+            }
+        } else if self.objects > 0 {
+            self.content.notes.push(OBJECTS.into());
+        }
+        self.content
     }
 
     /// Reads an array under a path: `log`, `out/signals/speed`.
@@ -307,13 +390,7 @@ impl Found<'_> {
     }
 
     fn structure(&mut self, head: &Head, mut reader: Reader<'_>, path: &str, depth: usize) -> Result<(), Fault> {
-        let length = reader.element()?;
-        let length = reader.numbers(&length)?.first().copied().unwrap_or(0.0) as usize;
-        let names = reader.element()?;
-        let name = |bytes: &[u8]| {
-            String::from_utf8_lossy(bytes.split(|byte| *byte == 0).next().unwrap_or_default()).into_owned()
-        };
-        let names: Vec<String> = names.data.chunks(length.max(1)).map(name).collect();
+        let names = reader.field_names()?;
         let count = head.shape.iter().product::<f64>() as usize;
         for number in 1..=count {
             let mut fields = Vec::new();
@@ -352,7 +429,7 @@ impl Found<'_> {
             let mut of_array = inside;
             match of_array.head() {
                 Ok(head) if CLASSES_OF_NUMBERS.contains(&head.class) && !head.is_complex => {
-                    let path = format!("object/{}", self.objects + 1);
+                    let path = format!("{OBJECT}{}", self.objects + 1);
                     let is_long = head.shape.iter().any(|side| *side >= SHORTEST as f64);
                     // Bytes are the names and the order of the objects.
                     if is_long

@@ -6,6 +6,7 @@
 mod csv;
 mod mat;
 mod mat73;
+mod mat_objects;
 mod numpy;
 mod plotjuggler;
 mod spreadsheet;
@@ -113,6 +114,12 @@ impl Format {
         // Archives, and the older files of Office programs.
         if bytes.starts_with(b"PK\x03\x04") || bytes.starts_with(b"\xd0\xcf\x11\xe0") {
             return if by_ending == Some(Self::Npz) { Self::Npz } else { Self::Spreadsheet };
+        }
+        // An object on each line is a table; SysId's file is one object.
+        let lines = bytes.split(|byte| *byte == b'\n').take(2);
+        let objects = lines.filter(|line| line.trim_ascii_start().starts_with(b"{\"")).count();
+        if by_ending == Some(Self::Sysid) && objects == 2 {
+            return Self::Csv;
         }
         by_ending.unwrap_or(Self::Csv)
     }

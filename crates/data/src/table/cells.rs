@@ -1,12 +1,13 @@
 //! What a cell of a table says: a number in the notation of its file, a missing one, a date or a time of day.
 
+use crate::units;
 use jiff::civil::{Date, DateTime, Time};
 use jiff::{SignedDuration, Timestamp};
 use std::borrow::Cow;
 
-/// What programs print where there is no number: empty cells, and the words of languages and spreadsheets. Arduino's
-/// `print` says `ovf` for a value that is too great.
-const MISSING: [&str; 19] = [
+/// What programs print where there is no number: empty cells, the words of languages and spreadsheets, and Arduino's
+/// `ovf` of a value that is too great for its `print`.
+const MISSING: [&str; 22] = [
     "",
     "nan",
     "-nan",
@@ -25,6 +26,9 @@ const MISSING: [&str; 19] = [
     "inf",
     "-inf",
     "+inf",
+    "\u{221e}",
+    "-\u{221e}",
+    "+\u{221e}",
     "-",
 ];
 
@@ -112,6 +116,47 @@ pub fn is_numeric(cell: &str) -> bool {
     number(cell, Notation::Point).is_some()
         || (cell.contains(',') && number(cell, Notation::Comma).is_some())
         || (cell.contains(',') && number(cell, Notation::PointAndThousands).is_some())
+        || with_unit(cell, Notation::Point).is_some()
+}
+
+/// A number with its unit in the same cell: `0.412 sec`, `93mA`.
+pub fn with_unit(cell: &str, notation: Notation) -> Option<(f64, &'static str)> {
+    let end = cell.rfind(|sign: char| sign.is_ascii_digit() || sign == '.')? + 1;
+    let unit = units::named(&cell[end..]).filter(|unit| !unit.is_empty())?;
+    Some((number(cell[..end].trim_end(), notation)?, unit))
+}
+
+/// Words for a direction, 1, -1, or 0 for none.
+const DIRECTIONS: [(f64, &[&str]); 3] = [
+    (1.0, &["fwd", "forward", "forwards", "f", "cw", "clockwise", "right", "up", "positive", "pos", "vor", "+"]),
+    (
+        -1.0,
+        &[
+            "rev",
+            "reverse",
+            "r",
+            "bwd",
+            "back",
+            "backward",
+            "backwards",
+            "b",
+            "ccw",
+            "counterclockwise",
+            "anticlockwise",
+            "left",
+            "down",
+            "negative",
+            "neg",
+            "rueck",
+        ],
+    ),
+    (0.0, &["stop", "stopped", "off", "brake", "coast", "idle", "halt"]),
+];
+
+/// The direction that a word names. What is not driven has none.
+pub fn direction(cell: &str) -> Option<f64> {
+    let lower = cell.to_lowercase();
+    DIRECTIONS.into_iter().find(|(_, words)| words.contains(&lower.as_str())).map(|(sign, _)| sign)
 }
 
 /// A moment as a cell says it. What it does not say is missing.
@@ -128,6 +173,11 @@ impl Moment {
     pub fn nanoseconds(self) -> i128 {
         let day = self.date.map_or(0, |date| i128::from(days_since_1970(date)));
         day * 86_400_000_000_000 + self.clock.map_or(0, |clock| clock.as_nanos())
+    }
+
+    /// Seconds since 1970, or since midnight without a date.
+    pub fn seconds(self) -> f64 {
+        self.nanoseconds() as f64 * 1e-9
     }
 }
 
@@ -166,7 +216,7 @@ pub fn moment(cell: &str) -> Option<Moment> {
     Some(Moment { date: Some(civil.date()), clock: Some(clock) })
 }
 
-/// 14:59:50, 14:59:50.001, 14:59:50,001, 2:59:50.1 PM.
+/// 14:59:50, 14:59:50.001, 14:59:50,001, 2:59:50.1 PM, and 59:50.001 without hours.
 fn clock(text: &str) -> Option<SignedDuration> {
     let lower = text.to_ascii_lowercase();
     let (text, half_day) = match lower.strip_suffix("pm").map(|text| (text, true)) {
@@ -174,7 +224,13 @@ fn clock(text: &str) -> Option<SignedDuration> {
         None => lower.strip_suffix("am").map_or((&*lower, None), |text| (text, Some(false))),
     };
     let mut parts = text.trim_end().split(':');
-    let (hours, minutes, seconds) = (parts.next()?, parts.next()?, parts.next()?);
+    let (first, second, third) = (parts.next()?, parts.next()?, parts.next());
+    let (hours, minutes, seconds) = match third {
+        Some(seconds) => (first, second, seconds),
+        // A fraction shows that seconds stand last: 12:30 may be hours and minutes.
+        None if second.contains(['.', ',']) => ("0", first, second),
+        None => return None,
+    };
     // Some programs write the milliseconds after a third colon.
     let (seconds, fraction) = match parts.next() {
         Some(fraction) => (seconds, fraction),
@@ -252,6 +308,22 @@ mod tests {
     }
 
     #[test]
+    fn cells_with_a_unit_or_a_direction() {
+        for (cell, found) in [
+            ("0.412 sec", Some((0.412, "s"))),
+            ("-93mA", Some((-93.0, "mA"))),
+            ("1e-3 V", Some((1e-3, "V"))),
+            ("CH1 V", None),
+            ("5 apples", None),
+            ("V", None),
+        ] {
+            assert_eq!(with_unit(cell, Notation::Point), found, "{cell}");
+        }
+        assert_eq!(with_unit("1,5 V", Notation::Comma), Some((1.5, "V")));
+        assert_eq!(["FWD", "ccw", "Stop", "x"].map(direction), [Some(1.0), Some(-1.0), Some(0.0), None]);
+    }
+
+    #[test]
     fn cells_show_their_notation() {
         for (cell, notation) in [
             ("1,5", Some(Notation::Comma)),
@@ -278,6 +350,7 @@ mod tests {
             ("14:59:50:001", afternoon + 1_000_000),
             ("2:59:50 PM", afternoon),
             ("12:00:00 AM", 0),
+            ("59:50.001", 3590 * i128::from(second) + 1_000_000),
             ("2024-03-01", 19_783 * day),
             ("01.03.2024", 19_783 * day),
             ("3/1/2024", 19_783 * day),

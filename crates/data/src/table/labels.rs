@@ -1,14 +1,19 @@
 //! Lines of names and values, as serial plotters take them: `speed:12.5,current:0.3`, `Speed: 12.5 rad/s`,
-//! and Teleplot's `>speed:1709305190123:12.5`.
+//! Teleplot's `>speed:1709305190123:12.5`, and an object of JSON on each line.
 
 use super::cells::{Notation, number};
 use super::lines::Line;
 use crate::content::{Broken, Column, Content, Series};
 use crate::recording::Channel;
+use crate::units;
 use std::collections::BTreeMap;
 
-/// A name and its value.
-type Pair<'a> = (&'a str, f64);
+/// A name, its value, and the unit behind it; empty without one.
+struct Pair<'a> {
+    name: &'a str,
+    value: f64,
+    unit: &'static str,
+}
 
 /// Signs between the pairs of a line.
 const BETWEEN: [char; 5] = [',', ';', '\t', ' ', '|'];
@@ -25,6 +30,31 @@ pub fn read(lines: &[Line<'_>]) -> Option<Content> {
 
 /// The pairs of a line; `None` if there is something else in it.
 fn pairs(line: &str) -> Option<Vec<Pair<'_>>> {
+    line.strip_prefix('{').map_or_else(|| pairs_of_words(line), pairs_of_json)
+}
+
+/// The pairs of an object in JSON on one line, without its first brace. Objects in it are no pairs.
+fn pairs_of_json(line: &str) -> Option<Vec<Pair<'_>>> {
+    let inside = line.trim_end_matches(',').trim_end().strip_suffix('}')?;
+    fn pair(text: &str) -> Option<Pair<'_>> {
+        let (name, value) = text.split_once("\":")?;
+        let (value, unit) = self::value(value.trim().trim_matches('"'))?;
+        Some(Pair { name: name.trim().strip_prefix('"')?, value, unit })
+    }
+    // A comma before a name separates; one in a name does not.
+    let mut found = Vec::new();
+    let mut rest = inside;
+    while !rest.trim().is_empty() {
+        let value = rest.find("\":")?;
+        let end = rest[value..].find(',').map_or(rest.len(), |comma| value + comma);
+        found.push(pair(&rest[..end])?);
+        rest = rest.get(end + 1..).unwrap_or_default();
+    }
+    (!found.is_empty()).then_some(found)
+}
+
+/// The pairs of a line as serial plotters read it.
+fn pairs_of_words(line: &str) -> Option<Vec<Pair<'_>>> {
     let mut rest = line.trim_start_matches('>').trim();
     let mut found = Vec::new();
     while !rest.is_empty() {
@@ -34,41 +64,43 @@ fn pairs(line: &str) -> Option<Vec<Pair<'_>>> {
             && !name.contains(BETWEEN.map(|c| if c == ' ' { ',' } else { c }));
         let after = after.trim_start();
         let end = after.find(BETWEEN).unwrap_or(after.len());
-        let value = value(&after[..end])?;
+        let (value, unit) = value(&after[..end])?;
         if !is_name {
             return None;
         }
-        found.push((name, value));
-        rest = without_unit(&after[end..]).trim_start_matches(BETWEEN);
+        let (word, after) = unit_behind(&after[end..]);
+        found.push(Pair { name, value, unit: if unit.is_empty() { word } else { unit } });
+        rest = after.trim_start_matches(BETWEEN);
     }
     (!found.is_empty()).then_some(found)
 }
 
-/// The value of a pair, possibly with its unit: `12.5`, `0.3A`.
-fn value(text: &str) -> Option<f64> {
+/// The value of a pair, and the unit that may stand right behind it: `12.5`, `0.3A`.
+fn value(text: &str) -> Option<(f64, &'static str)> {
     if let Some(value) = number(text, Notation::Point).filter(|_| !text.is_empty()) {
-        return Some(value);
+        return Some((value, ""));
     }
     let end = text.rfind(|c: char| c.is_ascii_digit() || c == '.')? + 1;
     let unit = &text[end..];
     let is_unit = unit.chars().all(|c| c.is_alphabetic() || matches!(c, '%' | '\u{b0}' | '/'));
-    text[..end].parse().ok().filter(|_| is_unit)
+    let value = text[..end].parse().ok().filter(|_| is_unit)?;
+    Some((value, units::named(unit).unwrap_or_default()))
 }
 
-/// What follows a unit that stands after a blank: `12.5 rad/s, ...`.
-fn without_unit(text: &str) -> &str {
-    let Some(after) = text.strip_prefix(' ') else { return text };
+/// A unit behind a blank, and the text after it: `12.5 rad/s, ...`.
+fn unit_behind(text: &str) -> (&'static str, &str) {
+    let Some(after) = text.strip_prefix(' ') else { return ("", text) };
     let end = after.find(BETWEEN).unwrap_or(after.len());
     let word = &after[..end];
-    let is_unit = !word.is_empty() && !word.contains([':', '=']) && crate::units::named(word).is_some();
     // The unit is not the begin of the next name: `Speed: 5 rad/s Motor A: 3`.
-    if is_unit { &after[end..] } else { text }
+    let unit = Some(word).filter(|word| !word.is_empty() && !word.contains([':', '='])).and_then(units::named);
+    unit.map_or(("", text), |unit| (unit, &after[end..]))
 }
 
 /// A row for each line, or for each group of lines until a name comes again.
 fn rows(lines: &[Line<'_>]) -> Content {
     let mut content = Content { header: lines.first().map(|line| line.number), is_text: true, ..Content::default() };
-    let mut names: Vec<&str> = Vec::new();
+    let mut names: Vec<(&str, &str)> = Vec::new();
     let mut rows: Vec<BTreeMap<usize, f64>> = Vec::new();
     for line in lines {
         let Some(pairs) = pairs(line.text) else {
@@ -78,25 +110,35 @@ fn rows(lines: &[Line<'_>]) -> Content {
         };
         let places: Vec<usize> = pairs
             .iter()
-            .map(|(name, _)| {
-                names.iter().position(|known| known == name).unwrap_or_else(|| {
-                    names.push(name);
+            .map(|Pair { name, unit, .. }| {
+                names.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
+                    names.push((name, unit));
                     names.len() - 1
                 })
             })
             .collect();
+        let another = places.iter().zip(&pairs).find(|(place, pair)| names[**place].1 != pair.unit);
+        if let Some((place, Pair { name, unit, .. })) = another {
+            let usual = names[*place].1;
+            let what = format!("the unit of {name} is \"{unit}\", but \"{usual}\" in the lines before");
+            content.broken.push(Broken { line: line.number, what });
+            continue;
+        }
         if rows.last().is_none_or(|row| places.iter().any(|place| row.contains_key(place))) {
             rows.push(BTreeMap::new());
             content.lines.push(line.number);
         }
         let row = rows.last_mut().expect("one was just added");
-        row.extend(places.into_iter().zip(pairs).map(|(place, (_, value))| (place, value)));
+        row.extend(places.into_iter().zip(pairs).map(|(place, pair)| (place, pair.value)));
     }
     // Rows of before the first name came again, or of a line that lost a pair, lack a value.
     let value = |row: &BTreeMap<usize, f64>, place: usize| row.get(&place).copied().unwrap_or(f64::NAN);
-    let column = |(place, name): (usize, &&str)| Column::new(*name, rows.iter().map(|row| value(row, place)).collect());
+    let column = |(place, (name, unit)): (usize, &(&str, &str))| {
+        let values = rows.iter().map(|row| value(row, place)).collect();
+        Column { unit: (*unit).into(), ..Column::new(*name, values) }
+    };
     content.columns = names.iter().enumerate().map(column).collect();
-    if OWN.iter().all(|(own, ..)| names.contains(own)) {
+    if OWN.iter().all(|(own, ..)| names.iter().any(|(name, _)| name == own)) {
         for (own, channel, unit) in OWN {
             let column = content.columns.iter_mut().find(|column| column.name == own).expect("it is among the names");
             (column.name, column.unit) = (channel.column().into(), unit.into());

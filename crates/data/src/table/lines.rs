@@ -1,6 +1,6 @@
 //! Lines of a text, their prefixes, and the separator of their cells.
 
-use super::cells::{Notation, is_numeric, moment, number};
+use super::cells::{Moment, Notation, is_numeric, moment, number};
 use std::borrow::Cow;
 
 /// A line with something in it.
@@ -50,18 +50,70 @@ pub fn of(text: &str) -> Source<'_> {
 /// Signs of a serial monitor between the time of a line and its text.
 const ARROWS: [&str; 3] = ["->", " > ", "] "];
 
-/// Splits the time that a serial monitor writes before a line from its text.
+/// Splits the time that a serial monitor or a logger writes before a line from its text.
 fn prefix(text: &str) -> Option<(f64, &str)> {
+    let found = before_an_arrow(text).or_else(|| of_esp_idf(text)).or_else(|| before_a_blank(text));
+    found.map(|(time_s, after)| (time_s, without_level(after.trim_start())))
+}
+
+/// `14:59:50.001 -> `, `[14:59:50.001] `, `[0.412 0.010] ` with the time since the line before.
+fn before_an_arrow(text: &str) -> Option<(f64, &str)> {
     ARROWS.iter().find_map(|arrow| {
         let (before, after) = text.split_once(arrow)?;
         let before = before.trim_start_matches('[').trim();
-        let time_s = match moment(before) {
-            Some(moment) => moment.nanoseconds() as f64 * 1e-9,
-            None if !before.is_empty() => before.parse::<f64>().ok()?,
-            None => return None,
-        };
-        Some((time_s, after.trim_start_matches(' ')))
+        let seconds = |text: &str| text.parse::<f64>().ok().filter(|time_s| time_s.is_finite());
+        let time_s = moment(before).map(Moment::seconds).or_else(|| seconds(before)).or_else(|| {
+            let (total, step) = before.split_once(' ')?;
+            seconds(step.trim())?;
+            seconds(total)
+        })?;
+        Some((time_s, after))
     })
+}
+
+/// The log of ESP-IDF: `I (412) motor: `, with the milliseconds since the start.
+fn of_esp_idf(text: &str) -> Option<(f64, &str)> {
+    let (time_ms, after) = text.strip_prefix(['E', 'W', 'I', 'D', 'V'])?.strip_prefix(" (")?.split_once(") ")?;
+    let (_, after) = after.split_once(": ")?;
+    Some((time_ms.parse::<u64>().ok()? as f64 * 1e-3, after))
+}
+
+/// `2024-03-01 14:59:50.001 412,0`: a time of day, and after a blank a text with other separators than blanks.
+fn before_a_blank(text: &str) -> Option<(f64, &str)> {
+    let blanks = || text.match_indices(' ').map(|(at, _)| at).take(3);
+    let (found, after) = blanks().filter_map(|at| Some((moment(&text[..at])?, &text[at..]))).last()?;
+    let is_separated = |after: &str| after.contains([';', '\t', '|', '=', ':']) || has_commas_alone(after.trim());
+    (found.clock.is_some() && is_separated(after)).then(|| (found.seconds(), after))
+}
+
+/// Whether only commas separate: with blanks too, a comma may be that of a decimal number.
+fn has_commas_alone(text: &str) -> bool {
+    text.contains(',') && text.match_indices(' ').all(|(at, _)| text[..at].ends_with(','))
+}
+
+/// Words for how much a line of a log matters.
+const LEVELS: [&str; 6] = ["TRACE", "DEBUG", "INFO", "WARNING", "WARN", "ERROR"];
+
+/// The text of a log without such a word: `INFO: `, `[INFO] `, `- INFO - `.
+fn without_level(text: &str) -> &str {
+    let signs = [' ', '-', ':', '[', ']'];
+    let inside = text.trim_start_matches(signs);
+    let after = LEVELS.iter().find_map(|level| inside.strip_prefix(level).filter(|after| after.starts_with(signs)));
+    after.map_or(text, |after| after.trim_start_matches([' ', ':', ']']).trim_start_matches("- "))
+}
+
+/// Takes the brackets off, if most lines are in them: `[0.41, 12.5, 0.3]`, as programs print a list.
+pub fn take_brackets_off(lines: &mut [Line<'_>]) {
+    fn inside(text: &str) -> Option<&str> {
+        let pairs = [('[', ']'), ('(', ')')];
+        let found = pairs.into_iter().find_map(|(open, close)| text.strip_prefix(open)?.strip_suffix(close));
+        found.filter(|inside| !inside.contains(['[', ']', '(', ')']))
+    }
+    if 2 * lines.iter().filter(|line| inside(line.text).is_some()).count() > lines.len() {
+        for line in lines {
+            line.text = inside(line.text).map_or(line.text, str::trim);
+        }
+    }
 }
 
 /// Takes the prefixes off, if most lines have one. Returns the time of each line by its number.

@@ -43,6 +43,7 @@ pub fn read(text: &str, dialect: Dialect) -> Result<Content, String> {
         return Err("the file is empty".into());
     }
     let prefixes = lines::take_prefixes_off(&mut source.lines);
+    lines::take_brackets_off(&mut source.lines);
     if let Some(labelled) = labels::read(&source.lines) {
         return Ok(labelled.with_prefixes(prefixes));
     }

@@ -1,6 +1,6 @@
 //! The rows of a table as columns.
 
-use super::cells::{Moment, Notation, moment, number};
+use super::cells::{Moment, Notation, direction, moment, number, with_unit};
 use super::header::{Header, filled};
 use super::{Dialect, Split, notation, oscilloscope};
 use crate::content::{Broken, Column, Content};
@@ -88,6 +88,10 @@ fn checked_width(split: &Split<'_>, header: &Header) -> Result<usize, String> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Kind {
     Numbers,
+    /// Numbers with a unit in each cell.
+    WithUnit(&'static str),
+    /// Words for a direction.
+    Directions,
     Date,
     Clock,
     DateAndClock,
@@ -95,12 +99,16 @@ enum Kind {
 
 fn kind(rows: &[Vec<Cow<'_, str>>], column: usize, notation: Notation) -> Kind {
     let step = rows.len().div_ceil(SHOWN).max(1);
-    let (mut numbers, mut moments, mut last) = (0, 0, Kind::Numbers);
+    let (mut numbers, mut others, mut last) = (0, 0, Kind::Numbers);
     for row in rows.iter().step_by(step).filter(|row| !row[column].is_empty()) {
         if number(&row[column], notation).is_some() {
             numbers += 1;
+        } else if let Some((_, unit)) = with_unit(&row[column], notation) {
+            (others, last) = (others + 1, Kind::WithUnit(unit));
+        } else if direction(&row[column]).is_some() {
+            (others, last) = (others + 1, Kind::Directions);
         } else if let Some(found) = moment(&row[column]) {
-            moments += 1;
+            others += 1;
             last = match found {
                 Moment { date: Some(_), clock: Some(_) } => Kind::DateAndClock,
                 Moment { date: Some(_), .. } => Kind::Date,
@@ -108,7 +116,7 @@ fn kind(rows: &[Vec<Cow<'_, str>>], column: usize, notation: Notation) -> Kind {
             };
         }
     }
-    if moments > numbers { last } else { Kind::Numbers }
+    if others > numbers { last } else { Kind::Numbers }
 }
 
 fn column(rows: &[Vec<Cow<'_, str>>], place: usize, kind: Kind, notation: Notation, header: &Header) -> Column {
@@ -116,14 +124,19 @@ fn column(rows: &[Vec<Cow<'_, str>>], place: usize, kind: Kind, notation: Notati
     let stated = header.units.get(place).and_then(|unit| units::named(unit)).unwrap_or_default();
     let unit = units::in_name(&name).map_or(stated, |(_, unit)| unit).to_owned();
     let mut column = Column { name, unit, ..Column::default() };
+    let is_moment = matches!(kind, Kind::Date | Kind::Clock | Kind::DateAndClock);
     let first = match kind {
-        Kind::Numbers => 0,
+        _ if !is_moment => 0,
         _ => rows.iter().find_map(|row| moment(&row[place])).map_or(0, Moment::nanoseconds),
     };
     for (index, row) in rows.iter().enumerate() {
         let cell = &*row[place];
         let value = match kind {
             Kind::Numbers => number(cell, notation),
+            // A number in another unit than the others would be wrong by the factor between them.
+            Kind::WithUnit(unit) => number(cell, notation)
+                .or_else(|| with_unit(cell, notation).filter(|(_, other)| *other == unit).map(|(value, _)| value)),
+            Kind::Directions => direction(cell).or_else(|| number(cell, notation)),
             _ => moment(cell).map(|moment| seconds(moment.nanoseconds() - first)),
         };
         column.values.push(value.unwrap_or(f64::NAN));
@@ -134,7 +147,10 @@ fn column(rows: &[Vec<Cow<'_, str>>], place: usize, kind: Kind, notation: Notati
             column.unreadable.push((index, cell.to_owned()));
         }
     }
-    if kind != Kind::Numbers {
+    if let Kind::WithUnit(unit) = kind {
+        column.unit = unit.into();
+    }
+    if is_moment {
         column.unit = "s".into();
         column.since =
             rows.iter().map(|row| &row[place]).find(|cell| moment(cell).is_some()).map(|cell| cell.to_string());
@@ -147,7 +163,7 @@ fn seconds(nanoseconds: i128) -> f64 {
     nanoseconds as f64 / 1e9
 }
 
-/// A column of dates and one of times of day are one column of moments.
+/// A column of dates and one of times of day are one column of others.
 fn join_date_and_clock(columns: &mut [Column], rows: &[Vec<Cow<'_, str>>], kinds: &[Kind]) {
     let place = |kind: Kind| kinds.iter().position(|found| *found == kind);
     let Some(date) = place(Kind::Date) else { return };

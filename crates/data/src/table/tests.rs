@@ -90,6 +90,16 @@ fn names_and_values_in_each_line() {
     ] {
         assert_is_it(&read(&text, &SKETCH).unwrap_or_else(|why| panic!("{what}: {why}")), 200, what);
     }
+    // A unit in the line counts like one in a header.
+    let said = lines(200, |ms, pwm, rpm, ma| format!("t = {ms} ms | pwm = {pwm} | speed = {rpm} rpm | I = {ma}mA"));
+    assert_is_it(&read(&said, &["pwm=duty/255", "speed=rpm", "I=i_A"]).unwrap(), 200, "units");
+    let another = said.replacen("= -93mA", "= -0.093 A", 1);
+    let found = read(&another, &["pwm=duty/255", "speed=rpm", "I=i_A"]).unwrap();
+    assert!(
+        found.len() == 199 && found.notes.iter().any(|note| note.contains("the unit of I is \"A\"")),
+        "{:?}",
+        found.notes
+    );
     let teleplot = lines(200, |ms, pwm, rpm, ma| format!(">pwm:{ms}:{pwm}\n>rpm:{ms}:{rpm}\u{a7}rpm|g\n>mA:{ms}:{ma}"));
     assert_is_it(&read(&teleplot, &SKETCH[1..]).unwrap(), 200, "teleplot");
     // The stream of this project's firmware has no times: its rate gives them.
@@ -102,6 +112,103 @@ fn names_and_values_in_each_line() {
     assert!((found.time_s().unwrap()[199] - 3.98).abs() < 1e-9 && found.ignored == ["reference"]);
     let advice = read(&own, &["reference=ref_rad_per_s"]).unwrap().advice_on_time().unwrap();
     assert!(advice.ends_with("--column row=t_s*0.02 takes them as 0.02 s apart"), "{advice}");
+}
+
+#[test]
+fn logs_of_other_programs() {
+    let of_clock = |ms: i32| format!("14:59:{:02}.{:03}", 50 + ms / 1000, ms % 1000);
+    let day = |ms: i32| format!("2024-03-01 {}", of_clock(ms));
+    for (what, text) in [
+        (
+            "ESP-IDF with names",
+            "ets Jun  8 2016 00:22:57\n".to_owned()
+                + &lines(400, |ms, pwm, rpm, ma| format!("I ({ms}) motor: pwm={pwm} rpm={rpm} mA={ma}")),
+        ),
+        (
+            "ESP-IDF with a table",
+            "I (400) motor: pwm,rpm,mA\n".to_owned()
+                + &lines(400, |ms, pwm, rpm, ma| format!("I ({ms}) motor: {pwm},{rpm},{ma}")),
+        ),
+        (
+            "date and time before a table",
+            format!("{} pwm,rpm,mA\n", day(400))
+                + &lines(400, |ms, pwm, rpm, ma| format!("{} {pwm},{rpm},{ma}", day(ms))),
+        ),
+        (
+            "a log of Python",
+            lines(400, |ms, pwm, rpm, ma| format!("{} INFO pwm={pwm} rpm={rpm} mA={ma}", day(ms).replace('.', ","))),
+        ),
+        (
+            "level in brackets",
+            lines(400, |ms, pwm, rpm, ma| format!("[{}] [DEBUG] pwm:{pwm}, rpm:{rpm}, mA:{ma}", of_clock(ms))),
+        ),
+        (
+            "seconds since the start and since the line before",
+            lines(400, |ms, pwm, rpm, ma| {
+                format!("[{:.6} 0.010000] pwm:{pwm},rpm:{rpm},mA:{ma}", f64::from(ms) / 1000.0)
+            }),
+        ),
+        (
+            "minutes and seconds",
+            "time,pwm,rpm,mA\n".to_owned()
+                + &lines(400, |ms, pwm, rpm, ma| format!("00:{:02}.{:03},{pwm},{rpm},{ma}", ms / 1000, ms % 1000)),
+        ),
+        (
+            "JSON",
+            lines(400, |ms, pwm, rpm, ma| format!("{{\"ms\": {ms}, \"pwm\": {pwm}, \"rpm\": {rpm}, \"mA\": {ma}}}")),
+        ),
+        ("lists", "ms,pwm,rpm,mA\n".to_owned() + &lines(400, |ms, pwm, rpm, ma| format!("[{ms}, {pwm}, {rpm}, {ma}]"))),
+        (
+            "units in the cells",
+            "ms,pwm,rpm,mA\n".to_owned() + &lines(400, |ms, pwm, rpm, ma| format!("{ms} ms,{pwm},{rpm} rpm,{ma}mA")),
+        ),
+        (
+            "units in sentences",
+            "in ms;pwm;rpm;mA in mA\n".to_owned()
+                + &lines(400, |ms, pwm, rpm, ma| format!("{ms};{pwm};{};{ma}", rpm.to_string().replace('.', ","))),
+        ),
+        (
+            "ROS",
+            "%time_ns,field.pwm,field.rpm,field.mA\n".to_owned()
+                + &lines(400, |ms, pwm, rpm, ma| {
+                    format!("{}000000,{pwm},{rpm},{ma}", 1_709_305_190_000_i64 + i64::from(ms))
+                }),
+        ),
+        (
+            "a table of a text page",
+            "| ms | pwm | rpm | mA |\n|---:|---:|---:|---:|\n".to_owned()
+                + &lines(400, |ms, pwm, rpm, ma| format!("| {ms} | {pwm} | {rpm} | {ma} |")),
+        ),
+    ] {
+        let columns = ["pwm=duty/255", "rpm=rpm", "mA=i_A*0.001"];
+        assert_is_it(&read(&text, &columns).unwrap_or_else(|why| panic!("{what}: {why}")), 400, what);
+    }
+}
+
+#[test]
+fn a_timer_that_wraps_in_its_own_counts() {
+    // Timer 1 of an Uno at 4 us.
+    let timer = |ms: i32| ms * 250 % 65_536;
+    let text =
+        "TCNT1,pwm,rpm,mA\n".to_owned() + &lines(400, |ms, pwm, rpm, ma| format!("{},{pwm},{rpm},{ma}", timer(ms)));
+    let found = read(&text, &["TCNT1=t_s*4e-6", "pwm=duty/255", "mA=i_A/1000"]).unwrap();
+    assert_is_it(&found, 400, "a timer");
+    assert!(found.notes[0].contains("counts of the file's clock"), "{:?}", found.notes);
+}
+
+#[test]
+fn directions_in_words() {
+    for (forwards, backwards) in [("FWD", "REV"), ("cw", "ccw"), ("forward", "backward"), ("F", "R")] {
+        let word = |pwm: i32| match pwm {
+            0 => "stop",
+            1.. => forwards,
+            _ => backwards,
+        };
+        let text = "millis,pwm,dir,rpm,mA\n".to_owned()
+            + &lines(400, |ms, pwm, rpm, ma| format!("{ms},{},{},{rpm},{ma}", pwm.abs(), word(pwm)));
+        let columns = ["millis=t_s/1000", "pwm*sign(dir)=duty/255", "mA=i_A/1000"];
+        assert_is_it(&read(&text, &columns).unwrap(), 400, forwards);
+    }
 }
 
 #[test]
