@@ -2,9 +2,11 @@
 //! decoding, another supply voltage. A motor in another scale moves the same. But all its constants differ from their
 //! nominal values by powers of one factor, which no real motor does.
 
+use super::advice::OTHER_UNIT;
+use super::causes::value_cause;
 use super::data_sheet::{OF_SIZE, off_data_sheet};
 use super::outcome::{Cause, Estimate};
-use super::{DATA_SHEET_TOLERANCE, OTHER_UNIT, counter_stops, value_cause};
+use super::{DATA_SHEET_TOLERANCE, counter_stops};
 use crate::dataset::{Dataset, Output, greatest};
 use crate::identify::{Fit, NOMINAL_SPREAD, Prior, Z95};
 use motorbench_model::Model;

@@ -1,0 +1,161 @@
+//! Causes with their constants, and nominal values that the constants contradict.
+
+use super::outcome::{Cause, Estimate, Parameter, RmseGain, RunnerUp, confidence};
+use super::select::Standing;
+use super::{Corrections, DATA_SHEET_TOLERANCE, Found};
+use crate::dataset::{Dataset, greatest};
+use crate::identify::{Fit, Interval, Place, Z95};
+use motorbench_data::rig::NominalMotor;
+use motorbench_model::Model;
+use motorbench_model::catalogue::{ActsOn, INDUCTANCE};
+use motorbench_model::linear::motor_model::TimeConstants;
+use motorbench_model::motor::MotorParameters;
+use std::collections::BTreeMap;
+
+/// A value is called wrong when it is this many standard errors beyond the tolerance...
+const BEYOND_TOLERANCE_SIGMAS: f64 = 3.0;
+/// ... and each standard error (of a logarithm) counts at least as this: the tolerance itself is not sharp.
+const LEAST_SPREAD: f64 = 0.02;
+/// An inductance is visible if its electrical time constant is at least this share of the time between rows.
+const LEAST_ROWS: f64 = 0.3;
+/// The constant that bridge and winding share.
+pub(super) const RESISTANCE_OHM: &str = "resistance_ohm";
+
+/// The part of the resistance that may belong to the bridge: over all of the current, a drop grows at most by itself.
+pub(super) fn bridge_ohm(data: &Dataset, model: &Model) -> f64 {
+    let greatest_a = data.current().map_or(f64::INFINITY, |current| greatest(&current.values));
+    model.dry_losses().bridge_drop_v / greatest_a.max(f64::MIN_POSITIVE)
+}
+
+pub(super) fn cause(
+    data: &Dataset,
+    standing: &Standing,
+    model: &Model,
+    intervals: &[Interval],
+    corrections: &Corrections,
+) -> Cause {
+    let rival_sigmas = standing.rival.as_ref().map_or(f64::INFINITY, |(_, gain)| gain.sigmas.max(0.0));
+    let sigmas = standing.gain.sigmas.min(if standing.same.is_empty() { rival_sigmas } else { f64::INFINITY });
+    let channels = data.measured.iter().map(|measured| measured.output.channel());
+    Cause {
+        effect: standing.id.into(),
+        confidence: confidence(sigmas) / (1.0 + standing.same.len() as f64),
+        parameters: constants(standing.id, model, intervals, corrections),
+        gain: channels
+            .zip(&standing.gain.rmse)
+            .map(|(channel, (before, after))| (channel, RmseGain { rmse_before: *before, rmse_after: *after }))
+            .collect(),
+        not_separable_from: standing.same.clone(),
+        evidence_sigmas: standing.gain.sigmas,
+        runner_up: standing.rival.as_ref().map(|(effect, gain)| RunnerUp {
+            effect,
+            worse_by_sigmas: gain.sigmas,
+            worse_by_share: gain.share,
+        }),
+    }
+}
+
+/// Constants of an effect with their intervals; the two of a wave as one amplitude.
+fn constants(id: &str, model: &Model, intervals: &[Interval], corrections: &Corrections) -> BTreeMap<String, Estimate> {
+    let Some(term_index) = model.terms.iter().position(|term| term.id() == id) else { return BTreeMap::new() };
+    let term = &model.terms[term_index];
+    let interval = |index| intervals.iter().find(|interval| interval.place == Place::Term(term_index, index));
+    let mut constants: BTreeMap<String, Estimate> = term
+        .without_defaults()
+        .map(|(index, parameter, value)| {
+            let ci95 = interval(index).map(|interval| corrections.widened(parameter.unit, value, interval.ci95));
+            (parameter.name.to_string(), Estimate { value, ci95 })
+        })
+        .collect();
+    let wave = term.effect.about().parameters[0].name.strip_prefix("cosine_");
+    if let (Some(unit), Some(cosine), Some(sine)) = (wave, interval(0), interval(1)) {
+        let amplitude = cosine.value.hypot(sine.value);
+        let half = |interval: &Interval| 0.5 * (interval.ci95[1] - interval.ci95[0]) * interval.value / amplitude;
+        let half = half(cosine).hypot(half(sine));
+        let ci95 = [(amplitude - half).max(0.0), amplitude + half];
+        let ci95 = Some(corrections.widened(term.effect.about().parameters[0].unit, amplitude, ci95));
+        constants.insert(format!("amplitude_{unit}"), Estimate { value: amplitude, ci95 });
+    }
+    constants
+}
+
+pub(super) fn parameters(
+    found: &Found,
+    nominal: &NominalMotor,
+    corrections: &Corrections,
+) -> BTreeMap<&'static str, Parameter> {
+    let nominal = nominal.values();
+    let Found { fit: Fit { model, .. }, intervals, scales, data, .. } = found;
+    let named = model.motor.named().into_iter().enumerate();
+    named
+        .filter(|(index, _)| data.axis.drive.has_constant(*index))
+        .map(|(index, (name, value))| {
+            let interval = intervals.iter().find(|interval| interval.place == Place::Motor(index));
+            let ci95 = interval.map_or([value, value], |interval| interval.ci95);
+            let ci95 = corrections.widened(MotorParameters::UNITS[index], value, ci95);
+            (name, Parameter { nominal: nominal[index], value, ci95, scale: scales[index] })
+        })
+        .collect()
+}
+
+/// Nominal values that are off by more than a data sheet's tolerance. The resistance found is that of the circuit:
+/// `bridge_ohm` of it may be the bridge's.
+pub(super) fn wrong_values(parameters: &BTreeMap<&'static str, Parameter>, bridge_ohm: f64) -> Vec<Cause> {
+    // Number of standard errors beyond the tolerance.
+    let sigmas_beyond = |name: &str| {
+        let parameter = parameters.get(name)?;
+        let nominal = parameter.nominal?;
+        let of_bridge = if name == RESISTANCE_OHM { (parameter.value - nominal).clamp(0.0, bridge_ohm) } else { 0.0 };
+        let off = ((parameter.value - of_bridge) / nominal).ln().abs();
+        let spread = (parameter.ci95[1] / parameter.ci95[0].max(f64::MIN_POSITIVE)).ln() / (2.0 * Z95);
+        Some((off - DATA_SHEET_TOLERANCE) / spread.max(LEAST_SPREAD))
+    };
+    let names = [
+        (RESISTANCE_OHM, "resistance"),
+        ("inductance_H", "inductance"),
+        ("torque_constant_Nm_per_A", "torque_constant"),
+        ("inertia_kg_m2", "inertia"),
+    ];
+    names
+        .into_iter()
+        .filter_map(|(name, id)| {
+            let sigmas = sigmas_beyond(name)?;
+            let found = parameters[name];
+            let estimate = Estimate { value: found.value, ci95: Some(found.ci95) };
+            (sigmas > BEYOND_TOLERANCE_SIGMAS).then(|| value_cause(id, name, estimate, sigmas))
+        })
+        .collect()
+}
+
+pub(super) fn value_cause(id: &str, constant: &str, estimate: Estimate, sigmas: f64) -> Cause {
+    Cause {
+        effect: format!("parameter:{id}"),
+        confidence: confidence(sigmas),
+        parameters: BTreeMap::from([(constant.to_string(), estimate)]),
+        gain: BTreeMap::new(),
+        not_separable_from: Vec::new(),
+        evidence_sigmas: sigmas,
+        runner_up: None,
+    }
+}
+
+/// Whether a cause is the inductance, and the rows are too far apart to show it: the current has settled in each row.
+pub(super) fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParameters) -> bool {
+    effect == INDUCTANCE && TimeConstants::of(motor).electromagnetic_s < LEAST_ROWS * data.interval_s
+}
+
+/// Whether an effect is a delay shorter than a row, where rows were written after their commands had acted. It then
+/// gives the time within the row at which the command acts, not a delay of the bridge.
+pub(super) fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
+    let delay_s = model.term(id).map_or(0.0, |term| term.effect.delay_s(&term.values));
+    data.origin.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
+}
+
+/// Whether a wrong value is an inductance that may come from an assumed PWM frequency, averaging window or command
+/// time: the rig file does not give these, so only the combination is known.
+pub(super) fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> bool {
+    let shows_pwm = || model.terms.iter().any(|term| term.effect.about().acts_on.contains(&ActsOn::Voltage));
+    let of_pwm = || !data.origin.pwm_is_known && shows_pwm();
+    let of_window = || data.origin.timing.current_window_s.is_none() && data.origin.current_window_s > 0.0;
+    cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments() || data.origin.taken_over_its_row)
+}

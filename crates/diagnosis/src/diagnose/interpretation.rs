@@ -1,0 +1,227 @@
+//! How recordings are interpreted: what the rig file leaves open about them is settled in turn, and after each step the
+//! effects are selected anew.
+
+use super::hidden_drop::HiddenDrop;
+use super::judge::{self, NOT_NOISE, above_floor};
+use super::random_losses::RandomLosses;
+use super::scale::Scale;
+use super::select::{self, Selection, Standing, select};
+use super::trust::{is_of_a_scale, may_be_nothing, remove_effect, remove_untrusted};
+use super::{
+    bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, reading_phase,
+    ripple_phase, speed_reading, unseen_losses,
+};
+use crate::dataset::{Dataset, Output};
+use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
+use motorbench_model::catalogue::{CATALOGUE, Channels};
+use std::cmp::Ordering;
+
+/// With this evidence an effect is real, though its strength may be unknown: the data may lack the scale that it is
+/// proportional to, such as that of all torques. Right names had more, wrong names less.
+const BEYOND_DOUBT_SIGMAS: f64 = 12.0;
+
+/// How the data are interpreted, and the model that explains them so.
+pub(super) struct Interpretation {
+    pub data: Dataset,
+    pub selection: Selection,
+    /// The model with everything that was selected, untrusted effects included.
+    pub fullest: Fit,
+    /// The model with the trusted effects alone, fitted to all data.
+    pub last: Fit,
+    /// Intervals of its constants by other laws of the same effects that explain as much.
+    pub by_other_laws: Vec<Vec<Interval>>,
+}
+
+impl Interpretation {
+    /// With the laws that all the data suggest.
+    fn settled(data: Dataset, prior: &Prior, mut selection: Selection, fullest: Fit, mut last: Fit) -> Self {
+        let everything = data.with_nothing_held_out();
+        let laws::Settled { better, others: mut by_other_laws } = laws::settle(&last, &everything, prior);
+        if let Some(better) = better {
+            let anew = fit(&better.model, &data, prior, Effort::FULL);
+            // The held-out data must not speak against it.
+            if judge::held_out_nats(&data, &selection.last, &anew) > 0.0 {
+                (selection.last, last) = (anew, better);
+            } else {
+                by_other_laws.push(better.uncertainty(&everything).intervals());
+            }
+        }
+        Self { data, selection, fullest, last, by_other_laws }
+    }
+
+    /// The same behind a drop that the data do not show. It scales the voltage, so the same effects act.
+    pub(super) fn behind(self, drop: HiddenDrop, prior: &Prior, progress: select::Progress) -> Self {
+        let data = drop.before(&self.data);
+        let refit = |found: &Fit, data: &Dataset| fit(&found.model, data, prior, Effort::FULL);
+        let [last, fullest] = [&self.selection.last, &self.fullest].map(|found| refit(found, &data));
+        let selection = select::anew_from(&data, prior, &excluded(&data), last, self.selection.steps, progress);
+        let last = refit(&selection.last, &data.with_nothing_held_out());
+        Self::settled(data, prior, selection, fullest, last)
+    }
+
+    /// A constant share of lost counts, where no other effect explains lost counts.
+    pub(super) fn random_losses(&self) -> Option<RandomLosses> {
+        let Self { data, selection, .. } = self;
+        let is_named = selection.last.model.has(counter_stops::ID) || !data.origin.counter_stops.is_empty();
+        if is_named {
+            return None;
+        }
+        RandomLosses::of(data, &selection.last.residual_of(data, data.motion_index()))
+    }
+}
+
+/// The interpretation in the scale that the nominal values suggest, if the data fit better in it.
+pub(super) fn with_corrected_scale(
+    recorded: Interpretation,
+    prior: &Prior,
+    progress: select::Progress,
+) -> (Option<Scale>, Interpretation) {
+    let doubts = |way: &Interpretation| data_sheet::doubts(&way.data, prior, &way.selection.last);
+    let of = |fit: &Fit| Scale::of(&recorded.data, prior, fit);
+    // In a scale that is far off the search may have failed.
+    let search_may_have_failed = doubts(&recorded).contains(&true);
+    let scale =
+        of(&recorded.selection.last).or_else(|| of(&recorded.selection.base).filter(|_| search_may_have_failed));
+    let Some(scale) = scale else { return (None, recorded) };
+    progress("in another scale");
+    let corrected = interpret_trusted(scale.corrected(&recorded.data), prior, &[], progress);
+    // An unknown effect, or unknown command times, bias all constants, but hardly by as much as another unit does.
+    let [has_rest, _] = doubts(&corrected);
+    if (has_rest || corrected.data.has_moments()) && !scale.is_another_unit() {
+        return (None, recorded);
+    }
+    // Only the nominal values show a scale: if the motor is farther from them afterwards, the scale is wrong.
+    let off = |way: &Interpretation| data_sheet::squared_deviations(prior, &way.selection.last);
+    let rank = |way: &Interpretation| (doubts(way), way.selection.last.cost);
+    if off(&corrected) < off(&recorded) && rank(&corrected) < rank(&recorded) {
+        (Some(scale), corrected)
+    } else {
+        (None, recorded)
+    }
+}
+
+/// The best interpretation with trusted effects alone. An effect whose strength may be zero is removed. If it held the
+/// place of another law (a spring without a gap, for instance), the search is repeated without it.
+pub(super) fn interpret_trusted(
+    data: Dataset,
+    prior: &Prior,
+    excluded_ids: &[&'static str],
+    progress: select::Progress,
+) -> Interpretation {
+    let (seen, mut selection) = best_interpretation(data.clone(), prior, excluded_ids, progress);
+    let fullest = selection.last.clone();
+    remove_untrusted(&seen, prior, &mut selection);
+    progress("intervals");
+    let everything = seen.with_nothing_held_out();
+    loop {
+        let last = fit(&selection.last.model, &everything, prior, Effort::FULL);
+        let intervals = last.uncertainty(&everything).intervals();
+        let is_scale_unknown = has_unknown_torque_scale(&everything);
+        let nothing = |standing: &Standing| {
+            let is_real = is_scale_unknown || standing.gain.sigmas > BEYOND_DOUBT_SIGMAS;
+            !(is_of_a_scale(standing.id) && is_real) && may_be_nothing(standing, &last.model, &intervals)
+        };
+        match selection.standings.iter().position(nothing) {
+            Some(index) => match selection.standings[index].id {
+                id if is_of_a_scale(id) => remove_effect(&seen, prior, &mut selection, index),
+                id => return interpret_trusted(data, prior, &[excluded_ids, &[id]].concat(), progress),
+            },
+            None => return Interpretation::settled(seen, prior, selection, fullest, last),
+        }
+    }
+}
+
+/// The best choice of what the rig file leaves open about the recording. It is judged by the rest above the noise, the
+/// distance from the data sheet, and the number of effects.
+fn best_interpretation(
+    data: Dataset,
+    prior: &Prior,
+    excluded_ids: &[&'static str],
+    progress: select::Progress,
+) -> (Dataset, Selection) {
+    let centred = data.with_window_centred();
+    let ways = [Some(data), centred].into_iter().flatten().map(|data| interpret(data, prior, excluded_ids, progress));
+    let rank = |(data, selection): &(Dataset, Selection)| {
+        let last = &selection.last;
+        (data_sheet::doubts(data, prior, last), last.model.terms.len(), last.cost)
+    };
+    ways.min_by(|a, b| rank(a).partial_cmp(&rank(b)).unwrap_or(Ordering::Equal)).expect("one way at least")
+}
+
+/// Settings that the rig file leaves open, in the order in which they are estimated from the current fit. Each returns
+/// whether it changed the data.
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 11] = [
+    command_times::settle,
+    |data, _, found| counter_stops::settle(data, found),
+    |data, _, found| counter_stops::settle(data, found),
+    |data, _, found| counter_stops::settle(data, found),
+    |data, _, found| unseen_losses::settle(data, found),
+    pwm_frequency::settle,
+    speed_reading::settle,
+    speed_reading::settle_average,
+    current_window::settle,
+    ripple_phase::settle,
+    command_times::settle,
+];
+
+fn interpret(
+    mut data: Dataset,
+    prior: &Prior,
+    excluded_ids: &[&'static str],
+    progress: select::Progress,
+) -> (Dataset, Selection) {
+    let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
+    if data.axis.drive.is_voltage() {
+        pwm_frequency::settle_at_first(&mut data, prior);
+        reading_phase::settle_at_first(&mut data, prior);
+    }
+    counter_stops::settle_by_linear_motor(&mut data, prior);
+    let mut selection = anew(&data);
+    for settle in SETTLED_IN_TURN {
+        if settle(&mut data, prior, &selection.last) {
+            selection = anew(&data);
+        }
+    }
+    if let Some((other, found)) = with_another_part_held_out(&data, prior, &selection) {
+        progress("with another part held out");
+        let excluded = [&excluded(&other), excluded_ids].concat();
+        selection = select::anew_from(&other, prior, &excluded, found, selection.steps, progress);
+        data = other;
+    }
+    if let Some(rest) = bad_stretches::without(&data, prior, &selection.last) {
+        progress("without a stretch that does not follow its command");
+        let without = anew(&rest);
+        if above_floor(&rest, &without.last) < NOT_NOISE {
+            return (rest, without);
+        }
+    }
+    (data, selection)
+}
+
+/// What happens once, such as the moment at which a shaft breaks loose, is not known to a fit without the part that has it.
+/// If the seen data are explained and the held-out ones are not, another part is held out, where that one is explained.
+fn with_another_part_held_out(data: &Dataset, prior: &Prior, selection: &Selection) -> Option<(Dataset, Fit)> {
+    let widest = &selection.widest;
+    let is_seen_explained = widest.cost < NOT_NOISE.powi(2) * widest.used() as f64;
+    if above_floor(data, &selection.last) < NOT_NOISE || !is_seen_explained {
+        return None;
+    }
+    let anew = |other: Dataset| {
+        let found = fit(&widest.model, &other, prior, Effort::AGAIN);
+        (other, found)
+    };
+    data.with_others_held_out().map(anew).find(|(other, found)| above_floor(other, found) < NOT_NOISE)
+}
+
+/// Effects that do not show in these channels.
+pub(super) fn excluded(data: &Dataset) -> Vec<&'static str> {
+    let channels = Channels {
+        axis: data.axis,
+        current: data.current().is_some(),
+        speed: data.motion().output == Output::Speed,
+        counts: data.origin.is_counted,
+        moments: data.has_moments(),
+        one_magnitude: data.has_one_magnitude(),
+    };
+    CATALOGUE.iter().filter(|effect| !effect.shows_in(&channels)).map(|effect| effect.about().id).collect()
+}

@@ -1,0 +1,124 @@
+//! Which effects can be trusted beside what remains.
+
+use super::judge::{self, NOT_NOISE, above_floor};
+use super::select::{NAMED_SIGMAS, Selection, Standing};
+use crate::dataset::Dataset;
+use crate::identify::{Effort, Fit, Interval, Place, Prior, fit};
+use motorbench_model::Model;
+use motorbench_model::catalogue::{USUAL, effect};
+use std::ops::Range;
+
+/// A name needs at least this multiple of the unexplained rest. The largest part of an unknown effect often resembles a
+/// known one.
+pub(crate) const LEAST_OF_REST: f64 = 3.0;
+/// The multiple for effects that nearly every bench has, if they are significant by themselves. In place of an unknown
+/// effect none of eighteen benches without them showed one.
+const LEAST_OF_USUAL: f64 = 0.5;
+/// The multiple for an effect that fits any course over time. Right names had a hundred, wrong ones up to six.
+const LEAST_OF_ANY_COURSE: f64 = 20.0;
+/// The multiple for a fault of a sensor beside a rest below the threshold. There the law of a torque may differ from
+/// the named one, and a sensor's fault would absorb the difference. Right names had three and more, wrong ones one.
+const LEAST_OF_SMALL_REST: f64 = 2.0;
+
+/// Removes effects that explain too little beside the rest ([`Rest::outweighs`]): while something large is unknown,
+/// small effects cannot be trusted. Beside a rest below the threshold, an effect stays if the rest would exceed the
+/// threshold without it.
+pub(super) fn remove_untrusted(data: &Dataset, prior: &Prior, selection: &mut Selection) {
+    while let Some(rest) = Rest::of(data, &selection.last) {
+        let mut weak = (0..selection.standings.len()).filter(|index| rest.outweighs(&selection.standings[*index]));
+        let without = |index: usize| {
+            let mut without = selection.clone();
+            remove_effect(data, prior, &mut without, index);
+            (rest.is_missing || above_floor(data, &without.last) < NOT_NOISE).then_some(without)
+        };
+        let Some(without) = weak.find_map(without) else { return };
+        *selection = without;
+    }
+}
+
+/// Removes an effect and refits the others.
+pub(super) fn remove_effect(data: &Dataset, prior: &Prior, selection: &mut Selection, index: usize) {
+    let taken = selection.standings.remove(index);
+    let last = fit(&selection.last.model.without(taken.id), data, prior, Effort::CHECK);
+    for standing in &mut selection.standings {
+        let without = fit(&last.model.without(standing.id), data, prior, Effort::CHECK);
+        standing.gain = judge::gain(data, &without.prediction, &last.prediction);
+    }
+    selection.last = last;
+}
+
+/// The rest: what a model leaves of each measured quantity beyond the noise.
+struct Rest {
+    /// Whether it exceeds the threshold, so that an effect is missing.
+    is_missing: bool,
+    /// Squares of the weights of the quantities.
+    units: Vec<f64>,
+    /// Weighted sum over all quantities.
+    weight: f64,
+}
+
+impl Rest {
+    /// The rest of a model that leaves more than noise.
+    fn of(data: &Dataset, fit: &Fit) -> Option<Self> {
+        let outputs = 0..data.measured.len();
+        let floors: Vec<f64> =
+            outputs.clone().map(|output| judge::noise(data, &fit.residual_of(data, output), output)).collect();
+        let left: Vec<f64> = outputs.clone().map(|output| judge::rmse(data, &fit.prediction, output)).collect();
+        let is_missing = above_floor(data, fit) >= NOT_NOISE;
+        if !is_missing && left.iter().zip(&floors).all(|(left, floor)| *left < NOT_NOISE * floor) {
+            return None;
+        }
+        let tolerated = |output: usize| data.measured[output].least_error(data.measured[output].noise);
+        let unit = |output: usize| if is_missing { tolerated(output) } else { floors[output] };
+        let units: Vec<f64> = outputs.clone().map(|output| unit(output).powi(2)).collect();
+        let weight = outputs.map(|output| (left[output].powi(2) - floors[output].powi(2)) / units[output]).sum();
+        Some(Self { is_missing, units, weight })
+    }
+
+    /// Whether an effect explains too little beside this rest.
+    fn outweighs(&self, standing: &Standing) -> bool {
+        let explained = standing.gain.rmse.iter().zip(&self.units);
+        let own: f64 = explained.map(|((before, after), unit)| (before.powi(2) - after.powi(2)) / unit).sum();
+        let least = match self.is_missing {
+            true if fits_any_course(standing.id) => LEAST_OF_ANY_COURSE,
+            true if USUAL.contains(&standing.id) && standing.gain.sigmas > NAMED_SIGMAS => LEAST_OF_USUAL,
+            true => LEAST_OF_REST,
+            false if is_of_a_sensor(standing.id) => LEAST_OF_SMALL_REST,
+            false => return false,
+        };
+        own < least * self.weight
+    }
+}
+
+/// Whether the interval of an effect's strength contains zero.
+pub(super) fn may_be_nothing(standing: &Standing, model: &Model, intervals: &[Interval]) -> bool {
+    let Some(index) = model.terms.iter().position(|term| term.id() == standing.id) else { return false };
+    let effect = model.terms[index].effect;
+    let parameters = effect.about().parameters;
+    let holds_nothing = |interval: &Interval, group: &Range<usize>| match interval.place {
+        Place::Term(term, constant) if term == index && group.contains(&constant) => {
+            Some((interval.ci95[0]..=interval.ci95[1]).contains(&parameters[constant].nothing()))
+        }
+        _ => None,
+    };
+    let may_be_nothing = |group: Range<usize>| {
+        let mut known = intervals.iter().filter_map(|interval| holds_nothing(interval, &group)).peekable();
+        known.peek().is_some() && known.all(|holds_nothing| holds_nothing)
+    };
+    effect.about().strengths().into_iter().any(may_be_nothing)
+}
+
+/// Whether an effect can fit any course over time, and so a part of an unknown effect.
+fn fits_any_course(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.about().fits_any_course)
+}
+
+/// Whether an effect is a fault of a sensor.
+fn is_of_a_sensor(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.about().sensor.is_some())
+}
+
+/// Whether an effect is proportional to its strength.
+pub(super) fn is_of_a_scale(id: &str) -> bool {
+    effect(id).is_some_and(|effect| effect.about().linear_in > 0)
+}
