@@ -7,6 +7,7 @@ use super::select::usual_model;
 use crate::dataset::{Averaged, Dataset};
 use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
+use motorbench_model::catalogue::ActsOn;
 use motorbench_model::{Model, Term};
 use std::ops::RangeInclusive;
 
@@ -42,7 +43,10 @@ pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
 /// whether it did.
 pub(super) fn settle_average(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
     let late_s = |term: &Term| term.effect.speed_late_s(&term.values);
-    let Some(lag) = found.model.terms.iter().find(|term| late_s(term) >= data.interval_s) else { return false };
+    // A delay of the command is none of the reading.
+    let is_of_the_sensor = |term: &&Term| term.effect.about().acts_on == [ActsOn::AngleSensor];
+    let mut of_the_sensor = found.model.terms.iter().filter(is_of_the_sensor);
+    let Some(lag) = of_the_sensor.find(|term| late_s(term) >= data.interval_s) else { return false };
     let model = found.model.without(lag.id());
     let rows = 2.0 * late_s(lag) / data.interval_s;
     let [least, most] = [WINDOWS.start(), WINDOWS.end()].map(|share| (share * rows).round() as usize);
