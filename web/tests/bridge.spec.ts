@@ -41,10 +41,10 @@ test('a browser without Web Serial drives a board through the program, which sto
   await expect.poll(() => value(page, 'speed'), { timeout: 30_000 }).toBeCloseTo(60, -0.8);
 
   // A page that shares nothing with the first, as another browser.
-  const stranger = await (await context.browser()!.newContext()).newPage();
-  await connect(stranger);
-  await expect(stranger.getByRole('alert')).toContainText('another page has the board');
-  await stranger.close();
+  const another = await (await context.browser()!.newContext()).newPage();
+  await connect(another);
+  await expect(another.getByRole('alert')).toContainText('another page has the board');
+  await another.close();
 
   const ended = new Promise(resolve => server!.once('exit', resolve));
   server!.kill('SIGINT');

@@ -67,7 +67,10 @@ export async function fitsAPhone(page: Page): Promise<void> {
   expect(wide).toBeLessThanOrEqual(0);
 }
 
-/** How far a number may be off, as a share of itself. The mathematical functions of WebAssembly and of the system's library differ in the last digit, and a fit ends where its cost hardly falls. */
+/**
+ * How far a number may be off, as a share of itself. The mathematical functions of WebAssembly and of the system's
+ * library differ in the last digit, and a fit ends where its cost hardly falls.
+ */
 const SAME_NUMBER = 1e-4;
 
 /** Where two outcomes differ: their names, their order, their texts, or a number by more than the last digits. */

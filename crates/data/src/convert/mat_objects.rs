@@ -142,7 +142,8 @@ impl<'a> Objects<'a> {
             let (head, mut inside) = self.array(cell)?;
             references(&inside.values(&head, "").ok()?).first().copied()
         });
-        let time_s = self.numbers(number, "Time").or_else(|| self.times(info?)).filter(|times| times.len() > 1)?;
+        let time_s =
+            self.numbers(number, "Time").or_else(|| self.times(info?, values.len())).filter(|times| times.len() > 1)?;
         let name = if name.is_empty() { "signal" } else { name };
         let sides: Vec<usize> = head.shape.iter().map(|side| *side as usize).filter(|side| *side != 1).collect();
         let columns = match sides[..] {
@@ -157,14 +158,14 @@ impl<'a> Objects<'a> {
         Some(())
     }
 
-    /// The times of a timeseries: each of them, or start, step and number.
-    fn times(&self, info: usize) -> Option<Vec<f64>> {
+    /// The times of a timeseries: each of them, or start, step and number. There are at most as many as values.
+    fn times(&self, info: usize, most: usize) -> Option<Vec<f64>> {
         if let Some(times) = self.numbers(info, "Time_").filter(|times| !times.is_empty()) {
             return Some(times);
         }
         let one = |name: &str| self.numbers(info, name)?.first().copied();
         let (start_s, step_s, count) = (one("Start_").unwrap_or(0.0), one("Increment_")?, one("Length")?);
-        let count = (0.0..1e8).contains(&count).then_some(count as usize)?;
+        let count = (0.0..=most as f64).contains(&count).then_some(count as usize)?;
         Some((0..count).map(|row| start_s + row as f64 * step_s).collect())
     }
 }
