@@ -1,9 +1,9 @@
 import { defineConfig } from '@playwright/test';
 
-const PORT = 8438;
+const PORT = Number(process.env.PORT ?? 8438);
 
 export default defineConfig({
-  testDir: 'tests',
+  testDir: process.env.TRIALS ? 'trials' : 'tests',
   timeout: 600_000,
   expect: { timeout: 15_000 },
   // Boards run in real time: two at once on two cores would hold each other up.

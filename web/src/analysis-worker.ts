@@ -14,8 +14,6 @@ function carryOut(order: Order): unknown {
       return JSON.parse(libraries.read_recording(order.file.name, order.file.bytes, order.file.columns));
     case 'rig':
       return JSON.parse(libraries.check_rig(order.rig.name, order.rig.text));
-    case 'effects':
-      return JSON.parse(libraries.effects());
     case 'channels':
       return JSON.parse(libraries.channels());
     case 'example':

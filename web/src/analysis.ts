@@ -39,12 +39,6 @@ export interface Result {
   /** Seconds that the diagnosis took. */
   took_s: number;
 }
-export interface Effect {
-  id: string;
-  law: string;
-  looks_like: string;
-  remedy: string;
-}
 
 /** What a worker is asked, and what it answers. */
 export type Order =
@@ -52,7 +46,6 @@ export type Order =
   | { kind: 'read'; file: InputFile }
   | { kind: 'rig'; rig: RigFile }
   | { kind: 'diagnose'; files: InputFile[]; rig: RigFile | null }
-  | { kind: 'effects' }
   | { kind: 'channels' }
   | { kind: 'example' }
   | { kind: 'design'; rig: string; model: string; asked: string }
@@ -108,7 +101,6 @@ export class Analysis {
   preview = (file: Omit<InputFile, 'columns'>) => this.order<Preview>({ kind: 'preview', file });
   read = (file: InputFile) => this.order<Summary>({ kind: 'read', file });
   checkRig = (rig: RigFile) => this.order<Record<string, unknown>>({ kind: 'rig', rig });
-  effects = () => this.order<Effect[]>({ kind: 'effects' });
   example = () => this.order<{ csv: string; rig: string }>({ kind: 'example' });
   channels = () => this.order<[string, string][]>({ kind: 'channels' });
   diagnose = (files: InputFile[], rig: RigFile | null, progress: (text: string) => void) =>

@@ -1,6 +1,6 @@
 /** The bench on a board, real or virtual: stop, state, live traces, drive, steps, recording, diagnosis, design, gains. */
 
-import { Analysis, Cancelled, type Effect, type Predicted, type Result } from './analysis';
+import { Analysis, Cancelled, type Predicted, type Result } from './analysis';
 import { Stopped, type Client } from './client';
 import { axes, plotIn, series, type Line } from './plot';
 import { resultView } from './result';
@@ -49,7 +49,6 @@ export class Bench {
   private readonly analysis = new Analysis();
   private readonly settings: Setting[];
   private readonly trips: TripHelp[];
-  private effects: Effect[] = [];
   private readonly state = h('span', { class: 'state safe', role: 'status' }, 'off');
   private readonly tripArea = h('div', { 'aria-live': 'assertive' });
   private readonly said = h('div', { 'aria-live': 'polite' });
@@ -95,7 +94,6 @@ export class Bench {
     this.clock = setInterval(() => this.look(), 100);
     addEventListener('keydown', this.onkey);
     addEventListener('pagehide', this.onunload);
-    void this.analysis.effects().then(effects => (this.effects = effects));
     this.armButton.focus();
   }
 
@@ -393,7 +391,7 @@ export class Bench {
       const bytes = new TextEncoder().encode(this.csv);
       const rig = { name: 'run.rig.toml', text: this.rig };
       this.result = await this.analysis.diagnose([{ name: 'run.csv', bytes, columns: [] }], rig, text => (what.textContent = words(text)));
-      const view = resultView(this.result, this.effects, { base: 'run', csv: this.csv, rig: this.rig, command: 'motorbench diagnose run.csv --report run.html --model model.toml' });
+      const view = resultView(this.result, { base: 'run', csv: this.csv, rig: this.rig, command: 'motorbench diagnose run.csv --report run.html --model model.toml' });
       this.resultArea.replaceChildren(view);
       view.scrollIntoView({ behavior: 'smooth' });
     } finally {

@@ -1,6 +1,6 @@
 /** "I have a recording": files in, their columns named by hand where needed, a rig or none, a diagnosis out. */
 
-import { Analysis, Cancelled, type Column, type Effect, type InputFile, type Preview, type RigFile, type Summary } from './analysis';
+import { Analysis, Cancelled, type Column, type InputFile, type Preview, type RigFile, type Summary } from './analysis';
 import { drawn } from './plot';
 import { resultView } from './result';
 import { button, errorText, field, h, message, quoted, select, words } from './ui';
@@ -29,9 +29,7 @@ export function recordingDoor(): HTMLElement {
   let inputs: Input[] = [];
   let rig: RigFile | null = null;
   let channels: [string, string][] = [];
-  let effects: Effect[] = [];
   void analysis.channels().then(found => (channels = found));
-  void analysis.effects().then(found => (effects = found));
 
   const filesArea = h('div');
   const rigArea = h('div');
@@ -311,7 +309,7 @@ export function recordingDoor(): HTMLElement {
     cancel.focus();
     try {
       const result = await analysis.diagnose(inputs.map(asFile), rig, text => (what.textContent = words(text)));
-      const view = resultView(result, effects, { base: base(), rig: rig?.text, command: command() });
+      const view = resultView(result, { base: base(), rig: rig?.text, command: command() });
       resultArea.replaceChildren(view);
       view.querySelector<HTMLElement>('.verdict')?.focus({ preventScroll: true });
       view.scrollIntoView({ behavior: 'smooth' });

@@ -1,6 +1,6 @@
-/** A result: the sentence, the causes with what to do, the files, and the program's report, live in a frame. */
+/** A result: the sentence, the causes, what to do, the files, and the program's report, live in a frame. */
 
-import type { Effect, Result } from './analysis';
+import type { Result } from './analysis';
 import { button, h, message, rounded, sameBy, save, words } from './ui';
 
 interface Outcome {
@@ -11,11 +11,9 @@ interface Outcome {
 
 export function resultView(
   result: Result,
-  effects: Effect[],
   files: { base: string; csv?: string; rig?: string; command: string },
 ): HTMLElement {
   const outcome = JSON.parse(result.outcome) as Outcome;
-  const about = (id: string) => effects.find(effect => effect.id === id);
   const cause = ({ effect, confidence, parameters }: Outcome['causes'][number]) => {
     const constants = Object.entries(parameters).map(([name, { value }]) => `${name.replaceAll('_', ' ')} ${rounded(value, 3)}`);
     return h(
@@ -23,7 +21,6 @@ export function resultView(
       {},
       h('strong', {}, words(effect)),
       h('span', { class: 'quiet' }, `  ${constants.join(', ')} · confidence ${Math.round(100 * confidence)} %`),
-      about(effect) ? h('p', {}, about(effect)!.remedy) : null,
     );
   };
   const advice = outcome.advice ?? [];
@@ -33,10 +30,10 @@ export function resultView(
     h('h2', { class: 'verdict', tabindex: -1 }, result.verdict),
     ...result.contradictions.map(note => message('note', note)),
     outcome.causes.length > 0
-      ? h('div', { class: 'card' }, h('h3', {}, 'What it is, and what to do'), h('ul', { class: 'causes' }, ...outcome.causes.map(cause)))
+      ? h('div', { class: 'card' }, h('h3', {}, 'What it is'), h('ul', { class: 'causes' }, ...outcome.causes.map(cause)))
       : null,
     advice.length > 0
-      ? h('div', { class: 'card' }, h('h3', {}, 'Next'), h('ul', {}, ...advice.map(line => h('li', {}, line))))
+      ? h('div', { class: 'card' }, h('h3', {}, 'What to do'), h('ul', {}, ...advice.map(line => h('li', {}, line))))
       : null,
     h(
       'div',

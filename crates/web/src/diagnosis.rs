@@ -1,16 +1,14 @@
 //! A diagnosis of recordings.
 
-use crate::{Message, json, recording, said};
+use crate::{Message, recording, said};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
 use motorbench_diagnosis::dataset::contradictions;
 use motorbench_diagnosis::diagnose::Diagnosis;
 use motorbench_diagnosis::steady_state::Study;
 use motorbench_diagnosis::{diagnose, steady_state};
-use motorbench_model::catalogue::CATALOGUE;
 use motorbench_report::web_page::Provenance;
 use motorbench_report::{diagnosis_page, diagnosis_text, steady_state as table_report};
-use serde::Serialize;
 use std::cell::RefCell;
 use wasm_bindgen::prelude::*;
 
@@ -145,23 +143,4 @@ impl Diagnosed {
             Found::Table(_) => None,
         }
     }
-}
-
-/// What is known of an effect of the catalogue.
-#[derive(Serialize)]
-struct Known {
-    id: &'static str,
-    law: &'static str,
-    looks_like: &'static str,
-    remedy: &'static str,
-}
-
-/// The catalogue of effects.
-#[wasm_bindgen]
-pub fn effects() -> Result<String, Message> {
-    let known = CATALOGUE.iter().map(|effect| {
-        let about = effect.about();
-        Known { id: about.id, law: about.law, looks_like: about.looks_like, remedy: about.remedy }
-    });
-    json(&known.collect::<Vec<_>>())
 }
