@@ -83,7 +83,10 @@ fn columns(dataset: &Dataset, path: &str) -> Option<Vec<Column>> {
         dataset.shape().ok()?.into_iter().map(|side| side as usize).filter(|side| *side != 1).collect();
     match sides[..] {
         [] | [_] => Some(vec![Column::new(path, values)]),
-        [columns, rows] => Some(matrix(path, &values, rows, columns, true)),
+        // A file may promise more than it holds.
+        [columns, rows] if columns.checked_mul(rows) == Some(values.len()) => {
+            Some(matrix(path, &values, rows, columns, true))
+        }
         _ => None,
     }
 }
