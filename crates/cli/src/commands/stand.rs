@@ -3,7 +3,8 @@
 mod measure;
 
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_recording, read_rig, write, write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, open_next, plot_file, provenance, read_recording, read_rig, write, write_json,
+    write_plot,
 };
 use clap::Args;
 use maud::html;
@@ -136,7 +137,7 @@ fn report(
     outputs.say(&text);
     // The map comes last, so that a table without a map still has its evaluation.
     arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))?;
-    outputs.wrote("");
+    outputs.wrote(&open_next(arguments.report.as_deref()));
     Ok(())
 }
 
