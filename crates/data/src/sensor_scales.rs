@@ -107,7 +107,7 @@ impl SensorScales {
         let [of_current, of_speed] = self.of_motor;
         let says = |(found, of_motor): (f64, f64), of_what: &str, unit: &str| {
             is_off(found, of_motor)
-                .then(|| format!("{of_what} of {} {unit}, where the motor has {of_motor}", rounded(found)))
+                .then(|| format!("{of_what} of {} {unit}, where the motor has {}", rounded(found), rounded(of_motor)))
         };
         let said =
             resistance.zip(of_current).and_then(|pair| says(pair, "voltage and current give a resistance", "ohm"));
@@ -150,8 +150,9 @@ mod tests {
             let level = [300, -250, 650, -600][tick as usize / 150 % 4];
             let voltage = 12.0 * f64::from(std::mem::replace(&mut duty, level)) / f64::from(HARDWARE.pwm_steps);
             let current = (voltage - voltage.signum() - K * speed) / resistance_ohm;
+            let before = speed;
             speed += 1e-3 * (K * current - 0.004 * f64::signum(speed)) / INERTIA_KG_M2;
-            let read_speed = speed * counts / of_board(Param::CountsPerRev) / speed_bit_rad_per_s(&settings);
+            let read_speed = before * counts / of_board(Param::CountsPerRev) / speed_bit_rad_per_s(&settings);
             let read_current = current * gain / of_board(Param::CurrentGain) * f64::from(AMPERE);
             scales.add(&[Sample {
                 tick,
@@ -175,7 +176,7 @@ mod tests {
         assert!(of_current.contains("a resistance of 16.4 ohm, where the motor has 5.84"), "{of_current}");
         assert!(of_current.contains("'set counts_per_rev N' 'set current_gain MV_PER_A' save"), "{of_current}");
         let of_speed = board(5.84, 500.0, 185.0).contradiction().unwrap();
-        assert!(of_speed.contains("a back-EMF constant of 0.288 V s/rad, where the motor has 0.072"), "{of_speed}");
+        assert!(of_speed.contains("a back-EMF constant of 0.288 V s/rad, where the motor has 0.0720"), "{of_speed}");
     }
 
     #[test]

@@ -96,7 +96,7 @@ fn speed_page(found: &OwnLoop, asked: &Asked) -> String {
 }
 
 fn position_page(found: &OwnPositionLoop, asked: &Asked) -> String {
-    let OwnPositionLoop { sample_s, kp, ki, kd, kff, dead_band: [forward, reverse], bandwidth_hz, .. } = found;
+    let OwnPositionLoop { sample_s, kp, ki, kd, kff, friction: [forward, reverse], bandwidth_hz, .. } = found;
     let sample_ms = 1e3 * sample_s;
     let mut text = format!("Position PID for a sketch, every {sample_ms:.0} ms: bandwidth {bandwidth_hz:.2} Hz\n");
     text += &slower(*bandwidth_hz, asked);
@@ -109,17 +109,19 @@ fn position_page(found: &OwnPositionLoop, asked: &Asked) -> String {
     text += &of_value("filter of the target, twice", 1e3 * found.loop_s, "ms");
     text += &of_value("greatest speed of the target", found.most_deg_per_s, "deg/s");
     text += &of_value("greatest acceleration", found.most_deg_per_s2, "deg/s^2");
-    text += &of_value("dead band forward", *forward, "PWM");
-    text += &of_value("dead band reverse", *reverse, "PWM");
+    text += &of_value("friction forward", *forward, "PWM");
+    text += &of_value("friction reverse", *reverse, "PWM");
+    text += &of_value("drop of the bridge", found.drop, "PWM");
     text += &of_value("one count", found.count_deg, "deg");
     text += "\nTried in simulation, steps of 20 to 290 deg both ways, with all effects of the\nmodel; then with the motor's constants 30 % off\n";
     for tried in &found.tried {
         text += &format!(
-            "  {:22} overshoot {:.2} deg, error {:.2} deg; 30 % off: overshoot {:.1} deg\n",
+            "  {:22} overshoot {:.1}, error {:.1} deg; 30 % off: {:.1}, {:.1} deg\n",
             of_sketch(tried.sketch),
             tried.overshoot_deg,
             tried.error_deg,
-            tried.overshoot_when_off_deg
+            tried.overshoot_when_off_deg,
+            tried.error_when_off_deg
         );
     }
     let library = format!(
