@@ -121,17 +121,13 @@ pub fn put(signals: Vec<Series>, content: &mut Content) {
         content.series = signals;
         return;
     }
-    // Lists that several signals share become one column.
-    let mut known: Vec<Shared> = Vec::new();
-    let mut is_new = |list: &Shared| {
-        let is_new = !known.iter().any(|other| Arc::ptr_eq(other, list));
-        is_new.then(|| known.push(list.clone())).is_some()
-    };
-    for Series { name, time_s, values } in signals {
-        if is_new(&time_s) {
+    // A list that several signals share becomes one column.
+    let mut known = BTreeSet::new();
+    for Series { name, time_s, values } in &signals {
+        if known.insert(Arc::as_ptr(time_s)) {
             content.columns.push(Column::new(format!("{name}/time"), time_s.to_vec()));
         }
-        if is_new(&values) {
+        if known.insert(Arc::as_ptr(values)) {
             content.columns.push(Column::new(name, values.to_vec()));
         }
     }
