@@ -376,6 +376,10 @@ impl Found<'_> {
 
     fn structure(&mut self, head: &Head, mut reader: Reader<'_>, path: &str, depth: usize) -> Result<(), Fault> {
         let names = reader.field_names()?;
+        if names.is_empty() {
+            // Without a field it holds nothing, however many of it a damaged file promises.
+            return Ok(());
+        }
         let count = head.shape.iter().product::<f64>() as usize;
         for number in 1..=count {
             let mut fields = Vec::new();
@@ -535,4 +539,34 @@ fn append(file: &mut Vec<u8>, kind: u32, data: Vec<u8>) {
     file.extend((data.len() as u32).to_le_bytes());
     file.extend(data);
     file.resize(file.len().next_multiple_of(8), 0);
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::convert::{Dialect, Format, read};
+
+    /// An element of a level 5 file: its kind, its length, its bytes up to a multiple of eight.
+    fn element(kind: u32, data: &[u8]) -> Vec<u8> {
+        let mut bytes = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
+        bytes.extend(data);
+        bytes.resize(bytes.len().next_multiple_of(8), 0);
+        bytes
+    }
+
+    #[test]
+    fn a_structure_without_fields_ends_however_many_of_it_are_promised() {
+        let sides = [i32::MAX, i32::MAX].map(i32::to_le_bytes).concat();
+        let structure = [
+            element(6, &[2, 0, 0, 0, 0, 0, 0, 0]),
+            element(5, &sides),
+            element(1, b"data"),
+            element(5, &4_i32.to_le_bytes()),
+            element(1, &[]),
+        ];
+        let mut file = vec![b' '; 124];
+        file.extend([0x00, 0x01, b'I', b'M']);
+        file.extend(element(14, &structure.concat()));
+        let refused = read("empty.mat", &file, Format::Mat, &[], Dialect::default());
+        assert!(refused.is_err());
+    }
 }

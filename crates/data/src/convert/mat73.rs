@@ -144,7 +144,8 @@ impl Reader {
     fn numbers(&self, dataset: &Dataset) -> Option<Vec<f64>> {
         let count = shape(dataset)?.into_iter().try_fold(1_usize, usize::checked_mul)?;
         self.may_read(count)?;
-        dataset.read_f64().ok()
+        // A file may promise more than it holds.
+        dataset.read_f64().ok().filter(|values| values.len() == count)
     }
 
     fn bytes(&self, dataset: &Dataset) -> Option<Vec<u8>> {
