@@ -85,7 +85,8 @@ fn seconds(column: &Column) -> &'static str {
 
 fn share(column: &Column) -> String {
     let most = greatest(&column.values);
-    let full = FULL_SCALES.into_iter().find(|full| most <= *full).unwrap_or(most);
+    // What a generator gives beyond the last one is cut off by the board.
+    let full = FULL_SCALES.into_iter().find(|full| most <= *full).unwrap_or(FULL_SCALES[FULL_SCALES.len() - 1]);
     if full == 1.0 { String::new() } else { format!("/{full}") }
 }
 
@@ -214,10 +215,10 @@ const MOST_VOLTS: f64 = 60.0;
 /// More amperes than a small motor takes.
 const MOST_AMPERES: f64 = 50.0;
 
-/// Steps of PWM are whole, and more than a voltage; a share is at most 1.
+/// Steps of PWM are more than a voltage; a share is at most 1.
 fn command_by_values(column: &Column) -> String {
     let most = greatest(&column.values);
-    if most > MOST_VOLTS && are_whole(&column.values) || most <= 1.0 && most > 0.0 {
+    if most > MOST_VOLTS || most <= 1.0 && most > 0.0 {
         Channel::Duty.column().to_owned() + &share(column)
     } else {
         Channel::Voltage.column().to_owned()
@@ -227,10 +228,6 @@ fn command_by_values(column: &Column) -> String {
 fn current_by_values(column: &Column) -> String {
     let milliamperes = greatest(&column.values) > MOST_AMPERES;
     Channel::Current.column().to_owned() + if milliamperes { "/1000" } else { "" }
-}
-
-fn are_whole(values: &[f64]) -> bool {
-    values.iter().all(|value| value.is_nan() || value.fract() == 0.0)
 }
 
 /// What the output of a current sensor without a current may be: half of a supply of 5 V or of 3.3 V.

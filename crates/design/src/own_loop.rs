@@ -31,7 +31,7 @@ const LASTS: f64 = 12.0;
 /// How far off the constants of the motor may be.
 const OFF: [f64; 2] = [0.7, 1.3];
 /// What the motor may overshoot then beyond what is asked for, in percent of the step: by so much its feed-forward is wrong.
-pub(crate) const MORE_WHEN_OFF: f64 = 100.0 * (1.0 / OFF[0] - 1.0);
+const MORE_WHEN_OFF: f64 = 100.0 * (1.0 / OFF[0] - 1.0);
 /// Error at the end of a step that a loop has settled with, in percent of it.
 const SETTLED_PERCENT: f64 = 5.0;
 const RPM: f64 = 60.0 / TAU;

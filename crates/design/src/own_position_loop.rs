@@ -10,7 +10,7 @@
 
 use crate::Bench;
 use crate::own_loop::{Asked, Circuit, OwnLoopError, PWM_FULL, Sketch, checked, corners, greatest_rpm, hold, lag_s};
-use crate::own_loop::{MORE_WHEN_OFF, MOST_TRIALS, SLOWER};
+use crate::own_loop::{MOST_TRIALS, SLOWER};
 use host_sim::plant::{ModelPlant, Plant};
 use motorbench_model::linear::motor_model::speed;
 use motorbench_model::{Direction, Model};
@@ -296,7 +296,7 @@ impl OwnPositionLoop {
         let moving = (count_deg / sample_s).min(self.most_deg_per_s / 10.0);
         format!(
             "const float SAMPLE_S = {sample_s:.3};  // call pwm() every {:.0} ms
-const float KP = {kp:.5}, KI = {ki:.5}, KD = {kd:.6};  // PWM per deg, deg s, deg/s
+const float KP = {kp:.5}, KI = {ki:.5}, KD = {kd:.6};  // per deg, deg s, deg/s
 const float SMOOTH = {smooth:.4};  // filter of the derivative
 const float KFF = {kff:.6}, KAFF = {kaff:.7};  // PWM per deg/s, per deg/s^2
 const float FRICTION_FWD = {forward:.1}, FRICTION_REV = {reverse:.1}, DROP = {drop:.1};  // PWM

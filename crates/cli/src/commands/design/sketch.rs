@@ -72,17 +72,17 @@ fn speed_page(found: &OwnLoop, asked: &Asked) -> String {
     text += &slower(*bandwidth_hz, asked);
     text += &of_value("kp", *kp, "PWM per rpm");
     text += &of_value("ki", *ki, "PWM per rpm and s");
-    text += &of_value("kd", 0.0, "the sample time hides what it acts on");
+    text += &of_value("kd", 0.0, "no use at this sample time");
     text += &of_value("feed-forward", *kff, "PWM per rpm");
     text += &of_value("feed-forward, acceleration", *kaff, "PWM per rpm/s");
     text += &of_value("filter of the reference", 1e3 * loop_s, "ms");
     text += &of_value("dead band forward", *forward, "PWM");
     text += &of_value("dead band reverse", *reverse, "PWM");
     text += &of_value("one count in a sample time", *count_rpm, "rpm");
-    text += "\nTried in simulation, steps of the speed both ways, with all effects of the model;\nthen with the motor's constants 30 % off\n";
+    text += "\nTried in simulation, steps of the speed both ways, with all effects of the\nmodel; then with the motor's constants 30 % off\n";
     for tried in &found.tried {
         text += &format!(
-            "  {:22} overshoot {:.1} %, error {:.1} rpm; 30 % off: overshoot {:.1} %\n",
+            "  {:22} overshoot {:.1} %, error {:.1} rpm; 30 % off: {:.1} %\n",
             of_sketch(tried.sketch),
             tried.overshoot_percent,
             tried.error_rpm,
