@@ -140,7 +140,7 @@ fn recordings(arguments: &Arguments) -> Result<(), Failure> {
     let compared =
         compare(&read(&arguments.first)?, &read(&arguments.second)?, arguments.delay).map_err(Failure::input)?;
     let result = serde_json::to_value(&compared).map_err(Failure::machine)?;
-    let verdict = format!("they agree to {}", agreement(&compared));
+    let verdict = format!("they {}", agreement(&compared));
     finish(arguments, &result, (&verdict, &table(&compared)), &drawn(&compared, ["first", "second"]))
 }
 
@@ -156,18 +156,18 @@ pub fn table(compared: &Comparison) -> String {
     text
 }
 
-/// How well two recordings agree in what the motor does and in its current: `speed 94 %, current 59 %`.
+/// How well two recordings agree in what the motor does and in its current: `agree in speed to 94 %, current to 59 %`.
 pub fn agreement(compared: &Comparison) -> String {
     let mut channels: Vec<&Difference> = compared.channels.iter().filter(|one| place(one.channel) <= 2).collect();
     channels.sort_by_key(|channel| place(channel.channel));
     let fits = channels.iter().filter_map(|one| Some(of_quantity(one.title(), one.fit_percent?)));
     let fits: Vec<String> = fits.collect();
-    if fits.is_empty() { "what the figures say".into() } else { fits.join(", ") }
+    if fits.is_empty() { "are compared in figures".into() } else { format!("agree in {}", fits.join(", ")) }
 }
 
 /// The fit of a quantity, from the title of its axis.
 fn of_quantity(title: &str, fit_percent: f64) -> String {
-    format!("{} {fit_percent:.1} %", title.split(',').next().unwrap_or(title))
+    format!("{} to {fit_percent:.1} %", title.split(',').next().unwrap_or(title))
 }
 
 /// Where a channel stands in a page: what the motor does, then the current, then what drives it.
@@ -237,7 +237,7 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     }
     let text = data.axis.motion.words(&text).into_owned();
     let result = in_units_of(data.axis, &json!({ "channels": channels }))?;
-    let verdict = data.axis.motion.words(&format!("the model follows to {}", fits.join(", "))).into_owned();
+    let verdict = data.axis.motion.words(&format!("the model agrees in {}", fits.join(", "))).into_owned();
     finish(arguments, &result, (&verdict, &text), &(data.interval_s, drawn))
 }
 

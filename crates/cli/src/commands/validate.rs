@@ -129,7 +129,7 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// How well the loops agree in what the motor does and in its current, in a sentence.
 fn sentence(loops: &[Loop]) -> String {
-    let of_loop = |one: &Loop| format!("{}: simulated and measured agree to {}", one.name, agreement(&one.compared));
+    let of_loop = |one: &Loop| format!("{}: simulated and measured {}", one.name, agreement(&one.compared));
     loops.iter().map(of_loop).collect::<Vec<_>>().join(". ")
 }
 
