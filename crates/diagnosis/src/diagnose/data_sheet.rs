@@ -13,6 +13,9 @@ const VISCOUS_SPREAD: f64 = 0.5;
 /// Squared deviations of R, k and J from their nominal values, in standard deviations, for each nominal value: more is
 /// implausible.
 const IMPLAUSIBLE_EACH: f64 = 8.0;
+/// The most that a bridge of transistors and the brushes behind it drop: 3.6 V (ST L293D data sheet, both saturation voltages
+/// at their maximum), and 1 V for carbon brushes.
+const MOST_DROP_V: f64 = 4.6;
 /// Resistance, torque constant and inertia, by their units: they show the size of a motor. An inductance depends on the
 /// frequency of its measurement.
 pub(super) const OF_SIZE: [Unit; 3] = [Unit::Ohm, Unit::NewtonMetrePerAmpere, Unit::KilogramMetre2];
@@ -43,7 +46,7 @@ pub(super) fn off_data_sheet(prior: &Prior, fit: &Fit) -> impl Iterator<Item = (
 }
 
 /// Squared deviations of the motor from its data sheet, in standard deviations. A data sheet says little about viscous
-/// friction, but many times its value is another friction. The drop of the bridge has its own data sheet.
+/// friction, but many times its value is another friction. The drop of the bridge has its own data sheet, or a limit.
 pub(super) fn squared_deviations(prior: &Prior, fit: &Fit) -> f64 {
     let values = |motor: &MotorParameters| [motor.resistance_ohm, motor.torque_constant_nm_per_a, motor.inertia_kg_m2];
     let spread = [prior.spread[0], prior.spread[2], prior.spread[3]];
@@ -53,7 +56,8 @@ pub(super) fn squared_deviations(prior: &Prior, fit: &Fit) -> f64 {
         ((fit.model.motor.viscous_friction_nm_s / nominal).max(1.0).ln() / VISCOUS_SPREAD).powi(2)
     });
     let drop_v = fit.model.dry_losses().bridge_drop_v;
-    let drop = prior.bridge_drop_v.map_or(0.0, |given_v| ((drop_v - given_v) / GIVEN_DROP_SPREAD_V).powi(2));
+    let off_v = prior.bridge_drop_v.map_or((drop_v - MOST_DROP_V).max(0.0), |given_v| drop_v - given_v);
+    let drop = (off_v / GIVEN_DROP_SPREAD_V).powi(2);
     constants + viscous + drop
 }
 

@@ -8,8 +8,8 @@ use super::scale::Scale;
 use super::select::{self, Selection, Standing, select};
 use super::trust::{is_of_a_scale, may_be_nothing, remove_effect, remove_untrusted};
 use super::{
-    bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, reading_phase,
-    ripple_phase, speed_reading, unseen_losses,
+    bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, pwm_latch,
+    reading_phase, ripple_phase, speed_reading, unseen_losses,
 };
 use crate::dataset::{Dataset, Output};
 use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
@@ -33,15 +33,23 @@ pub(super) struct Interpretation {
 }
 
 impl Interpretation {
-    /// With the laws that all the data suggest.
-    fn settled(data: Dataset, prior: &Prior, mut selection: Selection, fullest: Fit, mut last: Fit) -> Self {
+    /// With the laws that all the data suggest. Beside another law an effect may lose its evidence.
+    fn settled(
+        data: Dataset,
+        prior: &Prior,
+        mut selection: Selection,
+        fullest: Fit,
+        mut last: Fit,
+        progress: select::Progress,
+    ) -> Self {
         let everything = data.with_nothing_held_out();
         let laws::Settled { better, others: mut by_other_laws } = laws::settle(&last, &everything, prior);
         if let Some(better) = better {
             let anew = fit(&better.model, &data, prior, Effort::FULL);
             // The held-out data must not speak against it.
             if judge::held_out_nats(&data, &selection.last, &anew) > 0.0 {
-                (selection.last, last) = (anew, better);
+                selection = select::anew_from(&data, prior, &excluded(&data), anew, selection.steps, progress);
+                last = fit(&selection.last.model, &everything, prior, Effort::FULL);
             } else {
                 by_other_laws.push(better.uncertainty(&everything).intervals());
             }
@@ -56,7 +64,7 @@ impl Interpretation {
         let [last, fullest] = [&self.selection.last, &self.fullest].map(|found| refit(found, &data));
         let selection = select::anew_from(&data, prior, &excluded(&data), last, self.selection.steps, progress);
         let last = refit(&selection.last, &data.with_nothing_held_out());
-        Self::settled(data, prior, selection, fullest, last)
+        Self::settled(data, prior, selection, fullest, last, progress)
     }
 
     /// A constant share of lost counts, where no other effect explains lost counts.
@@ -126,7 +134,7 @@ pub(super) fn interpret_trusted(
                 id if is_of_a_scale(id) => remove_effect(&seen, prior, &mut selection, index),
                 id => return interpret_trusted(data, prior, &[excluded_ids, &[id]].concat(), progress),
             },
-            None => return Interpretation::settled(seen, prior, selection, fullest, last),
+            None => return Interpretation::settled(seen, prior, selection, fullest, last, progress),
         }
     }
 }
@@ -174,6 +182,7 @@ fn interpret(
     if data.axis.drive.is_voltage() {
         pwm_frequency::settle_at_first(&mut data, prior);
         reading_phase::settle_at_first(&mut data, prior);
+        pwm_latch::settle_at_first(&mut data, prior);
     }
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);

@@ -22,8 +22,6 @@ pub struct Gain {
     /// correlation of the prediction difference with the residuals. Residuals may be correlated within a block, and an
     /// effect may show in a few blocks alone (after Diebold and Mariano 1995).
     pub sigmas: f64,
-    /// The standard error of the gain.
-    pub error: f64,
     /// Fall of the mean square error, relative to the remaining and the tolerated error, of the quantity that gains
     /// most.
     pub share: f64,
@@ -58,7 +56,6 @@ pub fn gain(data: &Dataset, before: &Prediction, after: &Prediction) -> Gain {
     });
     Gain {
         sigmas: if variance > 0.0 { total / variance.sqrt() } else { 0.0 },
-        error: variance.sqrt(),
         share: share.fold(f64::NEG_INFINITY, f64::max),
         rmse,
     }
@@ -76,13 +73,6 @@ pub(super) fn evidence_nats(data: &Dataset, before: &Fit, after: &Fit) -> f64 {
 pub(super) fn held_out_nats(data: &Dataset, before: &Fit, after: &Fit) -> f64 {
     let error = |fit: &Fit, output: usize| rmse(data, &fit.prediction, output).max(f64::MIN_POSITIVE);
     (0..data.measured.len()).map(|output| (error(before, output) / error(after, output)).ln()).sum()
-}
-
-/// Gain over its standard error for several parts of the data together.
-pub fn sigmas_together(parts: &[Gain]) -> f64 {
-    let total: f64 = parts.iter().map(|part| part.sigmas * part.error).sum();
-    let error = parts.iter().map(|part| part.error.powi(2)).sum::<f64>().sqrt();
-    if error > 0.0 { total / error } else { 0.0 }
 }
 
 /// Root mean square error of one quantity on the held-out data.

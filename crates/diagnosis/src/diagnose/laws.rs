@@ -1,12 +1,15 @@
 //! Laws of the named effects that differ in their constants and not in their names. All the data decide which one is
-//! reported. What the others would make of the constants goes into the intervals.
+//! reported. What the others would make of the constants goes into the intervals, and what a usual effect would that the
+//! data neither show nor exclude.
 
+use super::interpretation::excluded;
 use super::judge::{AS_GOOD, evidence_nats};
 use super::select::NEAR;
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Prior, fit, scales};
 use maybe_rayon::prelude::*;
-use motorbench_model::Term;
+use motorbench_model::catalogue::{USUAL, effect};
+use motorbench_model::{Model, Term};
 
 /// The laws of a model compared with others.
 pub(super) struct Settled {
@@ -29,9 +32,20 @@ pub(super) fn settle(found: &Fit, data: &Dataset, prior: &Prior) -> Settled {
     }
     let better = better.map(|better| fit(&better.model, data, prior, Effort::FULL));
     let least = better.as_ref().unwrap_or(found).cost;
+    tried.extend(with_usual(better.as_ref().unwrap_or(found), data, prior));
     let as_good = tried.into_iter().filter(|other| other.cost <= AS_GOOD * least);
     let others = as_good.map(|other| other.uncertainty(data).intervals()).collect();
     Settled { better, others }
+}
+
+/// Fits with each usual effect that is absent.
+fn with_usual(found: &Fit, data: &Dataset, prior: &Prior) -> Vec<Fit> {
+    let scales = scales(&found.model.motor, data);
+    let excluded = excluded(data);
+    let absent = USUAL.iter().filter(|id| !found.model.has(id) && !excluded.contains(id)).filter_map(|id| effect(id));
+    let models: Vec<Model> = absent.map(|effect| found.model.with_start(effect, &scales)).collect();
+    let fitted = models.into_par_iter().map(|model| fit(&model, data, prior, Effort::AGAIN));
+    fitted.filter(|wider| !wider.is_at_a_bound(found.model.terms.len())).collect()
 }
 
 /// Fits with another law of one effect, whose constants are not at the end of what makes sense.

@@ -1,13 +1,11 @@
 //! Backward: drops effects without evidence, and replaces an effect by a better rival.
 
 use super::winding::looks_like_inductance;
-use super::{
-    Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, gain_over, has_evidence, is_same,
-};
-use crate::dataset::{Dataset, Measured};
+use super::{Chooser, Gain, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same};
+use crate::dataset::Measured;
 use crate::diagnose::data_sheet::squared_deviations;
-use crate::diagnose::judge::{NOT_NOISE, evidence_nats, sigmas_together};
-use crate::identify::{Effort, Fit, fit, scales};
+use crate::diagnose::judge::{NOT_NOISE, evidence_nats};
+use crate::identify::{Effort, Fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
 use motorbench_model::{Model, Term};
@@ -15,9 +13,6 @@ use motorbench_model::{Model, Term};
 /// Significance needed to name an effect, all others being present. Many effects are tried, and residuals have long
 /// tails. Right names have more than ten on generated benches.
 pub(in crate::diagnose) const NAMED_SIGMAS: f64 = 6.0;
-/// If the held-out data are not decisive: significance needed on all data. It is higher because three times as much
-/// data repeats a systematic error of the model.
-const NAMED_ON_ALL_SIGMAS: f64 = 8.0;
 /// Evidence in natural units that is called very strong (Kass and Raftery, Journal of the American Statistical Association
 /// 90 (1995)).
 const VERY_STRONG_NATS: f64 = 5.0;
@@ -130,16 +125,20 @@ impl Chooser<'_> {
                 && (!is_excessive(current) || is_same(&self.gain(&self.with_nominal_inductance(current), current)))
                 && !is_same(&self.gain(&self.with_nominal_inductance(&without), current))
         };
-        let is_certain =
-            || own.sigmas > NAMED_SIGMAS || self.sigmas_on_all(current, &without, &own) > NAMED_ON_ALL_SIGMAS;
+        let nats = evidence_nats(self.data, &without, current);
+        // One effect of many is a priori as unlikely as they are many.
+        let of_many = (CATALOGUE.len() as f64).ln();
+        let is_certain = own.sigmas > NAMED_SIGMAS || nats > VERY_STRONG_NATS + of_many;
         let term = current.model.term(id).expect("one of its own terms");
+        // Hardly any bench is without the usual effects: for them very strong evidence suffices, of the data and the data
+        // sheet together.
         let is_named = stands
             && !term.effect.is_a_scale(&term.values, &scales(&current.model.motor, self.data))
             && !self.spoils(&own)
             && (keeps_the_motor
                 || keeps_the_winding()
-                || has_evidence(&own) && is_certain()
-                || self.is_usual_and_likely(current, &without, id, &own))
+                || has_evidence(&own) && is_certain
+                || USUAL.contains(&id) && nats + 0.5 * more_deviation > VERY_STRONG_NATS)
             && self.number_matters(current, &without, id)
             && self.law_matters(current, &without, id);
         Check { id, without, own, stands, is_named }
@@ -164,28 +163,12 @@ impl Chooser<'_> {
         taken_over.fold(without, |best, other| if other.cost < best.cost { other } else { best })
     }
 
-    /// Hardly any bench is without the usual effects: for them very strong evidence suffices.
-    fn is_usual_and_likely(&self, current: &Fit, without: &Fit, id: &str, own: &Gain) -> bool {
-        USUAL.contains(&id) && own.share > LEAST_SHARE && evidence_nats(self.data, without, current) > VERY_STRONG_NATS
-    }
-
     /// Whether an effect explains one quantity at the cost of another.
     fn spoils(&self, own: &Gain) -> bool {
         let is_spoilt = |(&(before, after), measured): (&(f64, f64), &Measured)| {
             after > SPOILT * before && after > NOT_NOISE * measured.least_error(measured.noise)
         };
         own.rmse.iter().zip(&self.data.measured).any(is_spoilt)
-    }
-
-    /// Gain of an effect on all data, each part judged by fits that did not use it.
-    fn sigmas_on_all(&self, current: &Fit, without: &Fit, on_held_out: &Gain) -> f64 {
-        let on_other = |data: Dataset| {
-            let anew = |found: &Fit| fit(&found.model, &data, self.prior, Effort::AGAIN);
-            gain_over(&data, &anew(without), &anew(current))
-        };
-        let mut parts: Vec<Gain> = self.data.with_others_held_out().map(on_other).collect();
-        parts.push(on_held_out.clone());
-        sigmas_together(&parts)
     }
 
     /// Whether other numbers of periods would do worse, if an effect has such a number. If any number does as well, the
