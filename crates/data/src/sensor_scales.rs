@@ -45,7 +45,7 @@ impl SensorScales {
     pub fn new(settings: &Settings, nominal: &NominalMotor) -> Self {
         let set = |param: Param| Some(f64::from(settings.get(param))).filter(|value| *value > 0.0);
         Self {
-            settings: settings.clone(),
+            settings: *settings,
             of_motor: [
                 nominal.resistance_ohm.or_else(|| set(Param::Resistance)),
                 nominal.torque_constant_nm_per_a.or_else(|| set(Param::TorqueConstant)),
