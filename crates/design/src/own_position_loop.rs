@@ -3,7 +3,7 @@
 //!
 //! The gains follow from the motor as an integrator with a lag and a dead time (Skogestad, Journal of Process Control 13
 //! (2003)). The derivative cancels the lag. One count more or less moves the output by no more than
-//! [`MOST_JITTER_PWM`]: so much is the derivative filtered. The target passes a filter with two time constants of the
+//! 10 of 255: so much is the derivative filtered. The target passes a filter with two time constants of the
 //! loop, with limits of speed and acceleration that the motor can keep. Friction is met by the sense of the speed, and the drop of
 //! the bridge by that of the current, which turns when the motor brakes. At rest, within the counts, the output is 0, so
 //! that integral and friction do not swing about the target.
