@@ -91,13 +91,16 @@ fn share(column: &Column) -> String {
 }
 
 /// Options for the columns that are likely channels which the recording has not yet. `taken` are the columns that are
-/// channels by their names: one without a sign gets it from a column with the direction.
+/// channels by their names: one without a sign gets it from a column with the direction. A current does not: while the
+/// motor brakes, it is against the direction. `has_direction`: a mapping uses one already.
 pub fn options<'a>(
     columns: impl Iterator<Item = &'a Column>,
     has: &[Channel],
     taken: impl Iterator<Item = (Channel, &'a Column)>,
+    has_direction: bool,
 ) -> String {
     let columns: Vec<&Column> = columns.collect();
+    let current = unsigned_current(&columns, has_direction).map(|column| &*column.name);
     let direction = columns.iter().find(|column| is_direction(column));
     let sign_of = |column: &Column, channel: Channel| {
         let direction = direction.filter(|_| is_two_way(channel) && has_no_sign(column));
@@ -116,7 +119,7 @@ pub fn options<'a>(
     let mut known: Vec<Channel> = has.to_vec();
     let mut likely_ones: Vec<(&Column, Channel, String)> = Vec::new();
     for column in &columns {
-        let Some((channel, right)) = likely(column) else { continue };
+        let Some((channel, right)) = likely(column).filter(|_| Some(&*column.name) != current) else { continue };
         if !known.iter().any(|other| is_same_quantity(*other, channel)) {
             known.push(channel);
             likely_ones.push((column, channel, right));
@@ -133,6 +136,17 @@ pub fn options<'a>(
         add(format!("{}{sign}", column.name), &right);
     }
     options.trim_start().to_owned()
+}
+
+/// A current that has no sign, beside a direction that changes.
+pub fn unsigned_current<'a>(columns: &[&'a Column], has_direction: bool) -> Option<&'a Column> {
+    let turns = has_direction || columns.iter().any(|column| is_direction(column) && changes(column));
+    let is_unsigned = |column: &&&Column| {
+        likely(column).is_some_and(|(channel, right)| channel == Channel::Current && !right.ends_with(OF_CONVERTER))
+            && has_no_sign(column)
+            && changes(column)
+    };
+    columns.iter().find(is_unsigned).copied().filter(|_| turns)
 }
 
 /// Whether a column has more than one value.
@@ -286,17 +300,17 @@ mod tests {
             column("mode", &[1.0, 2.0]),
         ];
         assert_eq!(
-            options(table.iter(), &[Channel::Rpm], empty()),
+            options(table.iter(), &[Channel::Rpm], empty(), false),
             "--column millis=t_s/1000 --column pwm=duty/255 --column current_mA=i_A/1000"
         );
         let with_direction = [column("pwm", &[0.0, 99.0]), column("dir", &[0.0, 1.0]), column("adc", &[512.0])];
         assert_eq!(
-            options(with_direction.iter(), &[Channel::Time], empty()),
+            options(with_direction.iter(), &[Channel::Time], empty(), false),
             "--column 'pwm*sign(dir)=duty/100' --column adc=i_A*AMPERES_PER_STEP-AMPERES_AT_0"
         );
         let robot = [column("/Drive/LeftAppliedVolts", &[1.0]), column("/Drive/LeftVelocityRadPerSec", &[1.0])];
         assert_eq!(
-            options(robot.iter(), &[Channel::Time], empty()),
+            options(robot.iter(), &[Channel::Time], empty(), false),
             "--column /Drive/LeftAppliedVolts=u_V --column /Drive/LeftVelocityRadPerSec=omega_rad_per_s"
         );
         let other = [
@@ -305,10 +319,10 @@ mod tests {
             column("motorSpeed", &[0.0, 9.0]),
         ];
         assert_eq!(
-            options(other.iter(), &[], empty()),
+            options(other.iter(), &[], empty(), false),
             "--column t=t_s --column '/motor/Voltage, commanded=u_V' --column motorSpeed=omega_rad_per_s"
         );
-        assert_eq!(options([column("foo", &[1.0])].iter(), &[], empty()), "");
+        assert_eq!(options([column("foo", &[1.0])].iter(), &[], empty(), false), "");
         let nameless = [column("1", &[412.0, 422.0]), column("2", &[0.0, 0.0]), column("3", &[0.0, 0.0])];
         assert_eq!(by_number(&nameless), "--column 1=t_s/1000 --column 2=u_V --column 3=rpm");
         let of_sketch = [
@@ -326,11 +340,15 @@ mod tests {
         let unused = [column("pwm", &[0.0, 206.0]), column("dir", &[1.0, 0.0]), column("mA", &[0.0, 800.0])];
         let rpm = column("rpm", &[0.0, 900.0]);
         assert_eq!(
-            options(unused.iter(), &[Channel::Time, Channel::Rpm], [(Channel::Rpm, &rpm)].into_iter()),
-            "--column 'rpm*sign(dir)=rpm' --column 'pwm*sign(dir)=duty/255' --column 'mA*sign(dir)=i_A/1000'"
+            options(unused.iter(), &[Channel::Time, Channel::Rpm], [(Channel::Rpm, &rpm)].into_iter(), false),
+            "--column 'rpm*sign(dir)=rpm' --column 'pwm*sign(dir)=duty/255'"
         );
+        // The current of a motor that brakes is against the direction.
+        let of_current = [column("mA", &[0.0, 800.0])];
+        assert_eq!(options(of_current.iter(), &[], empty(), true), "");
+        assert_eq!(options(of_current.iter(), &[], empty(), false), "--column mA=i_A/1000");
         let one_way = [column("pwm", &[0.0, 206.0]), column("dir", &[1.0, 1.0])];
-        assert!(!options(one_way.iter(), &[Channel::Rpm], [(Channel::Rpm, &rpm)].into_iter()).contains("rpm"));
+        assert!(!options(one_way.iter(), &[Channel::Rpm], [(Channel::Rpm, &rpm)].into_iter(), false).contains("rpm"));
     }
 
     #[test]
@@ -338,11 +356,11 @@ mod tests {
         let column = |name: &str, values: &[f64]| Column::new(name, values.to_vec());
         let simulink = [column("Motor Angular Velocity", &[0.0, 9.0]), column("Step1", &[0.0, 13_107.0])];
         assert_eq!(
-            options(simulink.iter(), &[], empty()),
+            options(simulink.iter(), &[], empty(), false),
             "--column 'Motor Angular Velocity=omega_rad_per_s' --column Step1=duty/65535"
         );
         let volts = [column("input signal", &[0.0, 11.5]), column("Angular_Velocity", &[0.0, 9.0])];
-        assert!(options(volts.iter(), &[], empty()).ends_with("--column 'input signal=u_V'"));
+        assert!(options(volts.iter(), &[], empty(), false).ends_with("--column 'input signal=u_V'"));
     }
 
     #[test]
