@@ -13,6 +13,9 @@ use motorbench_model::{Model, Term};
 /// Significance needed to name an effect, all others being present. Many effects are tried, and residuals have long
 /// tails. Right names have more than ten on generated benches.
 pub(in crate::diagnose) const NAMED_SIGMAS: f64 = 6.0;
+/// Evidence names an effect that explains at least this share of the remaining error: a smaller one may be what another law
+/// leaves out.
+const MATTERS_SHARE: f64 = 0.1;
 /// Significance of an effect whose usual companion is absent; wrong names had ten.
 const ALONE_SIGMAS: f64 = 50.0;
 /// A similar law outside the catalogue is the better one with this significance, however small its gain.
@@ -125,7 +128,7 @@ impl Chooser<'_> {
         let nats = evidence_nats(self.data, &without, current);
         // One effect of many is a priori as unlikely as they are many.
         let of_many = (CATALOGUE.len() as f64).ln();
-        let is_certain = own.sigmas > NAMED_SIGMAS || nats > VERY_STRONG_NATS + of_many;
+        let is_certain = own.sigmas > NAMED_SIGMAS || own.share > MATTERS_SHARE && nats > VERY_STRONG_NATS + of_many;
         let term = current.model.term(id).expect("one of its own terms");
         // Hardly any bench is without the usual effects: for them very strong evidence suffices, of the data and the data
         // sheet together.
