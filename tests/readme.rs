@@ -41,6 +41,49 @@ fn the_commands_and_scripts_that_are_named_exist() {
     }
 }
 
+/// Each test that the suite leaves out says which trial runs it, and each trial runs something that is there.
+#[test]
+fn what_the_suite_leaves_out_is_a_trial() {
+    let script = std::fs::read_to_string(root().join("scripts/trials")).unwrap();
+    let mut left_out = 0;
+    for folder in ["crates", "tests", "host-sim", "hidden-effects", "core"] {
+        for (path, source) in sources(&root().join(folder)) {
+            for line in source.lines().filter(|line| line.trim_start().starts_with("#[ignore")) {
+                let named = line.split("`scripts/trials ").nth(1).and_then(|rest| rest.split('`').next());
+                let trial = named.unwrap_or_else(|| panic!("{}: {line} names no trial", path.display()));
+                assert!(script.contains(&format!("\"${{1:-}}\" = {trial} ]")), "{}: no trial {trial}", path.display());
+                left_out += 1;
+            }
+        }
+    }
+    assert!(left_out > 10, "{left_out}");
+    for command in script.lines().filter(|line| line.contains(" cargo ")) {
+        let words: Vec<&str> = command.split_whitespace().collect();
+        let after = |option: &str| words.windows(2).find(|pair| pair[0] == option).map(|pair| pair[1]);
+        let folder = after("-p").map_or(String::new(), |package| package.replace("motorbench-", "crates/"));
+        for (kind, name) in [("examples", after("--example")), ("tests", after("--test"))] {
+            let Some(name) = name else { continue };
+            let at = root().join(&folder).join(kind);
+            assert!(at.join(format!("{name}.rs")).exists() || at.join(name).join("main.rs").exists(), "{command}");
+        }
+    }
+}
+
+/// The sources below a folder, with their text.
+fn sources(folder: &Path) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(sources(&path));
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = std::fs::read_to_string(&path).unwrap();
+            found.push((path, text));
+        }
+    }
+    found
+}
+
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
@@ -140,7 +183,8 @@ fn folders() -> Vec<PathBuf> {
     folders
 }
 
-/// What `cargo` in a page is to take, there is: packages, tests, examples and benches; and so are the files that it names.
+/// What `cargo` in a page is to take, there is: packages, tests, examples and benches; and so are the files that it
+/// names.
 #[test]
 fn what_the_pages_name_of_the_sources_exists() {
     let folders = folders();

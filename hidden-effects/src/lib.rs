@@ -38,9 +38,9 @@ pub enum Effect {
     /// 4 to 15 % that come at 30 to 70 % of the recording and stay.
     /// T = `torque_Nm` from `time_s` on.
     LoadStep,
-    /// Coulomb friction that falls by 25 to 55 %, within 3 to 8 s.
-    /// Coulomb and viscous friction times 1 + `excess_share` exp(-t / `time_constant_s`); the truth's Coulomb level is the
-    /// warm one. The time constant is 15 to 40 % of the recording.
+    /// Coulomb friction that falls by 25 to 55 %, within 3 to 8 s. Coulomb and viscous friction times 1 +
+    /// `excess_share` exp(-t / `time_constant_s`); the truth's Coulomb level is the warm one. The time constant is 15
+    /// to 40 % of the recording.
     FrictionWarmup,
     /// 3 to 12 periods a revolution of 2 to 10 %.
     /// T sin(`periods_per_rev` angle + phase).
@@ -55,8 +55,8 @@ pub enum Effect {
     /// `resonance_Hz` with both ends free, `load_inertia_share`; damping ratio 0.02 to 0.08; the sensor is at the motor.
     ShaftCompliance,
     /// 0.5 to 2.5 V lost while current flows.
-    /// u - `drop_V` sign(i): the range spans MOSFET bridges to the Darlingtons of an L293D. Of three, one follows the mean
-    /// current, as behind an amplifier, half of those over a knee of 0.2 to 2 % of the greatest current.
+    /// u - `drop_V` sign(i): the range spans MOSFET bridges to the Darlingtons of an L293D. Of three, one follows the
+    /// mean current, as behind an amplifier. Half of those do so over a knee of 0.2 to 2 % of the greatest current.
     VoltageDrop,
     /// A supply with an inner resistance of 10 to 40 % of the winding's. u = duty (supply - `resistance_ohm` duty i)
     /// behind a capacitor. Three of ten have none (`within_pulses`), and the whole current flows while a pulse lasts: u
@@ -104,9 +104,9 @@ pub enum Effect {
     /// A bridge's drop, 15 to 40 % of it more one way and less the other.
     /// `difference_V`: drop of a current forwards less that of one backwards.
     DropAsymmetry,
-    /// The torque constant ripples by 2 to 5 %, 8 to 26 times a revolution, in torque and back-EMF.
-    /// 5 to 13 commutator segments; `amplitude_share` of the first harmonic, `ripples_per_rev`. The crests of the coils' EMF,
-    /// averaged over the width of the brushes, have higher harmonics as well.
+    /// The torque constant ripples by 2 to 5 %, 8 to 26 times a revolution, in torque and back-EMF. 5 to 13 commutator
+    /// segments; `amplitude_share` of the first harmonic, `ripples_per_rev`. The crests of the coils' EMF, averaged
+    /// over the width of the brushes, have higher harmonics as well.
     CommutationRipple,
     /// Not in the catalogue: a shaker pulls at 4 to 9 Hz, 6 to 15 %.
     OutsideShaker,
@@ -122,7 +122,8 @@ pub enum Effect {
     OutsideSpindle,
     /// Not in the catalogue: something grips the shaft for 20 to 50 ms, some twenty times, with 30 to 100 %.
     OutsideGrip,
-    /// Not in the catalogue: a soft spring between shaft and frame, wound up within 20 to 60 rad of where the shaft began, 0.5 to 6 %.
+    /// Not in the catalogue: a soft spring between shaft and frame, 0.5 to 6 %.
+    /// It is wound up within 20 to 60 rad of where the shaft began.
     OutsideSpring,
     /// Not in the catalogue: drag in proportion to the cube of the speed, 6 to 25 % at full speed.
     OutsideCube,

@@ -1,8 +1,9 @@
 //! The core in closed loop with a simulated motor, in fixed point as on the chip.
 //!
-//! The tick gets the same inputs as on the chip. These are encoder edges with their time stamps, sums of current
-//! conversions sampled at `HARDWARE.current_sampling_step` of PWM periods, and one conversion of the tachogenerator each
-//! millisecond. The bridge is switched as the PWM does, and takes a new duty [`DRIVE_DELAY_S`] after the tick.
+//! The tick gets the same inputs as on the chip. These are encoder edges with their time stamps and sums of current
+//! conversions, sampled at `HARDWARE.current_sampling_step` of PWM periods. There is also one conversion of the
+//! tachogenerator each millisecond. The bridge is switched as the PWM does, and takes a new duty [`DRIVE_DELAY_S`]
+//! after the tick.
 
 use crate::plant::{Bridge, Inputs as PlantInputs, ModelPlant, PeriodEnd, Plant, Pwm};
 use crate::sensor_effects::SensorEffects;
@@ -220,8 +221,8 @@ impl<P: Plant> Trial<P> {
         (0..ticks).map(|at| self.tick((at == 0).then_some(request))).collect()
     }
 
-    /// Takes other settings between two ticks, as a whole. Encoder and sensors stay the rig's, those that the trial began
-    /// with: only the program's idea of them changes.
+    /// Takes other settings between two ticks, as a whole. Encoder and sensors stay the rig's, those that the trial
+    /// began with: only the program's idea of them changes.
     ///
     /// # Errors
     /// A setting the core cannot hold; nothing has changed then.

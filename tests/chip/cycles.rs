@@ -83,8 +83,8 @@ fn it_fits_the_uno() {
     assert!(memory.flash <= 32_256 && memory.static_ram <= 1024 && memory.stack_free >= 256);
 }
 
-/// What rig files of recordings say holds however long the start has taken: when a voltage follows its tick, and of
-/// when its mean current is.
+/// What rig files of recordings say of times holds however long the start has taken. They say when a voltage follows
+/// its tick, and of when its mean current is.
 #[test]
 fn a_recording_is_of_the_times_that_its_rig_file_says() {
     for mut uno in started_from_defaults_and_from_saved_settings() {

@@ -202,8 +202,8 @@ fn a_draw_of_all_faults_switches_the_drive_off_in_time() {
     check(&cases, &outcomes);
 }
 
-/// What a sound motor may do near standstill: creep at 1 rpm in its friction, or hold a position against a load that
-/// changes its sign. A load may turn it back for a moment.
+/// What a sound motor may do near standstill. It creeps at 1 rpm in its friction, or holds a position against a load
+/// that changes its sign. A load may turn it back for a moment.
 #[test]
 fn motion_near_standstill_is_no_fault() {
     let runs_on = |what: &str, orders: &[&str], loads: &dyn Fn(usize) -> f64| {
@@ -227,7 +227,7 @@ fn motion_near_standstill_is_no_fault() {
 
 /// The table of the docs.
 #[test]
-#[ignore = "minutes; writes docs/reference/safety.md"]
+#[ignore = "takes minutes, and writes docs/reference/safety.md: `scripts/trials faults`"]
 fn every_fault_switches_the_drive_off_in_time() {
     let [known, unknown] = [true, false].map(|known| cases((0..FAULTS.len()).map(Some), known));
     let controls: Vec<Case> = [true, false].into_iter().flat_map(|known| cases([None].into_iter(), known)).collect();

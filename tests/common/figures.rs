@@ -167,7 +167,8 @@ pub fn memory() -> Memory {
             // A move under way is the deepest tick.
             uno.ask(&format!("ref {reference}"));
             uno.ask(command);
-            uno.run_s(0.02);
+            // Lines of telemetry are the deepest of the main loop: some that other interrupts meet at any place.
+            uno.run_s(if command.starts_with("stream text") { 0.5 } else { 0.02 });
         }
         uno.ask("stream binary");
         uno.order("disarm");

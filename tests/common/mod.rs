@@ -14,7 +14,12 @@ pub struct Uno<P: Plant = DcMotor> {
     pub decoder: StreamDecoder,
     pub samples: Vec<Sample>,
     pub replies: String,
+    /// Bytes since the last whole frame: all that comes while no stream is on.
+    outside: Vec<u8>,
 }
+
+/// Without a frame for so many slices of 5 ms no stream is on: a sample comes every millisecond.
+const SILENT_SLICES: usize = 4;
 
 impl Uno {
     /// Powered on, nothing said yet.
@@ -36,7 +41,13 @@ impl<P: Plant> Uno<P> {
     /// Powered on in other surroundings, nothing said yet.
     pub fn with(rig: Rig, plant: P) -> Self {
         let bench = Bench::new(firmware_elf().expect("firmware"), rig, plant).expect("bench");
-        Self { bench, decoder: StreamDecoder::default(), samples: Vec::new(), replies: String::new() }
+        Self {
+            bench,
+            decoder: StreamDecoder::default(),
+            samples: Vec::new(),
+            replies: String::new(),
+            outside: Vec::new(),
+        }
     }
 
     /// Waits for the greeting and the zero of the current, which takes 256 ticks; then everything comes in frames.
@@ -58,7 +69,12 @@ impl<P: Plant> Uno<P> {
     pub fn run_s(&mut self, duration_s: f64) {
         self.bench.run_s(duration_s).expect("the chip runs");
         for byte in self.bench.serial().read() {
-            match self.decoder.push(byte) {
+            self.outside.push(byte);
+            let frame = self.decoder.push(byte);
+            if frame.is_some() {
+                self.outside.clear();
+            }
+            match frame {
                 Some(Frame::Sample(sample)) => self.samples.push(sample),
                 Some(Frame::Text(text, length)) => self.replies += &String::from_utf8_lossy(&text[..length]),
                 None => {}
@@ -66,12 +82,24 @@ impl<P: Plant> Uno<P> {
         }
     }
 
-    /// Sends a line; the reply, without carriage returns.
+    /// Whether a line outside of any frame ends an answer.
+    fn is_answered_outside(&self) -> bool {
+        let text = String::from_utf8_lossy(&self.outside);
+        text.split_inclusive('\n').any(|line| line == "ok\r\n" || line.starts_with("error: ") && line.ends_with('\n'))
+    }
+
+    /// Sends a line; the reply, without carriage returns. Without a stream it is no frame, and not returned.
     pub fn ask(&mut self, line: &str) -> String {
         self.replies.clear();
+        self.outside.clear();
         self.bench.serial().write(format!("{line}\n"));
-        for _ in 0..800 {
+        let before = self.samples.len();
+        for slice in 0..800 {
             self.run_s(0.005);
+            let is_streaming = self.samples.len() > before || !self.replies.is_empty();
+            if slice >= SILENT_SLICES && !is_streaming && self.is_answered_outside() {
+                break;
+            }
             let last = self.replies.lines().last().unwrap_or("");
             if self.replies.ends_with('\n') && (last == "ok" || last.starts_with("error: ")) {
                 break;

@@ -18,9 +18,9 @@
 //! Sections and tables named in comments are those of the ATmega328P data sheet DS40002061.
 //!
 //! Times are processor cycles of 62.5 ns since power-on. An output pin changes at the start of the instruction that
-//! writes it, up to two cycles early. Not modelled: start-up times after a reset; the synchronisers of the input pins
-//! (one to two cycles); the pins of Timer1 in other modes than 14. Nor are the compare flags of Timer2 while their
-//! interrupts are disabled, and the bootloader.
+//! writes it, up to two cycles early. Not modelled are start-up times after a reset, and the synchronisers of the input
+//! pins (one to two cycles). The pins of Timer1 in other modes than 14 are not either. Nor are the bootloader, and the
+//! compare flags of Timer2 while their interrupts are disabled.
 #![cfg(feature = "chip")]
 
 mod adc;

@@ -11,22 +11,20 @@
 //! voltage drop of bridge and brushes.
 
 mod creep;
+mod winding;
+mod window;
 
-use motorbench_core::HARDWARE;
 use motorbench_core::message::{Sample, Trip};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_data::names::setting_name;
 use motorbench_data::recording::{Channel, Recording};
-use motorbench_data::rig::{NominalMotor, Timing};
-use motorbench_data::telemetry;
+use motorbench_data::rig::NominalMotor;
 use motorbench_diagnosis::diagnose::outcome::Estimate;
-use motorbench_diagnosis::steady_state::{Errors, Line, hardly_turns};
+use motorbench_diagnosis::steady_state::hardly_turns;
 use motorbench_link::board::{Board, BoardError, arm, leave_host, untripped, watch_host};
 use motorbench_link::record::Ended;
-use motorbench_model::pwm_period::{Ripple, Volts};
-use motorbench_report::diagnosis_text::estimate;
 use serde::Serialize;
-use std::f64::consts::TAU;
+use window::{Settled, Window};
 
 /// Interval at which the telemetry is fetched.
 const SLICE_S: f64 = 0.02;
@@ -39,26 +37,8 @@ const SLEW_V_PER_S: f32 = 50.0;
 /// Shortest window, and the longest time to complete a revolution.
 const WINDOW_S: f64 = 0.2;
 const LONGEST_WINDOW_S: f64 = 1.0;
-/// Windows of a held rotor: only the current has to settle.
-const HELD_WINDOW_S: f64 = 0.05;
-/// Two windows agree if they differ by less than this share, besides their scatter.
-const STEADY_SHARE: f64 = 2e-3;
-const STEADY_SIGMAS: f64 = 3.0;
 /// A level that is not steady after this long is left out.
 const PATIENCE_S: f64 = 20.0;
-
-/// Largest current of the winding test as a share of the smallest current limit, and number of its voltage steps.
-const HELD_SHARE: f64 = 0.8;
-const HELD_STEPS: f64 = 8.0;
-/// Smallest current of the line as a share of the largest. Below it friction of the hand and the kink of the drop
-/// disturb.
-const HELD_LEAST_SHARE: f64 = 0.3;
-/// A held rotor may turn by this angle.
-const HELD_YIELDS_REV: f64 = 0.01;
-/// Smallest error of a mean current. The steps of the converter make means that scatter less than their error.
-const LEAST_CURRENT_ERROR_A: f64 = 1e-4;
-/// Fewest points of a line with an error.
-const FEWEST_POINTS: usize = 4;
 
 /// The plan of a test.
 #[derive(Clone, Debug, PartialEq)]
@@ -182,24 +162,6 @@ pub fn drive(
         Err(ended) => ended,
     };
     findings
-}
-
-/// Mean values of a stretch of telemetry.
-struct Window {
-    reading: Reading,
-    /// Standard error of the current.
-    current_error_a: f64,
-    /// One count over the window.
-    speed_step: f64,
-    /// Position at its end.
-    counts: i32,
-}
-
-/// Result of waiting for a steady state.
-enum Settled {
-    Steady(Window),
-    /// Still changing at the end of the waiting time: the window at half the time, and the last.
-    Drifting(Window, Window),
 }
 
 struct Driver<'a, B: Board, P: Operator> {
@@ -378,31 +340,6 @@ impl<B: Board, P: Operator> Driver<'_, B, P> {
         hardly_turns(reading.u_V, k * reading.omega_rad_per_s)
     }
 
-    /// Asks until the rotor is held; `None` if the operator refuses.
-    fn position(&mut self, request: &str) -> Result<Option<HeldPosition>, Ended> {
-        let mut request = request.to_owned();
-        loop {
-            if !self.is_done(&request)? {
-                return Ok(None);
-            }
-            match self.held_points()? {
-                Held::Line(points, counts) => match self.fitted(&points, counts) {
-                    Some(position) => {
-                        self.person.hears(&format!(
-                            "{:6.1} deg: {} ohm, {:.2} V at no current; let go",
-                            position.angle_deg,
-                            estimate(&position.resistance_ohm),
-                            position.drop_V
-                        ));
-                        return Ok(Some(position));
-                    }
-                    None => request = "too little current flowed for a line: check the leads, then press Enter".into(),
-                },
-                Held::Turned => request = "the rotor turned: hold it tighter, then press Enter".into(),
-            }
-        }
-    }
-
     /// Waits for the operator, without drive.
     fn is_done(&mut self, request: &str) -> Result<bool, Ended> {
         self.person.is_asked(request);
@@ -411,104 +348,6 @@ impl<B: Board, P: Operator> Driver<'_, B, P> {
                 return Ok(answer);
             }
             self.slice()?;
-        }
-    }
-
-    /// Raises the voltage step by step until enough current flows; one point a step.
-    fn held_points(&mut self) -> Result<Held, Ended> {
-        // A held motor is expected here.
-        self.set(Param::TripStall, 0.0)?;
-        self.arm()?;
-        let most_a = self.held_current_a();
-        let resistance = self.motor.resistance_ohm.unwrap_or(f64::from(self.settings.get(Param::Resistance)));
-        let step_v = most_a * resistance / HELD_STEPS;
-        let limit_v = f64::from(self.settings.get(Param::VoltageLimit));
-        let yields = HELD_YIELDS_REV * f64::from(self.settings.get(Param::CountsPerRev));
-        let (mut points, mut start, mut turned) = (Vec::new(), None, false);
-        let mut voltage_v = step_v;
-        while voltage_v <= limit_v && !turned {
-            self.board.command(&format!("ref {voltage_v:.3}"))?;
-            let (Settled::Steady(window) | Settled::Drifting(_, window)) = self.settle(HELD_WINDOW_S, HELD_WINDOW_S)?;
-            let start = *start.get_or_insert(window.counts);
-            turned = f64::from(window.counts.wrapping_sub(start).unsigned_abs()) > yields;
-            let enough = window.reading.i_A >= most_a;
-            points.push(window);
-            if enough {
-                break;
-            }
-            voltage_v += step_v;
-        }
-        self.board.command("disarm")?;
-        self.set(Param::TripStall, self.settings.get(Param::TripStall))?;
-        let counts = start.unwrap_or(0);
-        Ok(if turned { Held::Turned } else { Held::Line(points, counts) })
-    }
-
-    /// Limits that neither reduce the voltage nor trip.
-    fn held_current_a(&self) -> f64 {
-        let limits =
-            [Param::TripContinuous, Param::TripPeak, Param::CurrentLimit].map(|param| self.settings.get(param));
-        HELD_SHARE * f64::from(limits.into_iter().filter(|limit| *limit > 0.0).fold(f32::INFINITY, f32::min))
-    }
-
-    /// The line through the points of one position.
-    fn fitted(&self, points: &[Window], counts: i32) -> Option<HeldPosition> {
-        let most_a = points.iter().map(|point| point.reading.i_A).fold(0.0, f64::max);
-        let points: Vec<&Window> =
-            points.iter().filter(|point| point.reading.i_A > HELD_LEAST_SHARE * most_a).collect();
-        if points.len() < FEWEST_POINTS {
-            return None;
-        }
-        let column = |of: &dyn Fn(&Window) -> f64| points.iter().map(|point| of(point)).collect::<Vec<f64>>();
-        let resistance = self.motor.resistance_ohm.unwrap_or(f64::from(self.settings.get(Param::Resistance)));
-        let errors = column(&|point| resistance * point.current_error_a.max(LEAST_CURRENT_ERROR_A));
-        let (constant, current) = (vec![1.0; points.len()], column(&|point| point.reading.i_A));
-        let line = Line::new(&[&constant, &current], &column(&|point| point.reading.u_V), &Errors::AtLeast(errors))?;
-        let rev = f64::from(self.settings.get(Param::CountsPerRev));
-        Some(HeldPosition {
-            angle_deg: 360.0 * (f64::from(counts) / rev).rem_euclid(1.0),
-            resistance_ohm: line.estimate(1),
-            drop_V: line.values[0],
-        })
-    }
-
-    /// Waits until a window agrees with the one half as long after the change.
-    fn settle(&mut self, shortest_s: f64, longest_s: f64) -> Result<Settled, Ended> {
-        let mut windows = vec![self.window(shortest_s, longest_s)?];
-        loop {
-            let now = self.window(shortest_s, longest_s)?;
-            let half = (windows.len() - 1) / 2;
-            if now.agrees(&windows[half]) {
-                return Ok(Settled::Steady(now));
-            }
-            if windows.len() as f64 * shortest_s > PATIENCE_S {
-                return Ok(Settled::Drifting(windows.swap_remove(half), now));
-            }
-            windows.push(now);
-        }
-    }
-
-    /// The next samples until a revolution is complete: variations over the angle cancel.
-    fn window(&mut self, shortest_s: f64, longest_s: f64) -> Result<Window, Ended> {
-        let rate_hz = f64::from(self.settings.get(Param::TickRate));
-        let rev = self.settings.get(Param::CountsPerRev) as i32;
-        let mut samples = std::mem::take(&mut self.waiting);
-        let mut seen = 1;
-        loop {
-            while seen < samples.len() {
-                let (first, last) = (samples[0], samples[seen]);
-                let turns = |sample: Sample| sample.counts.wrapping_sub(first.counts) / rev.max(1);
-                let lasted_s = f64::from(last.tick.wrapping_sub(first.tick)) / rate_hz;
-                let whole = turns(last) != turns(samples[seen - 1]);
-                seen += 1;
-                if lasted_s >= longest_s || lasted_s >= shortest_s && whole {
-                    // The last sample of a window is the first of the next.
-                    self.waiting = samples[seen - 1..].to_vec();
-                    samples.truncate(seen);
-                    return Ok(self.averaged(&samples));
-                }
-            }
-            samples.extend(self.slice()?);
         }
     }
 
@@ -525,83 +364,11 @@ impl<B: Board, P: Operator> Driver<'_, B, P> {
         }
         Ok(samples)
     }
-
-    fn averaged(&self, samples: &[Sample]) -> Window {
-        let recording = telemetry::recording("stand", samples, self.settings);
-        let values = |channel| recording.get(channel).unwrap_or_default();
-        // Readings of one tick are means since the previous tick. The first one belongs to the previous window.
-        let mean = |values: &[f64]| values[1..].iter().sum::<f64>() / (values.len() - 1) as f64;
-        let (currents, time_s) = (values(Channel::Current), values(Channel::Time));
-        let (duty, u_v, i_a) = (mean(values(Channel::Duty)), mean(values(Channel::Voltage)), mean(currents));
-        let (first, last) = (samples[0], samples[samples.len() - 1]);
-        let lasted_s = time_s[time_s.len() - 1];
-        let speed_step = TAU / f64::from(self.settings.get(Param::CountsPerRev)) / lasted_s;
-        let omega = if self.settings.get(Param::SpeedSensor) == 0.0 {
-            speed_step * f64::from(last.counts.wrapping_sub(first.counts))
-        } else {
-            mean(values(Channel::Speed))
-        };
-        let scatter = currents[1..].iter().map(|value| (value - i_a).powi(2)).sum::<f64>();
-        let count = (currents.len() - 1) as f64;
-        Window {
-            reading: Reading {
-                // Rounded to the microvolt as in the table, so that both print the same.
-                u_V: (u_v * 1e6).round() / 1e6,
-                i_A: i_a - self.sampled_above_mean_a(duty, u_v),
-                omega_rad_per_s: omega,
-                // A brake acts against the motion.
-                load_Nm: if duty < 0.0 { 0.0 - self.load_nm } else { self.load_nm },
-            },
-            current_error_a: (scatter / count).sqrt() / count.sqrt(),
-            speed_step,
-            counts: last.counts,
-        }
-    }
-
-    /// Current at its sampling time in the PWM period, less its mean. If the off phase coasts, it is unknown.
-    fn sampled_above_mean_a(&self, duty: f64, voltage_v: f64) -> f64 {
-        let resistance_ohm = self.motor.resistance_ohm.unwrap_or(0.0);
-        match (self.motor.inductance_h, Timing::FIRMWARE.current_sampled_at) {
-            (Some(inductance_h), Some(at)) if self.settings.get(Param::Wiring) == 0.0 && duty != 0.0 => {
-                let volts = Volts { mean_v: voltage_v, emf_v: 0.0, lost_v: 0.0, drops_v: [0.0, 0.0] };
-                Ripple::new(inductance_h, resistance_ohm, f64::from(HARDWARE.pwm_hz))
-                    .with_duty(duty)
-                    .sampled_a(0.0, at, &volts)
-            }
-            _ => 0.0,
-        }
-    }
-}
-
-/// Result of a voltage staircase with a held rotor.
-enum Held {
-    /// Points, and the counts of the rotor's position.
-    Line(Vec<Window>, i32),
-    Turned,
 }
 
 impl Reading {
     /// Whether it was measured in the same direction at a lower voltage, under at least this load.
     fn turned_below(&self, voltage_v: f64, load_nm: f64) -> bool {
         self.u_V * voltage_v > 0.0 && self.u_V.abs() < voltage_v.abs() && self.load_Nm.abs() >= load_nm
-    }
-}
-
-impl Window {
-    /// The change as text.
-    fn change_since(&self, before: &Self) -> String {
-        let (now, then) = (&self.reading, &before.reading);
-        format!(
-            "speed went from {:.2} to {:.2} rad/s, current from {:.4} to {:.4} A",
-            then.omega_rad_per_s, now.omega_rad_per_s, then.i_A, now.i_A
-        )
-    }
-
-    fn agrees(&self, before: &Self) -> bool {
-        let (now, then) = (&self.reading, &before.reading);
-        let current_error = self.current_error_a.hypot(before.current_error_a);
-        let speed = STEADY_SHARE * now.omega_rad_per_s.abs() + self.speed_step + before.speed_step;
-        let current = STEADY_SHARE * now.i_A.abs() + STEADY_SIGMAS * current_error;
-        (now.omega_rad_per_s - then.omega_rad_per_s).abs() <= speed && (now.i_A - then.i_A).abs() <= current
     }
 }

@@ -28,8 +28,8 @@ impl Tolerance {
 
 /// Other processors round differently.
 const SAME: Tolerance = Tolerance { numbers: 0.01, errors: 0.01 };
-/// A board records in real time, so each recording differs. Among seven of them the inductance, known to 14 %, differed
-/// by up to 1 %, the error of the speed by 8 %, its noise by 18 %.
+/// A board records in real time, so each recording differs. Among seven of them the inductance, known to 14 %,
+/// differed by up to 1 %. The error of the speed differed by 8 %, its noise by 18 %.
 #[cfg(feature = "chip")]
 const SAME_OF_A_BOARD: Tolerance = Tolerance { numbers: 0.02, errors: 0.3 };
 /// Tolerance as a share of the largest number in the line.

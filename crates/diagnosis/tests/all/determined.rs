@@ -1,7 +1,8 @@
 //! What a recording determines contains the truth, with a current and without one.
 
+use crate::benches::{clean, dry, rubbing, rubbing_without_current};
 use crate::scoring::diagnosed;
-use hidden_effects::{Channels, Effect, Motor, Recipe, Trial, Truth, draw};
+use hidden_effects::{Effect, Motor, Trial, Truth};
 use motorbench_diagnosis::diagnose::determined::AllDetermined;
 use motorbench_diagnosis::diagnose::outcome::{Outcome, ScaleOrigin};
 
@@ -42,33 +43,22 @@ fn halves_outside(found: &AllDetermined, name: &str, expected: f64) -> Option<f6
     Some(((expected - 0.5 * (low + high)) / (0.5 * (high - low))).abs())
 }
 
-fn outcome(trial: &Trial) -> Outcome {
-    diagnosed(trial).outcome
-}
-
-/// Twenty-five quantities at 95 %: more than four outside come once in several hundred draws, and one by more than
-/// twice its interval is an error of the formula.
+/// Twenty-five quantities at 95 %: more than four outside come once in several hundred draws. One by more than twice
+/// its interval is an error of the formula.
 #[test]
 fn what_is_determined_contains_the_truth() {
-    let dry = [Effect::CoulombFriction, Effect::VoltageDrop];
     let (mut outside, mut checked) = (0, 0);
-    for (seed, effects, channels) in [
-        (1, &[] as &[Effect], Channels::Full),
-        (2, &dry[..1], Channels::Full),
-        (3, &dry, Channels::DutyCountsCurrent),
-        (4, &dry[..1], Channels::VoltageSpeed),
-    ] {
-        let trial = draw(seed, &Recipe { channels, ..Recipe::of(effects) });
-        let found = outcome(&trial).determined;
-        let expected = truth(&trial.truth);
+    for bench in [clean(), rubbing(), dry(), rubbing_without_current()] {
+        let found = &bench.diagnosis.outcome.determined;
+        let truths = &bench.trial.truth;
         for name in ["gain_rad_per_s_per_V", "time_constant_s", "kV", "kA"] {
-            assert!(found.contains_key(name), "seed {seed}: {name} of {found:?}");
+            assert!(found.contains_key(name), "{truths:?}: {name} of {found:?}");
         }
-        assert_eq!(found.contains_key("kS"), !effects.is_empty(), "seed {seed}: {found:?}");
-        assert!(!found.contains_key("delay_s"), "seed {seed}: {found:?}");
-        for (name, expected) in expected {
-            let Some(halves) = halves_outside(&found, name, expected) else { continue };
-            assert!(halves < 2.0, "seed {seed}: {name} {expected} is not in {:?}", found[name]);
+        assert_eq!(found.contains_key("kS"), !truths.effects.is_empty(), "{truths:?}: {found:?}");
+        assert!(!found.contains_key("delay_s"), "{truths:?}: {found:?}");
+        for (name, expected) in truth(truths) {
+            let Some(halves) = halves_outside(found, name, expected) else { continue };
+            assert!(halves < 2.0, "{truths:?}: {name} {expected} is not in {:?}", found[name]);
             checked += 1;
             outside += usize::from(halves > 1.0);
         }
@@ -79,14 +69,15 @@ fn what_is_determined_contains_the_truth() {
 /// A single step of speed over voltage has no ohms in it.
 #[test]
 fn a_scale_is_told_from_a_measured_one() {
-    let with_current = outcome(&draw(2, &Recipe::of(&[Effect::CoulombFriction])));
+    let with_current = &rubbing().diagnosis.outcome;
     assert!(with_current.parameters.values().all(|found| found.scale == ScaleOrigin::Measured), "{with_current:?}");
-    let mut trial = draw(4, &Recipe { channels: Channels::VoltageSpeed, ..Recipe::of(&[Effect::CoulombFriction]) });
-    let scale = |trial: &Trial, name: &str| outcome(trial).parameters[name].scale;
-    assert_eq!(scale(&trial, "resistance_ohm"), ScaleOrigin::Nominal);
-    assert_eq!(scale(&trial, "torque_constant_Nm_per_A"), ScaleOrigin::Measured);
-    let supply = trial.rig_toml.split("[motor]").next().expect("text before").to_string();
-    assert!(supply.contains("voltage_V") && supply.len() < trial.rig_toml.len(), "{}", trial.rig_toml);
-    trial.rig_toml = supply;
-    assert_eq!(scale(&trial, "resistance_ohm"), ScaleOrigin::Unknown);
+    let scale = |outcome: &Outcome, name: &str| outcome.parameters[name].scale;
+    let without_current = rubbing_without_current();
+    assert_eq!(scale(&without_current.diagnosis.outcome, "resistance_ohm"), ScaleOrigin::Nominal);
+    assert_eq!(scale(&without_current.diagnosis.outcome, "torque_constant_Nm_per_A"), ScaleOrigin::Measured);
+    let rig_toml = &without_current.trial.rig_toml;
+    let supply = rig_toml.split("[motor]").next().expect("text before").to_string();
+    assert!(supply.contains("voltage_V") && supply.len() < rig_toml.len(), "{rig_toml}");
+    let of_supply = diagnosed(&Trial { rig_toml: supply, ..without_current.trial.clone() }).outcome;
+    assert_eq!(scale(&of_supply, "resistance_ohm"), ScaleOrigin::Unknown);
 }

@@ -1,5 +1,6 @@
-//! What hosts and bridges do that is no effect of the catalogue, and what a short recording cannot show: a pause of the
-//! program, an off phase that drops less than the pulse, a single step. The simulation shares nothing with the models.
+//! What hosts and bridges do that is no effect of the catalogue: a pause of the program, an off phase that drops less
+//! than the pulse. And what a short recording cannot show, as a single step. The simulation shares nothing with the
+//! models.
 
 use crate::fresh_seed;
 use motorbench_data::recording::Recording;

@@ -1,7 +1,7 @@
 //! One motor in files as people have them: each is read and diagnosed with the right names and constants.
 //!
-//! The motor is simulated here, apart from the models. Kinds of files that give the very same recording are tested where
-//! they are read, in `motorbench-data`; here stand those in which reading changes what a diagnosis sees.
+//! The motor is simulated here, apart from the models. Kinds of files that give the very same recording are tested
+//! where they are read, in `motorbench-data`. Here stand those in which reading changes what a diagnosis sees.
 
 use motorbench_data::convert::{Dialect, Format, read};
 use motorbench_data::recording::Recording;

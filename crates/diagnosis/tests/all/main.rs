@@ -1,15 +1,21 @@
 //! The diagnosis on benches with a hidden effect, on published tables and on real recordings.
 
 mod axis;
+mod benches;
 mod determined;
+mod fresh_draw;
 mod hidden_effects;
 mod hosts_and_bridges;
 mod kinds_of_files;
+mod lost_counts;
 mod outcome_schema;
 mod paper;
 mod real_recordings;
+mod recordings;
+mod schema;
 mod scoring;
 mod steady_tables;
+mod unknown_effects;
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

@@ -1,10 +1,8 @@
 //! Results of every kind match `docs/reference/diagnosis.schema.json`, and the schema refuses invalid ones.
 
-use hidden_effects::{Channels, Effect, Recipe, draw};
-use jsonschema::Validator;
+use crate::benches::{clean, rubbing, rubbing_without_current, shaken, shaken_rig};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;
-use motorbench_diagnosis::diagnose::diagnose;
 use motorbench_diagnosis::diagnose::outcome::Verdict;
 use motorbench_diagnosis::steady_state::study;
 use motorbench_model::catalogue::CATALOGUE;
@@ -15,40 +13,35 @@ fn schema() -> Value {
     serde_json::from_str(include_str!("../../../../docs/reference/diagnosis.schema.json")).unwrap()
 }
 
-fn validator() -> Validator {
-    jsonschema::validator_for(&schema()).unwrap()
-}
-
 /// The errors of a result.
 fn errors(outcome: &Value) -> Vec<String> {
-    validator().iter_errors(outcome).map(|error| format!("{}: {error}", error.instance_path())).collect()
+    crate::schema::errors(&schema(), outcome)
 }
 
-fn outcome(recipe: &Recipe, verdict: Verdict) -> Value {
-    let trial = draw(3, recipe);
-    let recording = Recording::parse("recording.csv", trial.csv.as_bytes(), &[]).unwrap();
-    let rig = Rig::parse("rig.toml", &trial.rig_toml).unwrap();
-    let outcome = diagnose(&[recording], &rig, &|_| ()).unwrap().outcome;
-    assert_eq!(outcome.verdict, verdict, "{outcome:?}");
-    serde_json::to_value(&outcome).unwrap()
+fn is_valid(outcome: &Value) -> bool {
+    errors(outcome).is_empty()
 }
 
+/// Nothing missing; all of it named, with a current and without; a part of it; none of it.
 #[test]
 fn results_of_every_kind_keep_to_it() {
-    let on_rig = |effect: Effect| Recipe::of(&[effect]).on_real_rig();
-    for (recipe, verdict) in [
-        (Recipe::of(&[]), Verdict::Sufficient),
-        (on_rig(Effect::Cogging), Verdict::Explained),
-        (Recipe { channels: Channels::VoltageSpeed, ..on_rig(Effect::LoadTorque) }, Verdict::Explained),
-        (Recipe::of(&[Effect::OutsideShaker]), Verdict::Unexplained),
+    for (bench, verdict) in [
+        (clean(), Verdict::Sufficient),
+        (rubbing(), Verdict::Explained),
+        (rubbing_without_current(), Verdict::Explained),
+        (shaken_rig(), Verdict::PartlyExplained),
+        (shaken(), Verdict::Unexplained),
     ] {
-        let outcome = outcome(&recipe, verdict);
+        let outcome = &bench.diagnosis.outcome;
+        assert_eq!(outcome.verdict, verdict, "{outcome:?}");
+        let outcome = serde_json::to_value(outcome).unwrap();
         let errors = errors(&outcome);
         assert!(errors.is_empty(), "{errors:?}\n{outcome:#}");
     }
 }
 
-/// A table of steady states at these currents, of a motor with the rig's constants but for a drop and a resistance that grows.
+/// A table of steady states at these currents, of a motor with the rig's constants but for a drop and a resistance that
+/// grows.
 fn table(currents_a: &[f64], drop_v: f64, growth_ohm_s: f64) -> Value {
     bent_table(currents_a, [drop_v, 0.0], growth_ohm_s)
 }
@@ -82,7 +75,7 @@ fn results_of_tables_keep_to_it() {
     assert_eq!(bent.pointer("/unexplained/acts_on"), Some(&json!("voltage")), "{bent:#}");
     let mut silent = bent.clone();
     silent["unexplained"] = Value::Null;
-    assert!(!validator().is_valid(&silent), "where something remains it is told what");
+    assert!(!is_valid(&silent), "where something remains it is told what");
     assert!(growing["explanations"].to_string().contains("resistance_growing_with_speed"), "{growing:#}");
     for outcome in [&published, &table(&currents_a, 0.0, 0.0), &table(&currents_a, 1.2, 0.0), &growing, &bent] {
         let errors = errors(outcome);
@@ -96,29 +89,28 @@ fn results_of_tables_keep_to_it() {
         let mut less = published.clone();
         let (parent, key) = pointer.rsplit_once('/').unwrap();
         less.pointer_mut(parent).unwrap().as_object_mut().unwrap().remove(key);
-        assert!(!validator().is_valid(&less), "{pointer}");
+        assert!(!is_valid(&less), "{pointer}");
     }
 }
 
 #[test]
 fn it_refuses_what_is_wrong() {
-    let validator = validator();
-    let right = outcome(&Recipe::of(&[Effect::VoltageDrop]), Verdict::Explained);
-    assert!(validator.is_valid(&right));
+    let right = serde_json::to_value(&rubbing().diagnosis.outcome).unwrap();
+    assert!(is_valid(&right));
     let wrong = |pointer: &str, value: Value| {
         let mut wrong = right.clone();
         *wrong.pointer_mut(pointer).unwrap() = value;
-        assert!(!validator.is_valid(&wrong), "{pointer}");
+        assert!(!is_valid(&wrong), "{pointer}");
     };
     wrong("/verdict", json!("perfect"));
     wrong("/causes/0/effect", json!("ghost"));
     wrong("/causes/0/confidence", json!(1.5));
-    wrong("/causes/0/parameters/drop_V/ci95", json!([1.0]));
+    wrong("/causes/0/parameters/torque_Nm/ci95", json!([1.0]));
     wrong("/fit/base", json!(7));
     wrong("/unexplained", json!({ "acts_on": "mind", "depends_on": "time", "share": 1.0 }));
     let mut less = right.clone();
     less.as_object_mut().unwrap().remove("advice");
-    assert!(!validator.is_valid(&less));
+    assert!(!is_valid(&less));
 }
 
 #[test]

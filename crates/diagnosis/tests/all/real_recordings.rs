@@ -43,6 +43,7 @@ fn gain(diagnosis: &Diagnosis) -> f64 {
 
 /// A gearmotor behind a bridge, six steps, no current: the author found it neither linear nor symmetric.
 #[test]
+#[ignore = "takes long: `scripts/trials committed`"]
 fn gearmotor_with_a_dead_zone() {
     let Some(folder) = folder("jga25-370") else { return };
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
@@ -63,6 +64,7 @@ fn gearmotor_with_a_dead_zone() {
 
 /// A teaching motor around one speed at 50 Hz: friction or load cannot be told apart, the delay can.
 #[test]
+#[ignore = "takes long: `scripts/trials committed`"]
 fn teaching_motor_around_one_speed() {
     let Some(folder) = folder("undcmotor") else { return };
     let diagnosis = diagnosed(&[folder.join("prbs_open_loop.csv")], 5.0).unwrap();
@@ -99,6 +101,7 @@ fn static_curves_without_a_current_are_refused() {
 /// A slide behind a current-controlled drive, in a closed position loop (EMPS). The published constants are those of an
 /// inverse identification with Coulomb friction and an offset.
 #[test]
+#[ignore = "takes long: `scripts/trials committed`"]
 fn emps_has_friction_and_an_offset() {
     let Some(folder) = folder("emps") else { return };
     let columns = ["drive_V=force_N*35.150652", "position_m=x_m"].map(|column| column.parse().unwrap());

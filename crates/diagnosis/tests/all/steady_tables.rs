@@ -14,7 +14,8 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
 
 const TABLES: u64 = 200;
-/// Of 200 at least 193 are right on the average, in the worst of these tests; within two intervals of 95 % lies the truth of 175.
+/// Of 200 at least 193 are right on the average, in the worst of these tests. Within two intervals of 95 % lies the
+/// truth of 175.
 const FEWEST_RIGHT: u64 = 180;
 const FEWEST_WITHIN: u64 = 150;
 /// What the rig file says.
@@ -90,7 +91,8 @@ fn rig() -> Rig {
     Rig::parse("rig.toml", &text).unwrap()
 }
 
-/// In how many of the tables exactly these are named beside friction, and in how many the truth lies within their intervals.
+/// In how many of the tables exactly these are named beside friction, and in how many the truth lies within their
+/// intervals.
 fn named(
     seed: u64,
     loads_nm: &[f64],

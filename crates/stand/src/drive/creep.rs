@@ -4,7 +4,8 @@
 //! In each sector the voltage without the back-EMF lies on a line over the current. Its slope is the resistance there.
 //! This averages the commutation within a sector, which a held rotor does not.
 
-use super::{Driver, Findings, Operator, Reading, Window};
+use super::window::Window;
+use super::{Driver, Findings, Operator, Reading};
 use motorbench_core::message::Sample;
 use motorbench_core::settings::Param;
 use motorbench_link::board::Board;

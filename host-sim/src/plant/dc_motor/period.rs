@@ -33,8 +33,8 @@ impl Transition {
     }
 }
 
-/// What a PWM period makes of a state and of inputs while both move. Each in three parts: speed and current at the end of
-/// the pulse; at the end of the period; the angle turned and the sampled current.
+/// What a PWM period makes of a state and of inputs while both move. Each in three parts: speed and current at the end
+/// of the pulse, the same at the end of the period, and the angle turned with the sampled current.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Period {
     /// Pulse, start to sample, whole period.
@@ -77,7 +77,8 @@ impl Period {
     }
 }
 
-/// A quantity after a part of a PWM period: factors of speed and current at its start and of the torque, and a constant.
+/// A quantity after a part of a PWM period: factors of speed and current at its start and of the torque, and a
+/// constant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Row {
     pub(super) of_state: Vector,

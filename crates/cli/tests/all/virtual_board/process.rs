@@ -7,7 +7,8 @@ use motorbench_data::recording::Channel;
 use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
 
-/// Who has neither cargo nor the compiler runs what was built before; where there is nothing, the message says what to give.
+/// Who has neither cargo nor the compiler runs what was built before; where there is nothing, the message says what to
+/// give.
 #[test]
 fn a_virtual_board_needs_no_cargo() {
     let built = motorbench_chip::firmware_elf().expect("firmware");
@@ -144,8 +145,8 @@ fn motor_and_effects_change_while_it_runs() {
     check("effect rust x=1", speed(0.1, 0.02));
 }
 
-/// The board does what another process tells it, and answers however fast its motor turns; where it has not the terminal it does
-/// not wait for what is typed there.
+/// The board does what another process tells it, and answers however fast its motor turns. Where it has not the
+/// terminal it does not wait for what is typed there.
 #[test]
 fn a_board_in_the_background() {
     let folder = std::env::temp_dir().join(format!("motorbench-background-{}", std::process::id()));

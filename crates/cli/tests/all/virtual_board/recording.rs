@@ -136,7 +136,8 @@ fn settings_of_a_recording_are_put_back() {
     }
 }
 
-/// Gains of a fast loop come with a slew limit of its own, with which a reversal in open loop would trip. The board keeps it.
+/// Gains of a fast loop come with a slew limit of its own, with which a reversal in open loop would trip. The board
+/// keeps it.
 #[test]
 fn a_board_with_a_fast_loop_is_recorded_as_one_without() {
     let board = Board::new("fast_loop");
@@ -162,8 +163,8 @@ fn a_line_that_is_too_slow_mixes_no_samples() {
     assert!(side["missing_ticks"].as_u64().unwrap() > 100, "{side}");
 }
 
-/// The drive of a board whose own `trip_host` is off does not outlive a recording's program either; it is kept alive through the
-/// recording, and what a person sets stays.
+/// The drive of a board whose own `trip_host` is off does not outlive a recording's program either. It is kept alive
+/// through the recording, and what a person sets stays.
 #[test]
 fn a_lost_host_is_not_mistaken_for_a_busy_one() {
     let board = Board::new("alive");

@@ -7,7 +7,7 @@ use std::io::{BufRead, BufReader, Write};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-/// As a person with hands runs it: levels, then the rotor held where it is asked for; the figures are those of the
+/// As a person with hands runs it: levels, then the rotor held where it is asked for. The figures are those of the
 /// simulated motor (0.012 Nm of friction, 2.5 to 2.6 V dropped).
 #[test]
 fn the_stand_measures_the_simulated_motor() {
@@ -109,8 +109,8 @@ fn a_stand_that_is_killed_keeps_its_table() {
     board.trips_by_itself();
 }
 
-/// The virtual board's brake sets itself; efficiency over load is that of the equations, and a load that stalls the motor is
-/// left out.
+/// The virtual board's brake sets itself; efficiency over load is that of the equations, and a load that stalls the
+/// motor is left out.
 #[test]
 fn the_stand_measures_efficiency_over_load() {
     let board = Board::new("stand-load");

@@ -88,7 +88,8 @@ pub fn hidden(trial: &Trial) -> Vec<&'static str> {
     hidden
 }
 
-/// What was named, values called wrong included (none is further off than a data sheet's tolerance); a name that the diagnosis itself says cannot be told from a hidden one stands for it.
+/// What was named, values called wrong included: none is further off than a data sheet's tolerance. A name that the
+/// diagnosis itself says cannot be told from a hidden one stands for it.
 pub fn named(outcome: &Outcome, hidden: &[&'static str]) -> Vec<String> {
     let causes = &outcome.causes;
     let mut named: Vec<String> = causes
