@@ -8,6 +8,10 @@ use crate::{series, speed_wraps, suggestions, units};
 /// Largest share of rows that may be unreadable. More are not explained by noise on a line.
 pub const MOST_BROKEN: f64 = 0.01;
 
+/// So many series are looked at for a proposal, and so many values of each.
+const MOST_NAMED: usize = 200;
+const GLANCE: usize = 1000;
+
 /// A channel, and what in the file it is.
 struct Use {
     channel: Channel,
@@ -22,7 +26,7 @@ struct Use {
 /// What is wrong, with the place.
 pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Result<Recording, String> {
     if !content.series.is_empty() {
-        let all: Vec<Column> = content.series.iter().map(|one| Column::new(&*one.name, one.values.clone())).collect();
+        let all: Vec<Column> = content.series.iter().take(MOST_NAMED).map(|one| one.glance(GLANCE)).collect();
         content = series::joined(content, mappings)?;
         if content.columns.is_empty() {
             return Err(no_channel(&all, &[Channel::Time]));
@@ -46,7 +50,19 @@ pub fn recording(name: &str, mut content: Content, mappings: &[Mapping]) -> Resu
     if has.is_empty() || has == [Channel::Time] && unused().next().is_some() && mappings.is_empty() {
         return Err(nothing_known(&content, &has));
     }
-    recording.suggestion = suggestions::options(unused().filter(|column| !column.is_text()), &has);
+    let taken = uses.iter().filter_map(|found| match found.term {
+        Term::Column(column) => Some((found.channel, columns[column])),
+        _ => None,
+    });
+    let has_direction = uses.iter().any(|found| matches!(found.term, Term::Signed(..)));
+    let left: Vec<&Column> = unused().filter(|column| !column.is_text()).collect();
+    recording.suggestion = suggestions::options(left.iter().copied(), &has, taken, has_direction);
+    if let Some(current) = suggestions::unsigned_current(&left, has_direction) {
+        recording.notes.push(format!(
+            "{} has no sign. While the motor brakes its current is negative, so it is better left out.",
+            current.name
+        ));
+    }
     recording.ignored = unused()
         .map(|column| column.name.clone())
         .filter(|name| !name.is_empty() && name != crate::table::PREFIX)
@@ -147,14 +163,21 @@ fn by_names(uses: &mut Vec<Use>, names: &[&str], columns: &[&Column]) -> Result<
                 let factor = units::factor(channel, &columns[one].unit).unwrap_or(1.0);
                 uses.push(Use { channel, term: Term::Column(one), factor, offset: 0.0 });
             }
-            [first, ..] => {
+            [_, _, ..] => {
                 let which = || found.iter().map(|at| names[*at]).collect::<Vec<_>>().join(", ");
                 twice.get_or_insert_with(|| format!("two columns are {column}: {}", which()));
-                choices += &format!(" --column {}={column}", names[first]);
+                // A set value holds for some time, a measured one changes from row to row.
+                let measured = found.iter().rev().max_by_key(|at| changes(columns[**at])).expect("there are two");
+                choices += &format!(" --column {}={column}", names[*measured]);
             }
         }
     }
     twice.map_or(Ok(()), |twice| Err(format!("{twice}. Choose, for instance{choices}")))
+}
+
+/// Rows whose value differs from the one before.
+fn changes(column: &Column) -> usize {
+    column.values.windows(2).filter(|pair| pair[0] != pair[1]).count()
 }
 
 /// Takes a column as the time that can be nothing else: moments, a unit of time, `__time`. A short table may be one of
@@ -205,19 +228,16 @@ fn no_channel(columns: &[Column], has: &[Channel]) -> String {
         return "no numbers were found in it. Save the signals as plain vectors, or as CSV".into();
     }
     let are_numbered = names.iter().all(|name| last_part(name).parse::<usize>().is_ok());
-    let proposal = suggestions::options(numbers(), has);
+    let proposal = suggestions::options(numbers(), has, std::iter::empty(), false);
     let is_probe =
         |column: &&Column| column.name.to_lowercase().starts_with("ch") && matches!(&*column.unit, "V" | "mV");
-    let advice = match numbers().rfind(is_probe) {
+    let advice = match numbers().any(|column| is_probe(&column)) {
         _ if are_numbered => format!("Name them, for instance {}", suggestions::by_number(columns)),
         _ if !proposal.is_empty() => format!("Likely: {proposal}"),
-        Some(probe) => format!(
-            "Name them with --column NAME=CHANNEL. The voltage of a sensor needs its scale: {}=i_A/0.185-13.51 is 0.185 V/A around 2.5 V",
-            probe.name
-        ),
-        None => "Name them with --column NAME=CHANNEL".to_owned(),
+        true => suggestions::of_probes(numbers().filter(is_probe)),
+        false => "Name them with --column NAME=CHANNEL".to_owned(),
     };
-    format!("no known channel among {}. {advice}. Channels are {}", names.join(", "), all_columns())
+    format!("no known channel among {}. {advice}. Channels are {}", mapping::listed(&names), all_columns())
 }
 
 /// Which rows have a number in every column that is used.

@@ -1,5 +1,7 @@
 //! What a file holds before its names mean anything: columns of numbers, or series with times of their own.
 
+use std::sync::Arc;
+
 /// Values with their name in the file.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Column {
@@ -29,15 +31,34 @@ impl Column {
     }
 }
 
-/// One quantity at the times when it was logged.
+/// One quantity at the times when it was logged. Several quantities may share their times.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Series {
     /// Name in the file.
     pub name: String,
     /// Times of its samples.
-    pub time_s: Vec<f64>,
+    pub time_s: Arc<Vec<f64>>,
     /// Its samples.
-    pub values: Vec<f64>,
+    pub values: Arc<Vec<f64>>,
+}
+
+impl Series {
+    /// A series of these samples.
+    pub fn new(name: impl Into<String>, time_s: Vec<f64>, values: Vec<f64>) -> Self {
+        Self { name: name.into(), time_s: Arc::new(time_s), values: Arc::new(values) }
+    }
+
+    /// Adds a sample.
+    pub fn push(&mut self, t_s: f64, value: f64) {
+        Arc::make_mut(&mut self.time_s).push(t_s);
+        Arc::make_mut(&mut self.values).push(value);
+    }
+
+    /// So many of its samples at most, evenly over the whole, as a column.
+    pub fn glance(&self, most: usize) -> Column {
+        let step = self.values.len().div_ceil(most).max(1);
+        Column::new(&*self.name, self.values.iter().step_by(step).copied().collect())
+    }
 }
 
 /// A line that could not be read.

@@ -27,6 +27,7 @@ pub mod names;
 pub mod preview;
 pub mod recording;
 pub mod rig;
+pub mod sensor_scales;
 mod series;
 mod speed_signs;
 mod speed_wraps;

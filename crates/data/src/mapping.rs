@@ -130,7 +130,18 @@ pub fn resolved(name: &str, names: &[&str]) -> Result<Term, String> {
 
 fn unknown(name: &str, names: &[&str]) -> String {
     let meant = keys::suggestion(keys::nearest(name, names.iter().copied()));
-    format!("there is no numeric column \"{name}\"{meant}; there are {}", names.join(", "))
+    format!("there is no numeric column \"{name}\"{meant}; there are {}", listed(names))
+}
+
+/// So many names are listed in a message.
+const LISTED: usize = 40;
+
+/// Names for a message.
+pub fn listed(names: &[&str]) -> String {
+    match names.len().checked_sub(LISTED) {
+        Some(more @ 1..) => format!("{} and {more} more", names[..LISTED].join(", ")),
+        _ => names.join(", "),
+    }
 }
 
 /// The column of a name: by its whole name, the last parts of its path, without its unit, or by its number.

@@ -1,6 +1,6 @@
 //! What a file holds before any name has a meaning: for a person who says which column is what.
 
-use crate::content::Column;
+use crate::content::{Column, Series};
 use crate::convert::{self, ConvertError, Format};
 use crate::suggestions;
 use serde::Serialize;
@@ -40,16 +40,18 @@ pub struct PreviewColumn {
 /// [`ConvertError`] with the place.
 pub fn preview(name: &str, bytes: &[u8], format: Format) -> Result<Preview, ConvertError> {
     let content = convert::named_content(name, bytes, format)?;
-    let series = content.series.iter().map(|series| Column::new(&*series.name, series.values.clone()));
-    let all: Vec<Column> = series.chain(content.columns.iter().filter(|column| !column.is_text()).cloned()).collect();
-    let likely = suggestions::likely_channels(&all);
-    let columns = all.iter().zip(likely).map(|(column, likely)| shown(column, likely)).collect();
+    let of_series = |series: &Series| (series.glance(SHOWN), series.values.len());
+    let of_column = |column: &Column| (column.clone(), column.values.len());
+    let numbers = content.columns.iter().filter(|column| !column.is_text());
+    let all: Vec<(Column, usize)> = content.series.iter().map(of_series).chain(numbers.map(of_column)).collect();
+    let likely = suggestions::likely_channels(all.iter().map(|(column, _)| column));
+    let columns = all.iter().zip(likely).map(|((column, count), likely)| shown(column, *count, likely)).collect();
     Ok(Preview { format: format.name(), columns, notes: content.notes })
 }
 
-fn shown(column: &Column, likely: String) -> PreviewColumn {
-    let count = column.values.len();
-    let step = count.div_ceil(SHOWN).max(1);
+/// A column or what is known of a series, which has `count` values.
+fn shown(column: &Column, count: usize, likely: String) -> PreviewColumn {
+    let step = column.values.len().div_ceil(SHOWN).max(1);
     let value = |value: &f64| value.is_finite().then_some(*value);
     PreviewColumn {
         name: column.name.clone(),

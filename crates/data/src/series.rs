@@ -129,7 +129,7 @@ fn held(series: &Series, base: &[f64], tolerance_s: f64) -> (Vec<f64>, usize) {
 fn nearest(series: &Series, base: &[f64], tolerance_s: f64) -> (Vec<f64>, usize) {
     let mut values = vec![f64::NAN; base.len()];
     let mut distances = vec![f64::INFINITY; base.len()];
-    for (t_s, value) in series.time_s.iter().zip(&series.values) {
+    for (t_s, value) in series.time_s.iter().zip(&*series.values) {
         let after = base.partition_point(|base| base < t_s);
         let candidates = after.saturating_sub(1)..(after + 1).min(base.len());
         let Some(row) = candidates.min_by(|a, b| (base[*a] - t_s).abs().total_cmp(&(base[*b] - t_s).abs())) else {

@@ -47,6 +47,7 @@ pub mod law;
 pub mod observer;
 pub mod optimum;
 pub mod own_loop;
+pub mod own_position_loop;
 pub mod relay;
 pub mod robustness;
 pub mod sampled_loop;

@@ -23,8 +23,8 @@ pub const SAMPLE_TIMES_S: [f64; 2] = [0.01, 0.1];
 /// Sampling intervals that the loop's time constant has at least: a shorter one has no margin.
 const LEAST_SAMPLES: f64 = 1.0;
 /// A loop whose trial fails is made slower by this, so often at most.
-const SLOWER: f64 = 1.25;
-const MOST_TRIALS: usize = 12;
+pub(crate) const SLOWER: f64 = 1.25;
+pub(crate) const MOST_TRIALS: usize = 12;
 /// Shares of the greatest speed that the trial asks for, and how long each lasts: so many time constants of loop and motor.
 const REFERENCES: [f64; 4] = [0.5, 0.25, -0.5, 0.0];
 const LASTS: f64 = 12.0;
@@ -137,15 +137,8 @@ pub struct Tried {
 /// # Errors
 /// [`OwnLoopError`] with what to do.
 pub fn own_loop(model: &Model, bench: &Bench, asked: &Asked) -> Result<OwnLoop, OwnLoopError> {
+    let circuit = checked(bench, asked)?;
     let Asked { bandwidth_hz, sample_s, .. } = *asked;
-    if !(SAMPLE_TIMES_S[0]..=SAMPLE_TIMES_S[1]).contains(&sample_s) {
-        return Err(OwnLoopError::SampleTime(1e3 * sample_s));
-    }
-    if !(bandwidth_hz > 0.0 && bandwidth_hz.is_finite()) {
-        return Err(OwnLoopError::Bandwidth(bandwidth_hz));
-    }
-    let counts_per_rev = bench.counts_per_rev.ok_or(OwnLoopError::NoEncoder)?;
-    let circuit = Circuit { supply_v: bench.supply_v, counts_per_rev, delay_s: bench.delay_s };
     let mut loop_s = (1.0 / (TAU * bandwidth_hz)).max(LEAST_SAMPLES * sample_s);
     let mut why = String::new();
     for _ in 0..MOST_TRIALS {
@@ -159,12 +152,25 @@ pub fn own_loop(model: &Model, bench: &Bench, asked: &Asked) -> Result<OwnLoop, 
     Err(OwnLoopError::NoneFollows { sample_ms: 1e3 * sample_s, slowest_hz: SLOWER / (TAU * loop_s), why })
 }
 
+/// What is around the motor, if a sketch can do what is asked for there.
+pub(crate) fn checked(bench: &Bench, asked: &Asked) -> Result<Circuit, OwnLoopError> {
+    let Asked { bandwidth_hz, sample_s, .. } = *asked;
+    if !(SAMPLE_TIMES_S[0]..=SAMPLE_TIMES_S[1]).contains(&sample_s) {
+        return Err(OwnLoopError::SampleTime(1e3 * sample_s));
+    }
+    if !(bandwidth_hz > 0.0 && bandwidth_hz.is_finite()) {
+        return Err(OwnLoopError::Bandwidth(bandwidth_hz));
+    }
+    let counts_per_rev = bench.counts_per_rev.ok_or(OwnLoopError::NoEncoder)?;
+    Ok(Circuit { supply_v: bench.supply_v, counts_per_rev, delay_s: bench.delay_s })
+}
+
 /// What is around the motor.
 #[derive(Clone, Copy)]
-struct Circuit {
-    supply_v: f64,
-    counts_per_rev: f64,
-    delay_s: f64,
+pub(crate) struct Circuit {
+    pub(crate) supply_v: f64,
+    pub(crate) counts_per_rev: f64,
+    pub(crate) delay_s: f64,
 }
 
 /// By the rules of Skogestad, for a lag with a dead time.
@@ -190,7 +196,7 @@ fn gains(model: &Model, circuit: &Circuit, sample_s: f64, loop_s: f64) -> OwnLoo
 }
 
 /// Time constant of the speed, with the viscous friction.
-fn lag_s(motor: &MotorParameters) -> f64 {
+pub(crate) fn lag_s(motor: &MotorParameters) -> f64 {
     motor.inertia_kg_m2 * motor.resistance_ohm / motor.torque_constant_nm_per_a * speed(motor).dc_gain()
 }
 
@@ -228,7 +234,7 @@ fn tried(model: &Model, circuit: &Circuit, gains: &OwnLoop, asked: &Asked, loop_
 }
 
 /// The motor with more and with less gain, quicker and slower.
-fn corners(model: &Model) -> [Model; 4] {
+pub(crate) fn corners(model: &Model) -> [Model; 4] {
     let with = |constant: f64, inertia: f64| {
         let mut model = model.clone();
         model.motor.torque_constant_nm_per_a *= constant;
@@ -240,7 +246,7 @@ fn corners(model: &Model) -> [Model; 4] {
 }
 
 /// Speed without a load at the whole supply, less what friction and drop take.
-fn greatest_rpm(model: &Model, circuit: &Circuit) -> f64 {
+pub(crate) fn greatest_rpm(model: &Model, circuit: &Circuit) -> f64 {
     let lost_v = model.dead_band_v(Direction::Forward, circuit.supply_v);
     speed(&model.motor).dc_gain() * (circuit.supply_v - lost_v).max(0.0) * RPM
 }
@@ -274,7 +280,7 @@ fn trial(model: &Model, circuit: &Circuit, gains: &OwnLoop, sketch: Sketch, loop
 }
 
 /// The output is held for a sample time.
-fn hold(plant: &mut ModelPlant, circuit: &Circuit, pwm: f64, sample_s: f64) {
+pub(crate) fn hold(plant: &mut ModelPlant, circuit: &Circuit, pwm: f64, sample_s: f64) {
     let bridge = match pwm {
         0.0 => Bridge::Brake,
         pwm if pwm > 0.0 => Bridge::Forward,

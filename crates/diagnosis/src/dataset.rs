@@ -418,7 +418,7 @@ impl Dataset {
     }
 
     /// Total length of all stretches.
-    fn span_s(&self) -> f64 {
+    pub(crate) fn span_s(&self) -> f64 {
         self.stretches.iter().map(|Stretch { rows, .. }| self.time_s[rows.end - 1] - self.time_s[rows.start]).sum()
     }
 

@@ -206,8 +206,8 @@ fn design_section(motor: &MotorParameters, design: &Design, course: &[Point]) ->
                 (figure(effort_plot("current, A", design, course, |point| point.i_a), "Current on the core"))
                 (figure(gain, "Open loop: gain"))
                 (figure(phase, "Open loop: phase"))
-                (figure(root_plot(motor, design), "Roots of the sampled loop"))
             }
+            (figure(root_plot(motor, design), "Roots of the sampled loop"))
         }
     }
 }
@@ -311,7 +311,7 @@ fn root_plot(motor: &MotorParameters, design: &Design) -> Plot {
     let others = corners(motor).flat_map(|corner| roots(&corner)).map(|root| place(&root)).collect();
     let own = roots(motor).iter().map(place).collect();
     Plot::new("real", "imaginary")
-        .within(-2.1..2.1, -1.2..1.2)
+        .round(1.15)
         .with("unit circle", REFERENCE, Mark::Curve, circle)
         .dots("parameters +-30 %", CORE, others, Vec::new())
         .dots("as designed", LINEAR, own, Vec::new())

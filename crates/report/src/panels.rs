@@ -1,7 +1,6 @@
 //! Plots over time or frequency, one below the other, as SVG.
 
-use crate::plot::{MEASURED, OTHERS, Plot, REFERENCE, axis_label};
-use crate::web_page::text;
+use crate::plot::{MEASURED, Mark, OTHERS, Plot, REFERENCE, axis_label};
 use maud::{Markup, html};
 use plotters::coord::Shift;
 use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
@@ -52,7 +51,7 @@ fn colours(lines: &[(String, Vec<f64>)]) -> Vec<RGBColor> {
     let mut others = OTHERS.into_iter().cycle();
     let of_name = |(name, _): &(String, Vec<f64>)| match name.as_str() {
         "reference" => REFERENCE,
-        name if name.ends_with("measured") => MEASURED,
+        name if is_measured(name) => MEASURED,
         _ => others.next().unwrap_or(MEASURED),
     };
     lines.iter().map(of_name).collect()
@@ -60,7 +59,16 @@ fn colours(lines: &[(String, Vec<f64>)]) -> Vec<RGBColor> {
 
 /// The same for a page. Those over time are zoomed together.
 pub fn figures(interval_s: f64, panels: &[Panel]) -> Markup {
-    html! { @for panel in panels { (panel.plot(interval_s).figure(&text(&panel.title))) } }
+    html! { @for panel in panels { (panel.plot(interval_s).figure(&html! { b { (capitalised(&panel.title)) } })) } }
+}
+
+fn capitalised(title: &str) -> String {
+    let mut letters = title.chars();
+    letters.next().map_or_else(String::new, |first| first.to_uppercase().chain(letters).collect())
+}
+
+fn is_measured(name: &str) -> bool {
+    name.ends_with("measured")
 }
 
 impl Panel {
@@ -78,10 +86,13 @@ impl Panel {
             None => index as f64 * interval_s,
             Some(frequencies_hz) => frequencies_hz[index],
         };
-        let colours = colours(&self.lines);
-        self.lines.iter().zip(colours).fold(plot, |plot, ((name, values), colour)| {
+        let mut lines: Vec<_> = self.lines.iter().zip(colours(&self.lines)).collect();
+        // What was measured is broad and behind the others, so that it is seen where they agree with it.
+        lines.sort_by_key(|((name, _), _)| !is_measured(name));
+        lines.iter().fold(plot, |plot, ((name, values), colour)| {
             let points = values.iter().enumerate().map(|(index, value)| [place(index), *value]).collect();
-            plot.line(name, colour, points)
+            let mark = if is_measured(name) && lines.len() > 1 { Mark::Broad } else { Mark::Line };
+            plot.with(name, *colour, mark, points)
         })
     }
 }

@@ -35,6 +35,32 @@ struct Sizes {
     class: &'static str,
 }
 
+/// Free space around a drawing, and on its right, where the last label stands out.
+const MARGIN: i32 = 8;
+const MARGIN_RIGHT: i32 = 22;
+
+impl Sizes {
+    /// Height of the labels below the plot.
+    const fn below(&self) -> i32 {
+        2 * self.letters + 6
+    }
+
+    /// Width of the labels beside it.
+    const fn beside(&self) -> i32 {
+        11 * self.letters / 2
+    }
+
+    /// Pixels of the horizontal axis.
+    fn across(&self) -> f64 {
+        f64::from(self.width as i32 - self.beside() - MARGIN - MARGIN_RIGHT)
+    }
+
+    /// Pixels of the vertical axis under one line of names, in a drawing of this height.
+    fn up(&self, height: u32) -> f64 {
+        f64::from(height as i32 - self.below() - MARGIN - (self.letters + 10))
+    }
+}
+
 const SCREEN: Sizes = Sizes { width: 1120, share_of_height: 1.0, letters: 20, labels: 12, class: "on-screen" };
 /// Also one of two plots side by side on paper.
 const PHONE: Sizes = Sizes { width: 400, share_of_height: 0.78, letters: 17, labels: 5, class: "on-phone" };
@@ -92,6 +118,8 @@ pub struct Plot {
     height: u32,
     group: Option<String>,
     range: Option<[Range<f64>; 2]>,
+    /// Half of the vertical axis, if both axes have one scale and their zero in the middle.
+    round: Option<f64>,
     bands: Vec<Band>,
     series: Vec<Series>,
 }
@@ -106,6 +134,7 @@ impl Plot {
             height: HEIGHT,
             group: None,
             range: None,
+            round: None,
             bands: Vec::new(),
             series: Vec::new(),
         }
@@ -129,10 +158,10 @@ impl Plot {
         Self { group: Some(group.into()), ..self }
     }
 
-    /// With these ends of the axes.
+    /// With one scale for both axes, so that a circle is round; the vertical one ends at plus and minus `half`.
     #[must_use]
-    pub fn within(self, x: Range<f64>, y: Range<f64>) -> Self {
-        Self { range: Some([x, y]), ..self }
+    pub fn round(self, half: f64) -> Self {
+        Self { round: Some(half), ..self }
     }
 
     /// With a grey band over a part of the horizontal axis.
@@ -171,7 +200,7 @@ impl Plot {
 
     /// The plot with its caption.
     pub fn figure(&self, caption: &Markup) -> Markup {
-        let is_live = self.range.is_none() && self.series.iter().all(|series| series.mark != Mark::Curve);
+        let is_live = self.round.is_none() && self.series.iter().all(|series| series.mark != Mark::Curve);
         html! {
             figure.plot {
                 figcaption { (caption) }
@@ -185,8 +214,19 @@ impl Plot {
     }
 
     fn drawn(&self, sizes: &Sizes) -> Markup {
-        let mut svg = String::new();
         let height = ((f64::from(self.height) * sizes.share_of_height) as u32).max(LOW);
+        match self.round {
+            Some(half) => {
+                let wide = half * sizes.across() / sizes.up(height);
+                let range = Some([-wide..wide, -half..half]);
+                Self { range, ..self.clone() }.drawn_with(sizes, height)
+            }
+            None => self.drawn_with(sizes, height),
+        }
+    }
+
+    fn drawn_with(&self, sizes: &Sizes, height: u32) -> Markup {
+        let mut svg = String::new();
         let result = {
             let area = SVGBackend::with_string(&mut svg, (sizes.width, height)).into_drawing_area();
             let drawn = if self.is_logarithmic {
@@ -241,11 +281,11 @@ impl Plot {
         let top = if self.series.len() < 2 { 8 } else { self.legend(area, sizes)? };
         let (x_ends, y) = (self.x_range(), self.y_range());
         let mut chart = ChartBuilder::on(area)
-            .margin(8)
+            .margin(MARGIN)
             .margin_top(top)
-            .margin_right(22)
-            .x_label_area_size(2 * sizes.letters + 6)
-            .y_label_area_size(11 * sizes.letters / 2)
+            .margin_right(MARGIN_RIGHT)
+            .x_label_area_size(sizes.below())
+            .y_label_area_size(sizes.beside())
             .build_cartesian_2d(x, y.clone())?;
         chart
             .configure_mesh()

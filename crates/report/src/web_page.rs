@@ -2,6 +2,7 @@
 //! drawings that need no program; with JavaScript they can be zoomed, moved and asked for values.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use motorbench_text::terminal_text::COLUMNS;
 
 const STYLE: &str = include_str!("../assets/page.css");
 const LIVE: &str = include_str!("../assets/page.js");
@@ -128,8 +129,12 @@ pub fn list<'a>(items: impl IntoIterator<Item = &'a str>) -> Markup {
 
 /// Lines as a terminal shows them.
 pub fn lines(lines: &str) -> Markup {
-    html! { pre { (lines) } }
+    let columns = lines.lines().map(|line| line.chars().count()).max().unwrap_or(0).clamp(FEWEST, COLUMNS);
+    html! { pre style={ "--columns:" (columns) } { (lines) } }
 }
+
+/// Lines of fewer letters need no smaller letters on a phone.
+const FEWEST: usize = 40;
 
 #[cfg(test)]
 mod tests {
@@ -147,7 +152,10 @@ mod tests {
         };
         let html = page.html();
         assert!(html.contains("<title>a &lt;title&gt;</title>") && html.contains("<h1>1 &lt; 2</h1>"));
-        assert!(html.contains("<code>friction_<wbr>asymmetry</code>") && html.contains("<pre>a &amp; b</pre>"));
+        assert!(
+            html.contains("<code>friction_<wbr>asymmetry</code>")
+                && html.contains("<pre style=\"--columns:40\">a &amp; b</pre>")
+        );
         assert!(html.contains("Data: run.csv") && html.contains("<details><summary>more</summary>"));
         for outside in ["src=\"", "@import", "url(", "<link rel=\"stylesheet\""] {
             assert!(!html.contains(outside), "{outside}");

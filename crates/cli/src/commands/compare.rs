@@ -1,8 +1,8 @@
 //! `motorbench compare`: two recordings, two models, or a recording and a model.
 
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, parsed_model, plot_file, provenance, read_model, read_recording,
-    rig_file, rig_for, write, write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, open_next, parsed_model, plot_file, provenance, read_model,
+    read_recording, rig_file, rig_for, write, write_json, write_plot,
 };
 use clap::Args;
 use host_sim::plant::{Bridge, Inputs, ModelPlant, Plant};
@@ -101,12 +101,18 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 /// What is drawn: panels over time with a sample for each interval, or over frequency.
 pub type Drawn = (f64, Vec<Panel>);
 
-fn finish(arguments: &Arguments, result: &Value, text: &str, (interval_s, drawn): &Drawn) -> Result<(), Failure> {
+fn finish(
+    arguments: &Arguments,
+    result: &Value,
+    (verdict, text): (&str, &str),
+    (interval_s, drawn): &Drawn,
+) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
         write_plot(path, &panels(*interval_s, drawn))?;
     }
     if let Some(path) = &arguments.report {
-        let verdict = format!("{} beside {}", arguments.first.display(), arguments.second.display());
+        let files = format!("{} and {}", arguments.first.display(), arguments.second.display());
+        let verdict = format!("{files}: {verdict}");
         let (title, kind) = ("motorbench compare", "Comparison");
         let compared = Compared { title, kind, verdict, panels: drawn, interval_s: *interval_s, figures: text };
         let from = provenance::of_files([arguments.first.as_path(), &arguments.second]);
@@ -117,7 +123,7 @@ fn finish(arguments: &Arguments, result: &Value, text: &str, (interval_s, drawn)
     }
     let outputs = arguments.outputs()?;
     outputs.say(text);
-    outputs.wrote("");
+    outputs.wrote(&open_next(arguments.report.as_deref()));
     Ok(())
 }
 
@@ -134,7 +140,8 @@ fn recordings(arguments: &Arguments) -> Result<(), Failure> {
     let compared =
         compare(&read(&arguments.first)?, &read(&arguments.second)?, arguments.delay).map_err(Failure::input)?;
     let result = serde_json::to_value(&compared).map_err(Failure::machine)?;
-    finish(arguments, &result, &table(&compared), &drawn(&compared, ["first", "second"]))
+    let verdict = format!("they {}", agreement(&compared));
+    finish(arguments, &result, (&verdict, &table(&compared)), &drawn(&compared, ["first", "second"]))
 }
 
 /// Delay, and difference of each channel.
@@ -149,16 +156,45 @@ pub fn table(compared: &Comparison) -> String {
     text
 }
 
+/// How well two recordings agree in what the motor does and in its current: `agree in speed to 94 %, current to 59 %`.
+pub fn agreement(compared: &Comparison) -> String {
+    let mut channels: Vec<&Difference> = compared.channels.iter().filter(|one| place(one.channel) <= 2).collect();
+    channels.sort_by_key(|channel| place(channel.channel));
+    let fits = channels.iter().filter_map(|one| Some(of_quantity(one.title(), one.fit_percent?)));
+    let fits: Vec<String> = fits.collect();
+    if fits.is_empty() { "are compared in figures".into() } else { format!("agree in {}", fits.join(", ")) }
+}
+
+/// The fit of a quantity, from the title of its axis.
+fn of_quantity(title: &str, fit_percent: f64) -> String {
+    format!("{} to {fit_percent:.1} %", title.split(',').next().unwrap_or(title))
+}
+
+/// Where a channel stands in a page: what the motor does, then the current, then what drives it.
+pub fn place(channel: &str) -> usize {
+    match Channel::of_column(channel) {
+        Some(Channel::Speed | Channel::Rpm | Channel::Velocity) => 0,
+        Some(Channel::Angle | Channel::Position) => 1,
+        Some(Channel::Current) => 2,
+        Some(Channel::Voltage) => 3,
+        Some(Channel::Duty) => 4,
+        Some(Channel::Counts) => 5,
+        _ => 6,
+    }
+}
+
 /// Both over time, a panel for each channel, and below it one for their difference.
 pub fn drawn(compared: &Comparison, names: [&str; 2]) -> Drawn {
-    let of_channel = |channel: &Difference| {
+    let mut channels: Vec<&Difference> = compared.channels.iter().collect();
+    channels.sort_by_key(|channel| place(channel.channel));
+    let of_channel = |channel: &&Difference| {
         let both =
             Panel::new(channel.title()).line(names[0], channel.first.clone()).line(names[1], channel.second.clone());
         let title = channel.title_of_difference(names);
-        let apart = channel.differs().then(|| Panel::new(&title).line(names[1], channel.second_less_first()));
+        let apart = channel.differs().then(|| Panel::new(&title).line("difference", channel.second_less_first()));
         [both].into_iter().chain(apart)
     };
-    (compared.interval_s, compared.channels.iter().flat_map(of_channel).collect())
+    (compared.interval_s, channels.iter().flat_map(of_channel).collect())
 }
 
 /// A free run of the model over the recording, compared with all measured quantities.
@@ -179,12 +215,13 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     data.held_out.fill(true);
     let prediction = free_run(&model, &data);
     let mut text = String::from("Free-running simulation of the model against the whole recording\n");
-    let (mut channels, mut drawn) = (Vec::new(), Vec::new());
+    let (mut channels, mut drawn, mut fits) = (Vec::new(), Vec::new(), Vec::new());
     for (output, measured) in data.measured.iter().enumerate() {
         let (channel, unit) = (measured.output.channel(), measured.output.unit());
         let (rmse, fit) = (judge::rmse(&data, &prediction, output), judge::fit_percent(&data, &prediction, output));
         text += &format!("  {channel:<18} {:>10} {unit} rms, fit {fit:.1} %\n", short(rmse));
         channels.push(json!({ "channel": channel, "rms": rmse, "fit_percent": fit }));
+        fits.push(of_quantity(measured.output.title(), fit));
         let simulated = prediction[output].clone();
         drawn.push(
             Panel::new(measured.output.title()).line("measured", measured.values.clone()).line("model", simulated),
@@ -200,7 +237,8 @@ fn with_model(arguments: &Arguments, recording: &Path, model: &Path) -> Result<(
     }
     let text = data.axis.motion.words(&text).into_owned();
     let result = in_units_of(data.axis, &json!({ "channels": channels }))?;
-    finish(arguments, &result, &text, &(data.interval_s, drawn))
+    let verdict = data.axis.motion.words(&format!("the model agrees in {}", fits.join(", "))).into_owned();
+    finish(arguments, &result, (&verdict, &text), &(data.interval_s, drawn))
 }
 
 /// Length of the step response of models, in electromechanical time constants, and its samples.
@@ -259,10 +297,11 @@ fn models(arguments: &Arguments) -> Result<(), Failure> {
         "parameters": parameters, "magnitudes": magnitudes,
         "step": { "voltage_V": arguments.voltage, "first_rad_per_s": a, "second_rad_per_s": b },
     });
-    let [a, b] = steps;
-    let step = Panel::new("speed after the step, rad/s").line("first", a).line("second", b);
+    let [first, second] = steps;
+    let step = Panel::new("speed after the step, rad/s").line("first", first).line("second", second);
     let [gain, phase] = bode(&models, corner_rad_per_s);
-    finish(arguments, &result, &text, &(interval_s, vec![step, gain, phase]))
+    let verdict = format!("after {} V they turn at {} and {} rad/s", short(arguments.voltage), short(a), short(b));
+    finish(arguments, &result, (&verdict, &text), &(interval_s, vec![step, gain, phase]))
 }
 
 /// Gain and phase of the linear parts, around the motor's own frequency.
@@ -301,6 +340,9 @@ fn step(model: Model, voltage_v: f64, interval_s: f64) -> Vec<f64> {
         .collect()
 }
 
+/// A constant that differs by more is another one.
+const FAR: f64 = 2.0;
+
 /// Constants with intervals, and their difference in standard deviations.
 fn constants(arguments: &Arguments) -> Result<(), Failure> {
     if let Some(path) = &arguments.plot {
@@ -320,14 +362,16 @@ fn constants(arguments: &Arguments) -> Result<(), Failure> {
     };
     let (first, second) = (read(&arguments.first)?, read(&arguments.second)?);
     let mut text = format!("  {:<28} {:>12} {:>12} {:>8}\n", "constant", "first", "second", "sigmas");
-    let mut rows = Vec::new();
+    let (mut rows, mut far) = (Vec::new(), 0);
     for (name, a) in first.as_object().into_iter().flatten() {
         let end = |of: &Value, side: usize| of["ci95"][side].as_f64();
         let known = |of: &Value| Some((of["value"].as_f64()?, 0.5 * (end(of, 1)? - end(of, 0)?) / Z95));
         let Some(((a, a_error), (b, b_error))) = known(a).zip(known(&second[name])) else { continue };
         let sigmas = (b - a) / a_error.hypot(b_error).max(f64::MIN_POSITIVE);
         text += &format!("  {name:<28} {:>12} {:>12} {sigmas:>8.1}\n", short(a), short(b));
+        far += usize::from(sigmas.abs() > FAR);
         rows.push(json!({ "name": name, "first": a, "second": b, "sigmas": sigmas }));
     }
-    finish(arguments, &json!({ "parameters": rows }), &text, &(1.0, Vec::new()))
+    let verdict = format!("{far} of {} constants differ by more than {FAR} standard deviations", rows.len());
+    finish(arguments, &json!({ "parameters": rows }), (&verdict, &text), &(1.0, Vec::new()))
 }

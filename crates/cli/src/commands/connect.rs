@@ -5,8 +5,10 @@ use super::port::{PortArguments, lifted_protections};
 use super::{Failure, TERMINAL, tell};
 use clap::Args;
 use motorbench_core::console::explanation;
-use motorbench_core::message::Trip;
+use motorbench_core::message::{Sample, State, Trip};
 use motorbench_data::names::trip_words;
+use motorbench_data::rig::NominalMotor;
+use motorbench_data::sensor_scales::SensorScales;
 use motorbench_link::board::{Board as _, BoardError, LOST_AFTER_MS, cause, clear};
 use motorbench_link::port::Port;
 use motorbench_link::{self, Link, VERSION};
@@ -82,6 +84,34 @@ enum Watch {
     Own,
 }
 
+/// What the board has shown so far.
+#[derive(Default)]
+struct Watched {
+    trip: Trip,
+    scales: Scales,
+}
+
+/// Whether the samples fit the scales of the sensors.
+#[derive(Default)]
+enum Scales {
+    /// The board has not been asked for its settings.
+    #[default]
+    Unknown,
+    Judged(Box<SensorScales>),
+    /// They do not, and the user knows.
+    Told,
+}
+
+impl Scales {
+    /// A line that may have changed a setting makes them unknown again.
+    fn after(&mut self, line: &str) {
+        let command = line.split_whitespace().next().unwrap_or_default();
+        if OF_SETTINGS.contains(&command) && !matches!(self, Self::Told) {
+            *self = Self::Unknown;
+        }
+    }
+}
+
 /// A board's console.
 struct Console {
     link: Link<Port>,
@@ -115,15 +145,18 @@ impl Console {
     /// Reads lines from the terminal. Meanwhile it keeps the board alive and reports a trip or a lost board.
     fn converse(&mut self, stopped: &AtomicBool) -> Result<(), Failure> {
         let lines = typed_lines();
-        let mut trip = Trip::None;
+        let mut watched = Watched::default();
         while !stopped.load(Ordering::Relaxed) {
             match lines.try_recv() {
-                Ok(line) => self.answer(&line)?,
+                Ok(line) => {
+                    self.answer(&line)?;
+                    watched.scales.after(&line);
+                }
                 // A script uses the exit code; a user has read the message.
                 Err(TryRecvError::Disconnected) => {
                     return self.refused.take().filter(|_| !stdin().is_terminal()).map_or(Ok(()), Err);
                 }
-                Err(TryRecvError::Empty) => self.look(&mut trip)?,
+                Err(TryRecvError::Empty) => self.look(&mut watched)?,
             }
         }
         Err(BoardError::Interrupted.into())
@@ -177,14 +210,33 @@ impl Console {
     }
 
     /// Reads the board between two lines.
-    fn look(&mut self, trip: &mut Trip) -> Result<(), BoardError> {
+    fn look(&mut self, watched: &mut Watched) -> Result<(), BoardError> {
         self.watch()?;
         self.link.stay_alive()?;
-        for sample in self.link.samples(READ_INTERVAL_S)? {
-            if sample.trip != *trip && sample.trip != Trip::None {
+        let samples = self.link.samples(READ_INTERVAL_S)?;
+        for sample in &samples {
+            if sample.trip != watched.trip && sample.trip != Trip::None {
                 tell(&format!("the drive tripped ({}): {}; then `clear`", trip_words(sample.trip), cause(sample.trip)));
             }
-            *trip = sample.trip;
+            watched.trip = sample.trip;
+        }
+        let is_driven = |sample: &Sample| sample.state.has(State::ENABLED) && sample.duty != 0;
+        if self.armed && samples.iter().any(is_driven) {
+            self.check_scales(&samples, &mut watched.scales)?;
+        }
+        Ok(())
+    }
+
+    /// Says once if the samples contradict the scales of a new board.
+    fn check_scales(&mut self, samples: &[Sample], scales: &mut Scales) -> Result<(), BoardError> {
+        if matches!(scales, Scales::Unknown) {
+            *scales = Scales::Judged(Box::new(SensorScales::new(&self.link.settings()?, &NominalMotor::default())));
+        }
+        let Scales::Judged(judged) = scales else { return Ok(()) };
+        judged.add(samples);
+        if let Some(contradiction) = judged.contradiction() {
+            tell(&contradiction);
+            *scales = Scales::Told;
         }
         Ok(())
     }

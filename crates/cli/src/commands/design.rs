@@ -9,7 +9,7 @@ use motorbench_data::rig::Rig;
 use motorbench_design::compensation::{CompensationSetting, Standstill, compensation, model_of, near_standstill};
 use motorbench_design::fixed_point::SettingList;
 use motorbench_design::law::ControlLaw;
-use motorbench_design::own_loop::{Asked, OwnLoop, Sketch, own_loop};
+use motorbench_design::own_loop::Asked;
 use motorbench_design::specification::{Specification, Speed};
 use motorbench_design::weights::{BadWeight, Weights};
 use motorbench_design::{Bench, Design, DesignError, TrialWithEffects, design, fastest_possible, trial_with_effects};
@@ -17,8 +17,10 @@ use motorbench_model::Model;
 use motorbench_model::catalogue::DryLosses;
 use motorbench_model::motor::MotorParameters;
 use motorbench_report::design as report;
-use motorbench_text::terminal_text::{quoted, rounded, short, wrapped};
+use motorbench_text::terminal_text::{quoted, wrapped};
 use std::path::PathBuf;
+
+mod sketch;
 
 /// Designs PID and LQR for a motor, by a specification or by weights.
 #[derive(Args)]
@@ -128,8 +130,8 @@ pub struct Arguments {
     )]
     coulomb_nm: f64,
     /// Gains for a sketch of your own instead of the firmware: the Arduino PID library, QuickPID, or plain code. Its sample
-    /// time in milliseconds, 10 to 100. Speed in rpm, output -255 to 255.
-    #[arg(long = "sketch-ms", value_name = "MS", requires = "bandwidth_hz", conflicts_with_all = ["position", "console", "report"])]
+    /// time in milliseconds, 10 to 100. Speed in rpm or position in degrees, output -255 to 255.
+    #[arg(long = "sketch-ms", value_name = "MS", requires = "bandwidth_hz", conflicts_with_all = ["console", "report"])]
     sketch_ms: Option<f64>,
     /// Prints the designs as JSON instead of text, or writes them into a file.
     #[arg(long, value_name = JSON_TO, num_args = 0..=1, require_equals = true, default_missing_value = TERMINAL)]
@@ -160,7 +162,13 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         let model = model.unwrap_or_else(|| model_of(&losses, &motor));
         let overshoot_percent = arguments.overshoot_percent;
         let asked = Asked { bandwidth_hz, overshoot_percent, sample_s: 1e-3 * sample_ms };
-        return sketch(arguments, &outputs, &own_loop(&model, &bench, &asked).map_err(Failure::input)?, &asked);
+        let found = sketch::Found::new(&model, &bench, &asked, arguments.position).map_err(Failure::input)?;
+        if let Some(path) = &arguments.json {
+            write_json(path, &found.json())?;
+        }
+        outputs.say(&found.page(&asked));
+        outputs.wrote("");
+        return Ok(());
     }
     let specification = arguments.specification(&bench)?;
     let compensation = arguments.compensation(&motor, &rig, model.as_ref())?;
@@ -219,57 +227,6 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         arguments.console.as_ref().map(|lines| format!("motorbench send {}", quoted(&lines.display().to_string())));
     outputs.wrote(&next.unwrap_or_default());
     Ok(())
-}
-
-/// Tells the gains for a sketch.
-fn sketch(arguments: &Arguments, outputs: &Outputs, found: &OwnLoop, asked: &Asked) -> Result<(), Failure> {
-    if let Some(path) = &arguments.json {
-        write_json(path, &serde_json::json!({ "sketch": found, "code": found.code() }))?;
-    }
-    outputs.say(&sketch_page(found, asked));
-    outputs.wrote("");
-    Ok(())
-}
-
-fn sketch_page(found: &OwnLoop, asked: &Asked) -> String {
-    let OwnLoop { sample_s, kp, ki, kff, kaff, loop_s, dead_band: [forward, reverse], count_rpm, bandwidth_hz, .. } =
-        found;
-    let sample_ms = 1e3 * sample_s;
-    let mut text = format!("Speed PI for a sketch, every {sample_ms:.0} ms: bandwidth {bandwidth_hz:.2} Hz\n");
-    if *bandwidth_hz < 0.99 * asked.bandwidth_hz {
-        let slower = format!(
-            "That is slower than the {} Hz asked for: at this sample time, with this motor, a faster loop has no margin. A shorter --sketch-ms, or finer counts, allow more.",
-            short(asked.bandwidth_hz)
-        );
-        text += &wrapped(&slower, "  ", "  ");
-    }
-    let of_value = |name: &str, value: f64, unit: &str| format!("  {name:30} {:>10} {unit}\n", rounded(value, 4));
-    text += &of_value("kp", *kp, "PWM per rpm");
-    text += &of_value("ki", *ki, "PWM per rpm and s");
-    text += &of_value("kd", 0.0, "so no derivative filter");
-    text += &of_value("feed-forward", *kff, "PWM per rpm");
-    text += &of_value("feed-forward, acceleration", *kaff, "PWM per rpm/s");
-    text += &of_value("filter of the reference", 1e3 * loop_s, "ms");
-    text += &of_value("dead band forward", *forward, "PWM");
-    text += &of_value("dead band reverse", *reverse, "PWM");
-    text += &of_value("one count in a sample time", *count_rpm, "rpm");
-    text += "\nTried in simulation, steps of the speed both ways, with all effects of the model\n";
-    for tried in &found.tried {
-        let name = match tried.sketch {
-            Sketch::Library => "PID library, QuickPID",
-            Sketch::Plain => "plain sketch",
-        };
-        text += &format!(
-            "  {name:22} overshoot {:.1} % ({:.1} % with the motor 30 % off), error {:.1} rpm\n",
-            tried.overshoot_percent, tried.overshoot_when_off_percent, tried.error_rpm
-        );
-    }
-    let library = format!(
-        "PID library: PID pid(&rpm, &out, &target, {kp:.5}, {ki:.5}, 0, DIRECT); pid.SetSampleTime({sample_ms:.0}); pid.SetOutputLimits(-255, 255). The target is that of the sketch below, and the bridge gets its output plus what is ahead, limited to -255..255."
-    );
-    let quick =
-        "QuickPID: the same gains, with pOnError, dOnMeas and iAwClamp; its SetSampleTimeUs takes microseconds.";
-    text + "\n" + &wrapped(&library, "", "  ") + &wrapped(quick, "", "  ") + "\nPlain sketch\n\n" + &found.code()
 }
 
 /// What a law can meet instead of a specification.

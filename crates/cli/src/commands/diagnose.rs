@@ -2,8 +2,8 @@
 
 use super::recordings::RecordingArguments;
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, next_with_model, provenance, read_recording, rig_beside,
-    rig_file, rig_for, spinner, tell, write, write_json, write_model,
+    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, next_with_model, open_next, provenance, read_recording,
+    rig_beside, rig_file, rig_for, spinner, tell, write, write_json, write_model,
 };
 use clap::Args;
 use motorbench_data::recording::Recording;
@@ -84,21 +84,21 @@ pub fn run(args: &Arguments) -> Result<(), Failure> {
         Motion::Rotary => finish(args, &outputs, &diagnosis.outcome, || page::page(&diagnosis))?,
         Motion::Linear => finish(args, &outputs, &in_units_of(axis, &diagnosis.outcome)?, || page::page(&diagnosis))?,
     }
-    let next = args.model.as_deref().map(|model| next_with_model(axis, model));
-    outputs.wrote(&next.unwrap_or_else(|| args.page_is_next()));
+    let next = args.model.as_deref().map(|model| next_with_model(axis, model, args.rig().as_deref()));
+    outputs.wrote(&next.unwrap_or_else(|| open_next(args.report.as_deref())));
     Ok(())
 }
 
 impl Arguments {
-    fn page_is_next(&self) -> String {
-        self.report.as_ref().map_or_else(String::new, |page| format!("open {} in a browser", page.display()))
+    /// The rig file that is read.
+    fn rig(&self) -> Option<PathBuf> {
+        rig_file(self.recordings.rig.as_deref(), self.recordings.recordings.first().map(PathBuf::as_path))
     }
 
     /// Where the page comes from.
     fn provenance(&self) -> Provenance {
         let files = &self.recordings.recordings;
-        let rig = rig_file(self.recordings.rig.as_deref(), files.first().map(PathBuf::as_path));
-        provenance::with(provenance::of_files(files.iter().map(PathBuf::as_path)), "Rig file", rig.as_deref())
+        provenance::with(provenance::of_files(files.iter().map(PathBuf::as_path)), "Rig file", self.rig().as_deref())
     }
 }
 
@@ -190,7 +190,7 @@ fn run_table(args: &Arguments, outputs: &Outputs, table: &Recording, rig: &Rig) 
         write(path, &table_report::html(&study, args.provenance()))?;
     }
     finish(args, outputs, &study, || table_report::page(&study))?;
-    outputs.wrote(&args.page_is_next());
+    outputs.wrote(&open_next(args.report.as_deref()));
     // All other results are written by now.
     args.model.as_ref().map_or(Ok(()), |path| {
         Err(Failure::input(format!(

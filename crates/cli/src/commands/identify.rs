@@ -1,7 +1,9 @@
 //! `motorbench identify`: the constants of the linear motor.
 
 use super::recordings::RecordingArguments;
-use super::{Failure, JSON_TO, Outputs, TERMINAL, in_units_of, next_with_model, spinner, write_json, write_model};
+use super::{
+    Failure, JSON_TO, Outputs, TERMINAL, in_units_of, next_with_model, rig_file, spinner, write_json, write_model,
+};
 use clap::Args;
 use motorbench_data::rig::NominalMotor;
 use motorbench_diagnosis::dataset::Dataset;
@@ -86,7 +88,10 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         }
     }
     outputs.say(&axis.motion.words(&page(&identified)));
-    outputs.wrote(&arguments.model.as_deref().map_or_else(String::new, |model| next_with_model(axis, model)));
+    let first = arguments.recordings.recordings.first().map(PathBuf::as_path);
+    let rig_file = rig_file(arguments.recordings.rig.as_deref(), first);
+    let next = arguments.model.as_deref().map(|model| next_with_model(axis, model, rig_file.as_deref()));
+    outputs.wrote(&next.unwrap_or_default());
     Ok(())
 }
 

@@ -358,12 +358,18 @@ fn renamed(motion: Motion, value: serde_json::Value) -> serde_json::Value {
 }
 
 /// What comes after a model was found.
-fn next_with_model(axis: Axis, model: &Path) -> String {
+fn next_with_model(axis: Axis, model: &Path, rig: Option<&Path>) -> String {
     let model = quoted(&model.display().to_string());
     if !axis.drive.is_voltage() {
         return format!("motorbench compare OTHER.csv {model}");
     }
-    format!("motorbench design --rig RIG.toml --model {model} --speed --bandwidth-Hz 5")
+    let rig = rig.map_or_else(|| "RIG.toml".into(), |rig| quoted(&rig.display().to_string()));
+    format!("motorbench design --rig {rig} --model {model} --speed --bandwidth-Hz 5")
+}
+
+/// What comes after a page.
+fn open_next(page: Option<&Path>) -> String {
+    page.map_or_else(String::new, |page| format!("open {} in a browser", page.display()))
 }
 
 /// A scenario, with another model than its own if one is given.

@@ -18,6 +18,7 @@ use motorbench_core::settings::{Param, Settings, find};
 use motorbench_data::coverage::{Coverage, Lack};
 use motorbench_data::names::setting_name;
 use motorbench_data::rig::{NominalMotor, Rig};
+use motorbench_data::sensor_scales::SensorScales;
 use motorbench_link::board::{Board, BoardError, arm, leave_host, limit, watch_host};
 
 use motorbench_link::growing::GrowingCsv;
@@ -198,6 +199,7 @@ fn play(
     side["file"] = out.display().to_string().into();
     let files = files_beside((arguments, out), &settings, nominal, &played, ticks.into(), &side)?;
     let mut coverage = Coverage::new(&settings);
+    let mut scales = SensorScales::new(&settings, &nominal);
     let bar = bar(ticks.into());
     bar.set_style(
         ProgressStyle::with_template("{bar:40} {percent} % {elapsed}\n{msg}")
@@ -206,6 +208,7 @@ fn play(
     let mut done = record(link, settings, &played.order.line(), stop, &mut |came| {
         bar.inc(came.len() as u64);
         coverage.add(came);
+        scales.add(came);
         bar.set_message(coverage.covered().to_string());
         send(live, came, &settings);
         if growing.rows() == 0 && !came.is_empty() {
@@ -214,6 +217,9 @@ fn play(
         growing.add(came, &settings).map_err(|error| cannot_grow(out, &error))
     });
     bar.finish_and_clear();
+    if let Some(contradiction) = scales.contradiction() {
+        tell(&arguments.port.named_in(&contradiction));
+    }
     if !played.agrees(&done) {
         done.ended = Ended::Failed(
             "the board played another sequence than it was sent: the line damages data. Use a shorter cable or another USB port".into(),

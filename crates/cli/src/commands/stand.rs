@@ -3,7 +3,8 @@
 mod measure;
 
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_recording, read_rig, write, write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, open_next, plot_file, provenance, read_recording, read_rig, write, write_json,
+    write_plot,
 };
 use clap::Args;
 use maud::html;
@@ -136,7 +137,7 @@ fn report(
     outputs.say(&text);
     // The map comes last, so that a table without a map still has its evaluation.
     arguments.map.as_deref().map_or(Ok(()), |path| write_map(path, &stand))?;
-    outputs.wrote("");
+    outputs.wrote(&open_next(arguments.report.as_deref()));
     Ok(())
 }
 
@@ -177,7 +178,12 @@ fn load_head(stand: &Stand) -> &'static str {
 
 /// A cell of that column.
 fn load_cell(stand: &Stand, load_nm: f64) -> String {
-    if stand.loaded.is_empty() { String::new() } else { format!(" {load_nm:8.4}") }
+    if stand.loaded.is_empty() { String::new() } else { format!(" {:8.4}", without_sign(load_nm)) }
+}
+
+/// A brake that is off has no direction: there is no load of -0.
+fn without_sign(value: f64) -> f64 {
+    value + 0.0
 }
 
 fn page(stand: &Stand, nominal_ohm: Option<f64>) -> String {
@@ -232,7 +238,7 @@ fn losses(text: &mut String, stand: &Stand) {
             "  {:6.2}{}{} {:8.3} {:8.3} {:8.3} {:8.3} {:>8}",
             losses.u_V,
             load_cell(stand, losses.load_Nm),
-            if is_loaded { format!(" {:8.3}", losses.shaft_W) } else { String::new() },
+            if is_loaded { format!(" {:8.3}", without_sign(losses.shaft_W)) } else { String::new() },
             losses.winding_W,
             losses.drop_W,
             losses.coulomb_W,
@@ -283,8 +289,10 @@ fn loads(text: &mut String, stand: &Stand) {
         let LoadedPoint { u_V, load_Nm, i_A, formula_efficiency, shaft_efficiency, .. } = point;
         let _ = writeln!(
             text,
-            "  {u_V:6.2} {load_Nm:8.4} {:7.0} {i_A:6.3} {formula_efficiency:9.3} {shaft_efficiency:6.3} {:>6}",
+            "  {u_V:6.2} {:8.4} {:7.0} {i_A:6.3} {formula_efficiency:9.3} {:6.3} {:>6}",
+            without_sign(*load_Nm),
             rpm(point.omega_rad_per_s),
+            without_sign(*shaft_efficiency),
             point.model_efficiency.map_or("-".into(), |efficiency| format!("{efficiency:.3}"))
         );
     }

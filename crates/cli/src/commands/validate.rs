@@ -3,12 +3,12 @@
 mod page;
 mod pairing;
 
-use super::compare::{Drawn, drawn};
+use super::compare::{Drawn, agreement, drawn, place};
 use super::files::beside;
 use super::simulate::{judged, trip_name};
 use super::{
-    Failure, JSON_TO, Outputs, TERMINAL, plot_file, provenance, read_recording, rig_file, rig_for, spinner, write,
-    write_json, write_plot,
+    Failure, JSON_TO, Outputs, TERMINAL, open_next, plot_file, provenance, read_recording, rig_file, rig_for, spinner,
+    write, write_json, write_plot,
 };
 use clap::Args;
 use host_sim::figures::Figures;
@@ -120,20 +120,16 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
         write_json(path, &result(&loops, &remaining))?;
     }
     outputs.say(&text);
-    outputs.wrote("");
+    outputs.wrote(&open_next(arguments.report.as_deref()));
     match loops.into_iter().find_map(|one| Some((one.name, one.unexpected?))) {
         Some((name, failure)) => Err(Failure { message: format!("{name}, simulated: {}", failure.message), ..failure }),
         None => Ok(()),
     }
 }
 
-/// How well the channels of the loops agree, in a sentence.
+/// How well the loops agree in what the motor does and in its current, in a sentence.
 fn sentence(loops: &[Loop]) -> String {
-    let of_loop = |one: &Loop| {
-        let fits = one.compared.channels.iter().filter_map(|channel| Some((channel.title(), channel.fit_percent?)));
-        let fits: Vec<String> = fits.map(|(title, fit)| format!("{title}: {fit:.0} %")).collect();
-        format!("{}, simulated and measured, agree by {}", one.name, fits.join("; "))
-    };
+    let of_loop = |one: &Loop| format!("{}: simulated and measured {}", one.name, agreement(&one.compared));
     loops.iter().map(of_loop).collect::<Vec<_>>().join(". ")
 }
 
@@ -293,7 +289,9 @@ fn picture(loops: &[Loop]) -> Drawn {
 fn shared(loops: &[Loop]) -> Vec<&'static str> {
     let has = |one: &Loop, name: &str| one.compared.channels.iter().any(|channel| channel.channel == name);
     let of_first = loops[0].compared.channels.iter().map(|channel| channel.channel);
-    of_first.filter(|name| loops.iter().all(|one| has(one, name))).collect()
+    let mut shared: Vec<&str> = of_first.filter(|name| loops.iter().all(|one| has(one, name))).collect();
+    shared.sort_by_key(|channel| place(channel));
+    shared
 }
 
 fn difference<'a>(one: &'a Loop, channel: &str) -> &'a Difference {

@@ -162,9 +162,9 @@ fn a_file_of_a_serial_monitor_is_read_as_proposed() {
     let line = |row: i32| format!("14:59:50.{:03} -> {},{},{},1\n", row, 400 + 10 * row, row % 200, row % 2);
     let text = format!("Ready\nmillis,pwm,dir,rpm\n{}", (0..200).map(line).collect::<String>());
     std::fs::write(&log, text).unwrap();
-    let proposed = predicate::str::contains("Likely: --column 'pwm*sign(dir)=duty/255'");
+    let proposed = predicate::str::contains("Likely: --column 'rpm*sign(dir)=rpm' --column 'pwm*sign(dir)=duty/255'");
     motorbench(&["convert", path(&log), path(&table)]).success().stdout(proposed);
-    let columns = ["--column", "pwm*sign(dir)=duty/255"];
+    let columns = ["--column", "rpm*sign(dir)=rpm", "--column", "pwm*sign(dir)=duty/255"];
     motorbench(&[&["convert", path(&log), path(&table)][..], &columns].concat()).success();
     let read = motorbench_files::recording(&table, &[]).unwrap();
     assert!((read.get(Channel::Duty).unwrap()[150] + 150.0 / 255.0).abs() < 1e-12);

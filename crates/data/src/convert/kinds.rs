@@ -187,20 +187,13 @@ fn arrays_of_matlab_objects() {
     assert!(found.notes.iter().any(|note| note.contains("object/1")), "{:?}", found.notes);
 }
 
-/// Two timeseries in an object that holds them, as Simulink saves a Dataset: one has its times one by one, the other as
-/// start, step and number.
-#[test]
-fn signals_of_matlab_objects_have_their_names() {
-    let volts: Vec<f64> = (0..40).map(f64::from).collect();
-    let speed: Vec<f64> = volts.iter().map(|value| 2.0 * value).collect();
-    let times: Vec<f64> = volts.iter().map(|value| 0.5e-3 * value).collect();
-    let words = |values: &[u32]| values.iter().flat_map(|word| word.to_le_bytes()).collect::<Vec<u8>>();
-    let text = |text: &str| array(4, [1, text.len() as u32], "", &element(16, text.as_bytes()));
-    let column = |values: &[f64]| array(6, [values.len() as u32, 1], "", &doubles(values));
-    let reference = |objects: &[u32]| {
-        let numbers = [&[0xdd00_0000, 2, objects.len() as u32, 1], objects, &[1]].concat();
-        array(13, [numbers.len() as u32, 1], "", &element(6, &words(&numbers)))
-    };
+fn words(values: &[u32]) -> Vec<u8> {
+    values.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+/// The bytes that say which objects there are: one that holds two timeseries. The cells of properties are: name, samples
+/// and time information of the first, its times; the same of the second, its step and number; the two objects.
+fn two_timeseries() -> Vec<u8> {
     // Names by their number, from 1; the fourth and the fifth are classes.
     let names = b"Name\0Data_\0TimeInfo\0timeseries\0holder\0Time_\0Increment_\0Length\0any\0";
     let list = |properties: &[[u32; 2]]| {
@@ -238,6 +231,23 @@ fn signals_of_matlab_objects_have_their_names() {
     bytes.extend(names);
     bytes.resize(parts[0], 0);
     bytes.extend([words(&classes), words(&saved), words(&objects), words(&plain)].concat());
+    bytes
+}
+
+/// Two timeseries in an object that holds them, as Simulink saves a Dataset: one has its times one by one, the other as
+/// start, step and number.
+#[test]
+fn signals_of_matlab_objects_have_their_names() {
+    let volts: Vec<f64> = (0..40).map(f64::from).collect();
+    let speed: Vec<f64> = volts.iter().map(|value| 2.0 * value).collect();
+    let times: Vec<f64> = volts.iter().map(|value| 0.5e-3 * value).collect();
+    let text = |text: &str| array(4, [1, text.len() as u32], "", &element(16, text.as_bytes()));
+    let column = |values: &[f64]| array(6, [values.len() as u32, 1], "", &doubles(values));
+    let reference = |objects: &[u32]| {
+        let numbers = [&[0xdd00_0000, 2, objects.len() as u32, 1], objects, &[1]].concat();
+        array(13, [numbers.len() as u32, 1], "", &element(6, &words(&numbers)))
+    };
+    let bytes = two_timeseries();
     let cells = [
         array(9, [1, bytes.len() as u32], "", &element(2, &bytes)),
         array(6, [0, 0], "", &[]),
@@ -327,6 +337,49 @@ fn streamed_signals_of_a_simulink_dataset() {
     file.add_group(streams.finish());
     let found = read_as(Format::Mat, &file.finish().unwrap(), &["volts=u_V", "speed=omega_rad_per_s"]).unwrap();
     assert_eq!((values(&found, Channel::Speed)[29], values(&found, Channel::Voltage)[29]), (87.0, 29.0));
+}
+
+/// MATLAB 7.3 keeps objects in the same cells, each a dataset of its own.
+#[test]
+fn signals_of_objects_in_matlab_7_3() {
+    let mut file = FileBuilder::new();
+    let class = |name: &str| AttrValue::AsciiString(name.into());
+    let mut cells = file.create_group("#refs#");
+    let bytes = two_timeseries();
+    cells.create_dataset("00").with_u8_data(&bytes).with_shape(&[1, bytes.len() as u64]);
+    cells.create_dataset("01").with_u64_data(&[0, 0]).with_shape(&[2]).set_attr("MATLAB_empty", AttrValue::U8(1));
+    let mut number = 2;
+    let mut name = || {
+        number += 1;
+        format!("{:02}", number - 1)
+    };
+    for (signal, factor) in [("input signal", 1.0_f64), ("Motor Angular Velocity", 2.0)] {
+        let letters: Vec<u16> = signal.encode_utf16().collect();
+        let text = cells.create_dataset(&name());
+        text.with_u16_data(&letters).with_shape(&[letters.len() as u64, 1]).set_attr("MATLAB_class", class("char"));
+        let samples: Vec<f64> = (0..40).map(|row| factor * f64::from(row)).collect();
+        cells.create_dataset(&name()).with_f64_data(&samples).with_shape(&[1, 40]);
+        let info = if factor == 1.0 { 3 } else { 5 };
+        cells.create_dataset(&name()).with_u32_data(&[0xdd00_0000, 2, 1, 1, info, 1]).with_shape(&[1, 6]);
+        if factor == 1.0 {
+            let times: Vec<f64> = (0..40).map(|row| 0.5e-3 * f64::from(row)).collect();
+            cells.create_dataset(&name()).with_f64_data(&times).with_shape(&[1, 40]);
+        } else {
+            cells.create_dataset(&name()).with_f64_data(&[0.5e-3]).with_shape(&[1, 1]);
+            cells.create_dataset(&name()).with_f64_data(&[40.0]).with_shape(&[1, 1]);
+        }
+    }
+    cells.create_dataset(&name()).with_u32_data(&[0xdd00_0000, 2, 2, 1, 2, 4, 1]).with_shape(&[1, 7]);
+    file.add_group(cells.finish());
+    let mut subsystem = file.create_group("#subsystem#");
+    let paths: Vec<String> = (0..number).map(|cell| format!("#refs#/{cell:02}")).collect();
+    let paths: Vec<&str> = paths.iter().map(String::as_str).collect();
+    subsystem.create_dataset("MCOS").with_path_references(&paths).with_shape(&[1, paths.len() as u64]);
+    file.add_group(subsystem.finish());
+    let names = ["input signal=u_V", "Motor Angular Velocity=omega_rad_per_s"];
+    let found = read_as(Format::Mat, &file.finish().unwrap(), &names).unwrap();
+    assert_eq!((values(&found, Channel::Voltage)[39], values(&found, Channel::Speed)[39]), (39.0, 78.0));
+    assert!((values(&found, Channel::Time)[39] - 0.0195).abs() < 1e-12);
 }
 
 /// A test of SysId: time, voltage, turns, turns/s.

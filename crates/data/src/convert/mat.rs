@@ -1,7 +1,8 @@
 //! MATLAB files of level 5 (`save -v6` and `-v7`, `scipy.io.savemat`). A header of 128 bytes is followed by elements
 //! with a type, a size and data. Variables are elements of type matrix, plain or compressed with zlib.
 
-use super::{Fault, mat_objects, matrix};
+use super::mat_objects::{self, Cells, Holds, SHORTEST, Values};
+use super::{Fault, matrix};
 use crate::content::{Column, Content, Series};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
@@ -12,24 +13,24 @@ const INT8: u32 = 1;
 const INT32: u32 = 5;
 const UINT32: u32 = 6;
 const DOUBLE: u32 = 9;
-pub const MATRIX: u32 = 14;
+const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 const UTF8: u32 = 16;
 // Classes of arrays.
 const CLASS_DOUBLE: u8 = 6;
 const CLASSES_OF_NUMBERS: std::ops::RangeInclusive<u8> = CLASS_DOUBLE..=15;
-pub const CLASS_CELL: u8 = 1;
-pub const CLASS_STRUCTURE: u8 = 2;
-pub const CLASS_TEXT: u8 = 4;
+const CLASS_CELL: u8 = 1;
+const CLASS_STRUCTURE: u8 = 2;
+const CLASS_TEXT: u8 = 4;
 const CLASS_UINT8: u8 = 9;
-pub const CLASS_UINT32: u8 = 13;
+const CLASS_UINT32: u8 = 13;
 /// Objects of classes such as timeseries.
 const CLASS_OBJECT_OF_CLASSDEF: u8 = 17;
 const COMPLEX: u8 = 0x08;
 
 /// Reads elements one after the other.
 #[derive(Clone, Copy)]
-pub struct Reader<'a> {
+struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
     big_endian: bool,
@@ -39,11 +40,11 @@ pub struct Reader<'a> {
 
 /// Bytes with a type.
 #[derive(Clone, Copy)]
-pub struct Element<'a> {
+struct Element<'a> {
     /// Its type.
-    pub kind: u32,
+    kind: u32,
     /// Its bytes.
-    pub data: &'a [u8],
+    data: &'a [u8],
     /// Where the data begins.
     at: usize,
 }
@@ -77,7 +78,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The next element, padding included. Up to four bytes of data share a word with type and size.
-    pub fn element(&mut self) -> Result<Element<'a>, Fault> {
+    fn element(&mut self) -> Result<Element<'a>, Fault> {
         let word = self.u32()?;
         if word >> 16 != 0 {
             let at = self.at;
@@ -165,42 +166,35 @@ pub fn read(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, F
 const MOST_BYTES: u64 = 1 << 31;
 /// Structures in structures are followed so deep.
 const DEEPEST: usize = 12;
-/// Shorter arrays of an object are its settings.
-const SHORTEST: usize = 20;
 /// How the names of arrays of objects begin.
 const OBJECT: &str = "object/";
 /// Note on objects.
 const OBJECTS: &str = "The names of these MATLAB objects cannot be read. Their arrays are called object/1, object/2 and so on, in the order of the file.";
 
 /// The begin of an array: what is said before its data.
-pub struct Head {
+struct Head {
     /// The class of its values.
-    pub class: u8,
+    class: u8,
     is_complex: bool,
     /// Its sides.
-    pub shape: Vec<f64>,
+    shape: Vec<f64>,
     name: String,
     at: usize,
 }
 
 impl<'a> Reader<'a> {
     /// A reader of what is in an element.
-    pub fn inside(&self, element: &Element<'_>) -> Self {
+    fn inside(&self, element: &Element<'_>) -> Self {
         Reader { at: element.at, bytes: &self.bytes[..element.at + element.data.len()], ..*self }
     }
 
     /// All elements from here to the end, or to the first that is damaged.
-    pub fn elements(&mut self) -> Vec<Element<'a>> {
+    fn elements(&mut self) -> Vec<Element<'a>> {
         std::iter::from_fn(|| self.element().ok()).collect()
     }
 
-    /// Whether the numbers begin with their highest byte.
-    pub fn big_endian(&self) -> bool {
-        self.big_endian
-    }
-
     /// The begin of the array in this element.
-    pub fn head(&mut self) -> Result<Head, Fault> {
+    fn head(&mut self) -> Result<Head, Fault> {
         let at = self.at;
         let flags = self.element()?;
         let [class, bits] = match (flags.data, self.big_endian) {
@@ -218,7 +212,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The values of an array of numbers.
-    pub fn values(&mut self, head: &Head, name: &str) -> Result<Vec<f64>, Fault> {
+    fn values(&mut self, head: &Head, name: &str) -> Result<Vec<f64>, Fault> {
         if !CLASSES_OF_NUMBERS.contains(&head.class) || head.is_complex {
             let what = "expected an array of real numbers; convert it with double(...) or real(...)";
             return Err(self.fault(head.at, format!("{name}: {what}")));
@@ -246,7 +240,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The names of a structure's fields, which stand before the fields.
-    pub fn field_names(&mut self) -> Result<Vec<String>, Fault> {
+    fn field_names(&mut self) -> Result<Vec<String>, Fault> {
         let length = self.element()?;
         let length = self.numbers(&length)?.first().copied().unwrap_or(0.0) as usize;
         let names = self.element()?;
@@ -257,7 +251,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A text of one row.
-    pub fn text(&mut self) -> Option<String> {
+    fn text(&mut self) -> Option<String> {
         let data = self.element().ok()?;
         let letters = if data.kind == UTF8 { None } else { self.numbers(&data).ok() };
         let text = letters.map_or_else(
@@ -320,20 +314,11 @@ impl Found<'_> {
     fn with_signals(mut self) -> Content {
         let signals = self.workspace.as_ref().map_or_else(Vec::new, |Workspace { bytes, big_endian }| {
             let reader = Reader { bytes, at: 0, big_endian: *big_endian, origin: None };
-            mat_objects::signals(reader, &self.variables)
+            objects(reader, &self.variables)
         });
-        let is_other = |column: &Column| !column.name.starts_with(OBJECT) && column.values.len() >= SHORTEST;
-        let has_others = self.content.columns.iter().any(is_other);
-        if !signals.is_empty() && !has_others {
-            let names = self.content.columns.drain(..).map(|column| column.name);
-            self.content.ignored.extend(names.filter(|name| !name.starts_with(OBJECT)));
-            self.content.series = signals;
-        } else if !signals.is_empty() {
+        if !signals.is_empty() {
             self.content.columns.retain(|column| !column.name.starts_with(OBJECT));
-            for Series { name, time_s, values } in signals {
-                self.content.columns.push(Column::new(format!("{name}/time"), time_s));
-                self.content.columns.push(Column::new(name, values));
-            }
+            mat_objects::put(signals, &mut self.content);
         } else if self.objects > 0 {
             self.content.notes.push(OBJECTS.into());
         }
@@ -447,6 +432,80 @@ impl Found<'_> {
                 _ => self.objects(inside, depth + 1),
             }
         }
+    }
+}
+
+/// The cells of objects.
+struct CellsOfObjects<'a> {
+    reader: Reader<'a>,
+    cells: Vec<Element<'a>>,
+}
+
+/// The signals of the objects in these bytes.
+fn objects(reader: Reader<'_>, variables: &[(String, Vec<usize>)]) -> Vec<Series> {
+    let found = || {
+        let cells = cells_of_objects(reader, 0)?;
+        let mut first = reader.inside(cells.first()?);
+        first.head().ok()?;
+        let bytes = first.element().ok()?.data;
+        Some(mat_objects::signals(CellsOfObjects { reader, cells }, bytes, reader.big_endian, variables))
+    };
+    found().unwrap_or_default()
+}
+
+/// The first array of cells.
+fn cells_of_objects(mut reader: Reader<'_>, depth: usize) -> Option<Vec<Element<'_>>> {
+    if depth > DEEPEST {
+        return None;
+    }
+    let element = reader.elements().into_iter().find(|element| element.kind == MATRIX)?;
+    let mut inside = reader.inside(&element);
+    let head = inside.head().ok()?;
+    if head.class == CLASS_CELL { Some(inside.elements()) } else { cells_of_objects(inside, depth + 1) }
+}
+
+impl<'a> Cells for CellsOfObjects<'a> {
+    /// Its begin, and where its data stands.
+    type Array = (Head, Reader<'a>);
+
+    fn cell(&self, number: usize) -> Option<Self::Array> {
+        let mut inside = self.reader.inside(self.cells.get(number)?);
+        let head = inside.head().ok()?;
+        Some((head, inside))
+    }
+
+    fn holds(&self, (head, _): &Self::Array) -> Holds {
+        match head.class {
+            CLASS_UINT32 => Holds::References,
+            CLASS_CELL | CLASS_STRUCTURE => Holds::Arrays,
+            _ => Holds::Else,
+        }
+    }
+
+    fn values(&self, (head, inside): &Self::Array) -> Option<Values> {
+        let values = { *inside }.values(head, "").ok()?;
+        Some(Values { shape: head.shape.iter().map(|side| *side as usize).collect(), values })
+    }
+
+    fn text(&self, (head, inside): &Self::Array) -> Option<String> {
+        (head.class == CLASS_TEXT).then(|| { *inside }.text()).flatten()
+    }
+
+    fn inner(&self, (head, inside): &Self::Array) -> Vec<(String, Self::Array)> {
+        let mut inside = *inside;
+        let is_structure = head.class == CLASS_STRUCTURE;
+        let mut names = if is_structure { inside.field_names().unwrap_or_default() } else { Vec::new() };
+        if names.is_empty() {
+            names.push(String::new());
+        }
+        let elements = inside.elements();
+        let named = names.iter().cycle().zip(&elements).filter(|(_, element)| element.kind == MATRIX);
+        named
+            .filter_map(|(name, element)| {
+                let mut inner = inside.inside(element);
+                Some((name.clone(), (inner.head().ok()?, inner)))
+            })
+            .collect()
     }
 }
 

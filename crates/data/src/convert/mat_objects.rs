@@ -1,39 +1,108 @@
-//! Objects of MATLAB in files of level 5: the signals of timeseries and of a Simulink Dataset, with their names.
+//! Objects of MATLAB: the signals of timeseries and of a Simulink Dataset, with their names.
 //!
-//! A variable without a name holds an array of cells. The first has bytes that say which objects there are, of which
-//! class, and in which cell each of their properties stands. The others have the values of the properties.
+//! A file keeps the parts of all its objects in one list of cells. The first has bytes that say which objects there are,
+//! of which class, and in which cell each of their properties stands. The others have the values of the properties.
+//! Level 5 and HDF5 keep the cells differently; what they mean is the same.
 
-use super::mat::{CLASS_CELL, CLASS_STRUCTURE, CLASS_TEXT, CLASS_UINT32, Element, Head, MATRIX, Reader};
 use super::matrix;
-use crate::content::{Column, Series};
-use std::collections::BTreeSet;
+use crate::content::{Column, Content, Series};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// Objects in objects are followed so deep.
 const DEEPEST: usize = 24;
+/// So many arrays are followed: more than a recording has, and few enough for a file that refers to itself.
+const MOST_FOLLOWED: usize = 1_000_000;
 /// The cells of properties begin after the one with bytes and an empty one.
 const FIRST_VALUE: usize = 2;
 /// The first number of a reference to objects.
 const REFERENCE: f64 = 3_707_764_736.0;
 /// A property has its value in a cell.
 const IN_A_CELL: u32 = 1;
+/// Letters of a signal's name that are kept.
+const LONGEST_NAME: usize = 256;
+/// Shorter arrays are settings.
+pub const SHORTEST: usize = 20;
 
 /// A property of an object: its name, and the cell of its value.
 type Property = (String, usize);
 
+/// Numbers with their sides.
+pub struct Values {
+    /// Rows, columns, and more.
+    pub shape: Vec<usize>,
+    /// The numbers, column by column.
+    pub values: Vec<f64>,
+}
+
+/// What an array holds.
+pub enum Holds {
+    /// References to objects, or other whole numbers of 32 bits.
+    References,
+    /// Other arrays, by their names if they are fields.
+    Arrays,
+    /// Anything else.
+    Else,
+}
+
+/// The cells of a file.
+pub trait Cells {
+    /// An array in a cell or in another array.
+    type Array;
+
+    /// The array in a cell.
+    fn cell(&self, number: usize) -> Option<Self::Array>;
+    /// What it holds.
+    fn holds(&self, array: &Self::Array) -> Holds;
+    /// Its numbers, if it has these.
+    fn values(&self, array: &Self::Array) -> Option<Values>;
+    /// Its text, if it is one.
+    fn text(&self, array: &Self::Array) -> Option<String>;
+    /// The arrays in it, with the names of fields.
+    fn inner(&self, array: &Self::Array) -> Vec<(String, Self::Array)>;
+}
+
+/// A list that many objects may share.
+type Shared = Arc<Vec<f64>>;
+
+/// The signals in a cell: what follows the signal's name, and the samples.
+type Signals = Arc<Vec<(String, Shared)>>;
+
 /// The objects of a file.
-pub struct Objects<'a> {
-    reader: Reader<'a>,
-    cells: Vec<Element<'a>>,
+struct Objects<C: Cells> {
+    cells: C,
     /// Properties of each object by its number, from 1.
     properties: Vec<Vec<Property>>,
     visited: BTreeSet<usize>,
+    left_to_follow: usize,
+    signals: BTreeMap<usize, Option<Signals>>,
+    times: BTreeMap<usize, Option<Shared>>,
+    /// Times that are told as start, step and number.
+    even_times: BTreeMap<(u64, u64, usize), Shared>,
+    /// Samples that were read, and times that were made for them.
+    samples: usize,
+    made_times: usize,
+    names: BTreeMap<String, usize>,
     series: Vec<Series>,
 }
 
-/// The signals of the objects, with times of their own. `variables` are the names of variables with the numbers of their
-/// objects. Empty if nothing can be read.
-pub fn signals(reader: Reader<'_>, variables: &[(String, Vec<usize>)]) -> Vec<Series> {
-    let Some(mut objects) = Objects::of(reader) else { return Vec::new() };
+/// The signals of the objects, with times of their own. `bytes` are those of the first cell. `variables` are the names of
+/// variables with the numbers of their objects. Empty if nothing can be read.
+pub fn signals<C: Cells>(cells: C, bytes: &[u8], big_endian: bool, variables: &[(String, Vec<usize>)]) -> Vec<Series> {
+    let Some(properties) = properties(bytes, big_endian) else { return Vec::new() };
+    let mut objects = Objects {
+        cells,
+        properties,
+        visited: BTreeSet::new(),
+        left_to_follow: MOST_FOLLOWED,
+        signals: BTreeMap::new(),
+        times: BTreeMap::new(),
+        even_times: BTreeMap::new(),
+        samples: 0,
+        made_times: 0,
+        names: BTreeMap::new(),
+        series: Vec::new(),
+    };
     for (name, numbers) in variables {
         for number in numbers {
             objects.object(*number, name, 0);
@@ -45,6 +114,25 @@ pub fn signals(reader: Reader<'_>, variables: &[(String, Vec<usize>)]) -> Vec<Se
     objects.series
 }
 
+/// Puts signals into the content of a file. They stay series if there is nothing else of their length.
+pub fn put(signals: Vec<Series>, content: &mut Content) {
+    if !content.columns.iter().any(|column| column.values.len() >= SHORTEST) {
+        content.ignored.extend(content.columns.drain(..).map(|column| column.name));
+        content.series = signals;
+        return;
+    }
+    // A list that several signals share becomes one column.
+    let mut known = BTreeSet::new();
+    for Series { name, time_s, values } in &signals {
+        if known.insert(Arc::as_ptr(time_s)) {
+            content.columns.push(Column::new(format!("{name}/time"), time_s.to_vec()));
+        }
+        if known.insert(Arc::as_ptr(values)) {
+            content.columns.push(Column::new(name, values.to_vec()));
+        }
+    }
+}
+
 /// The numbers of the objects that an array refers to: a mark, the dimensions, the objects, and their class.
 pub fn references(values: &[f64]) -> Vec<usize> {
     let [REFERENCE, dimensions, rest @ ..] = values else { return Vec::new() };
@@ -53,36 +141,20 @@ pub fn references(values: &[f64]) -> Vec<usize> {
     rest.get(..count).unwrap_or_default().iter().map(|number| *number as usize).collect()
 }
 
-impl<'a> Objects<'a> {
-    fn of(reader: Reader<'a>) -> Option<Self> {
-        let cells = cells(reader, 0)?;
-        let mut bytes = reader.inside(cells.first()?);
-        bytes.head().ok()?;
-        let bytes = bytes.element().ok()?.data;
-        let properties = properties(bytes, reader.big_endian())?;
-        Some(Self { reader, cells, properties, visited: BTreeSet::new(), series: Vec::new() })
-    }
-
-    /// The array in a cell, and where its data begins.
-    fn array(&self, cell: usize) -> Option<(Head, Reader<'a>)> {
-        let mut inside = self.reader.inside(self.cells.get(cell)?);
-        let head = inside.head().ok()?;
-        Some((head, inside))
-    }
-
+impl<C: Cells> Objects<C> {
     fn cell_of(&self, object: usize, names: &[&str]) -> Option<usize> {
         let properties = self.properties.get(object)?;
         properties.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, cell)| *cell)
     }
 
     fn text(&self, object: usize, name: &str) -> Option<String> {
-        let (head, mut inside) = self.array(self.cell_of(object, &[name])?)?;
-        (head.class == CLASS_TEXT).then(|| inside.text()).flatten()
+        let text = self.cells.text(&self.cells.cell(self.cell_of(object, &[name])?)?)?;
+        Some(text.chars().take(LONGEST_NAME).collect())
     }
 
-    fn numbers(&self, object: usize, name: &str) -> Option<Vec<f64>> {
-        let (head, mut inside) = self.array(self.cell_of(object, &[name])?)?;
-        inside.values(&head, name).ok()
+    /// A short list of settings.
+    fn setting(&self, object: usize, name: &str) -> Option<f64> {
+        self.cells.values(&self.cells.cell(self.cell_of(object, &[name])?)?)?.values.first().copied()
     }
 
     /// Reads an object. `outer` is the name of what refers to it.
@@ -95,91 +167,116 @@ impl<'a> Objects<'a> {
             return;
         }
         for (_, cell) in self.properties[number].clone() {
-            if let Some((head, inside)) = self.array(cell) {
-                self.follow(&head, inside, &name, depth + 1);
+            if let Some(array) = self.cells.cell(cell) {
+                self.follow(&array, &name, depth + 1);
             }
         }
     }
 
     /// Follows the references in an array, in its cells and in its fields.
-    fn follow(&mut self, head: &Head, mut inside: Reader<'a>, outer: &str, depth: usize) {
-        if depth > DEEPEST {
+    fn follow(&mut self, array: &C::Array, outer: &str, depth: usize) {
+        if depth > DEEPEST || self.left_to_follow == 0 {
             return;
         }
-        match head.class {
-            CLASS_UINT32 => {
-                for number in references(&inside.values(head, "").unwrap_or_default()) {
+        self.left_to_follow -= 1;
+        match self.cells.holds(array) {
+            Holds::References => {
+                let values = self.cells.values(array).map_or_else(Vec::new, |found| found.values);
+                for number in references(&values) {
                     self.object(number, outer, depth);
                 }
             }
-            CLASS_CELL | CLASS_STRUCTURE => {
-                let names =
-                    if head.class == CLASS_STRUCTURE { inside.field_names().unwrap_or_default() } else { Vec::new() };
-                let elements = inside.elements();
+            Holds::Arrays => {
+                let inner = self.cells.inner(array);
                 // A field of that name says how the ones beside it are called.
-                let place = names.iter().position(|name| name == "Name");
-                let said = place.and_then(|place| {
-                    let mut inside = inside.inside(elements.get(place)?);
-                    inside.head().ok().filter(|head| head.class == CLASS_TEXT)?;
-                    inside.text()
-                });
-                for element in elements.iter().filter(|element| element.kind == MATRIX) {
-                    let mut inner = inside.inside(element);
-                    if let Ok(head) = inner.head() {
-                        self.follow(&head, inner, said.as_deref().unwrap_or(outer), depth + 1);
-                    }
+                let said = inner.iter().find(|(name, _)| name == "Name").and_then(|(_, array)| self.cells.text(array));
+                for (_, array) in &inner {
+                    self.follow(array, said.as_deref().unwrap_or(outer), depth + 1);
                 }
             }
-            _ => {}
+            Holds::Else => {}
         }
     }
 
     /// Reads a timeseries. `None`: the object is none.
     fn signal(&mut self, number: usize, name: &str) -> Option<()> {
-        let (head, mut inside) = self.array(self.cell_of(number, &["Data_", "Data"])?)?;
-        let values = inside.values(&head, name).ok()?;
-        let info = self.cell_of(number, &["TimeInfo"]).and_then(|cell| {
-            let (head, mut inside) = self.array(cell)?;
-            references(&inside.values(&head, "").ok()?).first().copied()
-        });
-        let time_s =
-            self.numbers(number, "Time").or_else(|| self.times(info?, values.len())).filter(|times| times.len() > 1)?;
+        let columns = self.samples(self.cell_of(number, &["Data_", "Data"])?)?;
+        let count = columns.first()?.1.len();
+        let time_s = self.times(number, count).filter(|times| times.len() > 1)?;
         let name = if name.is_empty() { "signal" } else { name };
-        let sides: Vec<usize> = head.shape.iter().map(|side| *side as usize).filter(|side| *side != 1).collect();
-        let columns = match sides[..] {
-            [rows, columns] => matrix(name, &values, rows, columns, true),
-            _ => vec![Column::new(name, values)],
-        };
-        for Column { name, values, .. } in columns.into_iter().filter(|column| column.values.len() == time_s.len()) {
-            let equal = self.series.iter().filter(|other| other.name.split('#').next() == Some(&name)).count();
-            let name = if equal == 0 { name } else { format!("{name}#{}", equal + 1) };
-            self.series.push(Series { name, time_s: time_s.clone(), values });
+        for (ending, values) in columns.iter().filter(|(_, values)| values.len() == time_s.len()) {
+            let name = format!("{name}{ending}");
+            let equal = self.names.entry(name.clone()).or_default();
+            *equal += 1;
+            let name = if *equal == 1 { name } else { format!("{name}#{equal}") };
+            self.series.push(Series { name, time_s: time_s.clone(), values: values.clone() });
         }
         Some(())
     }
 
-    /// The times of a timeseries: each of them, or start, step and number. There are at most as many as values.
-    fn times(&self, info: usize, most: usize) -> Option<Vec<f64>> {
-        if let Some(times) = self.numbers(info, "Time_").filter(|times| !times.is_empty()) {
+    /// The samples in a cell, read once.
+    fn samples(&mut self, cell: usize) -> Option<Signals> {
+        if let Some(known) = self.signals.get(&cell) {
+            return known.clone();
+        }
+        let found =
+            self.cells.cell(cell).and_then(|array| self.cells.values(&array)).map(|Values { shape, values }| {
+                self.samples += values.len();
+                let sides: Vec<usize> = shape.into_iter().filter(|side| *side != 1).collect();
+                Arc::new(match sides[..] {
+                    [rows, columns] => matrix("", &values, rows, columns, true)
+                        .into_iter()
+                        .map(|column| (format!("/{}", column.name), Arc::new(column.values)))
+                        .collect(),
+                    _ => vec![(String::new(), Arc::new(values))],
+                })
+            });
+        self.signals.insert(cell, found.clone());
+        found
+    }
+
+    /// The times of a timeseries: each of them, or start, step and number. There are at most as many as samples.
+    fn times(&mut self, number: usize, most: usize) -> Option<Shared> {
+        if let Some(times) = self.cell_of(number, &["Time"]).and_then(|cell| self.listed_times(cell)) {
             return Some(times);
         }
-        let one = |name: &str| self.numbers(info, name)?.first().copied();
-        let (start_s, step_s, count) = (one("Start_").unwrap_or(0.0), one("Increment_")?, one("Length")?);
+        let info = self.cells.cell(self.cell_of(number, &["TimeInfo"])?)?;
+        let info = *references(&self.cells.values(&info)?.values).first()?;
+        let listed = self.cell_of(info, &["Time_"]).and_then(|cell| self.listed_times(cell));
+        if let Some(times) = listed.filter(|times| !times.is_empty()) {
+            return Some(times);
+        }
+        let start_s = self.setting(info, "Start_").unwrap_or(0.0);
+        let (step_s, count) = (self.setting(info, "Increment_")?, self.setting(info, "Length")?);
         let count = (0.0..=most as f64).contains(&count).then_some(count as usize)?;
-        Some((0..count).map(|row| start_s + row as f64 * step_s).collect())
+        self.even_times(start_s, step_s, count)
     }
-}
 
-/// The cells with the objects: the first array of cells.
-fn cells(mut reader: Reader<'_>, depth: usize) -> Option<Vec<Element<'_>>> {
-    if depth > DEEPEST {
-        return None;
+    /// The times in a cell, read once.
+    fn listed_times(&mut self, cell: usize) -> Option<Shared> {
+        let read = || self.cells.values(&self.cells.cell(cell)?).map(|found| Arc::new(found.values));
+        match self.times.get(&cell) {
+            Some(known) => known.clone(),
+            None => {
+                let found = read();
+                self.times.insert(cell, found.clone());
+                found
+            }
+        }
     }
-    let is_array = |element: &Element<'_>| element.kind == MATRIX;
-    let element = reader.elements().into_iter().find(is_array)?;
-    let mut inside = reader.inside(&element);
-    let head = inside.head().ok()?;
-    if head.class == CLASS_CELL { Some(inside.elements()) } else { cells(inside, depth + 1) }
+
+    /// Evenly spaced times. All together they are no more than the samples of the file.
+    fn even_times(&mut self, start_s: f64, step_s: f64, count: usize) -> Option<Shared> {
+        let key = (start_s.to_bits(), step_s.to_bits(), count);
+        if let Some(known) = self.even_times.get(&key) {
+            return Some(known.clone());
+        }
+        self.made_times += count;
+        let times = || Arc::new((0..count).map(|row| start_s + row as f64 * step_s).collect::<Vec<f64>>());
+        let times = (self.made_times <= self.samples).then(times)?;
+        self.even_times.insert(key, times.clone());
+        Some(times)
+    }
 }
 
 /// Where the parts of the bytes begin: classes, properties of the one kind, objects, properties of the other, the end.
@@ -189,7 +286,7 @@ const NAMES: usize = 40;
 /// Numbers for each object: its class, two unused ones, and its properties of either kind; then its order.
 const OBJECT: usize = 6;
 
-/// The properties of each object.
+/// The properties of each object, from the bytes of the first cell.
 fn properties(bytes: &[u8], big_endian: bool) -> Option<Vec<Vec<Property>>> {
     let word = |bytes: &[u8]| {
         let bytes = bytes.try_into().expect("four bytes");

@@ -20,7 +20,7 @@ pub fn series(mut content: Content) -> Content {
         let rows: Vec<usize> =
             (0..column.values.len()).filter(is_point).filter(|row| time.values[*row].is_finite()).collect();
         let of = |values: &[f64]| rows.iter().map(|row| values[*row]).collect();
-        content.series.push(Series { time_s: of(&time.values), values: of(&column.values), name: column.name });
+        content.series.push(Series::new(column.name, of(&time.values), of(&column.values)));
     }
     content.lines.clear();
     content

@@ -6,6 +6,7 @@ use crate::content::{Content, Series};
 use crate::recording::{Channel, Recording};
 use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
 
 const MAGIC: &[u8] = b"WPILOG";
 const VERSION: u16 = 0x0100;
@@ -153,8 +154,7 @@ pub fn read(bytes: &[u8], is_mapped: bool) -> Result<Content, Fault> {
         for (index, value) in values.into_iter().enumerate() {
             let name = if is_one { name.clone() } else { format!("{name}/{}", index + 1) };
             let series = found.entry(name.clone()).or_insert_with(|| empty(name));
-            series.time_s.push(stamp_us as f64 * 1e-6);
-            series.values.push(value);
+            series.push(stamp_us as f64 * 1e-6, value);
         }
     }
     let mut found: Vec<Series> = found.into_values().collect();
@@ -167,7 +167,7 @@ pub fn read(bytes: &[u8], is_mapped: bool) -> Result<Content, Fault> {
 }
 
 fn empty(name: String) -> Series {
-    Series { name, time_s: Vec::new(), values: Vec::new() }
+    Series::new(name, Vec::new(), Vec::new())
 }
 
 /// Maps the entries of a `SysIdRoutineLog` with a single motor to channels. With several motors none can be chosen.
@@ -189,7 +189,7 @@ fn name_routine(found: &mut [Series], units: &BTreeMap<String, String>) {
     for series in found {
         if let Some((_, channel, factor)) = is_of(&series.name) {
             series.name = channel.column().into();
-            series.values.iter_mut().for_each(|value| *value *= factor);
+            Arc::make_mut(&mut series.values).iter_mut().for_each(|value| *value *= factor);
         }
     }
 }

@@ -173,11 +173,10 @@ fn series(lines: &[Line<'_>]) -> Content {
             continue;
         };
         let place = content.series.iter().position(|series| series.name == name).unwrap_or_else(|| {
-            content.series.push(Series { name: name.into(), time_s: Vec::new(), values: Vec::new() });
+            content.series.push(Series::new(name, Vec::new(), Vec::new()));
             content.series.len() - 1
         });
-        content.series[place].time_s.push(time_ms * 1e-3);
-        content.series[place].values.push(value);
+        content.series[place].push(time_ms * 1e-3, value);
     }
     content
 }

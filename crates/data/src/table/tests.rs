@@ -318,7 +318,7 @@ fn columns_that_need_an_expression() {
     let found = read(&table, &columns).unwrap();
     assert_is_it(&found, 300, "expressions");
     let why = read(&table, &columns[..2]).unwrap_err();
-    assert!(why.contains("two columns are rpm: rpm#1, rpm#2. Choose, for instance --column rpm#1=rpm"), "{why}");
+    assert!(why.contains("two columns are rpm: rpm#1, rpm#2. Choose, for instance --column rpm#2=rpm"), "{why}");
     let paths = table.replacen("millis,pwm,dir,rpm,rpm,adc", "\"a/millis\",\"m/pwm\",m/dir,m/set rpm,m/rpm,x/adc", 1);
     assert_is_it(
         &read(&paths, &["millis=t_s/1000", "pwm*sign(dir)=duty/255", "adc=i_A*0.0264-13.5168"]).unwrap(),

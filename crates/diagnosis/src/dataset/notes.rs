@@ -107,12 +107,6 @@ impl Dataset {
                 "Each current is compared as an instantaneous value, {phase:.2} of a PWM period after the begin of one at t_s = 0. That fits much better than a mean. Average the current over a PWM period in the program."
             ));
         }
-        if self.origin.latch_phase.is_some() {
-            notes.push(format!(
-                "Each command waits for the next period of the PWM, up to {} ms: the model fits better so. A faster PWM shortens that.",
-                short(1e3 / self.origin.pwm_hz)
-            ));
-        }
         if !self.origin.pwm_is_known && self.origin.pwm_hz != PWM_HZ {
             notes.push(format!(
                 "A PWM of {:.0} Hz is assumed: the model fits better with it, or its inductance is nearer to the nominal one. Something else in the current may cause that. Set [bridge] pwm_Hz in the rig file to the true frequency.",

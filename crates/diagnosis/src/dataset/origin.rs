@@ -5,9 +5,6 @@ use motorbench_data::recording::{Channel, Recording};
 use motorbench_data::rig::{Readings, Rig, Timing};
 use std::ops::Range;
 
-/// A command this share of a period late still acts in it: times are rounded.
-const SAME_PERIOD: f64 = 1e-6;
-
 /// What a speed that several rows share is a mean of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Averaged {
@@ -26,8 +23,6 @@ pub struct Origin {
     pub pwm_is_known: bool,
     /// Share of a PWM period that has passed at time 0, if each current is an instantaneous value in a known phase.
     pub pwm_phase: Option<f64>,
-    /// Share of a PWM period that has passed at time 0, if a command waits for the next period to act.
-    pub latch_phase: Option<f64>,
     /// How it was recorded.
     pub timing: Timing,
     /// An assumed drop of the bridge that the recordings do not show; every model is simulated behind it.
@@ -100,12 +95,6 @@ impl Origin {
     pub fn current_sampled_at(&self, time_s: f64) -> Option<f64> {
         let at = |phase: f64| (phase + time_s * self.pwm_hz).rem_euclid(1.0);
         self.timing.current_sampled_at.or(self.pwm_phase.map(at))
-    }
-
-    /// When a command acts that is given at this time.
-    pub fn latched_s(&self, time_s: f64) -> f64 {
-        self.latch_phase
-            .map_or(time_s, |phase| ((phase + time_s * self.pwm_hz - SAME_PERIOD).ceil() - phase) / self.pwm_hz)
     }
 
     /// Adds another recording, which begins after this many rows.

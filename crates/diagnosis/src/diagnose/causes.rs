@@ -6,10 +6,10 @@ use super::{Corrections, DATA_SHEET_TOLERANCE, Found};
 use crate::dataset::{Dataset, greatest};
 use crate::identify::{Fit, Interval, Place, Z95};
 use motorbench_data::rig::NominalMotor;
-use motorbench_model::Model;
 use motorbench_model::catalogue::{ActsOn, INDUCTANCE};
 use motorbench_model::linear::motor_model::TimeConstants;
 use motorbench_model::motor::MotorParameters;
+use motorbench_model::{Model, Term};
 use std::collections::BTreeMap;
 
 /// A value is called wrong when it is this many standard errors beyond the tolerance...
@@ -149,6 +149,17 @@ pub(super) fn is_between_rows(effect: &str, data: &Dataset, motor: &MotorParamet
 pub(super) fn is_order_of_rows(id: &str, data: &Dataset, model: &Model) -> bool {
     let delay_s = model.term(id).map_or(0.0, |term| term.effect.delay_s(&term.values));
     data.origin.written_after && (f64::MIN_POSITIVE..data.interval_s).contains(&delay_s)
+}
+
+/// Whether an effect is a lateness of the commands that stays below a period of the PWM. A timer takes over a new duty at
+/// the begin of a period (ATmega328P data sheet, 15.7 and 16.9), so that belongs to the PWM.
+pub(super) fn waits_for_the_pwm(id: &str, data: &Dataset, model: &Model) -> bool {
+    let is_late = |term: &Term| {
+        let late_s = term.effect.delay_s(&term.values);
+        let grown_s = term.effect.delay_growth(&term.values).abs() * data.span_s();
+        (f64::MIN_POSITIVE..1.0 / data.origin.pwm_hz).contains(&late_s.max(grown_s))
+    };
+    data.origin.pwm_is_known && data.axis.drive.is_voltage() && model.term(id).is_some_and(is_late)
 }
 
 /// Whether a wrong value is an inductance that may come from an assumed PWM frequency, averaging window or command

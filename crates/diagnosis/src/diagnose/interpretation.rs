@@ -8,8 +8,8 @@ use super::scale::Scale;
 use super::select::{self, Selection, Standing, select};
 use super::trust::{is_of_a_scale, may_be_nothing, remove_effect, remove_untrusted};
 use super::{
-    bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, pwm_latch,
-    reading_phase, ripple_phase, speed_reading, unseen_losses,
+    bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, reading_phase,
+    ripple_phase, speed_reading, unseen_losses,
 };
 use crate::dataset::{Dataset, Output};
 use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
@@ -33,23 +33,19 @@ pub(super) struct Interpretation {
 }
 
 impl Interpretation {
-    /// With the laws that all the data suggest. Beside another law an effect may lose its evidence.
-    fn settled(
-        data: Dataset,
-        prior: &Prior,
-        mut selection: Selection,
-        fullest: Fit,
-        mut last: Fit,
-        progress: select::Progress,
-    ) -> Self {
+    /// With the laws that all the data suggest. Beside another law an effect may be nothing.
+    fn settled(data: Dataset, prior: &Prior, mut selection: Selection, fullest: Fit, mut last: Fit) -> Self {
         let everything = data.with_nothing_held_out();
         let laws::Settled { better, others: mut by_other_laws } = laws::settle(&last, &everything, prior);
         if let Some(better) = better {
             let anew = fit(&better.model, &data, prior, Effort::FULL);
             // The held-out data must not speak against it.
             if judge::held_out_nats(&data, &selection.last, &anew) > 0.0 {
-                selection = select::anew_from(&data, prior, &excluded(&data), anew, selection.steps, progress);
-                last = fit(&selection.last.model, &everything, prior, Effort::FULL);
+                (selection.last, last) = (anew, better);
+                while let Some(index) = nothing(&selection, &last, &everything) {
+                    remove_effect(&data, prior, &mut selection, index);
+                    last = fit(&selection.last.model, &everything, prior, Effort::FULL);
+                }
             } else {
                 by_other_laws.push(better.uncertainty(&everything).intervals());
             }
@@ -64,7 +60,7 @@ impl Interpretation {
         let [last, fullest] = [&self.selection.last, &self.fullest].map(|found| refit(found, &data));
         let selection = select::anew_from(&data, prior, &excluded(&data), last, self.selection.steps, progress);
         let last = refit(&selection.last, &data.with_nothing_held_out());
-        Self::settled(data, prior, selection, fullest, last, progress)
+        Self::settled(data, prior, selection, fullest, last)
     }
 
     /// A constant share of lost counts, where no other effect explains lost counts.
@@ -123,20 +119,25 @@ pub(super) fn interpret_trusted(
     let everything = seen.with_nothing_held_out();
     loop {
         let last = fit(&selection.last.model, &everything, prior, Effort::FULL);
-        let intervals = last.uncertainty(&everything).intervals();
-        let is_scale_unknown = has_unknown_torque_scale(&everything);
-        let nothing = |standing: &Standing| {
-            let is_real = is_scale_unknown || standing.gain.sigmas > BEYOND_DOUBT_SIGMAS;
-            !(is_of_a_scale(standing.id) && is_real) && may_be_nothing(standing, &last.model, &intervals)
-        };
-        match selection.standings.iter().position(nothing) {
+        match nothing(&selection, &last, &everything) {
             Some(index) => match selection.standings[index].id {
                 id if is_of_a_scale(id) => remove_effect(&seen, prior, &mut selection, index),
                 id => return interpret_trusted(data, prior, &[excluded_ids, &[id]].concat(), progress),
             },
-            None => return Interpretation::settled(seen, prior, selection, fullest, last, progress),
+            None => return Interpretation::settled(seen, prior, selection, fullest, last),
         }
     }
+}
+
+/// The first effect of a selection whose strength may be zero in `last`, which is fitted to everything.
+fn nothing(selection: &Selection, last: &Fit, everything: &Dataset) -> Option<usize> {
+    let intervals = last.uncertainty(everything).intervals();
+    let is_scale_unknown = has_unknown_torque_scale(everything);
+    let nothing = |standing: &Standing| {
+        let is_real = is_scale_unknown || standing.gain.sigmas > BEYOND_DOUBT_SIGMAS;
+        !(is_of_a_scale(standing.id) && is_real) && may_be_nothing(standing, &last.model, &intervals)
+    };
+    selection.standings.iter().position(nothing)
 }
 
 /// The best choice of what the rig file leaves open about the recording. It is judged by the rest above the noise, the
@@ -182,7 +183,6 @@ fn interpret(
     if data.axis.drive.is_voltage() {
         pwm_frequency::settle_at_first(&mut data, prior);
         reading_phase::settle_at_first(&mut data, prior);
-        pwm_latch::settle_at_first(&mut data, prior);
     }
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);

@@ -12,6 +12,10 @@ const BLOCK_S: f64 = 0.1;
 /// Above this multiple of the noise floor an effect is missing.
 pub const NOT_NOISE: f64 = 1.15;
 
+/// Evidence in natural units that is called very strong (Kass and Raftery, Journal of the American Statistical Association
+/// 90 (1995)).
+pub(super) const VERY_STRONG_NATS: f64 = 5.0;
+
 /// A simpler model whose cost is at most this multiple counts as equally good.
 pub(super) const AS_GOOD: f64 = 1.02;
 

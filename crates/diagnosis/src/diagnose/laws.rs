@@ -59,7 +59,9 @@ fn others(found: &Fit, data: &Dataset, prior: &Prior) -> Vec<Fit> {
     let fitted = laws.into_par_iter().filter_map(|(index, values)| {
         let start = fit(&found.model.with_values(index, values), data, prior, Effort::NONE);
         let near = (start.cost < NEAR * found.cost).then(|| fit(&start.model, data, prior, Effort::AGAIN))?;
-        (!near.is_at_a_bound(index)).then_some(near)
+        let Term { effect, values } = &near.model.terms[index];
+        let makes_sense = !near.is_at_a_bound(index) && !effect.is_a_scale(values, &scales);
+        makes_sense.then_some(near)
     });
     fitted.collect()
 }

@@ -23,7 +23,6 @@ mod laws;
 pub mod missing;
 pub mod outcome;
 mod pwm_frequency;
-mod pwm_latch;
 mod random_losses;
 mod reading_phase;
 mod ripple_phase;
@@ -37,7 +36,10 @@ mod unseen_losses;
 use crate::dataset::{Dataset, DatasetError, Measured, greatest};
 use crate::free_run::{Prediction, free_run};
 use crate::identify::{Fit, Interval, Prior, Uncertainty, Z95};
-use causes::{bridge_ohm, cause, is_between_rows, is_of_the_reading, is_order_of_rows, parameters, wrong_values};
+use causes::{
+    bridge_ohm, cause, is_between_rows, is_of_the_reading, is_order_of_rows, parameters, waits_for_the_pwm,
+    wrong_values,
+};
 use determined::AllDetermined;
 use hidden_drop::HiddenDrop;
 use interpretation::{Interpretation, excluded, interpret_trusted, with_corrected_scale};
@@ -66,6 +68,8 @@ const LEAST_LOG_LIKELIHOOD_GAIN: f64 = 10.0;
 /// through two transistors in the pulse, and through a transistor and a diode in the off phase. A bridge of Darlingtons
 /// drops 5 to 25 % less there by its data sheet's curves, and 30 % less with Schottky diodes beside it.
 const DROP_DIFFERENCE: f64 = 0.2;
+/// Note on commands that act late by less than a period of the PWM.
+const WAITS_FOR_THE_PWM: &str = "The commands act late by less than a period of the PWM: its timer takes a new duty at the begin of a period. A faster PWM shortens that.";
 /// Stands for the dependence of a rest that no curve explains.
 pub(crate) const NOTHING_SEEN: &str = "nothing seen";
 
@@ -271,6 +275,9 @@ impl Outcome {
         }
         causes.sort_by(|a, b| b.evidence_sigmas.total_cmp(&a.evidence_sigmas));
         causes.retain(|cause| !is_order_of_rows(&cause.effect, data, model));
+        let named = causes.len();
+        causes.retain(|cause| !waits_for_the_pwm(&cause.effect, data, model));
+        let waits = causes.len() < named;
         let parameters = parameters(found, &prior.nominal, &corrections);
         causes.extend(scale.map(|scale| scale.cause(data, hidden_drop.is_some())));
         let unexplained = unexplained(data, selection, fullest);
@@ -304,6 +311,7 @@ impl Outcome {
         let contradictions: Vec<String> = contradictions.collect();
         outcome.advice.extend(contradictions);
         outcome.advice.extend(outcome.small_rest());
+        outcome.advice.extend(waits.then(|| WAITS_FOR_THE_PWM.to_owned()));
         outcome.advice.extend(scale.map(|scale| scale.advice(data)));
         outcome.advice.extend(hidden_drop.map(|drop| drop.note()));
         outcome

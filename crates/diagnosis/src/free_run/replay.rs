@@ -202,10 +202,7 @@ impl<'a> Knife<'a> {
             longest_step_s: cutting.longest_step_s(stretch),
             begins_with: if still { (0.0, 0.0) } else { (current_a, speed_rad_per_s) },
             from_rest: still && data.current().is_none_or(|measured| may_be_zero(current_a, measured)),
-            acts_within: delay_s > 0.0
-                || delay_growth != 0.0
-                || data.has_moments()
-                || data.origin.latch_phase.is_some(),
+            acts_within: delay_s > 0.0 || delay_growth != 0.0 || data.has_moments(),
         }
     }
 
@@ -221,14 +218,14 @@ impl<'a> Knife<'a> {
                 // The middle of the step represents it.
                 let share = (since_s + 0.5 * length_s) / interval_s;
                 let half = 0.5 * length_s / interval_s;
-                let from_s = data.time_s[index] + since_s;
-                let (command, duty) = self.command(index, from_s, length_s);
+                let delay_s = self.delay_at(index);
+                let (command, duty) = self.command(index, since_s - delay_s, length_s);
                 pieces.push(Piece {
-                    time_s: from_s,
+                    time_s: data.time_s[index] + since_s,
                     length_s,
                     command,
                     duty,
-                    open: data.open[self.acting_at(index, from_s + 0.5 * length_s)],
+                    open: data.open[self.acting_at(index, since_s + 0.5 * length_s - delay_s)],
                     angle_rad: course.angle_rad(share),
                     turned_rad: course.angle_rad(share + half) - course.angle_rad(share - half),
                 });
@@ -245,58 +242,58 @@ impl<'a> Knife<'a> {
             return whole;
         }
         let data = self.data;
-        let from_s = data.time_s[index] + since_s;
-        let before = self.acting_at(index, from_s);
-        let after = self.acting_at(index, from_s + length_s);
+        let delay_s = self.delay_at(index);
+        let before = self.acting_at(index, since_s - delay_s);
+        let after = self.acting_at(index, since_s + length_s - delay_s);
         let leap_v = LEAP * data.supply_v[before];
         let leaps = |row: usize| (data.command[row] - data.command[before]).abs() > leap_v;
         let switches = |row: &usize| data.open[*row] != data.open[before] || leaps(*row);
         let Some(switched) = (before + 1..=after).find(switches) else { return whole };
-        let first_s = self.acts_from_s(switched) - from_s;
+        let first_s = data.acts_from_s(switched) + delay_s - data.time_s[index] - since_s;
         match (SAME_LENGTH_S..length_s - SAME_LENGTH_S).contains(&first_s) {
             true => [Some((since_s, first_s)), Some((since_s + first_s, length_s - first_s))],
             false => whole,
         }
     }
 
-    /// When the command of a row begins to act.
-    fn acts_from_s(&self, row: usize) -> f64 {
-        let delay_s = self.delay_s + self.delay_growth * self.data.time_s[row];
-        self.data.origin.latched_s(self.data.acts_from_s(row) + delay_s)
+    /// By how much a command acts late around a row.
+    fn delay_at(&self, index: usize) -> f64 {
+        self.delay_s + self.delay_growth * self.data.time_s[index]
     }
 
-    /// The sample whose command acts at this time, which is not far after sample `index`.
-    fn acting_at(&self, index: usize, at_s: f64) -> usize {
+    /// The sample whose command acts at this time after sample `index`.
+    fn acting_at(&self, index: usize, offset_s: f64) -> usize {
+        let data = self.data;
         if !self.acts_within {
             return index;
         }
+        let at_s = data.time_s[index] + offset_s;
         (self.range.start..=self.last_acting(index, at_s))
             .rev()
-            .find(|row| self.acts_from_s(*row) <= at_s)
+            .find(|row| data.acts_from_s(*row) <= at_s)
             .unwrap_or(self.range.start)
     }
 
     /// The last sample, from `index` on, whose command acts before `end_s`.
     fn last_acting(&self, index: usize, end_s: f64) -> usize {
         let may_act_early = self.data.has_moments() || self.delay_growth < 0.0;
-        let later = (index + 1..self.range.end).take_while(|row| may_act_early && self.acts_from_s(*row) < end_s);
+        let later = (index + 1..self.range.end).take_while(|row| may_act_early && self.data.acts_from_s(*row) < end_s);
         later.last().unwrap_or(index)
     }
 
-    /// Means of command and duty, each held until the next acts, over `length_s` from `from_s`, not far after sample
-    /// `index`.
-    fn command(&self, index: usize, from_s: f64, length_s: f64) -> (f64, f64) {
+    /// Means of command and duty, each held until the next acts, over `length_s` from `offset_s` after sample `index`.
+    fn command(&self, index: usize, offset_s: f64, length_s: f64) -> (f64, f64) {
         let data = self.data;
+        let from_s = data.time_s[index] + offset_s;
         let mut end_s = from_s + length_s;
         let mut sample = self.last_acting(index, end_s);
-        let acts = |row: usize| !self.acts_within || self.acts_from_s(row) <= from_s;
-        if sample == index && (acts(index) || index == self.range.start && !self.from_rest) {
+        if sample == index && (offset_s >= 0.0 || index == self.range.start && !self.from_rest) {
             return (data.command[index], data.duty[index]);
         }
         let (mut command, mut duty) = (0.0, 0.0);
         loop {
             let acts_before = sample == self.range.start && !self.from_rest;
-            let start_s = if acts_before { f64::NEG_INFINITY } else { self.acts_from_s(sample) };
+            let start_s = if acts_before { f64::NEG_INFINITY } else { data.acts_from_s(sample) };
             let since_s = start_s.max(from_s);
             if since_s < end_s {
                 command += data.command[sample] * (end_s - since_s);

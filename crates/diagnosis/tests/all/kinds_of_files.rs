@@ -120,6 +120,20 @@ fn a_sketch_whose_lines_a_computer_stamped() {
     assert_is_the_motor("stamps", &diagnosed(&text, &["pwm=duty/255", "mA=i_A/1000"]));
 }
 
+/// Rows of a program that waits a tenth of a second: more than two time constants of the motor, and each a little more.
+#[test]
+fn rows_a_tenth_of_a_second_apart() {
+    let row_ms: Vec<usize> = (0..300).scan(0, |at, row| Some(std::mem::replace(at, *at + 100 + row * 7 % 4))).collect();
+    let row_of = |t_s: f64| row_ms.partition_point(|ms| *ms as f64 <= t_s * 1e3 + 0.5) - 1;
+    // A program gives its command where it prints its row.
+    let rows = motor(*row_ms.last().unwrap() + 1, 0.001, |t_s| levels(row_ms[row_of(t_s)] as f64 * 1e-3 / 2.0));
+    let mut text = "t_s,u_V,rpm,i_A\n".to_owned();
+    for Row { t_s, volts, speed, current } in row_ms.iter().map(|ms| rows[*ms]) {
+        text += &format!("{t_s:.3},{volts},{:.1},{current}\n", speed / TAU * 60.0);
+    }
+    assert_is_the_motor("ten a second", &diagnosed(&text, &[]));
+}
+
 /// The counts a second of a controller in 16 bits: they change by more than half the range from row to row.
 #[test]
 fn a_speed_that_wraps_at_16_bits() {

@@ -13,6 +13,9 @@ use crate::motor::MotorParameters;
 /// Knees that are tried, as shares of the greatest current; 0: the drop acts at every moment.
 const KNEES: [f64; 3] = [0.0, 5e-4, 1e-2];
 
+/// The widest knee of a drop, as a share of the greatest current.
+const WIDEST_KNEE: f64 = 0.3;
+
 /// Two transistors conduct in the pulse, a transistor and a diode in the off phase. The two differ by no more than a diode
 /// from a saturated transistor.
 const MOST_OFF_PHASE_V: f64 = 0.6;
@@ -77,6 +80,11 @@ impl Law for VoltageDrop {
 impl Search for VoltageDrop {
     fn starts(&self, scales: &Scales) -> Vec<Vec<f64>> {
         laws(0.05 * scales.voltage_v, scales)
+    }
+
+    /// What follows the current over most of its range is a resistance.
+    fn is_a_scale(&self, values: &[f64], scales: &Scales) -> bool {
+        values[1] > WIDEST_KNEE * scales.current_a
     }
 
     /// A friction takes the voltage that its torque needs.

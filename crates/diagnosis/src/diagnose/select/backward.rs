@@ -1,10 +1,10 @@
 //! Backward: drops effects without evidence, and replaces an effect by a better rival.
 
 use super::winding::looks_like_inductance;
-use super::{Chooser, Gain, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same};
+use super::{Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same};
 use crate::dataset::Measured;
 use crate::diagnose::data_sheet::squared_deviations;
-use crate::diagnose::judge::{NOT_NOISE, evidence_nats};
+use crate::diagnose::judge::{NOT_NOISE, VERY_STRONG_NATS, evidence_nats};
 use crate::identify::{Effort, Fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_model::catalogue::{Alone, CATALOGUE, Effect, INDUCTANCE, Parameter, USUAL, effect};
@@ -13,9 +13,9 @@ use motorbench_model::{Model, Term};
 /// Significance needed to name an effect, all others being present. Many effects are tried, and residuals have long
 /// tails. Right names have more than ten on generated benches.
 pub(in crate::diagnose) const NAMED_SIGMAS: f64 = 6.0;
-/// Evidence in natural units that is called very strong (Kass and Raftery, Journal of the American Statistical Association
-/// 90 (1995)).
-const VERY_STRONG_NATS: f64 = 5.0;
+/// Evidence names an effect that explains at least this share of the remaining error: a smaller one may be what another law
+/// leaves out.
+const MATTERS_SHARE: f64 = 0.1;
 /// Significance of an effect whose usual companion is absent; wrong names had ten.
 const ALONE_SIGMAS: f64 = 50.0;
 /// A similar law outside the catalogue is the better one with this significance, however small its gain.
@@ -128,7 +128,7 @@ impl Chooser<'_> {
         let nats = evidence_nats(self.data, &without, current);
         // One effect of many is a priori as unlikely as they are many.
         let of_many = (CATALOGUE.len() as f64).ln();
-        let is_certain = own.sigmas > NAMED_SIGMAS || nats > VERY_STRONG_NATS + of_many;
+        let is_certain = own.sigmas > NAMED_SIGMAS || own.share > MATTERS_SHARE && nats > VERY_STRONG_NATS + of_many;
         let term = current.model.term(id).expect("one of its own terms");
         // Hardly any bench is without the usual effects: for them very strong evidence suffices, of the data and the data
         // sheet together.
@@ -138,7 +138,7 @@ impl Chooser<'_> {
             && (keeps_the_motor
                 || keeps_the_winding()
                 || has_evidence(&own) && is_certain
-                || USUAL.contains(&id) && nats + 0.5 * more_deviation > VERY_STRONG_NATS)
+                || USUAL.contains(&id) && own.share > LEAST_SHARE && nats + 0.5 * more_deviation > VERY_STRONG_NATS)
             && self.number_matters(current, &without, id)
             && self.law_matters(current, &without, id);
         Check { id, without, own, stands, is_named }
