@@ -99,6 +99,13 @@ mod tests {
             let found = squares_of_the_drop(drop_v);
             assert!((found - f64::powi(deviations, 2)).abs() < 1e-6, "{drop_v}: {found}");
         }
+        // Without a data sheet any drop will do that a bridge can have.
+        let squares = |drop_v: f64| {
+            let model = Model::linear(prior.motor).with(effect(VOLTAGE_DROP).unwrap(), vec![drop_v]);
+            squared_deviations(&prior, &fit(&model, &data, &prior, Effort::NONE))
+        };
+        assert_eq!(squares(0.8), squares(3.0));
+        assert!(squares(6.0) > squares(3.0) + 20.0);
     }
 
     /// The data cannot tell the drop in the pulses from the voltage of the diodes in the off phase, which is held.

@@ -21,21 +21,35 @@ const PWM_HZ: f64 = 3921.57;
 const STEP_S: f64 = 2.5e-6;
 
 /// A motor with Coulomb friction behind a bridge with brushes of a constant drop in the pulse and in the off phase.
-#[derive(Default)]
 struct Bench {
     drops_v: [f64; 2],
+    pwm_hz: f64,
+    /// The duty in this period, if a new one waits for the next period.
+    latched: Option<f64>,
     time_s: f64,
     current_a: f64,
     speed_rad_per_s: f64,
 }
 
 impl Bench {
+    /// At rest.
+    fn new(drops_v: [f64; 2], pwm_hz: f64) -> Self {
+        Self { drops_v, pwm_hz, latched: None, time_s: 0.0, current_a: 0.0, speed_rad_per_s: 0.0 }
+    }
+
     /// Runs at a duty for a time; returns the mean current.
     fn run(&mut self, duty: f64, length_s: f64) -> f64 {
         let steps = (length_s / STEP_S).round() as usize;
         let mut sum_a = 0.0;
         for _ in 0..steps {
-            let is_pulse = (self.time_s * PWM_HZ).fract() < duty.abs();
+            let phase = (self.time_s * self.pwm_hz).fract();
+            if let Some(latched) = &mut self.latched
+                && phase < STEP_S * self.pwm_hz
+            {
+                *latched = duty;
+            }
+            let duty = self.latched.unwrap_or(duty);
+            let is_pulse = phase < duty.abs();
             let (source_v, drop_v) =
                 if is_pulse { (duty.signum() * SUPPLY_V, self.drops_v[0]) } else { (0.0, self.drops_v[1]) };
             let driving_v = source_v - RESISTANCE_OHM * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
@@ -75,8 +89,7 @@ struct Row {
 }
 
 /// 8 s of a bench. `acts` is the command that acts in place of the recorded one.
-fn course(drops_v: [f64; 2], acts: impl Fn(f64) -> f64) -> Vec<Row> {
-    let mut bench = Bench { drops_v, ..Bench::default() };
+fn course(mut bench: Bench, acts: impl Fn(f64) -> f64) -> Vec<Row> {
     let mut current_a = 0.0;
     let rows = (0..8000).map(|row| {
         let time_s = f64::from(row) * 1e-3;
@@ -89,9 +102,13 @@ fn course(drops_v: [f64; 2], acts: impl Fn(f64) -> f64) -> Vec<Row> {
 
 /// The diagnosis of a table. `window_s`: over which the speed is a mean, where the rig file says it.
 fn diagnosed(text: &str, window_s: Option<f64>, encoder: &str) -> Outcome {
+    diagnosed_at(PWM_HZ, text, window_s, encoder)
+}
+
+fn diagnosed_at(pwm_hz: f64, text: &str, window_s: Option<f64>, encoder: &str) -> Outcome {
     let window = window_s.map_or_else(String::new, |window_s| format!("speed_window_s = {window_s}\n"));
     let rig = format!(
-        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {PWM_HZ}\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n{encoder}[recording]\ncommand_delay_s = 0\ncurrent_window_s = 0.001\n{window}"
+        "[supply]\nvoltage_V = {SUPPLY_V}\n[bridge]\npwm_Hz = {pwm_hz}\n[motor]\nresistance_ohm = 9.2\ninductance_H = 0.00425\ntorque_constant_Nm_per_A = 0.0405\ninertia_kg_m2 = 2.3e-5\n{encoder}[recording]\ncommand_delay_s = 0\ncurrent_window_s = 0.001\n{window}"
     );
     let recording = Recording::parse("run.csv", text.as_bytes(), &[]).expect("it is well-formed");
     diagnose(&[recording], &Rig::parse("rig.toml", &rig).expect("it is well-formed"), &|_| ())
@@ -102,7 +119,7 @@ fn diagnosed(text: &str, window_s: Option<f64>, encoder: &str) -> Outcome {
 /// The diagnosis of speeds of the moment at 1 kHz.
 fn outcome(drops_v: [f64; 2], acts: impl Fn(f64) -> f64, random: &mut impl Rng) -> Outcome {
     let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
-    for Row { time_s, speed_rad_per_s, current_a } in course(drops_v, acts) {
+    for Row { time_s, speed_rad_per_s, current_a } in course(Bench::new(drops_v, PWM_HZ), acts) {
         let mut noise = |size: f64| size * random.random_range(-1.0..1.0);
         let (speed, current) = (speed_rad_per_s + noise(0.3), current_a + noise(0.01));
         let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
@@ -183,7 +200,7 @@ fn a_moving_average_is_no_lag() {
     let readings = random.random_range(6..=16);
     // The program sets a command, reads and prints every 10 ms.
     let held = |time_s: f64| command((100.0 * time_s + 1e-6).floor() / 100.0);
-    let rows: Vec<Row> = course([1.6; 2], held).into_iter().step_by(10).collect();
+    let rows: Vec<Row> = course(Bench::new([1.6; 2], PWM_HZ), held).into_iter().step_by(10).collect();
     let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
     for (index, Row { time_s, current_a, .. }) in rows.iter().enumerate() {
         let last = &rows[(index + 1).saturating_sub(readings)..=index];
@@ -209,7 +226,7 @@ fn counts_that_are_lost_one_way_are_the_encoders() {
     let (way, share) = (if random.random() { 1.0 } else { -1.0 }, random.random_range(0.05..0.2));
     let mut text = String::from("t_s,duty,counts,i_A\n");
     let mut counts = 0.0;
-    for Row { time_s, speed_rad_per_s, current_a } in course([0.0; 2], command) {
+    for Row { time_s, speed_rad_per_s, current_a } in course(Bench::new([0.0; 2], PWM_HZ), command) {
         let lost = if way * speed_rad_per_s > 0.0 { share } else { 0.0 };
         counts += (1.0 - lost) * speed_rad_per_s * 1e-3 * 1320.0 / std::f64::consts::TAU;
         let current = current_a + random.random_range(-0.01..0.01);
@@ -221,4 +238,26 @@ fn counts_that_are_lost_one_way_are_the_encoders() {
     assert_eq!(cause.parameters["one_way"].value, way, "seed {seed}: {cause:?}");
     let lost = &cause.parameters["lost_share"];
     assert!((lost.value - share).abs() < 0.01, "seed {seed}: {lost:?} for {share}");
+}
+
+/// A timer takes a new duty at the begin of a period. At 490 Hz that is up to 2 ms late, which is no delay of the program
+/// and no second clock.
+#[test]
+fn a_command_that_waits_for_the_next_period_is_not_delayed() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let pwm_hz = 490.2;
+    let mut bench = Bench::new([1.6; 2], pwm_hz);
+    bench.latched = Some(0.0);
+    // The timer began before the recording.
+    bench.run(0.0, random.random_range(0.1..0.2));
+    let mut text = String::from("t_s,duty,omega_rad_per_s\n");
+    for Row { time_s, speed_rad_per_s, .. } in course(bench, command) {
+        let speed = speed_rad_per_s + random.random_range(-0.1..0.1);
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4}", command(time_s));
+    }
+    let found = diagnosed_at(pwm_hz, &text, Some(0.0), "");
+    let late = ["actuation_delay", "clock_drift", "command_jitter"];
+    assert!(!names(&found).iter().any(|name| late.contains(name)), "seed {seed}: {found:?}");
+    assert!(names(&found).contains(&"coulomb_friction"), "seed {seed}: {found:?}");
 }
