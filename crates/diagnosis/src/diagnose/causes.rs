@@ -170,3 +170,34 @@ pub(super) fn is_of_the_reading(cause: &str, data: &Dataset, model: &Model) -> b
     let of_window = || data.origin.timing.current_window_s.is_none() && data.origin.current_window_s > 0.0;
     cause == INDUCTANCE && (of_pwm() || of_window() || data.has_moments() || data.origin.taken_over_its_row)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use motorbench_data::recording::Recording;
+    use motorbench_data::rig::Rig;
+    use motorbench_model::catalogue::effect;
+    use std::fmt::Write as _;
+
+    #[test]
+    fn lateness_below_a_period_belongs_to_the_pwm() {
+        let mut text = String::from("t_s,duty,omega_rad_per_s\n");
+        for row in 0..5000 {
+            let duty = [0.9, 0.4, -0.7, 0.2, -0.5][row / 1000];
+            let _ = writeln!(text, "{},{duty},{}", row as f64 * 1e-3, 150.0 * duty + 0.1 * (row % 3) as f64);
+        }
+        let recording = Recording::parse("run.csv", text.as_bytes(), &[]).unwrap();
+        let rig = Rig::parse("rig.toml", "[supply]\nvoltage_V = 12\n[bridge]\npwm_Hz = 490\n").unwrap();
+        let data = Dataset::new(&[recording], &rig).unwrap();
+        for (id, value, belongs) in [
+            ("actuation_delay", 0.001, true),
+            ("actuation_delay", 0.003, false),
+            // In ppm, over 5 s.
+            ("clock_drift", 200.0, true),
+            ("clock_drift", 1000.0, false),
+        ] {
+            let model = Model::linear(MotorParameters::PIVT6).with(effect(id).unwrap(), vec![value]);
+            assert_eq!(waits_for_the_pwm(id, &data, &model), belongs, "{id} {value}");
+        }
+    }
+}
