@@ -2,10 +2,11 @@
 //! are garbled. One of them costs every name, since its error outweighs all others. They are found where what the model
 //! lacks stands out, and left out if everything else is explained without them.
 
+use super::channels::excluded;
 use super::judge::{NOT_NOISE, above_floor};
 use super::missing::lack;
+use super::residuals;
 use super::select::usual_model;
-use super::{excluded, residuals};
 use crate::dataset::{Dataset, Stretch, median};
 use crate::identify::{Fit, Prior};
 use motorbench_model::catalogue::ActsOn;

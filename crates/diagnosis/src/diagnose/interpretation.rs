@@ -1,6 +1,7 @@
 //! How recordings are interpreted: what the rig file leaves open about them is settled in turn, and after each step the
 //! effects are selected anew.
 
+use super::channels::excluded;
 use super::hidden_drop::HiddenDrop;
 use super::judge::{self, NOT_NOISE, above_floor};
 use super::random_losses::RandomLosses;
@@ -11,9 +12,8 @@ use super::{
     bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, reading_phase,
     ripple_phase, speed_reading, unseen_losses,
 };
-use crate::dataset::{Dataset, Output};
+use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Prior, fit, has_unknown_torque_scale};
-use motorbench_model::catalogue::{CATALOGUE, Channels};
 use std::cmp::Ordering;
 
 /// With this evidence an effect is real, though its strength may be unknown: the data may lack the scale that it is
@@ -220,17 +220,4 @@ fn with_another_part_held_out(data: &Dataset, prior: &Prior, selection: &Selecti
         (other, found)
     };
     data.with_others_held_out().map(anew).find(|(other, found)| above_floor(other, found) < NOT_NOISE)
-}
-
-/// Effects that do not show in these channels.
-pub(super) fn excluded(data: &Dataset) -> Vec<&'static str> {
-    let channels = Channels {
-        axis: data.axis,
-        current: data.current().is_some(),
-        speed: data.motion().output == Output::Speed,
-        counts: data.origin.is_counted,
-        moments: data.has_moments(),
-        one_magnitude: data.has_one_magnitude(),
-    };
-    CATALOGUE.iter().filter(|effect| !effect.shows_in(&channels)).map(|effect| effect.about().id).collect()
 }

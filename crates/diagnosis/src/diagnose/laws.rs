@@ -2,7 +2,7 @@
 //! reported. What the others would make of the constants goes into the intervals, and what a usual effect would that the
 //! data neither show nor exclude.
 
-use super::interpretation::excluded;
+use super::channels::excluded;
 use super::judge::{AS_GOOD, evidence_nats};
 use super::select::NEAR;
 use crate::dataset::Dataset;

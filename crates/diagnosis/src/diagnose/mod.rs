@@ -11,6 +11,7 @@
 mod advice;
 mod bad_stretches;
 mod causes;
+mod channels;
 mod command_times;
 mod counter_stops;
 mod current_window;
@@ -42,7 +43,7 @@ use causes::{
 };
 use determined::AllDetermined;
 use hidden_drop::HiddenDrop;
-use interpretation::{Interpretation, excluded, interpret_trusted, with_corrected_scale};
+use interpretation::{Interpretation, interpret_trusted, with_corrected_scale};
 use judge::{NOT_NOISE, above_floor};
 use motorbench_data::recording::Recording;
 use motorbench_data::rig::Rig;

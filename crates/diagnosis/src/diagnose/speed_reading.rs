@@ -1,7 +1,7 @@
 //! Determines what a speed is where the rig file does not give it: an instantaneous value, a mean since the row before,
 //! or a speed timed by edges in one of two ways. A mean is late by half its length, which is not a delay of the bridge.
 
-use super::excluded;
+use super::channels::excluded;
 use super::judge::{AS_GOOD, NOT_NOISE, above_floor};
 use super::select::usual_model;
 use crate::dataset::{Averaged, Dataset};
