@@ -11,6 +11,7 @@ use motorbench_core::HARDWARE;
 use motorbench_core::message::{Sample, State};
 use motorbench_core::settings::{Param, Settings};
 use motorbench_core::units::{AMPERE, VOLT};
+use motorbench_text::terminal_text::short;
 use nalgebra::{Matrix3, Vector3};
 
 /// The scales of the sensors, which only the person at the rig knows.
@@ -107,7 +108,7 @@ impl SensorScales {
         let [of_current, of_speed] = self.of_motor;
         let says = |(found, of_motor): (f64, f64), of_what: &str, unit: &str| {
             is_off(found, of_motor)
-                .then(|| format!("{of_what} of {} {unit}, where the motor has {}", rounded(found), rounded(of_motor)))
+                .then(|| format!("{of_what} of {} {unit}, where the motor has {}", short(found), short(of_motor)))
         };
         let said =
             resistance.zip(of_current).and_then(|pair| says(pair, "voltage and current give a resistance", "ohm"));
@@ -122,12 +123,6 @@ impl SensorScales {
             "{counts} ({of_counts}) and {gain} ({of_gain} mV/A) are still those of a new board, and the samples contradict them: {said}. `motorbench connect 'set {counts} N' 'set {gain} MV_PER_A' save` sets those of your encoder and current sensor. If they are right, set {motor} to that of your motor"
         ))
     }
-}
-
-/// Three digits.
-fn rounded(value: f64) -> String {
-    let digits = (2.0 - value.abs().log10().floor()).max(0.0) as usize;
-    format!("{value:.digits$}")
 }
 
 #[cfg(test)]

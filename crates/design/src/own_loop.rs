@@ -86,6 +86,17 @@ pub enum Sketch {
 impl Sketch {
     /// Both.
     pub const ALL: [Self; 2] = [Self::Library, Self::Plain];
+
+    /// The PWM value of the integral and what is `without` it, after the integral has taken `more`.
+    pub(crate) fn output(self, integral: &mut f64, more: f64, without: f64) -> f64 {
+        let wanted = without + *integral + more;
+        match self {
+            Self::Library => *integral = (*integral + more).clamp(-PWM_FULL, PWM_FULL),
+            Self::Plain if wanted.abs() <= PWM_FULL || wanted * more < 0.0 => *integral += more,
+            Self::Plain => {}
+        }
+        (without + *integral).clamp(-PWM_FULL, PWM_FULL).round()
+    }
 }
 
 /// Gains, and how they did in the trial.
@@ -313,13 +324,7 @@ impl State {
         };
         let ahead = gains.kff * self.target_rpm + gains.kaff * change + dead_band;
         let more = gains.ki * gains.sample_s * error;
-        let wanted = ahead + gains.kp * error + self.integral + more;
-        match sketch {
-            Sketch::Library => self.integral = (self.integral + more).clamp(-PWM_FULL, PWM_FULL),
-            Sketch::Plain if wanted.abs() <= PWM_FULL || wanted * more < 0.0 => self.integral += more,
-            Sketch::Plain => {}
-        }
-        (ahead + gains.kp * error + self.integral).clamp(-PWM_FULL, PWM_FULL).round()
+        sketch.output(&mut self.integral, more, ahead + gains.kp * error)
     }
 }
 

@@ -277,13 +277,7 @@ impl State {
         let ahead = kff * self.target_speed + torque + drop;
         let more = ki * sample_s * error;
         let without = ahead + kp * error + kd * (self.target_speed - self.speed);
-        let wanted = without + self.integral + more;
-        match sketch {
-            Sketch::Library => self.integral = (self.integral + more).clamp(-PWM_FULL, PWM_FULL),
-            Sketch::Plain if wanted.abs() <= PWM_FULL || wanted * more < 0.0 => self.integral += more,
-            Sketch::Plain => {}
-        }
-        (without + self.integral).clamp(-PWM_FULL, PWM_FULL).round()
+        sketch.output(&mut self.integral, more, without)
     }
 }
 
