@@ -30,7 +30,12 @@ pub(super) fn without(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Data
     }
     let mut rest = data.clone();
     for _ in 0..MOST_PLACES {
-        let Some(rows) = standing_out(&rest, &usual_model(&rest, prior, &excluded(&rest))) else { break };
+        let usual = usual_model(&rest, prior, &excluded(&rest));
+        // In noise alone something always stands out.
+        if above_floor(&rest, &usual) < NOT_NOISE {
+            break;
+        }
+        let Some(rows) = standing_out(&rest, &usual) else { break };
         rest.leave_out_rows(rows);
     }
     let left: usize = rest.stretches.iter().map(|stretch| stretch.rows.len()).sum();
