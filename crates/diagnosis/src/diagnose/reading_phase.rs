@@ -1,7 +1,7 @@
 //! Estimates in which phase of the PWM each current is sampled, where the rig file gives the PWM frequency and no sampling
 //! point. Rows and PWM come from one clock, so one phase holds for the whole recording. Between rows the phase advances.
 
-use crate::dataset::Dataset;
+use crate::dataset::{Dataset, Output, Stretch};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use maybe_rayon::prelude::*;
 use motorbench_data::rig::Readings;
@@ -11,14 +11,16 @@ use motorbench_model::catalogue::{USUAL, effect};
 /// Phases that are tried first, and the number of halvings that refine the best one.
 const PHASES: usize = 12;
 const HALVINGS: i32 = 4;
-/// A phase has to lower the cost to this share of that of a mean over a period: beside an effect that is missing, some
-/// phase always fits a little better.
+/// A phase has to lower the squared error to this share of that of a mean over a period: beside an effect that is missing,
+/// some phase always fits a little better.
 const LEAST_GAIN: f64 = 0.6;
+/// Between rows that lie this far apart the phase advances, but what is missing hardly changes.
+const FAST_ROWS: usize = 5;
 /// A phase shows in any part of a recording in which the command changes; this much suffices.
 const EXCERPT_S: f64 = 3.0;
 
-/// Sets the phase if the nominal motor fits clearly better with it than with a mean over a period. Its bridge has a drop or
-/// none, and brakes or coasts in the off phase.
+/// Sets the phase if the nominal motor fits clearly better with it than with a mean over a period, or at least what varies
+/// from row to row does. Its bridge has a drop or none, and brakes or coasts in the off phase.
 pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     if is_open(data) {
         data.origin.pwm_phase = likelier(&data.excerpt(EXCERPT_S), prior);
@@ -41,31 +43,62 @@ fn likelier(data: &Dataset, prior: &Prior) -> Option<f64> {
     let braking = usual.fold(linear.clone(), |model, effect| model.with_start(effect, &scales));
     let coasting = effect("coast_decay").map(|effect| braking.with_start(effect, &scales));
     let models: Vec<Model> = [Some(linear), Some(braking), coasting].into_iter().flatten().collect();
-    let ways: Vec<(f64, f64, f64)> =
-        models.into_par_iter().filter_map(|model| with_best_phase(data, prior, &model)).collect();
-    let least = ways.iter().map(|(mean, ..)| *mean).fold(f64::INFINITY, f64::min);
-    let (_, cost, phase) = ways.into_iter().min_by(|a, b| a.1.total_cmp(&b.1))?;
-    (cost < LEAST_GAIN * least).then_some(phase)
+    let ways: Vec<Way> = models.into_par_iter().filter_map(|model| Way::new(data, prior, &model)).collect();
+    let least = |error: fn(&Way) -> f64| ways.iter().map(error).fold(f64::INFINITY, f64::min);
+    let (least_cost, least_fast) = (least(|way| way.mean.cost), least(|way| way.mean.fast));
+    let best = ways.iter().min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))?;
+    let explains = best.found.cost < LEAST_GAIN * least_cost || best.found.fast < LEAST_GAIN * least_fast;
+    explains.then_some(best.phase)
 }
 
-/// Cost of a model with the mean over a period, its cost in the best phase, and that phase.
-fn with_best_phase(data: &Dataset, prior: &Prior, model: &Model) -> Option<(f64, f64, f64)> {
-    let mean = fit(model, data, prior, Effort::TRIAL);
-    let in_phase = |phase: f64, model: &Model, effort: Effort| -> (f64, Fit) {
-        let mut other = data.clone();
-        let phase = phase.rem_euclid(1.0);
-        other.origin.pwm_phase = Some(phase);
-        (phase, fit(model, &other, prior, effort))
-    };
-    let least = |ways: Vec<(f64, Fit)>| ways.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
-    let first = (0..PHASES).map(|phase| in_phase(phase as f64 / PHASES as f64, &mean.model, Effort::NONE));
-    let (phase, found) = least(first.collect())?;
-    let mut best = in_phase(phase, &found.model, Effort::TRIAL);
-    for halving in 1..=HALVINGS {
-        let distance = 1.0 / PHASES as f64 / f64::from(1 << halving);
-        let sides = [-distance, distance].map(|side| in_phase(best.0 + side, &best.1.model, Effort::NONE));
-        best = least(sides.into_iter().chain([best]).collect())?;
+/// Squared errors of a model.
+struct Errors {
+    cost: f64,
+    /// Of the current, as far as it varies from row to row.
+    fast: f64,
+}
+
+impl Errors {
+    fn of(data: &Dataset, fit: &Fit) -> Self {
+        let Some(output) = data.measured.iter().position(|measured| measured.output == Output::Current) else {
+            return Self { cost: fit.cost, fast: f64::INFINITY };
+        };
+        let residual = fit.residual_of(data, output);
+        let of_stretch = |stretch: &Stretch| {
+            let around = residual[stretch.rows.clone()].windows(2 * FAST_ROWS + 1);
+            let fast = around.map(|around| around[FAST_ROWS] - around.iter().sum::<f64>() / around.len() as f64);
+            fast.filter(|fast| fast.is_finite()).map(|fast| fast * fast).sum::<f64>()
+        };
+        Self { cost: fit.cost, fast: data.stretches.iter().map(of_stretch).sum() }
     }
-    let (phase, found) = in_phase(best.0, &best.1.model, Effort::TRIAL);
-    Some((mean.cost, found.cost, phase))
+}
+
+/// A model that reads the mean over a period, and one that reads in its best phase.
+struct Way {
+    mean: Errors,
+    found: Errors,
+    phase: f64,
+}
+
+impl Way {
+    fn new(data: &Dataset, prior: &Prior, model: &Model) -> Option<Self> {
+        let mean = fit(model, data, prior, Effort::TRIAL);
+        let in_phase = |phase: f64, model: &Model, effort: Effort| -> (f64, Fit) {
+            let mut other = data.clone();
+            let phase = phase.rem_euclid(1.0);
+            other.origin.pwm_phase = Some(phase);
+            (phase, fit(model, &other, prior, effort))
+        };
+        let least = |ways: Vec<(f64, Fit)>| ways.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        let first = (0..PHASES).map(|phase| in_phase(phase as f64 / PHASES as f64, &mean.model, Effort::NONE));
+        let (phase, found) = least(first.collect())?;
+        let mut best = in_phase(phase, &found.model, Effort::TRIAL);
+        for halving in 1..=HALVINGS {
+            let distance = 1.0 / PHASES as f64 / f64::from(1 << halving);
+            let sides = [-distance, distance].map(|side| in_phase(best.0 + side, &best.1.model, Effort::NONE));
+            best = least(sides.into_iter().chain([best]).collect())?;
+        }
+        let (phase, found) = in_phase(best.0, &best.1.model, Effort::TRIAL);
+        Some(Self { mean: Errors::of(data, &mean), found: Errors::of(data, &found), phase })
+    }
 }
