@@ -1,7 +1,7 @@
 //! Recordings prepared for identification: the command, the measured quantities, and the held-out part.
 
 use motorbench_data::recording::{Channel, Recording};
-use motorbench_data::rig::Rig;
+use motorbench_data::rig::{Readings, Rig};
 use motorbench_model::{Axis, Drive};
 use std::ops::Range;
 
@@ -50,6 +50,8 @@ const STEP: f64 = 0.25;
 const SETTLED: usize = 4;
 /// A row longer than this many usual ones spans missing rows.
 pub const LONG_ROW: f64 = 1.5;
+/// Every edge of a PWM is simulated up to so many of its periods in a row. A faster one is averaged.
+const MOST_PERIODS: f64 = 1.5;
 /// Time over which an angle is differentiated: short against the motor, long against the encoder's step.
 const DIFFERENCE_SPAN_S: f64 = 0.005;
 /// Blocks of this length are held out in turn, one in [`HELD_OUT_EVERY`]; shorter in short recordings.
@@ -300,6 +302,30 @@ impl Dataset {
     /// When the command of a row began to act.
     pub fn acts_from_s(&self, row: usize) -> f64 {
         self.time_s[row] - self.earlier_s.get(row).copied().unwrap_or(0.0)
+    }
+
+    /// Whether each current may be a value of one instant.
+    pub fn reads_instants(&self) -> bool {
+        let timing = &self.origin.timing;
+        timing.readings == Readings::Instant && timing.current_window_s.is_none() && self.current().is_some()
+    }
+
+    /// The same with the PWM in this phase at time 0.
+    pub fn with_pwm_phase(&self, pwm_phase: Option<f64>) -> Self {
+        let mut other = self.clone();
+        other.origin.pwm_phase = pwm_phase;
+        other
+    }
+
+    /// Whether a PWM of known frequency is slow beside the rows.
+    pub fn is_pwm_slow(&self) -> bool {
+        let is_driven = self.axis.drive.is_voltage() && self.origin.pwm_is_known;
+        is_driven && self.origin.pwm_hz * self.interval_s < MOST_PERIODS
+    }
+
+    /// Whether every edge of the PWM is simulated.
+    pub fn is_switched(&self) -> bool {
+        self.origin.pwm_phase.is_some() && self.is_pwm_slow()
     }
 
     /// Whether the command times are estimated instead of taken from the rows.

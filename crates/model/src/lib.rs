@@ -30,9 +30,11 @@ mod linear_step;
 pub mod motor;
 pub mod pwm_period;
 mod steady_voltage;
+mod switched_step;
 pub mod unit;
 
 pub use axis::{Axis, Drive, Input, Motion};
 pub use extended::{Model, ModelError, Term};
 pub use linear_step::{LinearStep, Reached, SAME_LENGTH_S, oppose_motion};
 pub use steady_voltage::Direction;
+pub use switched_step::SwitchedStep;

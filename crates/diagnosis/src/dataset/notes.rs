@@ -102,9 +102,15 @@ impl Dataset {
                 self.origin.current_window_s
             ));
         }
-        if let Some(phase) = self.origin.pwm_phase {
+        if let Some(phase) = self.origin.pwm_phase.filter(|_| self.reads_instants()) {
             notes.push(format!(
                 "Each current is compared as an instantaneous value, {phase:.2} of a PWM period after the begin of one at t_s = 0. That fits much better than a mean. Average the current over a PWM period in the program."
+            ));
+        }
+        if self.is_switched() {
+            notes.push(format!(
+                "The PWM is slow beside the rows, so each of its edges is simulated. A command waits for the next period, up to {} ms. A faster PWM shortens that.",
+                short(1e3 / self.origin.pwm_hz)
             ));
         }
         if !self.origin.pwm_is_known && self.origin.pwm_hz != PWM_HZ {

@@ -21,7 +21,7 @@ pub struct Origin {
     pub pwm_hz: f64,
     /// Whether it is known; otherwise it is estimated.
     pub pwm_is_known: bool,
-    /// Share of a PWM period that has passed at time 0, if each current is an instantaneous value in a known phase.
+    /// Share of a PWM period that has passed at time 0, where the recording shows it.
     pub pwm_phase: Option<f64>,
     /// How it was recorded.
     pub timing: Timing,
@@ -95,6 +95,13 @@ impl Origin {
     pub fn current_sampled_at(&self, time_s: f64) -> Option<f64> {
         let at = |phase: f64| (phase + time_s * self.pwm_hz).rem_euclid(1.0);
         self.timing.current_sampled_at.or(self.pwm_phase.map(at))
+    }
+
+    /// Begin and end of the PWM period around a time.
+    pub fn period_around_s(&self, time_s: f64) -> [f64; 2] {
+        let phase = self.pwm_phase.unwrap_or(0.0);
+        let begun = (phase + time_s * self.pwm_hz).floor();
+        [begun, begun + 1.0].map(|periods| (periods - phase) / self.pwm_hz)
     }
 
     /// Adds another recording, which begins after this many rows.

@@ -9,7 +9,7 @@ use super::scale::Scale;
 use super::select::{self, Selection, Standing, select};
 use super::trust::{is_of_a_scale, may_be_nothing, remove_effect, remove_untrusted};
 use super::{
-    bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, reading_phase,
+    bad_stretches, command_times, counter_stops, current_window, data_sheet, laws, pwm_frequency, pwm_phase,
     ripple_phase, speed_reading, unseen_losses,
 };
 use crate::dataset::Dataset;
@@ -182,7 +182,7 @@ fn interpret(
     let anew = |data: &Dataset| select(data, prior, &[&excluded(data), excluded_ids].concat(), progress);
     if data.axis.drive.is_voltage() {
         pwm_frequency::settle_at_first(&mut data, prior);
-        reading_phase::settle_at_first(&mut data, prior);
+        pwm_phase::settle_at_first(&mut data, prior);
     }
     counter_stops::settle_by_linear_motor(&mut data, prior);
     let mut selection = anew(&data);

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 /// Reads a motion with the sensors of the model.
 pub fn read(model: &Model, data: &Dataset, mut motion: Motion) -> Prediction {
-    if data.origin.current_window_s > 0.0 {
+    if data.origin.current_window_s > 0.0 && !data.is_switched() {
         motion.current_a = mean_current(model, &motion, data);
     }
     if let Some(late_s) = data.origin.timing.current_late_s {

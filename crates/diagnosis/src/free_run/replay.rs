@@ -108,6 +108,8 @@ pub(super) struct Piece {
     /// Mean of the command, as [`Dataset::command`], and its duty.
     pub command: f64,
     pub duty: f64,
+    /// The duty over the whole period of the PWM.
+    pub mean_duty: f64,
     /// Whether the bridge is open.
     pub open: bool,
     /// Recorded angle in its middle, and the turn over it.
@@ -209,6 +211,10 @@ impl<'a> Knife<'a> {
     /// The steps from row `index` to the next one.
     fn row(&self, index: usize, pieces: &mut Vec<Piece>) {
         let data = self.data;
+        if data.is_switched() {
+            self.switched_row(index, pieces);
+            return;
+        }
         let interval_s = data.time_s[index + 1] - data.time_s[index];
         let steps = (interval_s / self.longest_step_s - 1e-6).ceil().max(1.0);
         let step_s = interval_s / steps;
@@ -225,11 +231,54 @@ impl<'a> Knife<'a> {
                     length_s,
                     command,
                     duty,
+                    mean_duty: duty,
                     open: data.open[self.acting_at(index, since_s + 0.5 * length_s - delay_s)],
                     angle_rad: course.angle_rad(share),
                     turned_rad: course.angle_rad(share + half) - course.angle_rad(share - half),
                 });
             }
+        }
+    }
+
+    /// The same with every edge of the PWM. Each period begins with its pulse, and a command waits for the next period: the
+    /// compare registers of a microcontroller's timer are double buffered (ATmega328P data sheet, 15.7 and 16.9).
+    fn switched_row(&self, index: usize, pieces: &mut Vec<Piece>) {
+        let data = self.data;
+        let (mut from_s, to_s) = (data.time_s[index], data.time_s[index + 1]);
+        let interval_s = to_s - from_s;
+        let course = Course::new(data, self.range.clone(), index);
+        while from_s < to_s - SAME_LENGTH_S {
+            let [begun_s, next_s] = data.origin.period_around_s(from_s + SAME_LENGTH_S);
+            let (row, mean_duty) = self.taken_at(index, begun_s);
+            let pulse_ends_s = begun_s + mean_duty.abs() * (next_s - begun_s);
+            let is_pulse = from_s < pulse_ends_s - SAME_LENGTH_S;
+            let ends_s = if is_pulse { pulse_ends_s } else { next_s };
+            let length_s = (ends_s.min(to_s) - from_s).min(self.longest_step_s);
+            let share = (from_s + 0.5 * length_s - data.time_s[index]) / interval_s;
+            let half = 0.5 * length_s / interval_s;
+            pieces.push(Piece {
+                time_s: from_s,
+                length_s,
+                command: if is_pulse { data.command[row] / mean_duty.abs() } else { 0.0 },
+                duty: if is_pulse { mean_duty.signum() } else { 0.0 },
+                mean_duty,
+                open: data.open[row],
+                angle_rad: course.angle_rad(share),
+                turned_rad: course.angle_rad(share + half) - course.angle_rad(share - half),
+            });
+            from_s += length_s;
+        }
+    }
+
+    /// The sample whose command a period around sample `index` takes, and its duty.
+    fn taken_at(&self, index: usize, begun_s: f64) -> (usize, f64) {
+        let data = self.data;
+        let at_s = begun_s - self.delay_at(index) + SAME_LENGTH_S;
+        let mut acted = (self.range.start..=self.last_acting(index, at_s)).rev();
+        match acted.find(|row| data.acts_from_s(*row) <= at_s) {
+            Some(row) => (row, data.duty[row]),
+            // Before a start from rest no command acted.
+            None => (self.range.start, if self.from_rest { 0.0 } else { data.duty[self.range.start] }),
         }
     }
 

@@ -6,11 +6,24 @@ use crate::dataset::{Dataset, Stretch};
 use motorbench_data::rig;
 use motorbench_model::catalogue::{ActsOn, Balance, Coordinate, Effect, Instant};
 use motorbench_model::pwm_period::Ripple;
-use motorbench_model::{Input, LinearStep, Model, Term};
+use motorbench_model::{Input, LinearStep, Model, Reached, SAME_LENGTH_S, SwitchedStep, Term};
+use std::collections::VecDeque;
 use std::ops::Range;
 
 /// A held rotor is simulated with this inertia, so that no torque moves it.
 const HELD_KG_M2: f64 = 1e9;
+
+/// Frequency of the PWM that is averaged; the ripple of one whose edges are simulated is not added again.
+fn averaged_hz(data: &Dataset) -> f64 {
+    if data.is_switched() { f64::INFINITY } else { data.origin.pwm_hz }
+}
+
+/// The current in a step that has passed.
+struct Passed {
+    length_s: f64,
+    mean_a: f64,
+    end_a: f64,
+}
 
 /// A term of the model, with its state.
 struct Acting<'a> {
@@ -27,6 +40,8 @@ pub(super) struct Run<'a> {
     range: Range<usize>,
     inertia_kg_m2: f64,
     step: LinearStep,
+    /// Where every edge of the PWM is simulated.
+    switched: Option<SwitchedStep>,
     acting: Vec<Acting<'a>>,
     current_a: f64,
     speed_rad_per_s: f64,
@@ -43,6 +58,8 @@ pub(super) struct Run<'a> {
     bulge_a: f64,
     /// Difference of the current at its sampling time from its mean over the PWM period.
     ripple_a: f64,
+    /// The last steps, as far back as the window of the current.
+    lately: VecDeque<Passed>,
     /// The PWM without a duty.
     undriven: Ripple,
     /// Conditions of the previous step.
@@ -66,6 +83,8 @@ impl<'a> Run<'a> {
             range: stretch.rows.clone(),
             inertia_kg_m2: if data.is_held(stretch) { HELD_KG_M2 } else { inertia_kg_m2(model) },
             step: LinearStep::default(),
+            switched: data.is_switched().then(SwitchedStep::default),
+            lately: VecDeque::new(),
             acts_by_angle: acting.iter().any(|acting| acting.effect.about().shown.over == Coordinate::Angle),
             acting,
             current_a,
@@ -76,7 +95,7 @@ impl<'a> Run<'a> {
             mean_a: 0.0,
             bulge_a: 0.0,
             ripple_a: 0.0,
-            undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, data.origin.pwm_hz),
+            undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, averaged_hz(data)),
             before: None,
         }
     }
@@ -84,7 +103,7 @@ impl<'a> Run<'a> {
     pub(super) fn whole(mut self, motion: &mut Motion) {
         let means = self.data.origin.timing.readings == rig::Readings::Mean;
         for index in self.range.clone() {
-            let current_a = if index > self.range.start && means { self.mean_a } else { self.current_a };
+            let current_a = if index > self.range.start && means { self.mean_a } else { self.over_window_a() };
             motion.current_a.push(current_a + self.ripple_a);
             motion.bulge_a.push(if means { 0.0 } else { self.bulge_a });
             motion.speed_rad_per_s.push(self.speed_rad_per_s);
@@ -109,7 +128,9 @@ impl<'a> Run<'a> {
         let index = next - 1;
         let interval_s = data.time_s[next] - data.time_s[index];
         let is_voltage = data.axis.drive.is_voltage();
-        let sampled_at = data.origin.current_sampled_at(data.time_s[next]).filter(|_| is_voltage);
+        // Where every edge is simulated, so is the ripple.
+        let is_averaged = is_voltage && self.switched.is_none();
+        let sampled_at = data.origin.current_sampled_at(data.time_s[next]).filter(|_| is_averaged);
         let (mut charge, first_a) = (0.0, self.current_a);
         for piece in cut.row(index - self.range.start) {
             charge += piece.length_s * self.simulate(index, piece, sampled_at.is_some());
@@ -128,7 +149,10 @@ impl<'a> Run<'a> {
     #[inline]
     fn simulate(&mut self, index: usize, piece: &Piece, is_kept: bool) -> f64 {
         let data = self.data;
-        self.step.set_length(&self.model.motor, self.inertia_kg_m2, piece.length_s);
+        match &mut self.switched {
+            Some(step) => step.set_length(&self.model.motor, self.inertia_kg_m2, piece.length_s),
+            None => self.step.set_length(&self.model.motor, self.inertia_kg_m2, piece.length_s),
+        }
         let input = data.axis.drive.input(piece.command, piece.open);
         let (voltage_v, current_a) = match input {
             Input::Voltage(voltage_v) => (voltage_v, self.current_a),
@@ -141,7 +165,7 @@ impl<'a> Run<'a> {
             time_s: piece.time_s,
             voltage_v,
             duty: piece.duty,
-            mean_duty: piece.duty,
+            mean_duty: piece.mean_duty,
             supply_v: data.supply_v[index],
             open: matches!(input, Input::Current(_)),
             current_a,
@@ -164,7 +188,7 @@ impl<'a> Run<'a> {
             effect.contribute(values, motor, at, state, &mut terms);
         }
         let before = self.speed_rad_per_s;
-        let reached = self.step.take(self.current_a, before, input, &terms);
+        let reached = self.step(at, input, &terms);
         (self.current_a, self.speed_rad_per_s) = (reached.current_a, reached.speed_rad_per_s);
         self.angle_rad += 0.5 * (before + self.speed_rad_per_s) * at.step_s;
         at.current_a = self.current_a;
@@ -177,7 +201,46 @@ impl<'a> Run<'a> {
         if is_kept {
             self.before = Some((*at, terms));
         }
+        if self.switched.is_some() {
+            self.lately.push_back(Passed { length_s: at.step_s, mean_a: reached.mean_a, end_a: reached.current_a });
+        }
         reached.mean_a
+    }
+
+    #[inline]
+    fn step(&mut self, at: &Instant, input: Input, terms: &Balance) -> Reached {
+        match (&self.switched, input) {
+            (Some(step), Input::Voltage(voltage_v)) if !terms.drops_with_the_mean() => {
+                step.take(self.current_a, self.speed_rad_per_s, voltage_v, terms)
+            }
+            _ => {
+                self.step.set_length(&self.model.motor, self.inertia_kg_m2, at.step_s);
+                self.step.take(self.current_a, self.speed_rad_per_s, input, terms)
+            }
+        }
+    }
+
+    /// The current as its sensor averages it. Where no edges are simulated, that is left to the reading.
+    fn over_window_a(&mut self) -> f64 {
+        let window_s = self.data.origin.current_window_s;
+        if self.switched.is_none() || window_s == 0.0 {
+            self.lately.clear();
+            return self.current_a;
+        }
+        let (mut charge, mut length_s) = (0.0, 0.0);
+        let mut needed = 0;
+        for Passed { length_s: of_step_s, mean_a, end_a } in self.lately.iter().rev() {
+            let part_s = of_step_s.min(window_s - length_s);
+            // Within a step it changes nearly in a straight line, around its mean.
+            charge += part_s * (mean_a + (1.0 - part_s / of_step_s) * (end_a - mean_a));
+            length_s += part_s;
+            needed += 1;
+            if length_s >= window_s - SAME_LENGTH_S {
+                break;
+            }
+        }
+        self.lately.drain(..self.lately.len() - needed);
+        if length_s > 0.0 { charge / length_s } else { self.current_a }
     }
 
     /// A new duty begins with a new period. The current is continuous there, so its mean jumps by the difference of the

@@ -1,10 +1,11 @@
-//! Estimates in which phase of the PWM each current is sampled, where the rig file gives the PWM frequency and no sampling
-//! point. Rows and PWM come from one clock, so one phase holds for the whole recording. Between rows the phase advances.
+//! Estimates where in its period the PWM is at time 0, where the rig file gives its frequency. Rows and PWM come from one
+//! clock, so one phase holds for the whole recording. Between rows the phase advances. It shows where each current is
+//! sampled at one instant. Where the PWM is slow beside the rows, it also shows in when a command begins to act.
 
+use super::judge::{VERY_STRONG_NATS, evidence_nats};
 use crate::dataset::{Dataset, Output, Stretch};
 use crate::identify::{Effort, Fit, Prior, fit, scales};
 use maybe_rayon::prelude::*;
-use motorbench_data::rig::Readings;
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
 
@@ -22,21 +23,22 @@ const EXCERPT_S: f64 = 3.0;
 /// Sets the phase if the nominal motor fits clearly better with it than with a mean over a period, or at least what varies
 /// from row to row does. Its bridge has a drop or none, and brakes or coasts in the off phase.
 pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
-    if is_open(data) {
-        data.origin.pwm_phase = likelier(&data.excerpt(EXCERPT_S), prior);
+    let is_open = data.origin.pwm_is_known && data.origin.timing.current_sampled_at.is_none();
+    if !is_open || !(data.reads_instants() || data.is_pwm_slow()) {
+        return;
+    }
+    let Some(way) = likelier(&data.excerpt(EXCERPT_S), prior) else { return };
+    // The clocks of rows and PWM may drift apart.
+    let holds = || {
+        let [mean, found] = [None, Some(way.phase)].map(|phase| data.with_pwm_phase(phase));
+        fit(&way.model, &found, prior, Effort::TRIAL).cost < fit(&way.model, &mean, prior, Effort::TRIAL).cost
+    };
+    if !data.is_pwm_slow() || holds() {
+        data.origin.pwm_phase = Some(way.phase);
     }
 }
 
-fn is_open(data: &Dataset) -> bool {
-    let timing = &data.origin.timing;
-    timing.readings == Readings::Instant
-        && timing.current_sampled_at.is_none()
-        && timing.current_window_s.is_none()
-        && data.origin.pwm_is_known
-        && data.current().is_some()
-}
-
-fn likelier(data: &Dataset, prior: &Prior) -> Option<f64> {
+fn likelier(data: &Dataset, prior: &Prior) -> Option<Way> {
     let scales = scales(&prior.motor, data);
     let linear = Model::linear(prior.motor);
     let usual = USUAL.iter().filter_map(|id| effect(id));
@@ -46,9 +48,12 @@ fn likelier(data: &Dataset, prior: &Prior) -> Option<f64> {
     let ways: Vec<Way> = models.into_par_iter().filter_map(|model| Way::new(data, prior, &model)).collect();
     let least = |error: fn(&Way) -> f64| ways.iter().map(error).fold(f64::INFINITY, f64::min);
     let (least_cost, least_fast) = (least(|way| way.mean.cost), least(|way| way.mean.fast));
-    let best = ways.iter().min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))?;
-    let explains = best.found.cost < LEAST_GAIN * least_cost || best.found.fast < LEAST_GAIN * least_fast;
-    explains.then_some(best.phase)
+    let best = ways.into_iter().min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))?;
+    let tried = PHASES as f64 * f64::from(1 << HALVINGS);
+    let explains = best.found.cost < LEAST_GAIN * least_cost
+        || best.found.fast < LEAST_GAIN * least_fast
+        || data.is_pwm_slow() && best.found.cost < least_cost && best.nats > VERY_STRONG_NATS + tried.ln();
+    explains.then_some(best)
 }
 
 /// Squared errors of a model.
@@ -77,17 +82,18 @@ impl Errors {
 struct Way {
     mean: Errors,
     found: Errors,
+    /// Evidence for the phase.
+    nats: f64,
     phase: f64,
+    model: Model,
 }
 
 impl Way {
     fn new(data: &Dataset, prior: &Prior, model: &Model) -> Option<Self> {
         let mean = fit(model, data, prior, Effort::TRIAL);
         let in_phase = |phase: f64, model: &Model, effort: Effort| -> (f64, Fit) {
-            let mut other = data.clone();
             let phase = phase.rem_euclid(1.0);
-            other.origin.pwm_phase = Some(phase);
-            (phase, fit(model, &other, prior, effort))
+            (phase, fit(model, &data.with_pwm_phase(Some(phase)), prior, effort))
         };
         let least = |ways: Vec<(f64, Fit)>| ways.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
         let first = (0..PHASES).map(|phase| in_phase(phase as f64 / PHASES as f64, &mean.model, Effort::NONE));
@@ -99,6 +105,7 @@ impl Way {
             best = least(sides.into_iter().chain([best]).collect())?;
         }
         let (phase, found) = in_phase(best.0, &best.1.model, Effort::TRIAL);
-        Some(Self { mean: Errors::of(data, &mean), found: Errors::of(data, &found), phase })
+        let nats = evidence_nats(data, &mean, &found);
+        Some(Self { mean: Errors::of(data, &mean), found: Errors::of(data, &found), nats, phase, model: found.model })
     }
 }
