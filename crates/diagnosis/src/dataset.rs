@@ -310,6 +310,14 @@ impl Dataset {
         timing.readings == Readings::Instant && timing.current_window_s.is_none() && self.current().is_some()
     }
 
+    /// Whether the ripple of the PWM in each current is known: where it is read, or that it is averaged.
+    pub fn is_ripple_known(&self) -> bool {
+        let origin = &self.origin;
+        let is_averaged = origin.timing.readings == Readings::Mean || origin.current_window_s > 0.0;
+        let is_phase_known = origin.timing.current_sampled_at.is_some() || origin.pwm_phase.is_some();
+        self.current().is_none() || is_averaged || is_phase_known
+    }
+
     /// The same with the PWM in this phase at time 0.
     pub fn with_pwm_phase(&self, pwm_phase: Option<f64>) -> Self {
         let mut other = self.clone();

@@ -447,8 +447,8 @@ fn bounds(term: &Term, index: usize, scales: &Scales) -> (f64, f64) {
     // 0 would be another law.
     let nearest = LEAST_OF_START * term.values[index];
     let (min, max) = match default {
-        Some(0.0) if nearest < 0.0 => (min, nearest),
-        Some(0.0) => (nearest, max),
+        // One with a sign passes zero.
+        Some(0.0) if min == 0.0 => (nearest, max),
         _ => (min, max),
     };
     let fastest = most_of_speed * scales.no_load_rad_per_s();
@@ -496,7 +496,8 @@ fn unknowns_of_terms(
                 let (min, max) = bounds(term, index, &scales);
                 // A time was located on all data; the data that the fit uses may not contain it.
                 let spacing = spacing_of(term.effect, index, &scales);
-                let magnitude = term.values[index].abs().max(0.3 * typical[index].abs()).max(1e-12);
+                let known_to = parameter.known.map_or(0.0, |(_, spread)| spread);
+                let magnitude = term.values[index].abs().max(0.3 * typical[index].abs()).max(known_to).max(1e-12);
                 let size = spacing.unwrap_or(magnitude);
                 let given = bridge_drop_v.filter(|_| term.id() == VOLTAGE_DROP && index == 0);
                 let given = given.map(|drop_v| (drop_v, GIVEN_DROP_SPREAD_V));

@@ -159,7 +159,8 @@ fn best_interpretation(
 
 /// Settings that the rig file leaves open, in the order in which they are estimated from the current fit. Each returns
 /// whether it changed the data.
-const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 11] = [
+const SETTLED_IN_TURN: [fn(&mut Dataset, &Prior, &Fit) -> bool; 12] = [
+    pwm_phase::settle,
     command_times::settle,
     |data, _, found| counter_stops::settle(data, found),
     |data, _, found| counter_stops::settle(data, found),

@@ -8,7 +8,7 @@ use super::select::NEAR;
 use crate::dataset::Dataset;
 use crate::identify::{Effort, Fit, Interval, Prior, fit, scales};
 use maybe_rayon::prelude::*;
-use motorbench_model::catalogue::{USUAL, effect};
+use motorbench_model::catalogue::{Scales, USUAL, effect};
 use motorbench_model::{Model, Term};
 
 /// The laws of a model compared with others.
@@ -34,7 +34,12 @@ pub(super) fn settle(found: &Fit, data: &Dataset, prior: &Prior) -> Settled {
     let least = better.as_ref().unwrap_or(found).cost;
     tried.extend(with_usual(better.as_ref().unwrap_or(found), data, prior));
     let as_good = tried.into_iter().filter(|other| other.cost <= AS_GOOD * least);
-    let others = as_good.map(|other| other.uncertainty(data).intervals()).collect();
+    let with_held_open = |other: Fit| {
+        let mut intervals = other.with_held_open(data).uncertainty(data).intervals();
+        intervals.truncate(other.moved());
+        intervals
+    };
+    let others = as_good.map(with_held_open).collect();
     Settled { better, others }
 }
 
@@ -50,12 +55,28 @@ fn with_usual(found: &Fit, data: &Dataset, prior: &Prior) -> Vec<Fit> {
 
 /// Fits with another law of one effect, whose constants are not at the end of what makes sense.
 fn others(found: &Fit, data: &Dataset, prior: &Prior) -> Vec<Fit> {
+    with_laws(found, data, prior, |term, scales| {
+        [term.effect.other_laws(&term.values, scales), refined_laws(term, data, scales)].concat()
+    })
+}
+
+/// Fits with a refined law of one effect, whose constants are not at the end of what makes sense.
+pub(super) fn refined(found: &Fit, data: &Dataset, prior: &Prior) -> Vec<Fit> {
+    with_laws(found, data, prior, |term, scales| refined_laws(term, data, scales))
+}
+
+/// A current that is read at an unknown moment of a period is off by its ripple. That depends on the duty, as does what an
+/// off phase takes.
+fn refined_laws(term: &Term, data: &Dataset, scales: &Scales) -> Vec<Vec<f64>> {
+    if data.is_ripple_known() { term.effect.refined_laws(&term.values, scales) } else { Vec::new() }
+}
+
+fn with_laws(found: &Fit, data: &Dataset, prior: &Prior, laws: impl Fn(&Term, &Scales) -> Vec<Vec<f64>>) -> Vec<Fit> {
     let scales = scales(&found.model.motor, data);
-    let laws = |(index, term): (usize, &Term)| {
-        let laws = [term.effect.other_laws(&term.values, &scales), term.effect.refined_laws(&term.values, &scales)];
-        laws.concat().into_iter().map(move |values| (index, values)).collect::<Vec<_>>()
+    let of_term = |(index, term): (usize, &Term)| {
+        laws(term, &scales).into_iter().map(move |values| (index, values)).collect::<Vec<_>>()
     };
-    let laws: Vec<_> = found.model.terms.iter().enumerate().flat_map(laws).collect();
+    let laws: Vec<_> = found.model.terms.iter().enumerate().flat_map(of_term).collect();
     let fitted = laws.into_par_iter().filter_map(|(index, values)| {
         let start = fit(&found.model.with_values(index, values), data, prior, Effort::NONE);
         let near = (start.cost < NEAR * found.cost).then(|| fit(&start.model, data, prior, Effort::AGAIN))?;

@@ -242,10 +242,15 @@ fn timing_uncertainty(data: &Dataset, model: &Model) -> f64 {
     }
     let timing = &data.origin.timing;
     let period_s = (1.0 / data.origin.pwm_hz).min(data.interval_s);
-    let sampling_s = if timing.current_sampled_at.is_none() { period_s } else { 0.0 };
+    let is_sampling_known = timing.current_sampled_at.is_some()
+        || timing.current_window_s.is_some_and(|window_s| window_s >= 1.0 / data.origin.pwm_hz)
+        || data.origin.pwm_phase.is_some();
+    let sampling_s = if is_sampling_known { 0.0 } else { period_s };
+    // A command waits for the next period.
+    let waiting_s = if data.is_switched() { 0.0 } else { period_s };
     let command_s = if timing.command_delay_s.is_none() { 0.5 * data.interval_s } else { 0.0 };
     // Standard deviations of uniform distributions.
-    sampling_s.hypot(command_s) / 12.0_f64.sqrt() / TimeConstants::of(&model.motor).electromagnetic_s
+    sampling_s.hypot(command_s).hypot(waiting_s) / 12.0_f64.sqrt() / TimeConstants::of(&model.motor).electromagnetic_s
 }
 
 /// Measured minus simulated, per quantity.

@@ -38,6 +38,20 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     }
 }
 
+/// Sets the phase of a slow PWM if a model that was found has very strong evidence for it. Returns whether it did.
+pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
+    let is_open = data.is_pwm_slow() && data.origin.pwm_phase.is_none();
+    let way = if is_open { Way::new(data, prior, &found.model) } else { None };
+    let phase = way.filter(|way| way.found.cost < found.cost && way.nats > least_nats()).map(|way| way.phase);
+    data.origin.pwm_phase = data.origin.pwm_phase.or(phase);
+    phase.is_some()
+}
+
+/// Very strong evidence for one phase of all that are tried.
+fn least_nats() -> f64 {
+    VERY_STRONG_NATS + (PHASES as f64 * f64::from(1 << HALVINGS)).ln()
+}
+
 fn likelier(data: &Dataset, prior: &Prior) -> Option<Way> {
     let scales = scales(&prior.motor, data);
     let linear = Model::linear(prior.motor);
@@ -49,10 +63,9 @@ fn likelier(data: &Dataset, prior: &Prior) -> Option<Way> {
     let least = |error: fn(&Way) -> f64| ways.iter().map(error).fold(f64::INFINITY, f64::min);
     let (least_cost, least_fast) = (least(|way| way.mean.cost), least(|way| way.mean.fast));
     let best = ways.into_iter().min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))?;
-    let tried = PHASES as f64 * f64::from(1 << HALVINGS);
     let explains = best.found.cost < LEAST_GAIN * least_cost
         || best.found.fast < LEAST_GAIN * least_fast
-        || data.is_pwm_slow() && best.found.cost < least_cost && best.nats > VERY_STRONG_NATS + tried.ln();
+        || best.found.cost < least_cost && best.nats > least_nats();
     explains.then_some(best)
 }
 

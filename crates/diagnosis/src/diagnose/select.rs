@@ -6,7 +6,8 @@ mod forward;
 mod winding;
 
 use super::data_sheet::{doubts, has_wrong_values, is_implausible};
-use super::judge::{AS_GOOD, Gain, NOT_NOISE, above_floor, gain};
+use super::judge::{AS_GOOD, Gain, NOT_NOISE, VERY_STRONG_NATS, above_floor, evidence_nats, gain};
+use super::laws;
 use crate::dataset::Dataset;
 use crate::free_run::{Steps, drive, longest_step_s, read};
 use crate::identify::{Effort, Fit, Fits, LEAST_PROMISE, Prior, Promise, scales};
@@ -152,8 +153,26 @@ impl Chooser<'_> {
     fn finished(&self, base: &Fit, (found, steps): Way) -> Selection {
         (self.progress)("to the end");
         let widest = self.replace_excessive_inductance(self.to_the_end(found));
+        let (widest, steps) = self.refined(widest, steps);
         let (last, standings) = self.backward(widest.clone());
         Selection { base: base.clone(), steps, widest, last, standings }
+    }
+
+    /// With a refined law of an effect where that has very strong evidence, and with what shows only beside it. A law that
+    /// only takes the place of another effect is none.
+    fn refined(&self, found: Fit, steps: Vec<Step>) -> Way {
+        if self.data.current().is_none() {
+            return (found, steps);
+        }
+        let refined = laws::refined(&found, self.data, self.prior).into_iter();
+        let Some(best) = refined.min_by(|a, b| a.cost.total_cmp(&b.cost)) else { return (found, steps) };
+        (self.progress)("beside another law");
+        let (wider, added) = self.forward(best, Vec::new(), Lead::Significance);
+        let least = VERY_STRONG_NATS + added.len() as f64 * (CATALOGUE.len() as f64).ln();
+        match evidence_nats(self.data, &found, &wider) > least && self.all_stand(&wider) {
+            true => (self.to_the_end(wider), [steps, added].concat()),
+            false => (found, steps),
+        }
     }
 
     /// Adds significant effects to the linear fit. If doubts remain, it also tries other ways and takes the best.
@@ -330,6 +349,11 @@ fn gain_over(data: &Dataset, before: &Fit, after: &Fit) -> Gain {
 /// Whether a model is no better than the other.
 fn is_same(gain: &Gain) -> bool {
     gain.sigmas < SAME_SIGMAS || gain.share < SAME_SHARE
+}
+
+/// Very strong evidence for one effect of many: a priori it is as unlikely as they are many.
+fn is_very_strong(nats: f64) -> bool {
+    nats > VERY_STRONG_NATS + (CATALOGUE.len() as f64).ln()
 }
 
 fn has_evidence(gain: &Gain) -> bool {

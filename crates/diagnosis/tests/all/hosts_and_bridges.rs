@@ -23,6 +23,8 @@ const STEP_S: f64 = 2.5e-6;
 /// A motor with Coulomb friction behind a bridge with brushes of a constant drop in the pulse and in the off phase.
 struct Bench {
     drops_v: [f64; 2],
+    /// What the bridge has of the resistance in the off phase alone.
+    off_phase_ohm: f64,
     pwm_hz: f64,
     /// The duty in this period, if a new one waits for the next period.
     latched: Option<f64>,
@@ -34,7 +36,7 @@ struct Bench {
 impl Bench {
     /// At rest.
     fn new(drops_v: [f64; 2], pwm_hz: f64) -> Self {
-        Self { drops_v, pwm_hz, latched: None, time_s: 0.0, current_a: 0.0, speed_rad_per_s: 0.0 }
+        Self { drops_v, off_phase_ohm: 0.0, pwm_hz, latched: None, time_s: 0.0, current_a: 0.0, speed_rad_per_s: 0.0 }
     }
 
     /// Runs at a duty for a time; returns the mean current.
@@ -50,9 +52,11 @@ impl Bench {
             }
             let duty = self.latched.unwrap_or(duty);
             let is_pulse = phase < duty.abs();
-            let (source_v, drop_v) =
-                if is_pulse { (duty.signum() * SUPPLY_V, self.drops_v[0]) } else { (0.0, self.drops_v[1]) };
-            let driving_v = source_v - RESISTANCE_OHM * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
+            let (source_v, drop_v, bridge_ohm) = match is_pulse {
+                true => (duty.signum() * SUPPLY_V, self.drops_v[0], 0.0),
+                false => (0.0, self.drops_v[1], self.off_phase_ohm),
+            };
+            let driving_v = source_v - (RESISTANCE_OHM + bridge_ohm) * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
             let free_a = self.current_a + STEP_S / INDUCTANCE_H * driving_v;
             self.current_a = towards_zero(free_a, STEP_S / INDUCTANCE_H * drop_v);
             let free = self.speed_rad_per_s + STEP_S / INERTIA_KG_M2 * TORQUE_CONSTANT * self.current_a;
@@ -260,4 +264,56 @@ fn a_command_that_waits_for_the_next_period_is_not_delayed() {
     let late = ["actuation_delay", "clock_drift", "command_jitter"];
     assert!(!names(&found).iter().any(|name| late.contains(name)), "seed {seed}: {found:?}");
     assert!(names(&found).contains(&"coulomb_friction"), "seed {seed}: {found:?}");
+}
+
+/// The same with a current. At a few hundred hertz it reaches zero in most periods, and a mean over the period does not say
+/// how long it flows.
+#[test]
+fn each_edge_of_a_slow_pwm_is_simulated() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let pwm_hz = if random.random() { 490.2 } else { 980.4 };
+    let mut bench = Bench::new([1.6; 2], pwm_hz);
+    bench.latched = Some(0.0);
+    bench.run(0.0, random.random_range(0.1..0.2));
+    let rows = course(bench, command);
+    let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+    for Row { time_s, speed_rad_per_s, current_a } in rows {
+        let mut noise = |size: f64| size * random.random_range(-1.0..1.0);
+        let (speed, current) = (speed_rad_per_s + noise(0.1), current_a + noise(0.01));
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
+    }
+    let found = diagnosed_at(pwm_hz, &text, Some(0.0), "");
+    assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "seed {seed}, {pwm_hz} Hz: {found:?}");
+    for (name, truth) in [
+        ("resistance_ohm", RESISTANCE_OHM),
+        ("inductance_H", INDUCTANCE_H),
+        ("torque_constant_Nm_per_A", TORQUE_CONSTANT),
+        ("inertia_kg_m2", INERTIA_KG_M2),
+    ] {
+        let value = found.parameters[name].value;
+        assert!((value / truth - 1.0).abs() < 0.05, "seed {seed}, {pwm_hz} Hz: {name} {value} for {truth}");
+    }
+}
+
+/// Two saturated transistors have another slope than a transistor and a diode.
+#[test]
+fn a_slope_of_the_off_phase_alone_is_the_bridges() {
+    let seed = fresh_seed();
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut bench = Bench::new([2.0, 1.6], PWM_HZ);
+    bench.off_phase_ohm = random.random_range(0.6..1.2);
+    let more_ohm = bench.off_phase_ohm;
+    let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
+    for Row { time_s, speed_rad_per_s, current_a } in course(bench, command) {
+        let mut noise = |size: f64| size * random.random_range(-1.0..1.0);
+        let (speed, current) = (speed_rad_per_s + noise(0.1), current_a + noise(0.005));
+        let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
+    }
+    let found = diagnosed(&text, Some(0.0), "");
+    assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "seed {seed}, {more_ohm}: {found:?}");
+    assert!(contains(&found, "resistance_ohm", RESISTANCE_OHM), "seed {seed}, {more_ohm}: {found:?}");
+    let drop = found.causes.iter().find(|cause| cause.effect == "voltage_drop").expect("it was named");
+    let ohm = drop.parameters["off_phase_ohm"].value;
+    assert!((ohm - more_ohm).abs() < 0.3, "seed {seed}: {ohm} for {more_ohm}");
 }

@@ -18,9 +18,11 @@ const WIDEST_KNEE: f64 = 0.3;
 
 /// Two transistors conduct in the pulse, a transistor and a diode in the off phase. The two differ by no more than a diode
 /// from a saturated transistor.
-const MOST_OFF_PHASE_V: f64 = 0.6;
+const MOST_OFF_PHASE_V: f64 = 1.2;
+const MOST_OFF_PHASE_OHM: f64 = 1.5;
+const OFF_PHASE_SPREAD_OHM: f64 = 0.5;
 /// How much more the off phase drops, as a share of the drop, for a start: so little that the other constants still fit.
-const OFF_PHASE: f64 = -0.02;
+const OFF_PHASES: [[f64; 2]; 2] = [[-0.01, 0.01], [-0.2, 0.5]];
 
 /// See the module.
 pub struct VoltageDrop;
@@ -33,9 +35,14 @@ static ABOUT: About = About {
         Parameter::positive("drop_V", Unit::Volt),
         Parameter::of_another_law("knee_A", Unit::Ampere, f64::INFINITY),
         Parameter {
-            known: Some((0.0, 0.5 * MOST_OFF_PHASE_V)),
+            known: Some((0.0, 0.25 * MOST_OFF_PHASE_V)),
             min: -MOST_OFF_PHASE_V,
             ..Parameter::of_another_law("off_phase_V", Unit::Volt, MOST_OFF_PHASE_V)
+        },
+        Parameter {
+            known: Some((0.0, OFF_PHASE_SPREAD_OHM)),
+            min: -MOST_OFF_PHASE_OHM,
+            ..Parameter::of_another_law("off_phase_ohm", Unit::Ohm, MOST_OFF_PHASE_OHM)
         },
     ],
     linear_in: 1,
@@ -60,20 +67,21 @@ impl Law for VoltageDrop {
 
     /// A drop that follows the mean current is not that of a switched bridge.
     fn is_dry_losses_alone(&self, values: &[f64]) -> bool {
-        values[1..] == [0.0, 0.0]
+        values[1..] == [0.0, 0.0, 0.0]
     }
 
     fn contribute(
         &self,
         values: &[f64],
         _motor: &MotorParameters,
-        _at: &Instant,
+        at: &Instant,
         _state: &mut [f64],
         balance: &mut Balance,
     ) {
         balance.dry_drop_v += values[0];
         balance.knee_a = balance.knee_a.max(values[1]);
         balance.off_excess_v += values[2];
+        balance.resistance_ohm += values[3] * (1.0 - at.duty.abs());
     }
 }
 
@@ -90,7 +98,7 @@ impl Search for VoltageDrop {
     /// A friction takes the voltage that its torque needs.
     fn takes_over(&self, rival: &str, values: &[f64], Scales { motor, .. }: &Scales) -> Option<Vec<f64>> {
         let drop_v = values[0] * motor.resistance_ohm / motor.torque_constant_nm_per_a;
-        (rival == "coulomb_friction").then(|| vec![drop_v, 0.0, 0.0])
+        (rival == "coulomb_friction").then(|| vec![drop_v, 0.0, 0.0, 0.0])
     }
 
     fn other_laws(&self, values: &[f64], scales: &Scales) -> Vec<Vec<f64>> {
@@ -102,8 +110,8 @@ impl Search for VoltageDrop {
 
     /// A drop at every moment, and another one in the off phase.
     fn refined_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
-        match values[1..] == [0.0, 0.0] {
-            true => vec![vec![values[0], 0.0, OFF_PHASE * values[0]]],
+        match values[1..] == [0.0; 3] {
+            true => OFF_PHASES.map(|[share, ohm]| vec![values[0], 0.0, share * values[0], ohm]).to_vec(),
             false => Vec::new(),
         }
     }
@@ -115,5 +123,5 @@ impl Search for VoltageDrop {
 }
 
 fn laws(drop_v: f64, scales: &Scales) -> Vec<Vec<f64>> {
-    KNEES.map(|share| vec![drop_v, share * scales.current_a, 0.0]).to_vec()
+    KNEES.map(|share| vec![drop_v, share * scales.current_a, 0.0, 0.0]).to_vec()
 }

@@ -1,7 +1,10 @@
 //! Backward: drops effects without evidence, and replaces an effect by a better rival.
 
 use super::winding::looks_like_inductance;
-use super::{Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same};
+use super::{
+    Chooser, Gain, LEAST_SHARE, MOST_EFFECTS, NEAR, SAME_SHARE, SAME_SIGMAS, Standing, has_evidence, is_same,
+    is_very_strong,
+};
 use crate::dataset::Measured;
 use crate::diagnose::data_sheet::squared_deviations;
 use crate::diagnose::judge::{NOT_NOISE, VERY_STRONG_NATS, evidence_nats};
@@ -102,6 +105,12 @@ impl Chooser<'_> {
         as_good.min_by(|a, b| a.cost.total_cmp(&b.cost))
     }
 
+    /// Whether every effect of a model would be named.
+    pub(super) fn all_stand(&self, fit: &Fit) -> bool {
+        let ids: Vec<_> = fit.model.terms.iter().map(Term::id).collect();
+        ids.into_par_iter().all(|id| self.check(fit, id).is_named)
+    }
+
     /// The model without one of its effects.
     fn check(&self, current: &Fit, id: &'static str) -> Check {
         let without = self.without(current, id);
@@ -126,9 +135,7 @@ impl Chooser<'_> {
                 && !is_same(&self.gain(&self.with_nominal_inductance(&without), current))
         };
         let nats = evidence_nats(self.data, &without, current);
-        // One effect of many is a priori as unlikely as they are many.
-        let of_many = (CATALOGUE.len() as f64).ln();
-        let is_certain = own.sigmas > NAMED_SIGMAS || own.share > MATTERS_SHARE && nats > VERY_STRONG_NATS + of_many;
+        let is_certain = own.sigmas > NAMED_SIGMAS || own.share > MATTERS_SHARE && is_very_strong(nats);
         let term = current.model.term(id).expect("one of its own terms");
         // Hardly any bench is without the usual effects: for them very strong evidence suffices, of the data and the data
         // sheet together.
@@ -215,7 +222,17 @@ impl Chooser<'_> {
         let rival_term = rival.model.terms.last().expect("it was added to the model");
         is_same(&under)
             && (rival_term.moving() < term.moving()
-                || term.effect.yields_to(&term.values, rival_id, &current.model.terms))
+                || term.effect.yields_to(&term.values, rival_id, &current.model.terms)
+                || self.replaces_two(rival, rival_id))
+    }
+
+    /// Whether a rival makes another effect needless: one delay of the command looks like a lag of each sensor.
+    fn replaces_two(&self, rival: &Fit, rival_id: &str) -> bool {
+        let others = rival.model.terms.iter().map(Term::id).filter(|id| *id != rival_id && !USUAL.contains(id));
+        others.collect::<Vec<_>>().into_par_iter().any(|id| {
+            let without = self.fits.fit(&rival.model.without(id), Effort::CHECK);
+            is_same(&self.gain(&without, rival)) && evidence_nats(self.data, &without, rival) < VERY_STRONG_NATS
+        })
     }
 
     /// Fits with other effects in place of `id`: those that promise most without it, and those that can look like it.
