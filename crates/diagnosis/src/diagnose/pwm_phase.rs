@@ -9,8 +9,12 @@ use maybe_rayon::prelude::*;
 use motorbench_model::Model;
 use motorbench_model::catalogue::{USUAL, effect};
 
-/// Phases that are tried first, and the number of halvings that refine the best one.
+/// Phases that are tried first, and the number of halvings that refine the best one. Where commands wait for a slow PWM, a
+/// slightly other phase lets some of them act a whole period later.
 const PHASES: usize = 12;
+const PHASES_OF_SLOW: usize = 192;
+/// So many of those are fitted, far from each other.
+const FITTED: usize = 4;
 const HALVINGS: i32 = 4;
 /// A phase has to lower the squared error to this share of that of a mean over a period: beside an effect that is missing,
 /// some phase always fits a little better.
@@ -28,28 +32,40 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
         return;
     }
     let Some(way) = likelier(&data.excerpt(EXCERPT_S), prior) else { return };
-    // The clocks of rows and PWM may drift apart.
-    let holds = || {
-        let [mean, found] = [None, Some(way.phase)].map(|phase| data.with_pwm_phase(phase));
-        fit(&way.model, &found, prior, Effort::TRIAL).cost < fit(&way.model, &mean, prior, Effort::TRIAL).cost
-    };
-    if !data.is_pwm_slow() || holds() {
-        data.origin.pwm_phase = Some(way.phase);
-    }
+    data.origin.pwm_phase = if data.is_pwm_slow() { in_everything(data, prior, &way) } else { Some(way.phase) };
 }
 
-/// Sets the phase of a slow PWM if a model that was found has very strong evidence for it. Returns whether it did.
+/// The phase of a slow PWM. It shows in a few commands alone, and the clocks of rows and PWM may drift apart, so everything
+/// decides.
+fn in_everything(data: &Dataset, prior: &Prior, way: &Way) -> Option<f64> {
+    let whole = Way::new(data, prior, &way.model)?;
+    let as_before = fit(&way.model, &data.with_pwm_phase(Some(way.phase)), prior, Effort::TRIAL).cost;
+    let (phase, cost) =
+        if as_before < whole.found.cost { (way.phase, as_before) } else { (whole.phase, whole.found.cost) };
+    (cost < whole.mean.cost).then_some(phase)
+}
+
+/// Sets the phase of a slow PWM if a model that was found has very strong evidence for one. Returns whether it did.
 pub(super) fn settle(data: &mut Dataset, prior: &Prior, found: &Fit) -> bool {
-    let is_open = data.is_pwm_slow() && data.origin.pwm_phase.is_none();
+    let is_known = data.origin.pwm_phase.or(data.origin.timing.current_sampled_at).is_some();
+    let is_open = data.is_pwm_slow() && !is_known;
+    let found_in = |phase: f64| fit(&found.model, &data.with_pwm_phase(Some(phase)), prior, Effort::TRIAL);
     let way = if is_open { Way::new(data, prior, &found.model) } else { None };
-    let phase = way.filter(|way| way.found.cost < found.cost && way.nats > least_nats()).map(|way| way.phase);
-    data.origin.pwm_phase = data.origin.pwm_phase.or(phase);
+    let phase = way.map(|way| way.phase).filter(|phase| {
+        let other = found_in(*phase);
+        other.cost < found.cost && evidence_nats(data, found, &other) > least_nats(data)
+    });
+    data.origin.pwm_phase = phase.or(data.origin.pwm_phase);
     phase.is_some()
 }
 
 /// Very strong evidence for one phase of all that are tried.
-fn least_nats() -> f64 {
-    VERY_STRONG_NATS + (PHASES as f64 * f64::from(1 << HALVINGS)).ln()
+fn least_nats(data: &Dataset) -> f64 {
+    VERY_STRONG_NATS + (phases(data) as f64 * f64::from(1 << HALVINGS)).ln()
+}
+
+fn phases(data: &Dataset) -> usize {
+    if data.is_pwm_slow() { PHASES_OF_SLOW } else { PHASES }
 }
 
 fn likelier(data: &Dataset, prior: &Prior) -> Option<Way> {
@@ -65,7 +81,7 @@ fn likelier(data: &Dataset, prior: &Prior) -> Option<Way> {
     let best = ways.into_iter().min_by(|a, b| a.found.cost.total_cmp(&b.found.cost))?;
     let explains = best.found.cost < LEAST_GAIN * least_cost
         || best.found.fast < LEAST_GAIN * least_fast
-        || best.found.cost < least_cost && best.nats > least_nats();
+        || best.found.cost < least_cost && best.nats > least_nats(data);
     explains.then_some(best)
 }
 
@@ -103,17 +119,28 @@ struct Way {
 
 impl Way {
     fn new(data: &Dataset, prior: &Prior, model: &Model) -> Option<Self> {
-        let mean = fit(model, data, prior, Effort::TRIAL);
+        let mean = fit(model, &data.with_pwm_phase(None), prior, Effort::TRIAL);
         let in_phase = |phase: f64, model: &Model, effort: Effort| -> (f64, Fit) {
             let phase = phase.rem_euclid(1.0);
             (phase, fit(model, &data.with_pwm_phase(Some(phase)), prior, effort))
         };
         let least = |ways: Vec<(f64, Fit)>| ways.into_iter().min_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
-        let first = (0..PHASES).map(|phase| in_phase(phase as f64 / PHASES as f64, &mean.model, Effort::NONE));
-        let (phase, found) = least(first.collect())?;
-        let mut best = in_phase(phase, &found.model, Effort::TRIAL);
+        // Commands that wait look like more inductance.
+        let mut start = mean.model.clone();
+        start.motor.inductance_h = start.motor.inductance_h.min(prior.motor.inductance_h);
+        let phases = phases(data);
+        let first = (0..phases).into_par_iter();
+        let first = first.map(|phase| in_phase(phase as f64 / phases as f64, &start, Effort::NONE));
+        let first: Vec<(f64, Fit)> = first.collect();
+        // Neighbours lead to the same one.
+        let groups = first.chunks(phases / PHASES).filter_map(|group| least(group.to_vec()));
+        let mut first: Vec<(f64, Fit)> = groups.collect();
+        first.sort_by(|a, b| a.1.cost.total_cmp(&b.1.cost));
+        first.truncate(if data.is_pwm_slow() { FITTED } else { 1 });
+        let fitted = first.into_par_iter().map(|(phase, found)| in_phase(phase, &found.model, Effort::TRIAL));
+        let mut best = least(fitted.collect())?;
         for halving in 1..=HALVINGS {
-            let distance = 1.0 / PHASES as f64 / f64::from(1 << halving);
+            let distance = 1.0 / phases as f64 / f64::from(1 << halving);
             let sides = [-distance, distance].map(|side| in_phase(best.0 + side, &best.1.model, Effort::NONE));
             best = least(sides.into_iter().chain([best]).collect())?;
         }

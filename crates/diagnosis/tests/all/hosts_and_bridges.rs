@@ -56,7 +56,8 @@ impl Bench {
                 true => (duty.signum() * SUPPLY_V, self.drops_v[0], 0.0),
                 false => (0.0, self.drops_v[1], self.off_phase_ohm),
             };
-            let driving_v = source_v - (RESISTANCE_OHM + bridge_ohm) * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
+            let driving_v =
+                source_v - (RESISTANCE_OHM + bridge_ohm) * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
             let free_a = self.current_a + STEP_S / INDUCTANCE_H * driving_v;
             self.current_a = towards_zero(free_a, STEP_S / INDUCTANCE_H * drop_v);
             let free = self.speed_rad_per_s + STEP_S / INERTIA_KG_M2 * TORQUE_CONSTANT * self.current_a;
