@@ -31,10 +31,6 @@ pub(super) fn without(data: &Dataset, prior: &Prior, found: &Fit) -> Option<Data
     let mut rest = data.clone();
     for _ in 0..MOST_PLACES {
         let usual = usual_model(&rest, prior, &excluded(&rest));
-        // In noise alone something always stands out.
-        if above_floor(&rest, &usual) < NOT_NOISE {
-            break;
-        }
         let Some(rows) = standing_out(&rest, &usual) else { break };
         rest.leave_out_rows(rows);
     }
@@ -49,9 +45,19 @@ fn standing_out(data: &Dataset, found: &Fit) -> Option<Range<usize>> {
     let lack = lack(data, &found.model.motor, &residuals(data, &found.prediction), place).values;
     let blocks: Vec<(Range<usize>, f64)> = data.stretches.iter().flat_map(|stretch| blocks(stretch, &lack)).collect();
     let usual = median(blocks.iter().map(|(_, size)| *size));
-    let greatest = (0..blocks.len()).max_by(|a, b| blocks[*a].1.total_cmp(&blocks[*b].1))?;
+    // In noise alone something always stands out. There only what adjoins a place that is left out belongs to it.
+    let is_noise = above_floor(data, found) < NOT_NOISE;
+    let adjoins = |rows: &Range<usize>| {
+        let left_out = |place: &Range<usize>| place.end == rows.start || place.start == rows.end;
+        data.origin.left_out.iter().any(left_out)
+    };
+    let may = |block: &usize| !is_noise || adjoins(&blocks[*block].0);
+    let greatest = (0..blocks.len()).filter(may).max_by(|a, b| blocks[*a].1.total_cmp(&blocks[*b].1))?;
     if blocks[greatest].1 < STANDS_OUT * usual {
         return None;
+    }
+    if is_noise {
+        return Some(blocks[greatest].0.clone());
     }
     let least = (BELONGS * blocks[greatest].1).max(usual);
     let belongs = |block: &usize| blocks[*block].1 > least;

@@ -18,6 +18,8 @@ const TORQUE_CONSTANT: f64 = 0.045;
 const INERTIA_KG_M2: f64 = 2e-5;
 const FRICTION_NM: f64 = 0.004;
 const PWM_HZ: f64 = 3921.57;
+/// Of a timer without a prescaler.
+const FAST_PWM_HZ: f64 = 31372.55;
 const STEP_S: f64 = 2.5e-6;
 
 /// A motor with Coulomb friction behind a bridge with brushes of a constant drop in the pulse and in the off phase.
@@ -51,11 +53,12 @@ impl Bench {
                 *latched = duty;
             }
             let duty = self.latched.unwrap_or(duty);
-            let is_pulse = phase < duty.abs();
-            let (source_v, drop_v, bridge_ohm) = match is_pulse {
-                true => (duty.signum() * SUPPLY_V, self.drops_v[0], 0.0),
-                false => (0.0, self.drops_v[1], self.off_phase_ohm),
-            };
+            // A pulse that begins or ends within a step lasts for a part of it.
+            let (share, pulse) = (STEP_S * self.pwm_hz, duty.abs());
+            let on = ((pulse - phase).clamp(0.0, share) + (phase + share - 1.0).clamp(0.0, pulse)) / share;
+            let source_v = on * duty.signum() * SUPPLY_V;
+            let drop_v = self.drops_v[1] + on * (self.drops_v[0] - self.drops_v[1]);
+            let bridge_ohm = (1.0 - on) * self.off_phase_ohm;
             let driving_v =
                 source_v - (RESISTANCE_OHM + bridge_ohm) * self.current_a - TORQUE_CONSTANT * self.speed_rad_per_s;
             let free_a = self.current_a + STEP_S / INDUCTANCE_H * driving_v;
@@ -122,14 +125,14 @@ fn diagnosed_at(pwm_hz: f64, text: &str, window_s: Option<f64>, encoder: &str) -
 }
 
 /// The diagnosis of speeds of the moment at 1 kHz.
-fn outcome(drops_v: [f64; 2], acts: impl Fn(f64) -> f64, random: &mut impl Rng) -> Outcome {
+fn outcome(drops_v: [f64; 2], pwm_hz: f64, acts: impl Fn(f64) -> f64, random: &mut impl Rng) -> Outcome {
     let mut text = String::from("t_s,duty,omega_rad_per_s,i_A\n");
-    for Row { time_s, speed_rad_per_s, current_a } in course(Bench::new(drops_v, PWM_HZ), acts) {
+    for Row { time_s, speed_rad_per_s, current_a } in course(Bench::new(drops_v, pwm_hz), acts) {
         let mut noise = |size: f64| size * random.random_range(-1.0..1.0);
         let (speed, current) = (speed_rad_per_s + noise(0.3), current_a + noise(0.01));
         let _ = writeln!(text, "{time_s:.3},{:.5},{speed:.4},{current:.5}", command(time_s));
     }
-    diagnosed(&text, Some(0.0), "")
+    diagnosed_at(pwm_hz, &text, Some(0.0), "")
 }
 
 fn names(outcome: &Outcome) -> Vec<&str> {
@@ -150,14 +153,17 @@ fn a_pause_of_the_host_is_left_out_and_told() {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let from_s = random.random_range(5.2..6.8);
     let held = |time_s: f64| command(if (from_s..from_s + 0.5).contains(&time_s) { from_s } else { time_s });
-    let found = outcome([0.0; 2], held, &mut random);
+    let found = outcome([0.0; 2], FAST_PWM_HZ, held, &mut random);
     assert_eq!(names(&found), ["coulomb_friction"], "seed {seed}: {found:?}");
     let friction = found.causes[0].parameters["torque_Nm"].value;
     assert!((friction / FRICTION_NM - 1.0).abs() < 0.03, "seed {seed}: {friction}");
     let note = found.advice.iter().find(|note| note.contains("does not follow its command"));
     let note = note.unwrap_or_else(|| panic!("seed {seed}: {:?}", found.advice));
     let times: Vec<f64> = note.split(' ').filter_map(|word| word.parse().ok()).collect();
-    assert!(times[0] <= from_s + 0.05 && times[1] >= from_s + 0.4, "seed {seed}: {note}, it was {from_s}");
+    // It shows where the held command is another one by a twentieth of the supply.
+    let differs = |time_s: &f64| (command(*time_s) - command(from_s)).abs() > 0.05;
+    let shows_s = (0..500).map(|row| from_s + 1e-3 * f64::from(row)).find(differs).expect("the command changes");
+    assert!(times[0] <= shows_s + 0.05 && times[1] >= from_s + 0.4, "seed {seed}: {note}, it was {from_s}");
     assert!(times[1] - times[0] < 1.2, "seed {seed}: {note}");
 }
 
@@ -167,7 +173,7 @@ fn the_intervals_know_a_drop_that_differs_in_the_off_phase() {
     let seed = fresh_seed();
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let less_v = random.random_range(0.25..0.5);
-    let found = outcome([2.1, 2.1 - less_v], command, &mut random);
+    let found = outcome([2.1, 2.1 - less_v], PWM_HZ, command, &mut random);
     assert_eq!(names(&found), ["coulomb_friction", "voltage_drop"], "seed {seed}: {found:?}");
     for (name, truth) in [
         ("resistance_ohm", RESISTANCE_OHM),
