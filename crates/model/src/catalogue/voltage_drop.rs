@@ -2,7 +2,7 @@
 //!
 //! In a switched bridge the drop acts at every moment. A current that swings through zero within a PWM period loses it in both
 //! directions. Behind a filter, in a linear amplifier or in a program's averages, the drop follows the mean current and comes
-//! up over a knee. In the off phase a bridge may drop more than in the pulse, or less.
+//! up over a knee. In the off phase a bridge may drop more than in the pulse, or less, and have another slope.
 
 use super::{
     About, ActsOn, Balance, Channels, Coordinate, DryLosses, Instant, Law, Parameter, Scales, Search, Shown, Strength,
@@ -16,12 +16,15 @@ const KNEES: [f64; 3] = [0.0, 5e-4, 1e-2];
 /// The widest knee of a drop, as a share of the greatest current.
 const WIDEST_KNEE: f64 = 0.3;
 
-/// Two transistors conduct in the pulse, a transistor and a diode in the off phase. The two differ by no more than a diode
-/// from a saturated transistor.
+/// Two transistors conduct in the pulse, a transistor and a diode in the off phase. The difference is known to 0.3 V
+/// beforehand, and is at most that of two junctions.
+const OFF_PHASE_SPREAD_V: f64 = 0.3;
 const MOST_OFF_PHASE_V: f64 = 1.2;
-const MOST_OFF_PHASE_OHM: f64 = 1.5;
+/// A saturated transistor of such bridges adds about half an ohm, a diode a tenth (ST L293D and L298 data sheets).
 const OFF_PHASE_SPREAD_OHM: f64 = 0.5;
-/// How much more the off phase drops, as a share of the drop, for a start: so little that the other constants still fit.
+const MOST_OFF_PHASE_OHM: f64 = 1.5;
+/// Starts: how much more the off phase drops, as a share of the drop, and how many ohms it adds. One is so small that the
+/// other constants still fit, the other is that of a Darlington bridge.
 const OFF_PHASES: [[f64; 2]; 2] = [[-0.01, 0.01], [-0.2, 0.5]];
 
 /// See the module.
@@ -35,7 +38,7 @@ static ABOUT: About = About {
         Parameter::positive("drop_V", Unit::Volt),
         Parameter::of_another_law("knee_A", Unit::Ampere, f64::INFINITY),
         Parameter {
-            known: Some((0.0, 0.25 * MOST_OFF_PHASE_V)),
+            known: Some((0.0, OFF_PHASE_SPREAD_V)),
             min: -MOST_OFF_PHASE_V,
             ..Parameter::of_another_law("off_phase_V", Unit::Volt, MOST_OFF_PHASE_V)
         },
@@ -108,7 +111,7 @@ impl Search for VoltageDrop {
         laws
     }
 
-    /// A drop at every moment, and another one in the off phase.
+    /// A drop at every moment, and another one with another slope in the off phase.
     fn refined_laws(&self, values: &[f64], _scales: &Scales) -> Vec<Vec<f64>> {
         match values[1..] == [0.0; 3] {
             true => OFF_PHASES.map(|[share, ohm]| vec![values[0], 0.0, share * values[0], ohm]).to_vec(),
