@@ -74,7 +74,7 @@ impl Winding {
     /// The current after some time at a constant voltage, and the charge until then.
     fn flow(&self, from_a: f64, driving_v: f64, length_s: f64) -> (f64, f64) {
         if from_a == 0.0 {
-            return self.from_zero(driving_v, length_s);
+            return self.rise(driving_v, length_s);
         }
         let towards_a = (driving_v - from_a.signum() * self.drop_v) / self.resistance_ohm;
         let decay = (-length_s / self.time_s).exp();
@@ -83,11 +83,12 @@ impl Winding {
             return (end_a, towards_a * length_s + (from_a - towards_a) * self.time_s * (1.0 - decay));
         }
         let zero_s = self.time_s * (1.0 - from_a / towards_a).ln();
-        let (end_a, charge) = self.from_zero(driving_v, length_s - zero_s);
+        let (end_a, charge) = self.rise(driving_v, length_s - zero_s);
         (end_a, charge + towards_a * zero_s + from_a * self.time_s)
     }
 
-    fn from_zero(&self, driving_v: f64, length_s: f64) -> (f64, f64) {
+    /// The same from zero.
+    fn rise(&self, driving_v: f64, length_s: f64) -> (f64, f64) {
         let towards_a = driving_v.signum() * (driving_v.abs() - self.drop_v).max(0.0) / self.resistance_ohm;
         let risen = -(-length_s / self.time_s).exp_m1();
         (towards_a * risen, towards_a * (length_s - self.time_s * risen))
