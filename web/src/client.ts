@@ -152,8 +152,7 @@ export class Client {
       if (answer === null) {
         const isLossy = this.receiver.losses()[0] !== before;
         if (!isLossy || tried >= TRIES) throw new Silent(`No answer to “${line}”: check the cable.`);
-        // A late answer must not be taken for that of the next line.
-        await pause(DAMAGED_MS);
+        await this.letPass();
         continue;
       }
       const last = answer.at(-1)!;
@@ -164,6 +163,14 @@ export class Client {
         throw new Refused(last.slice(7));
       }
       return answer.filter(said => said.startsWith('# ')).map(said => said.slice(2));
+    }
+  }
+
+  /** A late answer must not be taken for that of the next line. Meanwhile the board hears that this page is there. */
+  private async letPass(): Promise<void> {
+    for (let waited = 0; waited < DAMAGED_MS; waited += KEEP_ALIVE_MS) {
+      await this.write('\nalive\n');
+      await pause(KEEP_ALIVE_MS);
     }
   }
 
