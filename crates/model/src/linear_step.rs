@@ -52,14 +52,12 @@ impl LinearStep {
             let ([current, speed], [volts, torque]) = (of_state[index], of_rates[index]);
             [current, speed, volts / l, torque / inertia_kg_m2]
         };
-        let decay = (-b / inertia_kg_m2 * step_s).exp();
-        let gain = if b > 0.0 { (1.0 - decay) / b } else { step_s / inertia_kg_m2 };
         let (current_of, speed_of) = (row(0), row(1));
         let inverse_gains = [1.0 / current_of[2], 1.0 / speed_of[3]];
         Self {
             current_of,
             speed_of,
-            open_speed_of: [decay, gain],
+            open_speed_of: speed_of_torque(motor, inertia_kg_m2, step_s),
             inverse_gains,
             resistance_ohm: motor.resistance_ohm,
             torque_constant_nm_per_a: k,
@@ -136,6 +134,13 @@ impl LinearStep {
         let mean_a = (inputs[2] - lost_v - emf_v - induced_v) * (1.0 / self.resistance_ohm);
         Reached { current_a: reached_a, speed_rad_per_s, mean_a }
     }
+}
+
+/// The speed left after a step, and gained of a torque over it, whatever the current does.
+pub(crate) fn speed_of_torque(motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) -> [f64; 2] {
+    let b = motor.viscous_friction_nm_s;
+    let decay = (-b / inertia_kg_m2 * step_s).exp();
+    [decay, if b > 0.0 { (1.0 - decay) / b } else { step_s / inertia_kg_m2 }]
 }
 
 /// What a drop leaves of a mean current: `dry_a` of it at most, less where the current is small beside the knee. Newton's

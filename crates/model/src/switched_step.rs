@@ -1,7 +1,7 @@
 //! One step of the motor between two edges of its PWM. Within it the voltage is constant, and the speed changes little: the
 //! current is an exponential. Where it comes to zero, its drop holds it there or it goes on in the other direction.
 
-use super::linear_step::{Reached, SAME_LENGTH_S, oppose_motion};
+use super::linear_step::{Reached, SAME_LENGTH_S, oppose_motion, speed_of_torque};
 use crate::catalogue::Balance;
 use crate::motor::MotorParameters;
 
@@ -24,14 +24,11 @@ pub struct SwitchedStep {
 impl SwitchedStep {
     /// For steps of `step_s`, with `inertia_kg_m2` at the motor's own shaft.
     pub fn new(motor: &MotorParameters, inertia_kg_m2: f64, step_s: f64) -> Self {
-        let b = motor.viscous_friction_nm_s;
-        let decay = (-b / inertia_kg_m2 * step_s).exp();
-        let gain = if b > 0.0 { (1.0 - decay) / b } else { step_s / inertia_kg_m2 };
         Self {
             resistance_ohm: motor.resistance_ohm,
             inductance_h: motor.inductance_h,
             torque_constant_nm_per_a: motor.torque_constant_nm_per_a,
-            speed_of: [decay, gain],
+            speed_of: speed_of_torque(motor, inertia_kg_m2, step_s),
             step_s,
         }
     }

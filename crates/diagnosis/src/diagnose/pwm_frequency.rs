@@ -25,14 +25,18 @@ pub(super) fn settle_at_first(data: &mut Dataset, prior: &Prior) {
     if data.origin.pwm_is_known {
         return;
     }
-    let scales = scales(&prior.motor, data);
-    let usual = USUAL.iter().filter_map(|id| effect(id));
-    let slow = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
-    let coasting = effect("coast_decay").map(|effect| slow.with_start(effect, &scales));
-    let models: Vec<Model> = [Some(slow), coasting].into_iter().flatten().collect();
-    let fits = models.into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL));
+    let fits = with_usual_bridges(data, prior).into_par_iter().map(|model| fit(&model, data, prior, Effort::TRIAL));
     let best = fits.min_by(|a, b| a.cost.total_cmp(&b.cost)).expect("one at least");
     data.origin.pwm_hz = likelier_hz(data, prior, &best, LEAST_LOG_LIKELIHOOD_GAIN).unwrap_or(data.origin.pwm_hz);
+}
+
+/// The nominal motor with the usual effects, behind a bridge whose off phase brakes, and behind one whose off phase coasts.
+pub(super) fn with_usual_bridges(data: &Dataset, prior: &Prior) -> Vec<Model> {
+    let scales = scales(&prior.motor, data);
+    let usual = USUAL.iter().filter_map(|id| effect(id));
+    let braking = usual.fold(Model::linear(prior.motor), |model, effect| model.with_start(effect, &scales));
+    let coasting = effect("coast_decay").map(|effect| braking.with_start(effect, &scales));
+    [Some(braking), coasting].into_iter().flatten().collect()
 }
 
 /// Sets the frequency with which a model fits better, or equally well with a more plausible winding. Returns whether it

@@ -3,11 +3,11 @@
 //! sampled at one instant. Where the PWM is slow beside the rows, it also shows in when a command begins to act.
 
 use super::judge::{VERY_STRONG_NATS, evidence_nats};
+use super::pwm_frequency::with_usual_bridges;
 use crate::dataset::{Dataset, Output, Stretch};
-use crate::identify::{Effort, Fit, Prior, fit, scales};
+use crate::identify::{Effort, Fit, Prior, fit};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
-use motorbench_model::catalogue::{USUAL, effect};
 
 /// Phases that are tried first, and the number of halvings that refine the best one. Where commands wait for a slow PWM, a
 /// slightly other phase lets some of them act a whole period later.
@@ -69,12 +69,8 @@ fn phases(data: &Dataset) -> usize {
 }
 
 fn likelier(data: &Dataset, prior: &Prior) -> Option<Way> {
-    let scales = scales(&prior.motor, data);
-    let linear = Model::linear(prior.motor);
-    let usual = USUAL.iter().filter_map(|id| effect(id));
-    let braking = usual.fold(linear.clone(), |model, effect| model.with_start(effect, &scales));
-    let coasting = effect("coast_decay").map(|effect| braking.with_start(effect, &scales));
-    let models: Vec<Model> = [Some(linear), Some(braking), coasting].into_iter().flatten().collect();
+    let mut models = vec![Model::linear(prior.motor)];
+    models.extend(with_usual_bridges(data, prior));
     let ways: Vec<Way> = models.into_par_iter().filter_map(|model| Way::new(data, prior, &model)).collect();
     let least = |error: fn(&Way) -> f64| ways.iter().map(error).fold(f64::INFINITY, f64::min);
     let (least_cost, least_fast) = (least(|way| way.mean.cost), least(|way| way.mean.fast));

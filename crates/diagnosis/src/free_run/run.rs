@@ -149,10 +149,6 @@ impl<'a> Run<'a> {
     #[inline]
     fn simulate(&mut self, index: usize, piece: &Piece, is_kept: bool) -> f64 {
         let data = self.data;
-        match &mut self.switched {
-            Some(step) => step.set_length(&self.model.motor, self.inertia_kg_m2, piece.length_s),
-            None => self.step.set_length(&self.model.motor, self.inertia_kg_m2, piece.length_s),
-        }
         let input = data.axis.drive.input(piece.command, piece.open);
         let (voltage_v, current_a) = match input {
             Input::Voltage(voltage_v) => (voltage_v, self.current_a),
@@ -209,8 +205,9 @@ impl<'a> Run<'a> {
 
     #[inline]
     fn step(&mut self, at: &Instant, input: Input, terms: &Balance) -> Reached {
-        match (&self.switched, input) {
+        match (&mut self.switched, input) {
             (Some(step), Input::Voltage(voltage_v)) if !terms.drops_with_the_mean() => {
+                step.set_length(&self.model.motor, self.inertia_kg_m2, at.step_s);
                 step.take(self.current_a, self.speed_rad_per_s, voltage_v, terms)
             }
             _ => {
