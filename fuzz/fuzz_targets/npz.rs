@@ -1,11 +1,14 @@
-//! Random bytes for the reader of this format: a recording or an error, never a panic.
+//! Random bytes for the reader of this format: as an archive, and as arrays in one.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motorbench_data::convert::{Dialect, Format, read};
+use motorbench_data::convert::Format;
+use motorbench_fuzz::{archive, read_in_every_way};
 
 fuzz_target!(|bytes: &[u8]| {
-    let columns = ["1=t_s*0.001", "2=u_V"].map(|column| column.parse().expect("a valid mapping"));
-    let _ = read("fuzz", bytes, Format::Npz, &[], Dialect::default());
-    let _ = read("fuzz", bytes, Format::Npz, &columns, Dialect::default());
+    if bytes.starts_with(b"PK") {
+        read_in_every_way(bytes, Format::Npz);
+    } else {
+        read_in_every_way(&archive(&[("t_s.npy", bytes), ("log.npy", bytes)]), Format::Npz);
+    }
 });

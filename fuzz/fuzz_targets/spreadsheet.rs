@@ -1,11 +1,25 @@
-//! Random bytes for the reader of this format: a recording or an error, never a panic.
+//! Random bytes for the reader of spreadsheets: as a file, as the sheet of a workbook, as the content of an OpenDocument.
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use motorbench_data::convert::{Dialect, Format, read};
+use motorbench_data::convert::Format;
+use motorbench_fuzz::{archive, read_in_every_way};
+
+const WORKBOOK: &[u8] = br#"<workbook xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main" xmlns:r="http://schemas.openxmlformats.org/officeDocument/2006/relationships"><sheets><sheet name="Log" sheetId="1" r:id="rId1"/></sheets></workbook>"#;
+const RELATIONS: &[u8] = br#"<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships"><Relationship Id="rId1" Type="http://schemas.openxmlformats.org/officeDocument/2006/relationships/worksheet" Target="worksheets/sheet1.xml"/></Relationships>"#;
+const MIME: &[u8] = b"application/vnd.oasis.opendocument.spreadsheet";
 
 fuzz_target!(|bytes: &[u8]| {
-    let columns = ["1=t_s*0.001", "2=u_V"].map(|column| column.parse().expect("a valid mapping"));
-    let _ = read("fuzz", bytes, Format::Spreadsheet, &[], Dialect::default());
-    let _ = read("fuzz", bytes, Format::Spreadsheet, &columns, Dialect::default());
+    let made = match bytes {
+        [b'<', b'w', ..] => archive(&[
+            ("xl/workbook.xml", WORKBOOK),
+            ("xl/_rels/workbook.xml.rels", RELATIONS),
+            ("xl/worksheets/sheet1.xml", bytes),
+        ]),
+        [b'<', b'o', ..] => {
+            archive(&[("mimetype", MIME), ("META-INF/manifest.xml", b"<manifest/>"), ("content.xml", bytes)])
+        }
+        _ => bytes.to_vec(),
+    };
+    read_in_every_way(&made, Format::Spreadsheet);
 });

@@ -11,6 +11,10 @@ const SAME_PASS: f64 = 0.25;
 /// A measured value belongs to a sample that is nearer than this share of the interval.
 const SAME_SAMPLE: f64 = 0.5;
 
+/// So many series are used by their names: more than there are channels. Each becomes a column, while a file may have
+/// thousands that share one list of samples.
+const MOST_BY_NAME: usize = 100;
+
 /// What a series is to a recording.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Role {
@@ -86,8 +90,13 @@ pub fn joined(mut content: Content, mappings: &[Mapping]) -> Result<Content, Str
 fn roles(series: &[Series], mappings: &[Mapping]) -> Result<Vec<Option<Role>>, String> {
     let names: Vec<&str> = series.iter().map(|series| series.name.as_str()).collect();
     let by_name = |name: &str| Channel::of_column(name).or_else(|| Channel::of_column(last_part(name)));
-    let mut roles: Vec<Option<Role>> =
-        names.iter().map(|name| by_name(name).map(|channel| role(Some(channel)))).collect();
+    let mut left = MOST_BY_NAME;
+    let mut usual = |name: &str| {
+        let channel = by_name(name)?;
+        left = left.checked_sub(1)?;
+        Some(role(Some(channel)))
+    };
+    let mut roles: Vec<Option<Role>> = names.iter().map(|name| usual(name)).collect();
     for mapping in mappings {
         if mapping.channel == Channel::Time {
             return Err(format!("{}: the log has its own times: leave this one out of --column", mapping.name));

@@ -110,7 +110,8 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8], own: &[Mapping]) -> boo
         Kind::Page | Kind::Plot => contains(IN_PAGES.as_bytes()),
         Kind::Picture => contains(IN_PNG),
         Kind::Lines => there.split(|byte| *byte == b'\n').all(|line| line.is_empty() || line.starts_with(b"set ")),
-        Kind::Table => names(there).is_some_and(|names| is_recording(&names, own) || names == BODE),
+        Kind::Table => names(there)
+            .is_some_and(|names| is_recording(&names, own) && is_as_written(there) || names == BODE),
         Kind::Other => is_converted(path, there, own),
     }
 }
@@ -145,6 +146,19 @@ const BODE: [&str; 7] = [
 fn is_recording(names: &[&str], own: &[Mapping]) -> bool {
     let is_own = |name: &str| own.iter().any(|mapping| mapping.name == name);
     names.iter().all(|name| *name == "__time" || Channel::of_column(name).is_some() || is_own(name))
+}
+
+/// Whether each number has no digit more than it needs, as motorbench writes it. The table of a sketch may have the same
+/// names, but it has numbers such as 0.500.
+fn is_as_written(there: &[u8]) -> bool {
+    let Ok(text) = std::str::from_utf8(there) else { return false };
+    let header = text.lines().next().unwrap_or_default();
+    let between = [';', '\t', ','].into_iter().find(|sign| header.contains(*sign)).unwrap_or(',');
+    let is_short = |cell: &str| {
+        let number = if between == ',' { cell.to_owned() } else { cell.replace(',', ".") };
+        number.is_empty() || number == "nan" || number.parse::<f64>().is_ok_and(|value| value.to_string() == number)
+    };
+    text.lines().skip(1).flat_map(|line| line.split(between)).all(is_short)
 }
 
 /// Why contents cannot go into a file: its ending is that of another kind.
@@ -233,8 +247,13 @@ mod tests {
         assert!(refused("run.csv", b"{\n  \"a\": 1\n}\n").is_some_and(|why| why.contains("would hold JSON")));
         assert_eq!((refused("run.csv", table), refused("run.out", table)), (None, None));
         let bode = BODE.join(",") + "\n1,2,3,4,5,6,7\n";
-        for (there, is_ours) in [(&b"t_s,rpm\n0,1\n"[..], true), (b"when,what\n1,2\n", false), (bode.as_bytes(), true)]
-        {
+        for (there, is_ours) in [
+            (&b"t_s,rpm\n0,1\n0.001,-2.5\n0.002,\n"[..], true),
+            (b"t_s;rpm\n0;1\n0,001;-2,5\n", true),
+            (b"t_s,rpm\n0.000,1.0\n", false),
+            (b"when,what\n1,2\n", false),
+            (bode.as_bytes(), true),
+        ] {
             assert_eq!(may_be_replaced(Path::new("run.csv"), there, &[]), is_ours);
         }
     }

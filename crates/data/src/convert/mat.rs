@@ -2,7 +2,7 @@
 //! with a type, a size and data. Variables are elements of type matrix, plain or compressed with zlib.
 
 use super::mat_objects::{self, Cells, Holds, SHORTEST, Values};
-use super::{Fault, matrix};
+use super::{Fault, LONGEST_NAME, MOST_BYTES, matrix, shortened};
 use crate::content::{Column, Content, Series};
 use flate2::read::ZlibDecoder;
 use std::io::Read;
@@ -141,8 +141,15 @@ pub fn read(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, F
         }
     };
     let mut reader = Reader { bytes, at: HEADER, big_endian, origin: None };
-    let mut found =
-        Found { content: Content::default(), is_wanted, objects: 0, variables: Vec::new(), workspace: None };
+    let mut found = Found {
+        content: Content::default(),
+        is_wanted,
+        left_numbers: MOST_NUMBERS,
+        objects: 0,
+        variables: Vec::new(),
+        workspace: None,
+    };
+    let mut left_bytes = MOST_BYTES;
     while reader.at < bytes.len() {
         let element = reader.element()?;
         if element.kind != COMPRESSED {
@@ -151,9 +158,13 @@ pub fn read(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, F
             continue;
         }
         let mut plain = Vec::new();
-        ZlibDecoder::new(element.data).take(MOST_BYTES).read_to_end(&mut plain).map_err(|error| {
+        ZlibDecoder::new(element.data).take(left_bytes).read_to_end(&mut plain).map_err(|error| {
             Fault::at_byte(element.at, format!("its compressed data is damaged ({error}); save it again"))
         })?;
+        left_bytes -= plain.len() as u64;
+        if left_bytes == 0 {
+            return Err(Fault::at_byte(element.at, format!("the file has {TOO_MUCH}")));
+        }
         let mut inner = Reader { bytes: &plain, at: 0, big_endian, origin: Some(element.at) };
         let element = inner.element()?;
         let content = Reader { at: element.at, ..inner };
@@ -162,8 +173,10 @@ pub fn read(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Content, F
     Ok(found.with_signals())
 }
 
-/// Compressed variables are expanded up to this size.
-const MOST_BYTES: u64 = 1 << 31;
+/// So many numbers are read: 1 GB of memory, and more than a recording has.
+const MOST_NUMBERS: usize = 1 << 27;
+/// What is wrong with a file that holds more.
+const TOO_MUCH: &str = "more than 1 GB of numbers: save the signals of one recording alone";
 /// Structures in structures are followed so deep.
 const DEEPEST: usize = 12;
 /// How the names of arrays of objects begin.
@@ -207,7 +220,7 @@ impl<'a> Reader<'a> {
         let shape = self.element()?;
         let shape = self.numbers(&shape)?;
         let name = self.element()?;
-        let name = String::from_utf8_lossy(name.data).into_owned();
+        let name = name_of(name.data);
         Ok(Head { class, is_complex: bits & COMPLEX != 0, shape, name, at })
     }
 
@@ -244,15 +257,15 @@ impl<'a> Reader<'a> {
         let length = self.element()?;
         let length = self.numbers(&length)?.first().copied().unwrap_or(0.0) as usize;
         let names = self.element()?;
-        let name = |bytes: &[u8]| {
-            String::from_utf8_lossy(bytes.split(|byte| *byte == 0).next().unwrap_or_default()).into_owned()
-        };
+        let name = |bytes: &[u8]| name_of(bytes.split(|byte| *byte == 0).next().unwrap_or_default());
         Ok(names.data.chunks(length.max(1)).map(name).collect())
     }
 
-    /// A text of one row.
+    /// A text of one row, or its begin.
     fn text(&mut self) -> Option<String> {
-        let data = self.element().ok()?;
+        let whole = self.element().ok()?;
+        // A letter has four bytes at most.
+        let data = Element { data: &whole.data[..whole.data.len().min(4 * LONGEST_NAME)], ..whole };
         let letters = if data.kind == UTF8 { None } else { self.numbers(&data).ok() };
         let text = letters.map_or_else(
             || String::from_utf8_lossy(data.data).into_owned(),
@@ -262,10 +275,16 @@ impl<'a> Reader<'a> {
     }
 }
 
+/// A name from its bytes.
+fn name_of(bytes: &[u8]) -> String {
+    shortened(&String::from_utf8_lossy(bytes)).to_owned()
+}
+
 /// What has been read so far.
 struct Found<'a> {
     content: Content,
     is_wanted: &'a dyn Fn(&str) -> bool,
+    left_numbers: usize,
     objects: usize,
     /// Variables that are objects, with the numbers of these.
     variables: Vec<(String, Vec<usize>)>,
@@ -335,6 +354,10 @@ impl Found<'_> {
             CLASS_STRUCTURE => self.structure(head, reader, path, depth),
             _ => {
                 let values = reader.values(head, path)?;
+                let Some(left) = self.left_numbers.checked_sub(values.len()) else {
+                    return Err(reader.fault(head.at, format!("{path}: the file has {TOO_MUCH}")));
+                };
+                self.left_numbers = left;
                 let sides: Vec<usize> =
                     head.shape.iter().map(|side| *side as usize).filter(|side| *side != 1).collect();
                 match sides[..] {

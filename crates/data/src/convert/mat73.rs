@@ -6,6 +6,7 @@ use super::{Fault, matrix};
 use crate::content::{Column, Content, Series};
 use hdf5_pure::{AttrValue, DType, Dataset, File as Hdf5, Group, Object};
 use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// How such a file begins: MATLAB's own text, or HDF5 alone.
@@ -68,6 +69,9 @@ struct Found<'a> {
 impl Found<'_> {
     /// Reads the datasets of a group and of the groups in it.
     fn walk(&mut self, group: &Group, path: &str, depth: usize) -> Result<(), hdf5_pure::Error> {
+        if !self.reader.may_look() {
+            return Ok(());
+        }
         let own = |name: &str| if path.is_empty() { name.to_owned() } else { format!("{path}/{name}") };
         for name in group.datasets()? {
             if !name.starts_with('#') {
@@ -75,7 +79,7 @@ impl Found<'_> {
             }
         }
         for name in group.groups()? {
-            if !name.starts_with('#') && depth < DEEPEST {
+            if !name.starts_with('#') && depth < DEEPEST && self.reader.may_look() {
                 self.walk(&group.group(&name)?, &own(&name), depth + 1)?;
             }
         }
@@ -189,11 +193,13 @@ impl Reader {
     fn signals(&self, file: &Hdf5, references: &Group) -> Vec<Series> {
         let groups = references.groups().unwrap_or_default();
         let mut found: Vec<Series> = Vec::new();
+        let mut equal: BTreeMap<String, usize> = BTreeMap::new();
         for group in groups.iter().filter_map(|name| references.group(name).ok()) {
             for mut series in self.signal(file, &group).unwrap_or_default() {
-                let number = found.iter().filter(|other| other.name.split('#').next() == Some(&*series.name)).count();
-                if number > 0 {
-                    series.name = format!("{}#{}", series.name, number + 1);
+                let number = equal.entry(series.name.clone()).or_default();
+                *number += 1;
+                if *number > 1 {
+                    series.name = format!("{}#{number}", series.name);
                 }
                 found.push(series);
             }

@@ -4,7 +4,7 @@
 //! of which class, and in which cell each of their properties stands. The others have the values of the properties.
 //! Level 5 and HDF5 keep the cells differently; what they mean is the same.
 
-use super::matrix;
+use super::{matrix, shortened};
 use crate::content::{Column, Content, Series};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -13,19 +13,32 @@ use std::sync::Arc;
 const DEEPEST: usize = 24;
 /// So many arrays are followed: more than a recording has, and few enough for a file that refers to itself.
 const MOST_FOLLOWED: usize = 1_000_000;
+/// So many signals are read: more than a recording has. Objects may share their samples, so a small file may promise many.
+const MOST_SIGNALS: usize = 10_000;
 /// The cells of properties begin after the one with bytes and an empty one.
 const FIRST_VALUE: usize = 2;
 /// The first number of a reference to objects.
 const REFERENCE: f64 = 3_707_764_736.0;
 /// A property has its value in a cell.
 const IN_A_CELL: u32 = 1;
-/// Letters of a signal's name that are kept.
-const LONGEST_NAME: usize = 256;
 /// Shorter arrays are settings.
 pub const SHORTEST: usize = 20;
 
-/// A property of an object: its name, and the cell of its value.
-type Property = (String, usize);
+/// Properties that objects may share.
+#[derive(Default)]
+struct Properties {
+    /// The cells of their values, in the order of the file.
+    cells: Vec<usize>,
+    /// The cell of each name.
+    by_name: BTreeMap<Arc<str>, usize>,
+}
+
+/// The properties of a file's objects.
+struct PropertyLists {
+    lists: Vec<Properties>,
+    /// The two lists of each object by its number, from 1.
+    of_objects: Vec<[usize; 2]>,
+}
 
 /// Numbers with their sides.
 pub struct Values {
@@ -71,12 +84,13 @@ type Signals = Arc<Vec<(String, Shared)>>;
 /// The objects of a file.
 struct Objects<C: Cells> {
     cells: C,
-    /// Properties of each object by its number, from 1.
-    properties: Vec<Vec<Property>>,
+    properties: PropertyLists,
     visited: BTreeSet<usize>,
+    /// Lists of properties whose cells were followed.
+    followed: BTreeSet<usize>,
     left_to_follow: usize,
     signals: BTreeMap<usize, Option<Signals>>,
-    times: BTreeMap<usize, Option<Shared>>,
+    numbers: BTreeMap<usize, Option<Shared>>,
     /// Times that are told as start, step and number.
     even_times: BTreeMap<(u64, u64, usize), Shared>,
     /// Samples that were read, and times that were made for them.
@@ -94,9 +108,10 @@ pub fn signals<C: Cells>(cells: C, bytes: &[u8], big_endian: bool, variables: &[
         cells,
         properties,
         visited: BTreeSet::new(),
+        followed: BTreeSet::new(),
         left_to_follow: MOST_FOLLOWED,
         signals: BTreeMap::new(),
-        times: BTreeMap::new(),
+        numbers: BTreeMap::new(),
         even_times: BTreeMap::new(),
         samples: 0,
         made_times: 0,
@@ -108,7 +123,7 @@ pub fn signals<C: Cells>(cells: C, bytes: &[u8], big_endian: bool, variables: &[
             objects.object(*number, name, 0);
         }
     }
-    for number in 1..objects.properties.len() {
+    for number in 1..objects.properties.of_objects.len() {
         objects.object(number, "", 0);
     }
     objects.series
@@ -143,32 +158,39 @@ pub fn references(values: &[f64]) -> Vec<usize> {
 
 impl<C: Cells> Objects<C> {
     fn cell_of(&self, object: usize, names: &[&str]) -> Option<usize> {
-        let properties = self.properties.get(object)?;
-        properties.iter().find(|(name, _)| names.contains(&name.as_str())).map(|(_, cell)| *cell)
+        let lists = self.properties.of_objects.get(object)?;
+        let cell = |name: &&str| lists.iter().find_map(|list| self.properties.lists[*list].by_name.get(*name));
+        names.iter().find_map(cell).copied()
     }
 
     fn text(&self, object: usize, name: &str) -> Option<String> {
         let text = self.cells.text(&self.cells.cell(self.cell_of(object, &[name])?)?)?;
-        Some(text.chars().take(LONGEST_NAME).collect())
+        Some(shortened(&text).to_owned())
     }
 
-    /// A short list of settings.
-    fn setting(&self, object: usize, name: &str) -> Option<f64> {
-        self.cells.values(&self.cells.cell(self.cell_of(object, &[name])?)?)?.values.first().copied()
+    /// A single number.
+    fn setting(&mut self, object: usize, name: &str) -> Option<f64> {
+        let cell = self.cell_of(object, &[name])?;
+        self.numbers(cell)?.first().copied()
     }
 
     /// Reads an object. `outer` is the name of what refers to it.
     fn object(&mut self, number: usize, outer: &str, depth: usize) {
-        if depth > DEEPEST || number == 0 || number >= self.properties.len() || !self.visited.insert(number) {
+        if depth > DEEPEST || number == 0 || number >= self.properties.of_objects.len() || !self.visited.insert(number) {
             return;
         }
         let name = self.text(number, "Name").unwrap_or_else(|| outer.to_owned());
         if self.signal(number, &name).is_some() {
             return;
         }
-        for (_, cell) in self.properties[number].clone() {
-            if let Some(array) = self.cells.cell(cell) {
-                self.follow(&array, &name, depth + 1);
+        for list in self.properties.of_objects[number] {
+            if !self.followed.insert(list) {
+                continue;
+            }
+            for cell in self.properties.lists[list].cells.clone() {
+                if let Some(array) = self.cells.cell(cell) {
+                    self.follow(&array, &name, depth + 1);
+                }
             }
         }
     }
@@ -204,7 +226,8 @@ impl<C: Cells> Objects<C> {
         let count = columns.first()?.1.len();
         let time_s = self.times(number, count).filter(|times| times.len() > 1)?;
         let name = if name.is_empty() { "signal" } else { name };
-        for (ending, values) in columns.iter().filter(|(_, values)| values.len() == time_s.len()) {
+        let left = MOST_SIGNALS.saturating_sub(self.series.len());
+        for (ending, values) in columns.iter().filter(|(_, values)| values.len() == time_s.len()).take(left) {
             let name = format!("{name}{ending}");
             let equal = self.names.entry(name.clone()).or_default();
             *equal += 1;
@@ -237,12 +260,12 @@ impl<C: Cells> Objects<C> {
 
     /// The times of a timeseries: each of them, or start, step and number. There are at most as many as samples.
     fn times(&mut self, number: usize, most: usize) -> Option<Shared> {
-        if let Some(times) = self.cell_of(number, &["Time"]).and_then(|cell| self.listed_times(cell)) {
+        if let Some(times) = self.cell_of(number, &["Time"]).and_then(|cell| self.numbers(cell)) {
             return Some(times);
         }
-        let info = self.cells.cell(self.cell_of(number, &["TimeInfo"])?)?;
-        let info = *references(&self.cells.values(&info)?.values).first()?;
-        let listed = self.cell_of(info, &["Time_"]).and_then(|cell| self.listed_times(cell));
+        let cell = self.cell_of(number, &["TimeInfo"])?;
+        let info = *references(&self.numbers(cell)?).first()?;
+        let listed = self.cell_of(info, &["Time_"]).and_then(|cell| self.numbers(cell));
         if let Some(times) = listed.filter(|times| !times.is_empty()) {
             return Some(times);
         }
@@ -252,17 +275,15 @@ impl<C: Cells> Objects<C> {
         self.even_times(start_s, step_s, count)
     }
 
-    /// The times in a cell, read once.
-    fn listed_times(&mut self, cell: usize) -> Option<Shared> {
-        let read = || self.cells.values(&self.cells.cell(cell)?).map(|found| Arc::new(found.values));
-        match self.times.get(&cell) {
-            Some(known) => known.clone(),
-            None => {
-                let found = read();
-                self.times.insert(cell, found.clone());
-                found
-            }
+    /// The numbers in a cell, read once.
+    fn numbers(&mut self, cell: usize) -> Option<Shared> {
+        if let Some(known) = self.numbers.get(&cell) {
+            return known.clone();
         }
+        let found = self.cells.cell(cell).and_then(|array| self.cells.values(&array));
+        let found = found.map(|found| Arc::new(found.values));
+        self.numbers.insert(cell, found.clone());
+        found
     }
 
     /// Evenly spaced times. All together they are no more than the samples of the file.
@@ -287,7 +308,7 @@ const NAMES: usize = 40;
 const OBJECT: usize = 6;
 
 /// The properties of each object, from the bytes of the first cell.
-fn properties(bytes: &[u8], big_endian: bool) -> Option<Vec<Vec<Property>>> {
+fn properties(bytes: &[u8], big_endian: bool) -> Option<PropertyLists> {
     let word = |bytes: &[u8]| {
         let bytes = bytes.try_into().expect("four bytes");
         if big_endian { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) }
@@ -296,32 +317,39 @@ fn properties(bytes: &[u8], big_endian: bool) -> Option<Vec<Vec<Property>>> {
         |from: usize, to: usize| -> Option<Vec<u32>> { Some(bytes.get(from..to)?.chunks_exact(4).map(word).collect()) };
     let head = words(0, NAMES)?;
     let parts: Vec<usize> = head[PARTS].iter().map(|part| *part as usize).collect();
-    let names: Vec<String> = bytes
+    let names: Vec<Arc<str>> = bytes
         .get(NAMES..parts[0])?
         .split(|byte| *byte == 0)
-        .map(|name| String::from_utf8_lossy(name).into_owned())
+        .map(|name| Arc::from(String::from_utf8_lossy(name)))
         .collect();
     let of_kind = |words: &[u32]| {
-        let mut lists: Vec<Vec<Property>> = Vec::new();
+        let mut lists: Vec<Properties> = Vec::new();
         let mut rest = words;
         while let [count, after @ ..] = rest {
             let Some((list, after)) = after.split_at_checked((*count as usize).saturating_mul(3)) else { break };
-            let value = |property: &[u32]| {
-                let name = names.get((property[0] as usize).checked_sub(1)?)?;
-                (property[1] == IN_A_CELL).then(|| (name.clone(), property[2] as usize + FIRST_VALUE))
-            };
-            lists.push(list.chunks_exact(3).filter_map(value).collect());
+            let mut properties = Properties::default();
+            for [name, _, cell] in list.as_chunks().0.iter().filter(|[_, kind, _]| *kind == IN_A_CELL) {
+                let Some(name) = (*name as usize).checked_sub(1).and_then(|name| names.get(name)) else { continue };
+                let cell = *cell as usize + FIRST_VALUE;
+                properties.cells.push(cell);
+                properties.by_name.entry(name.clone()).or_insert(cell);
+            }
+            lists.push(properties);
             // Each list fills whole eight bytes.
             let odd = (1 + list.len()) % 2;
             rest = after.get(odd..).unwrap_or_default();
         }
         lists
     };
-    let (saved, plain) = (of_kind(&words(parts[1], parts[2])?), of_kind(&words(parts[3], parts[4])?));
+    let mut lists = of_kind(&words(parts[1], parts[2])?);
+    let saved = lists.len();
+    lists.extend(of_kind(&words(parts[3], parts[4])?));
+    let none = lists.len();
+    lists.push(Properties::default());
     let objects = words(parts[2], parts[3])?;
-    let of_object = |object: &[u32]| {
-        let list = |lists: &[Vec<Property>], number: u32| lists.get(number as usize).cloned().unwrap_or_default();
-        [list(&saved, object[3]), list(&plain, object[4])].concat()
+    let of_object = |object: &[u32; OBJECT]| {
+        let [first, second] = [object[3] as usize, object[4] as usize];
+        [if first < saved { first } else { none }, if second < none - saved { saved + second } else { none }]
     };
-    Some(objects.chunks_exact(OBJECT).map(of_object).collect())
+    Some(PropertyLists { lists, of_objects: objects.as_chunks().0.iter().map(of_object).collect() })
 }

@@ -8,6 +8,7 @@ mod mat;
 mod mat73;
 mod mat_objects;
 mod numpy;
+mod open_document;
 mod plotjuggler;
 mod spreadsheet;
 mod sysid;
@@ -245,6 +246,17 @@ fn text(bytes: &[u8], dialect: Dialect) -> Result<Content, Fault> {
     table::read(&text.ok_or_else(|| Fault::whole(NO_TEXT))?, dialect).map_err(Fault::whole)
 }
 
+/// So many letters of a name are kept. A damaged file may have one name of a megabyte for each column of a matrix.
+const LONGEST_NAME: usize = 256;
+
+/// So many bytes are unpacked of a file: more than a recording has. A small file may claim to hold more.
+const MOST_BYTES: u64 = 1 << 30;
+
+/// The begin of a name.
+fn shortened(name: &str) -> &str {
+    name.char_indices().nth(LONGEST_NAME).map_or(name, |(end, _)| &name[..end])
+}
+
 /// The columns of a matrix, called `name/1`, `name/2` and so on. Samples stand along its longer side.
 fn matrix(name: &str, values: &[f64], rows: usize, columns: usize, by_columns: bool) -> Vec<Column> {
     let at = |row: usize, column: usize| if by_columns { column * rows + row } else { row * columns + column };
@@ -253,6 +265,7 @@ fn matrix(name: &str, values: &[f64], rows: usize, columns: usize, by_columns: b
         let place = |sample: usize| if rows >= columns { at(sample, signal) } else { at(signal, sample) };
         (0..samples).map(|sample| values[place(sample)]).collect()
     };
+    let name = shortened(name);
     let path = |signal: usize| if name.is_empty() { signal.to_string() } else { format!("{name}/{signal}") };
     (0..signals).map(|signal| Column::new(path(signal + 1), of(signal))).collect()
 }

@@ -1,6 +1,6 @@
 //! `NumPy`: a structured array whose fields are the columns (.npy), or an archive with an array for each column (.npz).
 
-use super::{Fault, matrix};
+use super::{Fault, MOST_BYTES, matrix};
 use crate::content::{Column, Content};
 use npyz::{DType, Endianness, NpyHeader, TypeChar, TypeStr};
 use std::io::{Cursor, Read, Write};
@@ -49,12 +49,18 @@ pub fn read_npz(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Conten
     let damaged = |error: zip::result::ZipError| Fault::whole(format!("not an archive of NumPy arrays: {error}"));
     let mut archive = ZipArchive::new(Cursor::new(bytes)).map_err(damaged)?;
     let mut content = Content::default();
+    let mut left_bytes = MOST_BYTES;
     for index in 0..archive.len() {
-        let mut file = archive.by_index(index).map_err(damaged)?;
+        let file = archive.by_index(index).map_err(damaged)?;
         let name = file.name().map_err(damaged)?.trim_end_matches(".npy").to_string();
         let mut bytes = Vec::new();
         let in_array = |fault: Fault| Fault::at(format_args!("array {name}"), fault.to_string());
-        let read = file.read_to_end(&mut bytes).map_err(|error| in_array(Fault::whole(error.to_string())));
+        let read = file.take(left_bytes).read_to_end(&mut bytes).map_err(|error| in_array(Fault::whole(error.to_string())));
+        left_bytes -= bytes.len() as u64;
+        if left_bytes == 0 {
+            let what = "the archive has more than 1 GB of numbers: save the signals of one recording alone";
+            return Err(Fault::at(format_args!("array {name}"), what));
+        }
         match read.and_then(|_| array(&bytes, &name).map_err(in_array)) {
             Ok(columns) => content.columns.extend(columns),
             Err(fault) if is_wanted(&name) => return Err(fault),

@@ -1,9 +1,9 @@
 //! Spreadsheets of Office programs (.xlsx, .xlsm, .xlsb, .xls, .ods): the first sheet with a table of numbers.
 
-use super::Fault;
+use super::{Fault, open_document};
 use crate::content::Content;
 use crate::table::{self, Dialect};
-use calamine::{Data, ExcelDateTime, Range, Reader as _, open_workbook_auto_from_rs};
+use calamine::{Cell, Data, DataRef, ExcelDateTime, Range, Reader as _, Sheets, open_workbook_auto_from_rs};
 use std::fmt::Write as _;
 use std::io::Cursor;
 
@@ -12,15 +12,20 @@ const BETWEEN: u8 = b'\t';
 
 /// Reads a workbook.
 pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
+    open_document::check(bytes, MOST_CELLS)?;
     let mut book = open_workbook_auto_from_rs(Cursor::new(bytes))
         .map_err(|error| Fault::whole(format!("{}. {AS_CSV}", what_is_wrong(bytes, &error))))?;
     let names = book.sheet_names();
     let mut longest: Option<(usize, Content)> = None;
     let mut why = "it has no sheet with a table of numbers".to_owned();
-    for (index, name) in names.iter().enumerate() {
-        let range = match book.worksheet_range_at(index) {
-            Some(Ok(range)) if !range.is_empty() => range,
-            _ => continue,
+    for name in &names {
+        let range = match sheet(&mut book, name) {
+            Ok(range) if !range.is_empty() => range,
+            Ok(_) => continue,
+            Err(what) => {
+                why = format!("sheet {name}: {what}");
+                continue;
+            }
         };
         match table::read(&text(&range), Dialect { delimiter: Some(BETWEEN), decimal_comma: false }) {
             Ok(content) => {
@@ -33,6 +38,54 @@ pub fn read(bytes: &[u8]) -> Result<Content, Fault> {
         }
     }
     longest.map(|(_, content)| content).ok_or_else(|| Fault::whole(why))
+}
+
+/// So many cells are read: those of a million rows of 32 columns.
+const MOST_CELLS: u64 = 1 << 25;
+
+type Book<'a> = Sheets<Cursor<&'a [u8]>>;
+
+/// The cells of a sheet. One far from the table makes a rectangle of 10^10 cells of a small file.
+fn sheet(book: &mut Book<'_>, name: &str) -> Result<Range<Data>, String> {
+    let cells = match book {
+        Sheets::Xlsx(book) => {
+            let mut cells = book.worksheet_cells_reader(name).map_err(unreadable)?;
+            all_cells(|| cells.next_cell().map_err(unreadable))?
+        }
+        Sheets::Xlsb(book) => {
+            let mut cells = book.worksheet_cells_reader(name).map_err(unreadable)?;
+            all_cells(|| cells.next_cell().map_err(unreadable))?
+        }
+        // The other formats are read when the book is opened.
+        Sheets::Xls(_) | Sheets::Ods(_) => return book.worksheet_range(name).map_err(unreadable),
+    };
+    let side = |of: fn(&Cell<Data>) -> u32| {
+        let (least, most) = cells.iter().map(of).fold((u32::MAX, 0), |(least, most), at| (least.min(at), most.max(at)));
+        u64::from(most.saturating_sub(least)) + 1
+    };
+    let (rows, columns) = (side(|cell| cell.get_position().0), side(|cell| cell.get_position().1));
+    if rows * columns > MOST_CELLS {
+        let count = cells.len();
+        return Err(format!(
+            "its {count} cells are spread over {rows} rows and {columns} columns: delete what stands far from the table"
+        ));
+    }
+    Ok(Range::from_sparse(cells))
+}
+
+fn unreadable(error: impl std::fmt::Display) -> String {
+    format!("it cannot be read ({error})")
+}
+
+/// All cells with something in them.
+fn all_cells<'a>(mut next: impl FnMut() -> Result<Option<Cell<DataRef<'a>>>, String>) -> Result<Vec<Cell<Data>>, String> {
+    let mut cells = Vec::new();
+    while let Some(cell) = next()? {
+        if *cell.get_value() != DataRef::Empty {
+            cells.push(Cell::new(cell.get_position(), cell.get_value().clone().into()));
+        }
+    }
+    Ok(cells)
 }
 
 /// What a person does with a spreadsheet that cannot be read.

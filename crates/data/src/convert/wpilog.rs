@@ -1,7 +1,7 @@
 //! `WPILib` data log, version 1.0. It has records of entries, each with a time in microseconds. A control record gives
 //! the name and the type of an entry.
 
-use super::{Column, Fault, times};
+use super::{Column, Fault, shortened, times};
 use crate::content::{Content, Series};
 use crate::recording::{Channel, Recording};
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,6 +14,9 @@ const START: u8 = 0;
 const FINISH: u8 = 1;
 /// Name of the entry of `SysIdRoutineLog` for the running test; the name of the mechanism follows.
 const TEST_STATE: &str = "sysid-test-state-";
+
+/// A log has fewer series. An array has one for each of its numbers, and may have a million of these.
+const MOST_SERIES: usize = 100_000;
 
 /// Types of entries.
 #[derive(Clone, Copy, Debug)]
@@ -153,6 +156,9 @@ pub fn read(bytes: &[u8], is_mapped: bool) -> Result<Content, Fault> {
         let is_one = matches!(kind, Kind::One(_));
         for (index, value) in values.into_iter().enumerate() {
             let name = if is_one { name.clone() } else { format!("{name}/{}", index + 1) };
+            if found.len() > MOST_SERIES && !found.contains_key(&name) {
+                return Err(Fault::at_byte(at, format!("more than {MOST_SERIES} series: log the motor's alone")));
+            }
             let series = found.entry(name.clone()).or_insert_with(|| empty(name));
             series.push(stamp_us as f64 * 1e-6, value);
         }
@@ -220,6 +226,7 @@ fn control(
     match what {
         START => {
             let (name, kind, metadata) = (record.text()?, record.text()?, record.text()?);
+            let name = shortened(&name).to_owned();
             units.insert(name.clone(), metadata);
             let kind = match (Number::named(&kind), kind.strip_suffix("[]").and_then(Number::named)) {
                 (Some(number), _) => Kind::One(number),

@@ -22,11 +22,14 @@ const BETWEEN: [char; 5] = [',', ';', '\t', ' ', '|'];
 pub fn read(lines: &[Line<'_>]) -> Option<Content> {
     let is_teleplot = |line: &&Line<'_>| teleplot(line.text).is_some();
     if 2 * lines.iter().filter(is_teleplot).count() > lines.len() {
-        return Some(series(lines));
+        return series(lines);
     }
     let labelled = lines.iter().filter(|line| pairs(line.text).is_some()).count();
-    (2 * labelled > lines.len()).then(|| rows(lines))
+    if 2 * labelled > lines.len() { rows(lines) } else { None }
 }
+
+/// A sketch prints fewer names. With more of them a number is part of the name, as in `step 12: 0.5`.
+const MOST_NAMES: usize = 1000;
 
 /// The pairs of a line; `None` if there is something else in it.
 fn pairs(line: &str) -> Option<Vec<Pair<'_>>> {
@@ -97,10 +100,11 @@ fn unit_behind(text: &str) -> (&'static str, &str) {
     unit.map_or(("", text), |unit| (unit, &after[end..]))
 }
 
-/// A row for each line, or for each group of lines until a name comes again.
-fn rows(lines: &[Line<'_>]) -> Content {
+/// A row for each line, or for each group of lines until a name comes again. `None`: too many names.
+fn rows(lines: &[Line<'_>]) -> Option<Content> {
     let mut content = Content { header: lines.first().map(|line| line.number), is_text: true, ..Content::default() };
     let mut names: Vec<(&str, &str)> = Vec::new();
+    let mut place_of: BTreeMap<&str, usize> = BTreeMap::new();
     let mut rows: Vec<BTreeMap<usize, f64>> = Vec::new();
     for line in lines {
         let Some(pairs) = pairs(line.text) else {
@@ -111,12 +115,15 @@ fn rows(lines: &[Line<'_>]) -> Content {
         let places: Vec<usize> = pairs
             .iter()
             .map(|Pair { name, unit, .. }| {
-                names.iter().position(|(known, _)| known == name).unwrap_or_else(|| {
+                *place_of.entry(name).or_insert_with(|| {
                     names.push((name, unit));
                     names.len() - 1
                 })
             })
             .collect();
+        if names.len() > MOST_NAMES {
+            return None;
+        }
         let another = places.iter().zip(&pairs).find(|(place, pair)| names[**place].1 != pair.unit);
         if let Some((place, Pair { name, unit, .. })) = another {
             let usual = names[*place].1;
@@ -144,7 +151,7 @@ fn rows(lines: &[Line<'_>]) -> Content {
             (column.name, column.unit) = (channel.column().into(), unit.into());
         }
     }
-    content
+    Some(content)
 }
 
 /// What the firmware of this project prints with `stream text`, beside the reference.
@@ -164,19 +171,24 @@ fn teleplot(line: &str) -> Option<(&str, f64, f64)> {
     Some((name.trim(), time.trim().parse().ok()?, value.trim().parse().ok()?))
 }
 
-fn series(lines: &[Line<'_>]) -> Content {
+/// A series for each name. `None`: too many names.
+fn series(lines: &[Line<'_>]) -> Option<Content> {
     let mut content = Content { header: lines.first().map(|line| line.number), ..Content::default() };
+    let mut place_of: BTreeMap<&str, usize> = BTreeMap::new();
     for line in lines {
         let Some((name, time_ms, value)) = teleplot(line.text) else {
             let what = "it is no line >name:time:value".to_owned();
             content.broken.push(Broken { line: line.number, what });
             continue;
         };
-        let place = content.series.iter().position(|series| series.name == name).unwrap_or_else(|| {
+        let place = *place_of.entry(name).or_insert_with(|| {
             content.series.push(Series::new(name, Vec::new(), Vec::new()));
             content.series.len() - 1
         });
+        if content.series.len() > MOST_NAMES {
+            return None;
+        }
         content.series[place].push(time_ms * 1e-3, value);
     }
-    content
+    Some(content)
 }
