@@ -170,6 +170,16 @@ pub(super) fn wrong_ending(path: &Path, contents: &[u8]) -> Option<String> {
     Some(format!("{name} would hold {}: give it a name that ends in .{usual}", kind.name()))
 }
 
+/// Why contents cannot replace what is there, if that is of another kind: a table has the ending of console lines too.
+pub(super) fn other_kind(path: &Path, there: &[u8], contents: &[u8]) -> Option<String> {
+    let (kind, of_contents) = (Kind::of(there), Kind::of(contents));
+    let is_other = kind != of_contents && !there.trim_ascii().is_empty();
+    is_other.then(|| {
+        let (name, kind) = (path.display(), kind.name());
+        format!("{name} holds {kind} and would hold {}: choose another name, or remove it", of_contents.name())
+    })
+}
+
 /// The message about a file that motorbench did not write.
 pub(super) fn not_ours(path: &Path) -> String {
     format!(

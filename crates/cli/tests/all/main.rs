@@ -10,6 +10,7 @@ mod batch;
 mod convert;
 mod demonstration;
 mod link;
+mod nothing_destroyed;
 mod pages;
 mod program;
 #[cfg(all(unix, feature = "chip"))]

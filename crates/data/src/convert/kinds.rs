@@ -11,7 +11,7 @@ fn columns(columns: &[&str]) -> Vec<Mapping> {
     columns.iter().map(|column| column.parse().unwrap()).collect()
 }
 
-fn read_as(format: Format, bytes: &[u8], names: &[&str]) -> Result<Recording, String> {
+pub fn read_as(format: Format, bytes: &[u8], names: &[&str]) -> Result<Recording, String> {
     read("in", bytes, format, &columns(names), Dialect::default())
         .map(|converted| converted.recording)
         .map_err(|error| error.to_string())
@@ -35,6 +35,11 @@ fn workbook(rows: &[&[&str]]) -> Vec<u8> {
         let cells: String = cells.iter().enumerate().map(cell).collect();
         sheet += &format!("<row r=\"{}\">{cells}</row>", row + 1);
     }
+    book_of(&sheet)
+}
+
+/// A workbook with one sheet of these elements `row`.
+pub fn book_of(rows: &str) -> Vec<u8> {
     let main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main";
     let relations = "http://schemas.openxmlformats.org/officeDocument/2006/relationships";
     let package = "http://schemas.openxmlformats.org/package/2006";
@@ -63,7 +68,7 @@ fn workbook(rows: &[&[&str]]) -> Vec<u8> {
                 "<Relationships xmlns=\"{package}/relationships\"><Relationship Id=\"rId1\" Type=\"{relations}/worksheet\" Target=\"worksheets/sheet1.xml\"/></Relationships>"
             ),
         ),
-        ("xl/worksheets/sheet1.xml", format!("<worksheet xmlns=\"{main}\"><sheetData>{sheet}</sheetData></worksheet>")),
+        ("xl/worksheets/sheet1.xml", format!("<worksheet xmlns=\"{main}\"><sheetData>{rows}</sheetData></worksheet>")),
     ];
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
     for (name, text) in files {
@@ -109,24 +114,24 @@ fn a_workbook_is_read_like_a_table() {
 }
 
 /// An element of a MATLAB file of level 5.
-fn element(kind: u32, data: &[u8]) -> Vec<u8> {
+pub fn element(kind: u32, data: &[u8]) -> Vec<u8> {
     let mut bytes = [kind.to_le_bytes(), (data.len() as u32).to_le_bytes()].concat();
     bytes.extend(data);
     bytes.resize(bytes.len().next_multiple_of(8), 0);
     bytes
 }
 
-fn array(class: u8, shape: [u32; 2], name: &str, content: &[u8]) -> Vec<u8> {
+pub fn array(class: u8, shape: [u32; 2], name: &str, content: &[u8]) -> Vec<u8> {
     let flags = element(6, &[u32::from(class).to_le_bytes(), [0; 4]].concat());
     let shape = element(5, &shape.map(u32::to_le_bytes).concat());
     element(14, &[&flags[..], &shape, &element(1, name.as_bytes()), content].concat())
 }
 
-fn doubles(values: &[f64]) -> Vec<u8> {
+pub fn doubles(values: &[f64]) -> Vec<u8> {
     element(9, &values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>())
 }
 
-fn matlab(variables: &[Vec<u8>]) -> Vec<u8> {
+pub fn matlab(variables: &[Vec<u8>]) -> Vec<u8> {
     let mut file = format!("{:<124}", "MATLAB 5.0 MAT-file").into_bytes();
     file.extend(b"\0\x01IM");
     file.extend(variables.concat());
@@ -187,7 +192,7 @@ fn arrays_of_matlab_objects() {
     assert!(found.notes.iter().any(|note| note.contains("object/1")), "{:?}", found.notes);
 }
 
-fn words(values: &[u32]) -> Vec<u8> {
+pub fn words(values: &[u32]) -> Vec<u8> {
     values.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
@@ -419,7 +424,7 @@ fn tests_of_sysid_that_are_not_whole() {
 }
 
 /// A log with a record for each change.
-fn log(entries: &[(&str, &str)], records: &[(u32, u64, Vec<u8>)]) -> Vec<u8> {
+pub fn log(entries: &[(&str, &str)], records: &[(u32, u64, Vec<u8>)]) -> Vec<u8> {
     let mut log = b"WPILOG\0\x01\0\0\0\0".to_vec();
     let mut record = |entry: u32, stamp_us: u64, payload: &[u8]| {
         log.push(0x7f);

@@ -176,7 +176,8 @@ impl<C: Cells> Objects<C> {
 
     /// Reads an object. `outer` is the name of what refers to it.
     fn object(&mut self, number: usize, outer: &str, depth: usize) {
-        if depth > DEEPEST || number == 0 || number >= self.properties.of_objects.len() || !self.visited.insert(number) {
+        if depth > DEEPEST || number == 0 || number >= self.properties.of_objects.len() || !self.visited.insert(number)
+        {
             return;
         }
         let name = self.text(number, "Name").unwrap_or_else(|| outer.to_owned());

@@ -318,4 +318,6 @@ fn times(recording: &Recording) -> Result<&[f64], Fault> {
 #[cfg(test)]
 mod kinds;
 #[cfg(test)]
+mod small_files;
+#[cfg(test)]
 mod tests;

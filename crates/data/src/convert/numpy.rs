@@ -55,7 +55,8 @@ pub fn read_npz(bytes: &[u8], is_wanted: &dyn Fn(&str) -> bool) -> Result<Conten
         let name = file.name().map_err(damaged)?.trim_end_matches(".npy").to_string();
         let mut bytes = Vec::new();
         let in_array = |fault: Fault| Fault::at(format_args!("array {name}"), fault.to_string());
-        let read = file.take(left_bytes).read_to_end(&mut bytes).map_err(|error| in_array(Fault::whole(error.to_string())));
+        let read =
+            file.take(left_bytes).read_to_end(&mut bytes).map_err(|error| in_array(Fault::whole(error.to_string())));
         left_bytes -= bytes.len() as u64;
         if left_bytes == 0 {
             let what = "the archive has more than 1 GB of numbers: save the signals of one recording alone";

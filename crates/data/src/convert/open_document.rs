@@ -38,7 +38,9 @@ pub fn check(bytes: &[u8], most_cells: u64) -> Result<(), Fault> {
             let Table { rows, columns, .. } = table;
             return Err(Fault::at(
                 CONTENT,
-                format!("cells are spread over {rows} rows and {columns} columns: delete what stands far from the table"),
+                format!(
+                    "cells are spread over {rows} rows and {columns} columns: delete what stands far from the table"
+                ),
             ));
         }
     }
@@ -76,7 +78,8 @@ impl Table {
             }
             "table:table-cell" | "table:covered-table-cell" => {
                 self.cells_in_row += times("table:number-columns-repeated");
-                let is_filled = element.attributes().flatten().any(|attribute| attribute.key.as_ref().contains("value"));
+                let is_filled =
+                    element.attributes().flatten().any(|attribute| attribute.key.as_ref().contains("value"));
                 if is_filled {
                     self.filled_in_row = self.cells_in_row;
                 }

@@ -78,7 +78,9 @@ fn unreadable(error: impl std::fmt::Display) -> String {
 }
 
 /// All cells with something in them.
-fn all_cells<'a>(mut next: impl FnMut() -> Result<Option<Cell<DataRef<'a>>>, String>) -> Result<Vec<Cell<Data>>, String> {
+fn all_cells<'a>(
+    mut next: impl FnMut() -> Result<Option<Cell<DataRef<'a>>>, String>,
+) -> Result<Vec<Cell<Data>>, String> {
     let mut cells = Vec::new();
     while let Some(cell) = next()? {
         if *cell.get_value() != DataRef::Empty {

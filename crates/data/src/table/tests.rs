@@ -185,6 +185,18 @@ fn logs_of_other_programs() {
     }
 }
 
+/// With a number in the name each line has a name of its own, and a table of them would be the square of the file.
+#[test]
+fn lines_with_a_number_in_their_name_are_no_labels() {
+    for line in [|row: i32| format!("x:1, step {row}: 0.5\n"), |row: i32| format!(">step{row}:{row}:0.5\n")] {
+        let labels = |count: i32| {
+            let text: String = (0..count).map(line).collect();
+            super::labels::read(&super::lines::of(&text).lines)
+        };
+        assert!(labels(900).is_some() && labels(5000).is_none());
+    }
+}
+
 #[test]
 fn a_timer_that_wraps_in_its_own_counts() {
     // Timer 1 of an Uno at 4 us.

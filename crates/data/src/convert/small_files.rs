@@ -1,0 +1,134 @@
+//! Small files that promise more than memory and time can hold: damaged ones, and ones with a stray cell.
+
+use super::kinds::{array, book_of, doubles, element, log, matlab, read_as, words};
+use super::*;
+use std::io::{Cursor, Write as _};
+use zip::ZipWriter;
+use zip::write::SimpleFileOptions;
+
+/// A MATLAB file with so many objects. Each has the name in a cell of its own, and shares samples and times with all.
+fn objects_that_share(samples: &[u8], names: &[String]) -> Vec<u8> {
+    let properties = b"Name\0Data_\0Time\0any\0";
+    let mut plain = vec![0, 0];
+    for object in 0..names.len() as u32 {
+        plain.extend([3, 1, 1, 2 + object, 2, 1, 0, 3, 1, 1]);
+    }
+    let saved = [0_u32; 2];
+    let objects: Vec<u32> =
+        [0; 6].into_iter().chain((1..=names.len() as u32).flat_map(|at| [1, 0, 0, 0, at, at])).collect();
+    let mut parts = vec![40 + properties.len().next_multiple_of(8)];
+    for length in [0, saved.len(), objects.len(), plain.len()] {
+        parts.push(parts.last().unwrap() + 4 * length);
+    }
+    let mut bytes = words(&[4, 4]);
+    bytes.extend(words(&parts.iter().map(|part| *part as u32).collect::<Vec<_>>()));
+    bytes.resize(40, 0);
+    bytes.extend(properties);
+    bytes.resize(parts[0], 0);
+    bytes.extend([words(&saved), words(&objects), words(&plain)].concat());
+    let mut cells = vec![
+        array(9, [1, bytes.len() as u32], "", &element(2, &bytes)),
+        array(6, [0, 0], "", &[]),
+        samples.to_vec(),
+        array(6, [300, 1], "", &doubles(&(0..300).map(|row| f64::from(row) * 1e-3).collect::<Vec<_>>())),
+    ];
+    cells.extend(names.iter().map(|name| array(4, [1, name.len() as u32], "", &element(16, name.as_bytes()))));
+    let inside = [vec![0, 1, b'I', b'M', 0, 0, 0, 0], array(1, [cells.len() as u32, 1], "", &cells.concat())].concat();
+    matlab(&[array(9, [1, inside.len() as u32], "", &element(2, &inside))])
+}
+
+/// A megabyte of objects on one matrix would be six million signals.
+#[test]
+fn objects_that_share_a_matrix_are_not_multiplied() {
+    let matrix = array(9, [300, 300], "", &element(2, &vec![7; 300 * 300]));
+    let names: Vec<String> = (0..20_000).map(|number| format!("signal {number}")).collect();
+    let shared = objects_that_share(&matrix, &names);
+    let content = named_content("objects.mat", &shared, Format::Mat).unwrap();
+    assert_eq!((content.series.len(), content.series[0].values.len()), (10_000, 300));
+    assert_eq!((&*content.series[0].name, &*content.series[300].name), ("signal 0/1", "signal 1/1"));
+}
+
+/// Of thousands of signals of one channel none can be chosen, so they are not all brought to common times.
+#[test]
+fn objects_of_one_channel_are_not_copied_one_by_one() {
+    let samples = array(6, [300, 1], "", &doubles(&[1.0; 300]));
+    let names: Vec<String> = (0..5000).map(|number| format!("{number}/u_V")).collect();
+    let why = read_as(Format::Mat, &objects_that_share(&samples, &names), &[]).unwrap_err();
+    assert!(why.contains("two columns are u_V: 0/u_V, 1/u_V") && !why.contains("200/u_V"), "{}", why.len());
+    let chosen = read_as(Format::Mat, &objects_that_share(&samples, &names), &["4000/u_V=u_V"]).unwrap();
+    assert_eq!(chosen.len(), 300);
+}
+
+#[test]
+fn a_long_name_does_not_come_again_for_each_column() {
+    let matrix = array(9, [400, 400], &"x".repeat(100_000), &element(2, &vec![1; 160_000]));
+    let content = named_content("name.mat", &matlab(&[matrix]), Format::Mat).unwrap();
+    assert!(content.columns.len() == 400 && content.columns.iter().all(|column| column.name.len() < 300));
+}
+
+#[test]
+fn an_array_with_a_series_for_each_byte_is_refused() {
+    let pixels = log(&[("camera", "boolean[]"), ("omega", "double")], &[(1, 0, vec![1; 200_000])]);
+    let why = read_as(Format::Wpilog, &pixels, &["omega=omega_rad_per_s"]).unwrap_err();
+    assert!(why.contains("more than 100000 series: log the motor's alone"), "{why}");
+}
+
+fn archive(parts: &[(&str, &str)]) -> Vec<u8> {
+    let mut archive = ZipWriter::new(Cursor::new(Vec::new()));
+    for (name, text) in parts {
+        archive.start_file(*name, SimpleFileOptions::default()).unwrap();
+        archive.write_all(text.as_bytes()).unwrap();
+    }
+    archive.finish().unwrap().into_inner()
+}
+
+fn open_document(table: &str) -> Vec<u8> {
+    let names = "xmlns:office=\"office\" xmlns:table=\"table\" xmlns:text=\"text\"";
+    archive(&[
+        ("mimetype", "application/vnd.oasis.opendocument.spreadsheet"),
+        ("META-INF/manifest.xml", "<manifest/>"),
+        ("content.xml", &format!("<office:document-content {names}>{table}")),
+    ])
+}
+
+/// A cell in the last corner of a sheet makes a rectangle of 17 thousand million cells.
+#[test]
+fn a_cell_far_from_the_table_is_named() {
+    let row = |number: u32, cells: &str| format!("<row r=\"{number}\">{cells}</row>");
+    let near = row(1, "<c r=\"A1\" t=\"str\"><v>t_s</v></c><c r=\"B1\" t=\"str\"><v>u_V</v></c>")
+        + &row(2, "<c r=\"A2\"><v>0</v></c><c r=\"B2\"><v>1.5</v></c>");
+    let far = row(1_048_576, "<c r=\"XFD1048576\"><v>1</v></c>");
+    assert_eq!(read_as(Format::Spreadsheet, &book_of(&near), &[]).unwrap().len(), 1);
+    let why = read_as(Format::Spreadsheet, &book_of(&(near + &far)), &[]).unwrap_err();
+    let what = "spread over 1048576 rows and 16384 columns: delete what stands far from the table";
+    assert!(why.contains(&format!("sheet Log: its 5 cells are {what}")), "{why}");
+    // OpenDocument says how often a cell and a row are repeated.
+    let cell = |text: &str| {
+        format!("<table:table-cell office:value-type=\"string\"><text:p>{text}</text:p></table:table-cell>")
+    };
+    let number = |value: f64| format!("<table:table-cell office:value-type=\"float\" office:value=\"{value}\"/>");
+    let row = |cells: String| {
+        format!("<table:table-row>{cells}<table:table-cell table:number-columns-repeated=\"16382\"/></table:table-row>")
+    };
+    let near = row(cell("t_s") + &cell("u_V")) + &row(number(0.0) + &number(1.5)) + &row(number(0.1) + &number(2.5));
+    let rest = "<table:table-row table:number-rows-repeated=\"1048573\"><table:table-cell table:number-columns-repeated=\"16384\"/></table:table-row>";
+    let table = |rows: &str| {
+        open_document(&format!("<table:table table:name=\"Log\">{rows}</table:table></office:document-content>"))
+    };
+    let usual = read_as(Format::Spreadsheet, &table(&(near.clone() + rest)), &[]).unwrap();
+    assert_eq!(usual.get(Channel::Voltage).unwrap(), [1.5, 2.5]);
+    let many = rest.replace("<table:table-cell ", "<table:table-cell office:value-type=\"float\" office:value=\"1\" ");
+    let why = read_as(Format::Spreadsheet, &table(&(near + &many)), &[]).unwrap_err();
+    assert!(why.contains("delete what stands far from the table"), "{why}");
+}
+
+/// Such a file would be read for ever.
+#[test]
+fn a_sheet_that_ends_within_its_table_is_refused() {
+    for cut in
+        ["<table:table table:name=\"Log\"><table:table-row>", "<table:table table:name=\"Log\"></table:table-row>"]
+    {
+        let why = read_as(Format::Spreadsheet, &open_document(cut), &[]).unwrap_err();
+        assert!(why.contains("content.xml: this .ods is not whole") && why.contains("save the sheet as CSV"), "{why}");
+    }
+}
