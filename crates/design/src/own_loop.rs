@@ -443,7 +443,13 @@ mod tests {
                 let out = Sketch::Plain.output(&mut integral, more, self.kp * error - self.kd * rate);
                 let is_loaded = sample >= lasts;
                 let load_torque_nm = if is_loaded { load_torque_nm } else { 0.0 };
-                let bridge = if out > 0.0 { Bridge::Forward } else if out < 0.0 { Bridge::Reverse } else { Bridge::Brake };
+                let bridge = if out > 0.0 {
+                    Bridge::Forward
+                } else if out < 0.0 {
+                    Bridge::Reverse
+                } else {
+                    Bridge::Brake
+                };
                 let supply_v = supply_v * out.abs() / PWM_FULL;
                 // Within the sample time too: what happens between the samples counts.
                 for _ in 0..4 {
@@ -481,18 +487,33 @@ mod tests {
                     for ki in [0.4, 0.7, 1.0, 1.5, 2.0, 3.0] {
                         let one = pi(kp, ki);
                         let w = one.worst(&model(), counts_per_rev, sample_s);
-                        if w[0] < best_pi.0[0] { best_pi = (w, one); }
+                        if w[0] < best_pi.0[0] {
+                            best_pi = (w, one);
+                        }
                         for td in [0.1, 0.25, 0.5, 1.0] {
                             for f in [0.0, 1.0, 3.0] {
                                 let one = OnLoad { kd: td * sample_s * one.kp, filter_s: f * sample_s, ..one };
                                 let w = one.worst(&model(), counts_per_rev, sample_s);
-                                if w[0] < best_pid.0[0] { best_pid = (w, one); }
+                                if w[0] < best_pid.0[0] {
+                                    best_pid = (w, one);
+                                }
                             }
                         }
                     }
                 }
                 let own = pi(1.0, 1.0).worst(&model(), counts_per_rev, sample_s);
-                println!("{counts_per_rev} {sample_s}: own {own:.2?} PI {:.2?} kp {:.2} ki {:.2}; PID {:.2?} kp {:.2} ki {:.2} td/T {:.2} f/T {:.1}; lag {:.3}", best_pi.0, best_pi.1.kp/base.kp, best_pi.1.ki/base.ki, best_pid.0, best_pid.1.kp/base.kp, best_pid.1.ki/base.ki, best_pid.1.kd/best_pid.1.kp/sample_s, best_pid.1.filter_s/sample_s, lag_s(&model().motor));
+                println!(
+                    "{counts_per_rev} {sample_s}: own {own:.2?} PI {:.2?} kp {:.2} ki {:.2}; PID {:.2?} kp {:.2} ki {:.2} td/T {:.2} f/T {:.1}; lag {:.3}",
+                    best_pi.0,
+                    best_pi.1.kp / base.kp,
+                    best_pi.1.ki / base.ki,
+                    best_pid.0,
+                    best_pid.1.kp / base.kp,
+                    best_pid.1.ki / base.ki,
+                    best_pid.1.kd / best_pid.1.kp / sample_s,
+                    best_pid.1.filter_s / sample_s,
+                    lag_s(&model().motor)
+                );
             }
         }
     }

@@ -15,6 +15,8 @@ pub struct FakeBoard {
     pub trip: Trip,
     /// One sample of this many comes over the line.
     pub every: u32,
+    /// A setting, and its greatest value; a greater one is refused.
+    pub most: Option<(&'static str, f64)>,
     tick: u32,
     left: u32,
     speed: i16,
@@ -24,7 +26,16 @@ pub struct FakeBoard {
 impl FakeBoard {
     /// A board that sends this many samples.
     pub fn that_sends(samples: u32) -> Self {
-        Self { heard: Vec::new(), trip: Trip::None, every: 1, tick: 0, left: samples, speed: 0, silent_s: 0.0 }
+        Self {
+            heard: Vec::new(),
+            trip: Trip::None,
+            every: 1,
+            most: None,
+            tick: 0,
+            left: samples,
+            speed: 0,
+            silent_s: 0.0,
+        }
     }
 }
 
@@ -37,6 +48,10 @@ impl Board for FakeBoard {
             self.speed = (speed.parse::<f32>().unwrap() / settings.get(Param::SpeedRange) * FULL_RANGE) as i16;
         }
         self.heard.push(line.into());
+        let value = |name: &str| line.split_once(&format!(" {name} "))?.1.split(' ').next()?.parse::<f64>().ok();
+        if self.most.is_some_and(|(name, most)| value(name).is_some_and(|value| value > most)) {
+            return Err(BoardError::Refused { line: line.into(), reply: "error: too large for fixed point".into() });
+        }
         match self.trip {
             Trip::None => Ok(()),
             _ if line != "arm" => Ok(()),

@@ -49,6 +49,8 @@ const LEAST_COUNTS: f64 = 2.0;
 /// Usual time constants of the closed loops.
 const SPEED_LOOP_MS: f64 = 10.0;
 const POSITION_LOOP_MS: f64 = 30.0;
+/// Where the board's numbers do not hold the gains of a usual closed loop, the next one is slower by this.
+const SLOWER: f64 = 1.25;
 /// Limits of the acceptance test.
 const MOST_OVERSHOOT_PERCENT: f64 = 35.0;
 const MOST_ERROR_SHARE: f64 = 0.03;
@@ -62,7 +64,8 @@ const MOST_ERROR_SHARE: f64 = 0.03;
 
 A motor that sticks is refused: its friction would be measured instead of the
 loop. Where the range of the speed does not fit the motor, as with a gear motor,
-it is set with the gains.")]
+it is set with the gains. Where the board's numbers do not hold the gains of a
+usual closed loop, a slower one is taken and told.")]
 pub struct Arguments {
     #[command(flatten)]
     pub(super) port: PortArguments,
@@ -163,13 +166,14 @@ pub fn run(arguments: &Arguments) -> Result<(), Failure> {
 
 /// Experiment, gains, acceptance test.
 fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outputs: &Outputs) -> Result<(), Failure> {
-    let (found, gains) = experiment(board, settings, arguments)?;
+    let (found, rule) = experiment(board, settings, arguments)?;
     let ranges = set_ranges(board, settings, found.greatest_rad_per_s)?;
     let now = with(settings, &ranges)?;
+    let Sent { gains, closed_loop_s, result } = rule.sent(board);
     let put_back = |board: &mut Attended| {
         [&gains, &ranges].into_iter().try_for_each(|changed| send(board, &before(settings, changed)))
     };
-    let tested = send(board, &gains).and_then(|()| match arguments.position {
+    let tested = result.and_then(|()| match arguments.position {
         true => acceptance_of_position(board, &now),
         false => acceptance(board, &now, found.reference_rad_per_s),
     });
@@ -183,6 +187,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
     if let Some(path) = &arguments.json {
         let result = json!({
             "experiment": found.json,
+            "closed_loop_ms": closed_loop_s.map(|seconds| 1e3 * seconds),
             "gains": gains.iter().cloned().collect::<BTreeMap<_, _>>(),
             "ranges": ranges.iter().cloned().collect::<BTreeMap<_, _>>(),
             "test": test.json(),
@@ -190,7 +195,7 @@ fn tuned(board: &mut Attended, settings: &Settings, arguments: &Arguments, outpu
         });
         write_json(path, &result)?;
     }
-    outputs.say(&format!("{}\ngains\n", found.text));
+    outputs.say(&format!("{}\n{}gains\n", found.text, rule.slower_text(closed_loop_s)));
     set.iter().for_each(|(name, value)| outputs.say(&format!("  {name} {value:.6}\n")));
     outputs.say(&test.text());
     if !accepted {
@@ -325,11 +330,50 @@ struct Found {
     reference_rad_per_s: f64,
 }
 
-fn experiment(
-    board: &mut Attended,
-    settings: &Settings,
-    arguments: &Arguments,
-) -> Result<(Found, Vec<(String, f64)>), Failure> {
+/// Gains by the time constant of the closed loop.
+struct Rule {
+    gains: Box<dyn Fn(f64) -> Vec<(String, f64)>>,
+    /// `None`: the gains follow from the experiment alone.
+    closed_loop_s: Option<f64>,
+    /// The slowest loop that may be taken instead: that of the motor itself, or the one that a person asks for.
+    slowest_s: f64,
+}
+
+/// What was sent.
+struct Sent {
+    gains: Vec<(String, f64)>,
+    closed_loop_s: Option<f64>,
+    result: Result<(), BoardError>,
+}
+
+impl Rule {
+    /// Sends the gains. If the board refuses them as too large for its numbers, those of a slower loop.
+    fn sent(&self, board: &mut impl Board) -> Sent {
+        let mut loop_s = self.closed_loop_s.unwrap_or_default();
+        loop {
+            let gains = (self.gains)(loop_s);
+            match send(board, &gains) {
+                Err(BoardError::Refused { .. }) if SLOWER * loop_s <= self.slowest_s && loop_s > 0.0 => {
+                    loop_s *= SLOWER;
+                }
+                result => return Sent { gains, closed_loop_s: self.closed_loop_s.map(|_| loop_s), result },
+            }
+        }
+    }
+
+    /// What a person should know of a loop that was taken instead.
+    fn slower_text(&self, taken_s: Option<f64>) -> String {
+        let slower = self.closed_loop_s.zip(taken_s).filter(|(usual_s, taken_s)| taken_s > usual_s);
+        slower.map_or_else(String::new, |(usual_s, taken_s)| {
+            let [usual_ms, taken_ms] = [usual_s, taken_s].map(|seconds| 1e3 * seconds);
+            format!(
+                "closed loop of {taken_ms:.0} ms: the board's numbers do not hold the gains of the usual {usual_ms:.0} ms\n"
+            )
+        })
+    }
+}
+
+fn experiment(board: &mut Attended, settings: &Settings, arguments: &Arguments) -> Result<(Found, Rule), Failure> {
     match arguments.relay {
         Some(amplitude_v) => by_relay(board, settings, arguments, amplitude_v),
         None => by_step(board, settings, arguments),
@@ -340,11 +384,7 @@ fn experiment(
     })
 }
 
-fn by_step(
-    board: &mut Attended,
-    settings: &Settings,
-    arguments: &Arguments,
-) -> Result<(Found, Vec<(String, f64)>), TuningError> {
+fn by_step(board: &mut Attended, settings: &Settings, arguments: &Arguments) -> Result<(Found, Rule), TuningError> {
     let model = on_board::step(board, settings, [arguments.from, arguments.to], arguments.hold)?;
     let text = format!(
         "step: {:.2} rad/s per volt, time constant {:.1} ms, dead time {:.1} ms",
@@ -360,12 +400,12 @@ fn by_step(
         greatest_rad_per_s: reached + model.gain_rad_per_s_per_v * more_v.max(0.0),
         reference_rad_per_s: arguments.reference_below(reached),
     };
-    let loop_s = |usual_ms: f64| 1e-3 * arguments.closed_loop.unwrap_or(usual_ms);
-    let gains = match arguments.position {
-        true => simc_position(&model, loop_s(POSITION_LOOP_MS)),
-        false => simc(&model, loop_s(SPEED_LOOP_MS)),
-    };
-    Ok((found, gains))
+    let is_position = arguments.position;
+    let usual_ms = if is_position { POSITION_LOOP_MS } else { SPEED_LOOP_MS };
+    let closed_loop_s = 1e-3 * arguments.closed_loop.unwrap_or(usual_ms);
+    let slowest_s = if arguments.closed_loop.is_some() { closed_loop_s } else { model.time_constant_s };
+    let gains = move |loop_s: f64| if is_position { simc_position(&model, loop_s) } else { simc(&model, loop_s) };
+    Ok((found, Rule { gains: Box::new(gains), closed_loop_s: Some(closed_loop_s), slowest_s }))
 }
 
 fn by_relay(
@@ -373,7 +413,7 @@ fn by_relay(
     settings: &Settings,
     arguments: &Arguments,
     amplitude_v: f64,
-) -> Result<(Found, Vec<(String, f64)>), TuningError> {
+) -> Result<(Found, Rule), TuningError> {
     let reached = match arguments.reference {
         Some(reference) => reference,
         None => on_board::steady_speed(board, settings, arguments.bias, arguments.hold)?.abs(),
@@ -391,7 +431,9 @@ fn by_relay(
     let json = json!({ "kind": "relay", "cycle": found.cycle, "delay_s": found.delay_s });
     let share = f64::from(settings.get(Param::VoltageLimit)) / arguments.bias.abs().max(f64::MIN_POSITIVE);
     let greatest_rad_per_s = reference_rad_per_s * share.max(1.0);
-    Ok((Found { text, json, greatest_rad_per_s, reference_rad_per_s }, tyreus_luyben(&found.cycle)))
+    let gains = tyreus_luyben(&found.cycle);
+    let rule = Rule { gains: Box::new(move |_| gains.clone()), closed_loop_s: None, slowest_s: 0.0 };
+    Ok((Found { text, json, greatest_rad_per_s, reference_rad_per_s }, rule))
 }
 
 impl Arguments {
@@ -491,6 +533,31 @@ mod tests {
         let set = |greatest: f64| set_ranges(&mut Fake::that_sends(0), &Settings::defaults(), greatest).unwrap();
         let of = |range: f64| vec![("speed_range".into(), range), ("comp_friction_width".into(), range / 256.0)];
         assert_eq!([set(140.0), set(300.0), set(15.0), set(600.0)], [vec![], vec![], of(32.0), of(1024.0)]);
+    }
+
+    /// A gear motor asks for more gain than the board's numbers hold. Only where nobody asked for a loop it is slower.
+    #[test]
+    fn gains_that_the_board_does_not_hold_are_those_of_a_slower_loop() {
+        let rule = |closed_loop_s: f64, slowest_s: f64| Rule {
+            gains: Box::new(|loop_s| vec![("position_kp".into(), 1.0 / loop_s)]),
+            closed_loop_s: Some(closed_loop_s),
+            slowest_s,
+        };
+        let mut board = Fake { most: Some(("position_kp", 20.0)), ..Fake::that_sends(0) };
+        let usual = rule(0.03, 0.15);
+        let sent = usual.sent(&mut board);
+        let taken_s = sent.closed_loop_s.unwrap();
+        assert!(sent.result.is_ok() && taken_s > 0.05 && taken_s < 0.05 * SLOWER, "{taken_s}");
+        assert_eq!(board.heard.len(), 4, "{:?}", board.heard);
+        assert!(
+            usual.slower_text(Some(taken_s)).starts_with("closed loop of 59 ms"),
+            "{}",
+            usual.slower_text(Some(taken_s))
+        );
+        assert_eq!(usual.slower_text(Some(0.03)), "");
+        for asked in [rule(0.03, 0.03), rule(0.03, 0.05)] {
+            assert!(matches!(asked.sent(&mut board).result, Err(BoardError::Refused { .. })));
+        }
     }
 
     #[test]

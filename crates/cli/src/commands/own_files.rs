@@ -110,8 +110,9 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8], own: &[Mapping]) -> boo
         Kind::Page | Kind::Plot => contains(IN_PAGES.as_bytes()),
         Kind::Picture => contains(IN_PNG),
         Kind::Lines => there.split(|byte| *byte == b'\n').all(|line| line.is_empty() || line.starts_with(b"set ")),
-        Kind::Table => names(there)
-            .is_some_and(|names| is_recording(&names, own) && is_as_written(there) || names == BODE),
+        Kind::Table => {
+            names(there).is_some_and(|names| is_recording(&names, own) && is_as_written(there) || names == BODE)
+        }
         Kind::Other => is_converted(path, there, own),
     }
 }

@@ -44,6 +44,32 @@ fn gains_without_a_model_pass_their_test_or_are_refused() {
     assert_eq!(slew_limit(), before);
 }
 
+/// A gear motor of 10 rad/s asks for more gain of the position than the board's numbers hold: the loop is slower then.
+#[test]
+fn a_gear_motor_gets_gains_for_speed_and_position() {
+    let folder = tempfile::tempdir().unwrap();
+    let [rig, model] = ["rig.toml", "model.toml"].map(|name| folder.path().join(name));
+    let motor = "[motor]\nresistance_ohm = 9\ninductance_H = 4e-3\ntorque_constant_Nm_per_A = 0.55\ninertia_kg_m2 = 0.005\nviscous_friction_Nm_s = 0.003\n";
+    std::fs::write(&rig, format!("[supply]\nvoltage_V = 12\n[encoder]\ncounts_per_rev = 1320\n{motor}")).unwrap();
+    let effects = "[effects.coulomb_friction]\ntorque_Nm = 0.05\n[effects.voltage_drop]\ndrop_V = 1.5\n";
+    std::fs::write(&model, format!("{motor}{effects}")).unwrap();
+    let files = [&rig, &model].map(|path| path.to_str().unwrap());
+    let board = Board::with("gear", &["--rig", files[0], "--model", files[1]]);
+    assert_eq!(board.run("connect", &["set counts_per_rev 1320"]).status.code(), Some(0));
+    let tuned = |arguments: &[&str]| -> serde_json::Value {
+        let done = board.run("autotune", &[&["--json"], arguments].concat());
+        assert_eq!(done.status.code(), Some(0), "{arguments:?}: {}", text(&done.stderr));
+        serde_json::from_slice(&done.stdout).unwrap()
+    };
+    let speed = tuned(&[]);
+    // 1/k rad/s per volt.
+    let gain = speed["experiment"]["model"]["gain_rad_per_s_per_V"].as_f64().unwrap();
+    assert!(speed["accepted"] == true && (gain * 0.55 - 1.0).abs() < 0.1, "{speed}");
+    let position = tuned(&["--position"]);
+    let loop_ms = position["closed_loop_ms"].as_f64().unwrap();
+    assert!(position["accepted"] == true && loop_ms > 30.0 && loop_ms < 130.0, "{position}");
+}
+
 /// The same without a terminal, for programs: the step tests with their gains, and whether the board keeps the last.
 #[test]
 fn a_tuning_session_without_a_person() {
