@@ -72,7 +72,7 @@ fn speed_page(found: &OwnLoop, asked: &Asked) -> String {
     text += &slower(*bandwidth_hz, asked);
     text += &of_value("kp", *kp, "PWM per rpm");
     text += &of_value("ki", *ki, "PWM per rpm and s");
-    text += &of_value("kd", 0.0, "no use at this sample time");
+    text += &of_value("kd", 0.0, "it would gain little");
     text += &of_value("feed-forward", *kff, "PWM per rpm");
     text += &of_value("feed-forward, acceleration", *kaff, "PWM per rpm/s");
     text += &of_value("filter of the reference", 1e3 * loop_s, "ms");
