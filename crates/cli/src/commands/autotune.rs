@@ -543,7 +543,8 @@ mod tests {
             closed_loop_s: Some(closed_loop_s),
             slowest_s,
         };
-        let mut board = Fake { most: Some(("position_kp", 20.0)), ..Fake::that_sends(0) };
+        let mut board = Fake::that_sends(0);
+        board.most = Some(("position_kp", 20.0));
         let usual = rule(0.03, 0.15);
         let sent = usual.sent(&mut board);
         let taken_s = sent.closed_loop_s.unwrap();

@@ -122,7 +122,7 @@ fn assert_near(what: &str, found: f64, expected: f64, share: f64) {
 
 /// The current of a moment is not the mean of a period. Friction and drop are told all the same, and what to do.
 #[test]
-#[ignore = "the diagnosis says that something else remains: a current of any moment is compared at one phase, which does not explain all of it"]
+#[ignore = "the diagnosis names a part and says that something else remains"]
 fn a_current_of_any_moment_at_490_hz() {
     let found = diagnosed(&table(Between::Brakes), "[bridge]\npwm_Hz = 490\n");
     assert_near("friction", value(&found, "coulomb_friction", "torque_Nm"), FRICTION_NM, 0.15);
@@ -132,7 +132,7 @@ fn a_current_of_any_moment_at_490_hz() {
 }
 
 #[test]
-#[ignore = "the diagnosis says that something else remains: a current of any moment is compared at one phase, which does not explain all of it"]
+#[ignore = "the diagnosis names a part and says that something else remains"]
 fn a_current_of_any_moment_where_the_off_phase_coasts() {
     let found = diagnosed(&table(Between::Coasts), "[bridge]\npwm_Hz = 490\ndecay = \"coast\"\ndrop_V = 1.4\n");
     assert_near("friction", value(&found, "coulomb_friction", "torque_Nm"), FRICTION_NM, 0.15);
