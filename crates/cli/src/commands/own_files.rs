@@ -149,7 +149,7 @@ fn is_recording(names: &[&str], own: &[Mapping]) -> bool {
     names.iter().all(|name| *name == "__time" || Channel::of_column(name).is_some() || is_own(name))
 }
 
-/// Whether each number has no digit more than it needs, as motorbench writes it. The table of a sketch may have the same
+/// Whether each number has no digit more than it needs, or the seven of a step response, as motorbench writes it. The table of a sketch may have the same
 /// names, but it has numbers such as 0.500.
 fn is_as_written(there: &[u8]) -> bool {
     let Ok(text) = std::str::from_utf8(there) else { return false };
@@ -157,7 +157,8 @@ fn is_as_written(there: &[u8]) -> bool {
     let between = [';', '\t', ','].into_iter().find(|sign| header.contains(*sign)).unwrap_or(',');
     let is_short = |cell: &str| {
         let number = if between == ',' { cell.to_owned() } else { cell.replace(',', ".") };
-        number.is_empty() || number == "nan" || number.parse::<f64>().is_ok_and(|value| value.to_string() == number)
+        let is_ours = |value: f64| value.to_string() == number || format!("{value:.6e}") == number;
+        number.is_empty() || number == "nan" || number.parse().is_ok_and(is_ours)
     };
     text.lines().skip(1).flat_map(|line| line.split(between)).all(is_short)
 }
@@ -260,6 +261,7 @@ mod tests {
         let bode = BODE.join(",") + "\n1,2,3,4,5,6,7\n";
         for (there, is_ours) in [
             (&b"t_s,rpm\n0,1\n0.001,-2.5\n0.002,\n"[..], true),
+            (b"t_s,rpm\n0.000000e0,1.361287e-4\n", true),
             (b"t_s;rpm\n0;1\n0,001;-2,5\n", true),
             (b"t_s,rpm\n0.000,1.0\n", false),
             (b"when,what\n1,2\n", false),

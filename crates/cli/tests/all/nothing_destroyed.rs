@@ -28,14 +28,13 @@ const FOREIGN: [(&str, &[u8]); 16] = [
 ];
 
 /// Commands, and the options with which each writes a file. The file's name follows at once or as the next word.
-const COMMANDS: [(&[&str], &[&str]); 10] = [
+const COMMANDS: [(&[&str], &[&str]); 9] = [
     (&["simulate", "bench.toml"], &["--csv", "--plot", "--json="]),
     (&["analyse", "--rig", "rig.toml"], &["--bode", "--step", "--json="]),
     (&["identify", "run.csv", "--rig", "rig.toml"], &["--model", "--json="]),
     (&["design", "--rig", "rig.toml", "--speed", "--bandwidth-Hz", "5"], &["--console", "--json=", "--report"]),
     (&["compare", "model.toml", "model.toml"], &["--plot", "--json=", "--report"]),
     (&["stand", "table.csv", "--rig", "rig.toml"], &["--map", "--report", "--json="]),
-    (&["validate", "run.csv", "--model", "model.toml"], &["--plot", "--report", "--json="]),
     (&["convert", "run.csv"], &[""]),
     (&["settings"], &["--json="]),
     (&["diagnose", "run.csv", "--rig", "rig.toml"], &["--model", "--report", "--json="]),
@@ -68,6 +67,18 @@ fn that_writes<'a>(command: &[&'a str], option: &'a str, joined: &'a str, name: 
     [command, &output].concat()
 }
 
+/// A name with the ending that the option's help shows.
+fn usual_name(option: &str) -> &'static str {
+    match option {
+        "--plot" | "--map" => "made.svg",
+        "--json=" => "made.json",
+        "--model" => "made.toml",
+        "--console" => "made.txt",
+        "--report" => "made.html",
+        _ => "made.csv",
+    }
+}
+
 #[test]
 fn files_of_others_are_kept() {
     let folder = folder();
@@ -89,6 +100,16 @@ fn files_of_others_are_kept() {
 #[test]
 fn own_files_are_replaced_by_their_kind() {
     let folder = folder();
+    for (command, options) in COMMANDS {
+        for option in options {
+            let name = usual_name(option);
+            let joined = format!("{option}{name}");
+            for _ in 0..2 {
+                assert!(succeeds(folder.path(), &that_writes(command, option, &joined, name)), "{command:?} {option}");
+            }
+            std::fs::remove_file(folder.path().join(name)).unwrap();
+        }
+    }
     let csv = ["simulate", "bench.toml", "--csv"];
     let console = ["design", "--rig", "rig.toml", "--speed", "--bandwidth-Hz", "5", "--console"];
     for (command, name) in [(&csv[..], "made.csv"), (&csv, "made.txt"), (&console, "gains.txt")] {
