@@ -105,7 +105,7 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8], own: &[Mapping]) -> boo
         Kind::Json => {
             // The side file of a measurement.
             let is_side = contains(b"\"firmware\"") && contains(b"\"settings\"");
-            is_side || there.ends_with(IN_JSON.as_bytes()) || is_list_of_ports(there)
+            is_side || there.ends_with(IN_JSON.as_bytes()) || is_own_list(there)
         }
         Kind::Page | Kind::Plot => contains(IN_PAGES.as_bytes()),
         Kind::Picture => contains(IN_PNG),
@@ -117,10 +117,15 @@ pub(super) fn may_be_replaced(path: &Path, there: &[u8], own: &[Mapping]) -> boo
     }
 }
 
-/// Whether it is what `ports` writes: a list cannot carry a mark.
-fn is_list_of_ports(there: &[u8]) -> bool {
-    let is_port = |port: &Map<String, Value>| ["board", "port", "simulated", "what"].iter().eq(port.keys());
-    serde_json::from_slice::<Vec<Map<String, Value>>>(there).is_ok_and(|ports| ports.iter().all(is_port))
+/// The keys of what `ports` and `settings` list, in their alphabetical order.
+const LISTED: [&[&str]; 2] =
+    [&["board", "port", "simulated", "what"], &["default", "help", "least", "most", "name", "unit"]];
+
+/// Whether it is such a list, which cannot carry a mark.
+fn is_own_list(there: &[u8]) -> bool {
+    let list = serde_json::from_slice::<Vec<Map<String, Value>>>(there);
+    let is_of = |keys: &[&str], list: &[Map<String, Value>]| list.iter().all(|one| keys.iter().eq(one.keys()));
+    list.is_ok_and(|list| LISTED.iter().any(|keys| is_of(keys, &list)))
 }
 
 /// Whether a file of another program has this project's channels only, as `convert` writes them.
@@ -276,6 +281,8 @@ mod tests {
     fn what_has_no_mark_is_known_by_its_names() {
         let ports = br#"[{ "port": "COM3", "what": "Arduino Uno", "board": true, "simulated": false }]"#;
         let other = br#"[{ "port": 3, "what": "notes" }]"#;
+        let settings = br#"[{ "default": 1, "help": "", "least": 0, "most": 2, "name": "speed_b", "unit": "1" }]"#;
+        assert!(may_be_replaced(Path::new("settings.json"), settings, &[]));
         assert!(may_be_replaced(Path::new("ports.json"), ports, &[]));
         assert!(!may_be_replaced(Path::new("ports.json"), other, &[]));
         let (table, own) = (b"t_s,speed\n0,1\n", ["speed=omega_rad_per_s".parse().unwrap()]);
