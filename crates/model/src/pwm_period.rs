@@ -23,44 +23,79 @@ pub struct Volts {
 /// The PWM as the current sees it.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ripple {
-    /// Share of the period in which the supply drives, with the sign of the direction.
-    pulse: f64,
+    /// The direction of the drive; 0 without one.
+    sense: f64,
+    /// Where the supply drives.
+    pulse: Part,
+    /// The rest of the period.
+    off: Part,
     /// What the current gains of a volt over a period; 0 if its ripple is left out.
     a_per_v: f64,
     /// The period over the electrical time constant; 0 for straight lines.
     decay: f64,
 }
 
+/// A part of the period, and what a current becomes in it.
+#[derive(Clone, Copy, Debug, Default)]
+struct Part {
+    /// Of the period.
+    share: f64,
+    /// Of a current at its begin that is left at its end.
+    left: f64,
+    /// What a volt makes of no current, as a share of what it makes over a whole period without resistance.
+    gained: f64,
+}
+
+impl Part {
+    fn new(share: f64, decay: f64) -> Self {
+        match decay == 0.0 {
+            true => Self { share, left: 1.0, gained: share },
+            false => {
+                let lost = -(-decay * share).exp_m1();
+                Self { share, left: 1.0 - lost, gained: lost / decay }
+            }
+        }
+    }
+
+    /// Whether a current of this height is still there at its end, against what drives it towards zero.
+    #[inline]
+    fn is_too_short_for(&self, height_v: f64, driving_v: f64) -> bool {
+        height_v * self.left >= driving_v * self.gained
+    }
+}
+
 impl Ripple {
     /// Of a motor at rest.
     pub fn new(inductance_h: f64, resistance_ohm: f64, pwm_hz: f64) -> Self {
         let decay = resistance_ohm / (inductance_h * pwm_hz);
-        Self { pulse: 0.0, a_per_v: 1.0 / (inductance_h * pwm_hz), decay: if decay < STRAIGHT { 0.0 } else { decay } }
+        let decay = if decay < STRAIGHT { 0.0 } else { decay };
+        Self { a_per_v: 1.0 / (inductance_h * pwm_hz), decay, ..Self::default() }.with_duty(0.0)
     }
 
     /// The same with a duty from -1 to 1.
-    #[inline]
     pub fn with_duty(self, duty: f64) -> Self {
-        Self { pulse: duty.clamp(-1.0, 1.0), ..self }
+        let pulse = duty.abs().min(1.0);
+        let sense = if duty == 0.0 { 0.0 } else { duty.signum() };
+        Self { sense, pulse: Part::new(pulse, self.decay), off: Part::new(1.0 - pulse, self.decay), ..self }
     }
 
     /// What is lost over a period in which the current does not reverse.
     #[inline]
-    pub fn mean_drop_v(self, [pulse_v, off_v]: [f64; 2]) -> f64 {
-        off_v + self.pulse.abs() * (pulse_v - off_v)
+    pub fn mean_drop_v(&self, [pulse_v, off_v]: [f64; 2]) -> f64 {
+        off_v + self.pulse.share * (pulse_v - off_v)
     }
 
     /// What drops leave of a mean current: `free_a` without them, `dry_a` what they take from a current that does not
     /// reverse. One that touches zero in each period has the mean that the volts say, whatever it was before.
     #[inline]
-    pub fn against_drops(self, free_a: f64, dry_a: f64, volts: impl FnOnce() -> Volts) -> f64 {
+    pub fn against_drops(&self, free_a: f64, dry_a: f64, volts: impl FnOnce() -> Volts) -> f64 {
         if dry_a <= 0.0 {
             return free_a;
         }
         let (least_a, most_a) = (free_a - dry_a, free_a + dry_a);
         // Not `clamp`: a simulation that has left all bounds is judged by its error.
         let within = |settled_a: f64| settled_a.max(least_a).min(most_a);
-        if self.pulse * self.a_per_v == 0.0 {
+        if self.pulse.share * self.a_per_v == 0.0 {
             return within(0.0);
         }
         let volts = volts();
@@ -75,7 +110,7 @@ impl Ripple {
         let swing = self.swing(&volts);
         // As far as the mean is above the least current, and below the greatest.
         let [above_a, below_a] =
-            if self.pulse > 0.0 { [swing.low_a, swing.high_a] } else { [swing.high_a, swing.low_a] };
+            if self.sense > 0.0 { [swing.low_a, swing.high_a] } else { [swing.high_a, swing.low_a] };
         if least_a >= above_a {
             least_a
         } else if most_a <= -below_a {
@@ -86,8 +121,8 @@ impl Ripple {
     }
 
     /// The current at the share `at` of a period with the mean `mean_a`.
-    pub fn sampled_a(self, mean_a: f64, at: f64, volts: &Volts) -> f64 {
-        let sense = self.pulse.signum();
+    pub fn sampled_a(&self, mean_a: f64, at: f64, volts: &Volts) -> f64 {
+        let sense = self.sense;
         let swing = self.swing(volts);
         if -swing.high_a < sense * mean_a
             && sense * mean_a < swing.low_a
@@ -100,8 +135,8 @@ impl Ripple {
 
     /// From the least to the greatest current of a period without resistance.
     #[inline]
-    fn straight_swing_a(self, volts: &Volts) -> f64 {
-        let pulse = self.pulse.abs();
+    fn straight_swing_a(&self, volts: &Volts) -> f64 {
+        let pulse = self.pulse.share;
         let [pulse_drop_v, off_drop_v] = volts.drops_v;
         let driven_v = volts.mean_v.abs() + pulse * (off_drop_v - pulse_drop_v);
         self.a_per_v * (1.0 - pulse) * driven_v.abs()
@@ -109,28 +144,28 @@ impl Ripple {
 
     /// Of a period in which the PWM drives and the current does not touch zero.
     #[inline]
-    fn swing(self, volts: &Volts) -> Swing {
-        let pulse = self.pulse.abs();
+    fn swing(&self, volts: &Volts) -> Swing {
+        let Self { pulse, off, decay, .. } = *self;
         let straight_a = self.straight_swing_a(volts);
-        if self.decay == 0.0 || pulse == 1.0 {
+        if decay == 0.0 || pulse.share == 1.0 {
             let half_a = 0.5 * straight_a;
-            return Swing { pulse, decay: 0.0, low_a: half_a, high_a: half_a, towards_a: 0.0 };
+            return Swing { pulse: pulse.share, decay: 0.0, low_a: half_a, high_a: half_a, towards_a: 0.0 };
         }
         // What a pulse without an end and an off phase without one lead to are so far apart.
-        let step_a = straight_a / (pulse * (1.0 - pulse) * self.decay);
-        let risen = -(-self.decay * pulse).exp_m1() / -(-self.decay).exp_m1();
+        let step_a = straight_a / (pulse.share * off.share * decay);
+        let risen = decay * pulse.gained / (1.0 - pulse.left * off.left);
         Swing {
-            pulse,
-            decay: self.decay,
-            low_a: step_a * (pulse - risen * (-self.decay * (1.0 - pulse)).exp()),
-            high_a: step_a * (risen - pulse),
-            towards_a: step_a * (1.0 - pulse),
+            pulse: pulse.share,
+            decay,
+            low_a: step_a * (pulse.share - risen * off.left),
+            high_a: step_a * (risen - pulse.share),
+            towards_a: step_a * off.share,
         }
     }
 
     /// Mean current of a period in which it touches zero; at the bound of that beyond.
-    fn settled_a(self, volts: &Volts) -> f64 {
-        let sense = self.pulse.signum();
+    fn settled_a(&self, volts: &Volts) -> f64 {
+        let sense = self.sense;
         match self.regime(volts) {
             Regime::Touching(cycle) => sense * self.a_per_v * cycle.mean_v(),
             Regime::Above => sense * self.swing(volts).low_a,
@@ -138,31 +173,23 @@ impl Ripple {
         }
     }
 
-    fn regime(self, volts: &Volts) -> Regime {
-        let (sense, pulse) = (self.pulse.signum(), self.pulse.abs());
-        let off = 1.0 - pulse;
+    fn regime(&self, volts: &Volts) -> Regime {
+        let Self { sense, pulse, off, decay, .. } = *self;
         // In exponentials the resistance takes its share of the current of each moment.
-        let emf_v = sense * if self.decay == 0.0 { volts.emf_v + volts.lost_v } else { volts.emf_v };
-        let supply_v = sense * volts.mean_v / pulse;
+        let emf_v = sense * if decay == 0.0 { volts.emf_v + volts.lost_v } else { volts.emf_v };
+        let supply_v = sense * volts.mean_v / pulse.share;
         let [pulse_drop_v, off_drop_v] = volts.drops_v;
-        let cycle = Cycle {
-            pulse,
-            decay: self.decay,
-            rise_v: supply_v - pulse_drop_v - emf_v,
-            return_v: supply_v + pulse_drop_v - emf_v,
-            fall_v: emf_v + off_drop_v,
-            reverse_v: emf_v - off_drop_v,
-            low_v: 0.0,
-            high_v: 0.0,
-        };
-        let Cycle { rise_v, return_v, fall_v, reverse_v, .. } = cycle;
-        let (from_rest_v, to_rest_v) = (cycle.reached_v(rise_v, pulse), cycle.reached_v(reverse_v, off));
-        if fall_v <= 0.0 || rise_v > 0.0 && cycle.until_zero(from_rest_v, fall_v) >= off {
+        let (rise_v, return_v) = (supply_v - pulse_drop_v - emf_v, supply_v + pulse_drop_v - emf_v);
+        let (fall_v, reverse_v) = (emf_v + off_drop_v, emf_v - off_drop_v);
+        let (from_rest_v, to_rest_v) = (rise_v * pulse.gained, reverse_v * off.gained);
+        if fall_v <= 0.0 || rise_v > 0.0 && off.is_too_short_for(from_rest_v, fall_v) {
             return Regime::Above;
         }
-        if return_v <= 0.0 || reverse_v > 0.0 && cycle.until_zero(to_rest_v, return_v) >= pulse {
+        if return_v <= 0.0 || reverse_v > 0.0 && pulse.is_too_short_for(to_rest_v, return_v) {
             return Regime::Below;
         }
+        let cycle =
+            Cycle { pulse: pulse.share, decay, rise_v, return_v, fall_v, reverse_v, low_v: 0.0, high_v: 0.0 };
         let (low_v, high_v) = match (rise_v > 0.0, reverse_v > 0.0) {
             (false, false) => (0.0, 0.0),
             // The pulse drives and the off phase ends that, or the other way round.

@@ -60,8 +60,8 @@ pub(super) struct Run<'a> {
     ripple_a: f64,
     /// The last steps, as far back as the window of the current.
     lately: VecDeque<Passed>,
-    /// The PWM without a duty.
-    undriven: Ripple,
+    /// The PWM with the last duty.
+    driven: (f64, Ripple),
     /// Conditions of the previous step.
     before: Option<(Instant, Balance)>,
 }
@@ -95,7 +95,7 @@ impl<'a> Run<'a> {
             mean_a: 0.0,
             bulge_a: 0.0,
             ripple_a: 0.0,
-            undriven: Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, averaged_hz(data)),
+            driven: (0.0, Ripple::new(model.motor.inductance_h, model.motor.resistance_ohm, averaged_hz(data))),
             before: None,
         }
     }
@@ -177,7 +177,7 @@ impl<'a> Run<'a> {
     #[inline]
     fn advance(&mut self, at: &mut Instant, input: Input, load_nm: f64, is_kept: bool) -> f64 {
         let motor = &self.model.motor;
-        let ripple = self.undriven.with_duty(at.duty);
+        let ripple = self.ripple(at.duty);
         let dry_drop_v = self.data.origin.hidden_drop_v;
         let mut terms = Balance { torque_nm: -load_nm, dry_drop_v, ripple, ..Balance::default() };
         for Acting { effect, values, state } in &mut self.acting {
@@ -246,9 +246,18 @@ impl<'a> Run<'a> {
     fn change_duty(&mut self, voltage_v: f64, duty: f64) {
         let Some((at, terms)) = self.before.as_ref().filter(|(at, _)| at.duty != duty && !at.open) else { return };
         let begun = self.above_mean_a(at, terms, 0.0);
-        let at = Instant { voltage_v, duty, ..*at };
-        let terms = Balance { ripple: self.undriven.with_duty(duty), ..*terms };
+        let (at, terms) = (Instant { voltage_v, duty, ..*at }, *terms);
+        let terms = Balance { ripple: self.ripple(duty), ..terms };
         self.current_a += begun - self.above_mean_a(&at, &terms, 0.0);
+    }
+
+    /// The PWM with a duty, which is the same for many steps.
+    #[inline]
+    fn ripple(&mut self, duty: f64) -> Ripple {
+        if duty != self.driven.0 {
+            self.driven = (duty, self.driven.1.with_duty(duty));
+        }
+        self.driven.1
     }
 
     /// Current at its sampling time in the period, less its mean.
