@@ -1,7 +1,7 @@
 //! Recordings prepared for identification: the command, the measured quantities, and the held-out part.
 
-use motorbench_data::recording::{Channel, Recording};
-use motorbench_data::rig::{Readings, Rig};
+use motorbench_data::recording::Recording;
+use motorbench_data::rig::Rig;
 use motorbench_model::{Axis, Drive};
 use std::ops::Range;
 
@@ -14,10 +14,12 @@ mod edge_timing;
 mod end_of_range;
 mod error;
 mod held_rotor;
+mod measured;
 mod mistakes;
 mod notes;
 mod origin;
 mod otherwise;
+mod pwm;
 mod reading;
 mod row_order;
 mod speed_window;
@@ -31,6 +33,7 @@ pub use edge_timing::{BetweenEdges, EdgeTiming};
 pub use end_of_range::EndOfRange;
 pub use error::DatasetError;
 pub use held_rotor::HeldRotor;
+pub use measured::{Measured, Output, TOLERANCE};
 pub use origin::{Averaged, Origin};
 pub use speed_window::Window;
 
@@ -50,8 +53,6 @@ const STEP: f64 = 0.25;
 const SETTLED: usize = 4;
 /// A row longer than this many usual ones spans missing rows.
 pub const LONG_ROW: f64 = 1.5;
-/// Every edge of a PWM is simulated up to so many of its periods in a row. A faster one is averaged.
-const MOST_PERIODS: f64 = 1.5;
 /// Time over which an angle is differentiated: short against the motor, long against the encoder's step.
 const DIFFERENCE_SPAN_S: f64 = 0.005;
 /// Blocks of this length are held out in turn, one in [`HELD_OUT_EVERY`]; shorter in short recordings.
@@ -60,12 +61,6 @@ const FEWEST_BLOCKS: f64 = 24.0;
 const HELD_OUT_EVERY: usize = 3;
 /// Which of them is kept back.
 const HELD_OUT: usize = 1;
-/// An error below this share of a quantity's spread is not named. Terms held over half a millisecond, a friction that
-/// bends before it slips, and a speed read as a mean cause up to as much.
-pub const TOLERANCE: f64 = 0.01;
-/// Speeds from row to row share a count with the next. Their scatter makes them seem noisier by this factor than
-/// counting does: the root of 7/4 comes from third differences of rounding, the rest from the whole numbers.
-const SHARED_COUNTS: f64 = 1.7;
 /// A row whose command is this share of the greatest one has its magnitude...
 const SAME_MAGNITUDE: f64 = 0.97;
 /// ... and if only one magnitude was played, at least this share of the rows have it, of those in which the motor is
@@ -77,87 +72,6 @@ const AT_REST: f64 = 0.05;
 pub const PWM_HZ: f64 = motorbench_core::HARDWARE.pwm_hz as f64;
 /// A share of the supply is at most one, apart from rounding.
 const GREATEST_DUTY: f64 = 1.05;
-
-/// A measured quantity that the simulation is compared with.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Output {
-    /// Armature current.
-    Current,
-    /// Speed as recorded.
-    Speed,
-    /// Speed as recorded, a difference of counts over a [`Stretch::window`].
-    MeanSpeed,
-    /// Speed as recorded, timed by [`Origin::edge_timing`].
-    TimedSpeed,
-    /// Speed as the difference of recorded angles over a [`Stretch::window`].
-    AngleDifference,
-}
-
-impl Output {
-    /// Column name of what it was made from.
-    pub fn channel(self) -> &'static str {
-        match self {
-            Self::Current => Channel::Current.column(),
-            Self::Speed | Self::MeanSpeed | Self::TimedSpeed => Channel::Speed.column(),
-            Self::AngleDifference => "omega_from_angle_rad_per_s",
-        }
-    }
-
-    /// Title of an axis, with its unit.
-    pub fn title(self) -> &'static str {
-        match self {
-            Self::Current => Channel::Current.title(),
-            Self::Speed | Self::MeanSpeed | Self::TimedSpeed => Channel::Speed.title(),
-            Self::AngleDifference => "speed from the angle, rad/s",
-        }
-    }
-
-    /// Its unit.
-    pub fn unit(self) -> &'static str {
-        match self {
-            Self::Current => "A",
-            Self::Speed | Self::MeanSpeed | Self::TimedSpeed | Self::AngleDifference => "rad/s",
-        }
-    }
-}
-
-/// A measured quantity.
-#[derive(Clone, Debug)]
-pub struct Measured {
-    /// What it is.
-    pub output: Output,
-    /// Its samples, missing ones as NaN.
-    pub values: Vec<f64>,
-    /// Standard deviation of its noise, from its scatter from sample to sample.
-    pub noise: f64,
-    /// Standard deviation from rounding to whole counts, or from edges anywhere in their row; 0 if it is not counted.
-    pub of_counting: f64,
-    /// Scatter up to this may come from counting alone.
-    pub unrest_of_counting: f64,
-    /// Error that is tolerated of a model: [`TOLERANCE`] of its spread, or the reading's own step.
-    pub tolerance: f64,
-}
-
-impl Measured {
-    /// Standard deviation of the noise in its residual. Few counts increase so evenly that their scatter underestimates
-    /// it.
-    pub fn noise_in(&self, residual: &[f64]) -> f64 {
-        let unrest = noise(residual);
-        if unrest < self.unrest_of_counting { self.of_counting } else { unrest.max(self.of_counting) }
-    }
-
-    fn scale(&mut self, factor: f64) {
-        self.values.iter_mut().for_each(|value| *value *= factor);
-        for scale in [&mut self.noise, &mut self.of_counting, &mut self.unrest_of_counting, &mut self.tolerance] {
-            *scale *= factor;
-        }
-    }
-
-    /// Error of the best model that can be expected, with this noise of the sensor.
-    pub fn least_error(&self, noise: f64) -> f64 {
-        noise.hypot(self.tolerance)
-    }
-}
 
 /// Rows without a gap; the simulation restarts with each stretch.
 #[derive(Clone, Debug, PartialEq)]
@@ -238,17 +152,7 @@ impl Dataset {
             }
             all.append(one);
         }
-        let of_counting = all.noise_of_counting();
-        for measured in &mut all.measured {
-            if matches!(measured.output, Output::MeanSpeed | Output::AngleDifference) {
-                measured.of_counting = of_counting;
-                let is_from_row_to_row = all.stretches.iter().all(|stretch| stretch.window.span <= 1);
-                measured.unrest_of_counting = if is_from_row_to_row { SHARED_COUNTS * of_counting } else { 0.0 };
-            }
-            measured.noise = measured.noise_in(&measured.values);
-            let resolution = if measured.output == Output::Current { rig.current_sensor.resolution_a } else { None };
-            measured.tolerance = (TOLERANCE * spread(&measured.values)).max(resolution.unwrap_or(0.0));
-        }
+        all.judge_noise(rig.current_sensor.resolution_a);
         // A measured current is none that was written.
         let may_be_written_after = rig.recording.command_delay_s.is_none() && all.axis.drive != Drive::Current;
         if may_be_written_after && row_order::is_written_after(&all) {
@@ -304,38 +208,6 @@ impl Dataset {
         self.time_s[row] - self.earlier_s.get(row).copied().unwrap_or(0.0)
     }
 
-    /// Whether each current may be a value of one instant.
-    pub fn reads_instants(&self) -> bool {
-        let timing = &self.origin.timing;
-        timing.readings == Readings::Instant && timing.current_window_s.is_none() && self.current().is_some()
-    }
-
-    /// Whether the ripple of the PWM in each current is known: where it is read, or that it is averaged.
-    pub fn is_ripple_known(&self) -> bool {
-        let origin = &self.origin;
-        let is_averaged = origin.timing.readings == Readings::Mean || origin.current_window_s > 0.0;
-        let is_phase_known = origin.timing.current_sampled_at.is_some() || origin.pwm_phase.is_some();
-        self.current().is_none() || is_averaged || is_phase_known
-    }
-
-    /// The same with the PWM in this phase at time 0.
-    pub fn with_pwm_phase(&self, pwm_phase: Option<f64>) -> Self {
-        let mut other = self.clone();
-        other.origin.pwm_phase = pwm_phase;
-        other
-    }
-
-    /// Whether a PWM of known frequency is slow beside the rows.
-    pub fn is_pwm_slow(&self) -> bool {
-        let is_driven = self.axis.drive.is_voltage() && self.origin.pwm_is_known;
-        is_driven && self.origin.pwm_hz * self.interval_s < MOST_PERIODS
-    }
-
-    /// Whether every edge of the PWM is simulated.
-    pub fn is_switched(&self) -> bool {
-        self.origin.pwm_phase.is_some() && self.is_pwm_slow()
-    }
-
     /// Whether the command times are estimated instead of taken from the rows.
     pub fn has_moments(&self) -> bool {
         !self.earlier_s.is_empty()
@@ -348,14 +220,6 @@ impl Dataset {
             let of_stretch = speed_window::angle_rad(&speed[rows.clone()], *window, &self.time_s[rows.clone()]);
             self.angle_rad[rows.clone()].copy_from_slice(&of_stretch);
         }
-    }
-
-    /// Standard deviation that rounding to whole counts causes in a speed, from both ends of its window.
-    fn noise_of_counting(&self) -> f64 {
-        let of_stretch = |stretch: &Stretch| {
-            (self.count_rad / 6_f64.sqrt() / stretch.window_s()).powi(2) * stretch.rows.len() as f64
-        };
-        (self.stretches.iter().map(of_stretch).sum::<f64>() / self.len().max(1) as f64).sqrt()
     }
 
     fn append(&mut self, other: Self) {

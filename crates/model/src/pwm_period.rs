@@ -188,8 +188,7 @@ impl Ripple {
         if return_v <= 0.0 || reverse_v > 0.0 && pulse.is_too_short_for(to_rest_v, return_v) {
             return Regime::Below;
         }
-        let cycle =
-            Cycle { pulse: pulse.share, decay, rise_v, return_v, fall_v, reverse_v, low_v: 0.0, high_v: 0.0 };
+        let cycle = Cycle { pulse: pulse.share, decay, rise_v, return_v, fall_v, reverse_v, low_v: 0.0, high_v: 0.0 };
         let (low_v, high_v) = match (rise_v > 0.0, reverse_v > 0.0) {
             (false, false) => (0.0, 0.0),
             // The pulse drives and the off phase ends that, or the other way round.

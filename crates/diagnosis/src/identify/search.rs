@@ -3,7 +3,8 @@
 //! only a look, it ends on simulated ones.
 
 use super::sensitivities::Sensitivities;
-use super::{Effort, Fit, Prior, Unknown, prior_cost, square, torque_scale, unknowns, weighted_residual};
+use super::unknowns::{Unknown, prior_cost, unknowns};
+use super::{Effort, Fit, Prior, square, torque_scale, weighted_residual};
 use crate::free_run::{Prediction, Replay};
 use motorbench_model::Model;
 use nalgebra::DVector;

@@ -1,9 +1,10 @@
 //! Sensitivities of the weighted residual to the numbers that a fit moves.
 
-use super::{Base, Unknown, dot, torque_scale};
-use crate::free_run::{Replay, Steps};
+use super::{Unknown, dot, torque_scale, weighted_residual};
+use crate::free_run::{Motion, Prediction, Replay, Steps, nudged, read};
 use maybe_rayon::prelude::*;
 use motorbench_model::Model;
+use motorbench_model::catalogue::{Balance, Effect};
 use nalgebra::{DMatrix, DVector};
 
 /// Relative step of the finite differences.
@@ -11,6 +12,48 @@ const DIFFERENCE: f64 = 2e-3;
 /// The same for a model with events that shift in time: long enough to average over several of them, since a single one
 /// misleads.
 const DIFFERENCE_OVER_EVENTS: f64 = 4e-2;
+
+/// A simulation that others are compared with.
+pub(super) struct Base<'a> {
+    pub replay: &'a Replay<'a>,
+    steps: Steps,
+    motion: Motion,
+    residual: Vec<f64>,
+}
+
+impl<'a> Base<'a> {
+    pub fn new(model: &Model, replay: &'a Replay<'a>, steps: Steps) -> Self {
+        let motion = replay.drive(model, steps);
+        let residual = weighted_residual(replay.data, &read(model, replay.data, motion.clone()));
+        Self { replay, steps, motion, residual }
+    }
+
+    /// Difference of the weighted residual of another model; `motion`: whether its motor moves differently.
+    pub fn change(&self, other: &Model, motion: bool) -> Vec<f64> {
+        let prediction = match motion {
+            true => read(other, self.replay.data, self.replay.drive(other, self.steps)),
+            false => read(other, self.replay.data, self.motion.clone()),
+        };
+        self.change_to(&prediction)
+    }
+
+    /// The same by the linear motor's response to the torque and the voltage that an effect adds, to the first order.
+    pub fn change_by_linear_response(&self, model: &Model, effect: &dyn Effect, values: &[f64]) -> Vec<f64> {
+        let data = self.replay.data;
+        let motion = nudged(model, data, &self.motion, |at| {
+            let mut terms = Balance::default();
+            effect.contribute(values, &model.motor, at, &mut [], &mut terms);
+            terms
+        });
+        self.change_to(&read(model, data, motion))
+    }
+
+    fn change_to(&self, prediction: &Prediction) -> Vec<f64> {
+        let mut change = weighted_residual(self.replay.data, prediction);
+        change.iter_mut().zip(&self.residual).for_each(|(there, here)| *there -= here);
+        change
+    }
+}
 
 /// One column an unknown.
 #[derive(Clone, Debug)]

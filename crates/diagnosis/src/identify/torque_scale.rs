@@ -4,7 +4,8 @@
 //! `c` times as great, the motor turns exactly as before. Only what was known before decides on `c`. Finite differences
 //! know that no better than to a thousandth, and a thousandth of ten thousand samples outweighs every data sheet.
 
-use super::{Place, Unknown, dot, prior_cost};
+use super::dot;
+use super::unknowns::{Place, Unknown, prior_cost};
 use crate::dataset::Dataset;
 use motorbench_model::motor::MotorParameters;
 use motorbench_model::unit::Quantity;
@@ -89,7 +90,8 @@ fn scaled(model: &Model, unknowns: &[Unknown], logarithm: f64) -> Model {
 mod tests {
     use super::*;
     use crate::free_run::free_run;
-    use crate::identify::{Prior, motor_values, scales, unknowns};
+    use crate::identify::unknowns::{motor_values, unknowns};
+    use crate::identify::{Prior, scales};
     use motorbench_data::recording::Recording;
     use motorbench_data::rig::Rig;
     use motorbench_model::catalogue::{CATALOGUE, Sensor};

@@ -1,12 +1,40 @@
 //! How well a fit knows its constants, and what follows from them.
 
-use super::{BLOCKS_S, Fit, Interval, Unknown, Z95};
+use super::sensitivities::Sensitivities;
+use super::unknowns::{INERTIA, Place, VISCOUS_FRICTION, unknowns_of_terms};
+use super::{Fit, Unknown, dot, square, weighted_residual};
 use crate::dataset::Dataset;
+use crate::free_run::{Steps, drive, read};
 use motorbench_model::Model;
 use nalgebra::{DMatrix, DVector};
+use std::sync::OnceLock;
 
+/// Residuals further apart than this count as independent. Of several block lengths the one with the widest interval
+/// counts. Longer blocks include model errors that belong to one manner of driving.
+const BLOCKS_S: [f64; 2] = [0.2, 2.0];
+/// Relative error (one standard deviation) of the motor's constants from the model's simplifications other than its
+/// steps, such as readings at an instant. It was measured on benches with known constants. Effects add theirs, see
+/// [`motorbench_model::catalogue::Simplification`].
+const SYSTEMATIC: f64 = 7e-4;
+/// The same for an effect's constants if the PWM frequency was assumed: it comes from a list, and the shaft is assumed
+/// to turn evenly within its period.
+const GUESSED_PWM: f64 = 3e-3;
+
+/// Half an interval of 95 % in standard errors.
+pub const Z95: f64 = 1.96;
 /// Step of the derivatives of a quantity, in coordinates of the fit.
 const DIFFERENCE: f64 = 1e-5;
+
+/// A fitted constant and its interval.
+#[derive(Clone, Copy, Debug)]
+pub struct Interval {
+    /// Which.
+    pub place: Place,
+    /// Most plausible value.
+    pub value: f64,
+    /// 95 % interval.
+    pub ci95: [f64; 2],
+}
 
 /// Covariances and systematic errors of a fit.
 pub struct Uncertainty<'a> {
@@ -42,6 +70,72 @@ impl Fit {
             shift: self.shift_of_coarse_steps(data),
             simplified: self.unknowns.iter().map(simplified).collect(),
         }
+    }
+
+    /// Number of residuals, less what their correlation within the shorter blocks takes.
+    pub fn independent_residuals(&self, data: &Dataset) -> f64 {
+        let block = (BLOCKS_S[0] / data.interval_s).max(1.0) as usize;
+        let blocks = self.residual.chunks(data.len()).flat_map(|output| output.chunks(block));
+        let of_sums: f64 = blocks.map(|block| block.iter().sum::<f64>().powi(2)).sum();
+        let correlation = of_sums / square(&self.residual).max(f64::MIN_POSITIVE);
+        self.used() as f64 / correlation.max(1.0)
+    }
+
+    /// Covariance of the coordinates that holds for residuals correlated within a block.
+    fn covariance(&self, data: &Dataset, block_s: f64) -> DMatrix<f64> {
+        let block = (block_s / data.interval_s).max(1.0) as usize;
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        let size = columns.len();
+        let mut middle = DMatrix::zeros(size, size);
+        let samples = data.len();
+        for start in (0..samples).step_by(block) {
+            let gradient = DVector::from_iterator(
+                size,
+                columns.iter().map(|column| {
+                    (0..data.measured.len())
+                        .map(|output| {
+                            let range = output * samples + start..output * samples + (start + block).min(samples);
+                            dot(&column[range.clone()], &self.residual[range])
+                        })
+                        .sum::<f64>()
+                }),
+            );
+            middle += &gradient * gradient.transpose();
+        }
+        for (index, unknown) in self.unknowns.iter().enumerate() {
+            middle[(index, index)] += unknown.prior.map_or(0.0, |(_, spread)| 1.0 / (spread * spread));
+        }
+        inverse * middle * inverse
+    }
+
+    /// Shift of each coordinate with steps twice as long: the order of the error from the steps.
+    fn shift_of_coarse_steps(&self, data: &Dataset) -> DVector<f64> {
+        let coarse = weighted_residual(data, &read(&self.model, data, drive(&self.model, data, Steps::Coarse)));
+        let change: Vec<f64> = coarse.iter().zip(&self.residual).map(|(coarse, fine)| coarse - fine).collect();
+        let (Sensitivities { columns, .. }, inverse) = self.sensitivities(data);
+        inverse * DVector::from_iterator(columns.len(), columns.iter().map(|column| dot(column, &change)))
+    }
+
+    /// Relative error of a constant from the model's simplifications.
+    fn simplified(&self, place: Place, data: &Dataset) -> f64 {
+        let of_the_pwm = if data.origin.pwm_is_known { 0.0 } else { GUESSED_PWM };
+        let terms = self.model.terms.iter().map(|term| term.effect.simplification());
+        match place {
+            Place::Motor(INERTIA) => terms.map(|law| law.inertia).fold(SYSTEMATIC, f64::hypot),
+            Place::Motor(VISCOUS_FRICTION) => terms.map(|law| law.viscous_friction).fold(SYSTEMATIC, f64::hypot),
+            Place::Motor(_) => SYSTEMATIC,
+            Place::Term(term, _) => self.model.terms[term].effect.simplification().own.hypot(of_the_pwm),
+        }
+    }
+
+    /// The same with the constants that the model holds at their prior means among the unknown ones: then the uncertainty
+    /// contains what they leave open. They come last.
+    pub fn with_held_open(&self, data: &Dataset) -> Self {
+        let held = unknowns_of_terms(&self.model, data, None, |term| self.model.holds(term));
+        if held.is_empty() {
+            return self.clone();
+        }
+        Self { unknowns: [&self.unknowns[..], &held].concat(), sensitivities: OnceLock::new(), ..self.clone() }
     }
 }
 
