@@ -27,6 +27,17 @@ fn averaged(window_s: f64) -> String {
 impl Dataset {
     /// Notes on what was found about the recordings and is not in the rig file.
     pub fn notes(&self) -> Vec<String> {
+        let parts = [
+            self.notes_on_the_files(),
+            self.notes_on_times(),
+            self.notes_on_rows_left_out(),
+            self.notes_on_length_and_losses(),
+            self.notes_on_the_current(),
+        ];
+        parts.concat()
+    }
+
+    fn notes_on_the_files(&self) -> Vec<String> {
         let mut notes: Vec<String> = self.origin.contradictions.iter().map(Contradiction::note).collect();
         notes.extend(self.origin.reading.iter().cloned());
         notes.extend(self.origin.empty.iter().map(|channel| without_a_number(*channel)));
@@ -34,6 +45,12 @@ impl Dataset {
             notes.push(held_rotor::note(&self.origin.held_rotor));
         }
         notes.extend(self.origin.dead_current_a.map(dead_current::note));
+        notes
+    }
+
+    /// On command times, the window of a speed, and what tells the angle.
+    fn notes_on_times(&self) -> Vec<String> {
+        let mut notes = Vec::new();
         if self.origin.written_after {
             notes.push(row_order::WRITTEN_AFTER.into());
         }
@@ -54,6 +71,11 @@ impl Dataset {
             notes.push(BY_RIPPLE.into());
         }
         notes.extend(self.origin.edge_timing.as_ref().and_then(EdgeTiming::note));
+        notes
+    }
+
+    fn notes_on_rows_left_out(&self) -> Vec<String> {
+        let mut notes = Vec::new();
         if let Some(first) = self.origin.counter_stops.first() {
             notes.push(format!(
                 "The counter stood still in {} places while the motor was driven (first at {:.3} s, for {:.3} s). Those rows are not compared. Find what blocks the program there: an interrupt, or the serial line?",
@@ -84,6 +106,11 @@ impl Dataset {
                 self.origin.without_time
             ));
         }
+        notes
+    }
+
+    fn notes_on_length_and_losses(&self) -> Vec<String> {
+        let mut notes = Vec::new();
         if self.span_s() < SHORTEST_S {
             notes.push(format!(
                 "{:.1} s are short to tell causes apart. Record the sequence `identify` (20 s).",
@@ -96,6 +123,12 @@ impl Dataset {
                 100.0 * self.origin.lost_share
             ));
         }
+        notes
+    }
+
+    /// On its window, and on the PWM in it.
+    fn notes_on_the_current(&self) -> Vec<String> {
+        let mut notes = Vec::new();
         if self.origin.timing.current_window_s.is_none() && self.origin.current_window_s > 0.0 {
             notes.push(format!(
                 "The current is compared as a mean over the {:.4} s before its row; a lag or more inductance would explain it as well. Set [recording] current_window_s in the rig file to say which it is.",
