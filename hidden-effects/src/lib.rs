@@ -317,6 +317,9 @@ pub struct Recipe {
     pub written_after: bool,
     /// The PWM has the frequency of one of the Uno's timers, and the rig file does not give it.
     pub timer_of_the_uno: bool,
+    /// A bridge that drops a voltage is one of bipolar transistors: it drops more of a greater current, and another voltage in
+    /// the off phase.
+    pub darlingtons: bool,
     /// The current of a row is the mean of four to nineteen conversions that ended with it.
     pub burst: bool,
     /// A wrong scale in the rig file or the recording.
@@ -336,6 +339,7 @@ impl Recipe {
             one_row_of: 1,
             written_after: false,
             timer_of_the_uno: false,
+            darlingtons: false,
             burst: false,
             mistake: None,
         }
@@ -406,6 +410,8 @@ pub struct Truth {
     pub mistake: Option<Mistake>,
     /// Whether a drop differs from a motor with other constants: behind two levels of one magnitude it does not.
     pub drop_shows: bool,
+    /// Whether the bridge has a part of the resistance: that of the winding alone does not show.
+    pub bridge_resists: bool,
 }
 
 /// A recording with its truth.
@@ -428,7 +434,12 @@ pub fn draw(seed: u64, recipe: &Recipe) -> Trial {
     let rig_toml = rig_toml(&bench, &nominal, recipe);
     let csv = sensors::record(bench, recipe, &mut random);
     let drop_shows = recipe.excitation != Excitation::Prbs;
-    Trial { csv, rig_toml, truth: Truth { effects, motor, nominal, mistake: recipe.mistake, drop_shows } }
+    let bridge_resists = recipe.darlingtons;
+    Trial {
+        csv,
+        rig_toml,
+        truth: Truth { effects, motor, nominal, mistake: recipe.mistake, drop_shows, bridge_resists },
+    }
 }
 
 fn log_uniform(random: &mut impl Rng, from: f64, to: f64) -> f64 {

@@ -38,7 +38,7 @@ impl LiveBench {
         };
         let (bench, effects) = Bench::draw(motor, recipe, &mut random);
         let nominal = wrong(motor, &mut random);
-        (Self { bench }, Truth { effects, motor, nominal, mistake: None, drop_shows: true })
+        (Self { bench }, Truth { effects, motor, nominal, mistake: None, drop_shows: true, bridge_resists: false })
     }
 
     /// Lets time pass under one state of the bridge.

@@ -43,7 +43,7 @@ impl Kind {
 }
 
 /// Kinds of trials.
-const KINDS: [Kind; 23] = [
+const KINDS: [Kind; 24] = [
     Kind::with_goal("clean", "nothing hidden", "false alarm at most 1 %"),
     Kind::with_goal("single", "each effect alone, but for those of `further`", "98 % exact"),
     Kind::with_goal("real", "one effect on a rig that has Coulomb friction and a bridge drop anyway", "95 % exact"),
@@ -88,6 +88,10 @@ const KINDS: [Kind; 23] = [
     ),
     Kind::new("timer", "one effect on that rig, the PWM of a timer of the Uno's that the rig file does not name"),
     Kind::new("burst", "one effect on that rig, each current the mean of conversions that ended with its row"),
+    Kind::new(
+        "darlingtons",
+        "nothing else or one effect on that rig, behind a bridge of bipolar transistors that drops more of a greater current, and less in the off phase",
+    ),
 ];
 /// In the report there are so many times as many of the first kinds, every column recorded and every cause in the catalogue.
 const OFTEN: u64 = 8;
@@ -209,7 +213,9 @@ fn constants(trial: &Trial, outcome: &Outcome) -> Vec<Constant> {
         ("inertia_kg_m2", motor.inertia_kg_m2),
     ];
     let is_known = outcome.unexplained.is_none();
-    let of_motor = of_motor.into_iter().filter(|_| is_known).map(|(name, truth)| {
+    // The first is the resistance.
+    let of_motor = of_motor.into_iter().skip(usize::from(trial.truth.bridge_resists));
+    let of_motor = of_motor.filter(|_| is_known).map(|(name, truth)| {
         let found = outcome.parameters[name];
         compared(format!("motor {name}"), truth, found.value, found.ci95)
     });

@@ -1,6 +1,6 @@
 //! Draws a bench from a recipe: its constants, its friction, and the strength of each hidden effect.
 
-use super::{Bench, COPPER_PER_K, Commutation, Friction, Hidden, Lag};
+use super::{Bench, COPPER_PER_K, Commutation, Darlingtons, Friction, Hidden, Lag};
 use crate::{Effect, Excitation, Motor, Recipe, log_uniform};
 use rand::{Rng, RngExt};
 use std::f64::consts::TAU;
@@ -222,6 +222,11 @@ impl Bench {
     ) -> Option<Constants> {
         let hidden = &mut self.hidden;
         Some(match effect {
+            Effect::VoltageDrop if recipe.darlingtons => {
+                let bridge = Darlingtons::draw(random);
+                (hidden.darlingtons, hidden.drop_v) = (Some(bridge), bridge.in_pulse.foot_v);
+                Vec::new()
+            }
             Effect::VoltageDrop => {
                 hidden.drop_v = size.between(0.5, 2.5);
                 hidden.drop_averaged = random.random_bool(0.3);

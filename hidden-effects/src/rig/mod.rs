@@ -10,6 +10,8 @@ use std::f64::consts::TAU;
 const STEP_S: f64 = 20e-6;
 const SWITCHED_STEP_S: f64 = 2.5e-6;
 const DIODE_V: f64 = 1.0;
+/// Junctions that carry less have their foot alone.
+const FOOT_A: f64 = 1e-3;
 /// The supply's capacitor evens out the pulses.
 const SUPPLY_SMOOTHING_S: f64 = 0.5e-3;
 /// Copper and its surroundings: share of resistance a kelvin.
@@ -52,6 +54,8 @@ pub struct Hidden {
     spring_hz: f64,
     spring_damping: f64,
     drop_v: f64,
+    /// What the bridge drops in place of that, where it grows with the current.
+    darlingtons: Option<Darlingtons>,
     /// Share by which the drop is greater forwards and smaller backwards.
     drop_asymmetry: f64,
     /// The drop follows the mean current, as behind a filter or an amplifier, and rises over a knee.
@@ -109,6 +113,47 @@ pub struct Hidden {
     pub(crate) ripple_phase: f64,
     pub(crate) drift: f64,
     pub(crate) dead_band: f64,
+}
+
+/// A bridge of bipolar transistors, as an L293D: what it drops grows with the current, and other transistors and diodes
+/// carry that in the off phase.
+#[derive(Clone, Copy, Debug)]
+struct Darlingtons {
+    in_pulse: Junctions,
+    in_off_phase: Junctions,
+}
+
+/// Junctions in series with what resistance they have.
+#[derive(Clone, Copy, Debug)]
+struct Junctions {
+    /// At [`FOOT_A`] and below.
+    foot_v: f64,
+    /// More for each e-fold of the current.
+    fold_v: f64,
+    resistance_ohm: f64,
+}
+
+impl Junctions {
+    fn drop_v(self, current_a: f64) -> f64 {
+        let current_a = current_a.abs();
+        self.foot_v + self.fold_v * (1.0 + current_a / FOOT_A).ln() + self.resistance_ohm * current_a
+    }
+}
+
+impl Darlingtons {
+    /// Around the curves of an L293D's data sheet and of a simulated one.
+    fn draw(random: &mut impl Rng) -> Self {
+        let fold_v = random.random_range(0.025..0.06);
+        let foot_v = random.random_range(1.4..2.0);
+        let resistance_ohm = random.random_range(0.4..1.2);
+        let in_pulse = Junctions { foot_v, fold_v, resistance_ohm };
+        let in_off_phase = Junctions {
+            foot_v: foot_v - random.random_range(0.1..0.6),
+            fold_v,
+            resistance_ohm: resistance_ohm + random.random_range(0.0..0.8),
+        };
+        Self { in_pulse, in_off_phase }
+    }
 }
 
 /// Ripple of the torque constant: brushes take the EMF of one coil after the other.
@@ -284,12 +329,12 @@ impl Bench {
 
     /// A step with a given state of the bridge.
     pub(crate) fn switched_step(&mut self, switch: Switch, dt: f64) {
+        let [pulse_drop_v, braking_v] = self.drops_v();
+        let given_v = self.supply_v - self.hidden.sag_ohm * self.drawn_a;
         let (source_v, drop_v) = match switch {
-            Switch::Forward => (self.supply_v - self.hidden.sag_ohm * self.drawn_a, self.hidden.drop_v),
-            Switch::Reverse => {
-                (self.passed_on(-1.0) * (self.hidden.sag_ohm * self.drawn_a - self.supply_v), self.hidden.drop_v)
-            }
-            Switch::Short => (0.0, self.hidden.drop_v),
+            Switch::Forward => (given_v, pulse_drop_v),
+            Switch::Reverse => (-self.passed_on(-1.0) * given_v, pulse_drop_v),
+            Switch::Short => (0.0, braking_v),
             Switch::Off => (0.0, self.supply_v + 2.0 * DIODE_V),
         };
         self.armature(source_v, drop_v, dt);
@@ -354,8 +399,16 @@ impl Bench {
         let on_until = |end: f64| end.clamp(0.0, duty.abs()) + (end - 1.0).clamp(0.0, duty.abs());
         let on = (on_until(phase + length) - on_until(phase)) / length;
         let coasts = self.hidden.coasts && (duty == 0.0 || !self.hidden.coasts_at_zero_duty);
-        let off_v = if coasts { supply_v + 2.0 * DIODE_V } else { self.hidden.drop_v };
-        (on * supply_v * duty.signum(), on * self.hidden.drop_v + (1.0 - on) * off_v)
+        let [pulse_drop_v, braking_v] = self.drops_v();
+        let off_v = if coasts { supply_v + 2.0 * DIODE_V } else { braking_v };
+        (on * supply_v * duty.signum(), on * pulse_drop_v + (1.0 - on) * off_v)
+    }
+
+    /// What the bridge drops in the pulse, and while it brakes.
+    fn drops_v(&self) -> [f64; 2] {
+        let by_current =
+            |Darlingtons { in_pulse, in_off_phase }| [in_pulse, in_off_phase].map(|one| one.drop_v(self.current_a));
+        self.hidden.darlingtons.map_or([self.hidden.drop_v; 2], by_current)
     }
 
     /// Speed that is not counted.

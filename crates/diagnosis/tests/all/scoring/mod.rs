@@ -50,6 +50,9 @@ pub fn recipe(kind: &str, seed: u64) -> Recipe {
             Recipe { channels: Channels::VoltageTimedSpeedCurrent, ..Recipe::of(&[turn(&others)]).on_real_rig() }
         }
         "timer" => Recipe { timer_of_the_uno: true, ..real() },
+        "darlingtons" => {
+            Recipe { darlingtons: true, ..Recipe::of(&random_effects(seed, (seed % 2) as usize, true)).on_real_rig() }
+        }
         "burst" => Recipe { burst: true, ..real() },
         "scale" => {
             let mistake = Some(Mistake::draw(seed));
